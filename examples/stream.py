@@ -21,7 +21,7 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
         for number in range(150):
             points.push(place(number * 0.02))  # blocks while enough is ahead of the axes
             if number == 100:
-                print(f"busy with something else, {points.buffered_seconds:.1f} s are ahead")
+                print(f"busy with something else, {points.buffered_seconds:.1f} s are buffered")
                 time.sleep(1.0)
-                print("the axes stand on their way:", [round(axis.velocity) for axis in xy])
+                print("the axes are at standstill on the path:", [round(axis.velocity) for axis in xy])
     print("at the last point:", [round(axis.position, 1) for axis in xy])

@@ -16,8 +16,8 @@ from collections import deque
 WINDOW = 2.0  # seconds of history: a drive may take about one to report our missing heartbeat
 LEAST = 0.1  # seconds missing within the window that are reported; less is normal on a busy computer
 REMEDY = (
-    "give this program its time: do not suspend it (SIGSTOP, a debugger, a laptop's sleep), and put long calls that hold the "
-    "interpreter (json or pickle of big data, regular expressions) into a process of their own"
+    "give this program enough processor time: do not suspend it (SIGSTOP, a debugger, a laptop's sleep), and run long calls "
+    "that block the interpreter (json or pickle of big data, regular expressions) in a process of their own"
 )
 
 

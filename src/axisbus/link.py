@@ -57,9 +57,14 @@ def alarm(stopped: Iterable[StopResult]) -> str:
 class NodeShutdown(Enum):
     """The final treatment of a node."""
 
-    REST = "it no longer waits for our heartbeat, and goes to pre-operational"
-    AS_FOUND = "it no longer waits for our heartbeat, and keeps its NMT state: its drive was found enabled and is not ours"
-    ARMED = "nothing: nobody knows that it stands, and its watch over our heartbeat is left to stop it"
+    REST = "it no longer monitors the heartbeat of this program, and changes to pre-operational"
+    AS_FOUND = (
+        "it no longer monitors the heartbeat of this program, and keeps its NMT state: its drive was found enabled, "
+        "not by this program"
+    )
+    ARMED = (
+        "nothing: its standstill is not known, and its monitoring of the heartbeat remains active to stop it"
+    )
 
 
 class CellConnection(Protocol[Booted, Parts, Incident, Event]):

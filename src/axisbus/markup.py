@@ -26,7 +26,7 @@ def guarded(what: str, make: Callable[[], str]) -> str:
     try:
         return make()
     except Exception as error:  # noqa: BLE001  # whatever it is, a notebook would show its traceback in place of the object
-        return f"<p><b>{text(what)}</b>: it cannot be shown ({text(type(error).__name__)})</p>"
+        return f"<p><b>{text(what)}</b>: it cannot be displayed ({text(type(error).__name__)})</p>"
 
 
 def _cells(tag: str, values: Sequence[object]) -> str:

@@ -72,7 +72,7 @@ class Scale:
             exact = Fraction(increments_per_unit)
         except (ValueError, TypeError, OverflowError, ZeroDivisionError):
             raise ArgumentError(
-                f"{increments_per_unit!r} is no scale",
+                f"{increments_per_unit!r} is not a scale",
                 remedy='give increments per unit as a number, or as a ratio such as "131072/360"',
             ) from None
         if exact == 0:
@@ -93,7 +93,7 @@ class Scale:
 
     def _uncountable(self, value: float) -> ArgumentError | LimitError:
         if not math.isfinite(value):
-            return ArgumentError(f"{value} {self.unit} is no finite number")
+            return ArgumentError(f"{value} {self.unit} is not a finite number")
         return LimitError(
             f"{value:g} {self.unit} cannot be counted",
             observed=f"one {self.unit} is {self.factor:g} increments",

@@ -96,10 +96,11 @@ def test_the_modes_are_those_that_objects_and_the_drives_own_6502h_show(tmp_path
         report = machine.reports[0]
         assert report.axes[0].modes == ("pp", "hm")
         assert report.axes[0].mode_doubts == (
-            "6502h claims ip, but 60C1h is missing",
-            "objects of pv, tq, csp, csv, cst are there, but 6502h does not list them: not used unless modes = [...] names it",
+            "6502h lists ip, but 60C1h is missing",
+            "objects of pv, tq, csp, csv, cst are present, but 6502h does not list them: not used unless modes = [...] "
+            "names it",
         )
-        assert "6502h claims ip, but 60C1h is missing" in report.text()
+        assert "6502h lists ip, but 60C1h is missing" in report.text()
 
 
 def test_another_consumer_keeps_its_entry(tmp_path):
@@ -127,7 +128,9 @@ def test_without_1016_the_node_is_guarded(tmp_path):
     (tmp_path / "guarded.eds").write_text(source)
     path = cell(tmp_path, ("builtin:generic-cia402", "guarded.eds"))
     with Machine.open(path) as machine:
-        assert "100Ch and 100Dh expect our guarding within 300 ms" in machine.reports[0].watchdog.text
+        assert (
+            "100Ch and 100Dh expect the master's guarding within 300 ms" in machine.reports[0].watchdog.text
+        )
         machine["x"].enable().wait()
         machine["x"].move_relative(30.0).wait()  # longer than the life time
         assert machine.node(3).nmt is NmtState.OPERATIONAL
@@ -173,7 +176,7 @@ def test_one_that_the_drive_does_not_let_be_written_is_told_as_well(tmp_path):
     path = cell(tmp_path, ("[axes.x]", SLOW_STATUSWORD))
     (report,), now = reports_of(path, timer=1000, sdo_write_aborts={(0x1800, 5): 0x0601_0002})
     assert now == 1000
-    assert "stays 1000 ms: the drive does not take 20 ms" in report.text()
+    assert "stays 1000 ms: the drive does not accept 20 ms" in report.text()
 
 
 def test_a_drive_found_enabled_keeps_its_event_timer(tmp_path):
@@ -220,7 +223,7 @@ def test_an_event_driven_rpdo_is_sent_three_times_within_the_deadline_that_boot_
         ('scan_period = "5ms"', 'scan_period = "5ms"\nsync = false\nheartbeat = "60ms"'),
     )
     with Machine.open(path) as machine:
-        assert "1400h:05 expects our RPDO within 180 ms" in machine.reports[0].watchdog.text
+        assert "1400h:05 expects the master's RPDO within 180 ms" in machine.reports[0].watchdog.text
         assert machine.simulated_node(3).device.read(0x1400, 5) == 180
         (port,) = machine._core.scan.cycle._ports
         assert {rpdo.repeat for rpdo in port._pace._rpdos.values()} == {0.06}
@@ -262,7 +265,7 @@ def test_a_drive_of_another_vendor_is_refused(tmp_path):
     made.dictionary.set(0x1018 << 8 | 1, 0x99)
     path = cell(tmp_path, ("builtin:generic-cia402", "other.eds"))
     with pytest.raises(
-        BootError, match=r"another device than other.eds describes: its vendor ID differs"
+        BootError, match=r"not the device that other.eds describes: its vendor ID differs"
     ) as caught:
         simulated(path, made)
     assert "1018h:01 is 0x99, the EDS says 0x12" in caught.value.observed
@@ -332,7 +335,7 @@ def test_reports_of_the_stop_ladder_name_coasting():
     assert rows["2 quick stop"][0] == "605Ah = 0"
     assert "coasts" in rows["2 quick stop"][1]
     assert "at most 2 s" in rows["2 quick stop"][1]
-    assert rows["on a lost link"] == ("6007h missing", "not in this drive: what it does is in its manual")
+    assert rows["on a lost link"] == ("6007h missing", "not in this drive: its manual says how it reacts")
     assert "holds a load" in rows
     assert len(report.warnings) == 2
     assert all("coasts" in warning for warning in report.warnings)

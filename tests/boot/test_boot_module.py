@@ -102,12 +102,12 @@ def test_who_it_is_stands_in_words():
 @pytest.mark.parametrize(
     ("frames", "message", "remedy"),
     [
-        ([], "module 16 is not there", "its node ID and bit rate"),
-        ([CanFrame(0.0, 0x710, b"\x7f")], "node 16 speaks CANopen", 'eds = "builtin:gim6010-8"'),
+        ([], "module 16 does not answer", "its node ID and bit rate"),
+        ([CanFrame(0.0, 0x710, b"\x7f")], "node 16 uses CANopen", 'eds = "builtin:gim6010-8"'),
         (
             [CanFrame(0.0, 0x1920_0404, bytes(8), extended=True)],
             "29-bit protocol of firmware 0.6.8",
-            "bring the module to CANopen",
+            "switch the module to CANopen",
         ),
     ],
 )
@@ -131,8 +131,8 @@ def test_its_stop_ladder_says_what_holds_and_what_coasts():
 def test_one_that_holds_after_a_quick_stop_says_so():
     held = ladder("m", replace(SETTINGS, quick_stop_holds=True), StopTimes(), HoldsLoad.TORQUE)
     rows = {title: text for title, _, text in held.rows}
-    assert "holds its place" in rows["2 quick stop"]
-    assert "never switched off before it stands" in rows["holds a load"]
+    assert "holds its position" in rows["2 quick stop"]
+    assert "never switched off before it is at standstill" in rows["holds a load"]
 
 
 def test_nothing_on_it_is_said_to_notice_a_dead_master():

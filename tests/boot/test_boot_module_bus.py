@@ -148,12 +148,12 @@ def armed(
         (
             {},
             Watchdog.NONE,
-            ("break_timeout is off; the axis's watchdog is off", "nothing is known to notice"),
+            ("break_timeout is off; the axis's watchdog is off", "no function is known to detect"),
         ),
         (
             {"break_timeout": 500},
             Watchdog.UNKNOWN,
-            ("break_timeout is 500 ms", "latch CAN_BUS_FAILED", "the master feeds it at least every 125 ms"),
+            ("break_timeout is 500 ms", "latched CAN_BUS_FAILED", "the master feeds it at least every 125 ms"),
         ),
         (
             {"enable_watchdog": True, "watchdog_timeout": 0.25},
@@ -222,7 +222,7 @@ def test_what_is_answered_in_part_is_told_in_part():
     found = watchdog_of(Armed(None, 0.0), Given(0, 5, 13))
     assert found.kind is Watchdog.NONE
     assert "break_timeout is not answered" in found.text
-    assert "nothing is known to notice" in found.text
+    assert "no function is known to detect" in found.text
 
 
 def test_a_module_that_answers_no_endpoint_is_up_and_its_list_said_to_be_of_no_use(tmp_path):

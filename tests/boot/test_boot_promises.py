@@ -211,7 +211,7 @@ def test_a_drive_that_counts_otherwise_than_its_eds_says_is_refused_at_boot(tmp_
     made = device_from_eds(eds.load(tmp_path / "drive.eds"), 1)
     made.write(0x60A9, 0, RPM)
     with (
-        pytest.raises(BootError, match="velocity_scale is not what its drive counts") as caught,
+        pytest.raises(BootError, match="velocity_scale does not match the unit of its drive") as caught,
         Machine.simulated(path, {1: made}),
     ):
         pass

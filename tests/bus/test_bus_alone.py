@@ -41,7 +41,7 @@ def test_the_error_is_told_in_plain_fields_and_nothing_was_sent(channel: Channel
     ):
         require_alone(channel, CAST, 0.2)
     assert caught.value.heard == ("SDO requests to node 5 (605h): 1",)
-    assert "not known: which program" in caught.value.observed
+    assert "it is not known which program" in caught.value.observed
     assert fake.sent == []
 
 

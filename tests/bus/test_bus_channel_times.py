@@ -280,8 +280,8 @@ class Held:
 @pytest.mark.parametrize(
     ("slice_", "tries", "words"),
     [
-        (0.02, 51, "has not been taken"),  # a second in which both run: the send is stuck
-        (0.04, 26, "has not been taken"),
+        (0.02, 51, "has not accepted a frame"),  # a second in which both run: the send is stuck
+        (0.04, 26, "has not accepted a frame"),
         (
             3.0,
             4,

@@ -47,7 +47,7 @@ def test_each_change_is_one_event_with_its_time_and_counters():
     assert [event.stamp for event in made.events] == [1.0, 3.0, 4.0, 5.0]
     assert str(warned) == "the CAN controller of can0 is error warning (transmit errors 96, receive errors 3)"
     assert str(restarted).endswith(
-        "has been restarted and takes part in the bus again: look at every node anew"
+        "has been restarted and takes part in the bus again: check every node again"
     )
 
 

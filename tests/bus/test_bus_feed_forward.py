@@ -46,7 +46,9 @@ def test_a_drive_with_two_rpdos_takes_what_has_room_and_the_rest_is_told() -> No
     plan = planned(DevicePdos(EMPTY.rpdos[:2], EMPTY.tpdos), "velocity_offset", "torque_offset")
     assert plan.outputs["torque_offset"] is ValueTransport.SYNC_PDO
     assert plan.outputs["velocity_offset"] is ValueTransport.SDO
-    assert plan.impossible == ("velocity offset must travel in a synchronous PDO, but travels by SDO",)
+    assert plan.impossible == (
+        "velocity offset must be transmitted in a synchronous PDO, but is transmitted by SDO",
+    )
 
 
 def test_what_may_not_be_mapped_is_told() -> None:

@@ -108,7 +108,7 @@ def test_a_line_whose_other_end_has_gone_is_told_and_not_asked_for_ever(ends):
     ends.far.send(can_frame(0x181, b"\1"))
     ends.far.close()
     assert [can_id for can_id, _, _ in ends.intake.take(0.0)] == [0x181]
-    with pytest.raises(OSError, match="nobody is at the other end"):
+    with pytest.raises(OSError, match="no program is at the other end"):
         ends.intake.take(0.0)
 
 

@@ -177,7 +177,7 @@ def test_whatever_fails_everybody_is_switched_back_to_waiting(master: LssMaster,
     one = slave()
     one.errors[0x17] = (255, 3)
     fake.peers.append(one)
-    with pytest.raises(LssRefused, match="maker's own error 3"):
+    with pytest.raises(LssRefused, match="manufacturer-specific error 3"):
         master.store(ADDRESS)
     assert one.state == "waiting"
     assert fake.frames(0x7E5)[-1].hex() == _waiting

@@ -267,7 +267,7 @@ def test_a_node_is_closed_at_once_though_its_worker_waits_for_a_users_transfer(
 
 @pytest.mark.parametrize("node_id", [0, 128])
 def test_a_node_id_out_of_range_is_refused(channel: Channel, node_id: int) -> None:
-    with pytest.raises(ArgumentError, match=f"{node_id} is no node ID"):
+    with pytest.raises(ArgumentError, match=f"{node_id} is not a node ID"):
         CanopenNode(channel, node_id)
 
 
@@ -304,4 +304,4 @@ def test_one_report_may_have_crossed_the_command_and_two_of_another_state_refuse
         nmt.command(channel, node.nmt, NmtCommand.START, timeout=0.3)
     assert type(caught.value) is error
     if after == 1:
-        assert caught.value.remedy.startswith("it is there: check its error register (1001h), and")
+        assert caught.value.remedy.startswith("it answers: check its error register (1001h), and")

@@ -64,7 +64,7 @@ def test_a_heartbeat_of_the_old_state_confirms_nothing(fake, channel, slave, nod
     fake.peers.append(lambda can_id, *_: [(0x705, b"\x7f")] if can_id == 0 else [])
     outcome = nmt_commands.command(channel, [node], NmtCommand.START, ways, everybody=False)[0]
     assert not outcome.ok
-    assert "it still says pre-operational" in outcome.text
+    assert "it still reports pre-operational" in outcome.text
 
 
 def test_a_reset_needs_a_boot_up_message_after_the_command(fake, channel, slave, node):

@@ -458,7 +458,7 @@ def test_a_skeleton_becomes_a_file_with_its_time_and_rate():
     ("error_class", "data", "words"),
     [
         (0x40, "00" * 8, "bus-off"),
-        (0x20, "00" * 8, "no acknowledge: no other node listens at this bitrate"),
+        (0x20, "00" * 8, "no acknowledge: no other node receives at this bitrate"),
         (0x01, "00" * 8, "transmit time-out"),
         (0x02, "00" * 8, "lost arbitration"),
         (0x08, "00" * 8, "protocol violation: another bitrate on the bus, or bad wiring"),
@@ -571,9 +571,9 @@ def test_what_was_asked_is_told_with_its_value_where_that_is_short(data, doing):
     other = SimpleNamespace(failure=None, strays=[b"\1", b"\2\3"], answers_others=False)
     assert (
         sdo_errors.failed(5, ENTRY, request, other, "x").observed
-        == "2 frames that answer something else, the last: 02 03"
+        == "2 frames that answer another request, the last: 02 03"
     )
-    assert "something more urgent" in sdo_errors.cancelled(5, ENTRY, request).observed
+    assert "a more urgent transfer" in sdo_errors.cancelled(5, ENTRY, request).observed
 
 
 # An EDS against its device.
@@ -624,7 +624,7 @@ def test_how_bad_another_value_is(index, subindex, access, kind, severity):
         index,
         subindex,
     )
-    assert "is 0x1234, the EDS says 7" in difference.message
+    assert "is 0x1234, the EDS has 7" in difference.message
     assert found.agrees is (severity is Severity.NOTE)
     assert (found.read, found.left_out) == (1, 0)
     assert held_against(index, subindex, access, 7, little(7, 4)).differences == ()
@@ -633,7 +633,7 @@ def test_how_bad_another_value_is(index, subindex, access, kind, severity):
 @pytest.mark.parametrize(("value", "shown"), [(0xFF, "255"), (0x100, "0x100"), (0x101, "0x101")])
 def test_a_number_of_more_than_two_digits_is_shown_in_hex(value, shown):
     [difference] = held_against(0x2000, 1, "rw", 7, little(value, 4)).differences
-    assert difference.message == f"is {shown}, the EDS says 7"
+    assert difference.message == f"is {shown}, the EDS has 7"
 
 
 @pytest.mark.parametrize(

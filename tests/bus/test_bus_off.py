@@ -59,7 +59,7 @@ def come_back(fake: FakeBus, channel: Channel) -> None:
         (0x40, ZEROS, "bus-off", "bus-off"),
         (0x100, ZEROS, "controller restarted", "error active"),
         (0x200, ZEROS, "error frame (transmit errors 0, receive errors 0)", None),
-        (0x20, "00 00 00 00 00 00 80 00", "no acknowledge: no other node listens at this bitrate", None),
+        (0x20, "00 00 00 00 00 00 80 00", "no acknowledge: no other node receives at this bitrate", None),
         (0x04, "00 01 00 00 00 00 00 00", "receive buffer overflow", None),
         (0x01, ZEROS, "transmit time-out", None),
         (0x04, "", "error frame", None),
@@ -89,7 +89,7 @@ def test_a_controller_tells_each_change_once_and_leaves_bus_off_by_a_restart() -
         "the CAN controller of socketcan:can0 is bus-off (transmit errors 128, receive errors 0)",
         "",
         "",
-        "the CAN controller of socketcan:can0 has been restarted and takes part in the bus again: look at every node anew",
+        "the CAN controller of socketcan:can0 has been restarted and takes part in the bus again: check every node again",
     ]
     assert [event.stamp for event in controller.events] == [1.0, 3.0, 4.0]
 

@@ -117,9 +117,9 @@ def test_however_many_were_refused_the_next_one_is_refused_at_once_and_told_by_w
         asking.join(60.0)
         assert len(refused) == 300
         assert {error.observed.partition(" (")[0] for error in refused} == {
-            f"it is held by process {os.getpid()}"
+            f"it is used by process {os.getpid()}"
         }
-        assert "just starting a machine (axisbus run), wait until it has booted" in refused[0].remedy
+        assert "starting a machine (axisbus run), wait until it has booted" in refused[0].remedy
     asking.join(10.0)
 
 

@@ -127,7 +127,7 @@ def test_a_tpdo_is_missing_after_its_age_and_told_once_and_so_is_its_return():
     assert (returned.what, returned.age, returned.stamp) == (Reception.RETURNED, 1.1875, 1.5)
     assert (
         str(missing)
-        == "node 5: TPDO1 (185h) has stopped coming: the last one is 750 ms old, expected within 500 ms"
+        == "node 5: TPDO1 (185h) no longer comes: the last one is 750 ms old, expected within 500 ms"
     )
     assert str(returned) == "node 5: TPDO1 (185h) comes again after 1188 ms"
 

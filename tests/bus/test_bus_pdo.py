@@ -200,7 +200,7 @@ def test_one_that_cannot_be_written_is_told(sdo: SdoClient, slave: Slave) -> Non
     assert slave.number(0x1800, 5) == 1000
     assert [pdo.target.event_timer for pdo in plan.pdos if not pdo.receive] == [1000]
     assert [str(timer) for timer in plan.event_timers] == [
-        "TPDO1 (statusword) stays 1000 ms: the drive does not take 20 ms"
+        "TPDO1 (statusword) stays 1000 ms: the drive does not accept 20 ms"
     ]
 
 
@@ -264,7 +264,7 @@ def test_a_drive_that_says_yes_and_does_not_do_it(sdo: SdoClient, slave: Slave) 
 
     slave._write = write  # type: ignore[method-assign]
     with pytest.raises(
-        BootError, match="RPDO1 took its mapping without an error but reads back another"
+        BootError, match="RPDO1 accepted its mapping without an error but reads back another value"
     ) as caught:
         configure(sdo, PAIR)
     error = caught.value

@@ -90,7 +90,7 @@ def test_without_the_users_word_motions_values_travel_with_every_sync(kind: int)
 
 
 def test_the_plan_says_what_is_asked_for_and_what_starts_late() -> None:
-    assert "TPDO1 185h asked for every 100 ms (type 253)" in describe(plan_of(253, 0.1))
+    assert "TPDO1 185h requested every 100 ms (type 253)" in describe(plan_of(253, 0.1))
     device = DevicePdos((rpdo(1, "6040/16", 1),), (replace(tpdo(1, "6041/16", 4), sync_start=3),))
     plan = make_plan(NODE, device, objects(), WANTED, Policy(fixed=frozenset({(False, 1)})))
     assert "TPDO1 185h with SYNC (type 4, from SYNC counter 3 on)" in describe(plan)
@@ -141,7 +141,7 @@ def test_a_sync_start_value_is_written_while_the_pdo_is_off(sdo: SdoClient, slav
 
 def test_a_drive_that_refuses_the_start_value_has_back_what_it_had(sdo: SdoClient, slave: Slave) -> None:
     slave.abort_on[0x1800, 6] = 0x0609_0030
-    with pytest.raises(BootError, match="TPDO1 does not take the SYNC start value 3"):
+    with pytest.raises(BootError, match="TPDO1 does not accept the SYNC start value 3"):
         set_pdo(sdo, False, 1, transmission_type=4, sync_start=3)
     assert slave.number(0x1800, 1) == NO_RTR | 0x185
     assert slave.number(0x1800, 2) == 1
@@ -167,7 +167,7 @@ def test_a_drive_without_remote_frames_says_so(sdo: SdoClient, slave: Slave) -> 
         return before(index, subindex, value)
 
     slave._write = write  # type: ignore[method-assign]
-    with pytest.raises(BootError, match="TPDO1 cannot be asked for by remote frames"):
+    with pytest.raises(BootError, match="TPDO1 cannot be requested by remote frames"):
         set_pdo(sdo, False, 1, transmission_type=253, rtr=True)
 
 
@@ -290,8 +290,7 @@ def test_a_tpdo_that_stops_coming_is_one_event_with_its_age() -> None:
     assert event.age == pytest.approx(0.055, abs=0.011)
     assert event.stamp == pytest.approx(0.08, abs=0.011)
     assert (
-        str(event)
-        == "node 5: TPDO1 (185h) has stopped coming: the last one is 55 ms old, expected within 50 ms"
+        str(event) == "node 5: TPDO1 (185h) no longer comes: the last one is 55 ms old, expected within 50 ms"
     )
 
 

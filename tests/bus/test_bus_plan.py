@@ -472,7 +472,9 @@ def test_what_must_be_synchronous_and_is_not_is_impossible() -> None:
     assert len(no_sync.impossible) == 2
     assert "sync = false" in no_sync.impossible[0]
     fixed = make_plan(NODE, GENERIC, objects(), wanted, Policy(remap=False))
-    assert fixed.impossible == ("target torque must travel in a synchronous PDO, but travels by SDO",)
+    assert fixed.impossible == (
+        "target torque must be transmitted in a synchronous PDO, but is transmitted by SDO",
+    )
 
 
 def test_a_tpdo_sent_at_sync_only_on_change_is_not_taken_for_periodic() -> None:
@@ -550,13 +552,13 @@ def test_why_a_value_travels_by_sdo_is_told() -> None:
         ),
         (
             make_plan(NODE, EMPTY, objects(unmappable=(0x6071,)), wanted),
-            "its dictionary does not let it be mapped into an RPDO, and no present mapping has it",
+            "its dictionary does not allow it to be mapped into an RPDO, and no present mapping has it",
         ),
         (
             make_plan(
                 NODE, DevicePdos((rpdo(1, "607A/32"),), ()), objects(), wanted, Policy(communication=False)
             ),
-            "the mapping is fixed and does not hold it",
+            "the mapping is fixed and does not contain it",
         ),
         (
             make_plan(
@@ -565,19 +567,19 @@ def test_why_a_value_travels_by_sdo_is_told() -> None:
                 objects() | {0x607A: replace(objects()[0x607A], bits=64)},
                 wanted,
             ),
-            "an RPDO with room for it is not there",
+            "an RPDO with room for it does not exist",
         ),
     ):
         (note,) = plan.notes
         assert note.startswith("6071h ")
-        assert note.endswith(f" travels by SDO: {why}")
+        assert note.endswith(f" is transmitted by SDO: {why}")
 
 
 def test_the_plan_can_be_read() -> None:
     text = describe(make_plan(NODE, GENERIC, objects(0x6062), policy=Policy(remap=False)))
     assert "RPDO3 405h with SYNC (type 1): 6040:00/16 controlword, 607A:00/32 target position" in text
-    assert "TPDO1 185h switched off, others carry the same" in text
-    assert "6071h (Target torque) travels by SDO: the mapping is fixed and does not hold it" in text
+    assert "TPDO1 185h switched off, others contain the same" in text
+    assert "6071h (Target torque) is transmitted by SDO: the mapping is fixed and does not contain it" in text
     assert "6062h (Position demand value) is not in the drive's dictionary" in text
 
 

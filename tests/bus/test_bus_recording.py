@@ -100,7 +100,7 @@ def test_a_torn_last_line_is_counted_not_fatal(tmp_path):
     ("name", "content", "words"),
     [
         ("none.blf", None, "there is no recording"),
-        ("run.pdf", b"%PDF", "recordings of this format are not known"),
+        ("run.pdf", b"%PDF", "this recording format is not supported"),
         (
             "run.blf",
             b"no blf at all, but long enough to look like the beginning of one" * 3,

@@ -86,7 +86,7 @@ def test_each_change_is_one_event_with_its_times():
     assert list(events.history) == told
     assert (
         str(told[0])
-        == "node 5 is in another NMT state than operational (stopped, heard 500 ms ago; noticed within 500.0 ms)"
+        == "node 5 is in another NMT state than operational (stopped, last frame 500 ms ago; detected within 500.0 ms)"
     )
 
 
@@ -312,7 +312,7 @@ def test_a_sync_that_stays_away_is_told_after_its_patience():
         made.wait()
     assert wire.now == pytest.approx(0.75)
     assert "expected within 500 ms" in caught.value.observed
-    assert caught.value.remedy.startswith("look at the device that sends SYNC")
+    assert caught.value.remedy.startswith("check the device that sends SYNC")
 
 
 @pytest.mark.parametrize(("asleep", "said"), [(1.5, "1.5 s"), (5.0, "1.9 s")])
@@ -326,10 +326,11 @@ def test_where_this_program_did_not_run_that_is_told_before_the_producer_is_blam
     with pytest.raises(SyncError) as caught:
         made.wait()
     assert (
-        caught.value.message == f"this program did not run for {said} of the last 2 s, and SYNC was not heard"
+        caught.value.message
+        == f"this program did not run for {said} of the last 2 s, and SYNC was not received"
     )
-    assert caught.value.remedy.startswith("give this program its time")
-    assert "if it stays away all the same: look at the device that sends SYNC" in caught.value.remedy
+    assert caught.value.remedy.startswith("give this program enough processor time")
+    assert "if it is still missing: check the device that sends SYNC" in caught.value.remedy
 
 
 def test_that_this_program_did_not_run_long_ago_is_no_reason_for_a_missing_sync():
@@ -748,7 +749,7 @@ def test_a_heartbeat_is_awaited_two_and_a_half_periods_and_two_seconds_at_least(
     assert (found.ok, found.state) == (False, None)
     assert node.sent == [(0, b"\1\5")]
     assert found.text.startswith(
-        "SILENT: it answered before the command, and nothing came in 0.0 s after it (looked for its heartbeat)"
+        "SILENT: it answered before the command, and nothing came in 0.0 s after it (expected: its heartbeat)"
     )
 
 
@@ -762,7 +763,7 @@ def test_an_outcome_in_words(clock):
         Named(clock, answers=STOPPED), NmtCommand.START, NmtConfirmation(Confirmation.GUARDING, None)
     )
     assert not still.ok
-    assert still.text.startswith("NOT confirmed: it still says stopped 2.0 s after the command")
+    assert still.text.startswith("NOT confirmed: it still reports stopped 2.0 s after the command")
 
 
 @pytest.mark.parametrize(

@@ -101,7 +101,7 @@ def test_mistakes_are_told_with_their_line(cell, old, new, words):
     [
         ("[nodes.40]", "[nodes.1]", "identifiers have two owners"),
         ("current_limit = 10.0", "current_limit = 60.0", "more than the module bears"),
-        ('firmware = "0.5.13"', 'firmware = "new"', "is no version of a firmware"),
+        ('firmware = "0.5.13"', 'firmware = "new"', "is not a version of a firmware"),
         ("node = 16", "node = 16\ndrive_axis = 2", "a module with one axis"),
     ],
 )
@@ -121,8 +121,8 @@ def test_half_of_what_torques_need_is_told(cell):
 
 
 def test_another_protocol_is_suspected_from_its_firmware_on(cell):
-    assert any("may not speak CAN Simple" in str(each) for each in check(cell("0.5.13", "0.6.8")))
-    assert not any("may not speak CAN Simple" in str(each) for each in check(cell("0.5.13", "0.6.7")))
+    assert any("possibly does not use CAN Simple" in str(each) for each in check(cell("0.5.13", "0.6.8")))
+    assert not any("possibly does not use CAN Simple" in str(each) for each in check(cell("0.5.13", "0.6.7")))
 
 
 def test_it_has_no_dictionary_and_is_described_by_its_port(cell):

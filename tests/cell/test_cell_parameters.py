@@ -359,9 +359,9 @@ def test_boot_says_what_counts_of_6062h() -> None:
     by_pdo = ValueTransport.SYNC_PDO
     usual = replace(parameters("x"), objects=frozenset({0x6062}))
     assert demand_text(usual, by_pdo).startswith(
-        "6062h is used once it was seen to lead the axis; until then in csp"
+        "6062h is used after it was seen to follow the set-points; until then in csp"
     )
-    assert demand_text(usual, ValueTransport.NONE).startswith("6062h does not travel: in csp")
+    assert demand_text(usual, ValueTransport.NONE).startswith("6062h is not transmitted: in csp")
     ignored = replace(usual, demand=DemandUse.IGNORE, compares_demand=False, drive_following_error=2000)
     told = demand_text(ignored, by_pdo)
     assert told.startswith('6062h is not used (demand = "ignore")')

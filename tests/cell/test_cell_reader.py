@@ -278,15 +278,17 @@ def test_read_returns_what_load_would_raise(tmp_path: Path) -> None:
     assert cell is None
     (problem,) = problems
     assert (problem.file, problem.line) == (str(tmp_path / "missing.toml"), 0)
-    assert problem.message == "there is no such file"
-    assert str(problem).startswith(f"{tmp_path / 'missing.toml'}: error: there is no such file\n  remedy:   ")
+    assert problem.message == "the file does not exist"
+    assert str(problem).startswith(
+        f"{tmp_path / 'missing.toml'}: error: the file does not exist\n  remedy:   "
+    )
 
 
 def test_a_syntax_error_is_not_said_with_its_place_twice() -> None:
     cell, (problem,) = reader.loads("[bus]\na = \n", "cell.toml")
     assert cell is None
     assert problem.line == 2
-    assert problem.message.startswith("this is no TOML")
+    assert problem.message.startswith("this is not TOML")
 
 
 def test_a_cell_file_that_is_not_there_is_not_taken_for_a_project_file(tmp_path):

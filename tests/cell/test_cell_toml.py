@@ -155,14 +155,14 @@ def test_what_is_no_toml_is_told_with_its_line_and_what_to_do(text: str, line: i
     with pytest.raises(ConfigError) as caught:
         toml.loads(text, "cell.toml")
     assert (caught.value.file, caught.value.line) == ("cell.toml", line), caught.value
-    assert str(caught.value).startswith(f"cell.toml:{line}: this is no TOML")
+    assert str(caught.value).startswith(f"cell.toml:{line}: this is not TOML")
     assert remedy in caught.value.remedy
 
 
 def test_a_missing_file_names_the_toml_files_beside_it(tmp_path: Path) -> None:
     (tmp_path / "cells.toml").write_text("")
     (tmp_path / "other.eds").write_text("")
-    with pytest.raises(ConfigError, match="no such file") as caught:
+    with pytest.raises(ConfigError, match="does not exist") as caught:
         toml.load(tmp_path / "cell.toml")
     assert "cells.toml" in caught.value.remedy
     assert "other.eds" not in caught.value.remedy

@@ -104,7 +104,7 @@ FOREIGN = [
 def test_a_key_of_a_drive_is_refused_at_its_line(line: str, key: str) -> None:
     text = MINIMAL + VIRTUAL.replace("virtual = true\n", f"virtual = true\n{line}\n")
     axis, wrong = read(text)
-    assert wrong == [(12, f"{key} cannot stand in [axes.v], a virtual axis", f"leave {key} out")]
+    assert wrong == [(12, f"{key} cannot be in [axes.v], a virtual axis", f"leave {key} out")]
     assert axis.virtual
     assert refused_by_schema(text)
 
@@ -130,7 +130,7 @@ def test_a_table_of_a_drive_is_refused(more: str, what: str, remedy: str) -> Non
     _, wrong = read(text)
     line = 15 if "." not in what else 16
     assert [(at, message) for at, message, _ in wrong] == [
-        (line, f"{what} cannot stand in [axes.v], a virtual axis")
+        (line, f"{what} cannot be in [axes.v], a virtual axis")
     ]
     assert remedy in wrong[0][2]
     assert refused_by_schema(text)
@@ -140,7 +140,7 @@ def test_torques_are_none_of_its_defaults() -> None:
     text = MINIMAL + VIRTUAL + "torque_slope = 3.0\n"
     _, wrong = read(text)
     assert [(at, message) for at, message, _ in wrong] == [
-        (15, "defaults.torque_slope cannot stand in [axes.v], a virtual axis")
+        (15, "defaults.torque_slope cannot be in [axes.v], a virtual axis")
     ]
     assert refused_by_schema(text)
 
@@ -194,7 +194,7 @@ def test_without_a_scale_it_counts_finely(unit: str, scale: int) -> None:
 def test_nothing_brakes_it_by_a_guess() -> None:
     bare = MINIMAL + '[axes.v]\nvirtual = true\nunit = "mm"\n'
     _, wrong = read(bare)
-    assert [(at, message) for at, message, _ in wrong] == [(10, "nothing says how [axes.v] is braked")]
+    assert [(at, message) for at, message, _ in wrong] == [(10, "no deceleration is given for [axes.v]")]
     for more, quick in (
         ("max_acceleration = 7.0\n", 7.0),
         ("[axes.v.defaults]\nacceleration = 5.0\n", 5.0),

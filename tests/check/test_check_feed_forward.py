@@ -62,7 +62,7 @@ def test_an_object_that_is_missing(tmp_path: Path, index: str, key: str) -> None
 def test_an_object_that_no_rpdo_can_carry(tmp_path: Path) -> None:
     (told,) = found(tmp_path, eds=lacking(tmp_path, index="60B2", PDOMapping="0"))
     assert told.severity is Severity.ERROR
-    assert "no RPDO carries it" in told.observed
+    assert "no RPDO contains it" in told.observed
 
 
 def test_a_mapping_that_stays_as_it_is(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_a_torque_beyond_the_highest(tmp_path: Path) -> None:
 def test_a_table_that_asks_for_nothing(tmp_path: Path) -> None:
     for table in ("", "velocity = false\n"):
         (told,) = found(tmp_path, table)
-        assert "asks for nothing" in told.message or "feed_forward" in told.message
+        assert "sets no feed-forward" in told.message or "feed_forward" in told.message
 
 
 def test_an_offset_that_no_mode_adds(tmp_path: Path) -> None:
@@ -120,9 +120,9 @@ def test_velocities_that_nobody_can_count(tmp_path: Path) -> None:
     text = cell_text("x", more="[axes.x.feed_forward]\nvelocity = true\n")
     text = text.replace('unit = "deg"\nscale = 100\n', 'unit = "increments"\n')
     path.write_text(text, encoding="utf-8")
-    assert any("how its drive counts velocities" in each.message for each in check(path))
+    assert any("the unit of velocity of its drive" in each.message for each in check(path))
     path.write_text(text.replace('"increments"\n', '"increments"\nvelocity_scale = 1\n'), encoding="utf-8")
-    assert not any("how its drive counts velocities" in each.message for each in check(path))
+    assert not any("the unit of velocity of its drive" in each.message for each in check(path))
 
 
 def test_the_load_of_the_bus_counts_its_rpdo(tmp_path: Path) -> None:

@@ -98,10 +98,10 @@ def test_without_sync_a_pair_cannot_be_moved(tmp_path):
         (("deceleration = 1000.0", "deceleration = 500.0"), "different values of deceleration"),
         (('quick_stop = "ramp"', 'quick_stop = "current-limit"'), "different values of quick_stop"),
         (("scale = 100", "scale = 200"), "different values of scale"),
-        (("max_skew = 9.0", "max_skew = 7.9"), "less than its axes go in two cycles"),
+        (("max_skew = 9.0", "max_skew = 7.9"), "less than its axes move in two cycles"),
         (
             ("[axes.x]", "[nodes.1.pdo.tpdo1]\ntransmission = 3\n[axes.x]"),
-            "tell of themselves at different paces",
+            "send their TPDOs at different rates",
         ),
     ],
 )
@@ -113,5 +113,5 @@ def test_what_bends_the_beam_is_a_warning(tmp_path, change, message):
 @pytest.mark.parametrize(("axes", "many"), [('["x", "z"]', 1), ('["x", "y", "z"]', 0), ('["z"]', 0)])
 def test_a_group_holds_both_or_none(tmp_path, axes, many):
     problems = found(tmp_path, more=GANTRY + HOMING + f"[groups.g]\naxes = {axes}\n")
-    messages = [each.message for each in problems if "group g holds one axis of gantry b" in each.message]
+    messages = [each.message for each in problems if "group g contains one axis of gantry b" in each.message]
     assert len(messages) == many

@@ -49,11 +49,11 @@ def test_a_lamp_and_an_input_are_in_order(tmp_path):
     ("before", "after", "message", "remedy"),
     [
         ("node = 5", "node = 6", "on node 6, which the cell does not have", "[nodes.6]"),
-        ('"6200h:01"', '"6200h:03"', "no input or output of node 5", "correct object"),
-        ('"6200h:01"', '"6206h:01"', "6206h:01 can be mapped into no PDO", "an object that can"),
-        ('"6200h:01"', '"lamps"', "no input or output of node 5", "an index is written"),
+        ('"6200h:01"', '"6200h:03"', "is not an input or output of node 5", "correct object"),
+        ('"6200h:01"', '"6206h:01"', "6206h:01 cannot be mapped into a PDO", "an object that can"),
+        ('"6200h:01"', '"lamps"', "is not an input or output of node 5", "an index is written"),
         ("bit = 3", "bit = 8", "6200h:01 has no bit 8", "bit = 0 to 7"),
-        ("safe = 0\n", "", "does not say what its safe state is", "safe = 0"),
+        ("safe = 0\n", "", "does not give its safe state", "safe = 0"),
         ("safe = 0", "safe = 2", "lamp cannot be 2", "True or False"),
         ("safe = 0", "safe = 0\nscale = 2", "scale is for numbers", "leave scale or bit out"),
         ("bit = 3", "bitt = 3", "unknown key 'bitt'", "did you mean bit?"),
@@ -85,7 +85,7 @@ def test_two_outputs_on_one_bit_are_told(tmp_path):
 @pytest.mark.parametrize("key", ["6040", "607A", "60FEh:02", "1017"])
 def test_what_belongs_to_an_axis_or_to_the_communication_is_no_output(tmp_path, key):
     problems = found(tmp_path, f'[io.bad]\nnode = 1\nobject = "{key}"\nsafe = 0\n')
-    assert any("no output" in each.message or "no PDO" in each.message for each in problems)
+    assert any("not an output" in each.message or "into a PDO" in each.message for each in problems)
 
 
 def test_a_drive_whose_mapping_is_fixed_has_no_room(tmp_path):
@@ -93,7 +93,7 @@ def test_a_drive_whose_mapping_is_fixed_has_no_room(tmp_path):
     path = tmp_path / "cell.toml"
     path.write_text(text.replace("[nodes.1]\n", '[nodes.1]\nremap = "never"\n'), encoding="utf-8")
     (problem,) = [each for each in check(path) if each.severity.value == "error"]
-    assert "60FEh:01 is in no PDO: the mapping is fixed and does not hold it" in problem.message
+    assert "60FEh:01 is in no PDO: the mapping is fixed and does not contain it" in problem.message
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_an_input_that_would_never_come_is_refused(tmp_path, more):
         node=f"[nodes.5.pdo.tpdo1]\n{more}\n{others}",
     )
     assert "[io.part]: 6000h:01 is in no PDO" in problem.message
-    assert "nobody asks for an input" in problem.observed
+    assert "inputs are not requested" in problem.observed
 
 
 @pytest.mark.parametrize(
@@ -120,7 +120,7 @@ def test_an_on_lost_that_decides_nothing_is_told(tmp_path, first, module, bus, n
     text = cell_text("x", bus=bus, more=f"{MODULE}{module}\n[io.lamp]\n{LAMP}")
     path.write_text(text.replace("[nodes.1]\n", f"[nodes.1]\n{first}\n"), encoding="utf-8")
     (problem,) = [each for each in check(path) if "on_lost" in each.message]
-    assert problem.message == f"on_lost of [nodes.{node}] decides nothing"
+    assert problem.message == f"on_lost of [nodes.{node}] has no effect"
     path.write_text(path.read_text().replace(first or bus, ""), encoding="utf-8")
     assert not [each for each in check(path) if "on_lost" in each.message]
 
@@ -129,7 +129,7 @@ def test_what_nobody_makes_safe_when_we_are_gone_is_warned_of(tmp_path):
     relay = '[io.relay]\nnode = 1\nobject = "60FEh:01"\nbit = 16\nsafe = 0\n'
     (problem,) = found(tmp_path, relay)
     assert problem.severity.value == "warning"
-    assert "does not take it to its safe state" in problem.message
+    assert "does not set it to its safe state" in problem.message
     path = tmp_path / "cell.toml"
     path.write_text(cell_text("x", heartbeat="off", more=f"{MODULE}[io.lamp]\n{LAMP}"), encoding="utf-8")
     assert any("without heartbeat" in each.observed for each in check(path))

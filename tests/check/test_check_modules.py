@@ -40,7 +40,7 @@ def test_a_mixed_cell_is_sound(tmp_path):
 )
 def test_a_reaction_that_it_has_not_is_an_error(tmp_path, stop, words):
     (found,) = errors(write(tmp_path, SIM, stop))
-    assert "cannot be told to a module" in found
+    assert "cannot be set in a module" in found
     assert words in found
 
 
@@ -53,7 +53,7 @@ def test_its_own_ramp_may_be_said_again(tmp_path):
     ("more", "words"),
     [
         ('[io.lamp]\nnode = 16\nobject = "6200h:01"\nbit = 0\nsafe = 0\n', "has no inputs and outputs"),
-        ("[axes.m.feed_forward]\nvelocity = true\n", "nothing is fed forward to a module"),
+        ("[axes.m.feed_forward]\nvelocity = true\n", "a module with CAN Simple gets no feed-forward"),
     ],
 )
 def test_what_its_port_has_no_place_for_is_an_error(tmp_path, more, words):
@@ -84,9 +84,9 @@ def test_a_limit_is_checked_as_that_of_any_drive(tmp_path):
     ],
 )
 def test_nobody_stops_it_for_a_program_that_is_killed_with_its_core(tmp_path, bus, worse):
-    (found,) = told(write(tmp_path, bus), "is known to notice a dead master")
+    (found,) = told(write(tmp_path, bus), "is known to detect a dead master")
     assert found.split(":")[2].strip() == "warning"
-    assert ("nobody stops it when this program is killed" in found) is worse
+    assert ("nothing stops it when this program is killed" in found) is worse
 
 
 def test_its_frames_are_in_the_load_and_in_the_timetable(tmp_path):
@@ -117,7 +117,7 @@ def test_its_frames_are_in_the_load_and_in_the_timetable(tmp_path):
     [
         ("endpoints_0.5.13.json", None, "cannot be read"),
         ("endpoints_0.5.13.json", "{", "no JSON"),
-        ("endpoints_0.5.11.json", "[]", "for firmware 0.5.11 by its name, and the node is to have 0.5.13"),
+        ("endpoints_0.5.11.json", "[]", "for firmware 0.5.11 by its name, and the node must have 0.5.13"),
         ("endpoints.json", "[]", ""),
     ],
 )

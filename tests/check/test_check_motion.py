@@ -17,7 +17,7 @@ def test_each_axis_is_told_what_it_can_run(tmp_path: Path) -> None:
     path = cells.write(tmp_path, eds=cells.without("6071", "6087"))
     told = cells.note(path, "axis x can run")
     assert told.message == "axis x can run pp, pv, hm, csp"
-    assert told.observed.startswith("6502h claims tq, but 6071h is missing; ")
+    assert told.observed.startswith("6502h lists tq, but 6071h is missing; ")
     assert told.line == cells.line_of(path, "[axes.x]")
 
 
@@ -35,9 +35,9 @@ def test_a_mode_that_is_asked_for_has_its_objects(
     path = cells.write(tmp_path, change, without_x, ('"609A" = 500000', ""), eds=cells.without("6098"))
     errors = [each for each in cells.serious(path) if each.severity.value == "error"]
     assert [each.line for each in errors] == [cells.line_of(path, marker)]
-    assert f"axis y: hm (homing) is asked for by {reason}, but cannot be run" in errors[0].message
+    assert f"axis y: hm (homing) is needed by {reason}, but cannot be run" in errors[0].message
     assert "lacks 6098h (homing method)" in errors[0].observed
-    assert "home will not be there" in errors[0].remedy
+    assert "home will not be available" in errors[0].remedy
 
 
 def test_default_velocities_ask_for_a_mode_that_moves(tmp_path: Path) -> None:
@@ -56,12 +56,12 @@ def test_default_velocities_ask_for_a_mode_that_moves(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("claimed", "gone", "runs", "doubt"),
     [
-        ("0xAD", (), "pp, pv, tq, hm, csp", "objects of csv, cst are there, but 6502h does not list them"),
-        ("0x2D", (), "pp, pv, tq, hm", "objects of csp, csv, cst are there, but 6502h does not list them"),
+        ("0xAD", (), "pp, pv, tq, hm, csp", "objects of csv, cst are present, but 6502h does not list them"),
+        ("0x2D", (), "pp, pv, tq, hm", "objects of csp, csv, cst are present, but 6502h does not list them"),
         ("0xAD", ("6087",), "pp, pv, tq, hm, csp", "6502h does not list"),
-        ("0xAD", ("6098",), "pp, pv, tq, csp", "6502h claims hm, but 6098h is missing"),
-        ("0xED", (), "pp, pv, tq, hm, csp", "6502h claims ip, but 60C1h is missing"),
-        ("", (), "pp, pv, tq, hm, csp, csv, cst", "6502h says nothing: by the objects alone"),
+        ("0xAD", ("6098",), "pp, pv, tq, csp", "6502h lists hm, but 6098h is missing"),
+        ("0xED", (), "pp, pv, tq, hm, csp", "6502h lists ip, but 60C1h is missing"),
+        ("", (), "pp, pv, tq, hm, csp, csv, cst", "6502h has no value: by the objects alone"),
     ],
 )
 def test_modes_are_those_that_objects_and_6502h_show(
@@ -89,7 +89,8 @@ def test_a_drive_without_6099h_can_home_where_no_speed_is_needed(
 
 
 @pytest.mark.parametrize(
-    ("gone", "hint"), [((), "still pulls to its old target"), (("6064",), "without 6064h only bit 10 tells")]
+    ("gone", "hint"),
+    [((), "still pulls to its old target"), (("6064",), "without 6064h only bit 10 is available")],
 )
 def test_a_handshake_by_sight_needs_something_to_be_seen(
     tmp_path: Path, gone: tuple[str, ...], hint: str
@@ -141,7 +142,7 @@ def test_homing_that_the_modes_leave_out_is_warned_of(tmp_path: Path) -> None:
 def test_a_mode_that_6502_does_not_claim_is_only_noted(tmp_path: Path) -> None:
     path = cells.write(tmp_path, eds=cells.entry("6502", DefaultValue="0x8D"))  # hm's bit 5 left out
     assert cells.serious(path) == []
-    found = [each for each in cells.notes(path) if "is not claimed by the drive" in each.message]
+    found = [each for each in cells.notes(path) if "is not listed by the drive" in each.message]
     assert {each.line for each in found} == {
         cells.line_of(path, "method = 17"),
         cells.line_of(path, "modes ="),
@@ -202,7 +203,7 @@ def test_a_drive_whose_mode_cannot_be_switched_is_warned_of(tmp_path: Path) -> N
         (
             "max_torque = 4.0",
             "max_torque = 70.0",
-            "max_torque in [axes.x] is beyond what the drive's object holds",
+            "max_torque in [axes.x] is beyond the range of the drive's object",
             "70 is 35000 in 0.1 %",
         ),
         (
@@ -255,7 +256,7 @@ def test_the_limits_of_the_eds_hold_in_increments(tmp_path: Path) -> None:
     path = cells.write(tmp_path, NO_MODES, eds=cells.entry("6081", LowLimit="0", HighLimit="99999"))
     problems = [each for each in cells.serious(path) if each.line == cells.line_of(path, "velocity = 100.0")]
     assert [each.severity.value for each in problems] == ["error"]
-    assert "lies outside the drive's own limits of 6081h" in problems[0].message
+    assert "is outside the drive's own limits of 6081h" in problems[0].message
     assert "it is 100000 increments" in problems[0].observed
     assert "allows 0 to 99999" in problems[0].observed
 
@@ -331,7 +332,7 @@ def test_the_search_for_the_zero_is_the_slow_one(tmp_path: Path) -> None:
         (
             "6007",
             "connection loss",
-            "does nothing: goes on with the last command",
+            "no action: the drive continues with the last command",
             'connection_loss = "quick-stop"',
         ),
     ],
@@ -408,7 +409,7 @@ def test_a_quick_stop_that_brakes_less_than_the_axis_usually_does_is_warned_of(t
         tmp_path, ("deceleration = 4000.0\n", 'deceleration = 200.0\nquick_stop_time = "9s"\n')
     )
     problem = cells.only(path, "warning", "deceleration = 200.0")
-    assert "may lead beyond its position limits" in problem.message
+    assert "may end beyond its position limits" in problem.message
     assert "with 200 mm/s²; the default deceleration is" in problem.observed
 
 
@@ -432,7 +433,9 @@ def test_reactions_that_cannot_be_set_are_noted(tmp_path: Path) -> None:
 def test_reactions_without_a_default_are_noted(tmp_path: Path) -> None:
     path = cells.write(tmp_path, eds=cells.entry("605E", DefaultValue=""))
     assert cells.serious(path) == []
-    assert "no default" in cells.note(path, "axis x: what the drive does on fault is not known").observed
+    assert (
+        "no default" in cells.note(path, "axis x: the reaction of the drive to fault is not known").observed
+    )
 
 
 def test_a_rung_of_the_ladder_is_long_enough_to_brake(tmp_path: Path) -> None:
@@ -515,7 +518,7 @@ def test_limits_in_drive_says_what_it_cannot_leave_there(tmp_path: Path) -> None
         cells.line_of(path, "max_velocity"),
         cells.line_of(path, "max_torque"),
     ]
-    assert cells.note(path, "607Dh counts from the drive's own zero").line == cells.line_of(
+    assert cells.note(path, "607Dh is relative to the drive's own zero").line == cells.line_of(
         path, "limits_in_drive"
     )
 

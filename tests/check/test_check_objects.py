@@ -40,7 +40,7 @@ def test_objects_are_named_by_index_or_name(tmp_path: Path, written: str) -> Non
     ("written", "words", "remedy"),
     [
         ('"Position windw" = 5', "there is no object 'Position windw'", "position window"),
-        ('"60FE:01" = 5', "the drive has no 60FEh:01", "name the EDS of the drive that is there"),
+        ('"60FE:01" = 5', "the drive has no 60FEh:01", "name the EDS of the present drive"),
         ('"607D:03" = 5', "the drive has no 607Dh:03", "delete this line"),
         ('"6064" = 5', "6064h:00 (Position actual value) cannot be written", "delete this line"),
         ('"6067" = -1', "cannot hold -1", "correct the value"),
@@ -75,7 +75,7 @@ def test_the_limits_of_the_eds_hold(tmp_path: Path) -> None:
     path = cells.write(
         tmp_path, setting('"6067" = 50'), eds=cells.entry("6067", LowLimit="10", HighLimit="0x20")
     )
-    assert "by its EDS it takes 10 to 32" in cells.only(path, "error", '"6067" = 50').observed
+    assert "its EDS allows 10 to 32" in cells.only(path, "error", '"6067" = 50').observed
 
 
 def test_what_the_master_sets_itself_is_warned_of(tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ def test_what_the_master_sets_itself_is_warned_of(tmp_path: Path) -> None:
 def test_an_axis_writes_its_own_objects_only(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ('"609A" = 500000', '"6867" = 5'))
     problem = cells.only(path, "error", '"6867" = 5')
-    assert "no object of this axis" in problem.message
+    assert "not an object of this axis" in problem.message
     assert "6000h to 67FFh" in problem.observed
 
 
@@ -158,11 +158,11 @@ def test_a_map_names_objects_as_everywhere(tmp_path: Path, written: str) -> None
         (
             '["6085"]',
             "error",
-            "6085h:00 (Quick stop deceleration) cannot travel in a PDO",
+            "6085h:00 (Quick stop deceleration) cannot be transmitted in a PDO",
             "PDOMapping is not 1",
         ),
         ('["6077/32"]', "error", "has 16 bits, not 32", "'6077/32'"),
-        ('["0006"]', "error", "the drive takes no dummy 0006h", "[DummyUsage]"),
+        ('["0006"]', "error", "the drive does not accept the dummy 0006h", "[DummyUsage]"),
         ('["6077", "6077"]', "warning", "maps 6077h:00 (Torque actual value) more than once", ""),
     ],
 )
@@ -180,7 +180,7 @@ def test_an_rpdo_takes_no_object_that_the_drive_only_sends(tmp_path: Path) -> No
         tmp_path, ("[nodes.1.pdo.tpdo2]", '[nodes.1.pdo.rpdo1]\nmap = ["6040", "6064"]\n[nodes.1.pdo.tpdo2]')
     )
     problem = cells.only(path, "error", 'map = ["6040", "6064"]')
-    assert "node 1: RPDO1: 6064h:00 (Position actual value) goes the other way" in problem.message
+    assert "node 1: RPDO1: 6064h:00 (Position actual value) has the other direction" in problem.message
     assert "access ro" in problem.observed
     assert "a TPDO" in problem.remedy
 
@@ -240,7 +240,7 @@ def test_a_node_that_is_not_to_be_remapped_has_no_map(tmp_path: Path) -> None:
     path = cells.write(
         tmp_path, ('[nodes.1]\neds = "drive.eds"', '[nodes.1]\neds = "drive.eds"\nremap = "never"')
     )
-    assert "not to be remapped" in cells.only(path, "error", "map = [").message
+    assert "must not be remapped" in cells.only(path, "error", "map = [").message
 
 
 def test_communication_parameters_are_there_and_can_be_written(tmp_path: Path) -> None:
@@ -258,7 +258,7 @@ def test_a_fixed_cob_id_is_told(tmp_path: Path) -> None:
     path = cells.write(
         tmp_path, ("transmission = 1", "cob_id = 0x3F1"), eds=cells.entry("1801sub1", AccessType="const")
     )
-    assert "does not let be written 1801h:01" in cells.only(path, "error", "cob_id = 0x3F1").observed
+    assert "does not allow writing 1801h:01" in cells.only(path, "error", "cob_id = 0x3F1").observed
 
 
 @pytest.mark.parametrize(
@@ -366,7 +366,7 @@ def test_cob_ids_without_node_id_in_an_eds_are_warned_of_once_for_each_node(tmp_
     path = cells.write(tmp_path, eds=cells.entry("1800sub1", DefaultValue="0x181"))
     problem = cells.only(path, "warning", "[nodes.2]")
     assert "COB-ID 181h is produced twice: TPDO1 of node 1 and TPDO1 of node 2" in problem.message
-    assert "boot gives them COB-IDs of their own" in problem.observed
+    assert "boot gives them separate COB-IDs" in problem.observed
     assert problem.remedy == "another cob_id in [nodes.2.pdo.tpdo1]"
 
 

@@ -127,7 +127,7 @@ def test_a_missing_eds_names_the_files_that_are_there(tmp_path: Path) -> None:
     problem = cells.only(path, "error", "drve.eds")
     assert "node 2: its eds 'drve.eds' cannot be used" in problem.message
     assert str(tmp_path / "drve.eds") in problem.observed
-    assert "no such file" in problem.observed
+    assert "does not exist" in problem.observed
     assert "drive.eds" in problem.remedy
 
 
@@ -183,14 +183,14 @@ def test_a_node_with_axes_is_a_cia_402_device(
         cells.line_of(path, "[nodes.1]") + 1,
         cells.line_of(path, "[nodes.2]") + 1,
     ]
-    assert "node 1 has axes, but by its eds it is no CiA 402 drive" in found[0].message
+    assert "node 1 has axes, but by its eds it is not a CiA 402 drive" in found[0].message
     assert f"profile {profile}, not 402" in found[0].observed
 
 
 def test_a_device_that_does_not_say_what_it_is_is_noted(tmp_path: Path) -> None:
     path = cells.write(tmp_path, eds=cells.entry("1000", DefaultValue=""))
     assert cells.serious(path) == []
-    assert len([each for each in cells.notes(path) if "what kind of device" in each.message]) == 2
+    assert len([each for each in cells.notes(path) if "the type of device" in each.message]) == 2
 
 
 def test_a_second_axis_has_its_objects_800h_further(tmp_path: Path) -> None:
@@ -224,7 +224,7 @@ def test_a_device_with_two_axes_in_one_object_cannot_be_used(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("written", "words", "observed"),
     [
-        ("400_000", "400000 bit/s is no bitrate of CANopen", "250, 500"),
+        ("400_000", "400000 bit/s is not a bitrate of CANopen", "250, 500"),
         ("800_000", "node 1 does not run at 800 kbit/s", "has 250, 500, 1000 kbit/s"),
     ],
 )

@@ -98,7 +98,7 @@ def test_nodes_that_listen_elsewhere_are_set_at_boot(tmp_path: Path) -> None:
 def test_a_counter_that_a_node_does_not_know_is_warned_of(tmp_path: Path) -> None:
     found = cells.serious(cells.write(tmp_path, bus("sync_counter = 10")))
     assert [each.severity.value for each in found] == ["warning", "warning"]
-    assert "node 1 may not take a SYNC with a counter" in found[0].message
+    assert "node 1 possibly does not accept a SYNC with a counter" in found[0].message
     known = with_object("1019", "0x0005", "0")
     assert cells.serious(cells.write(tmp_path, bus("sync_counter = 10"), eds=known)) == []
 
@@ -129,7 +129,12 @@ PDO = "transmission = 1"
         ('transmission = 253\nrtr = "100ms"', None, "", ""),
         ('transmission = 252\nrtr = "100ms"', None, "", ""),
         ("transmission = 253", "error", "transmission = 253", "needs remote frames"),
-        ('transmission = 1\nrtr = "100ms"', "error", "rtr =", "rtr asks for a PDO that comes by itself"),
+        (
+            'transmission = 1\nrtr = "100ms"',
+            "error",
+            "rtr =",
+            "rtr requests a PDO that is sent without a request",
+        ),
         ('transmission = 253\nrtr = "100"', "error", "rtr =", "cannot be used"),
     ],
 )

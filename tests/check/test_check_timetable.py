@@ -97,7 +97,7 @@ def test_what_helps_is_tried_and_the_best_comes_first(tmp_path):
     assert [change.period for change in found] == sorted(change.period for change in found)
     assert all(change.period < now for change in found)
     assert any("bitrate = 1_000_000" in change.what for change in found)
-    assert any("a second bus, of which this one keeps nodes 1, 2" in change.what for change in found)
+    assert any("a second bus; this one keeps nodes 1, 2" in change.what for change in found)
 
 
 def test_a_remote_request_takes_the_wire_as_well(tmp_path):

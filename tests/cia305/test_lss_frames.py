@@ -102,7 +102,7 @@ def test_a_number_beyond_32_bits_is_no_address() -> None:
         (LssService.CONFIGURE_BIT_TIMING, 1, 0, "does not support this bit rate"),
         (LssService.STORE_CONFIGURATION, 1, 0, "cannot store"),
         (LssService.STORE_CONFIGURATION, 2, 0, "could not write to its memory"),
-        (LssService.STORE_CONFIGURATION, 255, 0x42, "maker's own error 66 (0x42)"),
+        (LssService.STORE_CONFIGURATION, 255, 0x42, "manufacturer-specific error 66 (0x42)"),
         (LssService.CONFIGURE_NODE_ID, 77, 0, "error 77, which CiA 305 reserves"),
     ],
 )

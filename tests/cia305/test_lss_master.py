@@ -123,7 +123,7 @@ def test_a_slave_that_answers_with_another_serial_number_is_not_touched() -> Non
         (0x11, 1, 0, "refused configure node-ID: the node-ID is out of range"),
         (0x17, 1, 0, "refused store configuration: the slave cannot store its configuration"),
         (0x17, 2, 0, "could not write to its memory"),
-        (0x17, 255, 7, "the maker's own error 7"),
+        (0x17, 255, 7, "manufacturer-specific error 7"),
     ],
 )
 def test_refusals_name_service_slave_and_code(command: int, code: int, specific: int, words: str) -> None:

@@ -15,7 +15,7 @@ def test_an_option_is_told_as_its_table_has_it(option):
     (table,) = rows(option.index, option.subindex, "value")
     assert table
     assert {value: value_texts.words(option.index, option.subindex, int(value)) for value in table} == table
-    assert value_texts.words(option.index, option.subindex, -1) == "specific to the maker"
+    assert value_texts.words(option.index, option.subindex, -1) == "manufacturer-specific"
     assert value_texts.words(option.index, option.subindex, 200) == "reserved"
 
 
@@ -86,7 +86,7 @@ def test_the_bits_of_an_object_are_told_each_once_in_their_order(address, bits):
     assert [bit for bit, _ in table.rows] == bits
 
 
-MAKER = "specific to the maker"
+MAKER = "manufacturer-specific"
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def test_every_option_word_has_a_meaning():
 
 def test_homing_methods_have_texts():
     assert homing.describe(17) == "negative limit switch"
-    assert homing.describe(-5) == "specific to the maker"
+    assert homing.describe(-5) == "manufacturer-specific"
     assert homing.describe(99) == "reserved"
 
 

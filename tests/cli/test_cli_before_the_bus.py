@@ -62,7 +62,7 @@ def test_the_watch_over_the_bus_sees_it_opened(axisbus, hard):
     [
         (("x=10", "--home", "--velocity", "-5"), 2, "velocity -5 must be above 0"),
         (("x=10", "--home", "--velocity", "0"), 2, "velocity 0 must be above 0"),
-        (("x=10", "--home", "--velocity", "nan"), 2, "is no finite number"),
+        (("x=10", "--home", "--velocity", "nan"), 2, "is not a finite number"),
         (("x=10", "--home", "--velocity", "400"), 2, "max_velocity is 360"),
         (("x=10", "--home", "--acceleration", "1e9"), 2, "max_acceleration is 3600"),
         (("x=10", "--home", "--acceleration", "-1"), 2, "acceleration -1 must be above 0"),
@@ -70,7 +70,7 @@ def test_the_watch_over_the_bus_sees_it_opened(axisbus, hard):
         (("x=10", "--home", "--timeout", "nan"), 2, "is not a valid time"),
         (("x=181", "--home"), 2, "allowed are -180 to 180"),
         (("x=10", "y=91", "--home"), 2, "allowed are -90 to 90"),
-        (("x=nan", "--home"), 2, "is no finite number"),
+        (("x=nan", "--home"), 2, "is not a finite number"),
         (("z=1e300", "--home"), 2, "does not fit INTEGER32"),
         (("x=10",), 2, "the axis is not homed"),
         (("x=181", "--home", "--relative"), 2, "allowed are -180 to 180"),  # homing by method 35 makes it 0

@@ -122,7 +122,7 @@ def test_a_scale_that_disagrees_with_the_drives_objects_is_told(axisbus, tmp_pat
     path = cell(tmp_path, ('scale = "131072/360"', f"scale = {scale}"), ("[nodes.2]", ENCODER))
     code, out, _ = axisbus("check", path)
     assert code == 0
-    assert ("warning: the scale of axis x is not what its drive's objects suggest" in out) is warned
+    assert ("warning: the scale of axis x differs from the objects of its drive" in out) is warned
     if warned:
         assert "the drive's objects suggest 364.089 (at the gear's output), 45.5111 (at the motor)" in out
 

@@ -243,7 +243,9 @@ def test_a_two_axis_drive_has_the_objects_of_both_and_the_pdos_that_there_are(ru
     header = (tmp_path / "cell.h").read_text("ascii")
     assert "/* Node 1: axes x, y */" in header
     assert {"0x6041u", "0x6841u"} <= set(re.findall(r"#define TWO_STATUSWORD\w*_INDEX (\w+)", header))
-    assert "/* 6840h (Controlword) travels by SDO: an RPDO with room for it is not there */" in header
+    assert (
+        "/* 6840h (Controlword) is transmitted by SDO: an RPDO with room for it does not exist */" in header
+    )
     assert "6040h (Controlword) travels" not in header
     # The file has no PDOs for the second axis.
     mapped = re.findall(r"; /\* ([0-9A-F]{4}), ", header)

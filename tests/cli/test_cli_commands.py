@@ -117,7 +117,7 @@ def test_boot_reports_each_node(axisbus):
     code, out, _ = axisbus("boot", CELL)
     assert code == 0
     assert "3 of 3 nodes came up" in out
-    assert out.count("stop ladder") == 3
+    assert out.count("stop sequence") == 3
     assert "605Ah = 2" in out
     assert "watchdog      armed, reaction unknown" in out
 
@@ -152,7 +152,7 @@ def test_monitor_tells_what_the_can_controller_does_once(axisbus, monkeypatch):
     told = [line.strip() for line in out.splitlines() if "CAN controller" in line]
     assert told == [
         "the CAN controller of socketcan:can0 is bus-off (transmit errors 248, receive errors 3)",
-        "the CAN controller of socketcan:can0 has been restarted and takes part in the bus again: look at every node anew",
+        "the CAN controller of socketcan:can0 has been restarted and takes part in the bus again: check every node again",
     ]
 
 

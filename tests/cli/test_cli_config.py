@@ -338,7 +338,7 @@ def test_another_serial_number_is_refused(axisbus, bus):
     serial[0x1018 << 8 | 4] = 1235
     code, _, err = axisbus("config", "restore", "x.dcf", "5", *options)
     assert code == 1
-    assert "serial number: the file says 0x4D2, the device 0x4D3" in err
+    assert "serial number: the file has 0x4D2, the device 0x4D3" in err
 
 
 def test_another_type_of_device_is_refused_even_as_a_replacement(axisbus, bus, saved):

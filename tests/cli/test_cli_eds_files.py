@@ -186,7 +186,7 @@ def test_dcf_and_back(axisbus, eds, tmp_path):
         (["--node", "5", "-o", "x.dcf", "--set", "1000=1"], 2, "1000h:00 (Device type) cannot be written"),
         (["--node", "5", "-o", "x.dcf", "--set", "6082=1"], 2, "has no object 6082h:00"),
         (["--node", "5", "-o", "x.dcf", "--baudrate", "1000"], 1, "does not support 1000 kbit/s"),
-        (["--node", "5", "-o", "x.dcf", "--from-concise", "no.bin"], 1, "there is no such file"),
+        (["--node", "5", "-o", "x.dcf", "--from-concise", "no.bin"], 1, "the file does not exist"),
         (["--to-eds"], 2, "--to-eds needs -o"),
     ],
 )

@@ -67,10 +67,10 @@ def test_a_full_machine_is_stopped_all_the_same(axisbus, moving, file, words):
     with ExitStack() as stack:
         with pytest.raises(ScanError) as caught:
             crowd(file, stack)
-        assert "as many programs at it as it takes" in caught.value.observed
+        assert "its maximum number of clients" in caught.value.observed
         code, out, err = axisbus(words[0], file, *words[1:])
         assert code == 0, err
-        assert "x: stands" in out
+        assert "x: is at standstill" in out
         assert turns(machine) == pytest.approx(0.0, abs=0.1)
     assert not handle.active
 
@@ -85,7 +85,7 @@ def test_a_machine_whose_cell_file_was_changed_is_stopped_all_the_same(axisbus, 
         new.rename(file)
         code, out, err = axisbus(words[0], file, *words[1:])
         assert code == 0, err
-        assert "x: stands" in out
+        assert "x: is at standstill" in out
         assert turns(machine) == pytest.approx(0.0, abs=0.1)
     finally:
         file.write_text(before)
@@ -101,7 +101,7 @@ def test_a_machine_whose_cell_file_cannot_be_read_any_more_is_stopped_all_the_sa
         file.write_text(before + "\n[axes")
         code, out, err = axisbus(words[0], file, *words[1:])
         assert code == 1
-        assert "x: stands" in out
+        assert "x: is at standstill" in out
         assert "cell.toml" in err
         assert turns(machine) == pytest.approx(0.0, abs=0.1)
     finally:
@@ -115,7 +115,7 @@ def test_an_axis_that_the_machine_does_not_have_is_not_told_as_stopped(axisbus, 
         file.write_text(before.replace("axes.y", "axes.q"))
         code, out, _ = axisbus("halt", file)
         assert code == 3
-        assert "x: stands" in out
+        assert "x: is at standstill" in out
         assert "q: NOT REACHED" in out
     finally:
         file.write_text(before)
@@ -127,7 +127,7 @@ def test_of_two_machines_of_one_simulated_cell_both_are_stopped(axisbus, moving,
         other = under_way(enabled(second["y"]))
         code, out, err = axisbus("stop", file)
         assert code == 0, err
-        assert out.count("x: stands") == out.count("y: stands") == 2
+        assert out.count("x: is at standstill") == out.count("y: is at standstill") == 2
         assert not other.active
     assert turns(machine) == pytest.approx(0.0, abs=0.1)
 
@@ -158,7 +158,7 @@ def test_a_machine_with_its_core_in_its_program_is_found_and_told_as_not_reached
         code, out, err = axisbus("stop", path)
         assert code == 3
         assert f"x: NOT REACHED in the machine that process {process.pid} " in out
-        assert "no other program can come in" in err
+        assert "no other program can join" in err
         code, _, err = axisbus("halt", path)
         assert code == 1
         assert f"process {process.pid} " in err
@@ -220,7 +220,7 @@ def test_the_claim_of_another_user_keeps_nobody_from_his_own_machine(axisbus, mo
     machine, _ = moving
     with as_user(lambda: claim(None, CellFileId.of(file), exclusive=False, door=True)):
         code, out, _ = axisbus("stop", file)
-    assert (code, "x: stands" in out) == (0, True)
+    assert (code, "x: is at standstill" in out) == (0, True)
     assert turns(machine) == pytest.approx(0.0, abs=0.1)
 
 
@@ -272,7 +272,7 @@ def test_a_machine_on_a_bus_is_asked_and_its_nodes_stay_up(axisbus, bus):
         code, out, err = axisbus("stop", file)
         assert code == 0, err
         assert turns(plant) == pytest.approx(0.0, abs=0.1)
-        assert out == "x: stands, Disabled\ny: stands, Disabled\n"
+        assert out == "x: is at standstill, Disabled\ny: is at standstill, Disabled\n"
     finally:
         end(process)
 

@@ -38,7 +38,7 @@ def test_it_refuses_where_nobody_can_answer(axisbus):
         code, out, err = axisbus(channel, "full")
         time.sleep(0.2)
     assert (code, "--yes" in err) == (2, True)
-    assert "the rotor turns slowly by itself" in out
+    assert "the rotor turns slowly without a command" in out
     assert (one.position, one.energised) == (0.0, False)
 
 

@@ -135,7 +135,7 @@ def test_cut_off_after_the_save_it_has_the_new_id(axisbus):
 def test_a_module_that_does_not_take_the_id_is_told():
     module = Module(5)
     module._talk._commands.pop(6)
-    with modules_on_bus(module) as channel, pytest.raises(NodeError, match="does not take the node ID 7"):
+    with modules_on_bus(module) as channel, pytest.raises(NodeError, match="does not accept the node ID 7"):
         change(channel, 5, 7)
     assert module.restarts == 0
 
@@ -164,6 +164,9 @@ def test_an_enabled_module_keeps_its_id():
 
 def test_an_id_under_which_somebody_beats_is_not_given():
     modules = [Module(5), Module(7)]
-    with modules_on_bus(*modules) as channel, pytest.raises(StateError, match="somebody beats"):
+    with (
+        modules_on_bus(*modules) as channel,
+        pytest.raises(StateError, match="another module sends heartbeats"),
+    ):
         change(channel, 5, 7)
     assert [each.node_id for each in modules] == [5, 7]

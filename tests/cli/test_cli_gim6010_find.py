@@ -121,7 +121,7 @@ def test_where_nobody_acknowledges_there_is_no_second_frame(gim, monkeypatch):
         code, out, _ = gim("find", channel)
     assert code == 1
     assert len(wire.heard) == 1
-    assert "asking was ended by the first sign that nobody acknowledges" in out
+    assert "the requests were ended at the first sign that no node acknowledges" in out
 
 
 # -- bit rates ----------------------------------------------------------------------------------------------------------------

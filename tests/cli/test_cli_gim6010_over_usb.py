@@ -108,15 +108,15 @@ def test_only_an_idle_module_is_written_or_saved(over, module):
         ("to-canopen",),
     ):
         code, _, err = over(*words)
-        assert code == 1 or "no node ID of CANopen" in err, (words, err)
-        assert "only one that is idle" in err or "no node ID of CANopen" in err
+        assert code == 1 or "not a node ID of CANopen" in err, (words, err)
+        assert "only one that is idle" in err or "not a node ID of CANopen" in err
     assert (module.usb_read(RAMP), module.restarts) == (100.0, 0)
 
 
 def test_from_the_box_to_canopen_over_usb_alone(over, module):
     code, _, err = over("to-canopen")
     assert code == 1
-    assert "0 is no node ID of CANopen" in err
+    assert "0 is not a node ID of CANopen" in err
     code, out, err = over("set-id", 5)
     assert (code, module.usb_read(NODE), module.restarts) == (0, 5, 1), err
     assert "node ID 5 (was 0), in RAM" in out

@@ -64,8 +64,8 @@ def test_nothing_is_written_where_one_of_several_cannot_be(params):
         for wrong, word in (
             ("axis0.requested_state=8", "not written here"),
             ("axis0.config.can.node_id=7", "set-id"),
-            (f"{GAIN}=fast", "no float"),
-            ("can.config.break_timeout=70000", "beyond what a uint16 holds"),
+            (f"{GAIN}=fast", "not a value of type float"),
+            ("can.config.break_timeout=70000", "beyond the range of uint16"),
             ("axis0.none=1", "there is no parameter"),
             ("vbus_voltage", "write PATH=VALUE"),
             ("vbus_voltage=3", "not for writing"),

@@ -308,7 +308,7 @@ def test_taken_a_node_is_set_and_commanded_by_the_running_core(axisbus, opened, 
     assert opened.node(2).sdo[0x6083] == 20000
     code, out, err = axisbus("od", "write", "y:6040", "6", "--cell", file, "--take", "--may-move")
     assert code == 1
-    assert "for the commands of the machine" in err or "sent by PDO" in err
+    assert "only the commands of the running machine" in err or "sent by PDO" in err
     code, out, err = axisbus("nmt", "pre-operational", "y", "--cell", file, "--take")
     assert code == 0, err
     assert out == "node 2: pre-operational (was operational)\n"

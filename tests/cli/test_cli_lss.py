@@ -208,7 +208,7 @@ def one_slave(**told):
             "address: it cannot be selected by its address: only the only slave on a bus can be set so\n"
             "next: connect only this slave, and give it a node-ID: axisbus lss set-node-id NODE_ID {cell} --only --store",
         ),
-        (Scanned((one_slave(check=Check.SILENT),)), 0, "address: it does not tell its numbers"),
+        (Scanned((one_slave(check=Check.SILENT),)), 0, "address: it does not report its numbers"),
     ],
 )
 def test_what_find_cannot_be_sure_of_is_said(lss, cell, monkeypatch, scanned, code, words):

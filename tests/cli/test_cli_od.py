@@ -90,7 +90,7 @@ def test_without_an_eds_by_number_with_a_type(axisbus, bus):
         (("5", "--cell", commands.CELL), 2, "name an object after the node"),
         (("q:6041", "--cell", commands.CELL), 2, "axes of the cell are x, y, z"),
         (("x:Statuswort", "--cell", commands.CELL), 2, "did you mean 'statusword'"),
-        (("x:6041", "--cell", commands.CELL, "--type", "u17"), 2, "'u17' is no data type"),
+        (("x:6041", "--cell", commands.CELL, "--type", "u17"), 2, "'u17' is not a data type"),
         (("x:2FFF", "--cell", commands.CELL), 3, "Object does not exist"),
         (("99:1000", "--cell", commands.CELL), 3, "got no answer"),
     ],
@@ -156,7 +156,7 @@ def test_a_value_in_the_axes_unit(axisbus):
         ("5:6041", "1", 2, "its access is ro"),
         ("5:2FFF", "1", 2, "node 5 has no object 2FFFh:00"),
         ("5:6083", "-1", 2, "-1 does not fit UNSIGNED32"),
-        ("5:6083", "1.5", 2, "'1.5' is no whole number, the object is UNSIGNED32"),
+        ("5:6083", "1.5", 2, "'1.5' is not a whole number, the object is UNSIGNED32"),
         ("5:6083", "5 mm/s", 2, "no unit is known for the object"),
         ("5:1018", "1", 2, "has 5 entries, name one of them"),
         ("5:6098", "300", 2, "300 does not fit INTEGER8"),
@@ -191,7 +191,7 @@ def test_storing_is_an_order_and_not_read_back(axisbus, bus):
     options, _ = bus
     code, out, _ = axisbus("od", "write", *options, "5:1010:1", "0x65766173")
     assert code == 0
-    assert 'store ("save")), taken, cannot be compared' in out
+    assert 'store ("save")), accepted, cannot be compared' in out
 
 
 @pytest.mark.parametrize("target", ["6040", "6060", "607A", "60FF", "6071"])
@@ -329,7 +329,7 @@ def test_a_silent_node_is_said_to_be_silent_every_time_that_it_is_reset(axisbus,
         code, out, _ = axisbus("nmt", "reset-node", node, *options)
         assert code == 3
         assert f"node {node}: SILENT: nothing came from it in 0.2 s before the command" in out
-        assert re.search(r"and nothing came in \d\.\d s after it \(looked for its boot-up message\)", out)
+        assert re.search(r"and nothing came in \d\.\d s after it \(expected: its boot-up message\)", out)
     (told,) = json.loads(axisbus("nmt", "reset-node", node, *options, "--json").out)
     assert (told["silent"], told["ok"]) == (True, False)
 
@@ -350,7 +350,7 @@ def test_a_node_that_does_not_start_names_its_errors(axisbus, bus, monkeypatch):
     stand_ins.devices[0].dials.start_error = 0x8130
     code, out, _ = axisbus("nmt", "start", "5", *options)
     assert code == 3
-    assert "node 5: NOT confirmed (was pre-operational): it still says pre-operational" in out
+    assert "node 5: NOT confirmed (was pre-operational): it still reports pre-operational" in out
     assert "error register (1001h) 0x11: generic error, communication" in out
     assert "its list of errors (1003h): 1. 0x8130, Life guard error or heartbeat error" in out
 

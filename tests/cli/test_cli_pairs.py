@@ -60,7 +60,7 @@ def test_a_pair_that_finds_no_switch_says_so_and_is_disabled_again(axisbus, cell
     code, out, err = axisbus("home", cell, "b")
     assert code == 3
     assert "enabled: b" in out
-    assert "b.home(): no switch was seen within 5 deg" in err
+    assert "b.home(): a switch was not found within 5 deg" in err
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_in_a_machine_that_runs_a_pair_is_enabled_halted_and_disabled(axisbus, t
             "then, in a program, b.disable(), b.reset(), b.enable(",
         ),
         (
-            "add [gantries.b.homing] to cell.toml; or say where the beam is: b.set_position(...)",
+            "add [gantries.b.homing] to cell.toml; or give the position of the beam: b.set_position(...)",
             "to cell.toml",
         ),
     ],

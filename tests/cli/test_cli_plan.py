@@ -68,5 +68,5 @@ def test_a_picture_is_drawn(axisbus, tmp_path):
 def test_what_is_no_picture_is_refused_before_any_work(axisbus, tmp_path, command):
     code, _, said = axisbus(command, commands.CELL, "-o", str(tmp_path / "x.bin"))
     assert code == 1
-    assert "x.bin is no picture that can be drawn" in said
+    assert "x.bin is not a picture that can be drawn" in said
     assert not (tmp_path / "x.bin").exists()

@@ -185,7 +185,7 @@ def test_a_recording_whose_program_is_killed_is_there_up_to_its_last_second(tmp_
         recording.kill()
         recording.wait()
     run = load(path)
-    assert "midst of a write" in run.lacks
+    assert "within a write" in run.lacks
     assert run.seconds > 2.0
     times = run.tracks["x"].times
     assert len(times) > 0.9 * run.seconds / 0.02
@@ -226,7 +226,7 @@ def test_a_recording_is_drawn(axisbus, moved, tmp_path):
     assert "simulated drives" in text
     for options, error in (
         (("--from", "3", "--to", "2"), "--from must be less than --to"),
-        (("-o", tmp_path / "a.bmp"), "no picture that can be drawn"),
+        (("-o", tmp_path / "a.bmp"), "not a picture that can be drawn"),
         (("--from", "300"), "nothing to draw"),
     ):
         code, _, err = axisbus("plot", moved / "a.mcap", *options)

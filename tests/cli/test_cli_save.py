@@ -93,7 +93,7 @@ def test_it_is_refused_while_a_drive_is_energised(axisbus, bus, state, monkeypat
         assert (code, len(told)) == (0, 1)
         return
     assert (code, told) == (1, [])
-    assert "node 5 is energised: storing may restart it, and let its load go; nothing was sent" in err
+    assert "node 5 is energised: storing may restart it and release its load; nothing was sent" in err
     assert "6041h is 0x" in err
     assert device.dictionary.snapshot() == before
 
@@ -109,7 +109,7 @@ def test_a_refusal_is_told_with_its_reason(axisbus, bus):
 
 @pytest.mark.parametrize(
     ("flags", "words"),
-    [(0, "1010h:01 says that it does not store"), (2, "it stores by itself (1010h:01)")],
+    [(0, "by 1010h:01 it does not store"), (2, "it stores automatically (1010h:01)")],
 )
 def test_a_node_that_does_not_store_on_command(axisbus, bus, flags, words):
     options, device, _ = bus

@@ -63,7 +63,7 @@ def test_objects_and_frames_of_it_are_read(axisbus):
         (("scan", "-i", "sim"), 2, "give it with -c"),
         (("trace", "-i", "sim", "--seconds", "1"), 2, "give it with -c"),
         (("scan", *SIM, "-O", "fd=true"), 2, "leave -O out"),
-        (("scan", "-i", "sim", "-c", "nowhere.toml"), 1, "nowhere.toml: there is no such file"),
+        (("scan", "-i", "sim", "-c", "nowhere.toml"), 1, "nowhere.toml: the file does not exist"),
     ],
 )
 def test_without_a_cell_it_is_refused(axisbus, arguments, code, words):

@@ -101,7 +101,7 @@ def test_own_times(axisbus, log):
         ((), 2, "give a cell file, a recording"),
         (("x.log", "-i", "virtual", "-c", "a"), 2, "both name the source of the frames"),
         (("x.log",), 1, "there is no recording x.log"),
-        (("-", "--filter", "knid=sdo"), 2, "is no filter"),
+        (("-", "--filter", "knid=sdo"), 2, "is not a filter"),
         (("-", "--filter", "kind=sod"), 2, "did you mean sdo?"),
         (("-", "--eds", "drive.eds"), 2, "write --eds 5=drive.eds"),
         (("-", "--eds", "5=no.eds"), 1, "no.eds"),

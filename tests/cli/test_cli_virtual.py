@@ -49,7 +49,7 @@ def test_it_is_moved_with_the_others_and_homing_passes_it_over(axisbus, cell):
 
 def test_what_it_has_not_is_refused_before_the_bus_is_opened(axisbus, cell):
     for arguments, words in (
-        (("home", cell, "v"), "nothing that could be homed"),
+        (("home", cell, "v"), "no drive that could be homed"),
         (("torque", cell, "v=1"), "no torque"),
         (("move", cell, "v=300000"), "does not fit"),
         (("od", "read", "--cell", cell, "v:6064"), "no node"),

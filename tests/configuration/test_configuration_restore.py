@@ -374,7 +374,7 @@ def test_a_pdo_of_which_a_part_is_refused_gets_back_what_it_had():
     device.refuse[0x1A00, 2] = 0x0604_0041
     report = _run(device)
     failed = {each.item.key: each.reason for each in report.of(ValueEnd.FAILED)}
-    assert "its PDO was left as it was, because 1A00h:02 is refused" in failed[0x1800, 2]
+    assert "its PDO was left unchanged, because 1A00h:02 is refused" in failed[0x1800, 2]
     # The entry that is refused cannot be given back either; what can be is.
     assert device.values[0x1800, 1] == FACTORY[0x1800, 1]
     assert device.values[0x1800, 2] == FACTORY[0x1800, 2]
@@ -428,7 +428,7 @@ def test_a_value_that_is_rounded_is_no_success():
     report = Restore(device, select(_taken(golden), NODE, GENERIC)).run()
     (failed,) = report.of(ValueEnd.FAILED)
     assert (failed.item.key, failed.after) == ((0x6084, 0), (12_000).to_bytes(4, "little"))
-    assert failed.reason == "it was taken, and reads back another value"
+    assert failed.reason == "it was accepted, and reads back another value"
 
 
 def test_progress_is_told_for_reading_and_writing():

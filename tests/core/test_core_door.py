@@ -200,7 +200,7 @@ def test_a_core_that_does_not_answer_and_one_that_ends_are_not_taken_for_none(ce
         assert "does not answer" in caught.value.observed
     with pytest.raises(ScanError) as caught:
         listener.ask_to_stop(found, StopRequest(), 0.2)
-    assert "just ending" in caught.value.observed
+    assert "is ending" in caught.value.observed
 
 
 def test_a_core_whose_queue_is_full_is_not_taken_for_none(cell):

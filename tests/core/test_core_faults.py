@@ -116,7 +116,7 @@ def test_the_newest_are_kept_listed_and_drawn(file, monkeypatch, capsys, tmp_pat
     code, out, err = axisbus("record", "faults", file)
     assert code == 0
     assert "x in ErrorStop; node 1: 0x4310" in out
-    assert "is no whole fault of axisbus" in out
+    assert "is not a whole fault of axisbus" in out
     assert f"next: axisbus plot {found[-1]}" in out + err
     pytest.importorskip("matplotlib")
     assert axisbus("plot", found[-1], "-o", tmp_path / "fault.png").code == 0
@@ -150,4 +150,4 @@ def test_a_folder_that_cannot_be_written_is_told_and_disturbs_nothing(file, capl
         x.reset().wait(10)
         x.enable().wait(10)
         x.move_relative(1.0).wait(20)
-    assert any("was not kept" in record.message for record in caplog.records)
+    assert any("was not stored" in record.message for record in caplog.records)

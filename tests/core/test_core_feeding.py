@@ -120,7 +120,7 @@ def test_the_head_tells_what_the_trajectory_tells():
 
 @pytest.mark.parametrize("gives", [None, math.nan, "far", True])
 def test_what_gives_no_position_raises_at_the_call_where_that_is_in_the_head(gives):
-    with pytest.raises(ArgumentError, match=r"^x: the trajectory gives no position at 0.050 s"):
+    with pytest.raises(ArgumentError, match=r"^x: the trajectory returned no position at 0.050 s"):
         Sampler(Line(fails_at=0.05, gives=gives), STEP, "x").head(0.1)
 
 
@@ -128,9 +128,9 @@ def test_what_tells_no_number_of_itself_raises_at_the_call():
     class Odd(Line):
         span, top_speed = (0.0, 1.0), math.nan
 
-    with pytest.raises(ArgumentError, match="x: the trajectory gives no top_speed"):
+    with pytest.raises(ArgumentError, match="x: the trajectory returned no top_speed"):
         Sampler(Odd(), STEP, "x").head(0.1)
-    with pytest.raises(ArgumentError, match="x: the trajectory gives no duration"):
+    with pytest.raises(ArgumentError, match="x: the trajectory returned no duration"):
         Sampler(Line(duration="long"), STEP, "x")
 
 
@@ -216,7 +216,7 @@ def test_what_the_program_s_code_raises_is_told_once_and_ends_its_trajectory_alo
     ((number, error),) = sink.failures
     assert number == 1
     assert isinstance(error, ArgumentError)
-    assert error.message == "x: the trajectory gives no position at 0.200 s"
+    assert error.message == "x: the trajectory returned no position at 0.200 s"
     assert isinstance(error.__cause__, ZeroDivisionError) is (gives is None)
 
 

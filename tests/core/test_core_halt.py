@@ -73,7 +73,7 @@ def test_a_velocity_that_has_been_reached_is_halted_too(cell):
 def test_of_what_waits_only_stops_are_done(cell):
     move, disable = cell.x.move_relative(100.0), cell["y"].disable()
     halt(cell)
-    assert stopped(cell, move, f"{move.name} was not begun: {REASON}")
+    assert stopped(cell, move, f"{move.name} did not begin: {REASON}")
     assert cell.end_of(disable) is None
     cell.run(0.1)
     assert states(cell) == [AxisState.STANDSTILL, AxisState.DISABLED, AxisState.STANDSTILL]

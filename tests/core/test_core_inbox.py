@@ -188,7 +188,7 @@ def test_a_command_too_many_ends_its_handle_at_once_with_the_reason():
     handles = [r.axis.move_relative(0.001) for _ in range(MOST + 1)]
     error = handles[-1].exception()
     assert isinstance(error, StateError)
-    assert "too many commands wait" in str(error)
+    assert "too many commands are waiting" in str(error)
     assert all(handle.busy for handle in handles[:-1])
     halt = r.axis.halt()
     halt.wait(2)

@@ -127,9 +127,9 @@ def test_the_command_is_not_given_to_two_and_comes_back_when_its_holder_leaves(m
     handle = under_way(machine["x"])
     with Machine.attach(file, command=True, force=True) as guest:
         assert turns(machine) == pytest.approx(0.0, abs=0.1)  # before anybody else commands
-        with pytest.raises(Stopped, match="took the command"):
+        with pytest.raises(Stopped, match="took control"):
             handle.wait(5)
-        with pytest.raises(OwnershipError, match="only look on"):
+        with pytest.raises(OwnershipError, match="only read"):
             machine["x"].move_relative(1.0).wait(5)
         guest["x"].move_relative(1.0).wait(20)
         left = under_way(guest["y"])
@@ -146,13 +146,13 @@ def test_a_program_that_is_there_takes_the_command_and_takes_it_back(machine, fi
         guest.take_control()
         assert turns(machine) == pytest.approx(0.0, abs=0.1)
         assert (machine.has_control, guest.has_control) == (False, True)
-        with pytest.raises(Stopped, match="took the command"):
+        with pytest.raises(Stopped, match="took control"):
             handle.wait(5)
         guest.take_control()  # harmless
         going = under_way(guest["y"])
         machine.take_control()
         assert turns(machine, 2) == pytest.approx(0.0, abs=0.1)
-        with pytest.raises(Stopped, match="took the command"):
+        with pytest.raises(Stopped, match="took control"):
             going.wait(5)
         assert (machine.has_control, guest.has_control) == (True, False)
         with pytest.raises(OwnershipError):
@@ -303,7 +303,7 @@ def test_another_text_of_the_file_and_no_machine_at_all_are_told(machine, file, 
     before = file.read_text()
     try:
         file.write_text(before + "\n# changed\n")
-        with pytest.raises(StateError, match="no longer what the machine was opened with"):
+        with pytest.raises(StateError, match="has changed since the machine was opened"):
             Machine.attach(file)
     finally:
         file.write_text(before)

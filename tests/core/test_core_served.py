@@ -114,15 +114,15 @@ def test_every_dial_that_there_is_can_be_turned(cell):
         ('[a]\naxis = "x"\nnode = 1\nbegin = "1s"\nblocked = true\n', 1, "needs an axis or a node"),
         ('[a]\naxis = "w"\nbegin = "1s"\nblocked = true\n', 2, "no axis 'w'"),
         ('[a]\nnode = 9\nbegin = "1s"\ndead = true\n', 2, "no node 9"),
-        ('[a]\nnode = 1\nbegin = "1s"\nblocked = true\n', 4, "blocked is a matter of an axis"),
-        ('[a]\nnode = 1\nbegin = "1s"\nfault = 0x2310\n', 4, "fault is a matter of an axis"),
+        ('[a]\nnode = 1\nbegin = "1s"\nblocked = true\n', 4, "blocked belongs to an axis"),
+        ('[a]\nnode = 1\nbegin = "1s"\nfault = 0x2310\n', 4, "fault belongs to an axis"),
         ('[a]\naxis = "x"\nblocked = true\n', 1, "needs either begin or when"),
         ('[a]\naxis = "x"\nbegin = "1s"\nwhen = "x.mode = 1"\ndead = true\n', 1, "either begin or when"),
-        ('[a]\naxis = "x"\nbegin = "1s"\n', 1, "does not say what goes wrong"),
+        ('[a]\naxis = "x"\nbegin = "1s"\n', 1, "does not say which fault occurs"),
         ('[a]\naxis = "x"\nbegin = 1\ndead = true\n', 3, "begin in .a. cannot be used"),
         ('[a]\naxis = "x"\nbegin = "1s"\nafter = "1s"\ndead = true\n', 4, "after belongs to when"),
-        ('[a]\naxis = "x"\nbegin = "1s"\nfor = "1s"\nfault = 1\n', 4, "last for no time"),
-        ('[a]\naxis = "x"\nbegin = "1s"\nfor = "1s"\nevery = "1s"\ndead = true\n', 5, "before it is over"),
+        ('[a]\naxis = "x"\nbegin = "1s"\nfor = "1s"\nfault = 1\n', 4, "have no duration"),
+        ('[a]\naxis = "x"\nbegin = "1s"\nfor = "1s"\nevery = "1s"\ndead = true\n', 5, "before it has ended"),
         ('[a]\naxis = "x"\nwhen = "x.speed > 1"\ndead = true\n', 3, "no value 'speed'"),
         ('[a]\naxis = "x"\nwhen = "soon"\ndead = true\n', 3, "is no condition"),
         ('[a]\naxis = "x"\nbegin = "1s"\nblockd = true\n', 4, "unknown key 'blockd'"),
@@ -224,7 +224,7 @@ def test_a_socket_that_was_left_is_replaced_and_nothing_else(cell, tmp_path):
         assert plant.nodes == ()
     door.close()
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(UserError, match="no socket"):
+    with pytest.raises(UserError, match="is not a socket"):
         ControlDoor(tmp_path / "file", {})
     assert (tmp_path / "file").read_text() == "mine"
     for path in (tmp_path / "none" / "c", tmp_path / ("n" * 120)):

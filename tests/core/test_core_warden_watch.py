@@ -37,7 +37,7 @@ def found(looks: list[Look]) -> tuple[int, str] | None:
 def test_one_that_sends_no_more_is_found_within_a_second(state):
     number, why = found([Look(came=True)] * 20 + [Look(state=state)] * 20) or (99, "")
     assert 0.6 < (number - 19) * BEAT < 1.0
-    assert why.startswith("the warden of the core has not answered for 0.")
+    assert why.startswith("the watchdog process of the core has not answered for 0.")
 
 
 @pytest.mark.parametrize("state", ["R", "D"])
@@ -45,7 +45,7 @@ def test_one_that_waits_for_the_computer_is_given_longer_and_then_the_computer_i
     assert found([Look(state=state)] * 45) is None
     number, why = found([Look(state=state)] * 60) or (0, "")
     assert 5.0 <= (number + 1) * BEAT < 5.3
-    assert why.startswith("this computer has not let the warden of the core run for 5.")
+    assert why.startswith("the watchdog process of the core got no processor time for 5.")
 
 
 def test_time_in_which_the_core_itself_did_not_run_does_not_count():

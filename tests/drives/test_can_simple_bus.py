@@ -50,7 +50,7 @@ def test_configured_identifiers_count_too():
 
 @pytest.mark.parametrize(("simple", "canopen"), [([64], [1]), ([0], [128]), ([0], [0])])
 def test_what_is_no_node_is_refused(simple, canopen):
-    with pytest.raises(ArgumentError, match="is no node ID"):
+    with pytest.raises(ArgumentError, match="is not a node ID"):
         clashes(simple, canopen)
 
 

@@ -73,7 +73,7 @@ def test_a_list_is_read_whole():
     [
         ("{", "no JSON"),
         ("[" * 100000, "no JSON|nested too deeply|without a name"),
-        ("{}", "the list is no list of members"),
+        ("{}", "the list is not a list of members"),
         ("[1]", "without a name"),
         ('[{"id": 1, "type": "float"}]', "without a name"),
         (json.dumps([leaf("a", 1, "double")]), "a has the type 'double'"),
@@ -82,9 +82,9 @@ def test_a_list_is_read_whole():
         (json.dumps([leaf("a", 65536)]), "a has the id 65536"),
         (json.dumps([leaf("a", True)]), "a has the id True"),
         (json.dumps([leaf("a", 1), leaf("b", 1)]), "b has the id 1, as a has"),
-        (json.dumps([leaf("a", 1), leaf("a", 2)]), "a stands in it twice"),
+        (json.dumps([leaf("a", 1), leaf("a", 2)]), "a is in it twice"),
         (json.dumps([group("a", group("b", leaf("c", "1")))]), "a.b.c has the id '1'"),
-        (json.dumps([{"name": "a", "type": "object"}]), "a is no list of members"),
+        (json.dumps([{"name": "a", "type": "object"}]), "a is not a list of members"),
         (
             json.dumps([{"name": "f", "id": 1, "type": "function", "inputs": {}}]),
             "f has inputs that are no list",
@@ -146,7 +146,7 @@ def test_a_list_that_has_the_version_elsewhere_is_refused(number):
 )
 def test_versions(text, version):
     if version is None:
-        with pytest.raises(ArgumentError, match="is no version"):
+        with pytest.raises(ArgumentError, match="is not a version"):
             Firmware.parse(text)
     else:
         assert Firmware.parse(text) == version
@@ -199,10 +199,13 @@ def test_an_answer_that_is_none(can_id, data):
         (lambda: wire.read(1, FITTED, "axis0.motor.config.curent_lim"), "no parameter"),
         (lambda: wire.read(1, FITTED, "serial_number"), "does not travel in 32 bits"),
         (lambda: wire.write(1, FITTED, "vbus_voltage", 1.0), "not for writing"),
-        (lambda: wire.write(1, FITTED, "axis0.offset", 1.0), "no int32"),
-        (lambda: wire.write(1, FITTED, "axis0.offset", 1 << 31), "beyond what a int32 holds"),
-        (lambda: wire.write(1, FITTED, "axis0.enabled", 1), "no bool"),
-        (lambda: wire.write(1, FITTED, "axis0.motor.config.current_lim", math.nan), "no float"),
+        (lambda: wire.write(1, FITTED, "axis0.offset", 1.0), "not a value of type int32"),
+        (lambda: wire.write(1, FITTED, "axis0.offset", 1 << 31), "beyond the range of int32"),
+        (lambda: wire.write(1, FITTED, "axis0.enabled", 1), "not a value of type bool"),
+        (
+            lambda: wire.write(1, FITTED, "axis0.motor.config.current_lim", math.nan),
+            "not a value of type float",
+        ),
         (lambda: wire.write(1, FITTED, "axis0.motor.config.current_lim", 1e300), "beyond"),
         (lambda: wire.write(1, FITTED, "axis0.motor.config.pre_calibrated", True), "is protected"),
         (lambda: wire.write(1, FITTED, "can.config.protocol", 2), "is protected"),

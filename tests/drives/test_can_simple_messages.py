@@ -180,7 +180,7 @@ def test_a_short_answer_is_a_value_that_says_so(message):
         (0x095, "10 23 03 00 00 00 00 00", "command 15h: there is no such command"),  # EMCY of node 21
         (0x701, "05", "command 01h: it is too short (1 byte where 8 are needed)"),  # a heartbeat of CANopen
         (0x589, "60 40 60 00", "command 09h: it is too short (4 bytes where 8 are needed)"),  # SDO
-        (0x089, "00 00 C0 7F 00 00 00 00", "command 09h: a value is no finite number (Pos_Estimate)"),
+        (0x089, "00 00 C0 7F 00 00 00 00", "command 09h: a value is not a finite number (Pos_Estimate)"),
         (
             0x024,
             "07 00 00 00 00 00 00 00",
@@ -219,11 +219,11 @@ def test_no_other_message_is_asked_for_emptily(message):
             "Set_Input_Vel",
             {"Input_Vel": math.nan, "Torque_FF": 0.0},
             ArgumentError,
-            "Input_Vel: nan is no number",
+            "Input_Vel: nan is not a number",
         ),
-        ("Set_Input_Vel", {"Input_Vel": 1e39, "Torque_FF": 0.0}, LimitError, "beyond what a float32 holds"),
+        ("Set_Input_Vel", {"Input_Vel": 1e39, "Torque_FF": 0.0}, LimitError, "beyond the range of float32"),
         ("Set_Input_Vel", {"Input_Vel": 1.0}, ArgumentError, "does not have these fields"),
-        ("Set_Input_Vel", {"Input_Vel": True, "Torque_FF": 0.0}, ArgumentError, "True is no number"),
+        ("Set_Input_Vel", {"Input_Vel": True, "Torque_FF": 0.0}, ArgumentError, "True is not a number"),
         (
             "Set_Input_Pos",
             {"Input_Pos": 0, "Vel_FF": 32.768, "Torque_FF": 0},
@@ -233,7 +233,7 @@ def test_no_other_message_is_asked_for_emptily(message):
         ("Set_Limits", {"Velocity_Limit": 30, "Current_Limit": 60}, LimitError, "from 0 to 50 A"),
         ("Set_Limits", {"Velocity_Limit": -1, "Current_Limit": 10}, LimitError, "Velocity_Limit: -1"),
         ("Set_Axis_State", {"Axis_Requested_State": 0}, ArgumentError, "not in the manual's list"),
-        ("Set_Axis_State", {"Axis_Requested_State": 8.0}, ArgumentError, "no whole number"),
+        ("Set_Axis_State", {"Axis_Requested_State": 8.0}, ArgumentError, "not a whole number"),
         ("Set_Axis_Node_ID", {"Axis_Node_ID": 64}, LimitError, "from 0 to 63"),
         ("Set_Linear_Count", {"Linear_Count": 16384}, LimitError, "from -16383 to 16383"),
         ("Get_Iq", {}, ArgumentError, "is sent by the module"),
@@ -250,7 +250,7 @@ def test_what_is_not_sent_is_refused_with_a_reason(name, values, error, text):
 
 @pytest.mark.parametrize("node", [-1, 64, True, 1.0, "1"])
 def test_a_node_that_there_is_not_is_refused(node):
-    with pytest.raises(ArgumentError, match="is no node ID of CAN Simple"):
+    with pytest.raises(ArgumentError, match="is not a node ID of CAN Simple"):
         codec.encode(node, named("Estop"))
 
 

@@ -104,9 +104,9 @@ def test_operation_enabled_is_shown_by_the_heartbeat_alone(made):
 
 def test_a_module_that_does_not_go_to_closed_loop_is_told_and_let_go(made):
     r = made(module=module(wont_start=True))
-    with pytest.raises(TransitionError, match="does not go on from 'switched on'"):
+    with pytest.raises(TransitionError, match="does not change from 'switched on'"):
         r.axis.enable().wait(5)
-    assert any("another state: it is asked again" in text for _, text in r.port.news)
+    assert any("another state: the command is repeated" in text for _, text in r.port.news)
     assert r.commands()[-1] == SET_STATE
     assert r.cycle.sent[-1].remote or r.cycle.sent[-1].data[0] == 1
     r.run(1.0)
@@ -520,7 +520,7 @@ def test_a_fault_whose_cause_stays_is_not_reset(made):
     r.module.dials.bus_voltage = 8.0
     r.run(1.0)
     assert "DC_BUS_UNDER_VOLTAGE" in str(r.core.error)
-    with pytest.raises(TransitionError, match="does not go away"):
+    with pytest.raises(TransitionError, match="does not clear the fault"):
         r.axis.reset().wait(10)
     r.module.dials.bus_voltage = 24.0
     r.axis.reset().wait(5)

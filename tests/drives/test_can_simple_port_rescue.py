@@ -60,7 +60,7 @@ def test_it_is_braked_on_its_own_ramp_and_then_let_go():
 def test_one_that_is_to_hold_keeps_its_power():
     module = turning(-6.0)
     one, sent, _ = rescue(module, holds=True)
-    assert (one.ok, one.text) == (True, "stands, and its module holds it")
+    assert (one.ok, one.text) == (True, "is at standstill, and its module holds it")
     assert module.energised
     assert abs(module.shaft.speed) < 0.01
     assert {command for command, _ in sent} == {MODE, VEL}

@@ -20,7 +20,10 @@ from axisbus.drives.make import Make
         ("30 81 11 00 00 00 00 00", ["0x8130", "communication"]),
         ("11 86 20", ["0x8611", "error register: device profile"]),
         ("20 32", ["0x3220"]),
-        ("00 ff 81 01 02 03 04 05", ["0xFF00", "manufacturer-specific", "maker's bytes 01 02 03 04 05"]),
+        (
+            "00 ff 81 01 02 03 04 05",
+            ["0xFF00", "manufacturer-specific", "manufacturer-specific bytes 01 02 03 04 05"],
+        ),
         ("00 00 00 00 00 00 00 00", ["0x0000, error reset"]),
         ("00 00 05 00 00 00 00 00", ["0x0000, error reset (still there: generic error, voltage)"]),
     ],

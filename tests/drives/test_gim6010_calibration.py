@@ -154,12 +154,12 @@ def test_after_a_motor_that_failed_the_encoder_is_not_turned():
 def test_without_its_error_words_the_heartbeat_judges():
     found, _, _ = calibrated(CalibrationKind.FULL, bench(get_error_answered=False))
     assert found.verdict.good
-    assert "its error words were not told over CAN: judged by its heartbeat alone" in found.verdict.notes
+    assert "its error words are not available over CAN: only its heartbeat was checked" in found.verdict.notes
     found, _, _ = calibrated(
         CalibrationKind.FULL, bench(get_error_answered=False, calibration_encoder_error=2)
     )
     assert not found.verdict.good
-    assert "encoder: its heartbeat tells of a fault" in found.verdict.wrong
+    assert "encoder: its heartbeat reports a fault" in found.verdict.wrong
 
 
 def test_one_that_is_not_begun_is_ended_by_idle():

@@ -52,7 +52,7 @@ def test_anything_else_is_not(modules, words):
 def test_where_nobody_acknowledges_nothing_is_changed():
     finder, found = surveyed(Module(5))
     finder.unacknowledged = "no acknowledge"
-    with pytest.raises(StateError, match="nobody acknowledges"):
+    with pytest.raises(StateError, match="no node acknowledges"):
         node_id_preconditions.require_one(finder, found, 5)
 
 

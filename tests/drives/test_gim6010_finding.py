@@ -170,7 +170,7 @@ def test_a_module_that_answers_no_endpoint_and_no_error_word():
     assert {"it does not answer: endpoints", "it does not answer: error words"} <= set(one.notes)
     assert len([each for each in found.sent if each.can_id == 5 << 5 | 4]) == 1
     told = "\n".join(error_report.lines(one))
-    assert "motor: not told over CAN; over USB it is odrv0.axis0.motor.error" in told
+    assert "motor: not available over CAN; over USB it is odrv0.axis0.motor.error" in told
 
 
 def test_answers_on_the_other_command_are_taken():
@@ -406,7 +406,7 @@ def test_the_first_sign_that_nobody_acknowledges_ends_the_asking():
 
     found = search(at=at)
     assert len(found.sent) == 1
-    assert "nobody acknowledges: no acknowledge" in "\n".join(report_text.about_the_bus(found.finder))
+    assert "no node acknowledges: no acknowledge" in "\n".join(report_text.about_the_bus(found.finder))
 
 
 def test_on_a_silent_bus_the_first_request_is_waited_for_longer():

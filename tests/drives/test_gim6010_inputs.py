@@ -50,7 +50,7 @@ def test_a_mapping_stays_between_its_ends_and_is_zero_where_it_says(low, high, w
         assert mapping.at(mapping.zero) == pytest.approx(0.0, abs=1e-9 * (abs(low) + abs(high)))
     else:
         assert low * high > 0
-        assert any("never stands" in note for note in mapping.notes)
+        assert any("never means standstill" in note for note in mapping.notes)
 
 
 @pytest.mark.parametrize("ends", [(1.0, 1.0), (math.nan, 1.0), (0.0, math.inf)])
@@ -75,8 +75,8 @@ def test_the_manuals_example_of_pulses():
     )
     assert "odrv0.axis0.controller.config.steps_per_circular_range = 131072" in pulses.steps
     assert "odrv0.axis0.controller.config.circular_setpoints = True" in pulses.steps
-    assert not any("does not stand where it began" in note for note in pulses.notes)
-    assert any("does not stand where it began" in note for note in Pulses(1024, 12, circular=True).notes)
+    assert not any("is not at its start position" in note for note in pulses.notes)
+    assert any("is not at its start position" in note for note in Pulses(1024, 12, circular=True).notes)
 
 
 @pytest.mark.parametrize("given_", [(0, 1), (1, 0), (-5, 3), (1 << 20, 1 << 12)])

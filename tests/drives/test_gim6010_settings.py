@@ -285,7 +285,7 @@ def test_a_place_that_is_none_is_refused(place):
     told = {"axis0.encoder.pos_estimate": estimate, "axis0.encoder.count_in_cpr": count}
     read = found.read
     found.read = lambda path: told.get(path, read(path))
-    with pytest.raises(StateError, match="a place that is none"):
+    with pytest.raises(StateError, match="an invalid position"):
         zero.look(found)
 
 

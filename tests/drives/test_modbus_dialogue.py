@@ -29,7 +29,7 @@ def read(name):
 
 @pytest.mark.parametrize("device", [-1, 0, 248])
 def test_there_is_nobody_at_such_an_address(device):
-    with pytest.raises(ArgumentError, match="no address of a module"):
+    with pytest.raises(ArgumentError, match="not an address of a module"):
         line(device)
 
 

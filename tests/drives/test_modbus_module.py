@@ -235,5 +235,5 @@ def test_a_node_id_that_is_not_taken_is_told():
     station.dials.exceptions.clear()
     station.dials.clamps[0x62] = 1
     station.dials.node_id_at_once = False
-    with pytest.raises(NodeError, match="does not take node ID 5"):
+    with pytest.raises(NodeError, match="does not accept node ID 5"):
         set_node_id(module, 5)

@@ -96,7 +96,7 @@ def test_another_master_at_the_same_registers_is_noticed():
             station._endpoint = other  # as another master's frame between ours would do
 
     wire.before = meddle
-    with pytest.raises(NodeError, match="does not take the number of an endpoint"):
+    with pytest.raises(NodeError, match="does not accept the number of an endpoint"):
         parameters.read(LIMIT)
 
 
@@ -107,7 +107,7 @@ def test_what_is_refused():
         ("axis0.config.can.node_id", 5, "not written as a parameter"),
         ("axis0.encoder.config.index_offset", 0.5, "protected"),
         ("vbus_voltage", 5.0, "not for writing"),
-        (LIMIT, "fast", "no float"),
+        (LIMIT, "fast", "not a value of type float"),
         ("axis0.none", 1, "there is no parameter"),
     ):
         with pytest.raises(ArgumentError, match=error):

@@ -193,7 +193,7 @@ def test_no_request_cuts_a_value_or_takes_two(function, address, count, words):
     if whole:
         assert ModbusRequest(function, address, count, tuple(words)).pdu[1:3] == address.to_bytes(2, "big")
     else:
-        with pytest.raises(ArgumentError, match="no whole value"):
+        with pytest.raises(ArgumentError, match="not a whole value"):
             ModbusRequest(function, address, count, tuple(words))
 
 
@@ -216,8 +216,8 @@ def test_a_value_of_several_registers_has_no_half(register):
         ("node_id", 64, "is not sent"),
         ("current_limit", 50.1, "to 50"),
         ("velocity_limit", -1.0, "from 0"),
-        ("velocity_setpoint", math.nan, "no number"),
-        ("position_setpoint", 1e39, "beyond what a float32 holds"),
+        ("velocity_setpoint", math.nan, "not a number"),
+        ("position_setpoint", 1e39, "beyond the range of float32"),
         ("endpoint_number", 1 << 16, "to 65535"),
         ("position_feedback", 1.0, "not for writing"),
     ],

@@ -355,9 +355,9 @@ def test_builtin_files_are_known_by_name(check: Call) -> None:
     [
         (b"\x89PNG\r\n\x1a\n" + bytes(100), "PNG"),
         (b"", "empty"),
-        (b"just a text\n", "no EDS"),
+        (b"just a text\n", "not an EDS"),
         (b"[FileInfo]\nFileName=a.eds\n", "no object"),
-        (None, "no such file"),
+        (None, "does not exist"),
     ],
 )
 def test_what_cannot_be_read_is_a_finding_beside_the_others(
@@ -441,7 +441,7 @@ def test_the_library_takes_paths_readings_and_dictionaries(tmp_path: Path) -> No
     assert eds.check(eds.load(path)) == by_path
     assert eds.check(reader.read(path.read_bytes(), "test.eds")) == by_path
     assert eds.check(path, select="V", ignore=["V003"]) == ()
-    with pytest.raises(EdsError, match="no such file"):
+    with pytest.raises(EdsError, match="does not exist"):
         eds.check(tmp_path / "other.eds")
     with pytest.raises(ArgumentError, match="begins with 'W'"):
         eds.check(path, select="W")

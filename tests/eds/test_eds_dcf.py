@@ -126,11 +126,11 @@ def test_an_implied_pdo_has_no_place_for_a_value() -> None:
 @pytest.mark.parametrize(
     ("settings", "error", "words"),
     [
-        (Settings(0), ArgumentError, "0 is no node ID"),
-        (Settings(128), ArgumentError, "128 is no node ID"),
-        (Settings(5, 300), ArgumentError, "300 kbit/s is no bit rate"),
+        (Settings(0), ArgumentError, "0 is not a node ID"),
+        (Settings(128), ArgumentError, "128 is not a node ID"),
+        (Settings(5, 300), ArgumentError, "300 kbit/s is not a bit rate"),
         (Settings(5, 1000), EdsError, "does not support 1000 kbit/s"),
-        (Settings(5, net_number=-1), ArgumentError, "-1 is no network number"),
+        (Settings(5, net_number=-1), ArgumentError, "-1 is not a network number"),
         (Settings(5, node_name="a\nb"), ArgumentError, "NodeName"),
         (Settings(5, node_name="Müller"), ArgumentError, "ASCII"),
     ],
@@ -201,8 +201,8 @@ def test_a_value_is_taken_in_every_clear_spelling(data_type: str, given: str, wr
         ({"AccessType": "ro"}, "1", ArgumentError, "cannot be written"),
         ({"AccessType": "const"}, "1", ArgumentError, "its access is const"),
         ({}, "", ArgumentError, "it is empty"),
-        ({}, "abc", ArgumentError, "no integer"),
-        ({}, "4x0", ArgumentError, "no integer"),
+        ({}, "abc", ArgumentError, "not an integer"),
+        ({}, "4x0", ArgumentError, "not an integer"),
         ({}, "010", ArgumentError, "octal"),
         ({}, "1.0", ArgumentError, "decimal point"),
         ({}, "-1", LimitError, "negative"),
@@ -212,8 +212,8 @@ def test_a_value_is_taken_in_every_clear_spelling(data_type: str, given: str, wr
         ({"HighLimit": "100"}, "101", LimitError, "allowed are all down to 100"),
         ({"LowLimit": "$NODEID+1"}, "5", LimitError, "allowed are 6 to all up"),
         ({"DataType": "8", "LowLimit": "0.5"}, "0.25", LimitError, "0.25 is outside"),
-        ({"DataType": "8"}, "nan", ArgumentError, "no number of REAL32"),
-        ({"DataType": "0xA"}, "0", ArgumentError, "no string of octets"),
+        ({"DataType": "8"}, "nan", ArgumentError, "not a number of REAL32"),
+        ({"DataType": "0xA"}, "0", ArgumentError, "not a string of octets"),
     ],
 )
 def test_a_value_that_the_entry_cannot_have_is_refused(

@@ -173,7 +173,7 @@ def test_a_change_of_one_fact_is_one_difference_in_its_group(
     ("section", "a", "b", "matters"),
     [
         ("605A", "2", "0", "quick stop: brakes on the quick-stop ramp, then power off -> the motor coasts"),
-        ("6085", "100", "200", "a quick stop takes another way and time"),
+        ("6085", "100", "200", "a quick stop needs another distance and time"),
         ("6065", "100", "200", "another following error leads to a fault"),
         ("6080", "3000", "1000", "another default limit of motion or torque"),
         ("1017", "0", "100", "how soon the master notices a dead drive"),
@@ -302,7 +302,7 @@ def _section(lines: list[str], at: int) -> str:
 def test_the_report_puts_first_what_matters() -> None:
     a, b = small(STATUS + entry(DefaultValue="1")), small(entry(DefaultValue="2"))
     text = "\n".join(compare_text.lines(a, b, diff(a, b), None))
-    assert text.index("What matters for a master") < text.index("\nPDOs: ") < text.index("\ndefaults: 1")
+    assert text.index("Important for a master") < text.index("\nPDOs: ") < text.index("\ndefaults: 1")
     assert "2000h Thing: DefaultValue: 1 -> 2" in text
     assert "the drive has no TPDO1 any more" in text
 
@@ -332,7 +332,7 @@ def test_the_versions_of_the_files_are_named_as_numbers(version: str, revision: 
 
 def test_equal_files_say_so() -> None:
     eds = small(STATUS)
-    assert list(compare_text.lines(eds, eds, (), None))[-1] == "no difference in what they mean"
+    assert list(compare_text.lines(eds, eds, (), None))[-1] == "no difference in meaning"
 
 
 def test_the_library_offers_diff_without_importing_it_at_once() -> None:

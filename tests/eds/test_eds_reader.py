@@ -130,7 +130,7 @@ def test_a_value_that_is_not_understood_is_absent_and_points_to_itself() -> None
     assert entry.default is None
     finding = only(eds)
     assert (finding.rule, finding.line, finding.column) == ("V001", HEAD_LINES + 6, 17)
-    assert finding.message == "[2000] DefaultValue: 4x0 is no integer"
+    assert finding.message == "[2000] DefaultValue: 4x0 is not an integer"
 
 
 def test_a_type_that_the_file_defines_stands_for_its_base() -> None:

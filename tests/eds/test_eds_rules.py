@@ -167,7 +167,7 @@ def test_formulas_and_names_have_their_place(rule: str, edit: str, where: str) -
 
 @pytest.mark.parametrize("given", ["one", "-1", "1.5"])
 def test_a_number_of_pdos_that_is_none_is_told(given: str) -> None:
-    assert only("D006", f"DeviceInfo:NrOfTXPDO={given}").message == f"NrOfTXPDO={given} is no number"
+    assert only("D006", f"DeviceInfo:NrOfTXPDO={given}").message == f"NrOfTXPDO={given} is not a number"
 
 
 @pytest.mark.parametrize("key", ["LSS_Supported", "DynamicChannelsSupported", "BaudRate_50", "Granularity"])
@@ -246,9 +246,9 @@ def test_the_identifier_of_each_service_is_in_its_range(
 @pytest.mark.parametrize(
     ("default", "words"),
     [
-        ("6", "begins in hm, of which nothing is described"),
+        ("6", "begins in hm, without any object"),
         ("5", "begins in mode 5, a mode that CiA 402 does not have"),
-        ("7", "begins in ip, of"),
+        ("7", "begins in ip, without"),
     ],
 )
 def test_a_mode_without_objects_is_told_where_6502h_is_missing(default: str, words: str) -> None:

@@ -125,10 +125,10 @@ def test_the_builtin_files_written_anew_say_the_same(name: str) -> None:
     ("info", "name", "words"),
     [
         ({"deviceinfo": {"vendorname": "Müller"}}, "x", "not ASCII"),
-        ({"deviceinfo": {"vendornumber": "e-RIO"}}, "x", "VendorNumber='e-RIO' is no number"),
+        ({"deviceinfo": {"vendornumber": "e-RIO"}}, "x", "VendorNumber='e-RIO' is not a number"),
         ({}, "a\nb", "ParameterName"),
         ({}, " a", "ParameterName"),
-        ({"a]": {}}, "x", "no name of a section"),
+        ({"a]": {}}, "x", "not a name of a section"),
     ],
 )
 def test_what_cannot_stand_in_an_eds_is_refused(
@@ -150,5 +150,5 @@ def test_a_model_goes_to_another_process_and_is_the_same_there() -> None:
 @pytest.mark.parametrize("value", [float("inf"), float("nan")])
 def test_a_number_that_is_none_is_refused(value: float) -> None:
     entry = Variable(0x2000, 0, "x", DataType.REAL32, "rw", value)
-    with pytest.raises(ArgumentError, match="cannot stand in an EDS"):
+    with pytest.raises(ArgumentError, match="cannot be written in an EDS"):
         writer.dumps(Eds("x", {0x2000: Object(0x2000, "x", ObjectType.VAR, {0: entry})}, {}))

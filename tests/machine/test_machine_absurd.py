@@ -205,7 +205,7 @@ def test_what_is_no_value_is_refused_with_an_error_that_can_be_read(machine, tex
     ids=lambda value: str(type(value)),
 )
 def test_a_time_that_is_none_is_refused_before_anything_waits(machine, text, value):
-    with pytest.raises(ArgumentError, match="no number of seconds"):
+    with pytest.raises(ArgumentError, match="not a number of seconds"):
         WAITS[text](machine, value)
 
 

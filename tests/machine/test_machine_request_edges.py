@@ -324,7 +324,7 @@ NOTHING = {"limits": AxisLimits(), "defaults": Defaults()}
         (
             SimpleNamespace(duration=math.inf, position=lambda _: 0.0),
             BOUNDS,
-            "the trajectory's duration inf is no finite number",
+            "the trajectory's duration inf is not a finite number",
         ),
     ],
 )

@@ -158,7 +158,7 @@ def test_a_node_whose_sync_cannot_be_set_is_a_boot_error_that_names_it(tmp_path:
     path = write(tmp_path, "sync_cob_id = 0x90")
     made = device(tmp_path)
     made.dials.sdo_write_aborts[0x1005, 0] = 0x0601_0002
-    with pytest.raises(BootError, match="node 3: it does not listen to the bus's SYNC") as raised:
+    with pytest.raises(BootError, match="node 3: it does not receive the bus's SYNC") as raised:
         Machine.simulated(path, {3: made})
     assert "1005h is 0x80, SYNC has COB-ID 0x90" in raised.value.observed
 
@@ -200,7 +200,7 @@ def test_another_devices_sync_drives_the_scan_and_its_silence_stops_the_axis(tmp
 
 def test_without_the_other_producer_nothing_begins(tmp_path: Path) -> None:
     path = write(tmp_path, EXTERNAL)
-    with pytest.raises(SyncError, match="no steady SYNC on 080h, which another device is to send"):
+    with pytest.raises(SyncError, match="no steady SYNC on 080h, which another device must send"):
         Machine.open(path)
 
 
@@ -266,7 +266,7 @@ def test_a_tpdo_that_stops_is_told_and_its_values_are_not_passed_off_as_fresh(tm
         eventually(lambda: machine["x"].snapshot.position is None)
         texts = [str(event) for event in node.pdo_events]
         assert any(
-            text.startswith("node 3: TPDO1 (183h) has stopped coming: the last one is ") for text in texts
+            text.startswith("node 3: TPDO1 (183h) no longer comes: the last one is ") for text in texts
         )
         with machine.simulated_node(3).lock:
             machine.simulated_node(3).device.dials.tpdos_stop = frozenset()

@@ -104,7 +104,7 @@ def test_a_demand_that_counts_anew_after_homing_comes_with_the_next_cycle(make):
     x.home(method=35).wait(5)
     with pytest.raises(StaleError, match="a cycle later") as caught:
         _ = x.following_error
-    assert "since homing" in caught.value.observed
+    assert "homing ended just now" in caught.value.observed
     cell.sleep(0.05)
     assert x.following_error == pytest.approx(0.0, abs=0.1)
 
@@ -174,7 +174,7 @@ def test_a_machine_that_a_signal_stops_says_why_it_takes_no_command(make):
     assert cell["x"].state is AxisState.DISABLED
     assert "Ctrl-C" in str(cell["x"].error)
     assert [str(event) for event in cell.events] == [
-        "every axis is stopped, and no command is taken any more: Ctrl-C"
+        "every axis is being stopped, and further commands are rejected: Ctrl-C"
     ]
     cell.close()
     assert cell["x"].error is None

@@ -58,9 +58,9 @@ def test_a_loop_leads_it_and_the_end_of_the_block_lets_it_go():
         ]
         _, age = control.feedback
         assert age < 0.5
-        with pytest.raises(ArgumentError, match="no command of MIT control"):
+        with pytest.raises(ArgumentError, match="not a command of MIT control"):
             control.command((0.0, 0.0, 0.0, 1.0, 0.0))
-        with pytest.raises(StateError, match="led already"):
+        with pytest.raises(StateError, match="under MIT control already"):
             control.enable()
         assert "idle by its heartbeat" in control.stop()
         assert not control.is_active
@@ -145,7 +145,7 @@ def test_a_lost_module_is_told_and_not_passed_off_as_stopped():
 
     with pytest.raises(NodeError, match="not answered") as caught:
         lead(module, lose)
-    assert "not known to be without power" in str(caught.value)
+    assert "it is not known whether module" in str(caught.value)
 
 
 def test_where_what_decides_fails_itself_damping_and_idle_go_out(monkeypatch):
@@ -156,7 +156,7 @@ def test_where_what_decides_fails_itself_damping_and_idle_go_out(monkeypatch):
         control._leader.step = None
         spin(control, 5.0)
 
-    with pytest.raises(NodeError, match="own thread has failed"):
+    with pytest.raises(NodeError, match="thread of this program has failed"):
         lead(module, break_it)
     assert not module.energised
 

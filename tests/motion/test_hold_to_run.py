@@ -34,7 +34,7 @@ def test_who_says_it_in_time_is_trusted_and_who_does_not_is_told_of_once():
     assert held.broken(10.5, never) is None
     held.hold(10.4, 0.5, "the page")
     assert held.broken(10.8, never) is None
-    assert held.broken(10.91, never) == "the page, which holds it to run, said nothing for 0.5 s"
+    assert held.broken(10.91, never) == "the page, the hold-to-run client, sent no confirmation for 0.5 s"
     assert held.broken(11.0, never) is None
     held.hold(12.0, 0.5, "the page")
     held.let_go()
@@ -49,7 +49,7 @@ def test_continuous_motion_is_trusted_for_a_shorter_time():
         assert moves == []  # it is asked only where that decides
         assert held.broken(until, lambda moves_on=moves_on: moves_on) is None
         assert held.broken(until + 0.01, lambda moves_on=moves_on: moves_on) == (
-            f"the page, which holds it to run, said nothing for {until - 10.0:g} s"
+            f"the page, the hold-to-run client, sent no confirmation for {until - 10.0:g} s"
         )
 
 
@@ -87,7 +87,7 @@ def test_silence_halts_everything_and_leaves_it_enabled_and_free_to_move_on(cell
     assert [axis.state for axis in cell] == [AxisState.STANDSTILL] * 2
     for handle in handles:
         with pytest.raises(
-            Stopped, match=r"halted: its program, which holds it to run, said nothing for 0\.5 s"
+            Stopped, match=r"halted: its program, the hold-to-run client, sent no confirmation for 0\.5 s"
         ):
             handle.wait(1)
     cell["x"].move_relative(5.0).wait(5)

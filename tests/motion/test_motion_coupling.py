@@ -110,8 +110,8 @@ def test_a_blend_from_rest_to_rest_never_turns_round():
         ([(0.0, 1.0)], "2 to 1000 points, this one has 1"),
         ([(0.0, 1.0), (0.0, 2.0)], "must rise"),
         ([(0.0, 1.0), (1.0, math.inf)], "finite"),
-        ([(0.0, 1.0), (1.0,)], "are no points of a cam"),
-        (7, "are no points of a cam"),
+        ([(0.0, 1.0), (1.0,)], "are not points of a cam"),
+        (7, "are not points of a cam"),
         ([(0.0, 0.0), (10.0, 5.0), (1e308, 0.0)], "cannot be computed"),
         ([(0.0, 0.0), (1e-300, 1e300), (1.0, 0.0)], "cannot be computed"),
         ([(n, 0.0) for n in range(1001)], "has 1001"),
@@ -125,7 +125,7 @@ def test_what_is_no_cam_is_refused(points, words):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("master,slave\n0,0\n90;20\n", r"cam.csv, line 3: no point of a cam"),
+        ("master,slave\n0,0\n90;20\n", r"cam.csv, line 3: not a point of a cam"),
         ("master,slave\n0,0\n90,twenty\n", r"line 3"),
         ("0,0\n90,20,1\n", r"line 2"),
         ("0,0\n", r"cam.csv: a cam has 2 to 1000 points"),

@@ -130,7 +130,7 @@ def test_without_the_comparison_the_drives_own_watch_stays_and_so_does_standstil
 @pytest.mark.parametrize(
     ("habit", "changes", "told"),
     [
-        ("is 6064h", {}, "6062h was not yet seen to lead the axis"),
+        ("is 6064h", {}, "6062h has not yet been seen to follow the set-points"),
         ("right", {"demand": DemandUse.IGNORE}, '6062h is not used (demand = "ignore")'),
         ("right", {"demand": DemandUse.USE}, ""),
     ],

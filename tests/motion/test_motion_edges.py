@@ -64,20 +64,26 @@ def ladder(**changes) -> SimpleNamespace:
     [
         ({}, None),
         ({"blind": True}, None),
-        ({"confirmed": False}, "could not be confirmed as stopped"),
-        ({"confirmed": False, "late": ["halt_time"]}, "could not be confirmed as stopped"),
-        ({"late": ["halt_time"]}, "stopped only by a harder stop than was asked for"),
-        ({"spared": True}, "stands, but its drive did not do the quick stop"),
-        ({"held": True}, "something holds it in the middle of a move"),
-        ({"held": True, "spared": True}, "stands, but its drive did not do the quick stop"),
-        ({"late": ["disable_time"], "takes_power": True}, "stands, but could not be switched off"),
+        ({"confirmed": False}, "the stop of the axis could not be confirmed"),
+        ({"confirmed": False, "late": ["halt_time"]}, "the stop of the axis could not be confirmed"),
+        ({"late": ["halt_time"]}, "the axis stopped only by a harder stop than was commanded"),
+        ({"spared": True}, "the axis is at standstill, but its drive did not execute the quick stop"),
+        ({"held": True}, "the axis was blocked during a move"),
+        (
+            {"held": True, "spared": True},
+            "the axis is at standstill, but its drive did not execute the quick stop",
+        ),
+        (
+            {"late": ["disable_time"], "takes_power": True},
+            "the axis is at standstill, but its drive could not be switched off",
+        ),
         (
             {"late": ["disable_time"], "takes_power": True, "seen": PowerState.UNKNOWN},
-            "stands, but could not be switched off",
+            "the axis is at standstill, but its drive could not be switched off",
         ),
         (
             {"late": ["disable_time"], "takes_power": True, "seen": PowerState.SWITCHED_ON},
-            "stopped only by a harder stop than was asked for",
+            "the axis stopped only by a harder stop than was commanded",
         ),
         ({"takes_power": True, "seen": PowerState.SWITCH_ON_DISABLED}, None),
     ],
@@ -98,8 +104,8 @@ def test_what_was_seen_of_a_stop_is_told_in_order():
         seen=PowerState.FAULT,
     )
     assert stop_error(made, "x").observed == (
-        "stop ladder: halt > quick stop > NMT stop; passed: halt_time, quick_stop_time; a; b; "
-        "its power was left on because it holds a load; state 'fault', standstill not seen"
+        "stop sequence: halt > quick stop > NMT stop; passed: halt_time, quick_stop_time; a; b; its power remains on because "
+        "it holds a load; state 'fault', standstill not observed"
     )
     late = stop_error(ladder(late=["halt_time", "quick_stop_time"]), "x")
     assert "halt in time (605Dh, 6084h) and did not" in late.remedy
@@ -111,7 +117,7 @@ def test_a_halt_whose_path_brakes_too_slowly_is_not_put_down_to_the_drive():
     assert remedy.startswith("braking along its path took longer than halt_time")
     assert remedy.endswith("raise halt_time in [axes.x.stop]")
     both = stop_error(ladder(late=["halt_time", "quick_stop_time"], on_its_path=True), "x")
-    assert "look why the drive" in both.remedy
+    assert "find out why the drive" in both.remedy
 
 
 def test_a_stop_that_is_asked_for_again_keeps_the_harder_kind_and_its_lock():
@@ -157,8 +163,8 @@ def test_a_stop_that_is_asked_for_again_keeps_the_harder_kind_and_its_lock():
         (0x9000, "external fault input"),
         (0xF000, "drive's manual for this error code"),
         (0x1000, "drive's manual for this error code"),
-        (0x8130, "missed our heartbeat"),
-        (0x8140, "the bus went off"),
+        (0x8130, "missed the master's heartbeat"),
+        (0x8140, "the bus was off"),
         (0x8611, "does not follow its demand"),
         (0x8612, "limit switch or software limit"),
         (0x7121, "the motor is blocked"),

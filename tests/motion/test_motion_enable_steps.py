@@ -144,7 +144,7 @@ def test_an_axis_that_is_enabled_and_does_not_come_to_rest_is_told():
     drive = Drive()
     activity = enable(drive, moving=True)
     position = 0
-    with pytest.raises(AxisbusError, match="is enabled, but does not stand"):
+    with pytest.raises(AxisbusError, match="the axis is enabled, but not at standstill"):
         for _ in range(140):
             position += 10
             assert not activity.step(*drive.cycle(statusword=ENABLED, mode=1, position=position))
@@ -176,7 +176,7 @@ def test_the_first_mode_that_the_drive_takes_is_used_and_all_that_were_tried_are
     drive = Drive()
     activity = enable(drive, (PP, CSP, PV))
     asked = []
-    with pytest.raises(ModeError, match="takes none") as caught:
+    with pytest.raises(ModeError, match="accepts no mode") as caught:
         for _ in range(300):
             activity.step(*drive.cycle(statusword=DISABLED, mode=4, position=0))
             asked.append(int(drive.order.mode or 0))
@@ -205,7 +205,7 @@ def test_a_drive_that_shows_another_mode_once_it_has_power_is_told_after_a_secon
     activity = enable(drive)
     obeyed = 0
     word = DISABLED
-    with pytest.raises(ModeError, match="takes none"):
+    with pytest.raises(ModeError, match="accepts no mode"):
         for _ in range(300):
             assert not activity.step(
                 *drive.cycle(statusword=word, mode=3 if word == ENABLED else 1, position=0)
@@ -324,7 +324,7 @@ def test_each_new_state_has_its_time_and_one_seen_before_has_none():
     drive.later(since + 2.0 - drive.now - T)
     assert not walk.step(*drive.cycle(), PowerState.OPERATION_ENABLED)
     with pytest.raises(
-        TransitionError, match="does not go on from 'ready to switch on' to 'operation enabled'"
+        TransitionError, match="does not change from 'ready to switch on' to 'operation enabled'"
     ) as caught:
         walk.step(*drive.cycle(), PowerState.OPERATION_ENABLED)
     assert caught.value.observed.startswith(

@@ -188,10 +188,10 @@ def test_a_drive_that_rounds_the_period_is_found_out_by_reading_back():
 def test_a_trajectory_that_begins_elsewhere_is_refused_and_nothing_moves():
     r = rig().enabled()
     watch = Watch(r)
-    with pytest.raises(LimitError, match="does not begin where the axis stands") as caught:
+    with pytest.raises(LimitError, match="does not begin at the position of the axis") as caught:
         r.axis.follow(TrapezoidalTrajectory(1.0, 5.0, 50.0, 500.0)).wait(5)
     r.run(0.5)
-    assert "begins at 1 deg, the axis stands at 0 deg" in caught.value.observed
+    assert "begins at 1 deg, the axis is at 0 deg" in caught.value.observed
     assert watch.displacement < 1.0
 
 
@@ -200,7 +200,7 @@ def test_inputs_that_do_not_travel_with_sync_refuse_a_cyclic_mode(name):
     r = rig(port={"inputs": {name: ValueTransport.EVENT_PDO}, "event_timer": 0.05}).enabled()
     with pytest.raises(StateError, match="synchronous PDOs") as caught:
         r.axis.follow(TrapezoidalTrajectory(0.0, 5.0, 50.0, 500.0)).wait(2)
-    assert f"{name} travels by event-driven PDO" in caught.value.observed
+    assert f"{name} is transmitted by event-driven PDO" in caught.value.observed
     assert r.axis.state is AxisState.STANDSTILL
 
 

@@ -145,7 +145,7 @@ def test_when_nothing_at_all_arrives_the_node_is_named_as_lost():
     lose(r, *NAMES)
     r.until(lambda: r.axis.state is AxisState.ERRORSTOP)
     assert isinstance(r.axis.error, NodeError)
-    assert "sends no process data any more" in r.axis.error.message
+    assert "no longer sends process data" in r.axis.error.message
 
 
 def test_an_axis_at_standstill_that_goes_silent_is_not_left_in_standstill():
@@ -227,7 +227,7 @@ def test_what_an_axis_shows_ends_with_its_scan():
     r.scan.end()
     with pytest.raises(StaleError, match="position") as caught:
         _ = r.axis.position
-    assert "nothing is received any more" in caught.value.observed
+    assert "nothing more is received" in caught.value.observed
 
 
 def test_what_an_axis_shows_is_not_of_now_while_the_scan_hangs():

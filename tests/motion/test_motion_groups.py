@@ -389,7 +389,7 @@ def test_a_member_that_refuses_the_mode_stops_the_others_before_they_start():
     r.drive_of("y").dials.modes_refused = frozenset({8})
     seen = watches(r)
     handle = r.groups["all"].move_linear((30.0, 30.0, 30.0), velocity=50.0)
-    with pytest.raises(AxisbusError, match="y: the drive does not take mode 8"):
+    with pytest.raises(AxisbusError, match="y: the drive does not enter mode 8"):
         handle.wait(5)
     r.run(0.5)
     assert all(watch.displacement < 1.0 for watch in seen.values())

@@ -43,7 +43,7 @@ class Bounded:
     def rest(self, state: AxisState = FREE, course: CommandedMotion | None = None, **options) -> float | None:
         """Return where it could come to rest, by the error's text; None where there is no danger."""
         error = self.guard.danger(self.drive.image, state, course=course, **options)
-        return None if error is None else float(error.observed.split("rest at ")[1].split(";")[0])
+        return None if error is None else float(error.observed.split("stop at ")[1].split(";")[0])
 
 
 def turning(step: float, down: float = DOWN) -> CommandedMotion:
@@ -141,7 +141,7 @@ def test_without_a_command_the_acceleration_that_is_seen_counts():
     rest = 91_000 + 16 * 19 * 19 + speed * 4 / 64 + speed**2 / (2 * 500_000)
     error = guard.danger(drive.image, FREE)
     assert isinstance(error, LimitError)
-    assert float(error.observed.split("rest at ")[1].split(";")[0]) == pytest.approx(rest / 1000, abs=0.001)
+    assert float(error.observed.split("stop at ")[1].split(";")[0]) == pytest.approx(rest / 1000, abs=0.001)
     assert "allowed are 0 to 100" in error.observed
 
 
@@ -463,7 +463,7 @@ def test_only_positions_that_are_new_count_for_the_lag():
         assert watch.error(drive.cycle()[0], activity) is None
     drive.image.origin = -2000
     error = watch.error(drive.cycle(position=0)[0], activity)
-    assert "at 2 deg it is 5 deg from where it should be by now; 4 are allowed" in error.observed
+    assert "at 2 deg it is 5 deg from its expected position; 4 are allowed" in error.observed
     other = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
     assert watch.error(drive.cycle(position=1)[0], other) is None  # another command begins anew
     assert watch.error(drive.cycle(position=2)[0], None) is None

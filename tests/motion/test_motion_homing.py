@@ -307,7 +307,7 @@ def test_what_was_seen_of_a_homing_that_failed(word, told):
     assert error.observed == f"why; {told}"
     is_found = word == 0x1237
     assert ("switch" in error.remedy) is not is_found
-    assert ("what sets bit 10" in error.remedy) is is_found
+    assert ("the condition of bit 10" in error.remedy) is is_found
 
 
 def test_the_cell_s_time_out_counts_where_the_call_gives_none():

@@ -691,7 +691,7 @@ def test_without_6064h_bit_10_tells_of_a_set_point_given_at_rest():
     ids=["at rest", "in motion", "to the end"],
 )
 def test_without_6064h_what_cannot_be_seen_is_not_taken(word_at):
-    with pytest.raises(SetPointError, match="nothing shows"):
+    with pytest.raises(SetPointError, match="no sign that"):
         proved(word_at)
 
 

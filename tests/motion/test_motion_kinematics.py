@@ -209,7 +209,7 @@ def test_where_an_axis_is_at_its_limits_for_a_short_while_a_soft_way_keeps_them_
 
 def test_a_line_that_comes_too_near_to_the_middle_is_refused():
     straight = Scara(150.0, 150.0)
-    with pytest.raises(ValueError, match="too near to a leap"):
+    with pytest.raises(ValueError, match="too near to a jump"):
         survey(KinematicSegment(Straight((200.0, 0.05), (-200.0, 0.05), 400.0), straight))
 
 

@@ -152,9 +152,9 @@ def unknown_ratio():
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
-        (unknown_ratio(), "how its velocities and accelerations count is not known"),
-        ({"fixed_ramps": ((0x6084, None),)}, "does not take a deceleration"),
-        ({"fixed_ramps": ((0x6084, 0),)}, "does not take a deceleration"),
+        (unknown_ratio(), "the units of its velocities and accelerations are unknown"),
+        ({"fixed_ramps": ((0x6084, None),)}, "does not accept a deceleration"),
+        ({"fixed_ramps": ((0x6084, 0),)}, "does not accept a deceleration"),
         ({"braking": Braking(halt=Ramp.COAST, quick_stop=Ramp.COAST)}, "coast"),
         ({"braking": Braking(halt=Ramp.QUICK)}, "6085h"),
     ],
@@ -261,7 +261,7 @@ def test_an_axis_is_stopped_that_is_twice_as_fast_as_it_was_asked_to_be():
     course = CommandedMotion(speed=6400.0)  # 100 in a cycle
     assert Watched(course).go(100 * MARGIN_OF_COMMAND + 3, 30) is None
     error = Watched(course).go(100 * MARGIN_OF_COMMAND + 4)
-    assert "faster than it was asked to be" in error.message
+    assert "faster than commanded" in error.message
     assert Watched(course, limits=AxisLimits()).go(300) is not None
     assert Watched(None, limits=AxisLimits()).go(30_000) is None
 

@@ -493,9 +493,9 @@ def test_a_trajectory_begins_where_the_axis_stands(start, begins):
     if begins:
         run()
         return
-    with pytest.raises(LimitError, match="does not begin where the axis stands") as caught:
+    with pytest.raises(LimitError, match="does not begin at the position of the axis") as caught:
         run()
-    assert caught.value.observed == "it begins at 90 deg, the axis stands at 0 deg"
+    assert caught.value.observed == "it begins at 90 deg, the axis is at 0 deg"
 
 
 def test_a_path_without_a_position_is_refused():
@@ -564,7 +564,7 @@ def test_an_axis_has_left_when_it_is_seen_at_rest(changes, over):
     assert axis.over
     assert (axis.error is None) is over
     if not over:
-        assert axis.error.message == "x: could not be confirmed as stopped"
+        assert axis.error.message == "x: the stop of the axis could not be confirmed"
         assert "TREAT THE AXIS AS MOVING" in axis.error.remedy
         assert axis.told is axis.error
     assert axis.verdict is axis.error
@@ -607,7 +607,7 @@ def test_why_a_value_is_not_known_is_told():
     r.run(0.1)
     with pytest.raises(StaleError) as caught:
         _ = r.axis.velocity
-    assert caught.value.observed == "it does not travel: no TPDO holds it, and it is not polled"
+    assert caught.value.observed == "it is not transmitted: no TPDO contains it, and it is not polled"
     assert r.axis.position == 0.0
     assert r.axis.state is AxisState.DISABLED
 

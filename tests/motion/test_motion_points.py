@@ -108,7 +108,7 @@ def test_what_was_taken_can_be_ended_anywhere():
 def test_no_point_leads_where_it_cannot_be_braked_in_time():
     lame = MAY._replace(braking=10.0)
     joining = CurveFit({"x": lame}, "x.stream")
-    with pytest.raises(LimitError, match="could not be braked from"):
+    with pytest.raises(LimitError, match="could not brake in time"):
         for number in range(9):
             joining.take(StreamPoint(0.01 * number, (3.0 * 0.01 * number * 50.0,)))
 

@@ -497,10 +497,10 @@ def test_a_fault_that_persists_gets_a_new_edge_and_is_then_told_with_its_cause()
         if b & FAULT_RESET and not a & FAULT_RESET
     ]
     assert len(edges) >= 1
-    assert "does not go away" in caught.value.message
+    assert "does not clear the fault" in caught.value.message
     assert r.axis.state is AxisState.ERRORSTOP
     assert "4210" in str(r.axis.error)  # the first reason stays, what came later is added
-    assert "does not go away" in str(r.axis.error)
+    assert "does not clear the fault" in str(r.axis.error)
     r.drive.dials.fault_persists = False
     r.axis.reset().wait(3)
     assert r.axis.state is AxisState.DISABLED
@@ -546,7 +546,7 @@ def test_a_drive_that_drops_out_at_standstill_says_so_and_stays_off():
     r.run(1.0)
     assert watch.transitions == [9]
     assert r.axis.state is AxisState.ERRORSTOP
-    assert "left operation enabled by itself" in str(r.axis.error)
+    assert "left operation enabled without a command" in str(r.axis.error)
     r.axis.reset().wait(1)
     assert r.axis.state is AxisState.DISABLED
     r.run(1.0)

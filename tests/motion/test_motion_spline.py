@@ -98,13 +98,13 @@ def test_what_may_be_followed():
 @pytest.mark.parametrize(
     ("what", "duration", "words"),
     [
-        (5.0, None, r"x\.follow: 5\.0 is nothing"),
-        ([1.0, 2.0], None, "is nothing that can be followed"),
-        ([(0.0, 1.0, 2.0)], None, "is nothing that can be followed"),
-        ([], None, "is nothing that can be followed"),
+        (5.0, None, r"x\.follow: 5\.0 is not a trajectory"),
+        ([1.0, 2.0], None, "is not a trajectory that can be followed"),
+        ([(0.0, 1.0, 2.0)], None, "is not a trajectory that can be followed"),
+        ([], None, "is not a trajectory that can be followed"),
         (math.sin, None, "a function needs a duration"),
-        ([(0.0, 0.0), (1.0, 1.0)], 2.0, "a duration of their own"),
-        (TrapezoidalTrajectory(0.0, 1.0, 1.0, 1.0), 2.0, "a duration of their own"),
+        ([(0.0, 0.0), (1.0, 1.0)], 2.0, "their own duration"),
+        (TrapezoidalTrajectory(0.0, 1.0, 1.0, 1.0), 2.0, "their own duration"),
     ],
 )
 def test_what_may_not(what, duration, words):

@@ -113,7 +113,7 @@ def test_an_axis_that_stood_and_moves_under_its_halt_is_not_left_to_the_halt_s_t
     r.until(lambda: r.axis.error is not None)
     assert r.now - began < 0.5
     assert isinstance(r.axis.error, UncommandedMotion)
-    assert "moves by itself" in r.axis.error.message
+    assert "moves without a command" in r.axis.error.message
     assert r.axis.state is AxisState.ERRORSTOP
     assert not halted.done  # it is stopped harder, and the halt goes with that
 
@@ -137,7 +137,7 @@ def test_a_halt_that_the_drive_does_not_hear_leads_down_to_quick_stop_and_is_tol
     r.drive.dials.ignore_halt = True
     r.drive._mode.step = lambda axis, dt: axis.follow(axis.position + axis.velocity * dt, axis.velocity, dt)
     watch = Watch(r)
-    with pytest.raises(DriveError, match="harder stop than was asked for") as caught:
+    with pytest.raises(DriveError, match="harder stop than was commanded") as caught:
         r.axis.halt().wait(5)
     assert "halt > quick stop" in caught.value.observed
     assert "halt_time" in caught.value.remedy
@@ -174,7 +174,7 @@ def test_a_release_before_it_stands_is_refused_and_the_stop_goes_on():
     r = turning()
     stop = r.axis.stop()
     r.run(0.05)
-    with pytest.raises(StateError, match="does not stand yet"):
+    with pytest.raises(StateError, match="is not at standstill yet"):
         r.axis.release().wait(1)
     stop.wait(3)
     assert r.axis.state is AxisState.STOPPING
@@ -379,8 +379,8 @@ def test_a_load_is_not_dropped_by_a_quick_stop_that_is_not_heard():
     r.run(0.5)
     assert r.drive.power.stage == ENABLED  # the power is what holds it
     assert watch.travel[0] >= watch.rows[0].position - 1
-    assert "did not do the quick stop" in handle.exception().message
-    assert "left on because it holds a load" in handle.exception().observed
+    assert "did not execute the quick stop" in handle.exception().message
+    assert "remains on because it holds a load" in handle.exception().observed
     assert r.axis.state is AxisState.ERRORSTOP
 
 

@@ -351,7 +351,7 @@ def test_what_a_program_s_own_code_raises_ends_the_command_and_the_axis_is_brake
     path = Fails(8.0)
     handle = Wire(r, path).follow()
     r.until(lambda: not handle.busy)
-    with pytest.raises(ArgumentError, match=r"^x: the trajectory gives no position at 3.0\d0 s") as caught:
+    with pytest.raises(ArgumentError, match=r"^x: the trajectory returned no position at 3.0\d0 s") as caught:
         handle.wait(1)
     assert isinstance(caught.value.__cause__, RuntimeError)
     r.until(lambda: r.core.ladder is None)
@@ -364,10 +364,10 @@ def test_a_trajectory_that_is_broken_before_it_begins_moves_nothing():
     r = rig().enabled()
     watch = Watch(r)
     wire = Wire(r, PATHS["trapezoid"])
-    error = ArgumentError("x: the trajectory gives no position")
+    error = ArgumentError("x: the trajectory returned no position")
     wire.stream.fail(error)
     wire.stream.fail(ArgumentError("another"))
-    with pytest.raises(ArgumentError, match="gives no position"):
+    with pytest.raises(ArgumentError, match="returned no position"):
         wire.follow().wait(5)
     r.run(0.5)
     assert watch.displacement < 1
@@ -375,7 +375,7 @@ def test_a_trajectory_that_is_broken_before_it_begins_moves_nothing():
 
 def test_samples_that_are_not_of_the_scan_s_period_are_refused():
     r = rig(scan_period=0.02).enabled()
-    with pytest.raises(ArgumentError, match="do not fit the scan"):
+    with pytest.raises(ArgumentError, match="do not match the scan"):
         Wire(r, PATHS["trapezoid"]).follow().wait(5)
 
 
@@ -390,7 +390,9 @@ def test_samples_that_are_not_of_the_scan_s_period_are_refused():
 def test_whatever_comes_late_the_axis_stands_on_its_path(waves, deceleration, delays, what, when):
     path = Waves(5.0, tuple(waves))
     fastest = max(abs(path.position(t / 100 + 0.01) - path.position(t / 100)) for t in range(500)) / 0.01
-    assume(fastest < 480.0)  # the motor turns no faster than 500 deg/s, and then jolts where the path slows down
+    assume(
+        fastest < 480.0
+    )  # the motor turns no faster than 500 deg/s, and then jolts where the path slows down
     limits, defaults = AxisLimits(velocity=fastest + 1.0), Defaults(velocity=100.0, acceleration=deceleration)
     r = rig(limits=limits, defaults=defaults).enabled()
     watch = Watch(r)

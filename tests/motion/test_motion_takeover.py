@@ -215,7 +215,7 @@ def test_a_drive_with_cst_alone_is_refused_because_its_torque_may_hold_something
     r = found(CST, modes=frozenset({M.CYCLIC_SYNC_TORQUE}))
     with pytest.raises(StateError, match="cannot be taken over in mode cst without a jump") as caught:
         r.axis.enable().wait(5)
-    assert caught.value.observed.startswith("its torque may be holding something")
+    assert caught.value.observed.startswith("its torque may be holding a load")
 
 
 @pytest.mark.parametrize("offsets", [(0, 0, 0), (3_000, 3_000, 300)])

@@ -131,7 +131,7 @@ def test_a_node_is_lost_with_its_bus_whatever_it_said_last():
     )
     assert isinstance(finding.error, BusOff)
     assert "the bus is off" in finding.error.message
-    assert "make sure that the axis stands" in finding.error.remedy
+    assert "make sure that the axis is at standstill" in finding.error.remedy
 
 
 def test_silence_after_a_long_gap_of_our_own_is_excused_for_a_time():
@@ -237,7 +237,7 @@ def test_a_drive_of_which_no_value_is_fresh_is_lost():
     drive, supervision = watched()
     drive.cycle()
     assert (
-        "sends no process data any more" in supervision.power(drive.image, AxisState.STANDSTILL).error.message
+        "no longer sends process data" in supervision.power(drive.image, AxisState.STANDSTILL).error.message
     )
     drive.cycle(velocity=0)
     error = supervision.power(drive.image, AxisState.STANDSTILL).error
@@ -291,7 +291,7 @@ def test_a_drive_that_leaves_its_mode_in_a_motion_is_stopped_hard():
             is None
         )
     finding = supervision.power(drive.cycle(mode=1, position=0)[0], state, activity)
-    assert "has left mode 3 (pv) by itself" in finding.error.message
+    assert "has left mode 3 (pv) without a command" in finding.error.message
     assert finding.rung is StopLevel.QUICK_STOP
 
 
@@ -330,12 +330,12 @@ def test_an_axis_that_coasts_out_of_a_torque_is_stopped_harder_where_it_gets_too
     ("positions", "demand", "told"),
     [
         ([0, 4000, 4000], None, None),
-        ([0, 4001, 4001], None, "moves by itself"),
-        ([0, -4001, -4001], None, "moves by itself"),
+        ([0, 4001, 4001], None, "moves without a command"),
+        ([0, -4001, -4001], None, "moves without a command"),
         ([0, 4001, 0, 4001], None, None),  # two in a row
         ([0, 0, 0], 4000, None),
-        ([0, 0], 4001, "pulls it elsewhere"),
-        ([0, 0], -4001, "pulls it elsewhere"),
+        ([0, 0], 4001, "pulls it to another position"),
+        ([0, 0], -4001, "pulls it to another position"),
     ],
 )
 def test_what_rests_stays_where_it_is_and_is_not_pulled_elsewhere(positions, demand, told):
@@ -368,7 +368,11 @@ def test_a_rest_goes_by_positions_that_are_new_and_begins_anew_when_it_is_forgot
 
 @pytest.mark.parametrize(
     ("place", "message"),
-    [(14_000, "pulls it elsewhere"), (14_001, "moves by itself"), (6000, "pulls it elsewhere")],
+    [
+        (14_000, "pulls it to another position"),
+        (14_001, "moves without a command"),
+        (6000, "pulls it to another position"),
+    ],
 )
 def test_what_is_pulled_and_gives_way_within_the_window_stands_still(place, message):
     drive = Drive()
@@ -416,8 +420,8 @@ def test_what_rests_without_a_position_is_watched_by_its_velocity(velocities, to
     found = [error for error in errors if error is not None]
     assert bool(found) == told
     if told:
-        assert "moves by itself" in found[0].message
-        assert "it went by about " in found[0].observed
+        assert "moves without a command" in found[0].message
+        assert "it moved by about " in found[0].observed
 
 
 def test_by_velocity_a_rest_begins_anew_too_and_counts_no_time_in_which_nothing_was_known():
@@ -552,7 +556,7 @@ def test_a_drive_in_fault_that_does_not_come_to_rest_is_told_once_after_its_time
             told.append((drive.now - began, error))
     [(after, error)] = told
     assert after == 4.0 + T
-    assert "which is to brake the motor, and has not ended" in error.observed
+    assert "which brakes the motor and has not ended" in error.observed
     aftermath.error(drive.cycle(statusword=READY)[0], run_down, True)
     for _ in range(256):
         assert aftermath.error(drive.cycle(statusword=REACTION)[0], run_down, True) is None
@@ -954,7 +958,7 @@ def test_a_drive_that_is_enabled_again_and_again_for_a_quarter_of_a_second_is_to
         word = DISABLED if 0 < cycle <= off else ENABLED
         errors.append(supervision.energised(drive.cycle(statusword=word)[0], at_work=False))
     assert [error is not None for error in errors] == [False] * told + [True]
-    assert errors[-1].message == "x: its drive was enabled, and nobody asked this program for it"
+    assert errors[-1].message == "x: its drive was enabled, but not by this program"
 
 
 def test_while_a_command_is_at_work_its_drive_may_be_enabled():
@@ -1317,7 +1321,7 @@ def test_that_this_program_did_not_run_is_told_first():
     error = enrich(DriveError("no", observed="seen", remedy="look"), drive.image, made)
     assert error is not None
     assert error.observed.startswith("this program did not run for 0.5 s of the last 2 s; seen; ")
-    assert error.remedy.startswith("give this program its time")
+    assert error.remedy.startswith("give this program enough processor time")
     assert error.remedy.endswith("look")
     alarm = enrich(DriveError("no", remedy="TREAT IT AS MOVING"), drive.image, made)
     assert alarm.remedy.startswith("TREAT IT AS MOVING")

@@ -87,7 +87,7 @@ def test_a_corner_joins_its_lines_within_what_was_asked_for(three, within):
 
 def test_what_turns_by_nothing_is_no_corner_and_what_turns_back_cannot_be_rounded():
     assert corner((0.0, 0.0), (1.0, 0.0), (1.0, 0.0), within=1.0, room=1.0) is None
-    with pytest.raises(ValueError, match="a way back"):
+    with pytest.raises(ValueError, match="a reversal of the path"):
         corner((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), within=1.0, room=1.0)
 
 

@@ -168,7 +168,7 @@ def test_a_csv_file_is_drawn(tmp_path):
     [
         ("time [s],x.position [deg]\n0,1\n", "recording.csv:1: there is no column of an axis"),
         ("time [s],what\n", "recording.csv:1: there is no column of an axis"),
-        (None, "recording.csv:3: this line is no sample"),
+        (None, "recording.csv:3: this line is not a sample"),
     ],
 )
 def test_a_csv_file_of_another_program_is_refused_with_its_line(tmp_path, text, told):

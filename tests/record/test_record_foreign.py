@@ -110,7 +110,7 @@ def test_an_object_keeps_the_types_of_its_values(tmp_path):
 )
 def test_what_is_not_as_ours_is_refused_and_named(tmp_path, how, said):
     path = write(tmp_path / "a.mcap", **{"messages": [SAMPLE], **how})
-    with pytest.raises(UserError, match="is no recording of axisbus") as told:
+    with pytest.raises(UserError, match="is not a recording of axisbus") as told:
         load(path)
     assert str(path) in told.value.message
     assert said in told.value.observed

@@ -128,7 +128,7 @@ def test_a_controller_that_is_restarted_in_mid_move_leaves_the_cell_stopped_unti
         assert told == [
             " is error passive (transmit errors 135, receive errors 0)",
             " is bus-off (transmit errors 135, receive errors 0)",
-            " has been restarted and takes part in the bus again: look at every node anew",
+            " has been restarted and takes part in the bus again: check every node again",
         ]
         until(lambda: [machine.node(node).nmt for node in (1, 2)] == [NmtState.OPERATIONAL] * 2, 10)
         time.sleep(0.5)

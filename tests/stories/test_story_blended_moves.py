@@ -95,7 +95,7 @@ def test_one_that_leads_back_stops_at_the_joint_and_says_so(story):
     assert cell.end_of(first) is None
     assert cell.end_of(second) is None
     assert max(cell.positions("x", 0.0)) == pytest.approx(60.0, abs=0.1)
-    assert "leads back" in second.note
+    assert "reverses there" in second.note
     assert first.note == ""
     must_have_kept_limits(ledger)
 
@@ -230,7 +230,7 @@ def test_one_that_took_over_and_turns_round_still_is_waited_for(story):
     last = cell.x.move_absolute(-30.0, buffer="blending_low")
     assert cell.end_of(back) is None
     assert cell.end_of(last) is None
-    assert "turns round" in last.note
+    assert "reverses" in last.note
     assert cell.where("x") == pytest.approx(-30.0, abs=0.1)
     must_have_kept_limits(ledger)
 
@@ -297,7 +297,7 @@ def test_while_a_distance_is_being_laid_over_one_waits_and_says_so(story):
     cell.x.move_superimposed(5.0, velocity=5.0)
     last = cell.x.move_absolute(80.0, buffer="blending_low")
     assert cell.end_of(last, 20.0) is None
-    assert "laid over" in last.note
+    assert "being superimposed" in last.note
 
 
 def test_what_would_end_beyond_the_limits_is_refused_and_the_rest_goes_on(story):
@@ -337,7 +337,7 @@ def test_what_cannot_pass_into_another_is_refused_in_words(story):
     cell, _ = one(story)
     with pytest.raises(ArgumentError, match="only a move to a position"):
         cell.x.move_velocity(20.0, buffer="blending_low")
-    with pytest.raises(ArgumentError, match="no way to take over"):
+    with pytest.raises(ArgumentError, match="is not a buffer mode"):
         cell.x.move_absolute(20.0, buffer="blending")
     cell.x.move_absolute(60.0, buffer="blending_low")
     assert cell.end_of(cell.x.halt()) is None
@@ -409,7 +409,7 @@ def test_back_from_a_move_of_the_drive_is_buffered_and_says_so(story):
     assert cell.where("x") == pytest.approx(60.0, abs=0.1)
     assert cell.end_of(second) is None
     assert cell.where("x") == pytest.approx(10.0, abs=0.1)
-    assert "leads back" in second.note
+    assert "reverses there" in second.note
 
 
 def test_a_move_of_no_length_behind_one_of_the_drive_is_buffered_and_says_so(story):
@@ -450,7 +450,7 @@ def test_one_that_took_over_under_an_override_is_waited_for(story):
     last = cell.x.move_absolute(120.0, buffer="blending_low")
     assert cell.end_of(over) is None
     assert cell.end_of(last) is None
-    assert "under an override" in last.note
+    assert "has an override" in last.note
     assert cell.where("x") == pytest.approx(120.0, abs=0.1)
     must_have_kept_limits(ledger)
 
@@ -550,7 +550,7 @@ def test_a_move_of_a_group_is_waited_for(story):
     last = cell.x.move_absolute(60.0, buffer="blending_low")
     assert cell.end_of(direct) is None
     assert cell.end_of(last) is None
-    assert "a motion of a group" in last.note
+    assert "belongs to a group" in last.note
     assert cell.where("x") == pytest.approx(60.0, abs=0.1)
 
 

@@ -182,7 +182,7 @@ def test_a_node_that_does_not_start_again_names_its_errors(tmp_path):
     with Machine.simulated(line.file) as machine:
         machine.node(1).command(NmtCommand.ENTER_PRE_OPERATIONAL)
         machine.simulated_node(1).device.dials.start_error = 0x8120
-        with pytest.raises(NodeTimeout, match="node 1 does not take the NMT command 'start'") as caught:
+        with pytest.raises(NodeTimeout, match="node 1 does not execute the NMT command 'start'") as caught:
             machine.node(1).command(NmtCommand.START)
         assert "1. 0x8120, CAN in error passive mode" in caught.value.observed
         assert "supply" not in str(caught.value)
@@ -250,7 +250,7 @@ def test_an_optional_node_that_is_absent_blocks_nobody_and_its_axis_says_why(tmp
         with line.open() as machine:
             assert [axis.name for axis in machine] == ["x"]
             with pytest.raises(
-                StateError, match="axis y cannot be used: node 2 is optional and is not there"
+                StateError, match="axis y cannot be used: node 2 is optional and is not present"
             ):
                 machine["y"]
             enable(machine["x"])
@@ -281,7 +281,7 @@ def test_an_optional_node_that_appears_later_is_picked_up(tmp_path, impatient):
 def test_an_optional_node_that_is_another_device_is_told_and_not_used(tmp_path):
     with Line(tmp_path, "xy") as line:
         with_lines(line, 2, "optional = true", "serial = 99")
-        with line.open() as machine, pytest.raises(StateError, match="did not come up") as caught:
+        with line.open() as machine, pytest.raises(StateError, match="did not boot") as caught:
             machine["y"]
         assert "serial number differs" in caught.value.observed
         assert line.devices["y"].nmt is not NmtState.OPERATIONAL
@@ -292,7 +292,7 @@ def test_boot_tells_an_optional_node_apart_from_one_that_must_be_there(axisbus, 
         with_lines(line, 2, "optional = true")
         code, out = axisbus("boot", line.file)
     assert code == 0, out
-    assert "node 2: not there; it is optional" in out
+    assert "node 2: not present; it is optional" in out
     assert "1 of 2 nodes came up" in out
 
 
@@ -343,7 +343,9 @@ def test_a_drive_that_can_only_watch_its_rpdos_does_so_and_is_let_go(tmp_path):
         with line.open() as machine:
             watchdog = machine.reports[0].watchdog
             assert watchdog.kind is Watchdog.ARMED
-            number = int(re.search(r"(14\d\d)h:05 expects our RPDO within 600 ms", watchdog.text)[1], 16)
+            number = int(
+                re.search(r"(14\d\d)h:05 expects the master's RPDO within 600 ms", watchdog.text)[1], 16
+            )
             assert device.read(number, 5) == 600
             enable(machine["x"])
             machine["x"].move_relative(30.0).wait(20)
@@ -449,7 +451,7 @@ def test_a_node_that_is_lost_and_comes_back_is_told_with_the_reaction_time(tmp_p
         assert lost.node == 1
         assert lost.silent >= 0.6  # three heartbeats of 200 ms
         assert lost.reaction == pytest.approx(lost.silent - 0.6, abs=0.02)
-        assert "noticed within" in str(lost)
+        assert "detected within" in str(lost)
 
 
 def test_a_restart_and_another_nmt_state_are_told(tmp_path):
@@ -499,7 +501,7 @@ def test_an_optional_node_may_be_absent_in_virtual_time_too(tmp_path):
         assert [axis.name for axis in machine] == ["x"]
         enable(machine["x"])
         machine["x"].move_relative(5.0).wait(5)
-        with pytest.raises(StateError, match="node 2 is optional and is not there"):
+        with pytest.raises(StateError, match="node 2 is optional and is not present"):
             machine["y"]
 
 
@@ -532,7 +534,7 @@ def test_an_optional_node_that_appears_as_another_device_is_told_in_virtual_time
         machine.sleep(2.5)
         assert "y" not in machine
         assert machine.reports[1].outcome.letter.name == "O"
-        with pytest.raises(StateError, match="optional and did not come up"):
+        with pytest.raises(StateError, match="optional and did not boot"):
             machine["y"]
         assert not made[2].operational
 
@@ -550,7 +552,7 @@ def test_a_node_that_is_lost_and_comes_back_is_told_in_virtual_time(tmp_path):
         machine.sleep(1.0)
         device.dials.dead = False
         machine.sleep(0.2)
-        assert device.nmt is NmtState.PRE_OPERATIONAL  # it has missed our heartbeats, too
+        assert device.nmt is NmtState.PRE_OPERATIONAL  # it has missed the master's heartbeats, too
         machine.node(1).command(NmtCommand.START)
         machine.sleep(0.2)
         machine.node(1).command(NmtCommand.RESET_NODE)
@@ -638,7 +640,7 @@ def opened_again_after(line: Line, machine: Machine, silence: str = "its heartbe
     device.dials.dead = True
     until(lambda: machine["x"].error is not None)
     for _ in range(2):
-        with pytest.raises(StateError, match="node 1 is lost, so there is nobody to reset") as caught:
+        with pytest.raises(StateError, match="node 1 is lost, so there is no node to reset") as caught:
             machine["x"].reset().wait(5)
     assert silence in caught.value.observed
     assert "until axisbus scan shows it; then close the machine and open it again" in caught.value.remedy

@@ -86,7 +86,7 @@ def test_what_waits_does_not_begin_behind_a_motion_that_did_not_end_well(story, 
     for handle in waits:
         error = cell.failure_of(handle)
         assert isinstance(error, Interrupted)
-        assert "has not begun, because x.move_absolute(200 deg) did not end well" in str(error)
+        assert "did not begin, because x.move_absolute(200 deg) failed" in str(error)
     before = cell.where("x")
     cell.run(1.0)
     assert cell.where("x") == pytest.approx(before, abs=0.5 if how != "fault" else 20.0)
@@ -117,7 +117,7 @@ def test_so_many_wait_and_no_more(story):
     x = cell["x"]
     first = x.move_absolute(100.0)
     handles = [x.move_relative(0.1, buffer=True) for _ in range(MOST + 1)]
-    assert f"{MOST} commands wait already" in str(cell.failure_of(handles[-1]))
+    assert f"{MOST} commands are waiting already" in str(cell.failure_of(handles[-1]))
     x.halt().wait()
     assert all(isinstance(handle.exception(), Interrupted) for handle in (first, *handles[:-1]))
 

@@ -183,7 +183,7 @@ def test_a_drive_that_is_pre_operational_when_it_is_heard_again_needs_the_machin
         line.must_stand(stages=OFF)
         refused = ends_of([x.reset()])[0]
         assert isinstance(refused, StateError)
-        assert "node 1 is there again, and cannot be reset into service" in str(refused)
+        assert "node 1 has returned, but a reset is not enough" in str(refused)
         assert isinstance(ends_of([x.enable()])[0], AxisbusError)
         with suppress(AxisbusError, ExceptionGroup):
             machine.close()

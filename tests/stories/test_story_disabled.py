@@ -34,7 +34,7 @@ def test_a_drive_that_does_not_let_go_of_its_power_is_told_and_stays_told(tmp_pa
         assert 0.2 < took < 0.6
         assert cell.core().state is AxisState.ERRORSTOP
         error = cell.x.error
-        assert error.message == "x: its drive was enabled, and nobody asked this program for it"
+        assert error.message == "x: its drive was enabled, but not by this program"
         assert error.observed.startswith(
             "the axis is disabled, its drive was seen in state 'operation enabled' again after 0.25 s"
         )

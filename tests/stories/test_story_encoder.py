@@ -180,7 +180,7 @@ def written(tmp_path, text: str):
     ("change", "words"),
     [
         (("scale = 20", ""), "scale"),
-        (("scale = 20", "scale = 20\nmax_velocity = 3.0"), "cannot stand in [axes.belt], an encoder"),
+        (("scale = 20", "scale = 20\nmax_velocity = 3.0"), "cannot be in [axes.belt], an encoder"),
         (("scale = 20", "scale = 20\n[axes.belt.defaults]\nvelocity = 1.0"), "an encoder"),
         (('encoder = "count"', "encoder = 3"), "encoder"),
     ],

@@ -60,7 +60,7 @@ def test_with_the_slow_timer_the_set_point_is_not_seen_to_be_taken(tmp_path, tim
         machine = line.open()
         assert line.devices["x"].read(0x1800, 5) == SLOW_TIMER
         machine["x"].enable().wait(30)
-        with pytest.raises(SetPointError, match="does not take the set-point"):
+        with pytest.raises(SetPointError, match="does not accept the set-point"):
             machine["x"].move_absolute(10.0, velocity=200.0, acceleration=2000.0).wait(10)
         with line.lock:
             line.devices["x"].write(0x1800, 5, 20)  # or it is as slow to show that it stops

@@ -88,7 +88,7 @@ def test_a_drive_that_lets_nothing_be_mapped_is_refused_at_boot(story: Stage) ->
     made.dials.fixed_mapping = 0x0601_0002
     with pytest.raises(BootError, match="its feed-forward cannot be sent by 60B1h") as caught:
         opened(story, made)
-    assert "behind the motion" in caught.value.observed
+    assert "too late for the motion" in caught.value.observed
 
 
 def test_a_drive_found_enabled_is_not_mapped_anew_and_does_without(story: Stage) -> None:

@@ -497,7 +497,7 @@ def test_a_halt_that_the_slave_ignores_for_too_long_is_an_error(tmp_path):
         bench.enabled().on_its_way(9.0)
         failed = bench.failure_of(bench.x.halt())
         assert isinstance(failed, DriveError)
-        assert "did not come to rest on a halt in time" in failed.remedy
+        assert "did not come to standstill on a halt in time" in failed.remedy
         bench.must_stand(9.0, energised=False)
 
 
@@ -519,7 +519,7 @@ def test_a_quick_stop_that_the_slave_ignores_is_not_reported_as_standstill(tmp_p
         failed = bench.failure_of(bench.x.quick_stop())
         bench.must_move()
         assert isinstance(failed, DriveError)
-        assert "could not be confirmed as stopped" in failed.message
+        assert "the stop of the axis could not be confirmed" in failed.message
         time.sleep(4.0)
         bench.must_stand(12.0, energised=False)
 
@@ -578,7 +578,7 @@ def test_a_machine_that_is_closed_in_the_middle_of_a_move_leaves_it_at_rest_with
 def test_a_machine_whose_slave_does_not_stop_says_so_when_it_is_closed(tmp_path):
     with Bench(tmp_path, "ros2_canopen") as bench:
         bench.enabled().on_its_way(12.0)
-        with pytest.raises(DriveError, match="could not be confirmed as stopped"):
+        with pytest.raises(DriveError, match="the stop of the axis could not be confirmed"):
             bench.machine.close()
         bench.must_move()
 
@@ -592,7 +592,7 @@ def test_a_slave_that_is_silent_until_its_move_has_ended_is_lost_and_not_at_stan
         bench.must_move()
         assert isinstance(failed, NodeError | StaleError)  # whichever is seen first
         failed = bench.failure_of(bench.x.stop())
-        assert "could not be confirmed as stopped" in failed.message
+        assert "the stop of the axis could not be confirmed" in failed.message
         with pytest.raises(DriveError):
             bench.machine.close()
 
@@ -654,9 +654,9 @@ def test_a_slave_that_moves_no_more_after_a_second_enable_is_reported(tmp_path):
         bench.x.disable().wait(5)
         failed = bench.failure_of(bench.enabled().x.move_absolute(2.0))
         assert isinstance(failed, SetPointError)
-        assert "nothing shows that the drive has taken the set-point" in failed.message
+        assert "no sign that the drive has accepted the set-point" in failed.message
         bench.must_stand(1.0, energised=True)
-        with pytest.raises(DriveError, match="something holds it"):  # the drive may still be led to 2 mm
+        with pytest.raises(DriveError, match="the axis was blocked"):  # the drive may still be led to 2 mm
             bench.machine.close()
         bench.must_stand(1.0, energised=False)
 

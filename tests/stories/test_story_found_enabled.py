@@ -69,7 +69,7 @@ def test_a_drive_found_at_rest_is_reported_and_gets_no_controlword(story):
     assert cell.x.state is AxisState.STANDSTILL
     (report,) = cell.machine.reports
     assert report.axes[0].found_enabled
-    assert "found enabled: left as it is and not configured" in report.text()
+    assert "found enabled: left unchanged and not configured" in report.text()
 
 
 def test_a_drive_found_turning_goes_on_turning(story):

@@ -572,7 +572,7 @@ def test_squaring_moves_the_one_that_was_named_and_no_other(story):
 
 def test_what_the_pair_cannot_do_is_refused_at_the_call(story):
     pair = enabled(story)
-    with pytest.raises(AxisbusError, match="'z' is no axis of this pair"):
+    with pytest.raises(AxisbusError, match="'z' is not an axis of this pair"):
         pair.gantry.square("z", velocity=1.0)
     with pytest.raises(AxisbusError, match="does not blend"):
         pair.gantry.move_relative(1.0, buffer="blending_low")

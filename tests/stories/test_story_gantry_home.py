@@ -206,7 +206,7 @@ def test_before_homing_a_change_is_skew_and_what_stood_is_not(story):
     pair = pair_of(story, axis=f"{AXIS}\nposition_limits = [-300.0, 300.0]", stiff=0.0, required=True)
     pair.drive("y").dials.encoder_jump = -1500
     pair.run(0.1)
-    assert "as they stood when first seen" in pair.failure_of(pair.gantry.enable()).observed
+    assert "as at the first cycle" in pair.failure_of(pair.gantry.enable()).observed
     pair.drive("y").dials.encoder_jump = 1500
     pair.run(0.1)
     pair.gantry.enable().wait(5)

@@ -240,7 +240,7 @@ def test_what_is_set_as_a_module_dies_is_no_success(story):
     assert handle.busy
     error = cell.failure_of(handle)
     assert isinstance(error, NodeError)
-    assert error.message == "lamp = True is not confirmed: its node was lost before it was heard again"
+    assert error.message == "lamp = True is not confirmed: its node was lost before it answered"
 
 
 def test_on_lost_may_only_tell(story):

@@ -171,7 +171,7 @@ def test_a_killed_core_leaves_safe_outputs(tmp_path):
     with pytest.raises(AxisbusError) as told:
         machine.close()
     assert re.search(STOPPED, str(told.value))
-    assert "its warden made outputs safe: relay, lamp, clamp" in str(told.value)
+    assert "its watchdog process set outputs to their safe states: relay, lamp, clamp" in str(told.value)
     assert "NOT CONFIRMED" not in str(told.value)
 
 
@@ -198,7 +198,7 @@ def test_a_killed_program_leaves_safe_outputs_once_its_axis_is_off(tmp_path):
     )
     assert ran.stdout.strip() == "set", ran.stderr
     until(lambda: "the core ended" in told_by(path), limit=10.0)
-    assert "leaving: the program is gone" in told_by(path)
+    assert "leaving: the program has ended" in told_by(path)
     assert "went wrong" not in told_by(path)  # each output was read back
     outputs, stages = plant(tmp_path / "plant.csv")
     lamp_on = [at for at, word in outputs if word == 8]

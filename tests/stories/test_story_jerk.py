@@ -337,7 +337,7 @@ def test_a_drive_without_csp_and_without_a_profile_jerk_cannot(story):
     error = cell.failure_of(cell.x.move_absolute(10.0))
     assert isinstance(error, StateError)
     assert "its jerk cannot be limited" in str(error)
-    assert "it has not that mode" in str(error)
+    assert "it does not have that mode" in str(error)
     assert cell.end_of(cell.x.move_absolute(10.0, jerk=math.inf)) is None
 
 

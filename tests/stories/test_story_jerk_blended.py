@@ -95,7 +95,7 @@ def test_where_the_way_leads_back_it_stops_at_the_end_and_says_so(story):
     assert cell.end_of(first) is None
     assert cell.where("x") == pytest.approx(70.0, abs=NEAR)
     assert cell.end_of(second) is None
-    assert "leads back" in second.note
+    assert "reverses there" in second.note
     assert max(max(row) for row in led.rows if row) == pytest.approx(70.0, abs=1e-6)
     must_be_soft(led)
 
@@ -135,8 +135,8 @@ def test_behind_a_move_of_the_drive_and_behind_a_velocity_it_is_refused_and_says
     cell.run(0.1)
     error = cell.failure_of(cell.x.move_absolute(150.0, buffer="blending_next"))
     assert isinstance(error, StateError)
-    assert "only from one that the master leads" in str(error)
-    assert "let the first one begin with a blending mode, too" in str(error)
+    assert "with a jerk limit only one in csp" in str(error)
+    assert "let the first move begin with a blending mode, too" in str(error)
     assert cell.end_of(first) is None
     cell = soft(story, MODULE)
     first = cell.x.move_absolute(70.0, jerk=math.inf)

@@ -308,8 +308,8 @@ def test_max_torque_of_the_cell_file_is_the_one_that_holds(story):
 
 def test_a_rated_torque_that_the_drive_does_not_share_is_told_at_boot(story):
     told = story.simulated("x", axis="rated_torque = 2.54").machine.reports[0]
-    assert any("rated_torque 2.54 N·m, but 6076h says 1.27 N·m" in warning for warning in told.warnings)
-    assert "0.5 times the torque that is asked for" in told.text()
+    assert any("rated_torque 2.54 N·m, but 6076h has 1.27 N·m" in warning for warning in told.warnings)
+    assert "0.5 times the commanded torque" in told.text()
     same = story.simulated("x", axis="rated_torque = 1.27").machine.reports[0]
     assert not any("rated_torque" in warning for warning in same.warnings)
     assert same.as_json()["axes"][0]["rated_torque"]["agrees"] is True

@@ -91,10 +91,10 @@ def test_a_reset_of_an_axis_whose_node_fell_silent_in_pre_operational_says_that_
     cell = story.simulated("x")
     cell.cycle.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
     cell.run(1.0)
-    assert "node 1 is there, and not operational" in str(cell.failure_of(cell.x.reset()))
+    assert "node 1 is present, but not operational" in str(cell.failure_of(cell.x.reset()))
     cell.device().dials.dead = True
     cell.run(1.0)
-    assert "node 1 is lost, so there is nobody to reset" in str(cell.failure_of(cell.x.reset()))
+    assert "node 1 is lost, so there is no node to reset" in str(cell.failure_of(cell.x.reset()))
 
 
 @pytest.mark.nets("the stop ladder")

@@ -279,7 +279,7 @@ def test_a_drive_found_enabled_keeps_its_program_and_it_is_told(tmp_path):
         assert report.ok
         assert device.loader.orders == []
         assert line.stage() == ENABLED
-    assert "2025-11-20 08:15:00, NOT 2026-03-01 12:00:00; left as it was found" in report.text()
+    assert "2025-11-20 08:15:00, NOT 2026-03-01 12:00:00; left unchanged" in report.text()
 
 
 def test_an_optional_drive_that_appears_while_the_machine_runs_keeps_its_program(

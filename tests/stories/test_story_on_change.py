@@ -201,7 +201,7 @@ def test_a_halt_whose_new_target_has_not_arrived_is_made_surer(story):
     cell.run(1.0)
     cell.device().dictionary.live[0x607A << 8] = lambda: 50_000
     error = cell.failure_of(cell.x.halt())
-    assert "takes no new target while it is halted" in error.observed
+    assert "accepts no new target while it is halted" in error.observed
     assert cell.stage() in OFF
 
 

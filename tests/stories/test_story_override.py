@@ -146,7 +146,7 @@ def test_a_drive_that_keeps_its_velocity_is_told_and_stops(story, monkeypatch, f
     cell.x.set_override(factor).wait()
     error = cell.failure_of(handle)
     assert isinstance(error, DriveError)
-    assert "does not take another velocity during a move" in str(error)
+    assert "does not accept another velocity during a move" in str(error)
     cell.run(1.0)
     assert cell.x.state is AxisState.ERRORSTOP
     held = cell.where("x")

@@ -157,7 +157,7 @@ def test_of_more_axes_than_coordinates_each_does_its_part(story):
         (lambda *_: (math.nan, 0.0), ArgumentError, "Arm.inverse returned"),
         (lambda *_: (1.0,), ArgumentError, "returned 1 position"),
         (lambda *_: 1 / 0, ArgumentError, "Arm.inverse failed"),
-        (lambda _, near: (near[0] + 5.0, near[1]), ArgumentError, "do not belong together"),
+        (lambda _, near: (near[0] + 5.0, near[1]), ArgumentError, "do not agree"),
         (lambda *_: Arm().inverse((900.0, 0.0), (0.0, 0.0)), LimitError, "does not reach that far"),
     ],
     ids=["nan", "one", "raises", "elsewhere", "out of reach"],
@@ -215,7 +215,7 @@ def test_a_leap_to_another_solution_is_refused(story):
 def test_it_must_begin_where_the_axes_stand(story):
     _cell, tool = placed(story, Arm())
     points = tool.stream(period=PERIOD)
-    with pytest.raises(StateError, match="does not stand where the stream begins"):
+    with pytest.raises(StateError, match="is not at the start of the stream"):
         points.push((190.0, 150.0))
     assert points.count == 0
     points.handle.exception()

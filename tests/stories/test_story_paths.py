@@ -245,12 +245,12 @@ def test_where_it_begins_is_looked_at_when_it_begins(story):
         (
             lambda g: g.move_path([(1.0, 1.0)], velocity=50.0, jerk=5000.0, more=True),
             ArgumentError,
-            "nothing can be added",
+            "no points can be added",
         ),
         (
             lambda g: g.move_path([(1.0, 1.0)], velocity=50.0, jerk=5000.0, buffer="blending_low", blend=1.0),
             ArgumentError,
-            "with a limit of jerk no corner",
+            "with a jerk limit the axes must stop",
         ),
         (lambda g: g.set_override(1.6), ArgumentError, "from 0 to 1.5"),
         (lambda g: g.set_override("1"), ArgumentError, "from 0 to 1.5"),

@@ -24,7 +24,7 @@ NOT_CONFIRMED = ("MOVING", "could not be confirmed", "NOT CONFIRMED")
 NEXT_RUNG = (
     "harder stop",
     "could not be switched off",
-    "did not do the quick stop",
+    "did not execute the quick stop",
     "by itself",
     "ErrorStop",
 )

@@ -327,9 +327,9 @@ def test_a_warden_that_was_stopped_is_told_of_and_all_processes_end(tmp_path):
         told = tmp_path / "told.txt"
         assert one.ends("core", 6.0)
         assert one.ends("warden", 2.0)
-        assert "the warden of the core has not answered for 0." in told.read_text(encoding="utf-8")
+        assert "the watchdog process of the core has not answered for 0." in told.read_text(encoding="utf-8")
         assert one.process.wait(10) == 0
-    assert "INFO leaving: the warden of the core has not answered for 0." in one.journal()
+    assert "INFO leaving: the watchdog process of the core has not answered for 0." in one.journal()
 
 
 def test_a_warden_that_is_stopped_for_a_moment_is_no_reason(tmp_path):
@@ -351,4 +351,4 @@ def test_when_the_program_is_killed_all_of_its_processes_end(tmp_path):
     assert rows[-1].stage in OFF
     told = one.journal()
     assert f"for process {one.program}\n" in told
-    assert told.index("INFO leaving: the program is gone\n") < told.index("INFO the core ended\n")
+    assert told.index("INFO leaving: the program has ended\n") < told.index("INFO the core ended\n")

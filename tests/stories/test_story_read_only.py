@@ -167,4 +167,4 @@ def test_boot_refuses_a_setting_if_the_drive_has_another_value(tmp_path):
     assert "quick_stop in [axes.x.stop]" in caught.value.message
     assert "read-only" in caught.value.message
     assert "expected 6, got 2" in caught.value.observed
-    assert "maker's tool" in caught.value.remedy
+    assert "manufacturer's tool" in caught.value.remedy

@@ -183,7 +183,7 @@ def standing_in_csp(story: Stage) -> Cell:
 
 def test_a_trajectory_that_begins_elsewhere_leaves_the_axis_at_standstill(story):
     cell = standing_in_csp(story)
-    with pytest.raises(LimitError, match="does not begin where the axis stands"):
+    with pytest.raises(LimitError, match="does not begin at the position of the axis"):
         cell.x.follow([(0.0, 90.0), (1.0, 90.0)]).wait(2)
     cell.run(0.3)
     assert cell.x.state is AxisState.STANDSTILL

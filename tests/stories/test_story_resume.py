@@ -71,7 +71,7 @@ def test_what_a_quick_stop_has_led_off_the_line_goes_back_to_it_first(story):
     cell.end_of(group.quick_stop())
     cell.end_of(group.enable())
     told = refusal_of(
-        group.resume(), cell, "is no longer where the way was left"
+        group.resume(), cell, "is no longer at the position at which the path was interrupted"
     )  # each drive had a ramp of its own
     places = re.search(r"group\.move_direct\(\((.*),\)\)", told.remedy)[1]
     assert cell.end_of(group.move_direct([float(place) for place in places.split(",")])) is None
@@ -88,7 +88,9 @@ def test_after_a_fault_the_line_goes_on_only_where_the_axes_are_still_on_it(stor
     cell.end_of(group.enable())
     assert all(cell.machine[name].enabled for name in "xyz")
     before = [cell.where(name) for name in "xyz"]
-    refusal_of(group.resume(), cell, "is no longer where the way was left")  # by the drive's own reaction
+    refusal_of(
+        group.resume(), cell, "is no longer at the position at which the path was interrupted"
+    )  # by the drive's own reaction
     cell.run(0.3)
     assert [cell.where(name) for name in "xyz"] == pytest.approx(before, abs=0.05)
     assert cell.end_of(group.move_linear(END, velocity=300.0)) is None
@@ -99,7 +101,9 @@ def test_an_axis_that_was_moved_meanwhile_keeps_the_line_from_going_on(story):
     cell, group, _ = on_the_way(story)
     cell.end_of(group.halt())
     cell.end_of(cell.machine["z"].move_relative(-20.0))
-    told = refusal_of(group.resume(), cell, "z is no longer where the way was left")
+    told = refusal_of(
+        group.resume(), cell, "z is no longer at the position at which the path was interrupted"
+    )
     assert float(told.observed.split()[2]) == pytest.approx(20.0, abs=0.1)
     cell.end_of(cell.machine["z"].move_relative(20.0))
     assert cell.end_of(group.resume()) is None
@@ -110,18 +114,18 @@ def test_a_position_that_was_set_meanwhile_keeps_the_line_from_going_on(story):
     cell, group, _ = on_the_way(story)
     cell.end_of(group.halt())
     cell.end_of(cell.machine["x"].set_position(0.0))
-    refusal_of(group.resume(), cell, "no longer where the way was left")
+    refusal_of(group.resume(), cell, "no longer at the position at which the path was interrupted")
 
 
 def test_without_a_line_that_was_broken_off_there_is_nothing_to_go_on_with(story):
     cell = story.simulated("xy", axis=AXIS)
     group = cell.machine.group("x", "y")
     cell.enabled()
-    refusal_of(group.resume(), cell, "there is no line to go on with")
+    refusal_of(group.resume(), cell, "there is no line to continue")
     line = group.move_linear((10.0, 10.0), velocity=50.0)
-    refusal_of(group.resume(), cell, "is under way")
+    refusal_of(group.resume(), cell, "the line still runs")
     assert cell.end_of(line) is None
-    refusal_of(group.resume(), cell, "has come to its end")
+    refusal_of(group.resume(), cell, "the line has ended")
 
 
 def test_disabled_it_is_refused_as_any_line(story):

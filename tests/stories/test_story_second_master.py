@@ -233,7 +233,7 @@ def test_beside_another_master_its_commands_are_events_and_stop_nothing(tmp_path
         with OtherMaster(line.channel, says, 0.005):
             line.run(0.5)
         assert machine["y"].error is None
-        assert "opened beside it, and nothing is stopped" in str(masters_in(machine)[0])
+        assert "opened in spite of it, and nothing is stopped" in str(masters_in(machine)[0])
 
 
 def test_an_axis_that_another_master_has_never_seen_us_command_is_left_to_it(tmp_path):

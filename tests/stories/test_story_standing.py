@@ -69,8 +69,8 @@ def test_an_axis_at_rest_that_creeps_is_told_and_stopped_where_only_its_velocity
     cell.run(1.0)
     cell.drive().dials.drift_velocity = creep * cell.scale_of("x")
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 0.8)
-    assert "moves by itself" in str(cell.x.error)
-    assert "it went by about" in str(cell.x.error)
+    assert "moves without a command" in str(cell.x.error)
+    assert "it moved by about" in str(cell.x.error)
     cell.until(lambda: cell.speed() == 0.0 and cell.stage() in OFF)
 
 
@@ -118,7 +118,7 @@ def test_a_stop_on_a_jam_ends_with_nothing_that_pulls(story, way, what):
     cell.run(2.0)
     cell.must_not_leap(since=moment)
     if error is not None:
-        assert "pulls it to a place" in error.observed
+        assert "pulls it to a position" in error.observed
         assert cell.stage() in OFF
 
 
@@ -155,7 +155,7 @@ def test_a_quick_stop_that_holds_takes_the_power_of_an_axis_that_jams(story, por
         cell.run(late)
         cell.jam()
     error = cell.failure_of(stopped)
-    assert "pulls it to a place" in error.observed
+    assert "pulls it to a position" in error.observed
     assert cell.stage() in OFF
     moment = cell.free()
     cell.run(2.0)
@@ -195,7 +195,7 @@ def test_a_jam_at_a_velocity_that_nobody_sees_pull_ends_without_power(story, way
     cell.jam()
     cell.run(0.6)
     error = cell.failure_of(getattr(cell.x, way)())
-    assert "nobody sees whether its drive pulls it on" in str(error)
+    assert "it is not known whether its drive still pulls it" in str(error)
     moment = cell.free()
     cell.run(2.0)
     cell.must_not_leap(since=moment)
@@ -211,7 +211,7 @@ def test_a_jam_of_a_jog_that_nobody_sees_pull_ends_without_power(story):
         if number == 5:
             cell.jam()
     error = cell.failure_of(cell.x.halt())
-    assert "nobody sees whether its drive pulls it on" in str(error)
+    assert "it is not known whether its drive still pulls it" in str(error)
     assert cell.stage() in OFF
 
 
@@ -265,7 +265,7 @@ def test_a_drive_without_6062h_that_takes_no_target_under_halt_says_so(story):
     going(cell, "pp")
     cell.drive().dials.acknowledge_delay = NEVER
     error = cell.failure_of(cell.x.halt())
-    assert "takes no new target while it is halted" in error.observed
+    assert "accepts no new target while it is halted" in error.observed
     assert cell.stage() in OFF
 
 
@@ -361,7 +361,7 @@ def test_an_axis_that_is_held_at_rest_by_something_else_is_told(story):
     cell.jam()
     cell.drive().axis.position += 30.0 * 100  # what leads the motor
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
-    assert "pulls it elsewhere" in cell.x.error.message
+    assert "pulls it to another position" in cell.x.error.message
     cell.run(2.0)
     moment = cell.free()
     cell.run(1.0)

@@ -177,7 +177,7 @@ def test_a_callback_that_holds_the_scan_up_is_named_and_no_adapter(tmp_path):
             machine._core.scan.observers.append(lambda *_: free.wait())
             line.must_stand(stages=OFF)
             error = handle.exception()
-            assert "held up by code of the program's own" in error.observed
+            assert "blocked by code of the program" in error.observed
             assert "test_story_starved.py" in error.observed
             assert "adapter" not in error.remedy
         finally:

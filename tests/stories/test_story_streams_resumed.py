@@ -109,7 +109,7 @@ def test_after_a_fault_it_goes_on_only_from_where_the_way_was_left(story):
     broken_off(cell, "fault")
     there = cell.where("x"), cell.where("y")
     error = cell.failure_of(points.resume())  # the drive has braked by itself, and off the way
-    assert "x is no longer where the stream was left" in error.message
+    assert "x is no longer at the position at which the stream was interrupted" in error.message
     cell.run(0.3)
     assert (cell.where("x"), cell.where("y")) == pytest.approx(there, abs=0.05)
     left = [float(value) for value in error.remedy.partition("((")[2].partition(",))")[0].split(",")]
@@ -203,14 +203,14 @@ def test_nothing_goes_on_from_elsewhere_or_while_it_is_under_way_or_after_someth
     there = cell.where("x"), cell.where("y")
     error = cell.failure_of(points.resume())
     assert isinstance(error, StateError)
-    assert "y is no longer where the stream was left" in error.message
+    assert "y is no longer at the position at which the stream was interrupted" in error.message
     cell.run(0.5)
     assert (cell.where("x"), cell.where("y")) == pytest.approx(there, abs=0.02)
     cell["y"].move_relative(-3.0).wait(5)
     assert cell.end_of(group.move_linear((0.0, 0.0), velocity=100.0)) is None
     error = cell.failure_of(points.resume())
     assert isinstance(error, StateError)
-    assert "something else" in error.message
+    assert "another command" in error.message
 
 
 def test_an_underrun_that_ended_a_stream_can_be_gone_on_after(story):
@@ -303,7 +303,7 @@ def test_the_first_point_of_an_endless_axis_may_be_told_in_any_turn_and_is_where
     for begin in (350.02, -10.02, 3950.0, -370.02):
         there = cell.where("x")
         with group.stream(period=STEP) as points:
-            with pytest.raises(StateError, match="does not stand where the stream begins"):
+            with pytest.raises(StateError, match="is not at the start of the stream"):
                 points.push((begin + 90.0,))
             for number in range(50):
                 points.push((begin + 10.0 * (1.0 - math.cos(0.1 * number)),))
@@ -366,8 +366,8 @@ def test_a_place_out_of_reach_or_too_fast_for_a_joint_is_refused_and_the_next_ma
     for number in range(20):
         points.push(ring(number * STEP))
     for wrong, kind, text in (
-        ((400.0, 0.0), LimitError, "point 21 leads x beyond its velocity"),  # on the way there
-        ((160.0, 140.0), LimitError, "leads [xy] beyond its"),
+        ((400.0, 0.0), LimitError, "point 21 takes x beyond its velocity"),  # on the way there
+        ((160.0, 140.0), LimitError, "takes [xy] beyond its"),
     ):
         count = points.count
         with pytest.raises(kind, match=text):
@@ -376,7 +376,7 @@ def test_a_place_out_of_reach_or_too_fast_for_a_joint_is_refused_and_the_next_ma
     feed(cell, points, 0.5, ring)
     assert cell.end_of(points.finish()) is None
     assert xy.tool_position == pytest.approx(ring((points.count - 1) * STEP), abs=NEAR)
-    with pytest.raises(StateError, match="x does not stand where the stream begins"):
+    with pytest.raises(StateError, match="x is not at the start of the stream"):
         xy.stream(period=STEP).push((250.0, 10.0))
 
 
@@ -384,7 +384,7 @@ def test_a_place_out_of_reach_is_refused(story):
     cell, xy = arm(story)
     points = xy.stream(period=5.0)
     points.push(ring(0.0))
-    with pytest.raises(LimitError, match="point 2 leads where the machine does not reach") as refused:
+    with pytest.raises(LimitError, match="point 2 is out of the reach of the machine") as refused:
         points.push((400.0, 0.0))
     assert "out of the arm's reach" in refused.value.observed
     assert points.count == 1

@@ -228,7 +228,7 @@ def test_what_leaves_no_acceleration_is_not_laid_anything_over(story):
     below = cell.x.follow(TrapezoidalTrajectory(0.0, 100.0, 100.0, 1990.0))
     error = cell.failure_of(cell.x.move_superimposed(10.0))
     assert isinstance(error, LimitError)
-    assert "takes all of max_acceleration" in error.message
+    assert "needs all of max_acceleration" in error.message
     assert cell.end_of(below) is None
     assert cell.where("x") == pytest.approx(100.0, abs=INCREMENT)
 
@@ -359,9 +359,9 @@ def test_a_fault_ends_both_with_what_it_was(story):
     ("begin", "words"),
     [
         (lambda x: x.halt(), "stands"),
-        (lambda x: x.move_absolute(100.0), "its drive plans"),
-        (lambda x: x.move_velocity(30.0), "its drive plans"),
-        (lambda x: x.cyclic_velocity(30.0), "by velocities"),
+        (lambda x: x.move_absolute(100.0), "the drive generates"),
+        (lambda x: x.move_velocity(30.0), "the drive generates"),
+        (lambda x: x.cyclic_velocity(30.0), "velocity set-points"),
     ],
 )
 def test_where_nothing_leads_the_axis_along_a_path_it_is_refused_with_the_way_out(story, begin, words):

@@ -84,7 +84,7 @@ def test_it_begins_where_the_axes_stand_where_the_first_point_is_of_now(story):
     group(cell).follow([TrajectoryPoint(0, (0, 0)), TrajectoryPoint(0.4, (4, 2))]).wait(5)
     assert [cell.where(name) for name in "xy"] == pytest.approx([4, 2], abs=0.05)
     before = [cell.where(name) for name in "xy"]
-    with pytest.raises(StateError, match="does not stand"):
+    with pytest.raises(StateError, match="is not at the start"):
         group(cell).follow([TrajectoryPoint(0, (0, 0)), TrajectoryPoint(0.4, (4, 2))])
     assert [cell.where(name) for name in "xy"] == before
 

@@ -388,7 +388,7 @@ def test_an_end_of_its_own_stops_the_drive_beside_it(story):
 
 def test_what_only_a_drive_has_is_refused_and_the_reason_is_said(story):
     _, v, _ = alone(story)
-    with pytest.raises(ArgumentError, match=r"virtual.*nothing that could be homed"):
+    with pytest.raises(ArgumentError, match=r"virtual.*no drive that could be homed"):
         v.home(35)
     with pytest.raises(ArgumentError, match=r"virtual.*no torque"):
         v.torque_control(1.0)

@@ -93,7 +93,7 @@ def test_what_is_not_of_a_named_node_is_left_alone(how):
 
 @pytest.mark.parametrize("text", ["64", "a", "1,,2", "-1", "0x1", "", "１"])
 def test_what_is_no_node_is_refused(text):
-    with pytest.raises(ArgumentError, match="is no node ID of CAN Simple"):
+    with pytest.raises(ArgumentError, match="is not a node ID of CAN Simple"):
         nodes_of(text)
 
 
@@ -107,7 +107,7 @@ def test_the_command_line(monkeypatch, capsys, tmp_path):
     assert "701h" not in out
     code, _, err = run("trace", log, "--can-simple", "99")
     assert code != 0
-    assert "'99' is no node ID of CAN Simple" in err
+    assert "'99' is not a node ID of CAN Simple" in err
 
 
 def test_the_modules_of_a_cell_need_not_be_named(tmp_path):

@@ -54,7 +54,7 @@ from kit.typed_frames import Wire
             "17 FF 07 00 00 00 00 00",
             FrameKind.LSS,
             None,
-            "store the configuration: refused: the maker's own error 7 (0x07)",
+            "store the configuration: refused: manufacturer-specific error 7 (0x07)",
         ),
         (
             0x7E4,
@@ -64,14 +64,14 @@ from kit.typed_frames import Wire
             "set node ID: refused: error 5, which CiA 305 reserves",
         ),
         (0x7E5, "11 FF 00 00 00 00 00 00", FrameKind.LSS, None, "take the node ID away"),
-        (0x7E5, "13 00 09 00 00 00 00 00", FrameKind.LSS, None, "set bit rate: found out by itself"),
+        (0x7E5, "13 00 09 00 00 00 00 00", FrameKind.LSS, None, "set bit rate: determined by the receiver"),
         (0x7E5, "13 00 05 00 00 00 00 00", FrameKind.LSS, None, "set bit rate: entry 5"),
         (
             0x7E5,
             "13 80 07 00 00 00 00 00",
             FrameKind.LSS,
             None,
-            "set bit rate: entry 7 of the maker's table 128",
+            "set bit rate: entry 7 of the manufacturer's table 128",
         ),
         (0x7E5, "15 E8 03 00 00 00 00 00", FrameKind.LSS, None, "activate the bit rate after 1000 ms"),
         (0x7E5, "43 04 03 02 01 00 00 00", FrameKind.LSS, None, "select by serial number 0x01020304"),
@@ -94,7 +94,7 @@ from kit.typed_frames import Wire
         (0x7E4, "5E FF 00 00 00 00 00 00", FrameKind.LSS, None, "it has no node ID"),
         (0x7E5, "5A 00 00 00 00 00 00 00", FrameKind.LSS, None, "what is your vendor-ID?"),
         (0x7E4, "5A 00 0B 0C 00 00 00 00", FrameKind.LSS, None, "its vendor-ID 0x000C0B00"),
-        (0x7E5, "51 00 00 00 00 80 00 00", FrameKind.LSS, None, "fast scan: is anybody unconfigured?"),
+        (0x7E5, "51 00 00 00 00 80 00 00", FrameKind.LSS, None, "fast scan: is a slave unconfigured?"),
         (
             0x7E5,
             "51 00 0B 0C 00 1F 00 00",
@@ -118,7 +118,7 @@ def test_an_emergency_names_code_register_and_the_makers_bytes():
     assert (one.kind, one.node, one.error, one.problem) == (FrameKind.EMCY, 5, True, "")
     assert "0x8611, Following error" in one.what
     assert "error register 0x21 (generic error, device profile)" in one.what
-    assert "maker's data 01 02 00 00 00" in one.what
+    assert "manufacturer-specific data 01 02 00 00 00" in one.what
 
 
 def test_an_emergency_that_says_the_error_is_gone_is_no_trouble():
@@ -164,16 +164,16 @@ def test_a_reset_begins_the_toggling_anew():
     ("can_id", "data", "words"),
     [
         (0x000, "01", "an NMT command has 2 bytes"),
-        (0x000, "07 05", "7 is no NMT command"),
-        (0x000, "01 C8", "200 is no node ID"),
+        (0x000, "07 05", "7 is not an NMT command"),
+        (0x000, "01 C8", "200 is not a node ID"),
         (0x080, "01 02", "SYNC has no data or a counter"),
         (0x100, "00 00", "TIME has 6 bytes"),
         (0x705, "05 00", "a heartbeat has 1 byte"),
-        (0x705, "33", "51 is no NMT state"),
+        (0x705, "33", "51 is not an NMT state"),
         (0x605, "40 41 60", "an SDO frame has 8 bytes"),
-        (0x605, "E0 00 00 00 00 00 00 00", "0xE0 is no SDO command"),
+        (0x605, "E0 00 00 00 00 00 00 00", "0xE0 is not an SDO command"),
         (0x7E5, "04", "an LSS frame has 8"),
-        (0x7E5, "FF 00 00 00 00 00 00 00", "0xFF is no LSS command"),
+        (0x7E5, "FF 00 00 00 00 00 00 00", "0xFF is not an LSS command"),
     ],
 )
 def test_what_is_against_the_protocol_is_said_with_its_clause(can_id, data, words):

@@ -174,7 +174,7 @@ def test_the_settings_are_restored_after_a_yes_and_the_rest_is_left(at):
 def test_what_is_no_file_of_this_node_is_refused_in_words(at):
     page = at.page
     for data, words in (
-        (b"junk <img src=x onerror=alert(1)>", "this is no EDS or DCF"),
+        (b"junk <img src=x onerror=alert(1)>", "this is not an EDS or DCF"),
         (b"", "the file is empty"),
         (bytes(10_000_000), "at most 2097152"),
     ):

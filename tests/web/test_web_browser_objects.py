@@ -181,7 +181,7 @@ def test_a_value_is_written_and_read_back_and_a_wrong_one_is_not(at):
     assert has(at, ACCELERATION) == 9000
     for wrong, words in (
         ("-1", "-1"),
-        ("ten", "no whole number"),
+        ("ten", "not a whole number"),
         ("<b>1</b>", "<b>1</b>"),
         ("9" * 300, "9"),
     ):
@@ -197,7 +197,7 @@ def test_a_value_is_written_and_read_back_and_a_wrong_one_is_not(at):
     until(lambda: "every cycle" in said(page, "1:6040:00"))
     opened(page, "60B2")
     write(page, "1:60B2:00", "1")
-    until(lambda: "commands of the machine" in said(page, "1:60B2:00"))
+    until(lambda: "commands of the running machine" in said(page, "1:60B2:00"))
 
 
 def test_an_energised_node_asks_and_no_writes_nothing(at):

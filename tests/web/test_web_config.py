@@ -146,7 +146,7 @@ def test_a_restore_is_told_and_not_done(machine):
     assert found.refusal == {}
     device(machine).write(*HEARTBEAT, 1234)
     found = done(machine, ConfigJobKind.WOULD_RESTORE, 1, made)
-    assert any("orders and no settings" in line for line in found.lines)
+    assert any("commands, not settings" in line for line in found.lines)
     assert "configured in pre-operational only" in found.refusal["message"]
     assert found.command.startswith("axisbus config restore node-1.dcf 1 --cell cell.toml")
 
@@ -590,7 +590,7 @@ def test_a_file_of_nobody_is_not_taken(desk, bring, query, number, status):
 
 def test_one_that_is_too_long_or_junk_is_not_kept(desk, bring):
     assert bring("page=1", b"x" * 1000, cut=True).status_code == 413
-    assert json.loads(bring("page=1", b"junk").body)["error"]["message"].endswith("this is no EDS or DCF")
+    assert json.loads(bring("page=1", b"junk").body)["error"]["message"].endswith("this is not an EDS or DCF")
     assert desk.job.files.of(1, BROUGHT) is None
 
 

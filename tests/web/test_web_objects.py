@@ -121,7 +121,7 @@ def test_what_has_no_dictionary_is_told():
         seen = ObjectTransfers(machine).carry_out(ObjectJob(ObjectKey(16, 0x6064, 0), 1))
         assert (
             seen.error["message"]
-            == "node 16 speaks CAN Simple or Modbus, and not CANopen: it has no object dictionary"
+            == "node 16 uses CAN Simple or Modbus, not CANopen: it has no object dictionary"
         )
         told = json.loads(asyncio.run(DictionaryCache(machine).page(16)))
         assert told["error"]["message"] == seen.error["message"]
@@ -143,20 +143,20 @@ def test_a_value_is_written_and_read_back(nodes, typed, written):
 @pytest.mark.parametrize(
     ("key", "typed", "words"),
     [
-        ("1:6083:00", "", "no whole number"),
-        ("1:6083:00", "ten", "no whole number"),
+        ("1:6083:00", "", "not a whole number"),
+        ("1:6083:00", "ten", "not a whole number"),
         ("1:6083:00", "-1", "-1"),
         ("1:6083:00", "4294967296", "4294967296"),
-        ("1:6083:00", "1.5", "no whole number"),
+        ("1:6083:00", "1.5", "not a whole number"),
         ("1:6083:00", "90 kg", "unit that cannot be used"),
         ("1:6083:00", "1" * 1024, "1" * 1024),
         ("1:6064:00", "1", "cannot be written"),
         ("1:1008:00", "x", "cannot be written"),
         ("1:2345:00", "1", "has no object"),
-        ("1:6040:00", "15", "which is for the commands of the machine"),
-        ("1:607A:00", "1", "which is for the commands of the machine"),
-        ("1:60B2:00", "1", "which is for the commands of the machine"),
-        ("1:60FE:01", "1", "which is for the commands of the machine"),
+        ("1:6040:00", "15", "only the commands of the running machine"),
+        ("1:607A:00", "1", "only the commands of the running machine"),
+        ("1:60B2:00", "1", "only the commands of the running machine"),
+        ("1:60FE:01", "1", "only the commands of the running machine"),
     ],
 )
 def test_what_cannot_be_written_is_refused_before_anything_is_sent(nodes, key, typed, words):
@@ -198,7 +198,7 @@ def test_a_domain_is_neither_read_nor_written(tmp_path):
 def test_octets_are_digits_and_no_file():
     entry = DictionaryEntry(0x2000, 0, "bytes", DataType.OCTET_STRING)
     assert parse_values.value("01ff", entry, entry.data_type, files=False) == b"\x01\xff"
-    with pytest.raises(ArgumentError, match="are no bytes") as caught:
+    with pytest.raises(ArgumentError, match="are not bytes") as caught:
         parse_values.value("@/etc/hostname", entry, entry.data_type, files=False)
     assert "@file" not in caught.value.remedy
 

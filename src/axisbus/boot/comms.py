@@ -113,7 +113,7 @@ class CanComms:
             f"node {self._node.node_id} does not answer",
             node=self._node.node_id,
             observed=f"no answer to the SDO request for 1000h within {self._find_time:g} s, {seen}; {health}",
-            remedy="check its supply, cable and termination, its node ID and bit rate (axisbus scan shows who is there)",
+            remedy="check its supply, cable and termination, its node ID and bit rate (axisbus scan lists the nodes)",
         )
 
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:  # noqa: ARG002

@@ -103,7 +103,7 @@ class DriveMonitoringSetup:
         if not armed:
             return NO_WATCHDOG
         objects = ", ".join(f"{o.RPDO_COMMUNICATION + number - 1:04X}h:05" for number in armed)
-        how = f"{objects} expects our RPDO within {milliseconds} ms, from the first command on"
+        how = f"{objects} expects the master's RPDO within {milliseconds} ms, from the first command on"
         return _report(how, reaction)
 
     def _expect_rpdo(self, number: int, milliseconds: int) -> bool:
@@ -131,7 +131,7 @@ class DriveMonitoringSetup:
         wanted = self._bus.master_id << 16 | milliseconds
         if not self._set(o.CONSUMER_HEARTBEAT, subindex, wanted, 0 if ours else before):
             return None
-        return f"1016h:{subindex:02X} expects our heartbeat within {milliseconds} ms"
+        return f"1016h:{subindex:02X} expects the master's heartbeat within {milliseconds} ms"
 
     def _guard(self, heartbeat: float) -> str | None:
         before = [read_int(self._objects, index) for index in (o.GUARD_TIME, o.LIFE_TIME_FACTOR)]
@@ -142,7 +142,7 @@ class DriveMonitoringSetup:
         if not all(self._set(index, 0, value, old or 0) for index, value, old in wanted):
             return None
         self.guarding = heartbeat
-        return f"100Ch and 100Dh expect our guarding within {period * HEARTBEATS} ms"
+        return f"100Ch and 100Dh expect the master's guarding within {period * HEARTBEATS} ms"
 
     def _set(self, index: int, subindex: int, value: int, back: int) -> bool:
         """Write and read back; remember the value to restore. The EDS limits are not checked: many are wrong for 1016h."""
@@ -172,6 +172,6 @@ def _report(how: str | None, reaction: str | None) -> WatchdogReport:
         return NO_WATCHDOG
     if reaction is None:
         return WatchdogReport(
-            Watchdog.UNKNOWN, how + "; there is no 6007h, so what the drive then does is in its manual"
+            Watchdog.UNKNOWN, how + "; there is no 6007h: the drive's manual says how it reacts"
         )
     return WatchdogReport(Watchdog.ARMED, f"{how}; else it {reaction}")

@@ -93,11 +93,11 @@ def _require_ok(report: RestoreReport, node_id: int, eds: Eds) -> None:
     )
     rest = f"; and {len(failed) - _SHOWN} more" if len(failed) > _SHOWN else ""
     raise BootError(
-        f"node {node_id} does not take {counted(len(failed), 'value')} of its DCF {eds.source}",
+        f"node {node_id} rejects {counted(len(failed), 'value')} of its DCF {eds.source}",
         node=node_id,
         step="configuration",
         index=first.key[0],
         subindex=first.key[1],
         observed=named + rest,
-        remedy=f"see all that differs: axisbus config diff {eds.source} {node_id} ...",
+        remedy=f"list all differences: axisbus config diff {eds.source} {node_id} ...",
     )

@@ -6,7 +6,7 @@ from axisbus.cia402 import objects
 from axisbus.cia402.port import ValueTransport
 from axisbus.motion.parameters import AxisParameters, DemandUse
 
-_ELSE = "in csp the target that the master sent counts, in other modes nothing"
+_ELSE = "in csp the target from the master is used, in other modes none"
 
 
 def demand_text(parameters: AxisParameters, source: ValueTransport) -> str:
@@ -26,9 +26,9 @@ def demand_text(parameters: AxisParameters, source: ValueTransport) -> str:
 
 def _use(parameters: AxisParameters, source: ValueTransport) -> str:
     if source is ValueTransport.NONE or not parameters.has(objects.POSITION_DEMAND):
-        return f"6062h does not travel: {_ELSE}"
+        return f"6062h is not transmitted: {_ELSE}"
     if parameters.demand is DemandUse.IGNORE:
         return f'6062h is not used (demand = "ignore"): {_ELSE}'
     if parameters.demand is DemandUse.USE:
         return '6062h is used from the beginning (demand = "use")'
-    return f"6062h is used once it was seen to lead the axis; until then {_ELSE}"
+    return f"6062h is used after it was seen to follow the set-points; until then {_ELSE}"

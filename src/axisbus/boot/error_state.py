@@ -63,7 +63,7 @@ class ErrorState:
 
     def _last(self, make: Make) -> str:
         if self.last is None:
-            return "no EMCY has come since we listen"
+            return "no EMCY has come since the bus was opened"
         return f"its last EMCY, {self.ago:.1f} s ago: {emcy_words(self.last, make)}"
 
 

@@ -14,16 +14,16 @@ _OTHER_DEVICE = {letter for _, _, letter in IDENTITY}
 # Letters of failures that the node's own errors do not explain: the node does not answer, or is another device.
 SILENT_OR_STRANGE = {Letter.A, Letter.B, *_OTHER_DEVICE}
 
-_OTHER_VALUE = "give a value that the drive takes (its manual lists them), or leave the line out"
+_OTHER_VALUE = "give a value that the drive accepts (its manual lists them), or leave the line out"
 NAMES_NO_ERROR = (
-    "it names no error: its manual says what keeps it from starting (a PDO mapping that it does not take, a missing signal); "
-    "see whether another NMT master is on the bus"
+    "it reports no error: see its manual for reasons not to start (a PDO mapping that it does not accept, a missing "
+    "signal); check whether another NMT master is on the bus"
 )
 # Letter -> message after "node N", and the first remedy.
 _ERROR_CONTROL = {
     Letter.E: (
-        "it sends no heartbeat, though 1017h says that it does",
-        "check the bus load and the way back from the node: its SDO answers come, its heartbeats do not",
+        "it sends no heartbeat, although its 1017h is not 0",
+        "check the bus load and the path from the node: its SDO answers come, its heartbeats do not",
     ),
     Letter.F: (
         "it does not answer node guarding, and has no heartbeat",
@@ -32,7 +32,7 @@ _ERROR_CONTROL = {
     ),
     Letter.K: (
         "it sends no heartbeat after 1017h was set",
-        "check the bus load and the way back from the node: its SDO answers come, its heartbeats do not",
+        "check the bus load and the path from the node: its SDO answers come, its heartbeats do not",
     ),
 }
 
@@ -107,13 +107,14 @@ def _what_went_wrong(outcome: BootOutcome, cause: AxisbusError | None) -> tuple[
         return (
             "the EDS has it read-only, and the drive has another value",
             f"expected {outcome.expected!r}, got {outcome.got!r}",
-            f"ask for what {outcome.got!r} means, set the object with the maker's tool, or correct its access in the EDS",
+            f"command the behaviour that {outcome.got!r} means, set it with the manufacturer's tool, or correct its access in the "
+            "EDS",
         )
     if outcome.expected is not None:
         return (
             "reads back another value",
             f"expected {outcome.expected!r}, got {outcome.got!r}",
-            "the drive limits or rounds this value: write one that it takes (its manual lists the range)",
+            "the drive limits or rounds this value: write one that it accepts (its manual lists the range)",
         )
     if isinstance(cause, SdoAbort):
         refused = cause.code in abort.VALUE_REFUSED
@@ -135,6 +136,6 @@ def _error_control(outcome: BootOutcome) -> BootError:
         node=outcome.node,
         step=outcome.step,
         index=None if outcome.address is None else outcome.address[0],
-        observed=f"{counted(outcome.tries, 'time')} awaited, nothing came; {outcome.elapsed:.1f} s since its boot-up began",
+        observed=f"no answer in {counted(outcome.tries, 'attempt')}; {outcome.elapsed:.1f} s since its boot-up began",
         remedy=remedy,
     )

@@ -15,12 +15,12 @@ _WHAT = {
     **dict.fromkeys(INTERPOLATION_OBJECTS, "its set-points of ip"),
 }
 _REMEDY = {
-    **dict.fromkeys(OFFSET_OBJECTS, "delete what asks for it in [axes.{name}.feed_forward]"),
+    **dict.fromkeys(OFFSET_OBJECTS, "delete the keys that need it in [axes.{name}.feed_forward]"),
     **dict.fromkeys(INTERPOLATION_OBJECTS, "leave ip and csp out of modes in [axes.{name}]"),
 }
 _WHY = {
     ValueTransport.NONE: "the drive does not have it",
-    ValueTransport.SDO: "none of its RPDOs carries it: it would go by SDO, behind the motion",
+    ValueTransport.SDO: "none of its RPDOs contains it: it would be sent by SDO, too late for the motion",
     ValueTransport.EVENT_PDO: "its RPDO is event-driven",
 }
 
@@ -43,5 +43,5 @@ def require_synchronous(
                 step="PDO configuration",
                 index=index,
                 observed=_WHY[source],
-                remedy=f"{_REMEDY[name].format(name=axis.name)}, or let the node be remapped, with sync = true in [bus]",
+                remedy=f"{_REMEDY[name].format(name=axis.name)}, or allow remapping of the node, with sync = true in [bus]",
             )

@@ -58,8 +58,8 @@ def another_device(outcome: BootOutcome, node: NodeConfig) -> BootError:
     says = "cell.toml says" if by_cell else "the EDS says"
     seen = "not there" if outcome.got is None else _number(address, outcome.got)
     return BootError(
-        f"node {outcome.node} is another device than {'cell.toml asks for' if by_cell else f'{node.file} describes'}: "
-        f"its {_NAMES[address]} differs",
+        f"node {outcome.node} is not the device that {'cell.toml specifies' if by_cell else f'{node.file} describes'}: its "
+        f"{_NAMES[address]} differs",
         node=outcome.node,
         step="identity",
         index=index,
@@ -90,10 +90,8 @@ def heading(objects: NodeObjects, found: Mapping[Address, int], make: Make) -> s
 def _remedy(address: Address, by_cell: bool) -> str:
     if by_cell:
         key = _SHORT[address]
-        return f"correct {key} in [nodes.N] of cell.toml, or connect the device that is meant (axisbus scan shows who is there)"
-    return (
-        "give the EDS of this device in cell.toml, or correct the node ID (axisbus scan shows who is there)"
-    )
+        return f"correct {key} in [nodes.N] of cell.toml, or connect the intended device (axisbus scan lists the nodes)"
+    return "give the EDS of this device in cell.toml, or correct the node ID (axisbus scan lists the nodes)"
 
 
 def _number(address: Address, value: object) -> str:

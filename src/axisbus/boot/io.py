@@ -45,17 +45,15 @@ def prepare(
 def _prepare(objects: NodeObjects, point: IoPoint, given: Collection[Address]) -> str:
     if (first_axis(point.index), point.subindex) == (DRIVE_OUTPUTS, OUTPUTS):
         _open_mask(objects, point)
-        return f"{point.name}: {point.object_text}; what the drive does with it without us is in its manual"
+        return f"{point.name}: {point.object_text}; the drive's manual says how it reacts without the master"
     row = ERROR_OBJECTS.get(point.index)
     if row is None:
-        return f"{point.name}: {point.object_text}; nothing says what the module does with it without us"
+        return f"{point.name}: {point.object_text}; how the module reacts without the master is unknown"
     mode, value = (row.mode, point.subindex), (row.value, point.subindex)
     modes, values = (read_int(objects, *address) for address in (mode, value))
     if modes is None or values is None:
         lacks = f"{row.mode:04X}h and {row.value:04X}h"
-        return (
-            f"{point.name}: {point.object_text}; the module has no {lacks} that say what it does without us"
-        )
+        return f"{point.name}: {point.object_text}; the module has no {lacks}, which define its reaction without the master"
     own = not row.by_bit and value in given
     if not own:
         _write(
@@ -63,8 +61,14 @@ def _prepare(objects: NodeObjects, point: IoPoint, given: Collection[Address]) -
         )  # before the mode, so that the mode never activates a wrong value
     _write(objects, mode, modes | point.mask if row.by_bit else 1)
     if own:
-        return f"{point.name}: {point.object_text}; without us the module does what the cell file writes into {_both(value)}"
-    return f"{point.name}: {point.object_text}; without us the module makes it {point.shown(point.safe):g} ({_both(mode, value)})"
+        return (
+            f"{point.name}: {point.object_text}; without the master the module reacts as the cell file writes into "
+            f"{_both(value)}"
+        )
+    return (
+        f"{point.name}: {point.object_text}; without the master the module sets it to {point.shown(point.safe):g} "
+        f"({_both(mode, value)})"
+    )
 
 
 def _open_mask(objects: NodeObjects, point: IoPoint) -> None:
@@ -86,20 +90,21 @@ def _write(objects: NodeObjects, address: Address, value: int) -> None:
         objects.write_unchecked(*address, value)
         after = read_int(objects, *address)
     except SdoAbort as error:
-        raise _failed(objects, address, f"{name} does not take {value}", error.observed) from error
+        raise _failed(objects, address, f"{name} does not accept {value}", error.observed) from error
     if after != value:
-        raise _failed(objects, address, f"{name} took {value} without an error", f"it reads back {after}")
+        raise _failed(objects, address, f"{name} accepted {value} without an error", f"it reads back {after}")
 
 
 def _failed(objects: NodeObjects, address: Address, what: str, observed: str) -> BootError:
     return BootError(
-        f"node {objects.node_id}: {what}, so its outputs have no safe state without us",
+        f"node {objects.node_id}: {what}, so its outputs have no safe state without the master",
         node=objects.node_id,
         step=_STEP,
         index=address[0],
         subindex=address[1],
         observed=observed,
-        remedy="look into the manual of the module for what this object takes; take the output out of the cell file if it must be",
+        remedy="see the manual of the module for the values of this object; if necessary, remove the output from the cell "
+        "file",
     )
 
 

@@ -181,7 +181,7 @@ class NodeBoot:
         else:
             report.configured = f"{counted(outcome.written, 'object')} written and read back"
             if self._by_dcf:
-                report.configured += f", {self._by_dcf} are as its DCF says"
+                report.configured += f", {self._by_dcf} have the values of its DCF"
 
     def _add_errors(self, error: AxisbusError, *, always: bool) -> None:
         """Add the errors that the node reports. If it reports none, add that only if ``always`` is set."""
@@ -221,7 +221,7 @@ class NodeBoot:
             self._power[axis.name] = PowerState.UNKNOWN if word is None else decode(word)
         if self.found_enabled:
             self._report.warnings.append(
-                "found enabled: left as it is and not configured; take it over with enable() or switch it off with disable()"
+                "found enabled: left unchanged and not configured; take it over with enable() or switch it off with disable()"
             )
         return not self.found_enabled
 
@@ -242,8 +242,8 @@ class NodeBoot:
             raise NodeError(
                 f"node {self._objects.node_id} restarted while it was being configured",
                 node=self._objects.node_id,
-                observed="it sent a boot-up message, and what was written before is lost",
-                remedy="look at its supply, and for another master or tool that resets it; then boot again",
+                observed="it sent a boot-up message, and the values written before are lost",
+                remedy="check its supply, and look for another master or tool that resets it; then boot again",
             )
 
     def _complete(self, known: BootOutcome) -> None:
@@ -271,7 +271,7 @@ class NodeBoot:
             return
         given = [write.address for write in node_writes(self._node, dictionary)]
         told = io.prepare(self._objects, points, alone=not self._axes, given=given)
-        self._report.io = (f"travels by {self._comms.connect_io(points)}", *told)
+        self._report.io = (f"transmitted by {self._comms.connect_io(points)}", *told)
 
     def _look_at_window(self) -> None:
         if not any(axis.in_one_sync for axis in self._report.axes):
@@ -280,7 +280,7 @@ class NodeBoot:
         if sync_window.misses(window, bus):
             remedy = sync_window.remedy(self._objects.node_id)
             self._report.warnings.append(
-                f"it may discard our synchronous RPDOs: {sync_window.closes(window, bus)}; {remedy}"
+                f"it may discard the master's synchronous RPDOs: {sync_window.closes(window, bus)}; {remedy}"
             )
 
     def _arm(self, control: ErrorControl) -> None:
@@ -313,7 +313,7 @@ class NodeBoot:
         A node without axes reacts as CiA 301 defines (7.5.2.32); the report of its outputs has more.
         """
         if not self._axes:
-            return "goes to pre-operational, or does what its 1029h says"
+            return "changes to pre-operational, or reacts as its 1029h defines"
         codes = [self._option(axis, options.CONNECTION_LOSS) for axis in self._axes]
         if None in codes:
             return None
@@ -328,7 +328,7 @@ class NodeBoot:
         asked, parameters = parameters.feed_forward, carried(parameters, how.outputs)
         if parameters.feed_forward is not asked:
             self._report.warnings.append(
-                f"{axis.name}: no feed-forward is sent: its PDOs do not carry it, and were left as they are"
+                f"{axis.name}: no feed-forward is sent: its PDOs do not contain it, and were left unchanged"
             )
         codes = {option.index: self._option(axis, option) for option in options.ALL}
         ladder = stop_ladder(axis.name, codes, parameters.stop_times, parameters.holds_load)
@@ -457,6 +457,6 @@ def _travels(how: Capabilities) -> str:
     if how.edge_delay:
         cycles = "one cycle" if how.edge_delay == 1 else counted(how.edge_delay, "cycle")
         parts.append(
-            f"the edge of a set-point goes {cycles} after its target, because of the order of mapping"
+            f"the edge of a set-point is sent {cycles} after its target, because of the order of mapping"
         )
     return "; ".join(parts)

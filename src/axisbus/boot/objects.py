@@ -107,7 +107,7 @@ class DeviceObjects:
                 node=self.node_id,
                 index=index,
                 subindex=subindex,
-                remedy="check its supply, cable, node ID and bit rate (axisbus scan shows who is there)",
+                remedy="check its supply, cable, node ID and bit rate (axisbus scan lists the nodes)",
             )
 
 

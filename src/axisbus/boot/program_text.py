@@ -22,34 +22,34 @@ _ORDERS = {
 
 # The contents of the node's memory, by the stage that failed.
 _LEFT = {
-    ProgramStage.STOP: "nothing was cleared: after switching it off and on the node runs its old program",
-    ProgramStage.CLEAR: "the old program may be cleared already: do not count on the node before a download has succeeded",
+    ProgramStage.STOP: "the program was not cleared: after a power cycle the node runs its old program",
+    ProgramStage.CLEAR: "the old program may be cleared already: do not rely on the node before a download has succeeded",
     ProgramStage.TRANSFER: "the old program is cleared, the new one incomplete: the node is useless until a download succeeds",
-    ProgramStage.FLASH: "the old program is cleared, the new one not good: the node is of no use before a download has succeeded",
+    ProgramStage.FLASH: "the old program is cleared, the new one is invalid: the node is useless until a download succeeds",
     ProgramStage.START: "the new program is in the node, but does not run",
-    ProgramStage.RETURN: "the new program was transferred, and told to start",
+    ProgramStage.RETURN: "the new program was transferred, and its start was commanded",
 }
-_AGAIN = "boot again: the download begins anew with stop and clear"
-_TOOL = "if that fails too, load the program with the maker's tool"
-_FILE = f"check that the file is for this very device and in the form that it takes, and {_AGAIN}; {_TOOL}"
+_AGAIN = "boot again: the download restarts with stop and clear"
+_TOOL = "if that fails too, load the program with the manufacturer's tool"
+_FILE = f"check that the file is for this device and in the format that it accepts, and {_AGAIN}; {_TOOL}"
 # The first remedy, by the stage that failed.
 _FIRST = {
-    ProgramStage.STOP: "see in the drive's manual in which state its program may be stopped, and boot again",
+    ProgramStage.STOP: "see the drive's manual for the state in which its program may be stopped, and boot again",
     ProgramStage.CLEAR: f"{_AGAIN}; {_TOOL}",
     ProgramStage.TRANSFER: f"check supply and wiring, and {_AGAIN}; {_TOOL}",
     ProgramStage.FLASH: _FILE,
     ProgramStage.START: f"switch the node off and on, and {_AGAIN}; {_TOOL}",
-    ProgramStage.RETURN: "switch the node off and on, and boot again (what it says then decides); where it only needs longer, "
+    ProgramStage.RETURN: "switch the node off and on, and boot again (the new result decides); if it only needs more time, "
     f"give a longer deadline in [nodes.N.program]; {_TOOL}",
 }
 _OTHER_PROGRAM = (
-    "compare what [nodes.N.program] expects with the program in the file (its maker says what it is), correct the one that is "
-    "wrong, and boot again"
+    "compare the mark in [nodes.N.program] with the program in the file (its manufacturer documents the mark), correct the "
+    "wrong one, and boot again"
 )
 # The other property that identifies a program, if an object is missing.
 _OTHER_MARK = {
-    o.VERIFY_SOFTWARE: "give identification (what its 1F56h:01 says) instead of date_time",
-    o.PROGRAM_IDENTIFICATION: "give date_time (what its 1F52h says) instead of identification",
+    o.VERIFY_SOFTWARE: "give identification (the value of its 1F56h:01) instead of date_time",
+    o.PROGRAM_IDENTIFICATION: "give date_time (the value of its 1F52h) instead of identification",
 }
 
 
@@ -61,8 +61,8 @@ def line(state: ProgramState | None) -> str:
         return f"{state.now}: replaced, {counted(state.loaded, 'byte')}; it was {state.found}"
     if state.found == state.expected:
         return f"{state.found}, as expected"
-    found = "it does not say which it has" if state.found is None else str(state.found)
-    return f"{found}, NOT {state.expected}; left as it was found"
+    found = "it does not report its program" if state.found is None else str(state.found)
+    return f"{found}, NOT {state.expected}; left unchanged"
 
 
 def as_json(state: ProgramState | None) -> dict[str, Any] | None:
@@ -105,17 +105,17 @@ def as_error(outcome: BootOutcome, node: NodeConfig, cause: AxisbusError | None)
 def _inconsistent(outcome: BootOutcome, state: ProgramState) -> tuple[str, str, str]:
     if state.found is not None:
         return (
-            ": its program is to be replaced, and there is no file with the new one",
+            ": its program must be replaced, and there is no file with the new one",
             _both(state),
-            'give file = "firmware.bin" in [nodes.N.program], or take download = true out',
+            'give file = "firmware.bin" in [nodes.N.program], or remove download = true',
         )
     index, subindex = outcome.address or (o.VERIFY_SOFTWARE, 1)
-    why = "it is no number" if outcome.abort is None else abort.describe(outcome.abort)
+    why = "it is not a number" if outcome.abort is None else abort.describe(outcome.abort)
     return (
-        f" does not say which program it has: {index:04X}h:{subindex:02X} cannot be read",
+        f" does not report its program: {index:04X}h:{subindex:02X} cannot be read",
         f"{why}; the cell file expects {state.expected}",
-        f"where the device has no {index:04X}h, {_OTHER_MARK[index]}, or take [nodes.N.program] out; where it has lost its program "
-        "(its boot loader answers, often under another name), load one with the maker's tool",
+        f"if the device has no {index:04X}h, {_OTHER_MARK[index]}, or remove [nodes.N.program]; if it has lost its program "
+        "(its boot loader answers, often under another name), load one with the manufacturer's tool",
     )
 
 
@@ -144,7 +144,7 @@ def _failed(outcome: BootOutcome, cause: AxisbusError | None) -> tuple[str, str,
     if state.stage in _ORDERS:
         where += f" = {_ORDERS[state.stage].value}"
     return (
-        f": its program could not be replaced; it failed while {state.stage.value} ({where})",
+        f": its program could not be replaced; the replacement failed while {state.stage.value} ({where})",
         f"{_reason(outcome, state, cause)}; {_LEFT.get(state.stage, '')}",
         _first(outcome, state),
     )
@@ -162,7 +162,7 @@ def _reason(outcome: BootOutcome, state: ProgramState, cause: AxisbusError | Non
     if outcome.abort is not None:
         return f"the node refuses: {abort.describe(outcome.abort)}"
     if state.flash is not None and outcome.address == (o.FLASH_STATUS, NUMBER):
-        return f"its memory (1F57h) says {state.flash}"
+        return f"its memory (1F57h) reports {state.flash}"
     if outcome.got is not None:
         return f"expected {outcome.expected!s}, got {outcome.got!s}"
     if cause is None or isinstance(cause, SdoAbort):

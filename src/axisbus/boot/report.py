@@ -90,7 +90,7 @@ class NodeReport:
     def _lines(self) -> list[str]:
         lines = [f"node {self.node_id}: {self.device or 'not identified'}"]
         if self.absent:
-            lines[0] = f"node {self.node_id}: not there; it is optional"
+            lines[0] = f"node {self.node_id}: not present; it is optional"
             return lines + boot_text.rows(self.outcome)
         if self.error is not None:
             step = f" at {self.error.step}" if isinstance(self.error, BootError) else ""
@@ -117,7 +117,7 @@ def _axis_lines(axis: AxisReport) -> list[str]:
     lines = [
         f"  axis {axis.name}",
         f"    {'power stage':<14}{axis.power}"
-        + (" - FOUND ENABLED, left as it is" if axis.found_enabled else ""),
+        + (" - FOUND ENABLED, left unchanged" if axis.found_enabled else ""),
         f"    {'modes':<14}{', '.join(axis.modes) or 'none'}",
         *(f"    {'':<14}{doubt}" for doubt in axis.mode_doubts),
         f"    {'scale':<14}{axis.scale.configured}; {axis.scale.proposed}",
@@ -132,7 +132,7 @@ def _axis_lines(axis: AxisReport) -> list[str]:
             else "NOT synchronous with other axes"
         ),
         *([f"    {'demand':<14}{axis.demand}"] if axis.demand else []),
-        "    stop ladder",
+        "    stop sequence",
     ]
     width = max(len(row[1]) for row in axis.ladder.rows)
     lines += [f"      {title:<15}{what:<{width}}  {text}" for title, what, text in axis.ladder.rows]

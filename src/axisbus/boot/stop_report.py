@@ -28,7 +28,7 @@ class WatchdogReport:
 
 NO_WATCHDOG = WatchdogReport(
     Watchdog.NONE,
-    "nothing on this drive notices a dead master: if this program or the bus fails, it goes on with its last command",
+    "nothing on this drive detects a dead master: if this program or the bus fails, it continues with its last command",
 )
 
 
@@ -50,10 +50,10 @@ _ROWS = (
     ("on a lost link", options.CONNECTION_LOSS),
     ("its NMT state", options.COMMUNICATION_ERROR),
 )
-_UNKNOWN = "not in this drive: what it does is in its manual"
+_UNKNOWN = "not in this drive: its manual says how it reacts"
 # The standard's definition for a drive without the object, 1029h (CiA 301 7.5.2.32).
 _MISSING = {
-    options.COMMUNICATION_ERROR.index: "not in this drive: by the standard it goes to pre-operational"
+    options.COMMUNICATION_ERROR.index: "not in this drive: by the standard it changes to pre-operational"
 }
 # Values with which a moving load coasts.
 _COASTS = {
@@ -75,7 +75,7 @@ def stop_ladder(
         value = values.get(option.index)
         text = _MISSING.get(option.index, _UNKNOWN) if value is None else option.meaning(value)
         if title in limits:
-            text += f" (at most {limits[title]:g} s, then the next rung)"
+            text += f" (at most {limits[title]:g} s, then the next step)"
         rows.append((title, _object(option, value), text))
         if value is not None and value in _COASTS.get(option.index, ()):
             warnings.append(
@@ -83,10 +83,16 @@ def stop_ladder(
             )
     rows.insert(
         3,
-        ("4 NMT stop", "", "the node leaves operational; what its drive then does is under 'on a lost link'"),
+        (
+            "4 NMT stop",
+            "",
+            "the node leaves operational; the reaction of its drive is listed under 'on a lost link'",
+        ),
     )
     if holds_load is not HoldsLoad.NO:
-        rows.append(("holds a load", "", f"by its {holds_load.value}: never switched off before it stands"))
+        rows.append(
+            ("holds a load", "", f"by its {holds_load.value}: never switched off before it is at standstill")
+        )
     return StopLadderReport(axis, tuple(rows), tuple(warnings))
 
 

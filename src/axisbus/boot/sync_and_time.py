@@ -42,7 +42,7 @@ def _set_sync(objects: NodeObjects, bus: BusConfig) -> None:
         if produces and bus.hears_sync:
             objects.write_unchecked(o.COB_ID_SYNC, 0, bus.sync_cob_id | cob.SYNC_PRODUCER)
     except SdoAbort as error:
-        what = "does not listen to the bus's SYNC" if not same else "sends SYNC, as the master does"
+        what = "does not receive the bus's SYNC" if not same else "sends SYNC, as the master does"
         raise _failed(
             objects,
             o.COB_ID_SYNC,
@@ -90,7 +90,7 @@ def _set_time(objects: NodeObjects, bus: BusConfig) -> None:
         raise _failed(
             objects,
             o.COB_ID_TIME,
-            "it does not take TIME",
+            "it does not receive TIME",
             f"1012h is 0x{now:X}, TIME has COB-ID 0x{bus.time_cob_id:X}; {error.observed}",
             "correct time_cob_id in [bus], or set 1012h with the drive's own tool",
         ) from error

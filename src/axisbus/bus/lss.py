@@ -303,7 +303,7 @@ class LssMaster:
     def _require_free(self, node_id: int) -> None:
         if discover.scan(self._channel, ids=(node_id,)):
             raise StateError(
-                f"node-ID {node_id} is taken: another node answers under it",
+                f"node-ID {node_id} is in use: another node answers with it",
                 observed="two nodes with one node-ID would answer each other's requests",
                 remedy="give a free one (axisbus scan shows those in use)",
             )
@@ -319,4 +319,4 @@ def _boots(monitor: NodeMonitor) -> bool:
 
 def _require_some(addresses: Sequence[LssAddress] | None) -> None:
     if addresses is not None and not addresses:
-        raise ArgumentError("no LSS slave is named", remedy="give the identity of each")
+        raise ArgumentError("no LSS slave is named", remedy="give the identity of each slave slave")

@@ -135,7 +135,7 @@ class SyncConsumer:
     def _absent(self, count: int, timeout: float) -> BusError:
         seen = counted(count, "SYNC") if count else "none"
         return SyncError(
-            f"no steady SYNC on {self.cob_id:03X}h, which another device is to send",
+            f"no steady SYNC on {self.cob_id:03X}h, which another device must send",
             observed=f"{seen} within {timeout:g} s",
             remedy='start its producer (1005h bit 30, 1006h), correct sync_cob_id, or write sync_producer = "master"',
         )
@@ -144,17 +144,17 @@ class SyncConsumer:
         period = self._watch.period
         return SyncError(
             f"SYNC comes every {measured * 1000:.3g} ms, but scan_period is {period * 1000:g} ms",
-            observed="the axes would move at another speed than they are told to",
+            observed="the axes would move at another speed than commanded",
             remedy=f'write scan_period = "{measured * 1000:.3g}ms", or set 1006h of the producer to {period * 1e6:.0f}',
         )
 
     def _missing(self, now: float, deadline: float) -> BusError:
         since = deadline - self._watch.patience
-        remedy = "look at the device that sends SYNC (lost, stopped, reset?); sync_timeout in [bus] allows it more time"
+        remedy = "check the device that sends SYNC (lost, stopped, reset?); sync_timeout in [bus] allows it more time"
         starved = self._starvation.text(now)
         return SyncError(
-            f"{starved}, and SYNC was not heard" if starved else "SYNC of the other producer is missing",
+            f"{starved}, and SYNC was not received" if starved else "SYNC of the other producer is missing",
             observed=f"none on {self.cob_id:03X}h for {(now - since) * 1000:.1f} ms, expected within "
             f"{self._watch.patience * 1000:g} ms",
-            remedy=f"{REMEDY}; if it stays away all the same: {remedy}" if starved else remedy,
+            remedy=f"{REMEDY}; if it is still missing: {remedy}" if starved else remedy,
         )

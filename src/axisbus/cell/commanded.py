@@ -56,8 +56,8 @@ def contradictions(
             yield EntryContradiction(
                 each.line,
                 f"axis {drive.axis.name}: {each.fails} will be refused, because {_name(each.at)} cannot be written",
-                f"{_access(drive, each.at)}, and it is {found}; {each.source} asks for {each.wanted}",
-                f"ask for what {found} means, set the object with the maker's tool, or correct its access in the EDS",
+                f"{_access(drive, each.at)}, and it is {found}; {each.source} needs {each.wanted}",
+                f"command the behaviour that {found} means, set it with the manufacturer's tool, or correct its access in the EDS",
             )
     if modes and not set(modes).isdisjoint(_CYCLIC):
         yield from _period(drive, scan_period, read)
@@ -86,7 +86,7 @@ def _settings(drive: Drive) -> Iterator[_Setting]:
         source = f"velocity in [{given.name}]"
         fails = f"{_MOVES} without another velocity"
         yield _Setting(_M.PROFILE_POSITION, (o.PROFILE_VELOCITY, 0), raw, given.of("velocity"), source, fails)
-    source = "a move that ends at rest"
+    source = "a move that ends at standstill"
     yield _Setting(_M.PROFILE_POSITION, (o.END_VELOCITY, 0), 0, axis.at.line, source, _MOVES)
 
 

@@ -6,89 +6,90 @@ from collections.abc import Mapping
 
 TABLES: Mapping[str, str] = {
     "bus": "The CAN bus: adapter, scan, SYNC, heartbeat.",
-    "bus.options": "Further options for the adapter, as python-can names them.",
+    "bus.options": "Further options for the adapter, with python-can's names.",
     "nodes": "One table for each device: [nodes.1] to [nodes.127].",
     "nodes.objects": 'Objects to write at boot: "6065" = 4000, "6099:01" = 100, or by name.',
-    "nodes.can_simple": "What a module that speaks CAN Simple does not tell of itself.",
-    "nodes.modbus": "The same of a module on RS485: as [nodes.N.can_simple], with endpoints, and without filter and torque.",
+    "nodes.can_simple": "Properties that a module with CAN Simple does not report.",
+    "nodes.modbus": "The same for a module on RS485: as [nodes.N.can_simple], with endpoints, and without filter and torque.",
     "nodes.pdo": "PDOs to configure: rpdo1 to rpdo512, tpdo1 to tpdo512.",
     "nodes.program": "The program (firmware) that the node must have (1F52h, 1F56h).",
     "axes": "One table for each axis: [axes.x].",
-    "groups.kinematics": "How the axes make a place in a workspace, in which lines, paths and circles of the group then are.",
+    "groups.kinematics": "How the axes form a pose in a workspace; lines, paths and circles of the group are then in this "
+    "workspace.",
     "axes.defaults": "Used by commands that leave them out.",
     "axes.homing": "How the axis finds its zero (CiA 402-2, hm).",
-    "axes.stop": "What halt, quick stop, disable, fault and a lost link do; written to the drive and read back.",
-    "axes.feed_forward": "What the drive is told of a motion in advance, in csp and csv (60B1h, 60B2h).",
+    "axes.stop": "Reactions to halt, quick stop, disable, fault and a lost link; written to the drive and read back.",
+    "axes.feed_forward": "Feed-forward values sent to the drive, in csp and csv (60B1h, 60B2h).",
     "axes.objects": "Objects of the axis to write at boot, by the numbers of its first axis.",
     "io": "One table for each named input or output: [io.lamp].",
-    "gantries": "Two axes that carry one beam, and are driven as one: [gantries.y].",
-    "gantries.homing": "How the pair finds where it is: both are led together until their touch probes have seen their switches.",
-    "groups": "Axes that move together, and that a fault stops together: [groups.xy].",
+    "gantries": "Two axes that carry one beam and move as one: [gantries.y].",
+    "gantries.homing": "How the pair is homed: both axes move together until their touch probes have detected their switches.",
+    "groups": "Axes that move together and are stopped together by a fault: [groups.xy].",
 }
 
 BUS: Mapping[str, str] = {
     "interface": 'python-can\'s interface: "socketcan", "pcan", "kvaser", "slcan" ...; "sim" runs without hardware.',
     "channel": 'Which adapter: "can0", "PCAN_USBBUS1", 0 ...',
     "bitrate": "bit/s; with SocketCAN it is compared with the link's.",
-    "master_id": "Our own node ID (default 127).",
-    "scan_period": 'Commands, SYNC and feedback travel once in this time: "4ms".',
-    "sync": "Whether SYNC is sent or heard (default true).",
+    "master_id": "Node ID of the master (default 127).",
+    "scan_period": 'Commands, SYNC and feedback are transmitted once in this time: "4ms".',
+    "sync": "Whether SYNC is sent or received (default true).",
     "sync_producer": 'Who sends SYNC: "master" (default), or "external" for another device.',
     "sync_cob_id": "COB-ID of SYNC (1005h; default 0x80).",
     "sync_counter": 'Last value of SYNC\'s counter (1019h), or "off".',
     "sync_timeout": "After which time an external SYNC is missing (default 1.5 scan periods).",
     "time": 'Period of TIME, or "off".',
     "time_cob_id": "COB-ID of TIME (1012h; default 0x100).",
-    "heartbeat": 'Our heartbeat and theirs (1017h, 1016h; default "100ms"), or "off".',
-    "on_lost_node": 'What a lost node stops: its "group" (default), the "cell", or nothing else ("report").',
-    "process": 'Where the core runs: in its "own" process (default, where that can be), or in a "thread" of the program.',
-    "beside": "Open the bus even where another master is heard.",
+    "heartbeat": 'Heartbeat of the master and of the nodes (1017h, 1016h; default "100ms"), or "off".',
+    "on_lost_node": 'Which axes stop if a node is lost: its "group" (default), the "cell", or no others ("report").',
+    "process": 'Where the core runs: in its "own" process (default, if possible), or in a "thread" of the program.',
+    "beside": "Open the bus even if another master is detected.",
 }
 
 NODE: Mapping[str, str] = {
     "eds": 'EDS: a path relative to this file, or "builtin:gim6010-8".',
     "dcf": "DCF instead of an EDS: its values are written at boot.",
     "remap": 'Whether boot may change PDO mappings: "auto" (default) or "never".',
-    "optional": "The cell is opened without it too; it is booted when it appears.",
-    "on_lost": 'Whether the loss of a node without axes is a "stop" of the cell (default), or is only told ("tell").',
-    "serial": "Serial number that it must have (1018h:04).",
-    "revision": "Revision that it must have (1018h:03).",
-    "configuration_date": "Date of its configuration (1020h:01): it is configured only where the node has another one.",
+    "optional": "The cell also opens without this node; the node is booted when it appears.",
+    "on_lost": 'Whether the loss of a node without axes stops the cell ("stop", default) or is only reported ("tell").',
+    "serial": "Required serial number (1018h:04).",
+    "revision": "Required revision (1018h:03).",
+    "configuration_date": "Date of its configuration (1020h:01): the node is configured only if it has another date.",
     "configuration_time": "Time of its configuration (1020h:02).",
     "restore_defaults": "Restore its defaults (1011h) before it is configured.",
-    "protocol": 'What it speaks: "canopen" (default), or "can_simple" or "modbus", which need a table of that name and no EDS.',
-    "firmware": "Version of the firmware of a module that speaks CAN Simple.",
+    "protocol": 'Its protocol: "canopen" (default), or "can_simple" or "modbus", which need a table of that name and no EDS.',
+    "firmware": "Firmware version of a module with CAN Simple.",
 }
 
 PROGRAM: Mapping[str, str] = {
-    "date_time": "As 1F52h says it: 2026-03-31T14:30:00.",
-    "identification": "As 1F56h:01 says it.",
+    "date_time": "Date and time in 1F52h: 2026-03-31T14:30:00.",
+    "identification": "Value of 1F56h:01.",
     "file": "The program, a path relative to this file.",
-    "download": "Replace another program at boot (1F50h, 1F51h); without it never.",
+    "download": "Replace another program at boot (1F50h, 1F51h); by default never.",
     "deadline": "For each part of that.",
 }
 
 PDO: Mapping[str, str] = {
     "map": 'Objects in their order: ["6041", "6064:00"].',
     "transmission": "Transmission type (sub-index 2): 0 to 240 synchronous, 254 and 255 event-driven.",
-    "event_timer": 'Longest time between two (sub-index 5), or "off".',
-    "inhibit_time": 'Shortest time between two (sub-index 3), or "off".',
+    "event_timer": 'Longest time between two transmissions (sub-index 5), or "off".',
+    "inhibit_time": 'Shortest time between two transmissions (sub-index 3), or "off".',
     "cob_id": "COB-ID (sub-index 1).",
     "sync_start": "SYNC start value (sub-index 6).",
-    "rtr": "Ask for a TPDO by remote frames, so often.",
+    "rtr": "Request a TPDO by remote frames with this period.",
 }
 
 AXIS: Mapping[str, str] = {
     "node": "The number of its [nodes.N].",
     "drive_axis": "Which axis of a device with several (default 1).",
-    "virtual": "An axis without node and drive, which the core leads alone.",
-    "encoder": "The [io.NAME] that tells where an axis without a drive is: an encoder, which others follow.",
-    "unit": 'Unit of positions: "deg", "mm" ...; "increments" does without a scale.',
+    "virtual": "An axis without node and drive, which only the core moves.",
+    "encoder": "The [io.NAME] with the position of an axis without a drive: an encoder, which other axes can follow.",
+    "unit": 'Unit of positions: "deg", "mm" ...; "increments" needs no scale.',
     "scale": 'Position increments per unit: 1000, or a ratio such as "131072/360".',
-    "velocity_scale": "Velocity increments per unit/s, where they are not the position's per second.",
-    "acceleration_scale": "Acceleration increments per unit/s², where they are not the position's.",
-    "invert": 'Turn the direction: "master" (we turn the sign) or "drive" (607Eh).',
-    "rated_torque": "N·m that 6076h stands for; torques travel in parts of it.",
+    "velocity_scale": "Velocity increments per unit/s, if they are not position increments per second.",
+    "acceleration_scale": "Acceleration increments per unit/s², if they are not those of the position.",
+    "invert": 'Invert the direction: "master" (the master inverts the sign) or "drive" (607Eh).',
+    "rated_torque": "Rated torque in N·m (the value of 6076h); torques are sent as parts of it.",
     "position_limits": "[lowest, highest] in units.",
     "max_velocity": "unit/s.",
     "max_acceleration": "unit/s².",
@@ -96,16 +97,17 @@ AXIS: Mapping[str, str] = {
     "limits_in_drive": "Write the limits into the drive too (607Dh, 607Fh, 6080h, 6072h).",
     "modulo": "Units per turn of an endless axis.",
     "position_window": "Target window (6067h) in units.",
-    "standstill_velocity": "unit/s below which the axis counts as standing.",
-    "standstill_window": "How far an axis at rest may be from where it is led, in units.",
-    "following_error": 'How much farther in motion, in units; "off": 6062h is not compared in motion.',
-    "demand": 'Whether 6062h is what leads the axis: "use" or "ignore"; left out, it is judged by what it does.',
-    "modes": "Modes to use, where not all that the drive has.",
-    "holds_load": 'A vertical axis: what holds it, "brake" or "torque"; false where nothing must.',
-    "transition_time": "How long one step of the power-stage machine may take.",
+    "standstill_velocity": "Velocity in unit/s below which the axis is at standstill.",
+    "standstill_window": "Allowed distance between an axis at standstill and its demand, in units.",
+    "following_error": 'Additional allowed distance in motion, in units; "off": 6062h is not compared in motion.',
+    "demand": 'Whether 6062h is the demand of the axis: "use" or "ignore"; without this key, axisbus decides by its '
+    "behaviour.",
+    "modes": "Modes to use, if not all modes of the drive.",
+    "holds_load": 'What holds the load of a vertical axis: "brake" or "torque"; false if no load must be held.',
+    "transition_time": "How long one transition of the drive's state machine may take.",
     "mode_time": "How long a mode change may take.",
     "acknowledge_time": "How long the set-point acknowledge may take.",
-    "handshake": '"on-change" where bit 12 of the statusword proves nothing (default "acknowledge").',
+    "handshake": '"on-change" if bit 12 of the statusword is not reliable (default "acknowledge").',
 }
 
 DEFAULTS: Mapping[str, str] = {
@@ -113,16 +115,16 @@ DEFAULTS: Mapping[str, str] = {
     "acceleration": "unit/s².",
     "deceleration": "unit/s².",
     "torque_slope": "N·m/s (6087h).",
-    "jerk": "unit/s³, of moves to a position and of move_velocity (60A4h, or led by the master).",
+    "jerk": "unit/s³, of moves to a position and of move_velocity (60A4h, or streamed by the master).",
 }
 
 HOMING: Mapping[str, str] = {
-    "method": "Homing method (6098h); 35 and 37: where it stands is zero.",
-    "speed_switch": "unit/s until the switch (6099h:01).",
-    "speed_zero": "unit/s until zero (6099h:02).",
+    "method": "Homing method (6098h); 35 and 37: the present position is zero.",
+    "speed_switch": "unit/s of the search for the switch (6099h:01).",
+    "speed_zero": "unit/s of the search for zero (6099h:02).",
     "acceleration": "unit/s² (609Ah).",
     "timeout": "After which time homing has failed.",
-    "required": "Whether absolute moves wait for it (default: where position_limits are set).",
+    "required": "Whether absolute moves wait for it (default: if position_limits are set).",
     "offset": "Home offset (607Ch) in units.",
 }
 
@@ -135,36 +137,36 @@ STOP: Mapping[str, str] = {
     "connection_loss": "Abort connection option code (6007h).",
     "communication_error": "Error behaviour (1029h:01).",
     "deceleration": "unit/s² of the quick stop (6085h).",
-    "halt_time": "How long the halt may take before the next rung of the stop ladder.",
+    "halt_time": "How long the halt may take before the next step of the stop sequence.",
     "quick_stop_time": "How long the quick stop may take.",
     "disable_time": "How long the disabling may take.",
 }
 
 FEED_FORWARD: Mapping[str, str] = {
     "velocity": "Send the velocity of each set-point (60B1h), in csp.",
-    "inertia": "N·m per unit/s²: send the torque that the acceleration of the set-points takes (60B2h), in csp and csv.",
-    "torque_offset": "N·m that always act, such as a weight (60B2h), in csp and csv; 0.0 where a program will set it.",
+    "inertia": "N·m per unit/s²: send the torque for the acceleration of the set-points (60B2h), in csp and csv.",
+    "torque_offset": "Constant N·m, for example for a weight (60B2h), in csp and csv; 0.0 if a program will set it.",
 }
 
 GROUP: Mapping[str, str] = {
-    "axes": "In this order move_linear takes their positions.",
+    "axes": "The order of the positions in move_linear.",
     "on_fault": 'How a fault of one stops the others: on their "path" (default), "each" by its own ramp, or by "quick" stop.',
 }
 
 KINEMATICS: Mapping[str, str] = {
-    "kind": 'What the axes make together: "corexy", "scara" or "delta".',
+    "kind": 'Kinematics of the axes: "corexy", "scara" or "delta".',
     "upper": "Length of the upper arm, or of each of them.",
     "fore": "Length of the forearm, or of each of them, in the same unit.",
-    "base": "Of a delta: how far the upper joints are from the middle.",
-    "plate": "Of a delta: how far the lower joints are from the middle of the plate.",
+    "base": "Of a delta: distance of the upper joints from the middle.",
+    "plate": "Of a delta: distance of the lower joints from the middle of the plate.",
     "left": "Of a SCARA: whether the elbow is bent to positive angles (default true).",
     "middle": "Of a SCARA: the shoulder's positions are those within half a turn of this (default 0 degrees).",
 }
 
 GANTRY: Mapping[str, str] = {
-    "axes": "The two that carry the beam; the place of the first is that of the beam.",
-    "max_skew": "Units that the beam may be out of square; beyond it both axes are stopped.",
-    "offset": "Units that the second axis is farther than the first where the beam is square (default 0).",
+    "axes": "The two axes that carry the beam; the position of the first is that of the beam.",
+    "max_skew": "Allowed skew of the beam in units; beyond it both axes are stopped.",
+    "offset": "Position of the second axis minus position of the first when the beam is square, in units (default 0).",
 }
 
 GANTRY_HOMING: Mapping[str, str] = {
@@ -173,16 +175,16 @@ GANTRY_HOMING: Mapping[str, str] = {
     "edge": 'Edge of the switch: "rising" or "falling".',
     "velocity": "unit/s of the search, and of squaring.",
     "distance": "Units to search at most, below 0 towards smaller positions.",
-    "positions": "What the place of each axis is called at its own switch.",
-    "skew": "Units that the beam may be found out of square (default: max_skew).",
+    "positions": "Position of each axis at its own switch.",
+    "skew": "Allowed skew found by homing, in units (default: max_skew).",
 }
 
 IO: Mapping[str, str] = {
     "node": "The number of its [nodes.N].",
-    "object": 'Its object, which tells whether it is an input or an output: "6000h:01", "6200h:01", "60FEh:01" ...',
+    "object": 'Its object, which also decides between input and output: "6000h:01", "6200h:01", "60FEh:01" ...',
     "bit": "Which bit of the object, from 0; without it the object is a number.",
-    "safe": "What an output becomes when its node, the program or the master is lost, and when the machine is left.",
-    "scale": "Digits per unit of a number: 3276.7, or a ratio; without it the number is the digits themselves.",
-    "offset": "What a number is at 0 digits, in its unit (default 0).",
-    "unit": "Unit of a number, for people.",
+    "safe": "State of an output when its node, the program or the master is lost, and when the machine is closed.",
+    "scale": "Digits per unit of a number: 3276.7, or a ratio; without it the number is in digits.",
+    "offset": "Value of a number at 0 digits, in its unit (default 0).",
+    "unit": "Unit of a number, for display.",
 }

@@ -292,13 +292,13 @@ class AxisConfig:
         if self.encoder is not None:
             return StateError(
                 f"axis {self.name} is an encoder: it has {what}",
-                observed=f"it is where [io.{self.encoder}] says, and has no drive",
-                remedy="ask an axis that has a drive, or read its position",
+                observed=f"it has no drive; its position is the input [io.{self.encoder}]",
+                remedy="use an axis that has a drive, or read its position",
             )
         return StateError(
             f"axis {self.name} is virtual: it has {what}",
-            observed="the core leads it alone: there is no node and no drive",
-            remedy="ask an axis that has a drive, or read its position and velocity",
+            observed="only the core moves it: there is no node and no drive",
+            remedy="use an axis that has a drive, or read its position and velocity",
         )
 
 

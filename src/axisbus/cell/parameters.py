@@ -124,20 +124,20 @@ def mode_list(drive: Drive, claimed: Set[ModeOfOperation] | None = None) -> Show
         claimed = drive.claimed
     runnable = drive.runnable
     if claimed is None:
-        return ShownModes(tuple(sorted(runnable)), ("6502h says nothing: by the objects alone",))
+        return ShownModes(tuple(sorted(runnable)), ("6502h has no value: by the objects alone",))
     doubts = [_lacks(drive, mode) for mode in sorted(claimed - runnable)]
     unlisted = [FACTS[mode].short for mode in sorted(runnable - claimed)]
     if unlisted:
         it = "it" if len(unlisted) == 1 else "them"
         unused = "" if modes(drive, claimed) >= runnable else ": not used unless modes = [...] names it"
-        doubts.append(f"objects of {', '.join(unlisted)} are there, but 6502h does not list {it}{unused}")
+        doubts.append(f"objects of {', '.join(unlisted)} are present, but 6502h does not list {it}{unused}")
     return ShownModes(tuple(sorted(runnable & claimed)), tuple(doubts))
 
 
 def _lacks(drive: Drive, mode: ModeOfOperation) -> str:
     missing = drive.missing(needed(mode))
     names = ", ".join(f"{index:04X}h" for index in missing)
-    return f"6502h claims {FACTS[mode].short}, but {names} {'is' if len(missing) == 1 else 'are'} missing"
+    return f"6502h lists {FACTS[mode].short}, but {names} {'is' if len(missing) == 1 else 'are'} missing"
 
 
 def standstill_speed(axis: AxisConfig, units: Units) -> float | None:

@@ -66,7 +66,7 @@ def _why(path: Path, error: Exception) -> str:
     if path.is_dir():
         return f"{path} is a folder"
     if isinstance(error, FileNotFoundError):
-        return f"there is no {path}"
+        return f"{path} does not exist"
     return f"{path}: {getattr(error, 'strerror', None) or error}"
 
 

@@ -121,7 +121,7 @@ def parse_quantity(text: str, quantity: UnitConversion | None) -> int | None:
     if number is None or not unit:
         return None
     if not math.isfinite(number):
-        raise ArgumentError(f"{text!r} is no finite number")
+        raise ArgumentError(f"{text!r} is not a finite number")
     if quantity is None or unit.casefold() not in _spellings(quantity.unit):
         known = (
             f"the object is in {quantity.unit}" if quantity is not None else "no unit is known for the object"

@@ -66,7 +66,7 @@ __all__ = [
     "read",
 ]
 
-_ALONE = "the core leads it alone: it has no node and no drive"
+_ALONE = "only the core moves it: it has no node and no drive"
 _SHOWN = 10  # maximum number of further errors in the text of an exception
 
 
@@ -184,7 +184,7 @@ class _Reading(Tables):
         node_id = _node_id(key)
         if node_id is None:
             remedy = "write [nodes.N] with N from 1 to 127, in decimal without leading zeros"
-            self._error(path, f"{key!r} is no node ID", remedy=remedy, rule=NO_NAME)
+            self._error(path, f"{key!r} is not a node ID", remedy=remedy, rule=NO_NAME)
             return None
         table = self._table(path, raw)
         fields = self._fields(path, table, schema.NODE, schema.NODE_TABLES)
@@ -209,11 +209,11 @@ class _Reading(Tables):
         name, words = name_of(path), SPOKEN[spoken]
         for key in table:
             if key not in ("protocol", "firmware", spoken):
-                remedy = f"leave {key} out; [{name}.{spoken}] has what it needs"
-                self._error((*path, key), f"[{name}] speaks {words}, and has no {key}", remedy=remedy)
+                remedy = f"leave {key} out; [{name}.{spoken}] has the settings that it needs"
+                self._error((*path, key), f"[{name}] uses {words}, and has no {key}", remedy=remedy)
         if fields.get("protocol") != spoken:
             self._error(
-                (*path, spoken), f"[{name}] does not speak {words}", remedy=f'add protocol = "{spoken}"'
+                (*path, spoken), f"[{name}] does not use {words}", remedy=f'add protocol = "{spoken}"'
             )
         module = ModuleConfig(**self._sub(path, table, spoken, schema.MODULE))
         return NodeConfig(node_id, **fields, module=module)
@@ -231,8 +231,8 @@ class _Reading(Tables):
         if not any(program.at.gives(key) for key in ("date_time", "identification")):
             self._error(
                 (*path, "program"),
-                f"[{program.at.name}] does not say by what the program is known",
-                remedy="add date_time = 2026-03-31T14:30:00 (what 1F52h says of it), or identification = 0x1234 (1F56h:01)",
+                f"[{program.at.name}] has no identification of the program",
+                remedy="add date_time = 2026-03-31T14:30:00 (the value of 1F52h), or identification = 0x1234 (1F56h:01)",
             )
         return program
 
@@ -243,7 +243,7 @@ class _Reading(Tables):
             if name is None or int(name[2]) > 512:
                 self._error(
                     (*path, key),
-                    f"{key!r} is no PDO",
+                    f"{key!r} is not a PDO",
                     remedy="write rpdo1 to rpdo512, or tpdo1 to tpdo512",
                     rule=NO_NAME,
                 )
@@ -297,7 +297,7 @@ class _Reading(Tables):
         for below, remedy in found:
             what, of = name_of(below), name_of(path)
             kind = "an encoder" if allowed_keys.ENCODER in table else "a virtual axis"
-            self._error((*path, *below), f"{what} cannot stand in [{of}], {kind}", _ALONE, remedy)
+            self._error((*path, *below), f"{what} cannot be in [{of}], {kind}", _ALONE, remedy)
         table = allowed_keys.without(table, found)
         own, _ = allowed_keys.keys_of(table)
         keys = {key: each for key, each in schema.AXIS.items() if key in own}
@@ -316,8 +316,8 @@ class _Reading(Tables):
         if quick_deceleration(axis) is None and axis.stop.at.sound("deceleration"):
             self._error(
                 path,
-                f"nothing says how [{name_of(path)}] is braked",
-                "a virtual axis has no drive that knows a ramp, and must not stop from one cycle to the next",
+                f"no deceleration is given for [{name_of(path)}]",
+                "a virtual axis has no drive with a ramp, and must not stop from one cycle to the next",
                 f"add acceleration = ... to [{name_of(path)}.defaults], or deceleration = ... to [{name_of(path)}.stop]",
             )
         return axis

@@ -198,9 +198,9 @@ def _contradiction(
         remedy = f"write {rate.key} in [axes.{axis.name}]: increments of {rate.text} per {per}"
     return ScaleContradiction(
         rate.key,
-        f"axis {axis.name}: {rate.key} is not what its drive counts",
-        f"{is_}; the drive counts in {rate.text} ({rate.source})",
-        f"{remedy}, or let the drive count in another unit ({rate.source})",
+        f"axis {axis.name}: {rate.key} does not match the unit of its drive",
+        f"{is_}; the unit of the drive is {rate.text} ({rate.source})",
+        f"{remedy}, or set another unit in the drive ({rate.source})",
         rate.is_certain or not given,
     )
 
@@ -209,7 +209,7 @@ def _missing_acceleration(axis: AxisConfig, speed: Rate) -> ScaleContradiction:
     return ScaleContradiction(
         "acceleration_scale",
         f"axis {axis.name}: acceleration_scale is missing",
-        f"the drive counts velocities in {speed.text} ({speed.source}), and nothing says how it counts accelerations",
+        f"the drive's unit of velocity is {speed.text} ({speed.source}), and its unit of acceleration is not given",
         f"write acceleration_scale in [axes.{axis.name}] by the drive's manual: for ({speed.text})/s it is velocity_scale",
         is_certain=True,
     )
@@ -219,7 +219,7 @@ def _nothing(unit: str, values: Values) -> str:
     motor = _ratio(values, o.ENCODER_RESOLUTION)
     if motor is None:
         return "the drive's objects suggest nothing (608Fh is missing or 0): check it by a small move"
-    return f"608Fh says {float(motor):g} increments per motor turn; how many {unit} that is, only the machine knows"
+    return f"608Fh says {float(motor):g} increments per motor turn; how many {unit} that is depends on the machine"
 
 
 def _ratio(values: Values, index: int) -> Fraction | None:

@@ -93,7 +93,7 @@ AXIS: Keys = {
     "drive_axis": CellKey(v.integer(1, 8)),
     "virtual": _flag,
     "encoder": CellKey(v.text),
-    "unit": CellKey(v.unit, 'unit = "deg", "mm" or the like; unit = "increments" to do without'),
+    "unit": CellKey(v.unit, 'unit = "deg", "mm" or the like; unit = "increments" needs no scale'),
     "scale": _scale,
     "velocity_scale": _scale,
     "acceleration_scale": _scale,
@@ -168,7 +168,7 @@ KINEMATICS: Keys = {
 GANTRY: Keys = {
     "axes": CellKey(v.list_of(v.text, "axes' names"), 'axes = ["y1", "y2"], the two that carry the beam'),
     "max_skew": CellKey(
-        v.positive, "max_skew = how far out of square the beam may be, in the axes' unit; it is never guessed"
+        v.positive, "max_skew = the allowed skew of the beam, in the axes' unit; it is never guessed"
     ),
     "offset": _number,
 }
@@ -178,13 +178,15 @@ GANTRY_HOMING: Keys = {
     "input": CellKey(v.integer(1, 2), "input = 1 or 2, the touch probe that the switch is wired to"),
     "edge": CellKey(
         v.words("rising", "falling"),
-        'edge = "rising" or "falling", that of the switch where both come upon it',
+        'edge = "rising" or "falling", the edge of the switch when both axes reach it',
     ),
     "velocity": CellKey(v.positive, "velocity = unit/s of the search; it is never guessed"),
-    "distance": CellKey(v.finite, "distance = how far to search at most, below 0 towards smaller positions"),
+    "distance": CellKey(
+        v.finite, "distance = the longest search distance, below 0 towards smaller positions"
+    ),
     "positions": CellKey(
         v.list_of(v.finite, "numbers"),
-        "positions = [0.0, 0.0], what the place of each axis is called at its own switch",
+        "positions = [0.0, 0.0], the position of each axis at its own switch",
     ),
     "skew": _positive,
 }

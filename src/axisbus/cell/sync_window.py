@@ -18,8 +18,8 @@ def misses(window: int | None, bus: BusConfig) -> bool:
 def closes(window: int | None, bus: BusConfig) -> str:
     """Return the end of the window and the arrival of the RPDOs, in words."""
     return (
-        f"its window (1007h) closes {window} µs after SYNC, and they may come {_latest(bus)} µs after it, "
-        "behind the TPDOs that answer SYNC"
+        f"its window (1007h) closes {window} µs after SYNC, and they may come {_latest(bus)} µs after it, after the TPDOs "
+        "that answer SYNC"
     )
 
 

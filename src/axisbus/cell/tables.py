@@ -78,8 +78,8 @@ class Tables:
             return True
         self._error(
             path,
-            f"{name[:80]!r} is no name",
-            remedy="a name is made of letters, digits, _ and -",
+            f"{name[:80]!r} is not a name",
+            remedy="a name may contain letters, digits, _ and -",
             rule=NO_NAME,
         )
         return False

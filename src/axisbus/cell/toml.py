@@ -84,9 +84,10 @@ _REMEDIES = (
     ("Cannot redefine", "this table is opened twice: put all of its keys under one header"),
     (
         "Expected newline or end of document after a statement",
-        'write one "key = value" per line; a text or a value with a unit stands in quotes: scan_period = "4ms"',
+        'write one "key = value" per line; a text or a value with a unit must be in quotes: scan_period = "4ms"',
     ),
-    ("Expected '='", 'write key = value; a key with other characters than letters, digits, _ and - stands in quotes: "607D:1" = 5'),
+    ("Expected '='", 'write key = value; a key with other characters than letters, digits, _ and - must be in quotes: '
+                     '"607D:1" = 5'),
     ("Invalid value", "write a number, true, false, a list in [ ], or a text in quotes"),
     ("Invalid statement", "a line is a [table], a key = value, or a comment that begins with #"),
     ("Unescaped '\\'", _BACKSLASHES),
@@ -97,7 +98,7 @@ _REMEDIES = (
     ("Unterminated string", "close the text with a quotation mark"),
     ("Illegal character", "close the text with a quotation mark on its own line"),
     ("Expected \"'\"", "close the text with a quotation mark"),
-    ("digits", "no number here needs so many digits"),
+    ("digits", "the number has too many digits"),
 )  # fmt: skip
 
 
@@ -139,13 +140,13 @@ def _syntax(reason: str, text: str, file: str) -> ConfigError:
     line = int(place[1]) if place and place[1] else text.rstrip("\n").count("\n") + 1 if place else 0
     said = _AT.sub("", reason)
     remedy = next(
-        (advice for part, advice in _REMEDIES if part in said), "see https://toml.io for how TOML is written"
+        (advice for part, advice in _REMEDIES if part in said), "see https://toml.io for the syntax of TOML"
     )
     shown = text.split("\n")[line - 1].strip() if line else ""
     if remedy == _BACKSLASHES:
         remedy = _in_single_quotes(shown)
     return ConfigError(
-        f"this is no TOML: {said[:1].lower()}{said[1:]}",
+        f"this is not TOML: {said[:1].lower()}{said[1:]}",
         file=file,
         line=line,
         observed=f"the line reads: {shown[:_SHOWN]}" if shown else "",
@@ -162,11 +163,11 @@ def _bytes(path: Path) -> bytes:
                 remedy=_nearby(path, "") or "name a .toml file",
             )
         if path.exists() and not path.is_file():
-            raise ConfigError("this is no ordinary file", file=str(path), remedy="name a .toml file")
+            raise ConfigError("this is not an ordinary file", file=str(path), remedy="name a .toml file")
         data = path.read_bytes()
     except FileNotFoundError:
         remedy = _nearby(path.parent, path.name) or f"there is no .toml file in {path.parent}: check the path"
-        raise ConfigError("there is no such file", file=str(path), remedy=remedy) from None
+        raise ConfigError("the file does not exist", file=str(path), remedy=remedy) from None
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
         raise ConfigError(
             "the file cannot be read",
@@ -189,7 +190,7 @@ def _decoded(data: bytes, file: str) -> str:
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
         raise ConfigError(
-            "this is no UTF-8 text",
+            "this is not UTF-8 text",
             file=file,
             line=line,
             observed=f"byte {data[error.start]:02X}h",

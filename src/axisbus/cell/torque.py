@@ -29,7 +29,7 @@ def compare(rated: float | None, drive: int | None) -> ScaleReport | None:
     if agrees:
         return ScaleReport(configured, "agrees with the drive's object (6076h)", agrees)
     ratio = drive / _MILLI / abs(rated)
-    text = f"6076h says {drive / _MILLI:g} N·m: if it counts, the motor gives {ratio:.3g} times the torque that is asked for"
+    text = f"6076h has {drive / _MILLI:g} N·m: if it is right, the motor gives {ratio:.3g} times the commanded torque"
     return ScaleReport(configured, text, agrees)
 
 

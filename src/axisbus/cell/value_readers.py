@@ -160,7 +160,7 @@ def _finite(value: Any, expected: str) -> float:
     except OverflowError:
         raise InvalidValue(expected) from None
     if not abs(number) <= LARGEST:
-        raise InvalidValue(expected, f"it must lie within ±{LARGEST:g}" if math.isfinite(number) else "")
+        raise InvalidValue(expected, f"it must be within ±{LARGEST:g}" if math.isfinite(number) else "")
     return number
 
 
@@ -244,7 +244,7 @@ def scale(value: Any) -> Fraction:
     else:
         exact = Fraction(_finite(value, _SCALE))
     if exact < 0:
-        raise InvalidValue(_SCALE, 'to turn the direction write invert = "master" (or "drive")')
+        raise InvalidValue(_SCALE, 'to invert the direction write invert = "master" (or "drive")')
     if not _SMALLEST_SCALE <= exact <= _LARGEST_SCALE:
         raise InvalidValue(_SCALE)
     return exact
@@ -385,5 +385,5 @@ def unit(value: Any) -> str:
     near = get_close_matches(known.lower(), AXIS_UNITS, n=1)
     hint = f'did you mean "{near[0]}"? ' if near else ""
     raise InvalidValue(
-        f"one of {', '.join(AXIS_UNITS)}", f'{hint}write one of these; "increments" does without'
+        f"one of {', '.join(AXIS_UNITS)}", f'{hint}write one of these; "increments" needs no scale'
     )

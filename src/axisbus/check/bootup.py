@@ -13,15 +13,15 @@ def version(case: CheckContext) -> Problems:
         if len(given) == 1:
             yield case.error(
                 node.at.of(given[0]),
-                f"node {node.node_id}: {given[0]} stands alone",
-                "1020h has a date and a time, and the configuration is skipped only where both are the expected ones",
+                f"node {node.node_id}: {given[0]} is given without the other key",
+                "1020h has a date and a time, and the configuration is skipped only if both have the expected values",
                 "give configuration_date and configuration_time, or neither",
             )
     for node, eds, _ in case.nodes:
         if node.version is not None and cia301.VERIFY_CONFIGURATION not in eds:
             yield case.warning(
                 node.at.of("configuration_date"),
-                f"node {node.node_id}: the drive does not keep the date of its configuration",
+                f"node {node.node_id}: the drive does not store the date of its configuration",
                 f"{eds.source} lacks 1020h (verify configuration), so it is configured at every boot-up",
                 "leave configuration_date and configuration_time out",
             )
@@ -35,7 +35,7 @@ def restore(case: CheckContext) -> Problems:
                 node.at.of("restore_defaults"),
                 f"node {node.node_id} cannot restore its defaults",
                 f"{eds.source} lacks 1011h:01 (restore all default parameters)",
-                "leave restore_defaults out, and write what must hold into [nodes.N.objects]",
+                "leave restore_defaults out, and write the required values into [nodes.N.objects]",
             )
 
 
@@ -46,8 +46,8 @@ def identity(case: CheckContext) -> Problems:
             if getattr(node, key) is not None and eds.get(cia301.IDENTITY, subindex) is None:
                 yield case.warning(
                     node.at.of(key),
-                    f"node {node.node_id}: a {key} is expected that the drive does not say",
-                    f"{eds.source} lacks 1018h:{subindex:02X}, and a node that does not say it is refused at boot-up",
+                    f"node {node.node_id}: a {key} is expected, which the drive does not report",
+                    f"{eds.source} lacks 1018h:{subindex:02X}, and a node that does not report it is refused at boot-up",
                     f"leave {key} out",
                 )
 
@@ -61,7 +61,7 @@ def optional_in_group(case: CheckContext) -> Problems:
             if node is not None and node.optional:
                 yield case.note(
                     group.at.of("axes"),
-                    f"group {group.name} cannot be used while node {node.node_id} is not there",
+                    f"group {group.name} cannot be used while node {node.node_id} is not present",
                     f"axis {name} is on it, and it is optional",
                 )
 

@@ -22,8 +22,9 @@ def bus_load(case: CheckContext) -> Problems:
         if bus.interface not in _NO_WIRE:
             yield case.note(
                 bus.at.line,
-                "the bus load cannot be worked out: the bitrate is not known",
-                remedy="write bitrate = 1_000_000 (the bus's own) in [bus]; where the link sets it, it is then compared",
+                "the bus load cannot be computed: the bitrate is not known",
+                remedy="write bitrate = 1_000_000 (the bus's own) in [bus]; if the link sets a bitrate, the two are then "
+                "compared",
             )
         return
     if not _modules_sound(case):
@@ -52,8 +53,8 @@ def _periods(case: CheckContext, bitrate: int) -> str:
     if least is None or calm is None:
         return ""
     return (
-        f'scan_period = "{calm * 1000:g}ms" or longer, with which the load is at most {WARNING_LOAD:.0%} (the shortest that the '
-        f'wire can hold is "{least * 1000:g}ms": axisbus plan), '
+        f'scan_period = "{calm * 1000:g}ms" or longer, with which the load is at most {WARNING_LOAD:.0%} (the shortest that '
+        f'the bus can carry is "{least * 1000:g}ms": axisbus plan), '
     )
 
 
@@ -86,7 +87,7 @@ def short_period(case: CheckContext) -> Problems:
     if bus.at.sound("scan_period") and bus.scan_period < _LATE:
         yield case.warning(
             bus.at.of("scan_period"),
-            f"a scan_period of {bus.scan_period * 1000:g} ms is shorter than an ordinary computer keeps",
+            f"a scan_period of {bus.scan_period * 1000:g} ms is shorter than an ordinary computer can keep",
             "late cycles are skipped and counted; the axes are late by as much, and never jump",
             'scan_period = "2ms" or longer, unless the drives need it and the lateness was measured',
         )

@@ -85,7 +85,7 @@ def defects(case: CheckContext) -> Problems:
             node.at.of(node.file_key),
             f"node {node.node_id}: its {node.file_key} has {counted(len(wrong), 'defect')}",
             _listed(eds, wrong),
-            f"what is broken counts as absent; to mend the file: axisbus eds check {eds.source}",
+            f"defective entries are ignored; to fix the file: axisbus eds check {eds.source}",
         )
 
 
@@ -101,7 +101,7 @@ def made_for_node(case: CheckContext) -> Problems:
             yield case.error(
                 node.at.of(node.file_key),
                 f"node {node.node_id}: {eds.source} is made for node {eds.node_id}",
-                "a DCF holds the COB-IDs of one node ID (NodeID in [DeviceComissioning])",
+                "a DCF has the COB-IDs of one node ID (NodeID in [DeviceComissioning])",
                 f"name the DCF of node {node.node_id}, or the EDS of the drive",
             )
 
@@ -125,7 +125,7 @@ def dcf_values(case: CheckContext) -> Problems:
                 line,
                 f"node {node.node_id}: {eds.source} has values beyond its own limits",
                 error.observed,
-                "where the drive does not have them already, boot refuses them: correct the value or the limit",
+                "if the drive does not have these values already, boot refuses them: correct the value or the limit",
             )
 
 
@@ -138,7 +138,7 @@ def is_drive(case: CheckContext) -> Problems:
         if device_type is None:
             yield case.note(
                 line,
-                f"node {node.node_id}: its {node.file_key} does not say what kind of device it is",
+                f"node {node.node_id}: its {node.file_key} does not give the type of device",
                 "1000h (device type) has no default",
                 "boot asks the drive itself",
             )
@@ -147,7 +147,7 @@ def is_drive(case: CheckContext) -> Problems:
             report = case.error if device_type & 0xFFFF else case.warning
             yield report(
                 line,
-                f"node {node.node_id} has axes, but by its {node.file_key} it is no CiA 402 drive",
+                f"node {node.node_id} has axes, but by its {node.file_key} it is not a CiA 402 drive",
                 f"1000h (device type) is {device_type:08X}h: profile {device_type & 0xFFFF}, not 402",
                 "name the drive's own EDS, or correct the axis's node",
             )
@@ -192,8 +192,8 @@ def one_axis_per_object(case: CheckContext) -> Problems:
         if split:
             yield case.error(
                 drive.axis.at.of("node"),
-                f"axis {drive.axis.name}: the device keeps several axes in the sub-indices of one object",
-                f"in {drive.eds.source} these are no single values: {titles(split)}",
+                f"axis {drive.axis.name}: the device has several axes in the sub-indices of one object",
+                f"in {drive.eds.source} these are not single values: {titles(split)}",
                 "such a drive cannot be used; CiA 402 has the second axis 800h further",
             )
 
@@ -206,9 +206,9 @@ def bitrate(case: CheckContext) -> Problems:
     if bus.bitrate // 1000 not in _RATES or bus.bitrate % 1000:
         yield case.warning(
             bus.at.of("bitrate"),
-            f"{bus.bitrate} bit/s is no bitrate of CANopen",
+            f"{bus.bitrate} bit/s is not a bitrate of CANopen",
             f"CiA 301 has {', '.join(map(str, _RATES))} kbit/s",
-            "write the rate that the drives are set to",
+            "write the rate that is set in the drives",
         )
         return
     for node, eds, _ in case.nodes:

@@ -26,7 +26,7 @@ def files(case: CheckContext) -> Problems:
                 program.at.of("download"),
                 f"node {node.node_id}: its program may be replaced, and no file is given",
                 f"[{program.at.name}] has download = true without file",
-                'add file = "firmware.bin", a path relative to this file, or take download = true out',
+                'add file = "firmware.bin", a path relative to this file, or remove download = true',
             )
 
 
@@ -48,7 +48,7 @@ def _file(case: CheckContext, node: NodeConfig, program: ProgramConfig) -> Probl
     limit = "" if program.deadline is not None else " (no deadline is given: by the size)"
     yield case.note(
         program.at.of("download"),
-        f"{name}: boot replaces its program where it is not the expected one",
+        f"{name}: boot replaces its program if it is not the expected one",
         f"{counted(len(data), 'byte')}; each part of it may take {deadline_of(program, len(data)):g} s{limit}",
     )
 
@@ -62,16 +62,17 @@ def objects(case: CheckContext) -> Problems:
         if lacking := _lacking(eds, mark_of(program).numbers):
             yield case.warning(
                 program.at.line,
-                f"node {node.node_id}: whether it has the expected program cannot be told",
+                f"node {node.node_id}: whether it has the expected program cannot be checked",
                 f"{eds.source} lacks {lacking} (1F52h is the date of the application software, 1F56h its identification)",
-                f"tell the program by the other one, or leave [{program.at.name}] out: boot would refuse it with the letter G",
+                f"identify the program by the other one, or leave [{program.at.name}] out: boot would refuse it with the "
+                "letter G",
             )
         elif program.download and (lacking := _lacking(eds, _DOWNLOAD)):
             yield case.warning(
                 program.at.of("download"),
                 f"node {node.node_id}: its program cannot be replaced over the bus",
                 f"{eds.source} lacks {lacking} (program data and program control)",
-                "take download = true out if the device does not have them: boot would fail with the letter I",
+                "remove download = true if the device does not have them: boot would fail with the letter I",
             )
 
 

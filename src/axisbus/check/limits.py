@@ -74,7 +74,7 @@ def virtual_outside(case: CheckContext) -> Problems:
                 axis.at.of("position_limits"),
                 f"virtual axis {axis.name} begins outside its position limits",
                 f"it begins at 0, and they are {limits[0]:g} to {limits[1]:g} {axis.unit}",
-                f"say where it is before its first move, such as set_position({limits[0]:g}), or let the limits hold 0",
+                f"set its position before its first move, such as set_position({limits[0]:g}), or choose limits that include 0",
             )
 
 
@@ -113,12 +113,12 @@ def torque(case: CheckContext) -> Problems:
                     at.of(key),
                     f"axis {axis.name}: {key} in [{at.name}] needs rated_torque",
                     "drives count torque in 0.1 % of their rated torque",
-                    f"add rated_torque in N·m to [axes.{axis.name}] (the drive's 6076h holds it in mN·m), or delete {key}",
+                    f"add rated_torque in N·m to [axes.{axis.name}] (the drive's 6076h has it in mN·m), or delete {key}",
                 )
             elif value / rated * 1000 >= _TORQUE_TYPES[key].range[1] + 0.5:
                 yield case.error(
                     at.of(key),
-                    f"axis {axis.name}: {key} in [{at.name}] is beyond what the drive's object holds",
+                    f"axis {axis.name}: {key} in [{at.name}] is beyond the range of the drive's object",
                     f"{value:g} is {value / rated * 1000:g} in 0.1 % of rated_torque; "
                     f"{_TORQUE_TYPES[key].name} ends at {_TORQUE_TYPES[key].range[1]}",
                     f"lower {key}, or check rated_torque",
@@ -139,7 +139,7 @@ def homing_speeds(case: CheckContext) -> Problems:
             yield case.warning(
                 line,
                 f"axis {axis.name}: homing method {given.method} is reserved in CiA 402",
-                "6098h: 1 to 14, 17 to 30, 33 to 35 and 37 are defined, negative ones are the maker's",
+                "6098h: 1 to 14, 17 to 30, 33 to 35 and 37 are defined, negative ones are manufacturer-specific",
                 "choose a defined one that the drive has",
             )
         for key in ("speed_switch", "speed_zero"):
@@ -177,14 +177,15 @@ def in_drive(case: CheckContext) -> Problems:
                 axis.at.of(limit.key),
                 f"axis {axis.name}: {limit.key} cannot be left in the drive as {own_title(drive, limit.number)}",
                 "the drive has no such object" if not drive.has(limit.number) else _UNSAID[limit.number],
-                f"the master keeps it; nothing does when the master is gone. Else write the object in [{axis.at.name}.objects]",
+                "only the master monitors it; without the master nothing does. Otherwise write the object in "
+                f"[{axis.at.name}.objects]",
             )
         if axis.position_limits is not None:
             yield case.note(
                 axis.at.of(KEY),
-                f"axis {axis.name}: 607Dh counts from the drive's own zero",
-                "it means what position_limits mean once the axis is homed, and is not moved by set_position",
-                "see that the drive does not mind it while it searches its home",
+                f"axis {axis.name}: 607Dh is relative to the drive's own zero",
+                "it equals position_limits after the axis is homed, and set_position does not shift it",
+                "check that the drive ignores it while it searches its home",
             )
 
 

@@ -81,11 +81,11 @@ def scales(case: CheckContext) -> Problems:
             report = case.warning if axis.position_limits is None else case.error
             yield report(
                 axis.at.of("velocity_scale"),
-                f"axis {axis.name}: velocity has a scale of its own, acceleration keeps that of position",
+                f"axis {axis.name}: velocity has its own scale, acceleration uses that of position",
                 f"velocity_scale is {float(axis.velocity_scale):g}, acceleration is converted by "
                 f"{float(axis.scale or 1):g} increments per {axis.unit}",
-                "drives with another velocity unit mostly have another acceleration unit too, and position_limits are braked for "
-                "with it: write acceleration_scale",
+                "drives with another velocity unit mostly have another acceleration unit too, and braking before "
+                "position_limits uses it: write acceleration_scale",
             )
 
 
@@ -95,7 +95,7 @@ def increments(case: CheckContext) -> Problems:
         if axis.unit == INCREMENTS and axis.velocity_scale is None and axis.at.sound("unit"):
             yield case.note(
                 axis.at.of("unit"),
-                f"axis {axis.name}: without velocity_scale a move's deadline is progress",
+                f"axis {axis.name}: without velocity_scale a move is monitored by progress instead of a time limit",
                 "how the drive's velocity increments relate to position increments is not known",
                 "write velocity_scale: the drive's velocity increments for 1 position increment/s",
             )
@@ -110,8 +110,8 @@ def resolution(case: CheckContext) -> Problems:
         yield case.note(
             axis.at.line,
             f"virtual axis {axis.name} counts {counted(round(per_unit), 'increment')} per {axis.unit}, because scale is left out",
-            f"one move may go {INT32_HALF / per_unit:.6g} {axis.unit}, and as many in a second",
-            f"scale = ... in [{axis.at.name}] makes it finer, or lets it go farther",
+            f"one move may be up to {INT32_HALF / per_unit:.6g} {axis.unit}, and as many in a second",
+            f"scale = ... in [{axis.at.name}] makes it finer, or allows longer moves",
         )
 
 

@@ -62,9 +62,9 @@ def asked_for(case: CheckContext) -> Problems:
                 report = case.warning if _moves_otherwise(drive, mode) else case.error
                 yield report(
                     line,
-                    f"axis {drive.axis.name}: {FACTS[mode].short} ({mode.text}) is asked for by {reason}, but cannot be run",
+                    f"axis {drive.axis.name}: {FACTS[mode].short} ({mode.text}) is needed by {reason}, but cannot be run",
                     f"{drive.eds.source} lacks {titles(missing)}",
-                    f"delete what asks for it; {COMMANDS.get(mode, mode.text)} will not be there",
+                    f"delete the line that needs it; {COMMANDS.get(mode, mode.text)} will not be available",
                 )
 
 
@@ -180,7 +180,7 @@ def unclaimed(case: CheckContext) -> Problems:
                 names = ", ".join(FACTS[each].short for each in sorted(claimed)) or "none"
                 yield case.note(
                     line,
-                    f"axis {drive.axis.name}: {FACTS[mode].short}, asked for by {reason}, is not claimed by the drive",
+                    f"axis {drive.axis.name}: {FACTS[mode].short}, needed by {reason}, is not listed by the drive",
                     f"{title(objects.SUPPORTED_DRIVE_MODES)} in {drive.eds.source} claims {names}; "
                     "its objects are there, so it is tried",
                 )

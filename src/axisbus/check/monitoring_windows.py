@@ -11,12 +11,12 @@ from axisbus.cia402 import objects
 from axisbus.motion.parameters import DemandUse, Handshake
 
 _WITHOUT_DEMAND = (
-    "in pp an axis that does not follow is seen by the drive's own watch, or by the time that its move takes; at rest it is "
-    "watched by its position"
+    "in pp an axis that does not follow is detected by the drive's own monitoring, or by the time limit of its move; at "
+    "standstill its position is monitored"
 )
 _STAYS = (
-    "position limits, standstill, set-points streamed by the master and the drive's own following error (6065h, 6066h) stay "
-    "watched"
+    "position limits, standstill, set-points streamed by the master and the drive's own following error (6065h, 6066h) are "
+    "still monitored"
 )
 
 
@@ -32,26 +32,34 @@ def allowances(case: CheckContext) -> Problems:
         window = parameters.pull_window / abs(parameters.units.position.factor)
         yield case.note(
             axis.at.line,
-            f"axis {axis.name} counts as standing within {window:.4g} {axis.unit} of where its drive leads it, and may lag "
-            f"{_lag(axis)} behind a motion",
-            f"{_why(axis)}; beyond both it is stopped (jammed, slipping, moving by itself)",
+            f"axis {axis.name} is at standstill within {window:.4g} {axis.unit} of the demand of its drive, and may lag "
+            f"{_lag(axis)} in a motion",
+            f"{_why(axis)}; beyond both it is stopped (jammed, slipping, moving without a command)",
         )
 
 
 def _lag(axis: AxisConfig) -> str:
     if axis.following_error not in (None, math.inf):
         return f"{axis.following_error:g} {axis.unit}"
-    return "the way of 0.25 s"
+    return "the distance of 0.25 s"
 
 
 def _why(axis: AxisConfig) -> str:
     if axis.standstill_window is not None:
-        return "following_error is not set; the drive's own 6065h takes its place in position modes, where boot reads one"
+        return (
+            "following_error is not set; the drive's own 6065h is used in position modes, if boot reads one"
+        )
     if axis.position_window is not None:
         return "standstill_window is not set: ten times position_window"
     if axis.max_velocity is not None:
-        return "standstill_window is not set: the way of 10 ms at max_velocity, or ten of the drive's 6067h where boot reads one"
-    return "neither standstill_window nor position_window nor max_velocity is set: the way of 10 ms at the default velocity"
+        return (
+            "standstill_window is not set: the distance of 10 ms at max_velocity, or ten times the drive's 6067h if boot "
+            "reads one"
+        )
+    return (
+        "neither standstill_window nor position_window nor max_velocity is set: the distance of 10 ms at the default "
+        "velocity"
+    )
 
 
 def by_sight(case: CheckContext) -> Problems:
@@ -72,8 +80,11 @@ def by_sight(case: CheckContext) -> Problems:
 
 def _unseen(missing: tuple[int, ...]) -> str:
     if objects.POSITION_ACTUAL in missing:
-        return "without 6064h only bit 10 tells: one that replaces another in motion cannot be told from it, and fails"
-    return "without 6062h nobody sees whether a halted drive still pulls to its old target: only 607Ah can be read back"
+        return (
+            "without 6064h only bit 10 is available: a move that replaces another in motion cannot be distinguished from "
+            "it, and fails"
+        )
+    return "without 6062h it is not known whether a halted drive still pulls to its old target: only 607Ah can be read back"
 
 
 def demands(case: CheckContext) -> Problems:
@@ -85,7 +96,7 @@ def demands(case: CheckContext) -> Problems:
             yield case.warning(
                 axis.at.of("demand"),
                 f'axis {name}: demand = "use", and its drive has no 6062h (position demand value)',
-                "what leads the axis is then known only in the modes in which the master sends its targets",
+                "the demand is then known only in the modes in which the master sends the targets",
                 f"leave demand out of [axes.{name}], or use an EDS that has 6062h",
             )
         if axis.demand == DemandUse.IGNORE.value:

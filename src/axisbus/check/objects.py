@@ -22,7 +22,7 @@ from axisbus.errors import ArgumentError
 _TEXT_TYPES = (DataType.VISIBLE_STRING, DataType.UNICODE_STRING)
 _REAL_TYPES = (DataType.REAL32, DataType.REAL64)
 
-_COMMANDED = "the master commands it by itself; a value here would move the motor or switch it on"
+_COMMANDED = "the master commands it; a value here would move the motor or switch it on"
 _STORED = "this would store or reset the drive's parameters at every boot, and wear its memory out"
 _PDO = "PDO parameters need an order of their own"
 
@@ -84,14 +84,14 @@ def _compared(case: CheckContext, write: CellWrite, drive: Drive) -> CellProblem
             write.line,
             f"{write.source}: {entry} cannot be written, and has another value",
             f"{access}, and it is {value!r}; {write.value!r} is wanted",
-            f"ask for what {value!r} means, delete this line, or correct the access in the EDS",
+            f"accept {value!r}, delete this line, or correct the access in the EDS",
         )
     known = "has no value for it" if value is None else "has that value"
     return case.note(
         write.line,
         f"{write.source}: {entry} cannot be written: boot compares it with {write.value!r}",
         f"{access}; the EDS {known}",
-        "if boot finds another value, set the object with the maker's tool, or delete this line",
+        "if boot finds another value, set the object with the manufacturer's tool, or delete this line",
     )
 
 
@@ -139,7 +139,7 @@ def _setting(
     if own is not None and entry.index in PROFILE_AREA and entry.index not in own:
         yield case.error(
             setting.line,
-            f"[{setting.table}]: {entry} is no object of this axis",
+            f"[{setting.table}]: {entry} is not an object of this axis",
             f"its own are {own[0]:04X}h to {own[-1]:04X}h",
             "write it in the table of the axis that it belongs to",
         )
@@ -174,7 +174,7 @@ def _write(case: CheckContext, write: CellWrite, dictionary: Dictionary, eds: Ed
             write.line,
             f"{write.source}: the drive has no {entry}",
             f"{eds.source} does not have it",
-            "delete this line, or name the EDS of the drive that is there",
+            "delete this line, or name the EDS of the present drive",
         )
     elif not variable.writable:
         yield case.error(
@@ -215,7 +215,7 @@ def _beyond_limits(value: float, entry: DictionaryEntry) -> str:
     low, high = entry.low, entry.high
     if (low is None or value >= low) and (high is None or value <= high):
         return ""
-    return f"by its EDS it takes {'any' if low is None else low} to {'any' if high is None else high}"
+    return f"its EDS allows {'any' if low is None else low} to {'any' if high is None else high}"
 
 
 def commanded(case: CheckContext) -> Problems:

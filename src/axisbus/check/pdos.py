@@ -50,7 +50,7 @@ def exists(case: CheckContext) -> Problems:
                     config.at.line,
                     f"node {node.node_id} has no {config.name}",
                     f"{eds.source} does not have {index:04X}h; it has {', '.join(there) or 'none of this direction'}",
-                    "use one that is there",
+                    "use an existing one",
                 )
 
 
@@ -63,10 +63,10 @@ def entries(case: CheckContext) -> Problems:
                 continue
             variable = eds.get(index, subindex)
             if variable is None or not variable.writable:
-                lacks = "does not have" if variable is None else "does not let be written"
+                lacks = "does not have" if variable is None else "does not allow writing"
                 yield case.error(
                     config.at.of(key),
-                    f"node {node.node_id}: {config.name} takes no {key}",
+                    f"node {node.node_id}: {config.name} does not accept {key}",
                     f"{eds.source} {lacks} {index:04X}h:{subindex:02X}",
                     f"delete {key}",
                 )
@@ -87,7 +87,7 @@ def _fixed(case: CheckContext, node: NodeConfig, eds: Eds, config: PdoConfig) ->
     if not node.remappable:
         yield case.error(
             line,
-            f"node {node.node_id}: {config.name} has a map, but the node is not to be remapped",
+            f"node {node.node_id}: {config.name} has a map, but the node must not be remapped",
             f'remap = "never" in [nodes.{node.node_id}]',
             "delete one of them",
         )
@@ -96,7 +96,7 @@ def _fixed(case: CheckContext, node: NodeConfig, eds: Eds, config: PdoConfig) ->
         yield case.error(
             line,
             f"node {node.node_id}: the mapping of {config.name} is fixed",
-            f"{eds.source} does not let {index:04X}h:00 be written",
+            f"{eds.source} does not allow {index:04X}h:00 to be written",
             'delete map, and write remap = "never" in the node\'s table',
         )
 
@@ -130,7 +130,7 @@ def _dummy(case: CheckContext, line: int, where: str, eds: Eds, mapped: MappedOb
     if mapped.index not in eds.dummies:
         yield case.error(
             line,
-            f"{where}: the drive takes no dummy {mapped.index:04X}h",
+            f"{where}: the drive does not accept the dummy {mapped.index:04X}h",
             f"[DummyUsage] of {eds.source} does not allow it",
             "fill the space with an object, or leave it out",
         )
@@ -156,15 +156,15 @@ def _not_mappable(
         why = "PDOMapping is not 1" if mapped.bits else f"{variable.data_type.name} has no fixed size"
         return case.error(
             line,
-            f"{where}: {entry} cannot travel in a PDO",
+            f"{where}: {entry} cannot be transmitted in a PDO",
             f"{eds.source}:{variable.line}: {why}",
             "leave it out: it is read and written by SDO",
         )
     if variable.access not in directions:
-        way = "the drive only sends it" if config.receive else "the drive only takes it"
+        way = "the drive only sends it" if config.receive else "the drive only receives it"
         return case.error(
             line,
-            f"{where}: {entry} goes the other way",
+            f"{where}: {entry} has the other direction",
             f"{eds.source}:{variable.line}: access {variable.access}, so {way}",
             f"map it into {'a TPDO' if config.receive else 'an RPDO'}",
         )
@@ -201,9 +201,10 @@ def controlword_last(case: CheckContext) -> Problems:
             yield case.note(
                 config.at.of("map"),
                 f"node {node.node_id}: {config.name} does not map the controlword last",
-                f"{dictionary.entry(behind[0].index, 0)} stands before {dictionary.entry(mapped[-1].index, mapped[-1].subindex)}; "
-                "many drives take the entries one by one, so the edge of a set-point is sent a cycle after its target",
-                "write the controlword last, unless the drive wants it so",
+                f"{dictionary.entry(behind[0].index, 0)} is mapped before "
+                f"{dictionary.entry(mapped[-1].index, mapped[-1].subindex)}; many drives process the entries one by one, so "
+                "the edge of a set-point is sent a cycle after its target",
+                "write the controlword last, unless the drive needs this order",
             )
 
 
@@ -228,10 +229,10 @@ def transmission(case: CheckContext) -> Problems:
             yield case.error(
                 line,
                 f"{where}: transmission type {kind} needs remote frames",
-                "an RPDO is sent by the master, which asks nobody"
+                "an RPDO is sent by the master, so no node can be asked for it"
                 if config.receive
-                else "the master sends none unless told to: such a PDO would never come",
-                _KINDS if config.receive else f'rtr = "100ms" to ask for it that often, or {_KINDS}',
+                else "the master sends none without rtr: such a PDO would never come",
+                _KINDS if config.receive else f'rtr = "100ms" to request it that often, or {_KINDS}',
             )
         elif kind == 252 and not case.cell.bus.sync:
             yield case.error(
@@ -270,7 +271,7 @@ def timers(case: CheckContext) -> Problems:
                 yield case.warning(
                     config.at.of(key),
                     f"{where}: {key} has no effect",
-                    f"its transmission type is {kind}: it travels with SYNC",
+                    f"its transmission type is {kind}: it is sent with SYNC",
                     f"delete {key}, or write transmission = 255",
                 )
 
@@ -297,7 +298,7 @@ def starts_and_requests(case: CheckContext) -> Problems:
                 remedy="delete sync_start",
             )
         elif config.sync_start and config.sync_start > bus.sync_counter:
-            reach = f"the counter goes to {bus.sync_counter}" if bus.sync_counter else "SYNC has no counter"
+            reach = f"the counter runs to {bus.sync_counter}" if bus.sync_counter else "SYNC has no counter"
             yield (case.error if bus.sync_counter else case.warning)(
                 config.at.of("sync_start"),
                 f"{where}: sync_start = {config.sync_start} "
@@ -308,7 +309,7 @@ def starts_and_requests(case: CheckContext) -> Problems:
         if config.rtr is not None and (config.receive or config.transmission not in RTR_TYPES):
             yield case.error(
                 config.at.of("rtr"),
-                f"{where}: rtr asks for a PDO that comes by itself",
+                f"{where}: rtr requests a PDO that is sent without a request",
                 "only TPDOs of transmission type 252 and 253 wait for a remote frame",
                 "delete rtr, or write transmission = 253",
             )

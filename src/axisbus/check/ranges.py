@@ -98,7 +98,7 @@ def _fits(case: CheckContext, drive: Drive, quantity: CheckedQuantity) -> Proble
     elif not (entry.low is None or entry.low <= raw) or not (entry.high is None or raw <= entry.high):
         yield report(
             line,
-            f"{name} lies outside the drive's own limits of {entry}",
+            f"{name} is outside the drive's own limits of {entry}",
             f"it is {counted(raw, 'increment')}; {drive.eds.source} allows "
             f"{'any' if entry.low is None else entry.low} to {'any' if entry.high is None else entry.high}",
             "give a value within them, or check the scale",

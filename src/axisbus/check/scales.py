@@ -24,7 +24,7 @@ def disagreement(case: CheckContext) -> Problems:
         if found.agrees is False:
             yield case.warning(
                 axis.at.of("scale"),
-                f"the scale of axis {axis.name} is not what its drive's objects suggest",
+                f"the scale of axis {axis.name} differs from the objects of its drive",
                 f"{found.configured}; {found.proposed}, by {own_title(drive, objects.ENCODER_RESOLUTION)} and "
                 f"{own_title(drive, objects.GEAR_RATIO)}",
                 "correct scale (or unit), or the objects; axisbus boot compares it with the drive's own values",

@@ -45,7 +45,7 @@ def _candidates(cell: CellConfig, bitrate: int) -> Iterator[tuple[str, CellConfi
             )
         if not node.remappable:
             yield (
-                f'remap = "auto" in [nodes.{node.node_id}], where the drive lets its PDOs be mapped anew',
+                f'remap = "auto" in [nodes.{node.node_id}], if the drive allows its PDOs to be remapped',
                 _with_node(cell, replace(node, remap="auto")),
                 bitrate,
             )
@@ -58,14 +58,14 @@ def _candidates(cell: CellConfig, bitrate: int) -> Iterator[tuple[str, CellConfi
         yield what, _with_modes(cell, wide), bitrate
     if cell.bus.heartbeat is not None and cell.bus.heartbeat < _SELDOM:
         yield (
-            f'heartbeat = "{_SELDOM:g}s" in [bus]: a lost node is then noticed later',
+            f'heartbeat = "{_SELDOM:g}s" in [bus]: a lost node is then detected later',
             replace(cell, bus=replace(cell.bus, heartbeat=_SELDOM)),
             bitrate,
         )
     if len(cell.nodes) > 1:
         first = sorted(cell.nodes)[: (len(cell.nodes) + 1) // 2]
         yield (
-            f"a second bus, of which this one keeps nodes {', '.join(map(str, first))}",
+            f"a second bus; this one keeps nodes {', '.join(map(str, first))}",
             _with_nodes(cell, first),
             bitrate,
         )

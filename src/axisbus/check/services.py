@@ -111,7 +111,7 @@ def counter(case: CheckContext) -> Problems:
         if eds.get(o.SYNC_COUNTER_OVERFLOW) is None and eds.get(o.COB_ID_SYNC) is not None:
             yield case.warning(
                 bus.at.of("sync_counter"),
-                f"node {node.node_id} may not take a SYNC with a counter",
+                f"node {node.node_id} possibly does not accept a SYNC with a counter",
                 f"{eds.source} has no 1019h; some drives then report 8240h (unexpected SYNC data length)",
                 "leave sync_counter out, unless the drive's manual allows it",
             )

@@ -66,16 +66,16 @@ def not_there(case: CheckContext) -> Problems:
         if absent:
             yield case.note(
                 line,
-                f"axis {drive.axis.name}: what the drive does on {_named(absent)} cannot be set",
+                f"axis {drive.axis.name}: the reaction of the drive to {_named(absent)} cannot be set",
                 f"{drive.eds.source} lacks {', '.join(own_title(drive, option.index) for option in absent)}",
                 "see the drive's manual, and try it at low speed",
             )
         if unknown:
             yield case.note(
                 line,
-                f"axis {drive.axis.name}: what the drive does on {_named(unknown)} is not known before boot",
+                f"axis {drive.axis.name}: the reaction of the drive to {_named(unknown)} is not known before boot",
                 f"{drive.eds.source} gives {', '.join(own_title(drive, option.index) for option in unknown)} no default",
-                f"set it in [axes.{drive.axis.name}.stop], or let boot read it",
+                f"set it in [axes.{drive.axis.name}.stop], or read it by axisbus boot",
             )
 
 
@@ -109,7 +109,7 @@ def weak_quick_stop(case: CheckContext) -> Problems:
             continue
         yield case.warning(
             axis.stop.at.of("deceleration"),
-            f"axis {axis.name}: a quick stop decelerates less than the default, and may lead beyond its position limits",
+            f"axis {axis.name}: a quick stop decelerates less than the default, and may end beyond its position limits",
             f"with {quick:g} {axis.unit}/s²; the default deceleration is {slow:g} {axis.unit}/s²",
             f"deceleration = {slow:g} or more in [axes.{axis.name}.stop]",
         )
@@ -176,8 +176,8 @@ def ladder_times(case: CheckContext) -> Problems:
             yield case.warning(
                 stop.at.of(key),
                 f"axis {axis.name}: {key} is too short to brake from full speed",
-                f"{speed:g} {axis.unit}/s with {ramp_name}, {ramp:g} {axis.unit}/s², takes {speed / ramp:.3g} s; "
-                f"after {allowed:g} s the next rung of the stop ladder is taken",
+                f"{speed:g} {axis.unit}/s with {ramp_name}, {ramp:g} {axis.unit}/s², takes {speed / ramp:.3g} s; after "
+                f"{allowed:g} s the next step of the stop sequence begins",
                 f'{key} = "{speed / ramp * 1.5:.2g}s" in [axes.{axis.name}.stop], or a steeper ramp',
             )
 

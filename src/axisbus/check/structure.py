@@ -36,11 +36,11 @@ def lost_nodes(case: CheckContext) -> Problems:
         if by_axes or (bus.on_lost_node == "report" and node.on_lost == "stop"):
             yield case.warning(
                 node.at.of("on_lost"),
-                f"on_lost of [nodes.{node.node_id}] decides nothing",
+                f"on_lost of [nodes.{node.node_id}] has no effect",
                 "the node has axes"
                 if by_axes
-                else 'on_lost_node = "report" in [bus] lets everything go on, whatever node is lost',
-                "leave it out; on_lost_node in [bus] says what a lost node stops",
+                else 'with on_lost_node = "report" in [bus] all axes continue after the loss of any node',
+                "leave it out; on_lost_node in [bus] sets which axes stop after the loss of a node",
             )
 
 
@@ -77,7 +77,7 @@ def process(case: CheckContext) -> Problems:
     if bus.process != "own" or not bus.at.sound("process", "interface"):
         return
     if sys.platform != "linux":
-        why = f"it needs what Linux has and this platform ({sys.platform}) has not: pidfd, memfd"
+        why = f"it needs pidfd and memfd of Linux, which this platform ({sys.platform}) does not have"
     elif bus.interface == "virtual":
         why = "a bus of python-can's virtual interface exists in one process only"
     else:
@@ -110,7 +110,7 @@ def nodes_have_axes(case: CheckContext) -> Problems:
             yield case.note(
                 node.at.line,
                 f"node {node.node_id} has no axis",
-                "it is booted and watched, and never moved",
+                "it is booted and monitored, and never moved",
                 f"for a drive add [axes.NAME] with node = {node.node_id}, for an I/O module [io.NAME]",
             )
 

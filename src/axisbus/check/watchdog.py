@@ -27,7 +27,7 @@ def heartbeat(case: CheckContext) -> Problems:
     if bus.heartbeat is None:
         yield case.warning(
             line,
-            "the heartbeat is off: no drive can notice a dead master by it",
+            "the heartbeat is off: no drive can detect a dead master by it",
             'heartbeat = "off"',
             'heartbeat = "100ms" in [bus]',
         )
@@ -59,10 +59,10 @@ def watched(case: CheckContext) -> Problems:
         elif not _can_be_guarded(eds):
             yield case.warning(
                 node.at.line,
-                f"node {node.node_id}: nothing on this drive notices a dead master",
-                f"{eds.source} has neither 1016h (consumer heartbeat) nor 100Ch and 100Dh (node guarding): "
-                "if this program or the bus fails, the drive goes on with its last command",
-                "keep its speed and travel harmless, or cut its power by hardware that watches the master",
+                f"node {node.node_id}: nothing on this drive detects a dead master",
+                f"{eds.source} has neither 1016h (consumer heartbeat) nor 100Ch and 100Dh (node guarding): if this program "
+                "or the bus fails, the drive continues with its last command",
+                "keep its speed and travel harmless, or cut its power by hardware that monitors the master",
             )
 
 
@@ -81,9 +81,9 @@ def _reaction(case: CheckContext, node: NodeConfig, eds: Eds) -> Problems:
         if drive.node is node and not drive.has(options.CONNECTION_LOSS.index):
             yield case.note(
                 drive.axis.at.line,
-                f"axis {drive.axis.name}: what the drive does when it notices a dead master is unknown",
+                f"axis {drive.axis.name}: the reaction of the drive to a dead master is unknown",
                 f"{eds.source} has 1016h (consumer heartbeat) but no 6007h (abort connection option code)",
-                "try it at low speed: end the program hard, and watch what the axis does",
+                "try it at low speed: kill the program, and watch the axis",
             )
 
 
@@ -92,11 +92,11 @@ def watchable(case: CheckContext) -> Problems:
     for node, eds, _ in case.nodes:
         if cia301.PRODUCER_HEARTBEAT not in eds:
             guards = case.cell.bus.heartbeat is not None and _can_be_guarded(eds)
-            noticed = "by node guarding (100Ch, 100Dh)" if guards else "when its PDOs or answers stay away"
+            noticed = "by node guarding (100Ch, 100Dh)" if guards else "when its PDOs or answers do not come"
             yield case.note(
                 node.at.line,
                 f"node {node.node_id} sends no heartbeat",
-                f"{eds.source} lacks 1017h; that the node is gone is noticed {noticed}",
+                f"{eds.source} lacks 1017h; the loss of the node is detected {noticed}",
             )
 
 

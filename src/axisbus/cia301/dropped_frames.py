@@ -27,7 +27,7 @@ class DropReason(Enum):
     SDO = "SDO answer that nothing was waiting for", "SDO answers that nothing was waiting for"
     LSS = "LSS answer that nothing was waiting for", "LSS answers that nothing was waiting for"
     SYNC = "SYNC of more than one byte", "SYNCs of more than one byte"
-    TIME = "TIME message that is no time", "TIME messages that are no time"
+    TIME = "TIME message that is not a time", "TIME messages that are no time"
     UNKNOWN_PDO = "PDO that is not configured", "PDOs that are not configured"
     REMOTE = "remote frame", "remote frames"
     FD = "CAN FD frame, which CANopen has not", "CAN FD frames, which CANopen has not"

@@ -160,7 +160,7 @@ class SdoTransferAttempt:
         self._on = _nothing
 
     def _count_futile(
-        self, progress: int, what: str = "block", why: str = "of which no segment arrived"
+        self, progress: int, what: str = "block", why: str = "without any received segment"
     ) -> None:
         """Give up if several sub-blocks or segments in a row transferred nothing."""
         self._futile = 0 if progress else self._futile + 1

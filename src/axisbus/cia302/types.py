@@ -27,7 +27,7 @@ class Letter(Enum):
     D = "the vendor ID (1018h:01) is not the expected one"
     E = "the node is to send a heartbeat and sends none, so its state is not known"
     F = "the node does not answer node guarding, so its state is not known"
-    G = "what it needs to check or replace the node's program is missing or does not fit together"
+    G = "the data needed to check or replace the node's program are missing or inconsistent"
     H = "the node has another program than the expected one, which may not be replaced"
     I = "the node's program had to be replaced, and its download failed"  # noqa: E741 - the standard's letter
     J = "the download of the configuration failed"

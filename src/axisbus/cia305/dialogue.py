@@ -213,7 +213,7 @@ def duplicate_addresses(address: LssAddress, count: int) -> LssError:
         service=LssService.SWITCH_STATE_SELECTIVE.text,
         slave=str(address),
         observed=f"{counted(count, 'answer')} to one switch state selective",
-        remedy="LSS cannot tell them apart: connect one at a time, and have their serial numbers set",
+        remedy="LSS cannot distinguish them: connect one at a time, and have their serial numbers set",
     )
 
 
@@ -266,7 +266,7 @@ def _several(service: LssService, slave: str, answers: list[bytes]) -> LssError:
         service=service.text,
         slave=slave,
         observed=" and ".join(answer.hex(" ") for answer in answers),
-        remedy="name the slave by its identity; where two have the same one, connect them one at a time",
+        remedy="name the slave by its identity; if two have the same identity, connect them one at a time",
     )
 
 

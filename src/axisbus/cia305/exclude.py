@@ -35,10 +35,12 @@ RESTARTS = 6  # searches in one branch; from the third on, each waits twice as l
 MOST_DOUBTFUL = 3  # addresses that are answered but cannot be selected
 
 GIVEN_UP = (
-    f"more than {MOST_DOUBTFUL} addresses are answered for that nobody can be selected by: most likely a slave answers "
-    "fast scan whatever it is asked for, and hides the others; disconnect it to find them"
+    f"more than {MOST_DOUBTFUL} addresses were answered, but no slave can be selected by them: most likely a slave answers "
+    "every fast scan request and hides the others; disconnect it to find them"
 )
-CONTRADICTED = "answers contradicted each other in the range from {low} to {high}: somebody there may not have been found"
+CONTRADICTED = (
+    "answers contradicted each other in the range from {low} to {high}: a slave there was possibly not found"
+)
 
 
 class _NobodyError(Exception):

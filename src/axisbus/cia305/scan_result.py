@@ -11,10 +11,10 @@ from axisbus.cia305.services import UNCONFIGURED, LssAddress
 class Check(Enum):
     """How the master checked an address that fast scan found; each value is a sentence for the user."""
 
-    NOT_NEEDED = "its LSS did what CiA 305 says"
+    NOT_NEEDED = "its LSS behaved as CiA 305 requires"
     CONFIRMED = "the four numbers were read from it and are the same"
     SILENT = (
-        "it does not tell its numbers (inquire identity), so only fast scan and its selection vouch for them"
+        "it does not report its numbers (inquire identity), so only fast scan and its selection confirm them"
     )
     OTHERWISE = "the numbers read from it are not the same"
     UNSELECTABLE = "it cannot be selected by its address: only the only slave on a bus can be set so"

@@ -254,7 +254,7 @@ def refusal(service: LssService, code: int, specific: int) -> tuple[str, str]:
     """Return the meaning of an error code and the first remedy; an unknown code is described by its number."""
     if code == MAKERS_OWN:
         return (
-            f"the maker's own error {specific} (0x{specific:02X})",
+            f"manufacturer-specific error {specific} (0x{specific:02X})",
             "see the device's manual for this LSS error",
         )
     known = REFUSALS.get(service, {}).get(code)

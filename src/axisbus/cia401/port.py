@@ -18,13 +18,11 @@ class SignalValidity(Enum):
     UNSET = "its node was lost meanwhile, and it has not been set since"
     OLD = "it has not come for longer than it may stay away"
     SILENT = "its node is lost: its heartbeat or guarding answer stays away"
-    NOT_OPERATIONAL = (
-        "its node is not operational: it has left that state, by an error of its own or by another's command"
-    )
+    NOT_OPERATIONAL = "its node is not operational: it has left that state, by its own error or by the command of another master"
     RESTARTED = "its node has restarted, and lost its configuration; open the machine again"
     BUS_OFF = "the CAN controller is bus-off"
     QUEUE_FULL = "the transmit queue of the CAN adapter is full"
-    NOT_BOOTED = "its node has not come up, or was found with an enabled drive and is left as it is"
+    NOT_BOOTED = "its node did not boot, or was found with an enabled drive and was left unchanged"
 
 
 # A node that may still receive frames, and whose PDOs have the known mapping.

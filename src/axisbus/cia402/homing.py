@@ -38,5 +38,5 @@ def needs_speeds(method: int) -> bool:
 def describe(method: int) -> str:
     """Return the description of a method; negative numbers are manufacturer-specific."""
     if method < 0:
-        return "specific to the maker"
+        return "manufacturer-specific"
     return METHODS.get(method, "reserved")

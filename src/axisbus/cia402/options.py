@@ -22,7 +22,7 @@ class OptionCode:
 
     def meaning(self, value: int) -> str:
         """Return the effect of ``value`` in plain words; an unknown value is manufacturer-specific."""
-        return self.meanings.get(value, "specific to the maker (see the drive's manual)")
+        return self.meanings.get(value, "manufacturer-specific (see the drive's manual)")
 
 
 _COAST = "the motor coasts: power off at once, nothing brakes it"
@@ -106,10 +106,10 @@ CONNECTION_LOSS = OptionCode(
     "connection loss",
     {"nothing": 0, "fault": 1, "disable-voltage": 2, "quick-stop": 3},
     {
-        0: "does nothing: goes on with the last command",
-        1: "goes to fault, and does what its fault reaction says",
+        0: "no action: the drive continues with the last command",
+        1: "changes to fault, with its fault reaction",
         2: _COAST,
-        3: "does what its quick stop says",
+        3: "executes its quick stop",
     },
 )
 COMMUNICATION_ERROR = OptionCode(

@@ -129,7 +129,7 @@ _CONTROL_BITS = {
     8: "halt",
     9: "specific to the mode: pp change on set-point",
     10: "reserved",
-    **dict.fromkeys(range(11, 16), "specific to the maker"),
+    **dict.fromkeys(range(11, 16), "manufacturer-specific"),
 }
 _DIGITAL_INPUTS = {0: "negative limit switch", 1: "positive limit switch", 2: "home switch", 3: "interlock"}
 
@@ -142,8 +142,8 @@ def _status_bits() -> dict[int, str]:
         3: "fault",
         5: "quick stop (0 = active)",
         6: "switch on disabled",
-        14: "specific to the maker",
-        15: "specific to the maker",
+        14: "manufacturer-specific",
+        15: "manufacturer-specific",
         **statusword.COMMON_BITS,
     }
     for bit in (12, 13):
@@ -191,7 +191,7 @@ def _supported(word: int, _: ModeOfOperation | None) -> str:
 
 
 def _homing_methods() -> Table:
-    rows: list[tuple[str, str]] = [("negative", "specific to the maker")]
+    rows: list[tuple[str, str]] = [("negative", "manufacturer-specific")]
     for method, text in homing.METHODS.items():
         if rows[-1][1] == text:
             rows[-1] = (f"{rows[-1][0].partition('-')[0]}-{method}", text)
@@ -204,7 +204,7 @@ def _option(option: options.OptionCode) -> Meaning:
     known = option.meanings
     return Meaning(
         (_values(f"What {option.title} does", known),),
-        lambda value, _: known.get(value, "specific to the maker" if value < 0 else "reserved"),
+        lambda value, _: known.get(value, "manufacturer-specific" if value < 0 else "reserved"),
     )
 
 
@@ -243,7 +243,7 @@ _ENTRIES: Mapping[tuple[int, int], Meaning] = {
                 (
                     *_bits("", _DIGITAL_INPUTS).rows,
                     ("4-15", "reserved"),
-                    ("16-31", "specific to the maker"),
+                    ("16-31", "manufacturer-specific"),
                 ),
             ),
         ),
@@ -287,7 +287,7 @@ _PDO: Mapping[int, Meaning] = {
                     ("0", "synchronous, acyclic"),
                     ("1-240", "synchronous: with every n-th SYNC"),
                     ("252-253", "on remote request (TPDO)"),
-                    ("254", "event-driven, specific to the maker"),
+                    ("254", "event-driven, manufacturer-specific"),
                     ("255", "event-driven, as the device profile says"),
                 ),
             ),

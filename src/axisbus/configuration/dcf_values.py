@@ -34,14 +34,14 @@ class SkipReason(Enum):
     """The reason why a value of the file is not written to the device."""
 
     READ_ONLY = "it can only be read"
-    ORDER = "writing it is an order, not a setting"
+    ORDER = "it is a command, not a setting"
     CALIBRATION = "it calibrates the drive"
-    FLAGS = "its ObjFlags keep it from a download"
+    FLAGS = "its ObjFlags forbid a download"
     CHANNEL = "the SDO server that is used for this"
     UNUSED = "a mapping entry beyond the number of those in use"
     TYPE = "its type cannot be written"
-    EXCLUDED = "left out as asked"
-    MACHINE = "the machine that runs has set it, or goes by it"
+    EXCLUDED = "left out on request"
+    MACHINE = "the running machine has set it or uses it"
 
     @property
     def told(self) -> bool:
@@ -178,7 +178,7 @@ def require_values(reading: EdsParseResult) -> None:
     check_understood(reading)
     if next(_given(reading.eds), None) is None:
         raise EdsError(
-            "the file has no parameter values: there is nothing to restore",
+            "the file has no parameter values, so nothing can be restored",
             file=reading.eds.source,
             remedy="give a DCF: axisbus config backup makes one of a node, axisbus eds dcf one of an EDS",
         )
@@ -196,7 +196,7 @@ def _require_known(eds: Eds, given: Collection[Key], asked: Key) -> None:
     if asked not in given:
         raise ArgumentError(
             f"{eds.source} gives no value for {where}",
-            remedy="see what it has: axisbus eds dcf FILE --values",
+            remedy="list its values: axisbus eds dcf FILE --values",
         )
 
 
@@ -215,7 +215,7 @@ def _skipped(
         ),
         (bool(variable.object_flags & _REFUSES_DOWNLOAD), SkipReason.FLAGS, ""),
         (variable.index == _OWN_SDO_SERVER, SkipReason.CHANNEL, ""),
-        (variable.data_type is DataType.DOMAIN, SkipReason.TYPE, "a DOMAIN is a file of its own"),
+        (variable.data_type is DataType.DOMAIN, SkipReason.TYPE, "a DOMAIN is a separate file"),
         (_unused(eds, variable, node_id), SkipReason.UNUSED, ""),
     )
     return next((SkippedValue(variable, why, more) for applies, why, more in reasons if applies), None)
@@ -244,7 +244,7 @@ def _check_count(eds: Eds, item: Item) -> None:
     number = int.from_bytes(item.data, "little")
     if number > MAX_BITS and number not in _MULTIPLEXED:
         raise EdsError(
-            f"a PDO cannot carry {counted(number, 'object')} ({item.key[0]:04X}h:00); nothing was written",
+            f"a PDO cannot contain {counted(number, 'object')} ({item.key[0]:04X}h:00); nothing was written",
             file=eds.source,
             line=item.variable.line,
             observed=f"a CAN frame holds {MAX_BITS} bits",

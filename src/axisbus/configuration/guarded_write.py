@@ -44,9 +44,7 @@ _STATUSWORDS = tuple(own_index(c402.STATUSWORD, axis) for axis in range(1, COUNT
 
 # Objects whose written value is a command: the value that they read back is unrelated.
 _COMMANDS = frozenset({c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS, c301.PREDEFINED_ERROR_FIELD})
-_MAY_MOVE = (
-    "add --may-move if that is what you want, with nobody in the machine and the emergency stop at hand"
-)
+_MAY_MOVE = "add --may-move if you intend this, with no person in the machine and the emergency stop at hand"
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +69,9 @@ class Written:
             return (
                 f"reads back {shown(self.after)}, written was {shown(wanted)}: the drive limits or rounds it"
             )
-        read_back = "read back" if self.compared and self.after is not None else "taken, cannot be compared"
+        read_back = (
+            "read back" if self.compared and self.after is not None else "accepted, cannot be compared"
+        )
         return f"{shown(self.before)} -> {shown(wanted)}, {read_back}"
 
 
@@ -88,7 +88,7 @@ def require_writable(eds: Eds | None, node_id: int, entry: DictionaryEntry, kind
         raise ArgumentError(
             f"node {node_id} has no object {entry}",
             observed=f"{eds.source} does not have it",
-            remedy="with --type the node is asked all the same",
+            remedy="with --type the node is asked nevertheless",
         )
     if variable is not None and not variable.writable:
         raise ArgumentError(
@@ -105,7 +105,7 @@ def require_harmless(eds: Eds | None, node_id: int, entry: DictionaryEntry) -> N
     """
     if moves(eds, entry):
         raise StateError(
-            f"node {node_id}: writing {entry} can energise the drive, move it, or let its load go; nothing was sent",
+            f"node {node_id}: writing {entry} can energise the drive, move it, or release its load; nothing was sent",
             remedy=_MAY_MOVE,
         )
 
@@ -145,8 +145,8 @@ def write_in_machine(
     data = checked_bytes(entry, value, kind)
     if moves(node.eds, entry):
         raise StateError(
-            f"node {node.node_id}: writing {entry} can energise the drive, or move it, which is for the commands of the machine "
-            "that runs; nothing was sent",
+            f"node {node.node_id}: writing {entry} can energise the drive or move it; only the commands of the running "
+            "machine may do that; nothing was sent",
             remedy="use them (axisbus enable, move, home, reset), or end the machine first",
         )
     if not may_move:
@@ -217,7 +217,7 @@ def require_no_other_master(node: CanopenNode, *, heartbeats: bool = True) -> No
         raise StateError(
             f"another master is on the bus of node {node.node_id}; nothing was sent",
             observed=f"within {LISTEN:g} s: {', '.join(f'{count} {what}' for what, count in heard.items())}",
-            remedy="end that program first, or give the command there",
+            remedy="end that program first, or give the command in it",
         )
 
 
@@ -260,7 +260,7 @@ def _require_size(
     raise ArgumentError(
         f"node {node.node_id}: {entry} has another size in the device; nothing was written",
         observed=f"{kind.name} has {counted(size, 'byte')}, the device sends {len(before)}",
-        remedy="find out which is right (axisbus eds verify), and give the type with --type",
+        remedy="check which is right (axisbus eds verify), and give the type with --type",
     )
 
 

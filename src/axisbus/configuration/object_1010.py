@@ -36,10 +36,10 @@ def can_store(node: CanopenNode) -> str:
     try:
         flags = int.from_bytes(node.sdo.upload(o.STORE_PARAMETERS, ALL_PARAMETERS), "little")
     except SdoAbort:
-        return "it has no 1010h:01 (Save all parameters); its manual says what it keeps"
+        return "it has no 1010h:01 (Save all parameters); its manual lists the stored parameters"
     if flags & ON_COMMAND:
         return ""
-    return "it stores by itself (1010h:01)" if flags & BY_ITSELF else "1010h:01 says that it does not store"
+    return "it stores automatically (1010h:01)" if flags & BY_ITSELF else "by 1010h:01 it does not store"
 
 
 def store(node: CanopenNode, make: Make) -> Stored:
@@ -82,7 +82,7 @@ def _wait_for(node: CanopenNode, begin: float) -> None:
     while not node.answers_sdo():
         if time.monotonic() > deadline:
             raise NodeTimeout(
-                f"node {node.node_id} does not answer since it was told to store its parameters",
+                f"node {node.node_id} has not answered since the command to store its parameters",
                 node=node.node_id,
                 observed=f"{time.monotonic() - begin:.0f} s without an answer; {node.nmt.describe(time.monotonic())}",
                 remedy="look for it with axisbus scan: with the stored parameters it may have another node-ID or bit rate",

@@ -58,7 +58,7 @@ def data_type(text: str) -> DataType:
     name = f"{_LETTERS[found[1].lower()]}{found[2]}" if found is not None else text.upper()
     if name not in DataType.__members__:
         raise ArgumentError(
-            f"{text!r} is no data type",
+            f"{text!r} is not a data type",
             remedy="write UNSIGNED16 (or u16), INTEGER32 (i32), REAL32, VISIBLE_STRING ...",
         )
     return DataType[name]
@@ -112,7 +112,7 @@ def _integer(text: str, entry: DictionaryEntry, kind: DataType, quantity: UnitCo
     except ValueError:
         unit = f", or a value in {quantity.unit}" if quantity is not None else ""
         raise ArgumentError(
-            f"{entry}: {text!r} is no whole number, the object is {kind.name}",
+            f"{entry}: {text!r} is not a whole number, the object is {kind.name}",
             remedy=f"write 100 or 0x64{unit}",
         ) from None
 
@@ -121,7 +121,7 @@ def _real(text: str, entry: DictionaryEntry, kind: DataType) -> float:
     try:
         return float(text)
     except ValueError:
-        raise ArgumentError(f"{entry}: {text!r} is no number, the object is {kind.name}") from None
+        raise ArgumentError(f"{entry}: {text!r} is not a number, the object is {kind.name}") from None
 
 
 def _octets(text: str, entry: DictionaryEntry, kind: DataType, *, files: bool) -> bytes:
@@ -135,6 +135,6 @@ def _octets(text: str, entry: DictionaryEntry, kind: DataType, *, files: bool) -
         return bytes.fromhex(text.removeprefix("0x"))
     except ValueError:
         raise ArgumentError(
-            f"{entry}: {text!r} are no bytes, the object is {kind.name}",
+            f"{entry}: {text!r} are not bytes, the object is {kind.name}",
             remedy=f"{digits}, or @file for a file's bytes" if files else digits,
         ) from None

@@ -75,22 +75,22 @@ def require_same_device(eds: Eds, found: NodeIdentity, node_id: int, *, replacem
     other = _differing(kinds)
     if other:
         raise UserError(
-            f"{eds.source} is of another type of device than node {node_id}; nothing was written",
+            f"{eds.source} is for another type of device than node {node_id}; nothing was written",
             observed="; ".join(other),
-            remedy="give the file of this device (axisbus scan shows who is there)",
+            remedy="give the file of this device (axisbus scan lists the nodes)",
         )
     other = [] if replacement else _differing(specimens)
     if other:
         raise UserError(
             f"{eds.source} was taken from another device than node {node_id}; nothing was written",
             observed="; ".join(other),
-            remedy="give the file of this device; if it replaces the one of the file, add --replacement",
+            remedy="give the file of this device; if this device replaces the one of the file, add --replacement",
         )
 
 
 def _differing(pairs: tuple[tuple[str, int | None, int | None], ...]) -> list[str]:
     return [
-        f"{what}: the file says 0x{said:X}, the device 0x{found:X}"
+        f"{what}: the file has 0x{said:X}, the device 0x{found:X}"
         for what, said, found in pairs
         if said and found and said != found
     ]

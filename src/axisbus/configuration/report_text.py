@@ -19,8 +19,8 @@ from axisbus.wording import counted
 
 # Reasons that apply to many values; these values are listed in one line.
 _TOGETHER = {
-    SkipReason.ORDER: "are orders and no settings (controlword, targets, storing ...)",
-    SkipReason.MACHINE: "the machine that runs has set, or goes by",
+    SkipReason.ORDER: "are commands, not settings (controlword, targets, storing ...)",
+    SkipReason.MACHINE: "the running machine has set or uses",
 }
 
 

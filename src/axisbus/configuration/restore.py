@@ -186,7 +186,7 @@ class Restore:
         if self._blind(key):
             return Result(item, ValueEnd.UNVERIFIED, before, now, why_unread(self._unreadable[key]))
         if key in self._written:
-            return Result(item, ValueEnd.FAILED, before, now, "it was taken, and reads back another value")
+            return Result(item, ValueEnd.FAILED, before, now, "it was accepted, and reads back another value")
         return Result(item, ValueEnd.DIFFERS, before, now)
 
     # -- the device -------------------------------------------------------------------------------------------------------
@@ -232,7 +232,7 @@ class Restore:
         for key in self._wanted:
             if pdo_of(key[0]) == write.pdo and not self._same(key):
                 self._refused.setdefault(
-                    key, f"its PDO was left as it was, because {where} is refused: {reason}"
+                    key, f"its PDO was left unchanged, because {where} is refused: {reason}"
                 )
 
     def _give_back(self, pdo: int) -> None:

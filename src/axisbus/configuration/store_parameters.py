@@ -47,9 +47,9 @@ def keep(node: CanopenNode, tell: Tell | None = None) -> StoreResult:
         storing(1, 1)
     if node.identity() != who:
         raise NodeError(
-            f"node {node.node_id} is another device since it was told to store its parameters",
+            f"node {node.node_id} is another device since the command to store its parameters",
             node=node.node_id,
-            remedy="look who is there: axisbus scan",
+            remedy="list the nodes: axisbus scan",
         )
     if not stored.restarted:  # without a restart, the values in RAM prove nothing about its memory
         return StoreResult(False, stored.seconds, compare.Comparison(0, ()))
@@ -62,7 +62,7 @@ def _require_at_rest(node: CanopenNode) -> None:
     found = guarded_write.energised(node)
     if found:
         raise StateError(
-            f"node {node.node_id} is energised: storing may restart it, and let its load go; nothing was sent",
+            f"node {node.node_id} is energised: storing may restart it and release its load; nothing was sent",
             observed="; ".join(found),
             remedy="stop it first: axisbus stop CELL",
         )

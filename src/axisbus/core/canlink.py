@@ -248,7 +248,8 @@ class CanLink:
         """Listen for another master from now on, including the COB-IDs of the nodes that have come up."""
         if self._echoes.there:
             log.warning(
-                "%s gives our own frames back as if another node had sent them: another master on the bus cannot be noticed",
+                "%s returns the frames of this program as if another node had sent them: another master on the bus cannot "
+                "be detected",
                 self._channel.name,
             )
             return

@@ -155,9 +155,9 @@ def _out(queue: deque[Waiting], most: int) -> Iterator[Waiting]:
 def _overtaken(waiting: Waiting, stop: Waiting) -> None:
     waiting.taken = True
     error = Stopped(
-        f"{waiting.ticket.name} had not begun when {stop.ticket.name} was asked for",
-        observed=f"it waited behind other commands: the scan takes {AT_ONCE} in each of its cycles",
-        remedy="ask for it again, and wait for the handles of commands before giving more",
+        f"{waiting.ticket.name} had not begun when {stop.ticket.name} was commanded",
+        observed=f"it waited behind other commands: the scan accepts {AT_ONCE} in each of its cycles",
+        remedy="give it again, and wait for the handles of commands before you give more",
     )
     waiting.ticket.finish(Status.ABORTED, error)
 

@@ -6,36 +6,36 @@ from axisbus.core.command_queue import AT_ONCE, MOST
 from axisbus.errors import AxisbusError, ScanError, StateError, Stopped, one_line
 from axisbus.motion.stop.diagnosis import join_remedies
 
-_OPEN_AGAIN = "mend the cause, and open the machine again"
-_MISTAKE = "a mistake in axisbus, or in what observes its scan: report it with its traceback, and open the machine again"
+_OPEN_AGAIN = "remove the cause, and open the machine again"
+_MISTAKE = "a mistake in axisbus, or in an observer of its scan: report it with its traceback, and open the machine again"
 
 
 def refused_while_leaving(what: str, reason: str) -> StateError:
     """Return the error of a command that came, or was queued, while the machine is being closed because of ``reason``."""
     return StateError(
-        f"{what}: not taken, the machine is on its way out",
+        f"{what}: rejected: the machine is shutting down",
         observed=f"every axis is being stopped: {reason}",
-        remedy="close it, and open it again to go on",
+        remedy="close it, and open it again to continue",
     )
 
 
 def interrupted(what: str, reason: str) -> Stopped:
     """Return the error of a command that was queued when an interrupt of its program halted all axes."""
-    return Stopped(f"{what} was not begun: {reason}")
+    return Stopped(f"{what} did not begin: {reason}")
 
 
 def too_many(what: str) -> StateError:
     """Return the error of a command that does not fit into the queue."""
     return StateError(
-        f"{what}: too many commands wait",
-        observed=f"{MOST} wait already, and the scan takes {AT_ONCE} in each of its cycles; stops are always taken",
-        remedy="wait for the handles of commands before giving more, and let a moment pass in a loop that commands",
+        f"{what}: too many commands are waiting",
+        observed=f"{MOST} are waiting already, and the scan accepts {AT_ONCE} in each of its cycles; stops are always accepted",
+        remedy="wait for the handles of commands before you give more, and add a short sleep to a loop that gives commands",
     )
 
 
 _SENT = (
-    "a quick stop was sent to every drive that this program had commanded, but nothing tells what they did: "
-    "make sure that they stand"
+    "a quick stop was sent to every drive that this program had commanded, but its effect is not known: make sure that they "
+    "are at standstill"
 )
 _NOT_SENT = "the quick stop could not be sent: TREAT EVERY DRIVE THAT THIS PROGRAM HAD COMMANDED AS MOVING: use the emergency stop"
 
@@ -46,7 +46,7 @@ def ended(what: str, failure: BaseException | None, quick_stop_sent: bool = Fals
     ``quick_stop_sent``: the bus has accepted the quick stop of every commanded drive.
     """
     if failure is None:
-        return ScanError(f"{what} was ended: the machine was closed", remedy="open it again to go on")
+        return ScanError(f"{what} was ended: the machine was closed", remedy="open it again to continue")
     error = ScanError(
         f"{what} was ended: the scan of the bus has failed",
         observed=one_line(failure, alarm=False),

@@ -10,6 +10,6 @@ def inherited(what: str) -> StateError:
     return StateError(
         f"{what}: the machine belongs to the process that opened it",
         observed="this process was forked from that one: it has no scan, and its copy of the adapter is not used",
-        remedy="command the machine in the process that opened it, and hand things over by a queue or a pipe; begin worker "
+        remedy="command the machine in the process that opened it, and exchange data by a queue or a pipe; start worker "
         "processes before it is opened, or with multiprocessing's start method 'spawn'",
     )

@@ -98,12 +98,14 @@ def absent_axis(name: str, booted: Booted) -> StateError:
     node, error = booted.report.node_id, booted.report.error
     if booted.report.absent:
         return StateError(
-            f"axis {name} cannot be used: node {node} is optional and is not there",
-            observed="it did not answer when the machine was opened, nor since",
+            f"axis {name} cannot be used: node {node} is optional and is not present",
+            observed="it has not answered since the machine was opened",
             remedy="switch it on: it is booted within seconds after it answers, and the axis can then be used",
         )
     return StateError(
-        f"axis {name} cannot be used: node {node} is optional and did not come up",
+        f"axis {name} cannot be used: node {node} is optional and did not boot",
         observed="" if error is None else error.message,
-        remedy="mend that, and open the machine again" if error is None or not error.remedy else error.remedy,
+        remedy="remove that cause, and open the machine again"
+        if error is None or not error.remedy
+        else error.remedy,
     )

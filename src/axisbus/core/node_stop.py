@@ -118,7 +118,7 @@ class NodeStop:
         if state is not PowerState.QUICK_STOP_ACTIVE or not stands:
             return None
         pulled = axis.look.pulls(self._read(axis, o.POSITION_DEMAND, 4, signed=True))
-        return None if pulled else self._seen(axis, "stands, held in quick stop")
+        return None if pulled else self._seen(axis, "is at standstill, held in quick stop")
 
     def _off(
         self, axis: _AxisStop, state: PowerState, position: int | None, stands: bool
@@ -128,7 +128,7 @@ class NodeStop:
         axis.off_since = axis.off_since or time.monotonic()
         if position is None:
             return self._seen(
-                axis, f"{said} ({state.value}); it has no position that tells whether it stands"
+                axis, f"{said} ({state.value}); it has no position value, so standstill cannot be observed"
             )
         if stands:
             return self._seen(axis, f"{said} ({state.value})")
@@ -142,7 +142,7 @@ class NodeStop:
         if self._strays is None:
             return None  # the number of answering devices is not known yet
         if self._count_strays() > self._strays:
-            why = f"each question is answered twice, so two devices have node-ID {self._node.node_id}"
+            why = f"each request is answered twice, so two devices have node-ID {self._node.node_id}"
             return StopResult(axis.config.name, False, f"NOT CONFIRMED as stopped: {why}")
         return StopResult(axis.config.name, True, text)
 

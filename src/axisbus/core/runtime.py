@@ -119,4 +119,4 @@ def require_all(booted: Mapping[int, Booted]) -> None:
     if len(errors) == 1:
         raise errors[0]
     if errors:
-        raise ExceptionGroup(f"{len(errors)} of {counted(len(booted), 'node')} did not come up", errors)
+        raise ExceptionGroup(f"{len(errors)} of {counted(len(booted), 'node')} did not boot", errors)

@@ -242,7 +242,7 @@ class Scan:
         if self.dead is not None:
             return self.dead
         if self.ended:
-            return "the machine is closed: nothing is received any more"
+            return "the machine is closed: nothing more is received"
         seen = [snapshot.now for snapshot in self.snapshots.values()]
         seen += [reading.now for reading in self.io.readings.values()]
         last = max(seen, default=0.0)
@@ -482,7 +482,7 @@ class Scan:
             ticket.finish(Status.ERROR, failure)
         if self._pairs and waiting.is_stop:
             for name, stop in self._pairs.left_out(command, waiting.axes, self.axes).items():
-                accept(self.axes[name], stop, unattended(f"{name}.stop, because {ticket.name} was asked for"))
+                accept(self.axes[name], stop, unattended(f"{name}.stop, because {ticket.name} was commanded"))
 
     def _not_to_be_led(self, waiting: Waiting) -> AxisbusError | None:
         """Return why a path of a group must not move a gantry pair with other axes now."""

@@ -13,12 +13,12 @@ from axisbus.errors import ScanError
 _ROUND = 0.02
 _ON_TIME = 0.04  # seconds; a longer round shows that this program did not run
 _STARVED = 10  # multiple of the patience after which a scan without processor time counts as hung
-_BUSY = "look what else this computer is busy with"
+_BUSY = "check which other programs keep this computer busy"
 _CALLBACK = (
-    "let a callback or an observer only note what it has to tell (a queue, an event), and do the work in a thread of the program's "
-    "own; then open the machine again"
+    "a callback or an observer should only store its data (a queue, an event); do the work in another thread of the "
+    "program; then open the machine again"
 )
-_REMEDY = "look at the adapter and its driver (a send that blocks), then open the machine again"
+_REMEDY = "check the adapter and its driver (a send that blocks), then open the machine again"
 
 
 class Supervisor:
@@ -74,16 +74,16 @@ def _failure(place: HangDiagnosis | None, silent: float, missing: float) -> Scan
     if place is None:
         return ScanError("the scan's thread ended", observed=seen, remedy=_REMEDY)
     if missing > silent / 2:
-        message = f"this program did not run for {missing:.2f} s, and the scan of the bus did no cycle"
+        message = f"this program did not run for {missing:.2f} s, and the scan of the bus ran no cycle"
         return ScanError(message, observed=seen, remedy=f"{REMEDY}; then open the machine again")
     if place.place is BlockedLocation.DRIVER:
         return ScanError("the scan of the bus hangs", observed=seen, remedy=_REMEDY)
     seen += f"; its thread is in {place.text}, not in the adapter's driver"
     if place.place is BlockedLocation.PROGRAM:
-        message = "the scan of the bus is held up by code of the program's own that it has called"
+        message = "the scan of the bus is blocked by code of the program that it has called"
         return ScanError(message, observed=seen, remedy=_CALLBACK)
     return ScanError(
-        "the scan of the bus was not run",
+        "the scan of the bus did not run",
         observed=seen,
         remedy=f"{_BUSY}; {REMEDY}; then open the machine again",
     )

@@ -42,7 +42,7 @@ class ThreadWaiter:
         if self._inherited:
             raise inherited("waiting")
         if threading.get_ident() == self.scan_thread:
-            raise StateError("a command cannot be waited for in the scan's own thread")
+            raise StateError("the scan's own thread cannot wait for a command")
         deadline = None if timeout is None else time.monotonic() + timeout
         while self._sleep(done, deadline):
             pass

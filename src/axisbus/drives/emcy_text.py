@@ -21,7 +21,7 @@ def emcy_words(emcy: Emcy, make: Make = GENERIC) -> str:
     if words := cia301.register_words(emcy.register):
         texts.append(f"error register: {', '.join(words)}")
     if any(emcy.data):
-        texts.append(f"maker's bytes {emcy.data.hex(' ')}")
+        texts.append(f"manufacturer-specific bytes {emcy.data.hex(' ')}")
     return "; ".join([*texts, *make.explain(emcy.code, {_ERROR_REGISTER: emcy.register})])
 
 

@@ -54,7 +54,7 @@ def at(eds: Eds, index: int, subindex: int) -> Variable:
     raise ArgumentError(
         f"{eds.source} has no object {index:04X}h:{subindex:02X}",
         observed=f"{index:04X}h has the sub-indices {there}" if there else "",
-        remedy="see what there is: axisbus eds show",
+        remedy="list the objects: axisbus eds show",
     )
 
 
@@ -97,7 +97,7 @@ def check_writable(variable: Variable) -> None:
     if not variable.writable:
         raise ArgumentError(
             f"{_where(variable)} cannot be written", observed=f"its access is {variable.access}",
-            remedy="leave it out; what a record holds is set by sub-index, such as 6099:01",
+            remedy="leave it out; the values of a record are set by sub-index, such as 6099:01",
         )  # fmt: skip
 
 

@@ -102,7 +102,7 @@ def _entry(data: bytes, at: int, source: str, number: int) -> ConciseWrite:
 
 def _broken(source: str, observed: str) -> EdsError:
     return EdsError(
-        "this is no whole concise DCF",
+        "this is not a complete concise DCF",
         file=source,
         observed=observed,
         remedy="make it again from the DCF, or read it again from 1F22h",

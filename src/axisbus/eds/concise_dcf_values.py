@@ -77,7 +77,7 @@ def check_understood(reading: EdsParseResult) -> None:
                 f"{section.entries[key][:40]!r} cannot be written to {index:04X}h:{subindex:02X}",
                 file=reading.eds.source,
                 line=line,
-                observed=f"it is no value of {variable.data_type.name}",
+                observed=f"it is not a value of {variable.data_type.name}",
                 remedy="correct the value: axisbus eds check",
             )
 

@@ -101,14 +101,14 @@ def _check(reading: EdsParseResult, settings: Settings) -> None:
     ):
         if not low <= value <= high:
             raise ArgumentError(
-                f"{value} is no {what.partition(' ')[2]}", remedy=f"give {what} of {low} to {high}"
+                f"{value} is not a {what.partition(' ')[2]}", remedy=f"give {what} of {low} to {high}"
             )
     rate = settings.baudrate
     if rate is None:
         return
     if rate not in BAUD_RATES:
         raise ArgumentError(
-            f"{rate} kbit/s is no bit rate of CiA 301", remedy=f"give one of {_list(BAUD_RATES)}"
+            f"{rate} kbit/s is not a bit rate of CiA 301", remedy=f"give one of {_list(BAUD_RATES)}"
         )
     device = reading.eds.info.get("deviceinfo", {})
     if values.plain(device.get(f"baudrate_{rate}", "")) == 0:
@@ -167,7 +167,7 @@ def _no_place(reading: EdsParseResult, index: int, subindex: int) -> EdsError:
         f"the file has no place for a value of {index:04X}h:{subindex:02X}",
         file=reading.eds.source,
         observed="the object is implied, by CompactPDO or by its object",
-        remedy=f"describe it in a section of its own, [{index:04X}sub{subindex:X}]",
+        remedy=f"describe it in a separate section, [{index:04X}sub{subindex:X}]",
     )
 
 

@@ -64,7 +64,7 @@ def _reason(reading: EdsParseResult, variable: Variable) -> str:
     if variable.object_flags & _REFUSES_SCAN:
         return "its ObjFlags say that it is not to be read on a scan"
     if variable.data_type is DataType.DOMAIN:
-        return "a DOMAIN is a file of its own"
+        return "a DOMAIN is a separate file"
     if not dcf.has_place(reading, variable.index, variable.subindex):
         return "the EDS has no section for it"
     return ""

@@ -131,7 +131,7 @@ _BY_SHAPE = {
 def _checked(index: int, subindex: int) -> tuple[int, int]:
     if not 0 <= index <= 0xFFFF or not 0 <= subindex <= 0xFF:
         raise ArgumentError(
-            f"{index:X}h:{subindex:X} is no object",
+            f"{index:X}h:{subindex:X} is not an object",
             remedy="an index has 16 bits, a sub-index 8",
         )
     return index, subindex

@@ -35,15 +35,13 @@ from axisbus.motion.stop.promises import Promise, promises
 from axisbus.units import modulo_target
 
 _HOMING_TIMEOUT = 60.0
-_NO_DEMAND = (
-    "the drive counts anew since homing ended just now, its 6062h says nothing, or the last one is too old"
-)
+_NO_DEMAND = "homing ended just now and the drive counts from the new home, its 6062h is not valid, or the last value is too old"
 Measure = Callable[[str, str], float]
 
 
 def tells_nothing(axis: str, what: str) -> float:
     """Raise StateError: the value ``what`` cannot be read, because the machine has no access to the drive's objects."""
-    raise StateError(f"{axis}: its {what} is not known: the machine has no way to its objects")
+    raise StateError(f"{axis}: its {what} is not known: the machine cannot read its objects")
 
 
 class Axis:
@@ -301,32 +299,34 @@ class Axis:
     def _unknown(self, what: str, why: str) -> StaleError:
         remedy = "read it while the machine is open"
         if self._session.failed:
-            remedy = "make sure that the axis stands, then close the machine, which tells more"
+            remedy = "make sure that the axis is at standstill, then close the machine, which reports more"
         return StaleError(
             f"{self.name}: its {what} is unknown",
             axis=self.name,
             observed=why,
-            remedy=f"{remedy}; axis.snapshot keeps what was seen last, with its time",
+            remedy=f"{remedy}; axis.snapshot has the last known values, with their time",
         )
 
     def _why_unknown(self, what: str) -> tuple[str, str]:
         """Return the observation and the remedy for an unknown value."""
         name = what.partition(" ")[0]
-        remedy = "check that the node is there and sends it; it must be in a TPDO (axisbus boot shows what travels how)"
+        remedy = (
+            "check that the node answers and sends it; it must be in a TPDO (axisbus boot shows the PDOs)"
+        )
         if (
             self._session.axes[self.name].capabilities.inputs.get(name, ValueTransport.NONE)
             is ValueTransport.NONE
         ):
-            return "it does not travel: no TPDO holds it, and it is not polled", remedy
+            return "it is not transmitted: no TPDO contains it, and it is not polled", remedy
         snapshot = self.snapshot
         if name == "position":
             return age_text(snapshot.now - snapshot.position_stamp), remedy
         if name == "demand" and snapshot.position is not None:
             return (
                 _NO_DEMAND,
-                "read it a cycle later; where it stays unknown, axisbus boot shows how 6062h travels",
+                "read it a cycle later; if it stays unknown, axisbus boot shows how 6062h is transmitted",
             )
-        return "it was never received, or the last one is too old", remedy
+        return "it was never received, or the last value is too old", remedy
 
     # -- power and stopping ------------------------------------------------------------------------------------------
 
@@ -571,8 +571,8 @@ class Axis:
         """
         if not callable(function):
             raise ArgumentError(
-                f"{self.name}.controller: {told(function)} is no function",
-                remedy="give one that takes what was measured, and returns a velocity or a torque",
+                f"{self.name}.controller: {told(function)} is not a function",
+                remedy="give a function that takes the measured values and returns a velocity or a torque",
             )
         answering = answering_of(
             self._parameters, output, ControllerRamps(acceleration, deceleration, slope), max_missed_cycles
@@ -880,7 +880,7 @@ class Axis:
         probe = probe_command(request, self._parameters, input, edge, source, None, continuous=False)
         if len(probe.edges) != 1:
             raise ArgumentError(
-                f"{request.text}: it goes until one edge", remedy='give edge="rising" or "falling"'
+                f"{request.text}: it moves until one edge", remedy='give edge="rising" or "falling"'
             )
         handle = ProbeHandle(f"{self.name}.{name}", self._session.waiter, self._parameters.units, self.halt)
         alone = (self.name,)
@@ -930,9 +930,10 @@ class Axis:
         if isinstance(command, c.Move):
             return self._submit(name, c.BufferedMove(command, mode, direction))
         raise ArgumentError(
-            f"{self.name}.{name}: only a move to a position passes into another one",
+            f"{self.name}.{name}: only a move to a position can be blended with another one",
             observed=f'buffer is "{mode.value}"',
-            remedy='let it begin from rest: buffer="buffered"; or leave buffer out, and it takes over at once',
+            remedy='let it begin at standstill: buffer="buffered"; or leave buffer out: then it replaces the present motion '
+            "at once",
         )
 
     def _move_by(
@@ -994,10 +995,10 @@ class Axis:
         off, allowed = abs(position - self.commanded_position), self.start_tolerance
         if off > allowed:
             raise StateError(
-                f"{text}: {self.name} does not stand where the stream begins",
+                f"{text}: {self.name} is not at the start of the stream",
                 observed=f"{self.name} is at {self.commanded_position:.6g} {units.unit}, the point at {position:.6g}; allowed are "
                 f"{allowed:.3g} between them",
-                remedy="begin the stream with where the axes stand, or go to its first point before",
+                remedy="begin the stream at the present position of the axes, or move to its first point before",
             )
 
     def _require_homed(self, name: str) -> None:
@@ -1024,7 +1025,7 @@ class Axis:
 def _takes_nothing(name: str, reason: str) -> StateError:
     """Return the error of an axis that accepts no command, because the machine is being closed."""
     return StateError(
-        f"{name}: takes no command any more, the machine is on its way out",
+        f"{name}: command rejected: the machine is shutting down",
         observed=f"every axis is stopped: {reason}",
-        remedy="close the machine, and open it again to go on",
+        remedy="close the machine, and open it again to continue",
     )

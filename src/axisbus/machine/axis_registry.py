@@ -128,6 +128,6 @@ def _require_different(names: tuple[str, ...]) -> None:
     if twice:
         raise ArgumentError(
             f"a group cannot hold {twice[0]} twice",
-            observed=f"asked for: {', '.join(names)}",
+            observed=f"given were: {', '.join(names)}",
             remedy="name each axis once, in the order in which the group's positions are given",
         )

@@ -102,7 +102,8 @@ def _columns(points: Iterable[Sequence[float]]) -> tuple[list[float], list[float
         rows = [(a, b) for a, b in cast("Any", points)]
     except (TypeError, ValueError):
         raise ArgumentError(
-            f"{told(points)} are no points of a cam", remedy="give rows of the master's and the slave's place"
+            f"{told(points)} are not points of a cam",
+            remedy="give rows of the master's and the slave's position",
         ) from None
     if not 2 <= len(rows) <= MOST:
         raise ArgumentError(f"a cam has 2 to {MOST} points, this one has {len(rows)}")
@@ -110,7 +111,7 @@ def _columns(points: Iterable[Sequence[float]]) -> tuple[list[float], list[float
     for place, (a, b) in enumerate(pairwise(known[0]), 2):
         if a >= b:
             raise ArgumentError(
-                "the places of a cam's master must rise", observed=f"point {place}: {b:g} after {a:g}"
+                "the positions of a cam's master must rise", observed=f"point {place}: {b:g} after {a:g}"
             )
     return known[0], known[1]
 
@@ -129,9 +130,9 @@ def _point(where: str, row: Sequence[str]) -> tuple[float, float]:
         except ValueError:
             pass
     raise ArgumentError(
-        f"{where}: no point of a cam",
+        f"{where}: not a point of a cam",
         observed=", ".join(row),
-        remedy="write two numbers in each line: the master's place and the slave's",
+        remedy="write two numbers in each line: the master's position and the slave's",
     )
 
 

@@ -126,12 +126,12 @@ class Closing:
         """Close without a waiting caller: log the failures. A later call that closes gets them too."""
         if self._close(self._deferred or ""):
             for failure in self._failures:
-                log.error("while the machine was closed, as a callback had asked: %s", failure)
+                log.error("while the machine was closed at the request of a callback: %s", failure)
 
 
 def _broken_off(error: BaseException) -> ScanError:
     return ScanError(
-        "closing the machine was broken off",
+        "closing the machine was aborted",
         observed=one_line(error),
-        remedy="make sure that every axis stands, then end the program",
+        remedy="make sure that every axis is at standstill, then end the program",
     )

@@ -63,7 +63,7 @@ class Coupling:
         """Return the command of a cam; see ``Axis.cam_in``."""
         if not isinstance(cam, Cam):
             raise ArgumentError(
-                f"{self._text}: {told(cam)} is no cam", remedy="make one: Cam([(master, slave), ...])"
+                f"{self._text}: {told(cam)} is not a cam", remedy="make one: Cam([(master, slave), ...])"
             )
         self._master._require_homed(self._call)
         stretch = self._request.finite("master_start_distance", over, self._master.unit)
@@ -109,8 +109,9 @@ class Coupling:
             return
         raise LimitError(
             f"{self._text}: the cam leaves the position limits of {self._slave.name}",
-            observed=f"it goes from {low:g} to {high:g} {self._slave.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
-            remedy=f"scale it, begin it where the axis stands (relative = True), or change position_limits in "
+            observed=f"its slave positions are from {low:g} to {high:g} {self._slave.unit}; allowed are {limits[0]:g} to "
+            f"{limits[1]:g}",
+            remedy="scale it, begin it at the present position of the axis (relative = True), or change position_limits in "
             f"[axes.{self._slave.name}] of cell.toml",
         )
 

@@ -194,7 +194,7 @@ def _require_room(parameters: AxisParameters, distance: int, ticket: CommandStat
     way = abs(scale.to_units(distance))
     if limits is not None and way > limits[1] - limits[0]:
         raise LimitError(
-            f"{ticket.name}: would end beyond the position limits, from wherever it starts",
+            f"{ticket.name}: would end beyond the position limits from every start position",
             observed=f"{limits[0]:g} and {limits[1]:g} {scale.unit} are less than {way:g} {scale.unit} apart",
             remedy=f"move less far, or change position_limits in [axes.{parameters.name}] of cell.toml",
         )

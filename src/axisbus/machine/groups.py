@@ -164,7 +164,7 @@ class Group(AxisSet):
         wide = self._blend(text, blend, mode, jerk)
         if goes_on and jerk is not None:
             raise ArgumentError(
-                f"{self.name}.{text}: with a limit of jerk nothing can be added to a path",
+                f"{self.name}.{text}: with a jerk limit no points can be added to a path",
                 remedy="leave more out, and give all points at once; or leave jerk out",
             )
         request = self._request(
@@ -199,7 +199,7 @@ class Group(AxisSet):
         last = self._path
         if last is None:
             raise ArgumentError(
-                f"{self.name}.{text}: no path was begun to which points could be added",
+                f"{self.name}.{text}: there is no path to which points could be added",
                 remedy="begin one: group.move_path(points, velocity=..., blend=..., more=True)",
             )
         mode = BufferMode.LOW
@@ -238,14 +238,14 @@ class Group(AxisSet):
         text = f"move_circular({_list(end)}, velocity={shown(velocity)})"
         if (via is None) is (centre is None):
             raise ArgumentError(
-                f"{self.name}.{text}: one of via and centre says which circle it is",
+                f"{self.name}.{text}: exactly one of via and centre must define the circle",
                 remedy="give via = a point that the circle goes through, or centre = its centre",
             )
         mode = buffering_of(f"{self.name}.{text}", buffer)
         if _blends(mode):
             raise ArgumentError(
-                f"{self.name}.{text}: a circle does not go on from another way without a stop",
-                remedy='let it begin from rest: buffer="buffered"',
+                f"{self.name}.{text}: a circle cannot be blended with the path before it",
+                remedy='let it begin at standstill: buffer="buffered"',
             )
         request = self._request(text, "move_circular", velocity, acceleration, jerk, mode)
         if centre is not None:
@@ -268,7 +268,7 @@ class Group(AxisSet):
             return self._kinematics.forward(axes)
         except ValueError as error:
             raise LimitError(
-                f"{self.name}: the axes' positions give no place in the workspace: {error}",
+                f"{self.name}: the positions of the axes have no pose in the workspace: {error}",
                 observed=f"axis positions: {_list(axes)}",
                 remedy="compare homing and the lengths in cell.toml with the machine; move its axes one by one",
             ) from None
@@ -384,10 +384,10 @@ class Group(AxisSet):
         """Return the corner distance ``blend``, checked: raise ArgumentError if the group cannot blend."""
         wide = blend_of(f"{self.name}.{text}", blend, mode, len(self._axes))
         if _blends(mode) and (jerk is not None or self._kinematics is not None):
-            why = "in a workspace" if jerk is None else "with a limit of jerk"
+            why = "in a workspace" if jerk is None else "with a jerk limit"
             raise ArgumentError(
-                f"{self.name}.{text}: {why} no corner is passed without a stop",
-                remedy='let it begin from rest: buffer="buffered"'
+                f"{self.name}.{text}: {why} the axes must stop at each corner",
+                remedy='let it begin at standstill: buffer="buffered"'
                 + ("; or give all points to one move_path" if jerk is None else "; or leave jerk out"),
             )
         return wide
@@ -426,7 +426,7 @@ class Group(AxisSet):
         if self._kinematics is not None:
             raise ArgumentError(
                 f"{self.name}.{name}: acceleration is missing",
-                observed="in a workspace the defaults of its axes tell none",
+                observed="in a workspace the defaults of its axes do not give one",
                 remedy="give acceleration = ... in the call, in units of the workspace per s²",
             )
         known = [axis.default_acceleration for axis in self._axes.values()]

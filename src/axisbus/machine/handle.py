@@ -99,7 +99,7 @@ class Handle:
             AxisbusError: the error that ended the command. ArgumentError: ``timeout`` is not a number.
         """
         if not self._waiter.wait(self._ended, patience(self.name, timeout)):
-            raise TimeoutError(f"{self.name}: not ended after {timeout:g} s; it goes on")
+            raise TimeoutError(f"{self.name}: not ended after {timeout:g} s; it continues")
         self._look()
         if self.error is not None:
             raise self.error
@@ -187,7 +187,7 @@ class Handle:
 
     def __del__(self) -> None:
         if self.status is Status.ERROR and not self._looked:
-            log.error("%s failed, and nobody looked at its handle:\n%s", self.name, self.error)
+            log.error("%s failed, and its handle was not read:\n%s", self.name, self.error)
 
 
 def look_at_end(handle: Handle) -> None:
@@ -268,8 +268,8 @@ def patience(call: str, timeout: object) -> float | None:
     found = number(timeout)
     if found is None:
         raise ArgumentError(
-            f"{call}: timeout {told(timeout)} is no number of seconds",
-            remedy="give seconds, such as 5.0, or None to wait as long as it takes; nothing was changed",
+            f"{call}: timeout {told(timeout)} is not a number of seconds",
+            remedy="give seconds, such as 5.0, or None to wait without a limit; nothing was changed",
         )
     return found
 
@@ -301,7 +301,7 @@ def _wait_for_all(handles: list[Handle], timeout: float | None) -> None:
     busy = [handle.name for handle in handles if handle.busy]
     if busy:
         after = "" if timeout is None else f" after {timeout:g} s"
-        raise TimeoutError(f"{', '.join(busy)}: not ended{after}; they go on")
+        raise TimeoutError(f"{', '.join(busy)}: not ended{after}; they continue")
 
 
 def _none_busy(handles: list[Handle]) -> bool:

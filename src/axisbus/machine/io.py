@@ -94,7 +94,7 @@ class Signal:
         """
         if not callable(value) and not isinstance(value, Real):
             raise ArgumentError(
-                f"{self.name}.wait: {told(value)} is no value of it",
+                f"{self.name}.wait: {told(value)} is not a possible value",
                 remedy="give a number, True, False, or a function of its value",
             )
         done: Callable[[Value], bool] = value if callable(value) else (lambda found: found == value)
@@ -129,18 +129,18 @@ class Signal:
         raise StaleError(
             f"{self.name} ({self._point.object_text} of node {self._point.node}) is unknown",
             observed=silent or known.value,
-            remedy="look at the node's supply and cable, and at what the machine's events say of it",
+            remedy="check the node's supply and cable, and the machine's events about it",
         )
 
     def _not_in_time(
         self, value: Value | Callable[[Value], bool], found: Value, timeout: float | None
     ) -> SignalTimeout:
-        wanted = "what was waited for" if callable(value) else f"{told(value)}{self._in_unit}"
+        wanted = "the expected value" if callable(value) else f"{told(value)}{self._in_unit}"
         return SignalTimeout(
             f"{self.name} did not become {wanted} within {timeout:g} s",
             signal=self.name,
             observed=f"it is {found}{self._in_unit}",
-            remedy="look at what is wired to it, and at whether what should cause it has happened",
+            remedy="check the wiring of this signal, and whether the event that should change it has happened",
         )
 
 
@@ -176,7 +176,7 @@ class InputsOutputs(Mapping[str, Signal]):
         """Set several outputs in one cycle, all or none of them; otherwise as ``Signal.set``."""
         if not isinstance(values, Mapping) or not values:
             raise ArgumentError(
-                f"io.set: {told(values)} names no output",
+                f"io.set: {told(values)} does not name an output",
                 remedy='give a value for each output, such as {"lamp": True}',
             )
         return set_outputs(self._commanding, {self[name]: value for name, value in values.items()})

@@ -121,7 +121,7 @@ class Machine:
         machine = cls.try_attach(path, command=command, force=force)
         if machine is None:
             raise StateError(
-                f"no machine of {path} runs on this computer, which this program could join",
+                f"no machine of {path} runs on this computer, so this program cannot join one",
                 observed=out_of_reach(path),
                 remedy=f"start one: axisbus run {path}; or open the cell in this program: Machine.open",
             )
@@ -298,7 +298,8 @@ class Machine:
         """
         if not isinstance(node_id, int) or node_id not in self._core.stand_ins:
             raise StateError(
-                f"node {told(node_id)} is not simulated here", remedy='stand-ins exist with interface = "sim"'
+                f"node {told(node_id)} is not simulated here",
+                remedy='simulated drives exist with interface = "sim"',
             )
         return self._core.stand_ins[node_id]
 
@@ -454,7 +455,7 @@ class Machine:
         passing = number(seconds)
         if passing is None:
             raise ArgumentError(
-                f"cell.sleep: {told(seconds)} is no number of seconds",
+                f"cell.sleep: {told(seconds)} is not a number of seconds",
                 remedy="give seconds, such as 0.5; no time has passed",
             )
         self.session.waiter.wait(lambda: False, passing)
@@ -546,7 +547,7 @@ class Machine:
         """
         if self._last is None:
             raise StateError(
-                "the last motion is not kept: nobody types this program as it runs",
+                "the last motion is stored only in an interactive session",
                 remedy="begin a recording before the motion, and plot its file",
             )
         return self._last.picture(seconds, axes)
@@ -679,4 +680,4 @@ def _add_notes(error: BaseException, failures: list[AxisbusError]) -> None:
 def _raise(failures: list[AxisbusError]) -> None:
     if len(failures) == 1:
         raise failures[0]
-    raise ExceptionGroup(with_alarm("not everything could be stopped as asked", *failures), failures)
+    raise ExceptionGroup(with_alarm("not everything could be stopped as commanded", *failures), failures)

@@ -41,7 +41,7 @@ class MachineNode:
             raise StateError(
                 f"node {self.node_id}: {entry} is sent by PDO in every cycle of the machine that runs; nothing was sent",
                 observed="a value written by SDO would be overwritten at once",
-                remedy="use the axis's commands for it (axisbus move, home, enable)",
+                remedy="use the commands of the axis for it (axisbus move, home, enable)",
             )
 
 

@@ -67,7 +67,7 @@ class SdoAccess:
             raise StateError(
                 f"node {self._objects.node_id}: {index:04X}h:{subindex:02X} is sent by PDO in every cycle",
                 observed="a value written by SDO would be overwritten at once",
-                remedy="use the axis's commands for it",
+                remedy="use the commands of the axis for it",
             )
         self._objects.write(index, subindex, value)
 
@@ -83,7 +83,7 @@ class NoSdoAccess(SdoAccess):
     def _resolve(self, key: Key) -> tuple[int, int]:
         name, _ = key if isinstance(key, tuple) else (key, 0)
         shown = f"{name:04X}h" if isinstance(name, int) else repr(name)
-        raise no_objects(self._objects.node_id, f"it has no object dictionary, and so no {shown}")
+        raise no_objects(self._objects.node_id, f"it has no object dictionary, so it has no {shown}")
 
 
 class NodeAccess:
@@ -203,7 +203,7 @@ class NodeAccess:
         """Return the same list as lines of text; blocks and raises as ``error_history``."""
         entries = self.error_history()
         if entries is None:
-            return ["the node keeps no list of its errors (no 1003h)"]
+            return ["the node stores no error history (no 1003h)"]
         return [history_words(entry, self._make) for entry in entries] or ["no errors are listed in 1003h"]
 
     @property
@@ -216,7 +216,7 @@ class NodeAccess:
             StateError: there is no bus, or it belongs to another process; or the node uses CAN Simple.
         """
         if not self.parts.has_objects:
-            raise no_objects(self.node_id, "it is no node of CANopen")
+            raise no_objects(self.node_id, "it is not a node of CANopen")
         from axisbus.bus.node.node import CanopenNode
         from axisbus.bus.node.remote import remote_node
 

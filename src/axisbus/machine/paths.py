@@ -48,14 +48,15 @@ def blend_of(text: str, blend: float, mode: BufferMode | None = None, axes: int 
     wide = number(blend)
     if wide is None or wide < 0.0:
         raise ArgumentError(
-            f"{text}: blend {told(blend)} is no distance",
+            f"{text}: blend {told(blend)} is not a distance",
             remedy="give the distance within which corners are cut, or 0 to stop at each",
         )
     if wide == 0.0 and axes > 1 and mode is not None and mode.blends:
         raise ArgumentError(
             f"{text}: without blend it would stop at the corner",
             observed=f'buffer is "{mode.value}", blend 0',
-            remedy='give blend = the distance within which the corner may be cut, or let it begin from rest: buffer="buffered"',
+            remedy="give blend = the distance within which the corner may be cut, or let it begin at standstill: "
+            'buffer="buffered"',
         )
     return wide
 
@@ -95,9 +96,9 @@ class PathRequest:
         for name, axis in axes.items():
             if axis.modulo is not None:
                 raise ArgumentError(
-                    f"{text}: {name} is endless, so its places do not make a path",
+                    f"{text}: {name} is endless, so its positions cannot form a path",
                     observed=f"its modulo is {axis.modulo:g} {axis.unit}",
-                    remedy="leave it out of the group, or lead it by a trajectory of its own",
+                    remedy="leave it out of the group, or move it by its own trajectory",
                 )
         start: Place = after or tuple(axis.commanded_position for axis in axes.values())
         self._joints = start
@@ -144,7 +145,7 @@ class PathRequest:
         """
         if len(self._start) != 2:
             raise ArgumentError(
-                f"{self._text}: a circle about a centre is one of two axes, these are {len(self._start)}",
+                f"{self._text}: a circle about a centre needs two axes, these are {len(self._start)}",
                 remedy="make a group of two, or give a point that the circle goes through: via = ...",
             )
         middle = tuple(self._number("centre", value) for value in self._each("centre", centre))
@@ -176,7 +177,7 @@ class PathRequest:
     def _number(self, what: str, value: float) -> float:
         found = number(value)
         if found is None:
-            raise ArgumentError(f"{self._text}: {what} {told(value)} is no finite number")
+            raise ArgumentError(f"{self._text}: {what} {told(value)} is not a finite number")
         return found
 
     def _arc(self, make: Callable[[], Arc]) -> MovePath:
@@ -184,7 +185,7 @@ class PathRequest:
             arc = make()
         except ValueError as error:
             raise ArgumentError(
-                f"{self._text}: {error}", remedy="look at the points, and where the axes stand"
+                f"{self._text}: {error}", remedy="check the points, and the positions of the axes"
             ) from None
         if self._kinematics is None:
             self._require_room(arc, "circle")
@@ -196,7 +197,7 @@ class PathRequest:
             if allowed is not None and not allowed[0] <= low <= high <= allowed[1]:
                 raise LimitError(
                     f"{self._text}: the {what} leaves the position limits of {name}",
-                    observed=f"it goes from {low:g} to {high:g} {axis.unit}; allowed are {allowed[0]:g} to {allowed[1]:g}",
+                    observed=f"it reaches from {low:g} to {high:g} {axis.unit}; allowed are {allowed[0]:g} to {allowed[1]:g}",
                     remedy=f"choose another {what}, or change position_limits in [axes.{name}] of cell.toml",
                 )
 
@@ -221,9 +222,10 @@ class PathRequest:
             raise said(self._text, error) from error
         except ValueError as error:
             raise LimitError(
-                f"{self._text}: it leads where the machine does not reach",
+                f"{self._text}: the path leaves the reach of the machine",
                 observed=str(error),
-                remedy="choose another way: farther from where arms are stretched out or folded, within their reach",
+                remedy="choose another path: within the reach of the arms, and farther from positions with stretched or "
+                "folded arms",
             ) from None
 
     def _path(self, straight: Sequence[Piece], stops: set[int]) -> MovePath:
@@ -253,7 +255,7 @@ class PathRequest:
             isinstance(piece, Corner) for piece in pieces
         ):
             raise ArgumentError(
-                f"{self._text}: jerk cannot be limited along this way",
-                observed=f"it has corners, and leads by the samples of {self._kinematics.name}",
+                f"{self._text}: jerk cannot be limited along this path",
+                observed=f"it has corners, and its set-points are samples of {self._kinematics.name}",
                 remedy="let it stop at its points (blend=0); or leave jerk out, and give less acceleration",
             )

@@ -91,7 +91,7 @@ class ProbeHandle(Handle):
             raise StateError(
                 f"{self.name}: no edge was seen",
                 observed=f"the request is {self.status.value}" if self.error is None else self.error.message,
-                remedy="wait for the edge before its position is asked for",
+                remedy="wait for the edge before you read its position",
             ) from None
 
     @property
@@ -124,7 +124,7 @@ class ProbeHandle(Handle):
             return self._new.popleft()
         self.wait(0)
         raise StateError(
-            f"{self.name}: it has ended, and there are no more edges", remedy="ask for another probe"
+            f"{self.name}: the request has ended, and there are no more edges", remedy="request another probe"
         )
 
     def cancel(self) -> Handle:
@@ -144,7 +144,7 @@ class ProbeHandle(Handle):
 
     def _wait_for(self, happened: Callable[[], bool], timeout: float | None, what: str) -> None:
         if not self._waiter.wait(happened, patience(self.name, timeout)):
-            raise TimeoutError(f"{self.name}: {what} after {timeout:g} s; it goes on")
+            raise TimeoutError(f"{self.name}: {what} after {timeout:g} s; the request continues")
 
 
 def _probed(capture: ProbeCapture, units: Units) -> ProbeResult:
@@ -205,8 +205,8 @@ def require_objects(
     raise StateError(
         f"{request.text}: the drive has no {object_text(missing)}",
         observed=f"it is not in {parameters.eds or 'its EDS'}",
-        remedy=f"where the drive of node {parameters.node} does have it, name the drive's own EDS in cell.toml; else wire "
-        "the signal to another input, or measure otherwise",
+        remedy=f"if the drive of node {parameters.node} has it, name the drive's own EDS in cell.toml; otherwise wire the "
+        "signal to another input, or use another method to measure",
     )
 
 
@@ -214,7 +214,7 @@ def _choice(request: AxisCall, what: str, given: object, choices: dict[str, _T])
     found = choices.get(given) if isinstance(given, str) else None
     if found is None:
         known = ", ".join(f'"{name}"' for name in choices)
-        raise ArgumentError(f"{request.text}: {what} is none of {known}", observed=f"it is {told(given)}")
+        raise ArgumentError(f"{request.text}: {what} must be one of {known}", observed=f"it is {told(given)}")
     return found
 
 
@@ -223,7 +223,7 @@ def _window(request: AxisCall, window: object, *, endless: bool) -> tuple[float,
         return None
     if not isinstance(window, tuple | list) or len(window) != 2:
         raise ArgumentError(
-            f"{request.text}: window is from one position to another",
+            f"{request.text}: window must be two positions",
             observed=f"it is {told(window)}",
             remedy="give two numbers",
         )

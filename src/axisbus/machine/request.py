@@ -42,7 +42,7 @@ def flag_of(call: str, what: str, value: object) -> bool:
     found = flag(value)
     if found is None:
         raise ArgumentError(
-            f"{call}: {what} {told(value)} is no yes or no", remedy=f"give {what} as True or False"
+            f"{call}: {what} {told(value)} is neither True nor False", remedy=f"give {what} as True or False"
         )
     return found
 
@@ -52,7 +52,8 @@ def items_of(call: str, what: str, values: object) -> tuple[Any, ...]:
     found = items(values)
     if found is None:
         raise ArgumentError(
-            f"{call}: {told(values)} is no sequence of {what}", remedy=f"give the {what} in a list or tuple"
+            f"{call}: {told(values)} is not a sequence of {what}",
+            remedy=f"give the {what} in a list or tuple",
         )
     return found
 
@@ -66,8 +67,8 @@ def override_of(call: str, factor: float) -> float:
     found = number(factor)
     if found is None or not 0.0 <= found <= FASTER:
         raise ArgumentError(
-            f"{call}({told(factor)}): an override is a number from 0 to {FASTER:g}",
-            remedy="1 is the velocity of the command; 0 holds what moves, on its way",
+            f"{call}({told(factor)}): an override must be a number from 0 to {FASTER:g}",
+            remedy="1 is the velocity of the command; 0 holds the motion on its path",
         )
     return found
 
@@ -81,8 +82,8 @@ def hold_of(call: str, seconds: float) -> float:
     found = number(seconds)
     if found is None or not _HOLDS[0] <= found <= _HOLDS[1]:
         raise ArgumentError(
-            f"{call}({told(seconds)}): that is no time from {_HOLDS[0]:g} to {_HOLDS[1]:g} s",
-            remedy="give some times what lies between two calls; None ends it",
+            f"{call}({told(seconds)}): that is not a time from {_HOLDS[0]:g} to {_HOLDS[1]:g} s",
+            remedy="give several times the interval between two calls; None ends it",
         )
     return found
 
@@ -99,9 +100,9 @@ def buffering_of(call: str, buffer: bool | str) -> BufferMode | None:
         return BufferMode(buffer)
     except ValueError:
         raise ArgumentError(
-            f"{call}: buffer {told(buffer)} is no way to take over",
-            remedy=f"give True or one of {', '.join(mode.value for mode in BufferMode)}; or leave it out, and what is under way is "
-            "replaced",
+            f"{call}: buffer {told(buffer)} is not a buffer mode",
+            remedy=f"give True or one of {', '.join(mode.value for mode in BufferMode)}; or leave it out: then the present "
+            "motion is replaced",
         ) from None
 
 
@@ -124,8 +125,9 @@ class AxisCall:
         found = number(value)
         if found is None:
             raise ArgumentError(
-                f"{self.text}: {what} {told(value)} is no finite number",
-                remedy=f"give {what} as a number in {self._unit if unit is None else unit}, and look where this value was computed",
+                f"{self.text}: {what} {told(value)} is not a finite number",
+                remedy=f"give {what} as a number in {self._unit if unit is None else unit}, and check the computation of "
+                "this value",
             )
         return found
 
@@ -191,7 +193,7 @@ class AxisCall:
             name = self._parameters.name
             raise ArgumentError(
                 f"{self.text}: the torque offset (60B2h) of {name} is not sent",
-                observed=f"[axes.{name}.feed_forward] of cell.toml asks neither for inertia nor for torque_offset",
+                observed=f"[axes.{name}.feed_forward] of cell.toml has neither inertia nor torque_offset",
                 remedy=f"write torque_offset = 0.0 into [axes.{name}.feed_forward], and open the machine again",
             )
         return self.torque(torque, "60B2h")
@@ -240,7 +242,7 @@ class AxisCall:
     def _rated_torque(self) -> float:
         rated = self._parameters.units.rated_torque
         if self._parameters.virtual:
-            raise self._no_drive("no torque", "use a command of positions or velocities")
+            raise self._no_drive("no torque", "use a position or velocity command")
         if rated is None:
             raise self.missing("rated_torque", "the axis's rated torque in N·m", in_call=False)
         return rated
@@ -248,14 +250,14 @@ class AxisCall:
     def homing_method(self, method: int | None) -> int:
         """Return a method of 6098h."""
         if self._parameters.virtual:
-            raise self._no_drive("nothing that could be homed", "say where it is: axis.set_position(...)")
+            raise self._no_drive("no drive that could be homed", "give its position: axis.set_position(...)")
         method = self._parameters.homing.method if method is None else method
         if method is None:
             raise self.missing("method", "a homing method of 6098h", "homing")
         found = self.finite("method", method, "a method of 6098h")
         if found != int(found):
             raise ArgumentError(
-                f"{self.text}: method {found:g} is no whole number", remedy="give a method of 6098h"
+                f"{self.text}: method {found:g} is not a whole number", remedy="give a method of 6098h"
             )
         return self._fits(int(found), DataType.INTEGER8, "6098h")
 
@@ -324,7 +326,7 @@ class AxisCall:
         up, down = self._magnitudes(acceleration, deceleration)
         scale = self._parameters.units.velocity
         if not self._parameters.units.ratio_known:
-            what = f"velocity increments per {self._unit}/s, without which no ramp can be made"
+            what = f"velocity increments per {self._unit}/s, which every ramp needs"
             raise self.missing("velocity_scale", what, in_call=False)
         return CyclicVelocity(self._turn(velocity), abs(up * scale.factor), abs(down * scale.factor))
 
@@ -431,7 +433,7 @@ class AxisCall:
             ArgumentError: its braking deceleration or its maximum velocity is unknown.
         """
         if self._parameters.path_deceleration is None:
-            what = "the acceleration with which it is braked where no point comes in time"
+            what = "the acceleration with which it is braked if no point comes in time"
             raise self.missing("acceleration", what, "defaults", in_call=False)
         self._check_pace(STILL)
 
@@ -451,7 +453,7 @@ class AxisCall:
             self._acceleration(trajectory.top_acceleration)
         pace = pace_of(self._parameters, trajectory)
         if pace.velocity is None and pace.acceleration is None:
-            what = f"the fastest that the axis may get, in {self._unit}/s, by which a jump of the trajectory is told"
+            what = f"the highest velocity of the axis, in {self._unit}/s, with which a jump of the trajectory is detected"
             raise self.missing("max_velocity", what, in_call=False)
 
     def _check_span(self, span: tuple[float, float], start: float, limits: tuple[float, float]) -> None:
@@ -462,7 +464,7 @@ class AxisCall:
             return
         raise LimitError(
             f"{self.text}: the trajectory leaves the position limits",
-            observed=f"it goes from {span[0]:g} to {span[1]:g} {self._unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+            observed=f"it reaches from {span[0]:g} to {span[1]:g} {self._unit}; allowed are {limits[0]:g} to {limits[1]:g}",
             remedy=f"change the trajectory, or position_limits in [axes.{self._parameters.name}] of cell.toml",
         )
 
@@ -474,8 +476,8 @@ class AxisCall:
         if not raw:
             raise LimitError(
                 f"{self.text}: {value:g} {scale.unit} is less than one increment of the drive ({what})",
-                observed=f"its smallest step is {abs(scale.to_units(1)):g} {scale.unit}: more than was asked for",
-                remedy="ask for at least that, or let the drive count in a finer unit (60A9h, or the maker's own object)",
+                observed=f"its smallest step is {abs(scale.to_units(1)):g} {scale.unit}, which is more than the command",
+                remedy="command at least that, or set a finer unit in the drive (60A9h, or the manufacturer's object)",
             )
         return self._fits(raw, DataType.UNSIGNED32, what)
 
@@ -510,7 +512,7 @@ class AxisCall:
     def _no_drive(self, what: str, remedy: str) -> ArgumentError:
         return ArgumentError(
             f"{self.text}: {self._parameters.name} is virtual: it has {what}",
-            observed="the core leads it alone: there is no node and no drive",
+            observed="only the core moves it: there is no node and no drive",
             remedy=remedy,
         )
 
@@ -518,5 +520,5 @@ class AxisCall:
         return LimitError(
             f"{self.text}: {what} {value:g} {unit} is beyond the limit",
             observed=f"{key} is {limit:g} {unit}",
-            remedy=f"ask for less, or raise {key} in [axes.{self._parameters.name}] of cell.toml",
+            remedy=f"give less, or raise {key} in [axes.{self._parameters.name}] of cell.toml",
         )

@@ -70,7 +70,7 @@ class ShutdownRequest:
     reason: str
 
     def __str__(self) -> str:
-        return f"every axis is stopped, and no command is taken any more: {self.reason}"
+        return f"every axis is being stopped, and further commands are rejected: {self.reason}"
 
 
 class ExitSignals:
@@ -191,7 +191,7 @@ class ExitSignals:
             if ignored and number not in self._ignored:
                 self._ignored.add(number)
                 log.warning(
-                    "this program ignores %s now: it does not stop the axes any more; %s and axisbus stop do",
+                    "this program now ignores %s: it no longer stops the axes; %s and axisbus stop do",
                     name,
                     "SIGTERM" if number == signal.SIGINT else "Ctrl-C",
                 )

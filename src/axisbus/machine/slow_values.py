@@ -20,8 +20,8 @@ def measure(what: str, objects: NodeObjects, eds: Eds, make: Make, drive_axis: i
     if found is None:
         raise StateError(
             f"node {objects.node_id}: its {what} is not known",
-            observed=f"CiA 402 has no object for it, and none of the make ({make.name}) is known",
-            remedy="read the maker's own object: machine.node(ID).sdo[0x2000]",
+            observed=f"CiA 402 has no object for it, and no object of the manufacturer ({make.name}) is known",
+            remedy="read the manufacturer's object: machine.node(ID).sdo[0x2000]",
         )
     _require(found, what, objects, eds, drive_axis)
     value = _read(objects, own_index(found.index, drive_axis), found.subindex) * found.factor
@@ -34,13 +34,13 @@ def _require(found: MeasuredObject, what: str, objects: NodeObjects, eds: Eds, d
         index = own_index(index, drive_axis)
         if eds.get(index, subindex) is None:
             raise StateError(
-                f"node {objects.node_id}: it does not tell its {what}",
+                f"node {objects.node_id}: it does not report its {what}",
                 observed=f"its EDS has no {index:04X}h:{subindex:02X}",
-                remedy="where the drive does have it, name the drive's own EDS in cell.toml",
+                remedy="if the drive has it, name the drive's own EDS in cell.toml",
             )
 
 
 def _read(objects: NodeObjects, index: int, subindex: int) -> float:
     value = objects.read(index, subindex)
-    assert isinstance(value, (int, float)), f"{index:04X}h:{subindex:02X} is no number"
+    assert isinstance(value, (int, float)), f"{index:04X}h:{subindex:02X} is not a number"
     return float(value)

@@ -71,7 +71,7 @@ def stop_cell(cell: CellConfig, tell: Callable[[str], None]) -> tuple[list[StopR
     for answer in own:
         for each in answer.axes:
             if not each.ok:
-                tell(f"{each.axis}: {each.text}; so its drive is stopped from beside")
+                tell(f"{each.axis}: {each.text}; so this program stops its drive directly")
     return [*seen.values(), *stop_beside(cell, left)], True
 
 
@@ -102,7 +102,7 @@ def _ask(
     for claim in found:
         why, answer = why_not(claim, file), None
         if why:
-            tell(f"not asked to stop: {described(claim.process)} runs the machine {why}")
+            tell(f"no stop request was sent: {described(claim.process)} runs the machine {why}")
         else:
             try:
                 answer = ask_to_stop(claim, request, patience)
@@ -159,7 +159,7 @@ def _stop_modules(cell: CellConfig, channel: Channel, names: Collection[str]) ->
     modules = settings_by_axis(cell, names)
     held = {name for name, settings in modules.items() if settings.quick_stop_holds}
     return [
-        replace(each, text=f"{each.text}; a master that is alive can move it again")
+        replace(each, text=f"{each.text}; a running master can move it again")
         if each.ok and each.axis in held
         else each
         for each in stop_modules(channel, modules)
@@ -175,7 +175,9 @@ def _stop(cell: CellConfig, node: CanopenNode, names: Collection[str]) -> list[S
         nmt.send(node.channel, NmtCommand.STOP, node.node_id)
     except BusError as error:
         return [
-            StopResult(axis.name, False, f"stands, but its node could not be stopped: {error.message}")
+            StopResult(
+                axis.name, False, f"is at standstill, but its node could not be stopped: {error.message}"
+            )
             for axis in axes
         ]
     return results

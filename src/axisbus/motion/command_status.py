@@ -101,4 +101,4 @@ def unattended(name: str) -> CommandStatus:
 
 def _log_failure(ticket: CommandStatus) -> None:
     if ticket.status is Status.ERROR:
-        log.error("%s failed, and nobody looked at its handle:\n%s", ticket.name, ticket.error)
+        log.error("%s failed, and its handle was not read:\n%s", ticket.name, ticket.error)

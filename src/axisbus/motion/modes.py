@@ -16,7 +16,7 @@ class ControlledQuantity(Enum):
     POSITION = "position"
     VELOCITY = "velocity"
     TORQUE = "torque"
-    UNUSED = "torque, in a mode that is not used here"
+    UNUSED = "torque, in a mode that axisbus does not use"
 
 
 @dataclass(frozen=True, slots=True)

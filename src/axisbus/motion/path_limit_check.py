@@ -77,7 +77,7 @@ class PathLimitCheck:
         return LimitExceeded(
             f"harder than {self.key}",
             f"from {round(before.velocity, 6) + 0.0:g} to {after.velocity:g} {self.unit}/s within {self.period * 1000:g} ms "
-            f"are {rate:g} {self.unit}/s², allowed are {self.acceleration:g}",
+            f"is {rate:g} {self.unit}/s², allowed are {self.acceleration:g}",
         )
 
 

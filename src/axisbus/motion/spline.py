@@ -125,8 +125,8 @@ def trajectory_of(given: Followed, duration: float | None, text: str) -> Traject
     is_one = hasattr(given, "position")
     if duration is not None and (is_one or not callable(given)):
         raise ArgumentError(
-            f"{text}: a trajectory and points have a duration of their own",
-            remedy="leave duration out: it is that of a function",
+            f"{text}: a trajectory and points have their own duration",
+            remedy="leave duration out: it belongs to a function",
         )
     if is_one:
         return cast("Trajectory", given)
@@ -135,7 +135,7 @@ def trajectory_of(given: Followed, duration: float | None, text: str) -> Traject
     if duration is None:
         raise ArgumentError(
             f"{text}: a function needs a duration",
-            remedy="follow(function, duration=seconds), where function(t) gives a position for every t from 0 to that",
+            remedy="follow(function, duration=seconds), function(t) returns a position for every t from 0 to that duration",
         )
     return Computed(given, duration)
 
@@ -145,7 +145,7 @@ def _through(given: object, text: str) -> SplineTrajectory:
         times, positions = zip(*((time, place) for time, place in cast("Any", given)), strict=True)
     except (TypeError, ValueError):
         raise ArgumentError(
-            f"{text}: {told(given)} is nothing that can be followed",
+            f"{text}: {told(given)} is not a trajectory that can be followed",
             remedy="give rows of time (s, from 0 on) and position, a function with its duration, or an object with duration and "
             "position(t)",
         ) from None

@@ -29,6 +29,6 @@ TAKES_MOTION = frozenset({_A.STANDSTILL, _A.DISCRETE_MOTION, _A.CONTINUOUS_MOTIO
 REFUSAL = {
     _A.DISABLED: ("is Disabled", "enable it first: axis.enable()"),
     _A.HOMING: ("is Homing", "wait for it, or halt it first: axis.halt()"),
-    _A.STOPPING: ("is Stopping", "let it stand, then release it: axis.release()"),
+    _A.STOPPING: ("is Stopping", "wait for standstill, then release it: axis.release()"),
     _A.ERRORSTOP: ("is in ErrorStop", "read why (axis.error), then reset it: axis.reset()"),
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from axisbus.errors import AxisbusError, CommandError, one_line
 
 _REMEDY = (
-    "its traceback hangs on this error (__cause__): mend the trajectory or the number that it names; where it names neither, "
+    "its traceback is the __cause__ of this error: correct the trajectory or the number that it names; if it names neither, "
     "it is a mistake in axisbus: report it. The axis was stopped"
 )
 

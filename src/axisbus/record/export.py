@@ -161,7 +161,7 @@ def read_csv(path: Path) -> Recorded:
                     columns[key].append(_COLUMNS[key[1]](row[number]))
         except (ValueError, KeyError, csv.Error) as error:
             raise UserError(
-                f"{path}:{rows.line_num}: this line is no sample", observed=str(error), remedy=_WRITTEN_BY
+                f"{path}:{rows.line_num}: this line is not a sample", observed=str(error), remedy=_WRITTEN_BY
             ) from None
     return Recorded({track.name: track for track in _tracks(times, columns, taken)})
 

@@ -165,10 +165,10 @@ class _Loading:
                 else:
                     yield record
         except exceptions.EndOfFile:
-            self._lacks = "it ends in the midst of a write: what was recorded last is missing"
+            self._lacks = "it ends within a write: the last recorded data are missing"
         except exceptions.InvalidMagic as error:
             if file.tell() <= _MAGIC_SIZE:
-                raise UserError(f"{self._path} is no MCAP file", remedy=WRITTEN_BY) from error
+                raise UserError(f"{self._path} is not an MCAP file", remedy=WRITTEN_BY) from error
             self._lacks = "its end is damaged"
         except (exceptions.McapError, struct.error, ValueError) as error:
             self._lacks = f"it is damaged before octet {file.tell()} ({error}): everything recorded after that is missing"
@@ -341,7 +341,7 @@ class _Loading:
 
     def _not_ours(self, observed: str) -> UserError:
         return UserError(
-            f"{self._path} is no recording of axisbus",
+            f"{self._path} is not a recording of axisbus",
             observed=observed,
             remedy="make one: axisbus record CELL -o run.mcap",
         )

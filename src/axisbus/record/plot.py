@@ -54,7 +54,7 @@ def require_picture(path: Path) -> None:
     """Raise UserError if the suffix of ``path`` is not that of a supported image format."""
     if path.suffix.lower() not in _SUFFIXES:
         raise UserError(
-            f"{path} is no picture that can be drawn", remedy=f"end its name in {' or '.join(_SUFFIXES)}"
+            f"{path} is not a picture that can be drawn", remedy=f"end its name in {' or '.join(_SUFFIXES)}"
         )
 
 

@@ -21,12 +21,12 @@ class RecordedEvent(NamedTuple):
 # The sorts of events, and their descriptions.
 SORTS: Mapping[str, str] = {
     "command": "commands, with their ends",
-    "nmt": "what error control tells of the nodes",
+    "nmt": "the reports of error control about the nodes",
     "emcy": "emergency messages of the drives, grouped into incidents",
     "pdo": "TPDOs that stopped coming, and came again",
-    "bus": "what the CAN controller tells",
+    "bus": "the reports of the CAN controller",
     "machine": "why the machine was left",
-    "recording": "what the recording lacks, and why it ended",
+    "recording": "the gaps of the recording, and why it ended",
 }
 
 

@@ -50,7 +50,7 @@ SYMPTOMS = (
             "The drive does not answer requests for its objects: `axisbus load CELL` shows the load of the bus.",
         ),
         errors=("DriveError",),
-        read_on=("stopping.md#the-stop-ladder", "stopping.md#what-axisbus-stops-by-itself"),
+        read_on=("stopping.md#the-stop-sequence", "stopping.md#what-axisbus-stops-by-itself"),
     ),
     Symptom(
         name="mode-not-taken",

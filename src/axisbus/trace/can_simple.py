@@ -81,7 +81,7 @@ def nodes_of(text: str) -> tuple[int, ...]:
         word = each.strip()
         if not (word.isascii() and word.isdecimal() and int(word) in NODES):
             raise ArgumentError(
-                f"{word or text!r} is no node ID of CAN Simple",
+                f"{word or text!r} is not a node ID of CAN Simple",
                 remedy=f"give numbers from 0 to {NODES.stop - 1}, joined by commas: --can-simple 0,1,5",
             )
         found.append(int(word))

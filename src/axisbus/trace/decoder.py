@@ -235,7 +235,7 @@ class Decoder:
         else:
             request, pair = identifier & _FUNCTION == cob.SDO_RX, (cob.SDO_RX + node, cob.SDO_TX + node)
         if made.frame.remote:
-            return made.words(Words("", problem="an SDO is no remote frame"), from_node=not request)
+            return made.words(Words("", problem="an SDO is not a remote frame"), from_node=not request)
         said = self._dialogues.setdefault(pair, SdoChannelDecoder()).feed(
             made.frame.data, made.frame.time, request=request
         )

@@ -37,7 +37,7 @@ def _test(text: str, axes: Collection[str]) -> Wanted:
     values = [value.strip() for value in rest.split(",") if value.strip()]
     makers = {"node": lambda value: _node(value, axes), "kind": _kind, "object": _object}
     if not sign or key.strip() not in makers or not values:
-        raise ArgumentError(f"{text!r} is no filter", remedy=_REMEDY)
+        raise ArgumentError(f"{text!r} is not a filter", remedy=_REMEDY)
     tests = [makers[key.strip()](value) for value in values]
     return lambda one: any(test(one) for test in tests)
 
@@ -50,7 +50,7 @@ def _node(text: str, axes: Collection[str]) -> Wanted:
         return lambda one: text in one.name.split(",")
     known = f"axes of the cell are {', '.join(axes)}" if axes else "axes are known with a cell file only"
     raise ArgumentError(
-        f"{text!r} is no node", observed=known, remedy="give a node ID from 1 to 127, or an axis"
+        f"{text!r} is not a node", observed=known, remedy="give a node ID from 1 to 127, or an axis"
     )
 
 
@@ -59,7 +59,7 @@ def _kind(text: str) -> Wanted:
     if kinds is None:
         near = difflib.get_close_matches(text.lower(), _KINDS, n=1)
         hint = f"did you mean {near[0]}? " if near else ""
-        raise ArgumentError(f"{text!r} is no kind of frame", remedy=f"{hint}there are {', '.join(_KINDS)}")
+        raise ArgumentError(f"{text!r} is not a kind of frame", remedy=f"{hint}there are {', '.join(_KINDS)}")
     return lambda one: one.kind in kinds
 
 

@@ -30,7 +30,7 @@ def words(data: bytes, *, request: bool) -> tuple[str, str]:
     problem = "" if len(data) == 8 else f"{counted(len(data), 'byte')}, an LSS frame has 8 (CiA 305)"
     reader = (_REQUESTS if request else _ANSWERS).get(full[0])
     if reader is None:
-        return f"command 0x{full[0]:02X}", problem or f"0x{full[0]:02X} is no LSS command (CiA 305)"
+        return f"command 0x{full[0]:02X}", problem or f"0x{full[0]:02X} is not an LSS command (CiA 305)"
     return reader(full), problem
 
 
@@ -41,14 +41,18 @@ def _number(data: bytes) -> int:
 def _bit_timing(data: bytes) -> str:
     table, entry = data[1], data[2]
     if table != services.STANDARD_TABLE:
-        return f"set bit rate: entry {entry} of the maker's table {table}"
-    rate = "found out by itself" if entry == services.AUTOMATIC_RATE else _KBIT.get(entry, f"entry {entry}")
+        return f"set bit rate: entry {entry} of the manufacturer's table {table}"
+    rate = (
+        "determined by the receiver"
+        if entry == services.AUTOMATIC_RATE
+        else _KBIT.get(entry, f"entry {entry}")
+    )
     return f"set bit rate: {rate}"
 
 
 def _fast_scan(data: bytes) -> str:
     if data[5] == services.ALL_BITS:
-        return "fast scan: is anybody unconfigured?"
+        return "fast scan: is a slave unconfigured?"
     part = PARTS[data[6]] if data[6] < len(PARTS) else f"part {data[6]}"
     return f"fast scan: {part} 0x{_number(data):08X} from bit {data[5]} on" + (
         "" if data[7] == data[6] else ", then the next part"
@@ -89,7 +93,7 @@ _REQUESTS: dict[int, Words] = {
     LssService.ACTIVATE_BIT_TIMING: lambda data: f"activate the bit rate after {data[1] | data[2] << 8} ms",
     LssService.STORE_CONFIGURATION: _said("store the configuration"),
     **_named(_RANGES, "identify by"),
-    LssService.IDENTIFY_NON_CONFIGURED_REMOTE_SLAVE: _said("who has no node ID?"),
+    LssService.IDENTIFY_NON_CONFIGURED_REMOTE_SLAVE: _said("which slave has no node ID?"),
     LssService.FASTSCAN: _fast_scan,
     **{command: _said(f"what is your {name}?") for command, name in _INQUIRED.items()},
     LssService.INQUIRE_NODE_ID: _said("what is your node ID?"),

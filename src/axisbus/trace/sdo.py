@@ -85,7 +85,7 @@ class SdoChannelDecoder:
     def _no_command(self, data: bytes, _: float) -> TransferText:
         step = f"command 0x{data[0]:02X}"
         return TransferText(
-            DecodedSdo(step, False), problem=f"0x{data[0]:02X} is no SDO command (CiA 301 7.2.4.3)"
+            DecodedSdo(step, False), problem=f"0x{data[0]:02X} is not an SDO command (CiA 301 7.2.4.3)"
         )
 
     # -- client requests ----------------------------------------------------------------------------------------------------------

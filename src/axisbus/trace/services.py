@@ -32,9 +32,9 @@ def nmt(data: bytes, who: Callable[[int], str]) -> Words:
     target = "all nodes" if data[1] == 0 else who(data[1])
     if data[0] not in NmtCommand.__members__.values():
         return Words(
-            f"command {data[0]} to {target}", problem=f"{data[0]} is no NMT command (CiA 301 7.2.8.2)"
+            f"command {data[0]} to {target}", problem=f"{data[0]} is not an NMT command (CiA 301 7.2.8.2)"
         )
-    problem = f"{data[1]} is no node ID" if data[1] > 127 else ""
+    problem = f"{data[1]} is not a node ID" if data[1] > 127 else ""
     return Words(f"{NmtCommand(data[0]).text}: {target}", problem=problem)
 
 
@@ -70,7 +70,7 @@ def emergency(data: bytes, make: Make) -> Words:
     register = ", ".join(emcy.register_words(one.register)) or "no error"
     parts = [emcy.describe(one.code), f"error register 0x{one.register:02X} ({register})"]
     if any(one.data):
-        parts.append(f"maker's data {one.data.hex(' ').upper()}")
+        parts.append(f"manufacturer-specific data {one.data.hex(' ').upper()}")
     parts += make.explain(one.code, {}) if not one.is_reset else []
     short = (
         f"{counted(len(data), 'byte')}, an emergency message has 8 (CiA 301 7.2.7)" if len(data) != 8 else ""
@@ -83,6 +83,6 @@ def heartbeat(data: bytes, before: NmtState | None) -> tuple[Words, NmtState | N
     if len(data) != 1:
         return Words(counted(len(data), "byte"), problem="a heartbeat has 1 byte (CiA 301 7.2.8.3)"), before
     state = NmtState(data[0] & ~TOGGLE)
-    problem = "" if state in _STATES else f"{int(state)} is no NMT state (CiA 301 7.2.8.3)"
+    problem = "" if state in _STATES else f"{int(state)} is not an NMT state (CiA 301 7.2.8.3)"
     change = f" (was {before.text})" if before is not None and before != state else ""
     return Words(state.text + change, problem=problem), state

@@ -116,7 +116,16 @@ def _fork(site: Site, axis: str, _: float) -> None:
     assert os.waitstatus_to_exitcode(status) == 0, "a forked child could not even try"
 
 
-_STANDS = ("something", "held", "does not", "not stand", "behind", "did not", "not follow", "oscillates")
+_STANDS = (
+    "blocked",
+    "held",
+    "does not",
+    "not at standstill",
+    "behind",
+    "did not",
+    "not follow",
+    "oscillates",
+)
 _UNSEEN = (
     "node",
     "heartbeat",
@@ -124,12 +133,12 @@ _UNSEEN = (
     "unknown",
     "too old",
     "not known",
-    "not heard",
+    "no frames",
     "silent",
     "no answer",
-    "stands at",
+    "is at standstill at",
 )
-_BY_ITSELF = ("by itself", "nobody", "another master")
+_BY_ITSELF = ("without a command", "not by this program", "another master")
 _MODE = ("mode", "Mode", "6060h", "6061h")
 _NO_STOP = ("harder", "halt", "quick stop", "switched off", "stop")
 _SDO = ("SDO", "answer", "6060h", "not written", "cannot be", "mode")

@@ -16,7 +16,7 @@ UNCONFIRMED = (
     6.5  # s for which ErrorStop may leave an axis moving: all rungs of its ladder, by their usual times
 )
 ENABLE_LATE = 1.0  # s: a transition that was under way when its enable ended
-_STANDS = "stands"  # what an error says of a stop that came otherwise than it was asked for
+_STANDS = "is at standstill"  # what an error says of a stop that came otherwise than it was asked for
 _BY_OTHERS = ("other_enables", "other_shuts_down", "other_sets_point")  # its word is that of an enabled drive
 _TAKES_POWER = frozenset(
     {"fault", "drops_power", "other_shuts_down", "other_quick_stops", "heartbeat_lost", "stalls", "reboots"}

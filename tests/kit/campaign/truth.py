@@ -31,9 +31,9 @@ _OWN = (
     "another axis",
     "was never received",
     "master",  # of a gear or a cam: lost, or too fast for its slave
-    "did not end well",
+    "failed",
     "no edge",  # of a search that found none
-    "no switch was seen",  # of a pair that goes away from them
+    "a switch was not found",  # of a pair that goes away from them
     "do not agree",  # where it began between them
 )
 

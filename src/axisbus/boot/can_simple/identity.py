@@ -14,7 +14,7 @@ from axisbus.errors import BootError
 HEARTBEAT, IDENTITY = "heartbeat", "identity"
 _COUNTS, _NEWEST = Firmware(0, 5, 12), Firmware(0, 5, 13)  # the first with each layout (manual v2.2, 4.1.2)
 _SLOW = 1.5  # longest accepted heartbeat period, as a multiple of the expected period
-_FIND = "axisbus gim6010 find shows who is there and what it speaks"
+_FIND = "axisbus gim6010 find lists the modules and their protocols"
 
 
 def no_answer_error(listening: NodeListener, seconds: float, health: str) -> BootError:
@@ -22,23 +22,23 @@ def no_answer_error(listening: NodeListener, seconds: float, health: str) -> Boo
     node = listening.node
     if listening.canopen:
         return _told(
-            f"node {node} speaks CANopen, and not CAN Simple",
+            f"node {node} uses CANopen, not CAN Simple",
             node,
             f"heartbeats of a CANopen node came: {cob(node)}",
             f'write eds = "builtin:gim6010-8" in [nodes.{node}] instead of protocol = "can_simple"',
         )
     if listening.extended:
         return _told(
-            f"module {node} is not heard in CAN Simple, and somebody speaks the 29-bit protocol of firmware 0.6.8 and later",
+            f"module {node} sends no CAN Simple heartbeat, and a device uses the 29-bit protocol of firmware 0.6.8 and later",
             node,
             f"{listening.extended} heartbeats with identifiers of 29 bits came in {seconds:g} s",
-            f"axisbus does not speak that protocol: bring the module to CANopen over USB (docs/gim6010-8.md); {_FIND}",
+            f"axisbus does not support that protocol: switch the module to CANopen over USB (docs/gim6010-8.md); {_FIND}",
         )
     return _told(
-        f"module {node} is not there",
+        f"module {node} does not answer",
         node,
-        f"no heartbeat of it came in {seconds:g} s; {health}",
-        "check its supply, cable and termination, its node ID and bit rate, and that heartbeat_rate_ms is 100 in it; "
+        f"it sent no heartbeat in {seconds:g} s; {health}",
+        "check its supply, cable and termination, its node ID and bit rate, and that its heartbeat_rate_ms is 100; "
         + _FIND,
     )
 
@@ -59,16 +59,17 @@ def require_one(listening: NodeListener, expected: float) -> None:
         raise _told(
             f"several modules have the node ID {node}",
             node,
-            "two counts run in the heartbeats",
+            "the heartbeats contain two counters",
             "connect one of them alone and give it another node ID: axisbus gim6010 set-id",
         )
     period = listening.quickest
     if period > _SLOW * expected:
         often = "only one heartbeat" if math.isinf(period) else f"a heartbeat each {period * 1000:.0f} ms"
         raise _told(
-            f"module {node} beats too seldom: it would be taken for lost, and its states would be seen too late",
+            f"module {node} sends its heartbeat too seldom: it would be considered lost, and its states would be received "
+            "too late",
             node,
-            f"{often}; each {expected * 1000:.0f} ms one comes from a module as it leaves its factory",
+            f"{often}; the factory setting is one each {expected * 1000:.0f} ms",
             f"set axis0.config.can.heartbeat_rate_ms to {expected * 1000:.0f}: axisbus gim6010 params set, or over USB",
         )
 
@@ -90,11 +91,11 @@ def require_firmware(listening: NodeListener, facts: SimpleFacts, text: str | No
         observed = f"its heartbeats are those of {shown}"
     if observed:
         raise BootError(
-            f"module {node} has another firmware than {wanted}, which cell.toml asks for",
+            f"module {node} has another firmware than {wanted}, which cell.toml specifies",
             node=node,
             step=IDENTITY,
             observed=observed,
-            remedy=f"correct firmware in [nodes.{node}], or connect the module that is meant; {_FIND}",
+            remedy=f"correct firmware in [nodes.{node}], or connect the intended module; {_FIND}",
         )
 
 
@@ -105,7 +106,7 @@ def words(listening: NodeListener, facts: SimpleFacts, text: str | None) -> str:
         return f"firmware {facts.version}, by its endpoints{serial}"
     layouts = " or ".join(sorted(each.value for each in listening.beats.layouts)) or "no known layout"
     asked = "" if text is None else f"; firmware {text} by the cell file, which it does not confirm"
-    return f"it answers no endpoint, so its heartbeats alone tell: {layouts}{asked}"
+    return f"it answers no endpoint, so only its heartbeats are known: {layouts}{asked}"
 
 
 def _layout(firmware: Firmware) -> HeartbeatLayout:

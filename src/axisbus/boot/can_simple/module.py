@@ -33,17 +33,15 @@ from axisbus.motion.stop.promises import promises
 
 _BEATS = 0.55  # s, five heartbeats: enough to see two modules with one node ID
 _SELDOM = 1.5  # s more, if only one heartbeat has come by then
-_WITHIN_A_TURN = "; until it is enabled, its place is known within one turn of the rotor only"
+_WITHIN_A_TURN = "; until it is enabled, its position is known only within one turn of the rotor"
 _TRAVELS = (
-    "sent when it changes: mode, targets, limits; in every cycle: position of a path; asked for in every cycle: position, "
+    "sent when it changes: mode, targets, limits; in every cycle: position of a path; polled in every cycle: position, "
     "velocity; by heartbeat: state, faults"
 )
-_BY_LINE = "registers, asked one after the other: state, faults, position, velocity; written and read back: limits, targets"
+_BY_LINE = "registers, read one after the other: state, faults, position, velocity; written and read back: limits, targets"
 _MAKE_BY_LINE = f"{GIM6010.name} (Modbus RTU)"
-_FOUND = "found enabled: left as it is; take it over with enable() or switch it off with disable()"
-_FOUND_BY_LINE = (
-    "found enabled: left as it is; on RS485 quick_stop(), and enable() too, brakes it and lets it go"
-)
+_FOUND = "found enabled and left unchanged; take it over with enable() or switch it off with disable()"
+_FOUND_BY_LINE = "found enabled and left unchanged; on RS485 quick_stop(), and also enable(), brakes it and then switches it off"
 
 
 class ModuleBoot:
@@ -125,13 +123,15 @@ class ModuleBoot:
             return
         self._armed = self._listening.ask(armed(self._settings.node, *listed, self._facts))
         if self._armed == Armed():
-            self._report.warnings.append("its list of endpoints was of no use: it answers none over CAN")
+            self._report.warnings.append(
+                "its list of endpoints was not used: it answers no endpoint over CAN"
+            )
 
     def _tell(self) -> None:
         report, state = self._report, self._state
         report.device = _MAKE_BY_LINE if self._settings.relayed else MAKE.name
         report.identity = identity.words(self._listening, self._facts, self._node.firmware)
-        report.nmt = f"a module has none; its heartbeat tells of {state_words(state)}" + (
+        report.nmt = f"a module has none; its heartbeat reports {state_words(state)}" + (
             "" if self._found_enabled else _WITHIN_A_TURN
         )
         report.configured = "nothing is written into it: its limits are sent when its axis is enabled"
@@ -141,7 +141,8 @@ class ModuleBoot:
             report.warnings.append(_FOUND_BY_LINE if self._settings.relayed else _FOUND)
         elif state != IDLE:
             report.warnings.append(
-                f"it is in {state_words(state)}, which may turn the motor by itself: nothing is asked of it before it is idle"
+                f"it is in {state_words(state)}, which may turn the motor without a command: it gets no requests before it "
+                "is idle"
             )
         report.warnings += self._fault_words()
 
@@ -153,7 +154,7 @@ class ModuleBoot:
         texts = [text for category, word in known.items() for text in faults.words(category, word)]
         unknown = " (its error words are not answered by this firmware)" if self._facts.silent else ""
         told = "; ".join(texts) or f"of {', '.join(self._beat_faults)}{unknown}"
-        return [f"it is in fault, so that its axis has to be reset first: {told}"]
+        return [f"it is in fault, so its axis must be reset first: {told}"]
 
     def _axis(self, axis: AxisConfig) -> AxisParameters:
         self._write(axis)
@@ -188,12 +189,12 @@ class ModuleBoot:
             code = self._objects.write(write.index, write.subindex, int(write.value))
             if code is not None:
                 raise BootError(
-                    f"node {self._settings.node}: a module cannot be told {write.source} = {write.value}",
+                    f"node {self._settings.node}: a module does not accept {write.source} = {write.value}",
                     node=self._settings.node,
                     step="configuration",
                     index=write.index,
                     subindex=write.subindex,
-                    remedy="leave it out: axisbus check says what a module does instead",
+                    remedy="leave it out: axisbus check reports the behaviour of a module",
                 )
 
     # -- evaluation of the frames --------------------------------------------------------------------------------------------------
@@ -223,4 +224,4 @@ class ModuleBoot:
 def _rated(axis: AxisConfig) -> ScaleReport | None:
     if axis.rated_torque is None:
         return None
-    return ScaleReport(f"{abs(axis.rated_torque):g} N·m", "no message of a module tells it", None)
+    return ScaleReport(f"{abs(axis.rated_torque):g} N·m", "no message of a module contains it", None)

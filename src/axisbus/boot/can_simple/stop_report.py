@@ -14,21 +14,22 @@ from axisbus.motion.parameters import HoldsLoad, StopTimes
 # Used if nothing could be read: no message reports the armed watchdogs. Users and the maker describe each (docs/gim6010-8.md).
 WATCHDOG = WatchdogReport(
     Watchdog.NONE,
-    "nothing on this module is known to notice a dead master: break_timeout and watchdog_timeout were not read, and are off from "
-    "the factory. Positions hold, a velocity or a torque goes on. The master does not feed a time-out that it has not read: if "
-    "break_timeout is armed, the module trips whenever no set-point is sent for that time. Then switch it off (axisbus gim6010 "
-    "watchdog --off), or name the firmware's list in the cell file (endpoints). A trip was seen, on another joint of the maker, to "
-    "take the power away and to latch CAN_BUS_FAILED; watchdog_timeout has no effect in newer firmware. Both are untested here",
+    "no function of this module is known to detect a dead master: break_timeout and watchdog_timeout were not read, and are "
+    "off by factory setting. Positions hold, a velocity or a torque continues. The master does not feed a time-out that it "
+    "has not read: if break_timeout is armed, the module trips whenever no set-point is sent for that time. Then switch it "
+    "off (axisbus gim6010 watchdog --off), or name the firmware's list in the cell file (endpoints). On another joint of "
+    "the manufacturer a trip switched the power off and latched CAN_BUS_FAILED; watchdog_timeout has no effect in newer "
+    "firmware. Both are untested here",
 )
 _LATCHES = (
-    "only set-points feed it, it counts whatever the axis does, and was seen, on another joint of the maker, to take the power "
-    "away and to latch CAN_BUS_FAILED"
+    "only set-points feed it, it counts in every state of the axis, and on another joint of the manufacturer it switched "
+    "the power off and latched CAN_BUS_FAILED"
 )
-_GOES_ON = "positions hold, a velocity or a torque goes on"
+_GOES_ON = "positions hold, a velocity or a torque continues"
 _TINY = 1e-6  # s
 _FED_BY_LINE = (
-    "over RS485 no register is known to feed it, and the master does not feed it: the module trips. Switch it off (axisbus gim6010 "
-    "watchdog --off)"
+    "over RS485 no register is known to feed it, and the master does not feed it: the module trips. Switch it off "
+    "(axisbus gim6010 watchdog --off)"
 )
 _COASTS = "the motor coasts: a module has no ramp for it"
 
@@ -45,7 +46,7 @@ def watchdog_of(found: Armed, firmware: Firmware | None, *, relayed: bool = Fals
     if counts:
         texts += [_FED_BY_LINE if relayed else _fed(min(counts.values())), "Untested here"]
     else:
-        texts.append(f"nothing is known to notice a dead master: {_GOES_ON}")
+        texts.append(f"no function is known to detect a dead master: {_GOES_ON}")
     return WatchdogReport(Watchdog.UNKNOWN if counts else Watchdog.NONE, "; ".join(texts))
 
 
@@ -94,16 +95,20 @@ def _axis(seconds: float | None, *, works: bool) -> str:
         return "the axis's watchdog is not answered"
     if not seconds:
         return "the axis's watchdog is off"
-    how = "WATCHDOG_TIMER_EXPIRED latches" if works else "without effect in this firmware, says the maker"
+    how = (
+        "WATCHDOG_TIMER_EXPIRED latches"
+        if works
+        else "without effect in this firmware, according to the manufacturer"
+    )
     return f"the axis's watchdog is armed with {seconds:g} s ({how})"
 
 
 def ladder(axis: str, settings: ModuleSettings, times: StopTimes, holds_load: HoldsLoad) -> StopLadderReport:
     """Return the stop sequence of an axis with the effect of each step; ``times`` are the deadlines of the steps."""
     at_rest = (
-        "then stays in closed loop and holds its place" if settings.quick_stop_holds else "then power off"
+        "then stays in closed loop and holds its position" if settings.quick_stop_holds else "then power off"
     )
-    ramp = f"{settings.velocity_ramp:g} turns/s² of the rotor, as the cell file has it"
+    ramp = f"{settings.velocity_ramp:g} turns/s² of the rotor, by the cell file"
     rows = [
         (
             "1 halt",
@@ -118,13 +123,15 @@ def ladder(axis: str, settings: ModuleSettings, times: StopTimes, holds_load: Ho
         ),
         ("3 power off", "idle", _COASTS + _within(times.disable)),
         ("4 NMT stop", "Estop", "the motor coasts, and its error latches until the axis is reset"),
-        ("on a fault", "", "the module lets go by itself: the motor coasts"),
+        ("on a fault", "", "the module switches its power off: the motor coasts"),
         ("on a lost link", "", f"{_GOES_ON}: see the watchdog"),
     ]
     if holds_load is not HoldsLoad.NO:
-        rows.append(("holds a load", "", f"by its {holds_load.value}: never switched off before it stands"))
+        rows.append(
+            ("holds a load", "", f"by its {holds_load.value}: never switched off before it is at standstill")
+        )
     return StopLadderReport(axis, tuple(rows), (f"{axis}: power off, and any fault: {_COASTS}",))
 
 
 def _within(seconds: float) -> str:
-    return f" (at most {seconds:g} s, then the next rung)"
+    return f" (at most {seconds:g} s, then the next step)"

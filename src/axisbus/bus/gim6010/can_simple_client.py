@@ -90,15 +90,15 @@ class SimpleLine:
             raise NodeError(
                 f"module {self.node} restarted meanwhile",
                 node=self.node,
-                observed="its count of heartbeats began anew",
-                remedy="what was written into its RAM is lost: look at its supply, then begin again",
+                observed="its heartbeat counter restarted",
+                remedy="the values written into its RAM are lost: check its supply, then begin again",
             )
         if self._stamps and self._late():
             raise NodeError(
                 f"module {self.node} no longer sends heartbeats",
                 node=self.node,
                 observed=f"the last one came {time.monotonic() - self._stamps[-1][0]:.1f} s ago",
-                remedy="look at its supply and cable; axisbus gim6010 find tells where it is",
+                remedy="check its supply and cable; axisbus gim6010 find searches for it",
             )
 
     def send(self, frame: Outgoing) -> None:
@@ -134,8 +134,8 @@ class SimpleLine:
 def several(node: int) -> NodeError:
     """Return the error of several modules with one node ID."""
     return NodeError(
-        f"several modules have the node ID {node}, or another program asks it too",
+        f"several modules have the node ID {node}, or another program also sends requests to it",
         node=node,
-        observed="two heartbeats or two answers came where one was due",
+        observed="two heartbeats or two answers came instead of one",
         remedy="close the other program; or connect one of the modules alone and give it another node ID",
     )

@@ -121,9 +121,9 @@ class CanSimpleParameters:
         lost = [path for path, value in written.items() if not values.same(self.read(path), value)]
         if lost:
             raise NodeError(
-                f"module {self.line.node} restarted, and has lost {', '.join(lost)}",
+                f"module {self.line.node} restarted and has lost {', '.join(lost)}",
                 node=self.line.node,
-                remedy="what was written did not reach its flash: save it over USB",
+                remedy="the written values did not reach its flash: save them over USB",
             )
         self.written.clear()
 
@@ -163,8 +163,8 @@ class CanSimpleParameters:
             state = int(self.read(_STATE))
         if state != IDLE:
             raise StateError(
-                f"module {self.line.node} is in {state_words(state)}, and only one that is idle is written or saved",
-                remedy="stop and disable it with the program that has it, then give the command again",
+                f"module {self.line.node} is in {state_words(state)}, and only an idle module can be written or saved",
+                remedy="stop and disable it with the program that controls it, then give the command again",
             )
 
     # -- proof that the list fits ----------------------------------------------------------------------------------------------
@@ -217,7 +217,7 @@ class CanSimpleParameters:
             f"module {self.line.node} does not answer for {what}",
             node=self.line.node,
             observed=self._seen(),
-            remedy=f"see what it speaks: axisbus gim6010 find; {_USB}",
+            remedy=f"check its protocol: axisbus gim6010 find; {_USB}",
         )
 
     def _answered(self, number: int) -> bool:
@@ -227,8 +227,10 @@ class CanSimpleParameters:
         return bool(self._answers)
 
     def _seen(self) -> str:
-        odd = f"; frames that are no answers: {'; '.join(dict.fromkeys(self._odd[-3:]))}" if self._odd else ""
-        beats = "its heartbeats come" if self.line.state is not None else "no heartbeat of it came"
+        odd = (
+            f"; frames that are not answers: {'; '.join(dict.fromkeys(self._odd[-3:]))}" if self._odd else ""
+        )
+        beats = "its heartbeats come" if self.line.state is not None else "it sent no heartbeat"
         return f"{_TRIES} requests, {TIMEOUT:g} s each; {beats}{odd}"
 
     def _receiver(self, command: int) -> Receiver:
@@ -257,10 +259,10 @@ class CanSimpleParameters:
                 return
             time.sleep(_LOOK)
         raise NodeError(
-            f"module {self.line.node} was told to save, and does not restart",
+            f"module {self.line.node} got the command to save, and does not restart",
             node=self.line.node,
-            observed=f"it goes on as before for {_RESTARTS:g} s",
-            remedy="nothing is known to be saved: save over USB, or read the values again after switching it off and on",
+            observed=f"it has continued as before for {_RESTARTS:g} s",
+            remedy="it is not known whether the values were saved: save over USB, or read them again after a power cycle",
         )
 
     def _is_silent(self) -> bool:
@@ -287,6 +289,6 @@ class CanSimpleParameters:
         raise NodeTimeout(
             f"module {self.line.node} does not come back after saving",
             node=self.line.node,
-            observed=f"it was waited for {_BACK:g} s; {seen}",
-            remedy="look for it: axisbus gim6010 find; a bit rate or protocol that was set holds from now on",
+            observed=f"no sign of it in {_BACK:g} s; {seen}",
+            remedy="search for it: axisbus gim6010 find; a new bit rate or protocol is active from now on",
         )

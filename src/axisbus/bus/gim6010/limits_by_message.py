@@ -37,8 +37,8 @@ class ModuleByMessage:
         if state != IDLE:
             known = "sends no heartbeat" if state is None else f"is in {state_words(state)}"
             raise StateError(
-                f"module {self.line.node} {known}: it is not known to be idle",
-                remedy="stop and disable it first; one without heartbeats is set over USB",
+                f"module {self.line.node} {known}: it is possibly not idle",
+                remedy="stop and disable it first; set a module without heartbeats over USB",
             )
 
     def set_limits(self, velocity: float, current: float) -> None:
@@ -65,7 +65,7 @@ class ModuleByMessage:
         self.line.wait(lambda: False, _ANSWER)
         if abs((self._ask()[1] - before[1] + 8192) % 16384 - 8192) > _NEAR:
             raise StateError(
-                "the output turns: its zero would be wherever it happened to be", remedy="hold it still"
+                "the output turns, so its zero would be at a random position", remedy="hold it still"
             )
         self.line.require_there()
         self.line.send(encode(self.line.node, _LINEAR, {"Linear_Count": 0}))
@@ -74,9 +74,9 @@ class ModuleByMessage:
         found = self._ask()[0]
         if abs(found) > _NEAR:
             raise NodeError(
-                f"module {self.line.node} counts {found} where it was told to count 0",
+                f"module {self.line.node} has the count {found} after the command to set 0",
                 node=self.line.node,
-                observed=f"before it counted {before[0]}",
+                observed=f"the count before was {before[0]}",
                 remedy="set the zero by parameters (--list), or over USB",
             )
 
@@ -93,9 +93,9 @@ class ModuleByMessage:
         if last is None or last.axis_error:
             word = "unknown" if last is None else f"{last.axis_error:08X}h"
             raise NodeError(
-                f"module {self.line.node} was told to clear its errors, and its axis's word is {word}",
+                f"module {self.line.node} got the command to clear its errors, and the error word of its axis is {word}",
                 node=self.line.node,
-                remedy="see what it means: axisbus gim6010 errors",
+                remedy="read its meaning: axisbus gim6010 errors",
             )
 
     def _ask(self) -> tuple[int, int]:
@@ -107,9 +107,9 @@ class ModuleByMessage:
                 break
         if self._counts is None:
             raise NodeError(
-                f"module {self.line.node} does not tell its encoder's count",
+                f"module {self.line.node} does not report its encoder count",
                 node=self.line.node,
-                remedy="see what it speaks: axisbus gim6010 find",
+                remedy="check its protocol: axisbus gim6010 find",
             )
         return self._counts
 

@@ -42,10 +42,12 @@ def set_node_id(channel: Channel, old: int, new: int, *, save: bool, tell: Calla
             known = "not heard" if before.state is None else f"in {state_words(before.state)}"
             raise StateError(f"module {old} is {known}, and not idle", remedy="stop and disable it first")
         if after.last_beat is not None:
-            raise StateError(f"somebody beats under node ID {new}", remedy="give one that is free")
+            raise StateError(
+                f"another module sends heartbeats with node ID {new}", remedy="give a free node ID"
+            )
         before.send(encode(old, _SET, {"Axis_Node_ID": new}))
         _taken(before, after)
-        tell(f"it answers under {new}, in RAM: the next start would undo it")
+        tell(f"it answers with {new}, stored in RAM only: the next start would undo it")
         if save:
             _save(before, after)
             tell(f"saved: it restarted, and is node {new}")
@@ -54,9 +56,9 @@ def set_node_id(channel: Channel, old: int, new: int, *, save: bool, tell: Calla
 def _taken(before: SimpleLine, after: SimpleLine) -> None:
     if not after.wait(lambda: after.last_beat is not None, _TAKEN):
         raise NodeError(
-            f"module {before.node} does not take the node ID {after.node}",
+            f"module {before.node} does not accept the node ID {after.node}",
             node=before.node,
-            observed=f"no heartbeat came under it in {_TAKEN:g} s",
+            observed=f"no heartbeat with it came in {_TAKEN:g} s",
             remedy="set it over USB: odrv0.axis0.config.can.node_id, then save",
         )
     changed = after.last_beat or 0.0
@@ -75,7 +77,7 @@ def _save(before: SimpleLine, after: SimpleLine) -> None:
     while after.beats.restarts == restarts and after.state is not None:
         if time.monotonic() > told + _RESTARTS:
             raise NodeError(
-                f"module {after.node} was told to save, and does not restart",
+                f"module {after.node} got the command to save, and does not restart",
                 node=after.node,
                 remedy="its node ID is in RAM only: save it over USB, or it has the old one after its next start",
             )
@@ -98,6 +100,6 @@ def _back(before: SimpleLine, after: SimpleLine, gone: float) -> None:
     raise NodeTimeout(
         f"module {after.node} does not come back after saving",
         node=after.node,
-        observed=f"it was waited for {_BACK:g} s",
-        remedy="look for it: axisbus gim6010 find",
+        observed=f"no sign of it in {_BACK:g} s",
+        remedy="search for it: axisbus gim6010 find",
     )

@@ -87,7 +87,7 @@ def run_guarded(channel: Channel, dialogue: Interruptible, tell: Tell) -> int:
 
 
 def _leave(channel: Channel, dialogue: Interruptible, error: BaseException) -> None:
-    dialogue.interrupt(f"this program broke off: {type(error).__name__}")
+    dialogue.interrupt(f"this program aborted: {type(error).__name__}")
     try:
         with suppress(AxisbusError):  # the first error is reported
             run(channel, dialogue)

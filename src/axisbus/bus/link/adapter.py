@@ -139,7 +139,7 @@ def _construct(
         return can.Bus(interface=interface, channel=channel, ignore_config=True, **arguments)  # type: ignore[arg-type]
     except TypeError as error:
         raise ArgumentError(
-            f"the CAN interface {interface!r} does not take these options: {', '.join(map(str, options)) or 'none'}",
+            f"the CAN interface {interface!r} does not accept these options: {', '.join(map(str, options)) or 'none'}",
             observed=str(error),
             remedy="see python-can's manual for the options of this interface ([bus.options])",
         ) from error
@@ -169,4 +169,4 @@ def _remedy(interface: str, error: Exception) -> str:
         error
     ):
         return _NEEDS.get(interface, "install the adapter's driver and its Python package")
-    return "check that the adapter is plugged in, that no other program holds it, and the name of the channel"
+    return "check that the adapter is plugged in, that no other program uses it, and the name of the channel"

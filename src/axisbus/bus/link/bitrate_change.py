@@ -131,8 +131,9 @@ def _half_changed(opening: Opening, bitrate: int, error: AdapterError) -> Adapte
         f"the slaves were changed over to {bitrate} bit/s, but the adapter {opening.interface}:{opening.channel} cannot be used "
         "at it",
         observed=one_line(error),
-        remedy=f"mend that and open the bus at {bitrate} bit/s (axisbus scan): at the old rate this computer would destroy the "
-        "frames of those that have changed over; those that have not come back by switching them off and on, unless it was stored",
+        remedy=f"remove the cause and open the bus at {bitrate} bit/s (axisbus scan): at the old rate this computer would "
+        "destroy the frames of the slaves that have changed over; a power cycle brings the other slaves back, unless "
+        "the rate was stored",
     )
 
 

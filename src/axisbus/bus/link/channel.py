@@ -606,7 +606,7 @@ class Channel:
             try:
                 notice(error)
             except Exception as trouble:  # noqa: BLE001 - the failure itself must be reported to all
-                self.counters.errors.append(f"on telling of a failure: {trouble}")
+                self.counters.errors.append(f"on reporting a failure: {trouble}")
 
 
 def require_other_thread(channel: Channel, what: str) -> None:
@@ -617,8 +617,8 @@ def require_other_thread(channel: Channel, what: str) -> None:
     """
     if channel.in_receive_thread:
         raise StateError(
-            f"{what} was called in the receive thread of {channel.name}, which would have to bring the answer",
-            remedy="have the receiver store what came, and call this from another thread",
+            f"{what} was called in the receive thread of {channel.name}, which must receive the answer",
+            remedy="store the received data in the receiver, and call this from another thread",
         )
 
 

@@ -34,7 +34,7 @@ class ControllerEvent:
     def __str__(self) -> str:
         what = f"is {self.condition.value}"
         if self.restarted:
-            what = "has been restarted and takes part in the bus again: look at every node anew"
+            what = "has been restarted and takes part in the bus again: check every node again"
         return f"the CAN controller of {self.channel} {what}" + (
             f" ({self.counters})" if self.counters else ""
         )

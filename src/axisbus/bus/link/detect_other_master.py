@@ -11,8 +11,8 @@ from axisbus.errors import SecondMasterError
 
 # What else a sign may be, and the remedy for that.
 _DEVICES = {
-    Sign.HEARTBEAT: "where such a heartbeat is a device's, give that another node ID",
-    Sign.SYNC: 'where a device sends that SYNC, write sync_producer = "external" in [bus]',
+    Sign.HEARTBEAT: "if such a heartbeat is from a device, give that device another node ID",
+    Sign.SYNC: 'if a device sends that SYNC, write sync_producer = "external" in [bus]',
 }
 _LINE = "\n            "  # under the text of ``observed``
 
@@ -43,18 +43,19 @@ def refusal(name: str, heard: Iterable[MasterEvidence], begin: float, seconds: f
     lines = [
         f"listened for {seconds:g} s; the first sign came after {first:.3f} s, the last after {last:.3f} s:",
         *words(found),
-        "not known: which program sends them, and on which computer (a frame names no sender)",
+        "it is not known which program sends them, and on which computer (a frame has no sender)",
     ]
     devices = [_DEVICES[sign] for sign in dict.fromkeys(one.sign for one in found) if sign in _DEVICES]
     remedy = [
         "close the other program, and open again",
         *devices,
-        "to open nevertheless, for example if a device sends them: --beside, Machine.open(..., allow_other_master=True) or "
-        "beside = true",
-        "in [bus]; beside a master both command the same drives, each undoes what the other asks, and whichever closes takes them",
+        "to open the bus nevertheless, for example if a device sends them: --beside, Machine.open(..., "
+        "allow_other_master=True) or beside = true",
+        "in [bus]; two masters command the same drives, each overrides the commands of the other, and the master that "
+        "closes first stops them",
     ]
     return SecondMasterError(
-        f"another master, or a tool that acts as one, is on the bus {name}; we sent nothing",
+        f"another master, or a tool that acts as one, is on the bus {name}; this program sent nothing",
         heard=tuple(words(found)),
         observed=_LINE.join(lines),
         remedy=_LINE.join(remedy),

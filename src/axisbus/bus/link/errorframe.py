@@ -18,7 +18,7 @@ _STATUS, _SENDING, _RECEIVING = 1, 6, 7  # data bytes
 
 _CLASSES = (
     (_BUS_OFF, "bus-off"),
-    (0x20, "no acknowledge: no other node listens at this bitrate"),
+    (0x20, "no acknowledge: no other node receives at this bitrate"),
     (0x01, "transmit time-out"),
     (0x02, "lost arbitration"),
     (0x08, "protocol violation: another bitrate on the bus, or bad wiring"),

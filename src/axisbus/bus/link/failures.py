@@ -70,7 +70,7 @@ def stuck(name: str, seconds: float) -> AdapterError:
     """Return the error for a send of another thread that has not returned."""
     return AdapterError(
         f"the CAN adapter {name} is stuck in its driver",
-        observed=f"a frame that was given to it {seconds:g} s ago has not been taken",
+        observed=f"it has not accepted a frame since {seconds:g} s",
         remedy="pull the adapter out and plug it in again, update its driver, then open the machine again",
     )
 
@@ -80,7 +80,7 @@ def inherited(name: str) -> AdapterError:
     return AdapterError(
         f"the CAN channel {name} belongs to the process that opened it",
         observed="this process was forked from that one, and two on one adapter would be two masters",
-        remedy="use it in the process that opened it; begin worker processes before that, or with the start method 'spawn'",
+        remedy="use it in the process that opened it; start worker processes before that, or with the start method 'spawn'",
     )
 
 
@@ -88,7 +88,7 @@ def starved(name: str, seconds: float) -> AdapterError:
     """Return the error for a send of another thread that has not returned while neither thread got processor time."""
     return AdapterError(
         f"this program hardly ran for {seconds:.2g} s: a frame could not be given to the CAN adapter {name}",
-        observed="the thread that was giving it the frame before was not run; the adapter is not known to be at fault",
+        observed="the thread that gave it the previous frame did not run; the adapter is possibly not the cause",
         remedy=f"{REMEDY}; then open the machine again",
     )
 
@@ -97,8 +97,8 @@ def bus_off(name: str, counters: ErrorCounters | None = None) -> BusOff:
     """Return the error for a controller that is bus-off."""
     return BusOff(
         f"the CAN controller of {name} went bus-off: it no longer takes part in the bus",
-        observed="its transmit error counter went past 255"
-        + (f"; the last it told before: {counters}" if counters else ""),
+        observed="its transmit error counter rose above 255"
+        + (f"; its last counters before: {counters}" if counters else ""),
         remedy=f"check {WHAT_TO_CHECK}; then {_restart(name)}",
     )
 
@@ -107,8 +107,11 @@ def _restart(name: str) -> str:
     """Return the text on how the controller is restarted: by Linux automatically or on command, by other drivers on opening."""
     link = name.removeprefix("socketcan:")
     if link == name:
-        return "close the machine and open it again, which resets the adapter (some drivers restart it by themselves)"
-    return f"restart the controller: {socketcan.restart_command(link)} (Linux does so by itself where the link has restart-ms)"
+        return "close the machine and open it again, which resets the adapter (some drivers restart it automatically)"
+    return (
+        f"restart the controller: {socketcan.restart_command(link)} (Linux does so automatically if the link has "
+        "restart-ms)"
+    )
 
 
 def receiver_failed(can_id: int, data: bytes, error: Exception) -> BusError:
@@ -116,7 +119,7 @@ def receiver_failed(can_id: int, data: bytes, error: Exception) -> BusError:
     failure = BusError(
         f"the receiver of frame {can_id:03X}h failed",
         observed=f"{type(error).__name__}: {error}; data {data.hex(' ') or 'empty'}",
-        remedy="a receiver must take any frame; the traceback of the cause says where it broke",
+        remedy="a receiver must accept every frame; the traceback of the cause shows where it failed",
     )
     failure.__cause__ = error
     return failure

@@ -54,7 +54,7 @@ class SkippedLines:
                 for name, count in self.channels.items()
             )
             found.append(
-                f"the recording is of {len(self.channels)} buses: {each}; --channel NAME takes one of them"
+                f"the recording has {len(self.channels)} buses: {each}; --channel NAME selects one of them"
             )
         if self.times_back:
             found.append(
@@ -268,13 +268,13 @@ def _unreadable(path: Path, error: Exception, skipped: SkippedLines) -> UserErro
     if isinstance(error, ValueError) and "unknown" in str(error).lower() and not skipped.frames:
         known = ", ".join(sorted(can.io.player.MESSAGE_READERS))
         return UserError(
-            f"{path}: recordings of this format are not known",
-            observed=f"known are {known}, and candump's text",
+            f"{path}: this recording format is not supported",
+            observed=f"supported are {known}, and candump's text",
         )
     where = f"after {counted(skipped.frames, 'frame')}" if skipped.frames else "at its beginning"
     where += f", in line {skipped.line}" if skipped.line else ""
     return UserError(
         f"{path} cannot be read {where}",
         observed=f"{type(error).__name__}: {error}",
-        remedy="check that it is whole, and of the format its name says",
+        remedy="check that it is complete, and of the format that its name indicates",
     )

@@ -43,4 +43,4 @@ def manner(interface: str) -> str:
         return "the adapter is in listen-only mode: it does not even acknowledge"
     if interface in _WIRELESS:
         return "we send nothing"
-    return "we send nothing; the adapter acknowledges frames, as every node does"
+    return "this program sends nothing; the adapter acknowledges frames, as every node does"

@@ -146,7 +146,7 @@ def _other(adapter: Adapter, own: str) -> ChannelClaim | None:
         if _counts(each, adapter):
             return each
         log.warning(
-            "a program of another user claims %s and cannot have it, so its claim is passed over: user %d, %s",
+            "a program of another user claims %s without permission, so its claim is ignored: user %d, %s",
             adapter.key,
             each.user,
             described(each.process),
@@ -206,11 +206,11 @@ def _taken(what: str, other: ChannelClaim) -> SecondMasterError:
     user = "" if other.user == os.geteuid() else f", of user {user_name(other.user)}"
     return SecondMasterError(
         f"another program has the CAN channel {what}; nothing was sent",
-        observed=f"it is held by {who}{user}",
+        observed=f"it is used by {who}{user}",
         heard=(who,),
-        remedy="if that program is just starting a machine (axisbus run), wait until it has booted, and give the command again, "
-        "which then joins it; else end that program, or use it for what you want; axisbus stop CELL stops the drives beside it, "
-        "axisbus monitor and axisbus trace look on",
+        remedy="if that program is starting a machine (axisbus run), wait until it has booted, and give the command again, "
+        "which then joins it; otherwise end that program, or use it instead; axisbus stop CELL stops the drives "
+        "without it, axisbus monitor and axisbus trace only read",
     )
 
 

@@ -64,7 +64,7 @@ class PairBus(can.BusABC):
         if len(packet) == FRAME.size:
             return _message(packet), False
         if not self._of_drives:
-            raise can.CanOperationError("Error receiving: the other end of the line is gone")
+            raise can.CanOperationError("Error receiving: the other end of the line has closed")
         self.alone = True
         return None, False
 

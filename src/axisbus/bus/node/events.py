@@ -24,12 +24,10 @@ _OPERATIONAL = NmtState.OPERATIONAL  # compared in every cycle
 class NodeEventKind(Enum):
     """Kind of an event."""
 
-    LOST = "is lost: its heartbeat stays away"
+    LOST = "is lost: its heartbeat does not come"
     UNANSWERED = "is lost: it does not answer node guarding"
     BACK = "is heard again"
-    BOOT_UP = (
-        "sent a boot-up message that nobody asked for: it has restarted, or a second device has its node-ID"
-    )
+    BOOT_UP = "sent an unexpected boot-up message: it has restarted, or a second device has its node-ID"
     STATE = "is in another NMT state than operational"
     UNKNOWN = "is unknown: the CAN controller went bus-off"
     OPERATIONAL = "is operational again"
@@ -67,8 +65,8 @@ class NodeEvent:
             return f"{self.kind.value}: {self.text}"
         often = f"{counted(self.times, 'time')}; " if self.times > 1 else ""
         return (
-            f"node {self.node} {self.kind.value} ({often}{self.state.text}, heard {self.silent * 1000:.0f} ms ago; "
-            f"noticed within {self.reaction * 1000:.1f} ms)"
+            f"node {self.node} {self.kind.value} ({often}{self.state.text}, last frame {self.silent * 1000:.0f} ms ago; "
+            f"detected within {self.reaction * 1000:.1f} ms)"
         )
 
 

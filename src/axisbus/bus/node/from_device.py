@@ -68,7 +68,7 @@ def stored_eds(sdo: SdoObjectAccess, progress: Progress | None = None) -> bytes 
     raise EdsError(
         f"node {sdo.node_id} stores its EDS in a format of its own",
         observed=f"1022h (store format) is {kind}; 0 is plain text",
-        remedy="take the EDS from the maker, or make a skeleton with --skeleton",
+        remedy="get the EDS from the manufacturer, or make a skeleton with --skeleton",
     )
 
 
@@ -88,7 +88,7 @@ def _damaged(node_id: int, size: int, observed: str) -> EdsError:
     return EdsError(
         f"node {node_id} stores an EDS that cannot be unpacked",
         observed=f"{counted(size, 'byte')} in 1021h, compressed by its 1022h: {observed}",
-        remedy="take the EDS from the maker, or make a skeleton with --skeleton",
+        remedy="get the EDS from the manufacturer, or make a skeleton with --skeleton",
     )
 
 
@@ -231,12 +231,12 @@ class _Asking:
 
 def _gone(node_id: int, error: SdoTimeout) -> SdoTimeout:
     return SdoTimeout(
-        f"node {node_id} is gone: it answered before, and answers for no object any more; nothing was made of it",
+        f"node {node_id} is lost: it answered before, and no longer answers for any object; no EDS was made",
         node=node_id,
         index=error.index,
         subindex=error.subindex,
         observed=f"no answer for {error.index:04X}h:{error.subindex:02X}, nor for 1000h",
-        remedy="check its supply, its cable and the bus (axisbus scan), then ask again",
+        remedy="check its supply, its cable and the bus (axisbus scan), then try again",
     )
 
 

@@ -142,7 +142,9 @@ class MasterWatch:
             return "it commands no node of this cell, and nothing is stopped"
         whose = "all axes" if nodes == self._cast.all_nodes else f"the axes of {nodes_text(nodes)}"
         return (
-            f"{whose} are stopped" if self._stops else "this bus was opened beside it, and nothing is stopped"
+            f"{whose} are stopped"
+            if self._stops
+            else "this bus was opened in spite of it, and nothing is stopped"
         )
 
     def _error(self, can_id: int, nodes: frozenset[int]) -> SecondMasterError:
@@ -150,9 +152,9 @@ class MasterWatch:
         return SecondMasterError(
             f"another master, or a tool that acts as one, commands the drives on this bus: {words}",
             heard=(words,),
-            observed="such frames came from the bus, and this program has not sent them; a frame names no sender",
-            remedy="end the other program, or take the other device off the bus; then reset the axis. The machine's events say "
-            "what was heard, and how often",
+            observed="such frames came from the bus, and this program has not sent them; a frame has no sender",
+            remedy="end the other program, or disconnect the other device; then reset the axis. The machine's events list "
+            "these frames and how often they came",
         )
 
     def _words(self, can_id: int, nodes: frozenset[int]) -> str:

@@ -228,7 +228,7 @@ class NodeMonitor:
         self._turns = self._turns + 1 if turns else 0
         self._before = self.state
         if self._turns >= _TURNS:
-            self.note_duplicate(f"its heartbeats say {self.state.text} and {state.text} in turn")
+            self.note_duplicate(f"its heartbeats report {self.state.text} and {state.text} alternately")
 
     def _drop(self, fault: DropReason, data: bytes, stamp: float) -> None:
         self._channel.drops.note(fault, self.node_id, stamp, cob.HEARTBEAT + self.node_id, data)
@@ -365,10 +365,10 @@ def _serves_sdo(state: NmtState) -> bool:
 def not_obeyed(node_id: int, wanted: NmtCommand, state: NmtState, seen: str) -> NodeRefused:
     """Return the error of a node that reports another state than the commanded one."""
     return NodeRefused(
-        f"node {node_id} does not take the NMT command {_name(wanted)!r}: it is there, and {state.text}",
+        f"node {node_id} does not execute the NMT command {_name(wanted)!r}: it answers, and is {state.text}",
         node=node_id,
         observed=seen,
-        remedy=f"mend and clear the error that it names ({_CLEARS} {node_id}), and see {_ANOTHER_MASTER}",
+        remedy=f"remove the cause of its error and clear the error ({_CLEARS} {node_id}), and check {_ANOTHER_MASTER}",
     )
 
 
@@ -379,9 +379,7 @@ def _name(wanted: NmtCommand) -> str:
 def _unconfirmed(
     monitor: NodeMonitor, wanted: NmtCommand, seen: str, timeout: float, *, there: bool
 ) -> NodeTimeout:
-    check = (
-        "it is there: check its error register (1001h)" if there else "check its power, node ID and wiring"
-    )
+    check = "it answers: check its error register (1001h)" if there else "check its power, node ID and wiring"
     return NodeTimeout(
         f"node {monitor.node_id} did not confirm the NMT command {_name(wanted)!r} within {timeout:g} s",
         node=monitor.node_id,

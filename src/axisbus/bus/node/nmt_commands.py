@@ -74,8 +74,8 @@ class NodeReaction:
         before = f" (was {self.way.before.text})" if self.way.before is not None else ""
         if self.ok and self.state is not None:
             return f"{self.state.text}{before}, confirmed by {self.way.by.value} after {self.seconds:.2f} s"
-        seen = "it shows nothing" if self.state is None else f"it still says {self.state.text}"
-        return f"NOT confirmed{before}: {seen} {self.seconds:.1f} s after the command (looked for {self.way.by.value})"
+        seen = "it shows nothing" if self.state is None else f"it still reports {self.state.text}"
+        return f"NOT confirmed{before}: {seen} {self.seconds:.1f} s after the command (expected: {self.way.by.value})"
 
     def _silence(self) -> str:
         if not self.way.heard:
@@ -84,7 +84,7 @@ class NodeReaction:
             before = "it answered before the command"
         else:
             before = f"before the command it was {self.way.before.text}"
-        return f"SILENT: {before}, and nothing came in {self.seconds:.1f} s after it (looked for {self.way.by.value})"
+        return f"SILENT: {before}, and nothing came in {self.seconds:.1f} s after it (expected: {self.way.by.value})"
 
 
 def ways(nodes: Iterable[CanopenNode]) -> dict[int, NmtConfirmation]:

@@ -91,7 +91,7 @@ class CanopenNode:
             ArgumentError: the node-ID is not 1 to 127.
         """
         if node_id not in cob.NODE_IDS:
-            raise ArgumentError(f"{node_id} is no node ID", remedy="CANopen node IDs are 1 to 127")
+            raise ArgumentError(f"{node_id} is not a node ID", remedy="CANopen node IDs are 1 to 127")
         self.channel = channel
         self.node_id = node_id
         self.eds = eds

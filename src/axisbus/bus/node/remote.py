@@ -57,7 +57,7 @@ class SharedSdo(CanopenClient):
             StateError: always.
         """
         raise StateError(
-            f"node {self._client.node_id}: SDO streams are not offered here",
+            f"node {self._client.node_id}: SDO streams are not supported here",
             remedy="use upload() and download(), which transfer segments too",
         )
 

@@ -134,7 +134,7 @@ def _value(sdo: SdoObjectAccess, variable: Variable, value: Value) -> Iterator[E
     if expected is None or expected == value or variable.index in _NO_FIXED_VALUE:
         return
     kind, severity = _weight(variable, expected)
-    yield _difference(kind, severity, variable, f"is {_shown(value)}, the EDS says {_shown(expected)}")
+    yield _difference(kind, severity, variable, f"is {_shown(value)}, the EDS has {_shown(expected)}")
 
 
 def _weight(variable: Variable, expected: Value) -> tuple[VerifiedAspect, Severity]:

@@ -91,7 +91,7 @@ def negotiate(
         except _Refusal as refusal:
             policy = _less(sdo, policy, refusal)
             learnt.append(f"{refusal.what} (abort code {refusal.abort.code:08X}h)")
-    raise BootError(f"node {sdo.node_id}: no PDO plan that the drive takes", node=sdo.node_id, step=_STEP)
+    raise BootError(f"node {sdo.node_id}: no PDO plan that the drive accepts", node=sdo.node_id, step=_STEP)
 
 
 def set_pdo(
@@ -124,7 +124,7 @@ def set_pdo(
             node=sdo.node_id,
             step=_STEP,
             index=Indices.of(receive, number).communication,
-            remedy="take this table out of cell.toml, or number it as the drive does",
+            remedy="remove this table from cell.toml, or use the drive's numbers",
         )
     target = replace(
         before,
@@ -189,7 +189,7 @@ def _switch_off(sdo: SdoClient, pdo: PlannedPdo) -> None:
     at = Indices.of(pdo.receive, pdo.before.number)
     _step(
         sdo,
-        f"{pdo.name} cannot be switched off, so nothing of it can be changed",
+        f"{pdo.name} cannot be switched off, so it cannot be changed",
         at.communication,
         o.PDO_COB_ID,
         _raw_cob_id(sdo, at, pdo.before.cob_id) | cob.INVALID,
@@ -211,21 +211,23 @@ def _write_mapping(sdo: SdoClient, name: str, index: int, mapping: tuple[MappedO
     for subindex, mapped in enumerate(mapping, start=1):
         what = f"{mapped.index:04X}h cannot be mapped into {name}"
         _step(sdo, what, index, subindex, mapped.entry, 4, refused=mapped.index)
-    _step(sdo, f"{name} does not take {counted(len(mapping), 'entry', 'entries')}", index, 0, len(mapping), 1)
+    _step(
+        sdo, f"{name} does not accept {counted(len(mapping), 'entry', 'entries')}", index, 0, len(mapping), 1
+    )
 
 
 def _write_communication(
     sdo: SdoClient, name: str, index: int, before: PdoConfiguration, target: PdoConfiguration
 ) -> None:
     if target.transmission_type != before.transmission_type:
-        what = f"{name} does not take transmission type {target.transmission_type}"
+        what = f"{name} does not accept transmission type {target.transmission_type}"
         _step(sdo, what, index, o.PDO_TRANSMISSION_TYPE, target.transmission_type, 1)
     timers = (
         (o.PDO_INHIBIT_TIME, before.inhibit_time, target.inhibit_time),
         (o.PDO_EVENT_TIMER, before.event_timer, target.event_timer),
     )
     if target.sync_start is not None and target.sync_start != before.sync_start:
-        what = f"{name} does not take the SYNC start value {target.sync_start}"
+        what = f"{name} does not accept the SYNC start value {target.sync_start}"
         _step(sdo, what, index, o.PDO_SYNC_START, target.sync_start, 1)
     for subindex, old, new in timers:
         if new is not None and new != old:
@@ -241,7 +243,7 @@ def _switch_on(sdo: SdoClient, pdo: PlannedPdo, rtr: bool | None = None) -> None
         if rtr is not None:
             value = value & ~cob.NO_RTR | (0 if rtr else cob.NO_RTR)
         what = (
-            f"{pdo.name} cannot be asked for by remote frames" if rtr else f"{pdo.name} cannot be switched on"
+            f"{pdo.name} cannot be requested by remote frames" if rtr else f"{pdo.name} cannot be switched on"
         )
         _step(sdo, what, at.communication, o.PDO_COB_ID, value, 4)
 
@@ -310,12 +312,12 @@ def _unlike(sdo: SdoClient, pdo: PlannedPdo, what: str, expected: object, got: o
     at = Indices.of(pdo.receive, pdo.target.number)
     index = at.mapping if what == "its mapping" else at.communication
     return BootError(
-        f"node {sdo.node_id}: {pdo.name} took {what} without an error but reads back another",
+        f"node {sdo.node_id}: {pdo.name} accepted {what} without an error but reads back another value",
         node=sdo.node_id,
         step=_STEP,
         index=index,
         observed=f"{index:04X}h: written {_words(expected)}, read back {_words(got)}",
-        remedy='set remap = "never" for this node, so that the mapping stays as the drive has it',
+        remedy='set remap = "never" for this node, so that the drive keeps its mapping',
     )
 
 

@@ -33,7 +33,7 @@ class EventTimer:
     def __str__(self) -> str:
         what = f"{self.pdo} ({', '.join(name.replace('_', ' ') for name in self.values)})"
         if not self.changed:
-            return f"{what} stays {_time(self.was)}: the drive does not take {_time(self.wanted)}"
+            return f"{what} stays {_time(self.was)}: the drive does not accept {_time(self.wanted)}"
         return f"{what} was {_time(self.was)}, is now {_time(self.now)}"
 
 

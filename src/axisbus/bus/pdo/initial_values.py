@@ -67,12 +67,12 @@ def _first_value(
     if name in _REST:
         return 0
     raise BootError(
-        f"node {plan.node_id}: {image.name} holds {sdo.dictionary.entry(mapped.index, mapped.subindex)}, which cannot be read,"
-        " so sending it could change it to anything",
+        f"node {plan.node_id}: {image.name} contains {sdo.dictionary.entry(mapped.index, mapped.subindex)}, which cannot be "
+        "read, so sending it could write a wrong value",
         node=plan.node_id,
         step=_STEP,
         index=mapped.index,
         subindex=mapped.subindex,
         observed=found.observed,
-        remedy="let the mapping be changed, or take this RPDO out of use in the node's [pdo] table",
+        remedy="allow the mapping to be changed, or disable this RPDO in the node's [pdo] table",
     ) from found

@@ -24,7 +24,8 @@ def configure_io(sdo: SdoClient, objects: IoObjects, policy: Policy, used: Used,
             f"node {sdo.node_id}: {'; '.join(plan.impossible)}",
             node=sdo.node_id,
             step="PDO configuration",
-            observed="; ".join(plan.notes) or "it has no more PDOs that could carry it",
-            remedy="map it in [nodes.N.pdo], or let boot change the mapping; inputs and outputs never travel by SDO",
+            observed="; ".join(plan.notes) or "it has no more PDOs that could contain it",
+            remedy="map it in [nodes.N.pdo], or allow boot to change the mapping; inputs and outputs are never transmitted "
+            "by SDO",
         )
     return plan

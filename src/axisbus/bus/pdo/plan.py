@@ -59,7 +59,7 @@ class PdoChange(Enum):
     COMMUNICATION = "communication parameters set"
     TIMER = "event timer set"
     MAPPING = "remapped"
-    DISABLE = "switched off, others carry the same"
+    DISABLE = "switched off, others contain the same"
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,10 +276,10 @@ class DirectionPlan:
         if entry.index in self.policy.refused:
             return f"the drive refuses to map it into {direction}"
         if not self._may_map(entry):
-            return f"its dictionary does not let it be mapped into {direction}, and no present mapping has it"
+            return f"its dictionary does not allow it to be mapped into {direction}, and no present mapping has it"
         if not (self.policy.remap and self.policy.communication):
-            return "the mapping is fixed and does not hold it"
-        return f"{direction} with room for it is not there"
+            return "the mapping is fixed and does not contain it"
+        return f"{direction} with room for it does not exist"
 
     def sources(self, wanted: tuple[str, ...], pdos: Sequence[PlannedPdo]) -> dict[str, ValueTransport]:
         """Return the transport of each value by these PDOs."""
@@ -298,7 +298,7 @@ class DirectionPlan:
             if source is ValueTransport.NONE:
                 texts.append(f"{what} is not in the drive's dictionary")
             elif source is ValueTransport.SDO:
-                texts.append(f"{what} travels by SDO: {self.reason(name)}")
+                texts.append(f"{what} is transmitted by SDO: {self.reason(name)}")
         return texts
 
     def _usable(self, pdo: PdoConfiguration, axis: int) -> bool:
@@ -412,8 +412,12 @@ def _not_synchronous(
     names: frozenset[str], sources: Mapping[str, ValueTransport], policy: Policy
 ) -> list[str]:
     return [
-        f"{name.replace('_', ' ')} must travel in a synchronous PDO, but "
-        + (f"travels by {sources[name].value}" if policy.sync else "the bus has no SYNC (sync = false)")
+        f"{name.replace('_', ' ')} must be transmitted in a synchronous PDO, but "
+        + (
+            f"is transmitted by {sources[name].value}"
+            if policy.sync
+            else "the bus has no SYNC (sync = false)"
+        )
         for name in sorted(names)
         if sources.get(name, ValueTransport.NONE) is not ValueTransport.SYNC_PDO
     ]

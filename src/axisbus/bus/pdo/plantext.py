@@ -33,7 +33,7 @@ def _pdo(pdo: PlannedPdo) -> str:
 def _timing(pdo: PlannedPdo) -> str:
     target = pdo.target
     if pdo.request:
-        return f"asked for every {pdo.request * 1000:g} ms (type {target.transmission_type})"
+        return f"requested every {pdo.request * 1000:g} ms (type {target.transmission_type})"
     if target.synchronous:
         start = f", from SYNC counter {target.sync_start} on" if target.sync_start else ""
         return f"with SYNC (type {target.transmission_type}{start})"

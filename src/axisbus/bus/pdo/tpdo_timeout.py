@@ -41,7 +41,7 @@ class PdoEvent:
         if self.never:
             text += f"has not come since the node became operational {_ms(self.age)} ms ago"
         else:
-            text += f"has stopped coming: the last one is {_ms(self.age)} ms old"
+            text += f"no longer comes: the last one is {_ms(self.age)} ms old"
         return f"{text}, expected within {_ms(self.deadline)} ms"
 
 

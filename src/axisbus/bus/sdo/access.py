@@ -105,4 +105,4 @@ def why_unread(error: SdoError) -> str:
         return f"the device refuses it: {abort.describe(error.code)}"
     if isinstance(error, SdoTimeout):
         return "the device does not answer for it, and answers for others"
-    return f"the device's answer for it is no value: {error.observed}"
+    return f"the device's answer for it is not a value: {error.observed}"

@@ -36,7 +36,7 @@ def failed(
 def cancelled(node_id: int, entry: DictionaryEntry, request: SdoTransferRequest) -> Interrupted:
     """Return the error for a transfer that another thread ended."""
     return Interrupted(
-        f"{_doing(node_id, entry, request)} was cut short", observed="something more urgent took over"
+        f"{_doing(node_id, entry, request)} was cut short", observed="a more urgent transfer replaced it"
     )
 
 
@@ -67,7 +67,7 @@ def _broken(node_id: int, doing: str, request: SdoTransferRequest, observed: str
         index=request.index,
         subindex=request.subindex,
         observed=observed,
-        remedy="check that no other program talks SDO with this node",
+        remedy="check that no other program sends SDO requests to this node",
     )
 
 
@@ -82,15 +82,18 @@ def _what_came(request: SdoTransferRequest, session: SdoSession, health: str) ->
     if late:
         return f"{counted(len(late), 'answer')} for this object came after {request.timeout:g} s, the last: {late[-1].hex(' ')}"
     if strays:
-        return f"{counted(len(strays), 'frame')} that answer something else, the last: {strays[-1].hex(' ')}"
+        return f"{counted(len(strays), 'frame')} that answer another request, the last: {strays[-1].hex(' ')}"
     if session.answers_others:
-        return "it answered for another object meanwhile, and is silent for this one"
+        return "it answered for another object meanwhile, but not for this one"
     return health or "no frame from its SDO server"
 
 
 def _remedy(request: SdoTransferRequest, session: SdoSession) -> str:
     if _late(request, session):
-        return "the device is slow: try again when it does nothing else, and look at the load of the bus (axisbus monitor)"
+        return "the device is slow: try again when it is idle, and check the bus load (axisbus monitor)"
     if session.answers_others:
-        return "the node has power and is wired: it leaves this object unanswered; look in its manual for whether it has the object"
+        return (
+            "the node has power and is wired, but does not answer for this object; check in its manual whether it has "
+            "the object"
+        )
     return "check the node's power, node ID and bitrate, the wiring, and that it is not in NMT stopped"

@@ -25,7 +25,7 @@ def checked_bytes(entry: DictionaryEntry, value: Value, data_type: DataType | No
             return bytes(value)
         raise ArgumentError(
             f"{entry}: its data type is not known, so {value!r} cannot be encoded",
-            remedy="give the node's EDS, or say the data type, or give bytes",
+            remedy="give the node's EDS, the data type, or bytes",
         )
     _check_kind(entry, value, known)
     if isinstance(value, (int, float)):
@@ -37,14 +37,14 @@ def _check_kind(entry: DictionaryEntry, value: Value, data_type: DataType) -> No
     kind = data_type.name
     if not isinstance(value, (int, float)):
         if data_type.integer or data_type in _REALS:
-            raise ArgumentError(f"{entry}: {value!r} is no number, the object is {kind}")
+            raise ArgumentError(f"{entry}: {value!r} is not a number, the object is {kind}")
         return
     if not data_type.integer and data_type not in _REALS:
         raise ArgumentError(f"{entry}: {value!r} is a number, the object is {kind}")
     if not (data_type.integer and isinstance(value, int)) and not _is_finite(value):
-        raise ArgumentError(f"{entry}: {value} is no finite number")
+        raise ArgumentError(f"{entry}: {value} is not a finite number")
     if data_type.integer and value != int(value):
-        raise ArgumentError(f"{entry}: {value} is no whole number, the object is {kind}")
+        raise ArgumentError(f"{entry}: {value} is not a whole number, the object is {kind}")
 
 
 def _is_finite(value: float) -> bool:
@@ -64,6 +64,6 @@ def _check_limits(entry: DictionaryEntry, value: float, data_type: DataType) -> 
         return
     raise LimitError(
         f"{entry}: {value} is out of its limits",
-        observed=f"the EDS says LowLimit {low}, HighLimit {high} (None: no limit)",
+        observed=f"the EDS has LowLimit {low}, HighLimit {high} (None: no limit)",
         remedy="give a value within the limits, or correct the EDS if the drive allows more",
     )

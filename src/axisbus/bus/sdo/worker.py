@@ -177,7 +177,7 @@ class SdoWorker:
         if job.value is None:
             value = self._sdo.read(job.index, job.subindex, call=call)
             if not isinstance(value, (int, float)):
-                raise ArgumentError(f"{self._sdo.describe(job.index, job.subindex)} is no number")
+                raise ArgumentError(f"{self._sdo.describe(job.index, job.subindex)} is not a number")
             return int(value)
         data = checked_bytes(self._sdo.dictionary.entry(job.index, job.subindex), job.value)
         if call.urgent:

@@ -25,7 +25,7 @@ def list_of(node: NodeConfig, folder: Path) -> tuple[EndpointList, Firmware] | N
     except (OSError, RuntimeError) as error:
         raise ArgumentError(
             f"{path} cannot be read: {getattr(error, 'strerror', error)}",
-            remedy="give the firmware's list of endpoints (JSON, as the maker has it), a path relative to the cell file",
+            remedy="give the firmware's list of endpoints (the manufacturer's JSON file), a path relative to the cell file",
         ) from error
     return parse(text, path.name), _made_for(path.name, node.firmware)
 
@@ -34,13 +34,13 @@ def _made_for(name: str, firmware: str | None) -> Firmware:
     named, given = proposed_version(name), None if firmware is None else Firmware.parse(firmware)
     if named is not None and given is not None and named != given:
         raise ArgumentError(
-            f"{name} is for firmware {named} by its name, and the node is to have {given}",
-            remedy=f"get the list of firmware {given} from the maker, or mend firmware",
+            f"{name} is for firmware {named} by its name, and the node must have {given}",
+            remedy=f"get the list of firmware {given} from the manufacturer, or correct firmware",
         )
     made_for = named or given
     if made_for is None:
         raise ArgumentError(
-            f"{name} does not say for which firmware it is",
-            remedy='call it endpoints_0.5.13.json if it is for that, or add firmware = "0.5.13" to the node',
+            f"{name} does not give its firmware version",
+            remedy='name it endpoints_0.5.13.json if it is for that version, or add firmware = "0.5.13" to the node',
         )
     return made_for

@@ -22,14 +22,17 @@ _HOLDING = "-hold"
 READERS: Mapping[str, tuple[v.ValueReader, str]] = {
     "velocity_limit": (
         v.positive,
-        "velocity_limit = 20.0, turns/s of the rotor, which are sent with Set_Limits",
+        "velocity_limit = 20.0, turns/s of the rotor, sent with Set_Limits",
     ),
-    "current_limit": (v.positive, "current_limit = 10.0, A, which are sent with Set_Limits; at most 50"),
+    "current_limit": (v.positive, "current_limit = 10.0, A, sent with Set_Limits; at most 50"),
     "velocity_ramp": (
         v.positive,
-        "velocity_ramp = what the module has as axis0.controller.config.vel_ramp_rate, in turns/s²: its quick stop brakes with it",
+        "velocity_ramp = the module's axis0.controller.config.vel_ramp_rate, in turns/s²: its quick stop brakes with it",
     ),
-    "acceleration": (v.positive, "acceleration = 80.0, turns/s² of the trapezoid that follows a path"),
+    "acceleration": (
+        v.positive,
+        "acceleration = 80.0, turns/s² of the trapezoidal profile that follows a path",
+    ),
     "filter_bandwidth": (v.positive, ""),
     "gear_ratio": (v.positive, ""),
     "torque_constant": (v.positive, ""),
@@ -37,15 +40,16 @@ READERS: Mapping[str, tuple[v.ValueReader, str]] = {
     "endpoints": (v.text, ""),
 }
 WORDS: Mapping[str, str] = {
-    "velocity_limit": "Limit of velocity that is sent to the module, in turns/s of the rotor.",
-    "current_limit": "Limit of current that is sent to the module, in A, at most 50.",
-    "velocity_ramp": "What the module has as vel_ramp_rate, in turns/s²: a quick stop brakes with it.",
-    "acceleration": "Of the trapezoid with which it follows a path, in turns/s².",
-    "filter_bandwidth": "What the module has as input_filter_bandwidth, in rad/s: then it follows a path by its filter.",
-    "gear_ratio": "Turns of the rotor for one of the output; torques need it.",
-    "torque_constant": "What the module has as torque_constant, in N·m/A of the rotor; torques need it.",
-    "torque_ramp": "What the module has as torque_ramp_rate, in N·m/s of the rotor; torques need it.",
-    "endpoints": "The list of endpoints of its firmware, a path: by it boot reads which watchdogs are armed, to feed them.",
+    "velocity_limit": "Velocity limit sent to the module, in turns/s of the rotor.",
+    "current_limit": "Current limit sent to the module, in A, at most 50.",
+    "velocity_ramp": "The module's vel_ramp_rate, in turns/s²: a quick stop brakes with it.",
+    "acceleration": "Acceleration of the trapezoidal profile with which it follows a path, in turns/s².",
+    "filter_bandwidth": "The module's input_filter_bandwidth, in rad/s: then it follows a path by its filter.",
+    "gear_ratio": "Turns of the rotor for one turn of the output; torques need it.",
+    "torque_constant": "The module's torque_constant, in N·m/A of the rotor; torques need it.",
+    "torque_ramp": "The module's torque_ramp_rate, in N·m/s of the rotor; torques need it.",
+    "endpoints": "The list of endpoints of its firmware, a path: boot uses it to read which watchdogs are armed, to reset "
+    "them.",
 }
 TORQUE = ("gear_ratio", "torque_constant", "torque_ramp")
 

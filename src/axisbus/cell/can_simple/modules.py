@@ -35,7 +35,7 @@ def canopen_nodes(cell: CellConfig) -> list[int]:
 def no_objects(node_id: int, what: str = "it has no object dictionary") -> StateError:
     """Return the error for using a module as a CANopen node."""
     return StateError(
-        f"node {node_id} speaks CAN Simple or Modbus, and not CANopen: {what}",
+        f"node {node_id} uses CAN Simple or Modbus, not CANopen: {what}",
         remedy="use its axis; its own parameters are read and written by axisbus gim6010 params",
     )
 

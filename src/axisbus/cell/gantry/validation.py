@@ -22,14 +22,14 @@ def wrong(config: GantryConfig) -> Iterator[Wrong]:
         yield (
             ("homing", "distance"),
             f"distance in [gantries.{name}.homing] must not be 0",
-            "give how far to search at most, below 0 towards smaller positions",
+            "give the longest search distance, below 0 towards smaller positions",
         )
     wanted = 2 if homing.switches == "each" else 1
     if homing.at.sound("positions", "switches") and len(homing.positions) != wanted:
         yield (
             ("homing", "positions"),
             f"positions in [gantries.{name}.homing] must be {'two numbers' if wanted == 2 else 'one number'}",
-            "give what the place of each axis is called at its own switch"
+            "give the position of each axis at its own switch"
             if wanted == 2
-            else 'give what the place of the first axis is called at its switch; with switches = "first" there is no other',
+            else 'give the position of the first axis at its switch; with switches = "first" there is no other',
         )

@@ -45,11 +45,11 @@ def wrong(config: KinematicsConfig, axes: int) -> Iterator[Wrong]:
             )
     for key in KINEMATICS:
         if config.at.gives(key) and key not in ("kind", *kind.needs, *kind.may):
-            yield Wrong(key, f"{key} is none of {config.kind}", f"leave {key} out, or give another kind")
+            yield Wrong(key, f"{config.kind} has no {key}", f"leave {key} out, or give another kind")
     if axes < kind.axes:
         yield Wrong(
             "kind",
-            f"{config.kind} takes {counted(kind.axes, 'axis', 'axes')}, and the group has {axes}",
+            f"{config.kind} needs {counted(kind.axes, 'axis', 'axes')}, and the group has {axes}",
             "name its axes, in their order",
         )
 

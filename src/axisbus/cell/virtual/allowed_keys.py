@@ -70,7 +70,7 @@ def foreign(table: Mapping[str, Any]) -> Iterator[ForbiddenKey]:
         if key in schema.AXIS and key not in keys:
             yield ForbiddenKey((key,), f"leave {key} out")
         elif key in schema.AXIS_TABLES and key not in tables:
-            yield ForbiddenKey((key,), _LEAVE_TABLE.get(key, "leave it out: nothing leads an encoder"))
+            yield ForbiddenKey((key,), _LEAVE_TABLE.get(key, "leave it out: an encoder cannot be commanded"))
     for name, own in tables.items():
         given, known = table.get(name), schema.AXIS_TABLES[name] or {}
         for key in given if isinstance(given, dict) else ():
@@ -90,7 +90,7 @@ def without(table: Mapping[str, Any], found: Iterator[ForbiddenKey] | list[Forbi
 
 
 _LEAVE_TABLE = {
-    "homing": "leave it out: a virtual axis begins at 0, and axis.set_position(...) says where it is",
-    "objects": "leave it out: there is nothing to write them into",
-    "feed_forward": "leave it out: there is no drive to be told anything",
+    "homing": "leave it out: a virtual axis begins at 0, and axis.set_position(...) sets its position",
+    "objects": "leave it out: there is no drive to write them into",
+    "feed_forward": "leave it out: there is no drive that could use it",
 }

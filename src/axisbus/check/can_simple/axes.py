@@ -60,9 +60,9 @@ def writes(case: CheckContext) -> Problems:
                 is_so = objects.constant(write.index, write.subindex)
                 yield case.error(
                     write.line,
-                    f"{write.source} cannot be told to a module that speaks CAN Simple",
-                    f"it has no such object, or one that does not change{_words(write.index, is_so)}",
-                    "leave it out, or say what the module does; docs/gim6010-8.md has its stop ladder",
+                    f"{write.source} cannot be set in a module with CAN Simple",
+                    f"it has no such object, or an object with a fixed value{_words(write.index, is_so)}",
+                    "leave it out, or give the behaviour of the module; docs/gim6010-8.md has its stop sequence",
                 )
 
 
@@ -79,7 +79,7 @@ def no_more(case: CheckContext) -> Problems:
         for point in case.cell.io_of(node_id):
             yield case.error(
                 point.at.line,
-                f"[io.{point.name}]: node {node_id} speaks CAN Simple, and has no inputs and outputs",
+                f"[io.{point.name}]: node {node_id} uses CAN Simple, and has no inputs and outputs",
                 "",
                 "leave it out, or give another node",
             )
@@ -87,8 +87,8 @@ def no_more(case: CheckContext) -> Problems:
         if feed_forward(drive.axis, None) is not None:
             yield case.error(
                 drive.axis.feed_forward.at.line,
-                f"axis {drive.axis.name}: nothing is fed forward to a module that speaks CAN Simple",
-                "what is fed forward would go on when its master is dead",
+                f"axis {drive.axis.name}: a module with CAN Simple gets no feed-forward",
+                "a feed-forward value would continue after the master is dead",
                 "leave the table out",
             )
 
@@ -100,8 +100,8 @@ def in_place(case: CheckContext) -> Problems:
         if given.method is not None and given.method not in homing.IN_PLACE:
             yield case.error(
                 given.at.of("method"),
-                f"axis {drive.axis.name}: homing method {given.method} is none of a module that speaks CAN Simple",
-                "its count is shifted where it stands, and nothing is sent for it",
+                f"axis {drive.axis.name}: a module with CAN Simple does not have homing method {given.method}",
+                "homing only shifts its count at the present position, and nothing is sent for it",
                 f"write one of {', '.join(map(str, sorted(homing.IN_PLACE)))}",
             )
 
@@ -113,22 +113,22 @@ def dangers(case: CheckContext) -> Problems:
         name, line = drive.axis.name, drive.node.at.line
         yield case.warning(
             line,
-            f"axis {name}: without power the motor coasts, and a fault takes the power away",
+            f"axis {name}: without power the motor coasts, and a fault switches the power off",
             "a module has no ramp for either",
-            "let nothing hang on it that falls or runs away; a stop brakes it first",
+            "do not attach a load that can fall or run away; a stop brakes it first",
         )
         own = bus.process != "thread"
-        stops = "where its core has a process of its own, that stops it when the program or the core dies"
+        stops = "if the core has its own process, it stops the axis when the program or the core dies"
         yield case.warning(
             line,
-            f"axis {name}: nothing on its module is known to notice a dead master"
+            f"axis {name}: no function of its module is known to detect a dead master"
             + (
                 ""
                 if own or bus.interface in _NO_WIRE
-                else ", and nobody stops it when this program is killed"
+                else ", and nothing stops it when this program is killed"
             ),
-            f"a velocity or a torque goes on; {stops}, and nobody does when the computer or the bus fails",
-            "keep its speed and travel harmless, or cut its power by hardware that watches the master"
+            f"a velocity or a torque continues; {stops}, and nothing stops it when the computer or the bus fails",
+            "keep its speed and travel harmless, or cut its power by hardware that monitors the master"
             + ("" if own else '; process = "own" in [bus]'),
         )
 

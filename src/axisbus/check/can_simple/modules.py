@@ -35,16 +35,19 @@ def identifiers(case: CheckContext) -> Problems:
     for node, _ in _modules(case):
         if node.node_id not in NODES:
             yield case.error(
-                node.at.line, f"node {node.node_id} is no node ID of CAN Simple", "", "they go from 0 to 63"
+                node.at.line,
+                f"node {node.node_id} is not a node ID of CAN Simple",
+                "",
+                "they are from 0 to 63",
             )
             continue
         found = clashes([node.node_id], canopen)
         if found:
             shown = "; ".join(map(str, found[:_SHOWN])) + ("; ..." if len(found) > _SHOWN else "")
-            free = ", ".join(map(str, free_nodes(canopen)[:_SHOWN])) or "none beside these nodes"
+            free = ", ".join(map(str, free_nodes(canopen)[:_SHOWN])) or "none besides these nodes"
             yield case.error(
                 node.at.line,
-                f"[nodes.{node.node_id}] cannot stand beside the CANopen nodes of the cell: identifiers have two owners",
+                f"[nodes.{node.node_id}] conflicts with the CANopen nodes of the cell: identifiers have two owners",
                 shown,
                 f"give it another node ID (free: {free}), or the CANopen nodes higher ones",
             )
@@ -61,9 +64,9 @@ def firmware(case: CheckContext) -> Problems:
         if version is not None and version >= _FOREIGN:
             yield case.warning(
                 node.at.of("firmware"),
-                f"[nodes.{node.node_id}] may not speak CAN Simple",
-                f"with firmware {version} modules were seen that speak a protocol with identifiers of 29 bits",
-                "look which frames it sends: axisbus trace",
+                f"[nodes.{node.node_id}] possibly does not use CAN Simple",
+                f"some modules with firmware {version} use a protocol with identifiers of 29 bits",
+                "check which frames it sends: axisbus trace",
             )
 
 
@@ -128,7 +131,7 @@ def line(case: CheckContext) -> Problems:
     if on_line and bus.bitrate is not None and bus.bitrate not in RATES:
         yield case.error(
             bus.at.of("bitrate"),
-            f"{bus.bitrate} bit/s is no rate of a module on RS485",
+            f"{bus.bitrate} bit/s is not a bit rate of a module on RS485",
             "",
             f"there are {', '.join(map(str, RATES))}",
         )
@@ -136,7 +139,7 @@ def line(case: CheckContext) -> Problems:
         if (node.protocol == MODBUS) != on_line:
             yield case.error(
                 node.at.line,
-                f'[nodes.{node.node_id}] speaks {node.protocol}, and [bus] has interface = "{bus.interface}"',
+                f'[nodes.{node.node_id}] has the protocol {node.protocol}, and [bus] has interface = "{bus.interface}"',
                 "",
                 'interface = "modbus" is a serial line, whose nodes have protocol = "modbus", and only these',
             )
@@ -149,31 +152,31 @@ def _on_line(case: CheckContext, node: NodeConfig, module: ModuleConfig) -> Prob
     if node.node_id not in _ON_LINE:
         yield case.error(
             node.at.line,
-            f"node {node.node_id} is no node ID of a module on RS485",
+            f"node {node.node_id} is not a node ID of a module on RS485",
             "",
-            "they go from 1 to 63: 0 is everybody's address, to which nobody answers",
+            "they are from 1 to 63: 0 is the broadcast address, which no module answers",
         )
     if module.endpoints is None:
         yield case.error(
             node.at.line,
             f"{name} names no list of endpoints",
-            "no register tells where an idle rotor is",
-            'endpoints = "endpoints_0.5.13.json", its firmware\'s list, as the maker has it',
+            "no register contains the position of an idle rotor",
+            'endpoints = "endpoints_0.5.13.json", the manufacturer\'s list for its firmware',
         )
     for key in _NOT_ON_LINE:
         if getattr(module, key) is not None:
             yield case.error(
                 module.at.of(key),
-                f"{name} has {key}, and on RS485 there is none of it",
-                "its modes are set in idle alone: an axis has profile positions and homing",
+                f"{name} has {key}, which does not exist on RS485",
+                "its modes are set only in idle: an axis has profile position and homing",
                 f"leave {key} out; torques and velocities: axisbus gim6010 modbus",
             )
     for axis in case.cell.axes_of(node.node_id):
         if axis.stop.quick_stop is not None and axis.stop.quick_stop.endswith("-hold"):
             yield case.error(
                 axis.at.line,
-                f"axis {axis.name} is to hold after a quick stop, and on RS485 it cannot",
-                "a quick stop brakes by velocity 0; back to positions a module goes in idle alone",
+                f"axis {axis.name} is configured to hold after a quick stop, and on RS485 it cannot",
+                "a quick stop brakes by velocity 0; a module changes back to positions only in idle",
                 'leave quick_stop out of its [stop], or write quick_stop = "ramp"',
             )
 

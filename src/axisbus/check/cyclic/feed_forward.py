@@ -41,7 +41,7 @@ def nothing(case: CheckContext) -> Problems:
         if axis.at.gives("feed_forward") and at.sound(*at.keys) and feed_forward(axis, None) is None:
             yield case.warning(
                 at.line,
-                f"axis {axis.name}: [{at.name}] asks for nothing",
+                f"axis {axis.name}: [{at.name}] sets no feed-forward",
                 "there is neither velocity = true nor inertia nor torque_offset in it",
                 "add one of them, or delete the table",
             )
@@ -54,17 +54,17 @@ def carried(case: CheckContext) -> Problems:
         for name in asked.outputs:
             index, line = OFFSET_OBJECTS[name], _line(drive, name)
             message = f"axis {drive.axis.name}: its feed-forward cannot be sent by {own_title(drive, index)}"
-            delete = f"delete what asks for it in [{drive.axis.feed_forward.at.name}]"
+            delete = f"delete the keys that need it in [{drive.axis.feed_forward.at.name}]"
             if not drive.has(index):
                 yield case.error(line, message, f"{drive.eds.source} lacks it", delete)
             elif not case.cell.bus.sync:
                 where = f"sync = false at line {case.cell.bus.at.of('sync')}"
                 yield case.error(
-                    line, message, f"it belongs to a SYNC, and {where}", f"sync = true in [bus], or {delete}"
+                    line, message, f"it needs a SYNC, and {where}", f"sync = true in [bus], or {delete}"
                 )
             elif sources[name] is not ValueTransport.SYNC_PDO:
                 why = (
-                    "no RPDO carries it"
+                    "no RPDO contains it"
                     if sources[name] is ValueTransport.SDO
                     else "its RPDO is event-driven"
                 )
@@ -72,7 +72,7 @@ def carried(case: CheckContext) -> Problems:
                     line,
                     message,
                     f"{why}, by {drive.eds.source} and the node's [pdo] tables",
-                    f"let an RPDO be mapped to it, or {delete}",
+                    f"map it into an RPDO, or {delete}",
                 )
 
 
@@ -102,9 +102,9 @@ def used(case: CheckContext) -> Problems:
                 needed = " or ".join(shorts[mode] for mode in modes)
                 yield case.warning(
                     _line(drive, name),
-                    f"axis {drive.axis.name}: {own_title(drive, OFFSET_OBJECTS[name])} will never act",
+                    f"axis {drive.axis.name}: {own_title(drive, OFFSET_OBJECTS[name])} will have no effect",
                     f"a drive adds it in {needed}, which the axis does not have",
-                    "delete it, or let the axis have the mode",
+                    "delete it, or give the axis the mode",
                 )
 
 
@@ -115,8 +115,8 @@ def computed(case: CheckContext) -> Problems:
         if asked.velocity and not units_of(axis).ratio_known and axis.at.sound("unit", "velocity_scale"):
             yield case.error(
                 at.of("velocity"),
-                f"axis {axis.name}: nothing says how its drive counts velocities",
-                "the velocity of a set-point is that of positions; 60B1h is in the drive's velocity increments",
+                f"axis {axis.name}: the unit of velocity of its drive is not given",
+                "the velocity of a set-point is in position units; 60B1h is in the drive's velocity increments",
                 f"write velocity_scale in [{axis.at.name}]",
             )
         if not asked.by_torque or not axis.at.sound("rated_torque"):
@@ -142,7 +142,7 @@ def _too_much(case: CheckContext, drive: Drive, asked: FeedForward) -> Problems:
     if constant > limits.torque:
         yield case.error(
             at.of("torque_offset"),
-            f"axis {axis.name}: torque_offset is more than the axis may have",
+            f"axis {axis.name}: torque_offset is above the torque limit of the axis",
             most,
             "correct it",
         )
@@ -150,9 +150,9 @@ def _too_much(case: CheckContext, drive: Drive, asked: FeedForward) -> Problems:
     if constant <= limits.torque < highest:
         yield case.warning(
             at.of("inertia"),
-            f"axis {axis.name}: its feed-forward comes to {highest:g} N·m at max_acceleration, and is held to less",
+            f"axis {axis.name}: its feed-forward reaches {highest:g} N·m at max_acceleration, and is limited to less",
             most,
-            "see whether inertia is in N·m per unit/s², or lower max_acceleration",
+            "check whether inertia is in N·m per unit/s², or lower max_acceleration",
         )
 
 

@@ -21,11 +21,11 @@ def by_interpolation(case: CheckContext) -> Problems:
         line = axis.at.of("modes")
         yield case.note(
             line,
-            f"axis {axis.name}: its drive has ip and no csp, so trajectories, lines and couplings are led in ip",
-            "set-points go to 60C1h:01, and bit 4 of the controlword lets the drive interpolate"
+            f"axis {axis.name}: its drive has ip and no csp, so trajectories, lines and couplings use ip",
+            "set-points go to 60C1h:01, and bit 4 of the controlword enables the interpolation"
             if axis.modes is None or "ip" not in axis.modes
             else "modes names ip",
-            'where the drive does have csp, name it: modes = ["pp", "csp", ...]',
+            'if the drive has csp, name it: modes = ["pp", "csp", ...]',
         )
         device = pdo_tables.device_pdos(drive.node, drive.eds)
         objects = axis_objects(drive.dictionary, device, axis.drive_axis)
@@ -35,8 +35,8 @@ def by_interpolation(case: CheckContext) -> Problems:
             yield case.error(
                 line,
                 f"axis {axis.name}: its set-points of ip (60C1h:01) cannot be sent with SYNC",
-                f"no synchronous RPDO carries them, by {drive.eds.source} and the node's [pdo] tables",
-                f"let an RPDO be mapped to it, or leave ip and csp out of modes in [{axis.at.name}]",
+                f"no synchronous RPDO contains them, by {drive.eds.source} and the node's [pdo] tables",
+                f"map it into an RPDO, or leave ip and csp out of modes in [{axis.at.name}]",
             )
 
 

@@ -49,7 +49,7 @@ def axes_are_there(case: CheckContext) -> Problems:
             other = owners.setdefault(name, gantry.name)
             if other != gantry.name:
                 message = f"axis {name} is in two pairs: [gantries.{other}] and [gantries.{gantry.name}]"
-                yield case.error(line, message, remedy="an axis carries one beam: take it out of one of them")
+                yield case.error(line, message, remedy="an axis carries one beam: remove it from one of them")
         if len(gantry.axes) == 2 and len(set(gantry.axes)) == 1:
             message = f"gantry {gantry.name} has the axis {gantry.axes[0]!r} twice"
             yield case.error(line, message, remedy="name the two axes that carry the beam")
@@ -66,7 +66,7 @@ def can_carry(case: CheckContext) -> Problems:
                 yield case.error(line, message, remedy="name two axes that have a drive")
             if axis.modulo is not None:
                 message = f"axis {axis.name} of gantry {gantry.name} is endless (modulo)"
-                observed = "places of which a turn counts anew do not tell how the beam stands"
+                observed = "positions that restart at each turn do not give the skew of the beam"
                 yield case.error(line, message, observed, f"leave modulo out of [axes.{axis.name}]")
         first, second = axes
         if first.unit != second.unit and first.at.sound("unit") and second.at.sound("unit"):
@@ -82,16 +82,16 @@ _SAME: tuple[tuple[str, str, Callable[[AxisConfig], Any]], ...] = (
     ("scale", "is that so, by two different gears? Else every move bends the beam", lambda axis: axis.scale),
     (
         "deceleration",
-        "a quick stop brakes each by its own, and bends the beam",
+        "a quick stop brakes each with its own deceleration, and bends the beam",
         lambda axis: axis.stop.deceleration,
     ),
     (
         "quick_stop",
-        "a quick stop brakes each in its own way, and bends the beam",
+        "a quick stop brakes each with its own ramp, and bends the beam",
         lambda axis: axis.stop.quick_stop,
     ),
-    ("fault", "what their drives do in a fault differs", lambda axis: axis.stop.fault),
-    ("holds_load", "one may be let go while the other is held", lambda axis: axis.holds_load),
+    ("fault", "their drives react differently to a fault", lambda axis: axis.stop.fault),
+    ("holds_load", "one may coast while the other is held", lambda axis: axis.holds_load),
 )
 _SMALLER: tuple[tuple[str, Callable[[AxisConfig], Any]], ...] = (
     ("position_limits", lambda axis: axis.position_limits),
@@ -113,7 +113,10 @@ def alike(case: CheckContext) -> Problems:
             a, b = value(first), value(second)
             if a != b:
                 message = f"the axes of gantry {gantry.name} have different {key}"
-                observed = f"{first.name} has {_told(a)}, {second.name} has {_told(b)}: what neither may do, the beam may not"
+                observed = (
+                    f"{first.name} has {_told(a)}, {second.name} has {_told(b)}: the lower limit of each applies to "
+                    "the beam"
+                )
                 yield case.note(gantry.at.of("axes"), message, observed)
 
 
@@ -128,9 +131,9 @@ def in_groups(case: CheckContext) -> Problems:
             if (first.name in group.axes) != (second.name in group.axes):
                 yield case.warning(
                     group.at.of("axes"),
-                    f"group {group.name} holds one axis of gantry {gantry.name}, and not the other",
-                    "its motions are refused: both axes of the pair are moved together alone",
-                    "name both, so that a failure in the group stops both, or none",
+                    f"group {group.name} contains one axis of gantry {gantry.name}, and not the other",
+                    "its motions are refused: the axes of the pair may only move together",
+                    "name both axes, so that a failure in the group stops both, or name neither",
                 )
 
 
@@ -142,20 +145,18 @@ def in_step(case: CheckContext) -> Problems:
         line = gantry.at.of("axes")
         if not case.cell.bus.sync:
             message = f"gantry {gantry.name} cannot be moved: the bus has no SYNC"
-            yield case.error(
-                line, message, "both are led by one set-point in csp", "set sync = true in [bus]"
-            )
+            yield case.error(line, message, "both follow one set-point in csp", "set sync = true in [bus]")
         for axis in axes:
             drive = drives.get(axis.name)
             why = "" if drive is None else no_csp(drive)
             if why:
                 message = f"gantry {gantry.name} cannot be moved: axis {axis.name} cannot run csp"
                 yield case.error(
-                    line, message, why, "both are led by one set-point in csp: use a drive that has it"
+                    line, message, why, "both follow one set-point in csp: use a drive that has csp"
                 )
         paces = [_paces(case, axis) for axis in axes]
         if paces[0] != paces[1]:
-            message = f"the drives of gantry {gantry.name} tell of themselves at different paces"
+            message = f"the drives of gantry {gantry.name} send their TPDOs at different rates"
             observed = f"transmission of synchronous TPDOs: {paces[0] or 'as planned'} and {paces[1] or 'as planned'}"
             yield case.warning(line, message, observed, "give both the same transmission in [nodes.N.pdo]")
         fastest = min((axis.max_velocity for axis in axes if axis.max_velocity is not None), default=None)
@@ -165,7 +166,7 @@ def in_step(case: CheckContext) -> Problems:
             and gantry.max_skew < _CYCLES * period * fastest
         ):
             way = _CYCLES * period * fastest
-            message = f"max_skew of gantry {gantry.name} is less than its axes go in two cycles"
+            message = f"max_skew of gantry {gantry.name} is less than its axes move in two cycles"
             observed = (
                 f"{way:g} at max_velocity: feedback of one drive that is two cycles late would stop both"
             )
@@ -187,7 +188,7 @@ def homing(case: CheckContext) -> Problems:
         plan = gantry.homing
         if plan is None:
             if not any(axis.at.sound("homing") and axis.homing.required is False for axis in axes):
-                message = f"gantry {gantry.name} is not homed by itself"
+                message = f"gantry {gantry.name} has no homing"
                 remedy = f"add [gantries.{gantry.name}.homing], or use set_position(...)"
                 yield case.note(gantry.at.line, message, "[gantries.NAME.homing] is missing", remedy)
             continue
@@ -214,7 +215,7 @@ def homing(case: CheckContext) -> Problems:
                 and plan.at.sound("velocity")
                 and plan.velocity > axis.max_velocity
             ):
-                message = f"gantry {gantry.name} is homed faster than axis {axis.name} may be"
+                message = f"gantry {gantry.name} is homed faster than axis {axis.name} allows"
                 observed = f"max_velocity is {axis.max_velocity:g}"
                 yield case.error(plan.at.of("velocity"), message, observed, "home more slowly")
 

@@ -20,8 +20,8 @@ from axisbus.errors import ArgumentError
 
 _OF_NUMBERS = ("scale", "offset", "unit")
 _COMMUNICATION = range(0x2000)
-_SHARED = "PDOs of an axis are not shared with outputs: its controlword keeps their order to itself"
-_FIXED = "what [nodes.N.pdo] gives a PDO stays, and nobody asks for an input (rtr)"
+_SHARED = "PDOs of an axis are not shared with outputs: their order belongs to its controlword"
+_FIXED = "the map in [nodes.N.pdo] is not changed, and inputs are not requested by remote frames (rtr)"
 
 
 def have_nodes(case: CheckContext) -> Problems:
@@ -46,9 +46,9 @@ def objects(case: CheckContext) -> Problems:
         elif not (entry.receive or entry.transmit):
             yield case.error(
                 config.at.of("object"),
-                f"[io.{config.name}]: {_name(entry)} can be mapped into no PDO",
-                f"{node.file} does not let it be mapped (PDOMapping, AccessType)",
-                "inputs and outputs travel by PDO alone: name an object that can",
+                f"[io.{config.name}]: {_name(entry)} cannot be mapped into a PDO",
+                f"{node.file} does not allow it to be mapped (PDOMapping, AccessType)",
+                "inputs and outputs are transmitted only by PDO: name an object that can be mapped",
             )
         else:
             yield from _bit(case, config, entry)
@@ -112,7 +112,8 @@ def travel(case: CheckContext) -> Problems:
                 config.at.of("object"),
                 f"[io.{config.name}]: {text}",
                 _SHARED if any(case.cell.axes_of(node.node_id)) else _FIXED,
-                "free a PDO of the node, let boot change its mapping (remap), or map it in a [nodes.N.pdo] table of its own",
+                "free a PDO of the node, allow boot to change its mapping (remap), or map the object in a separate "
+                "[nodes.N.pdo] table",
             )
 
 
@@ -125,9 +126,9 @@ def alone(case: CheckContext) -> Problems:
         if why:
             yield case.warning(
                 config.at.line,
-                f"[io.{config.name}]: where the bus or this computer fails, the module itself does not take it to its safe state",
+                f"[io.{config.name}]: if the bus or this computer fails, the module itself does not set it to its safe state",
                 why,
-                "what must not stay on needs hardware that switches it off",
+                "an output that must not stay on needs hardware that switches it off",
             )
 
 
@@ -144,19 +145,19 @@ def numbers_alone(case: CheckContext) -> Problems:
         name = f"{row.value:04X}h:{point.subindex:02X}"
         yield case.warning(
             config.at.of("safe"),
-            f"[io.{config.name}]: makers differ in what a module without us makes of {name}",
-            f"boot writes {point.safe}; it is wider than the output ({point.object_text}), and some take its upper half",
-            f"write what its manual says as '{row.value:04X}:{point.subindex:02X}' in [nodes.{node.node_id}.objects],"
-            " which boot then leaves as it is; or choose a safe state of 0 digits",
+            f"[io.{config.name}]: manufacturers differ in the effect of {name} in a module without a master",
+            f"boot writes {point.safe}; it is wider than the output ({point.object_text}), and some modules use its upper half",
+            f"write the value from its manual as '{row.value:04X}:{point.subindex:02X}' in [nodes.{node.node_id}.objects], "
+            "which boot then leaves unchanged; or choose a safe state of 0 digits",
         )
 
 
 def _not_alone(case: CheckContext, node: NodeConfig, point: IoPoint) -> str:
     if case.cell.bus.heartbeat is None:
-        return "without heartbeat in [bus] no module notices that its master is gone"
+        return "without heartbeat in [bus] no module detects the loss of its master"
     row, eds = ERROR_OBJECTS.get(point.index), case.eds[node.node_id]
     if row is None:
-        return f"for {point.object_text} there is no object that says what becomes of it in an error"
+        return f"for {point.object_text} there is no object that defines its value in an error"
     lacks = [index for index in (row.mode, row.value) if eds.get(index, point.subindex) is None]
     if lacks:
         return f"{node.file} has no {', '.join(f'{index:04X}h:{point.subindex:02X}' for index in lacks)}"
@@ -178,7 +179,7 @@ def _points(case: CheckContext) -> Iterator[tuple[IoConfig, NodeConfig, IoPoint]
 
 
 def _no_object(case: CheckContext, config: IoConfig, node: NodeConfig, dictionary: Dictionary) -> Problems:
-    message = f"[io.{config.name}]: {config.object!r} is no input or output of node {node.node_id}"
+    message = f"[io.{config.name}]: {config.object!r} is not an input or output of node {node.node_id}"
     try:
         entry = dictionary.resolve(config.object)
     except ArgumentError as error:
@@ -186,8 +187,8 @@ def _no_object(case: CheckContext, config: IoConfig, node: NodeConfig, dictionar
         return
     where = f"{entry.index:04X}h:{entry.subindex:02X}"
     has = dictionary.has(entry.index, entry.subindex)
-    observed = f"{where} is no integer" if has else f"{node.file} has no {where}"
-    remedy = f"sub-indices are written so: {entry.index:04X}h:01" if not entry.subindex else "correct object"
+    observed = f"{where} is not an integer" if has else f"{node.file} has no {where}"
+    remedy = f"write sub-indices like this: {entry.index:04X}h:01" if not entry.subindex else "correct object"
     yield case.error(config.at.of("object"), message, observed, remedy)
 
 
@@ -224,9 +225,9 @@ def _safe(case: CheckContext, config: IoConfig, entry: MapEntry) -> Problems:
     if config.safe is None:
         yield case.error(
             config.at.line,
-            f"[io.{config.name}] does not say what its safe state is",
-            f"{_name(entry)} is an output; what it becomes when node, program or master are lost is never guessed",
-            "add safe = 0, or what else is safe on your machine",
+            f"[io.{config.name}] does not give its safe state",
+            f"{_name(entry)} is an output; its state when node, program or master are lost is never guessed",
+            "add safe = 0, or the value that is safe on your machine",
         )
         return
     try:
@@ -250,9 +251,9 @@ def _ours(case: CheckContext, config: IoConfig, entry: MapEntry) -> Problems:
     if why:
         yield case.error(
             config.at.of("object"),
-            f"[io.{config.name}]: {_name(entry)} is no output",
+            f"[io.{config.name}]: {_name(entry)} is not an output",
             why,
-            "of a drive that is 60FEh:01, of a module 6200h, 6300h, 6320h or 6410h to 6412h; or an object of the maker's",
+            "of a drive that is 60FEh:01, of a module 6200h, 6300h, 6320h or 6410h to 6412h; or an object of the manufacturer",
         )
 
 

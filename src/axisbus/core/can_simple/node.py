@@ -54,7 +54,9 @@ class NoObjects:
         self._refuse(index, subindex)
 
     def _refuse(self, index: int, subindex: int) -> NoReturn:
-        raise no_objects(self._node_id, f"it has no object dictionary, and so no {index:04X}h:{subindex:02X}")
+        raise no_objects(
+            self._node_id, f"it has no object dictionary, so it has no {index:04X}h:{subindex:02X}"
+        )
 
 
 class ModuleMonitor:
@@ -122,5 +124,6 @@ class ModuleNode:
     def command(self, command: NmtCommand, timeout: float = 2.0) -> None:  # noqa: ARG002
         """Refuse; raises StateError."""
         raise no_objects(
-            self.node_id, f"it has no NMT states, and takes no {command.name.lower().replace('_', ' ')}"
+            self.node_id,
+            f"it has no NMT states, so it does not accept {command.name.lower().replace('_', ' ')}",
         )

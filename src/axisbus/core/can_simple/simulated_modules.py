@@ -24,8 +24,8 @@ class ModuleStandIn(SimulatedNode):
     def drive(self, axis: int = 1) -> NoReturn:  # noqa: ARG002
         """Refuse: the motor is in ``module``."""
         raise StateError(
-            f"node {self.module.node_id} is simulated as a module that speaks CAN Simple, and has no drive of CiA 402",
-            remedy="use .module: .module.shaft is its motor, .module.dials let it misbehave",
+            f"node {self.module.node_id} is simulated as a module with CAN Simple, and has no CiA 402 drive",
+            remedy="use .module: .module.shaft is its motor, .module.dials are its fault settings",
         )
 
     def fault(self, code: int, maker_bits: int = 0, axis: int = 1) -> None:  # noqa: ARG002

@@ -122,13 +122,14 @@ class _Shared:
 
 def _not_there(name: str, what: str) -> AxisbusError:
     return StateError(
-        f"{what} was not sent: {name} is not there",
-        observed="its node has not come up, or was found with an enabled drive and is left as it is",
-        remedy="look at the report of its node; switch the drive off and open the machine again",
+        f"{what} was not sent: {name} is not present",
+        observed="its node did not boot, or was found with an enabled drive and was left unchanged",
+        remedy="read the report of its node; switch the drive off and open the machine again",
     )
 
 
 def _too_late(what: str) -> AxisbusError:
     return Stopped(
-        f"{what} was not sent", observed="every output is being led to its safe state: the machine is left"
+        f"{what} was not sent",
+        observed="every output is being set to its safe state, because the machine is being closed",
     )

@@ -52,7 +52,7 @@ def _of_object(objects: NodeObjects, address: Address, points: list[IoPoint]) ->
     except AxisbusError as error:
         return [_unsafe(point, one_line(error)) for point in points]
     return [
-        _unsafe(point, f"written {point.safe}, and it reads back {point.of(after)}")
+        _unsafe(point, f"{point.safe} was written, and {point.of(after)} was read back")
         for point in points
         if point.of(after) != point.safe
     ]

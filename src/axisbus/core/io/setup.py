@@ -36,7 +36,7 @@ def confirm_safe_outputs(board: IoScan, link: CellLink) -> list[Unsafe]:
 
 def unconfirmed(board: IoScan) -> list[Unsafe]:
     """Return the outputs that were set, before any of them has been checked."""
-    text = "leaving was broken off before it was looked at"
+    text = "closing was aborted before the output was checked"
     return [Unsafe(point.name, point.node, f"{point.object_text}: {text}") for point in board.ours]
 
 
@@ -46,5 +46,6 @@ def not_safe(unsafe: Unsafe) -> NodeError:
         f"{unsafe.output} could not be confirmed as safe",
         node=unsafe.node,
         observed=unsafe.text,
-        remedy="LOOK AT IT before anybody goes near; its module's own watch over us is left armed, and may have done it",
+        remedy="CHECK IT before a person goes near; its module's monitoring of this master's heartbeat remains active, and "
+        "may have done it",
     )

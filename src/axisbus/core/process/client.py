@@ -242,7 +242,7 @@ class RemoteCore:
         if self._left is None:
             self._warden_over.wait(_RESCUE)
         if self._calls.lost:
-            log.error("%s", self._calls.gone("the machine runs no more"))
+            log.error("%s", self._calls.gone("the machine no longer runs"))
         self.session.end_all()
         self._news.set()
 

@@ -57,7 +57,7 @@ class ClientHandler:
             level = logging.INFO if self.place else logging.ERROR
             log.log(
                 level,
-                "a message of %s could not be taken: %s",
+                "a message of %s could not be processed: %s",
                 self.name,
                 type(message).__name__,
                 exc_info=True,
@@ -105,12 +105,12 @@ class ClientHandler:
         if is_stop(command):
             return None
         if self.leaving is not None:
-            return Stopped(f"{name} was not begun", observed=self.leaving)
+            return Stopped(f"{name} did not begin", observed=self.leaving)
         return self._clients.refusal(self, name)
 
     def _ask(self, message: m.CoreQuery) -> None:
         if self.place and not self._questions.acquire(blocking=False):
-            error = StateError(f"{message.what} was not asked", observed="too much is asked at a time")
+            error = StateError(f"{message.what} was not requested", observed="too many requests at a time")
             self.stream.send(m.CoreReply(message.number, None, error))
             return
         self._clients.pool.submit(self._answer, message)
@@ -232,19 +232,20 @@ def not_commanding(name: str, holder: str, *, guest: bool, passing: bool = False
 
     ``passing``: control is being passed from one client to another.
     """
-    has = f"{holder or 'nobody'} has it"
+    has = f"{holder or 'no program'} has control"
     if passing:
-        has, remedy = "it changes hands: what moves is being halted", "ask again in a moment"
+        has, remedy = "control is being handed over: moving axes are being halted", "try again in a moment"
     elif not guest:
-        remedy = (
-            "it comes back when that program leaves" if holder else "join it as others do: Machine.attach"
-        )
+        remedy = "control returns when that program leaves" if holder else "join it with Machine.attach"
     elif holder:
-        remedy = "wait until it leaves; or halt what moves, and take it: Machine.attach(cell, command=True, force=True)"
+        remedy = (
+            "wait until it leaves; or halt the moving axes and take control: Machine.attach(cell, command=True, "
+            "force=True)"
+        )
     else:
-        remedy = "join the machine with it: Machine.attach(cell, command=True)"
+        remedy = "join the machine with control: Machine.attach(cell, command=True)"
     return OwnershipError(
-        f"{name}: this program has not the command of the machine, it may only look on, halt and quick-stop",
+        f"{name}: this program does not have control of the machine; it may only read, halt and quick-stop",
         observed=has,
         remedy=remedy,
     )

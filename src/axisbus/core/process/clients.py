@@ -116,7 +116,7 @@ class Clients:
     def dismiss(self, desk: ClientHandler) -> None:
         """Remove a client that is gone. If it had control, moving axes halt. Blocks until that is done."""
         desk.gone()
-        self.give_up(desk, f"{desk.name}, which had the command, is gone")
+        self.give_up(desk, f"{desk.name}, which had control, has left")
         with self._lock:
             self.outlet.dismiss(desk.reader)
             self._desks = {place: one for place, one in self._desks.items() if one is not desk}
@@ -186,17 +186,17 @@ class Clients:
             if desk is self._holder:
                 return
             if desk.leaving is not None:
-                raise StoppedError("the command was not taken", observed=desk.leaving)
+                raise StoppedError("control was not granted", observed=desk.leaving)
             if self._holder is not None and not take:
-                raise not_commanding("the command is wanted", self.commanded_by, guest=True)
+                raise not_commanding("another program requests control", self.commanded_by, guest=True)
             if self._holder is not None:
-                self._holder.warn(f"{desk.name} took the command of the machine: what moved halts")
+                self._holder.warn(f"{desk.name} took control of the machine: moving axes halt")
             self._take_away()
-            moving = self.halt(f"{desk.name} took the command of the machine")
+            moving = self.halt(f"{desk.name} took control of the machine")
             self._holder = self._opener if moving else desk
         if moving:
             raise StateError(
-                "the command was not taken: an axis does not come to rest",
+                "control was not granted: an axis does not come to rest",
                 observed="; ".join(moving),
                 remedy="stop the machine: axisbus stop CELL",
             )
@@ -250,18 +250,18 @@ class Clients:
 
     def _stopped(self, name: str, end: _End | None, until: float, quick: bool) -> StopResult:
         if end is None:
-            return StopResult(name, False, "NOT REACHED: its node has not come up in the machine that runs")
+            return StopResult(name, False, "NOT REACHED: its node has not booted in the machine that runs")
         reason = _unconfirmed(end, until)
         if reason:
             return StopResult(name, False, f"NOT CONFIRMED as stopped by the machine that runs: {reason}")
         snapshot = self._seen(name, end.event_at)
         if quick:
-            return StopResult(name, True, f"stands, {snapshot.state.value}")
+            return StopResult(name, True, f"is at standstill, {snapshot.state.value}")
         units, position = self.core.session.axes[name].parameters.units, snapshot.position
         if position is None:
-            return StopResult(name, True, "stands at a position that is not known")
+            return StopResult(name, True, "is at standstill at an unknown position")
         at = units.turned(units.position.to_units(position - snapshot.origin))
-        return StopResult(name, True, f"stands at {at:.4f} {units.position.unit}")
+        return StopResult(name, True, f"is at standstill at {at:.4f} {units.position.unit}")
 
     def _seen(self, name: str, since: float) -> Snapshot:
         """Return the snapshot of an axis from the first cycle after ``since``; blocks for a cycle."""
@@ -376,7 +376,7 @@ class Guests:
         try:
             begun = self._clients.begin_stop(request.axes, request.quick, described(process, kept=True))
         except Exception:  # the next request must still be executed
-            log.exception("a request to stop could not be taken")
+            log.exception("a stop request could not be processed")
             line.close()
             return
         with suppress(OSError):  # the program may be gone; a new connection has room for these few bytes
@@ -399,7 +399,7 @@ class Guests:
             welcome(line, self._image)
             self._talk(line, stream, described(process, kept=True))
         except Exception as error:  # noqa: BLE001  # whatever it sent: only this connection ends
-            log.info("the connection of process %d is given up: %s", process, error)
+            log.info("the connection of process %d was closed: %s", process, error)
         finally:
             stream.close(_FAREWELL)
             stream.finish()
@@ -435,13 +435,13 @@ class Guests:
     def _require_same(self, wanted: m.Attach) -> None:
         if wanted.version != __version__:
             raise StateError(
-                f"this program has axisbus {wanted.version}, the machine that it would join {__version__}",
-                remedy="let both run the same installation: look at PYTHONPATH and the virtual environment",
+                f"this program has axisbus {wanted.version}, the running machine {__version__}",
+                remedy="both must run the same installation: check PYTHONPATH and the virtual environment",
             )
         if wanted.text != self._text:
             raise StateError(
-                "the cell's file is no longer what the machine was opened with",
-                remedy="end the machine and open it again; or take back what was changed in the file",
+                "the cell file has changed since the machine was opened",
+                remedy="end the machine and open it again; or undo the changes in the file",
             )
 
 

@@ -68,7 +68,7 @@ class StopRequest:
         except RecursionError:
             raise ValueError("nested too deeply") from None
         if not (isinstance(found, list) and len(found) == 2 and isinstance(found[0], list)):
-            raise ValueError("not a request to stop")
+            raise ValueError("not a stop request")
         return cls(tuple(map(str, found[0])), bool(found[1]))
 
 
@@ -259,8 +259,8 @@ def is_trusted(claim: ChannelClaim, cell: str) -> bool:
 def why_not(claim: ChannelClaim, cell: str) -> str:
     """Return why a program cannot connect to the holder of a claim, as text; empty if it can."""
     if not is_trusted(claim, cell):
-        return f"of user {user_name(claim.user)}, to which only programs of that user can come in"
-    return "" if claim.door else "in itself, so that no other program can come in"
+        return f"of user {user_name(claim.user)}, which only programs of that user can join"
+    return "" if claim.door else "in its own process, so that no other program can join"
 
 
 def connect(cell: str) -> tuple[socket.socket, int] | None:
@@ -288,7 +288,7 @@ def ask_to_stop(claim: ChannelClaim, request: StopRequest, patience: float) -> S
     """
     line = _enter(claim, request.pack(), patience)
     if line is None:
-        raise _unreached(claim, "it is just ending")
+        raise _unreached(claim, "it is ending")
     with line, line.makefile("rb") as answers:
         try:
             within = float(json.loads(answers.readline()))
@@ -320,9 +320,7 @@ def _enter(claim: ChannelClaim, words: bytes, patience: float) -> socket.socket 
     try:
         while not _connects(line, claim):  # too many programs are waiting to be accepted
             if time.monotonic() > until:
-                raise _unreached(
-                    claim, "it does not answer: it hangs, or too many programs want to be let in"
-                )
+                raise _unreached(claim, "it does not answer: it hangs, or too many programs try to join")
             time.sleep(_PAUSE)
         if peer_of(line)[1] != claim.user:
             raise _unreached(claim, "another user answers")
@@ -352,7 +350,7 @@ def _admitted(line: socket.socket, claim: ChannelClaim, cell: str) -> tuple[sock
         if hello == _JOINS and descriptors:
             line.settimeout(None)
             return line, descriptors[0]
-        why = "there are as many programs at it as it takes" if hello == _FULL else ""
+        why = "it has its maximum number of clients" if hello == _FULL else ""
     except TimeoutError:
         why = "it does not answer: it hangs, or boots its nodes"
     except OSError:
@@ -361,10 +359,10 @@ def _admitted(line: socket.socket, claim: ChannelClaim, cell: str) -> tuple[sock
     if not why:
         return None
     raise ScanError(
-        f"the machine of {cell} lets nobody in",
-        observed=f"{why}; it is that of {described(claim.process)}",
-        remedy="end another program that is joined to it, or the machine itself where it hangs; axisbus stop and axisbus halt need "
-        "no place in it",
+        f"the machine of {cell} accepts no clients",
+        observed=f"{why}; it belongs to {described(claim.process)}",
+        remedy="end another program that is joined to it, or the machine itself if it hangs; axisbus stop and axisbus halt "
+        "work without joining",
     )
 
 
@@ -372,5 +370,5 @@ def _unreached(claim: ChannelClaim, why: str) -> ScanError:
     return ScanError(
         f"the machine that {described(claim.process)} runs was not reached",
         observed=why,
-        remedy="ask again; or end that program",
+        remedy="try again; or end that program",
     )

@@ -69,7 +69,7 @@ def told(error: BaseException) -> AxisbusError:
     if isinstance(error, AxisbusError):
         return error
     made = ScanError(
-        "the core broke off",
+        "the core aborted the request",
         observed=one_line(error),
         remedy="this is a mistake in axisbus: please report it",
     )

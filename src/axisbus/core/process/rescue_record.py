@@ -20,7 +20,7 @@ from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.snapshot import Snapshot
 
 BEAT = 0.1  # seconds
-NOBODY = "nobody would stop the axes in its place"
+NOBODY = "if the core fails, nothing stops the axes"
 _SILENCE = 0.6  # seconds without a byte
 _STARVED = 5.0  # the same for a watchdog process that waits
 _ON_TIME = 3 * BEAT  # seconds between two checks; more shows that this computer did not run
@@ -50,9 +50,11 @@ class WardenWatch:
         waits = self._state() in _WAITING
         self._seen = 0 if waits else self._seen + 1
         if self._seen >= _SEEN:
-            return f"the warden of the core has not answered for {self._silent:.1f} s: {NOBODY}"
+            return f"the watchdog process of the core has not answered for {self._silent:.1f} s: {NOBODY}"
         if waits and self._silent > _STARVED:
-            return f"this computer has not let the warden of the core run for {self._silent:.1f} s: {NOBODY}"
+            return (
+                f"the watchdog process of the core got no processor time for {self._silent:.1f} s: {NOBODY}"
+            )
         return None
 
 

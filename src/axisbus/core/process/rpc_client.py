@@ -123,7 +123,7 @@ class RpcClient:
             for data in self._stream.messages():
                 self._take(m.CODEC.unpack(data))
         except NotForCrossing as error:
-            log.error("the connection to the core is given up: %s", error)
+            log.error("the connection to the core was closed: %s", error)
         finally:
             self._over = True
             self._told.put(None)
@@ -153,7 +153,7 @@ class RpcClient:
             take(message)
         # raised by the program's own callback: later messages must still be delivered
         except Exception as error:
-            log.error("while the program was told of something: %s", one_line(error), exc_info=error)
+            log.error("while a callback of the program ran: %s", one_line(error), exc_info=error)
 
     def _answered(self, answer: m.CoreReply) -> None:
         waiting = self._waiting.get(answer.number)
@@ -170,10 +170,10 @@ def _wait_a_moment(answered: threading.Event) -> bool:
 def _lost(what: str) -> ScanError:
     """Return the error of an action after this program has closed its own connection to the core."""
     return ScanError(
-        f"{what}, and this program has no connection to its core any more: the core stops the axes",
+        f"{what}, and this program no longer has a connection to its core: the core stops the axes",
         observed="a descriptor of the connection was closed or replaced in this process, and not by axisbus",
-        remedy="make sure that every axis stands; close no descriptors (os.closerange, os.dup2) while a machine is open: "
-        "a program that becomes a daemon does so before it opens the machine",
+        remedy="make sure that every axis is at standstill; do not close descriptors (os.closerange, os.dup2) while a "
+        "machine is open: a program must become a daemon before it opens the machine",
     )
 
 
@@ -181,13 +181,13 @@ def gone(what: str, rescued: m.Rescued | None = None) -> ScanError:
     """Return the error of an action that is impossible now; ``rescued``: the report of the watchdog process."""
     if rescued is None:
         return ScanError(
-            f"{what}, and the core of this machine is gone",
-            observed="its process has ended, or its connection; nobody tells how the drives were left",
-            remedy="make sure that every axis stands, then open the machine again",
+            f"{what}, and the core of this machine has ended",
+            observed="its process or its connection has ended; the state of the drives is not known",
+            remedy="make sure that every axis is at standstill, then open the machine again",
         )
     danger = alarm(rescued.stopped)
     return ScanError(
-        f"{what}, and the core of this machine is gone: {rescued.why}",
+        f"{what}, and the core of this machine has ended: {rescued.why}",
         observed="\n            ".join(_lines_of(rescued)),
         remedy=join_remedies(danger, "then open the machine again" if danger else "open the machine again"),
     )
@@ -196,8 +196,14 @@ def gone(what: str, rescued: m.Rescued | None = None) -> ScanError:
 def _lines_of(rescued: m.Rescued) -> list[str]:
     """Return the actions of its watchdog process, line by line."""
     texts = [f"{each.axis}: {each.text}" for each in rescued.stopped]
-    stopped = ["its warden stopped the drives:", *texts] if texts else ["no axis had been commanded"]
-    safe = [f"its warden made outputs safe: {', '.join(rescued.safe)}"] if rescued.safe else []
+    stopped = (
+        ["its watchdog process stopped the drives:", *texts] if texts else ["no axis had been commanded"]
+    )
+    safe = (
+        [f"its watchdog process set outputs to their safe states: {', '.join(rescued.safe)}"]
+        if rescued.safe
+        else []
+    )
     unsafe = [f"{each.output} NOT CONFIRMED as safe: {each.text}" for each in rescued.unsafe]
     return [*stopped, *safe, *unsafe]
 

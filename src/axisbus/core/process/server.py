@@ -60,7 +60,7 @@ _ROUND = 0.02  # seconds
 _ASKED = 64  # requests that are executed at a time
 _FAREWELL = 2.0  # seconds for the last message
 _WORDS = 64  # bytes of the watchdog process that are read at a time
-_WARDEN_GONE = f"the warden of the core is gone: {NOBODY}"
+_WARDEN_GONE = f"the watchdog process of the core has ended: {NOBODY}"
 _WAYS_OUT = {signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP"}
 
 
@@ -113,7 +113,7 @@ class CoreServer:
             if isinstance(wanted, m.OpenCell) and self._open(wanted):
                 self._serve(messages)
         finally:
-            self._leave("the program is gone")
+            self._leave("the program has ended")
             if self._core is not None:
                 self._left.wait()
             self._stream.close(_FAREWELL)
@@ -126,7 +126,7 @@ class CoreServer:
             for data in self._stream.messages():
                 yield m.CODEC.unpack(data)
         except NotForCrossing as error:
-            log.error("the program's connection is given up: %s", error)
+            log.error("the program's connection was closed: %s", error)
 
     def listen(self, signals: socket.socket) -> None:
         """Listen for the signals that the program cannot handle; ``signals`` is the socket from which it reads them."""
@@ -145,7 +145,7 @@ class CoreServer:
             if end.lost:
                 self._leave("the program has closed its connection's descriptor: it can command nothing")
                 return
-        self._leave("the program is gone")
+        self._leave("the program has ended")
 
     # -- opening -------------------------------------------------------------------------------------------------------
 
@@ -199,8 +199,8 @@ class CoreServer:
         """Wait until the watchdog process can stop the axes, and simulated drives listen; then start monitoring the process."""
         if not self._warden.recv(1):
             raise ScanError(
-                "the warden of the core has ended",
-                remedy="open the machine again; look at the computer's memory",
+                "the watchdog process of the core has ended",
+                remedy="open the machine again; check the computer's memory",
             )
         threading.Thread(target=self._watch_warden, name="axisbus warden", daemon=True).start()
 
@@ -230,7 +230,7 @@ class CoreServer:
         if version != __version__:
             raise StateError(
                 f"the program has axisbus {version}, its core {__version__}",
-                remedy="let both run the same installation: look at PYTHONPATH and the virtual environment",
+                remedy="both must run the same installation: check PYTHONPATH and the virtual environment",
             )
 
     def _opened(self) -> m.CellOpened:
@@ -322,13 +322,13 @@ class CoreServer:
         if self._guests is not None:
             self._guests.close()
         for failure in failures:
-            log.info("left, and this went wrong: %s", failure)
+            log.info("closed, with an error: %s", failure)
         try:
             if self._clients is not None:
                 self._clients.tell_condition()
             self._stream.send(m.Left(failures, last_words(self._core.session, self._core.nodes)))
         except Exception:  # whatever cannot be sent any more: the process ends nevertheless
-            log.exception("the end of the core could not be told")
+            log.exception("the end of the core could not be reported")
             self._stream.send(m.Left(failures))
         finally:
             self._left.set()

@@ -45,7 +45,7 @@ from axisbus.session import (
 log = logging.getLogger("axisbus")
 _ERRORS = 64  # of each axis, which are stored
 _PATIENCE = 0.5  # seconds within which an error must follow its number
-_GONE = "the core of this machine is gone: its process has ended"
+_GONE = "the core of this machine has ended"
 
 
 class Errors:
@@ -75,7 +75,7 @@ class Errors:
             with self._arrived:
                 self._arrived.wait_for(lambda: number in self._found, _PATIENCE)
             found = self._found.get(number)
-        return found if found is not None else gone("why this axis is in ErrorStop was asked")
+        return found if found is not None else gone("the reason for the ErrorStop of this axis was requested")
 
     def disown(self) -> None:
         """Make this object usable in a forked child, where the thread that held the lock does not run."""
@@ -146,7 +146,7 @@ class RemoteSession:
         if self.dead is not None:
             return self.dead
         if self._condition.ended:
-            return "the machine is closed: nothing is received any more"
+            return "the machine is closed: nothing more is received"
         return hanging(time.monotonic() - self._image.read().time, self._period)
 
     @property
@@ -307,7 +307,7 @@ class RemoteSession:
         """Deliver the images of some cycles to the observers."""
         if cycles.lost:
             log.warning(
-                "%d cycles are missing in what is recorded: this program did not take them in time",
+                "%d cycles are missing in the recording: this program did not read them in time",
                 cycles.lost,
             )
         for now, data in cycles.images:
@@ -318,7 +318,7 @@ class RemoteSession:
     def show_frames(self, told: m.Frames) -> None:
         """Deliver frames to the taps."""
         if told.lost:
-            log.warning("%d frames are missing: this program did not take them in time", told.lost)
+            log.warning("%d frames are missing: this program did not read them in time", told.lost)
         frames = list(unpacked(told.packed))
         for hear, can_ids in self._taps.items():
             wanted = [frame for frame in frames if not can_ids or frame.can_id in can_ids]

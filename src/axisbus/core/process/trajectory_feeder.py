@@ -89,9 +89,9 @@ class Sampler:
         found = number(value)
         if found is None:
             raise ArgumentError(
-                f"{self._name}: the trajectory gives no {what}",
-                observed=f"it gave {told(value)}",
-                remedy=f"mend its {what}, or leave it out",
+                f"{self._name}: the trajectory returned no {what}",
+                observed=f"it returned {told(value)}",
+                remedy=f"correct its {what}, or leave it out",
             )
         return found
 

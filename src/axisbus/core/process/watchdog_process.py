@@ -114,7 +114,7 @@ def _watch(core: int, rescuer: CrashStop, cell: str, line: socket.socket) -> Non
     if rescuer.is_needed:
         rescued = rescuer.rescue(why)
         with journal(cell):  # a disk may be slow
-            log.error("the core was gone: %s; so its drives were stopped", why)
+            log.error("the core had ended: %s; so its drives were stopped", why)
             for each in rescued.stopped:
                 log.error("%s: %s", each.axis, each.text)
             for output in rescued.unsafe:
@@ -137,11 +137,11 @@ def _end_of(core: int, rescuer: CrashStop, line: socket.socket) -> str:
             number, idle = rescuer.number, 0.0
         if idle > rescuer.patience:
             _kill(core)
-            return f"it did no cycle for {idle:.2f} s, and was killed"
+            return f"it ran no cycle for {idle:.2f} s, and was killed"
     return _ended(code)
 
 
 def _ended(code: int) -> str:
     if code < 0:
         return f"it was ended by {signal.Signals(-code).name}"
-    return f"it ended by itself, with exit code {code}"
+    return f"it ended with exit code {code}"

@@ -84,10 +84,12 @@ def _listening(path: Path) -> socket.socket:
 def _require_place(path: Path) -> None:
     if not hasattr(socket, "AF_UNIX"):
         raise UserError(
-            "--control needs sockets with a path, which this platform has not", remedy="leave it out"
+            "--control needs sockets with a path, which this platform does not have", remedy="leave it out"
         )
     if path.exists() and not stat.S_ISSOCK(path.stat().st_mode):
-        raise UserError(f"{path} is there already, and no socket", remedy="give another name with --control")
+        raise UserError(
+            f"{path} exists already, and is not a socket", remedy="give another name with --control"
+        )
 
 
 def _is_left_over(path: Path) -> bool:

@@ -119,22 +119,23 @@ class _Reading(Tables):
         """Report a CAN Simple module: the faults of this file are those of CANopen nodes."""
         self._error(
             where,
-            f"node {node_id} speaks CAN Simple, and no faults are planned for such a module",
-            remedy="turn its dials by --control and axisbus.SimulationControl: plant.simulated_node(NODE).module.dials",
+            f"node {node_id} uses CAN Simple, and the file cannot plan faults for such a module",
+            remedy="change its fault settings by --control and axisbus.SimulationControl: "
+            "plant.simulated_node(NODE).module.dials",
         )
 
     def _require_sense(self, name: str, table: Fields) -> None:
         if not set(table) - set(_WHOSE) - set(_WHEN):
-            what = f"[{name}] does not say what goes wrong"
+            what = f"[{name}] does not say which fault occurs"
             self._error(
                 (name,), what, remedy="write fault = 0x2310, restart = true, or a dial: blocked = true"
             )
         of_axis = [key for key in table if key in OF_AXIS or key in ("fault", "maker_bits")]
         if "node" in table and of_axis:
             remedy = 'write axis = "..." instead of node'
-            self._error((name, of_axis[0]), f"{of_axis[0]} is a matter of an axis", remedy=remedy)
+            self._error((name, of_axis[0]), f"{of_axis[0]} belongs to an axis", remedy=remedy)
         if "for" in table and not any(key in OF_AXIS or key in OF_NODE or key in PARTS for key in table):
-            self._error((name, "for"), "a fault and a restart last for no time", remedy="leave for out")
+            self._error((name, "for"), "a fault and a restart have no duration", remedy="leave for out")
 
     def _require_moment(self, name: str, table: Fields) -> None:
         if ("begin" in table) == ("when" in table):
@@ -146,7 +147,7 @@ class _Reading(Tables):
     def _moment(self, name: str, fields: Fields) -> Moment:
         begin, when, every, lasts = (fields.get(key) for key in ("begin", "when", "every", "for"))
         if every is not None and lasts is not None and lasts >= every:
-            what = "it would begin again before it is over"
+            what = "it would begin again before it has ended"
             self._error((name, "every"), what, remedy="make every longer than for")
         met = None if when is None else self._condition(name, when)
         return Moment(begin, met, fields.get("after", 0.0), every, lasts)

@@ -213,8 +213,8 @@ _SWITCH = (
 )
 REMEDIES = {
     Protocol.CAN_SIMPLE: f"a GIM6010-8 leaves its factory like this (500 kbit/s, node ID 0 or 1): {_SWITCH}",
-    Protocol.EXTENDED: "the maker's firmware 0.6.8 and later may speak it, and the manual does not describe it: try what that says "
-    f"of CAN Simple ({_SWITCH}), or ask the maker",
+    Protocol.EXTENDED: "the manufacturer's firmware 0.6.8 and later may use it, and the manual does not describe it: try "
+    f"its instructions for CAN Simple ({_SWITCH}), or ask the manufacturer",
 }
 
 

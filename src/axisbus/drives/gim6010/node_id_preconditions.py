@@ -16,13 +16,13 @@ OVER_USB = {
         "connect it by USB and open odrivetool",
         "odrv0.can.config.protocol = 2",
         "odrv0.save_configuration(), after which it restarts",
-        "switch it off and on, and look for it: axisbus gim6010 find",
+        "switch it off and on, and search for it: axisbus gim6010 find",
     ),
     ProtocolsFound.CAN_SIMPLE: (
         "connect it by USB and open odrivetool",
         "odrv0.can.config.protocol = 1",
         "odrv0.save_configuration(), after which it restarts",
-        "switch it off and on, and look for it: axisbus gim6010 find",
+        "switch it off and on, and search for it: axisbus gim6010 find",
     ),
 }
 
@@ -35,7 +35,7 @@ def require_one(finder: Finder, found: Sequence[DiscoveredModule], node: int) ->
     """
     if finder.unacknowledged:
         raise StateError(
-            "nobody acknowledges on this bus",
+            "no node acknowledges on this bus",
             observed=finder.unacknowledged,
             remedy="see axisbus gim6010 find",
         )
@@ -45,16 +45,16 @@ def require_one(finder: Finder, found: Sequence[DiscoveredModule], node: int) ->
     if module is None:
         raise StateError(
             f"no module that speaks CAN Simple has the node ID {node}",
-            remedy="see who is there: axisbus gim6010 find",
+            remedy="list the modules: axisbus gim6010 find",
         )
     if module.several:
         raise StateError(
-            f"several modules have the node ID {node}: all of them would take the command",
+            f"several modules have the node ID {node}: all of them would execute the command",
             remedy="connect one of them alone",
         )
     if module.enabled is not False:
         raise StateError(
-            f"module {node} is not known to be idle: {module.state or 'it sends no heartbeat that tells its state'}",
+            f"module {node} is not known to be idle: {module.state or 'it sends no heartbeat with its state'}",
             remedy="stop and disable it first; a module without heartbeats is changed over USB",
         )
     return module
@@ -67,9 +67,9 @@ def require_free(finder: Finder, found: Sequence[DiscoveredModule], new: int) ->
         ArgumentError: the node ID is invalid. StateError: another module has it, or another node uses one of its identifiers.
     """
     if new not in NODES:
-        raise ArgumentError(f"{new!r} is no node ID of CAN Simple", remedy="give a number from 0 to 63")
+        raise ArgumentError(f"{new!r} is not a node ID of CAN Simple", remedy="give a number from 0 to 63")
     if any(each.protocol is ProtocolsFound.CAN_SIMPLE and each.node == new for each in found):
-        raise StateError(f"another module has the node ID {new} already", remedy="give one that is free")
+        raise StateError(f"another module has the node ID {new} already", remedy="give a free node ID")
     mine = set(identifiers(new))
     foreign = [each for each in finder.picture.foreign() if not each.extended and each.can_id in mine]
     if foreign:
@@ -88,7 +88,7 @@ def require_canopen(found: Sequence[DiscoveredModule], node: int) -> None:
     """
     if node not in cob.NODE_IDS:
         raise StateError(
-            f"{node} is no node ID of CANopen, which has 1 to 127: the module would be silent",
+            f"{node} is not a node ID of CANopen, which has 1 to 127: the module would be silent",
             remedy="give it another first: axisbus gim6010 set-id",
         )
     if node in canopen_nodes(found):

@@ -53,7 +53,7 @@ def _behind(bench: FixContext, finding: EdsFinding) -> Fix | None:
         return None
     comment = behind if behind[0] == ";" else f"; {behind}"
     change = LineEdit(finding.line, 1, (kept, comment))
-    return Fix("S011", finding.line, f"{short(behind)} moved to a line of its own", (change,))
+    return Fix("S011", finding.line, f"{short(behind)} moved to a separate line", (change,))
 
 
 def _header(raw: str) -> tuple[str, str]:
@@ -85,7 +85,7 @@ def _same_section(bench: FixContext, finding: EdsFinding) -> Fix | None:
     return Fix(
         "S003",
         finding.line,
-        f"[{second.name}] removed, it says what line {first.line} says",
+        f"[{second.name}] removed, it repeats line {first.line}",
         tuple(_without_comments(bench, second)),
     )
 

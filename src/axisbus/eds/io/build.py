@@ -157,7 +157,9 @@ class EdsObjectBuilder:
             return None
         count = values.plain(text) if text else 0
         if count is None or not 0 <= count <= compact.MAX_ENTRIES:
-            self._note("O013", f"CompactSubObj={text} is no number of entries", head, "compactsubobj", index)
+            self._note(
+                "O013", f"CompactSubObj={text} is not a number of entries", head, "compactsubobj", index
+            )
             count = compact.MAX_ENTRIES if count == compact.MAX_ENTRIES + 1 else 0
         if count == 0:
             return None
@@ -372,7 +374,7 @@ def _more(entries: Mapping[str, str]) -> Mapping[str, str]:
 def _object_type(text: str) -> tuple[ObjectType, tuple[ValueProblem, ...]]:
     number, problems = values.integer(text)
     if number is None or not 0 <= number.value <= 0xFF:
-        return ObjectType.VAR, (ValueProblem("O004", f"{text[:40]} is no object type"),)
+        return ObjectType.VAR, (ValueProblem("O004", f"{text[:40]} is not an object type"),)
     if ObjectType(number.value) not in _KNOWN_TYPES:
         problems = (*problems, ValueProblem("O004", f"{text[:40]} is an unknown object type"))
     return ObjectType(number.value), problems
@@ -382,10 +384,10 @@ def _object_type(text: str) -> tuple[ObjectType, tuple[ValueProblem, ...]]:
 def _data_type(text: str) -> tuple[DataType, tuple[ValueProblem, ...]]:
     number, problems = values.integer(text)
     if number is None or not 0 < number.value <= 0xFFFF:
-        what = f"{text[:40]} is no data type" if text else "it is missing"
+        what = f"{text[:40]} is not a data type" if text else "it is missing"
         return DataType(0), (ValueProblem("O002", what),)
     if number.value < _FIRST_OWN_TYPE and DataType(number.value) not in _KNOWN_DATA_TYPES:
-        problems = (*problems, ValueProblem("O002", f"{text[:40]} is no data type of CiA 301"))
+        problems = (*problems, ValueProblem("O002", f"{text[:40]} is not a data type of CiA 301"))
     return DataType(number.value), problems
 
 
@@ -395,7 +397,9 @@ def _access(text: str) -> tuple[str, tuple[ValueProblem, ...]]:
     words = text.lower().replace(";", " ").split()
     first = words[0] if words else ""
     if first not in ACCESS_TYPES:
-        return "rw", (ValueProblem("O003", f"{text[:40]} is no access type" if text else "it is missing"),)
+        return "rw", (
+            ValueProblem("O003", f"{text[:40]} is not an access type" if text else "it is missing"),
+        )
     if len(words) > 1:
         return first, (ValueProblem("S011", f"text follows the access type: {text[:40]}"),)
     return first, ()

@@ -249,7 +249,7 @@ def _style_of(lines: list[str]) -> _Style:
 def check_key(key: str, value: str) -> None:
     """Raise ArgumentError unless ``key=value`` is allowed in an EDS (DS 306 4.2)."""
     if not key or "=" in key or key[0] in ";[":
-        raise ArgumentError(f"{key!r} is no key of an EDS", remedy="give a name without '='")
+        raise ArgumentError(f"{key!r} is not a key of an EDS", remedy="give a name without '='")
     _check_text("the key", key)
     _check_text("the value of " + key, value)
 
@@ -257,7 +257,7 @@ def check_key(key: str, value: str) -> None:
 def check_name(name: str) -> None:
     """Raise ArgumentError unless this is a valid name of a section."""
     if not name or "]" in name or "[" in name:
-        raise ArgumentError(f"{name!r} is no name of a section", remedy="give a name without brackets")
+        raise ArgumentError(f"{name!r} is not a name of a section", remedy="give a name without brackets")
     _check_text("the name", name)
 
 

@@ -85,7 +85,7 @@ def node_id(document: EdsText, findings: Findings | None = None) -> int | None:
         return number
     if findings is not None:
         line, column = document.place(section, "nodeid")
-        findings.add("K003", f"NodeID={given[:40]} is no node ID", line=line, column=column)
+        findings.add("K003", f"NodeID={given[:40]} is not a node ID", line=line, column=column)
     return None
 
 

@@ -112,7 +112,7 @@ def _number(key: str, text: str) -> str:
     number = values.plain(text)
     if number is None:
         raise ArgumentError(
-            f"{key}={text[:40]!r} is no number", remedy=f"give {key} a number, or leave it out"
+            f"{key}={text[:40]!r} is not a number", remedy=f"give {key} a number, or leave it out"
         )
     return str(number)
 
@@ -188,7 +188,7 @@ def written(value: Default, data_type: DataType) -> str:
     if isinstance(value, bytes):
         return str(int.from_bytes(value, "little")) if data_type in _TIMES else value.hex().upper()
     if not math.isfinite(value):
-        raise ArgumentError(f"{value} cannot stand in an EDS", remedy="give a finite number")
+        raise ArgumentError(f"{value} cannot be written in an EDS", remedy="give a finite number")
     return repr(float(value))
 
 

@@ -81,11 +81,13 @@ def read(data: bytes, source: str) -> EdsParseResult:
     """
     _check_size(len(data), source)
     if not data.strip():
-        raise EdsError("the file is empty", file=source, remedy="take the file again from the drive's maker")
+        raise EdsError(
+            "the file is empty", file=source, remedy="get the file again from the manufacturer of the drive"
+        )
     content = text.decode(data)
     if not _ANY_SECTION.search(content.text):
         raise EdsError(
-            "this is no EDS or DCF",
+            "this is not an EDS or DCF",
             file=source,
             observed=_looks_like(data),
             remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",
@@ -116,7 +118,7 @@ def read_document(document: EdsText, source: str) -> EdsParseResult:
         raise EdsError(
             "the file describes no object", file=source,
             observed=f"{counted(len(document.sections), 'section')}, none of an object",
-            remedy=f"take the file again from the drive's maker; {_WHAT_IS_AN_EDS}",
+            remedy=f"get the file again from the manufacturer of the drive; {_WHAT_IS_AN_EDS}",
         )  # fmt: skip
     eds = Eds(
         source,
@@ -150,14 +152,14 @@ def file_bytes(path: Path) -> bytes:
                 remedy=_suggestion(path, "") or "name a file in it",
             )
         if path.exists() and not path.is_file():
-            raise EdsError("this is no ordinary file", file=str(path), remedy="give an EDS or DCF file")
+            raise EdsError("this is not an ordinary file", file=str(path), remedy="give an EDS or DCF file")
         _check_size(path.stat().st_size, str(path))
         return path.read_bytes()
     except FileNotFoundError:
         remedy = (
             _suggestion(path.parent, path.name) or f"check the path: there is no EDS or DCF in {path.parent}"
         )
-        raise EdsError("there is no such file", file=str(path), remedy=remedy) from None
+        raise EdsError("the file does not exist", file=str(path), remedy=remedy) from None
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
         raise EdsError(
             "the file cannot be read",

@@ -244,7 +244,7 @@ def _report_preface(document: EdsText, findings: Findings) -> None:
     lines = document.lines[: start - 1]
     odd = [number for number, raw in enumerate(lines, 1) if raw.strip()[:1] not in _BLANK_OR_COMMENT]
     findings.add_lines(
-        "S005", odd, lambda number: f"{_short(lines[number - 1].strip())} stands before the first section"
+        "S005", odd, lambda number: f"{_short(lines[number - 1].strip())} is before the first section"
     )
 
 
@@ -271,7 +271,9 @@ def _report_body(lines: Sequence[str], section: Section, findings: Findings) -> 
             for number, (key, raw) in enumerate(zip(keys, body, strict=True), section.line + 1)
             if not key and raw.strip()[:1] not in _BLANK_OR_COMMENT
         ]
-        findings.add_lines("S006", odd, lambda number: f"{_short(lines[number - 1].strip())} is no key=value")
+        findings.add_lines(
+            "S006", odd, lambda number: f"{_short(lines[number - 1].strip())} is not a key=value"
+        )
     if len(keys) - empty > len(section.entries):
         _report_twice(keys, section, findings)
 

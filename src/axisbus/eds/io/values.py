@@ -95,9 +95,7 @@ def limits(low_text: str, high_text: str, data_type: DataType, only_zero: bool =
     )
     bottom, top = _plain(low.value), _plain(high.value)
     if bottom == top == 0 and not only_zero:
-        problem = ValueProblem(
-            "V018", "LowLimit and HighLimit are both 0, which is taken to mean that there is none"
-        )
+        problem = ValueProblem("V018", "LowLimit and HighLimit are both 0, which is read as no limit")
         return ValueLimits(None, None, (*problems, problem))
     wrapped = top is not None and top < 0 and "-" not in high_text
     if wrapped and (bottom is None or bottom >= 0):  # such as 0xFF for INTEGER8
@@ -200,7 +198,7 @@ def _not_understood(text: str) -> Integer:
         return Parsed(
             None, (ValueProblem("V001", f"{text} is a number of IEC 61131-3, DS 306 has it as {meant}"),)
         )
-    return Parsed(None, (ValueProblem("V001", f"{_short(text)} is no integer"),))
+    return Parsed(None, (ValueProblem("V001", f"{_short(text)} is not an integer"),))
 
 
 def _formula(text: str) -> Integer:
@@ -210,7 +208,7 @@ def _formula(text: str) -> Integer:
     numbers = [_number(term) for term in terms if term not in node_ids]
     constants = [number.value.value for number in numbers if number.value is not None]
     if len(node_ids) != 1 or len(constants) != len(numbers):
-        return Parsed(None, (ValueProblem("V020", f"{_short(text)} is no formula of $NODEID"),))
+        return Parsed(None, (ValueProblem("V020", f"{_short(text)} is not a formula of $NODEID"),))
     value = Number(sum(constants), plus_node_id=True)
     problems = tuple(problem for number in numbers for problem in number.problems)
     return Parsed(value, problems + _spelling(text, terms[0], node_ids[0], value))
@@ -271,7 +269,7 @@ def _real(text: str, data_type: DataType) -> Parsed[float | None]:
                 return Parsed(
                     value, (ValueProblem("V014", f"{text} is read as the bit pattern of {value:g}"),)
                 )
-    return Parsed(None, (ValueProblem("V001", f"{_short(text)} is no number of {data_type.name}"),))
+    return Parsed(None, (ValueProblem("V001", f"{_short(text)} is not a number of {data_type.name}"),))
 
 
 def _octets(text: str, _: DataType) -> Parsed[bytes | None]:
@@ -280,7 +278,7 @@ def _octets(text: str, _: DataType) -> Parsed[bytes | None]:
     octets = _hex(text[2:] if prefixed else text)
     if octets is None:
         return Parsed(
-            None, (ValueProblem("V017", f"{_short(text)} is no string of octets, and counts as absent"),)
+            None, (ValueProblem("V017", f"{_short(text)} is not a string of octets, and counts as absent"),)
         )
     return Parsed(
         octets, (ValueProblem("V017", f"{_short(text)} has 0x before its octets"),) if prefixed else ()
@@ -295,7 +293,7 @@ def _time(text: str, _: DataType) -> Parsed[bytes | None]:
         return Parsed(number.to_bytes(6, "little"))
     if octets is not None and len(octets) == 6:
         return Parsed(octets)
-    return Parsed(None, (ValueProblem("V001", f"{_short(text)} is no time of 48 bits"),))
+    return Parsed(None, (ValueProblem("V001", f"{_short(text)} is not a time of 48 bits"),))
 
 
 _READERS: dict[DataType, Callable[[str, DataType], Parsed[Default]]] = {

@@ -21,12 +21,12 @@ def lines(a: Eds, b: Eds, differences: Sequence[EdsDifference], node_id: int | N
     if node_id is not None:
         yield f"   values for node {node_id}"
     if not differences:
-        yield "no difference in what they mean"
+        yield "no difference in meaning"
         return
     weighty = [each for each in differences if each.matters]
     if weighty:
         yield ""
-        yield f"What matters for a master: {len(weighty)}"
+        yield f"Important for a master: {len(weighty)}"
         for run in _runs(weighty):
             yield f"  {_where(run)}{run[0].what}: {run[0].matters}"
     for group, members in groupby(differences, key=lambda each: each.group):

@@ -66,7 +66,7 @@ _DEFAULTS = {
         (cia402.FOLLOWING_ERROR_WINDOW, cia402.FOLLOWING_ERROR_TIME_OUT),
         "another following error leads to a fault",
     ),
-    cia402.QUICK_STOP_DECELERATION: "a quick stop takes another way and time",
+    cia402.QUICK_STOP_DECELERATION: "a quick stop needs another distance and time",
     cia402.HOMING_METHOD: "another homing method, unless the master sets it",
     cia402.POSITIONING_OPTION: "how a new set-point replaces a running one",
     cia402.INTERPOLATION_TIME_PERIOD: "the period of the cyclic modes, unless the master sets it",
@@ -180,7 +180,7 @@ def presence(eds: Eds, index: int, subindex: int | None, removed: bool) -> str:
     if needing and not subindex:
         return f"needed by {' '.join(needing)}"
     if first in _STOP_OBJECTS:
-        return f"what {_STOP_OBJECTS[first]} does can no longer be set"
+        return f"the reaction {_STOP_OBJECTS[first]} can no longer be set"
     if subindex is None and cia301.is_pdo_parameter(index):
         return ""  # reported for the PDO as a whole
     carried = [
@@ -190,7 +190,7 @@ def presence(eds: Eds, index: int, subindex: int | None, removed: bool) -> str:
     ]
     if carried:
         return f"{', '.join(carried)} carried it"
-    return "it had a say in what the master relies on" if first in _DEFAULTS else ""
+    return "it affected properties that the master relies on" if first in _DEFAULTS else ""
 
 
 def _sync(before: object, after: object) -> str:

@@ -249,7 +249,7 @@ _NMT = (
 _EMCY = (
     PdoSignal("Error_code", 0, 16, "CiA 301 table 26 and 603Fh"),
     PdoSignal("Error_register", 16, 8, "1001h"),
-    PdoSignal("Makers_field", 24, 40, "specific to the maker"),
+    PdoSignal("Makers_field", 24, 40, "manufacturer-specific"),
 )
 _SDO = (
     PdoSignal("Command", 0, 8, "command specifier (CiA 301 7.2.4.3)"),

@@ -98,7 +98,7 @@ def of_cell(file: str, nodes: Sequence[NodePdos]) -> str:
     """Return the header of a cell: the entries of each of its EDS files, and the PDOs of these nodes; ``file`` is its name."""
     name = naming.constant(PurePath(file).stem, "CELL")
     title = (
-        f"The PDOs of {_words(PurePath(file).name)}, as boot-up configures them where each drive takes what its EDS says,",
+        f"The PDOs of {_words(PurePath(file).name)}, as boot-up configures them if each drive accepts the values of its EDS,",
         "and the object dictionaries of their nodes.",
     )
     body = [line for prefix, eds in _prefixes(nodes) for line in _dictionary(eds, prefix)]

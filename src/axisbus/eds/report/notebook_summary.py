@@ -16,7 +16,7 @@ _MANY = 5000  # objects: larger files are not searched for oddities here
 # The areas of an object dictionary, by CiA 301.
 _AREAS = (
     (range(0x1000, 0x2000), "communication, 1000h to 1FFFh"),
-    (range(0x2000, 0x6000), "the maker's own, 2000h to 5FFFh"),
+    (range(0x2000, 0x6000), "manufacturer-specific, 2000h to 5FFFh"),
     (range(0x6000, 0xA000), "device profile, 6000h to 9FFFh"),
 )
 _PDOS = ((range(0x1400, 0x1600), "RPDO"), (range(0x1800, 0x1A00), "TPDO"))
@@ -47,7 +47,7 @@ def _findings(eds: Eds) -> str:
         return "see axisbus eds check"
     found = Counter(finding.severity.value for finding in eds.findings)
     told = [counted(number, severity) for severity, number in found.items()]
-    return f"{', '.join(told)}; axisbus eds check tells them" if told else "nothing odd"
+    return f"{', '.join(told)}; axisbus eds check lists them" if told else "nothing odd"
 
 
 def _hex(value: int | None) -> str:

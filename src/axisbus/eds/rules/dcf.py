@@ -29,7 +29,7 @@ def baud_rate(sheet: RuleContext) -> Iterator[Hit]:
     section = sheet.commissioning
     if section is not None and number(section, "baudrate") not in BAUD_RATES:
         given = section.entries.get("baudrate")
-        what = "has no Baudrate" if not given else f"Baudrate={short(given)} is no bit rate of CiA 301"
+        what = "has no Baudrate" if not given else f"Baudrate={short(given)} is not a bit rate of CiA 301"
         yield sheet.at(section, "baudrate", f"[{section.name}] {what}")
 
 
@@ -71,7 +71,7 @@ def values_in_an_eds(sheet: RuleContext) -> Iterator[Hit]:
     found = [entry for entry in sheet.described if "parametervalue" in entry.section.entries]
     if found:
         others = f", as have {counted(len(found) - 1, 'other')}" if len(found) > 1 else ""
-        yield sheet.on(found[0], "parametervalue", f"has a ParameterValue{others}, but this is no DCF")
+        yield sheet.on(found[0], "parametervalue", f"has a ParameterValue{others}, but this is not a DCF")
 
 
 def lengths(sheet: RuleContext) -> Iterator[Hit]:
@@ -92,7 +92,7 @@ def network_numbers(sheet: RuleContext) -> Iterator[Hit]:
         given = section.entries.get(key, "") if section is not None else ""
         value = values.plain(given)
         if given and (value is None or not 0 <= value <= _MAX_U32):
-            yield sheet.at(section, key, f"{name}={short(given)} is no UNSIGNED32")
+            yield sheet.at(section, key, f"{name}={short(given)} is not an UNSIGNED32")
 
 
 def manager_flag(sheet: RuleContext) -> Iterator[Hit]:

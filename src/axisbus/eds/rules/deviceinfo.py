@@ -93,7 +93,7 @@ def identity_numbers(sheet: RuleContext) -> Iterator[Hit]:
         given = _entry(sheet, key)
         value = values.plain(given)
         if given and (value is None or not 0 <= value <= _MAX_U32):
-            yield _at(sheet, key, f"{name}={short(given)} is no UNSIGNED32")
+            yield _at(sheet, key, f"{name}={short(given)} is not an UNSIGNED32")
 
 
 def flags(sheet: RuleContext) -> Iterator[Hit]:
@@ -118,7 +118,7 @@ def pdo_numbers(sheet: RuleContext) -> Iterator[Hit]:
         text = _entry(sheet, key)
         given = values.plain(text)
         if text and (given is None or given < 0):
-            yield _at(sheet, key, f"{name}={short(text)} is no number")
+            yield _at(sheet, key, f"{name}={short(text)} is not a number")
             continue
         described = sum(_communicates(entry, first) for entry in sheet.eds)
         if given is not None and given != described:
@@ -194,7 +194,7 @@ def compact_pdo(sheet: RuleContext) -> Iterator[Hit]:
     parts = _entry(sheet, "compactpdo")
     value = values.plain(parts)
     if parts and (value is None or value & ~_COMPACT_PARTS):
-        yield _at(sheet, "compactpdo", f"CompactPDO={short(parts)} is no mask of the sub-indices 1 to 6")
+        yield _at(sheet, "compactpdo", f"CompactPDO={short(parts)} is not a mask of the sub-indices 1 to 6")
 
 
 def dummy_usage(sheet: RuleContext) -> Iterator[Hit]:

@@ -82,7 +82,7 @@ def version_numbers(sheet: RuleContext) -> Iterator[Hit]:
         given = _entry(sheet, key)
         number = values.plain(given)
         if given and (number is None or not 0 <= number <= 255):
-            yield _at(sheet, key, f"{name}={short(given)} is no UNSIGNED8")
+            yield _at(sheet, key, f"{name}={short(given)} is not an UNSIGNED8")
 
 
 def dates(sheet: RuleContext) -> Iterator[Hit]:
@@ -90,7 +90,7 @@ def dates(sheet: RuleContext) -> Iterator[Hit]:
     for key, name in _DATES.items():
         given = _entry(sheet, key)
         if given and _date(given) is None:
-            yield _at(sheet, key, f"{name}={short(given)} is no date of the form mm-dd-yyyy")
+            yield _at(sheet, key, f"{name}={short(given)} is not a date of the form mm-dd-yyyy")
 
 
 def times(sheet: RuleContext) -> Iterator[Hit]:
@@ -98,7 +98,7 @@ def times(sheet: RuleContext) -> Iterator[Hit]:
     for key, name in _TIMES.items():
         given = _entry(sheet, key)
         if given and not _TIME.fullmatch(given):
-            yield _at(sheet, key, f"{name}={short(given)} is no time of the form hh:mm(AM|PM)")
+            yield _at(sheet, key, f"{name}={short(given)} is not a time of the form hh:mm(AM|PM)")
 
 
 def lengths(sheet: RuleContext) -> Iterator[Hit]:
@@ -123,7 +123,7 @@ def origin(sheet: RuleContext) -> Iterator[Hit]:
     section = sheet.file_info
     if sheet.is_dcf and section is not None and not section.entries.get("lasteds"):
         yield sheet.at(
-            section, "lasteds", f"[{section.name}] does not name the EDS of which the DCF was made"
+            section, "lasteds", f"[{section.name}] does not name the EDS from which the DCF was made"
         )
 
 
@@ -131,7 +131,7 @@ def eds_version(sheet: RuleContext) -> Iterator[Hit]:
     """F009."""
     given = _entry(sheet, "edsversion")
     if given and not _VERSION.fullmatch(given):
-        yield _at(sheet, "edsversion", f"EDSVersion={short(given)} is no version of the format")
+        yield _at(sheet, "edsversion", f"EDSVersion={short(given)} is not a version of the format")
 
 
 def _entry(sheet: RuleContext, key: str) -> str:

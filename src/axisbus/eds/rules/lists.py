@@ -56,7 +56,7 @@ def numbering(sheet: RuleContext) -> Iterator[Hit]:
     for section in _lists(sheet):
         for expected, listed in enumerate(_entries(section), 1):
             if listed.key != str(expected):
-                text = f"[{section.name}] goes on with {short(listed.key)!r}, where {expected} is due"
+                text = f"[{section.name}] continues with {short(listed.key)!r}, but {expected} is expected"
                 yield _at_key(sheet, listed, text)
                 break
 
@@ -65,7 +65,7 @@ def no_objects(sheet: RuleContext) -> Iterator[Hit]:
     """L009."""
     for listed in _all(sheet):
         if listed.target is None:
-            text = f"[{listed.section.name}] {listed.key}={short(listed.text)} is no index of an object"
+            text = f"[{listed.section.name}] {listed.key}={short(listed.text)} is not an index of an object"
             yield sheet.at(listed.section, listed.key, text)
 
 
@@ -135,7 +135,7 @@ def wrong_list(sheet: RuleContext) -> Iterator[Hit]:
             continue  # a profile or a maker may define more mandatory objects
         proper = _proper(listed.target)
         if proper != name:
-            text = f"{listed.target:04X} stands in [{listed.section.name}], it belongs to [{LISTS[proper]}]"
+            text = f"{listed.target:04X} is in [{listed.section.name}], it belongs to [{LISTS[proper]}]"
             yield sheet.at(listed.section, listed.key, text, listed.target)
 
 

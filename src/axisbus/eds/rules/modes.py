@@ -66,9 +66,7 @@ def empty_claims(sheet: RuleContext) -> Iterator[Hit]:
         for mode in claimed(sheet, axis) or ():
             if not meant(sheet, axis, mode):
                 absent = ", ".join(_named(axis, index) for index in missing(sheet, axis, mode))
-                text = (
-                    f"{_claims(sheet, axis, [mode])}, of which nothing is described; {absent} would be needed"
-                )
+                text = f"{_claims(sheet, axis, [mode])}, without any object; {absent} would be needed"
                 yield _at_claim(sheet, axis, text)
 
 
@@ -160,7 +158,7 @@ def _wrong_mode(
         return "a mode that CiA 402 does not have"
     if claimed is not None:
         return "" if mode in claimed else f"which {_word(sheet, axis)} does not claim"
-    return "" if meant(sheet, axis, mode) else "of which nothing is described"
+    return "" if meant(sheet, axis, mode) else "without any object"
 
 
 def no_mode_display(sheet: RuleContext) -> Iterator[Hit]:
@@ -179,7 +177,7 @@ def homing_methods(sheet: RuleContext) -> Iterator[Hit]:
         index = axis.offset + o.HOMING_METHOD
         entry, method = sheet.eds.get(index), sheet.number(index)
         if entry is not None and method is not None and method > 0 and method not in METHODS:
-            text = f"[{index:04X}] is {method}, which is no homing method of CiA 402"
+            text = f"[{index:04X}] is {method}, which is not a homing method of CiA 402"
             yield sheet.at(sheet.section_of(index), start_key(entry), text, index)
 
 

@@ -99,7 +99,7 @@ def unknown_connected(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(
                 connected,
                 key,
-                f"[ConnectedModules] {key}={short(text)} is none of the {count} supported modules",
+                f"[ConnectedModules] {key}={short(text)} is not one of the {count} supported modules",
             )
 
 

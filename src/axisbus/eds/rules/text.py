@@ -74,7 +74,7 @@ def spaced_keys(sheet: RuleContext) -> Iterator[Hit]:
     found = _matches(sheet, _SPACED_KEY, " =", "\t=")
     if found:
         number, match = found[0]
-        yield Hit(number, match.start(1) + 1, f"a space stands before the equals sign{_and_more(found)}")
+        yield Hit(number, match.start(1) + 1, f"there is a space before the equals sign{_and_more(found)}")
 
 
 def indented_comments(sheet: RuleContext) -> Iterator[Hit]:

@@ -96,8 +96,8 @@ class WebPage:
         self._errors.seek(0)
         return StateError(
             "the page could not be served",
-            observed=self._errors.read().strip() or f"its program told no link within {_STARTS:g} s",
-            remedy="mend what it says; axisbus web CELL serves it as well",
+            observed=self._errors.read().strip() or f"its program reported no link within {_STARTS:g} s",
+            remedy="correct the cause that it prints; axisbus web CELL serves the page as well",
         )
 
 
@@ -119,6 +119,6 @@ def require_joinable(joinable: bool) -> None:
     if not joinable:
         raise StateError(
             "no page can be served for this machine",
-            observed="its core has no process of its own, and no other program can join it",
-            remedy='let it have one (process = "own" in [bus], on Linux), or serve it by axisbus web',
+            observed="its core does not run in its own process, so no other program can join it",
+            remedy='give it one (process = "own" in [bus], on Linux), or serve the page by axisbus web',
         )

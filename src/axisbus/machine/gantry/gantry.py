@@ -63,7 +63,7 @@ class Gantry(AxisSet):
         """
         if not self.homed:
             raise StateError(
-                f"{self.name}: nobody knows how far the beam is out of square",
+                f"{self.name}: the skew of the beam is unknown",
                 observed="its axes are not homed",
                 remedy=f"home the pair first: {self.name}.home(), or set_position(...)",
             )
@@ -94,7 +94,7 @@ class Gantry(AxisSet):
         if wide <= self.max_skew:
             raise LimitError(
                 f"{self.name}.enable: skew {wide:g} {self.unit} is not above max_skew = {self.max_skew:g} {self.unit}",
-                remedy="leave it out: max_skew holds without it",
+                remedy="leave it out: without it max_skew applies",
             )
         return self._submit(f"enable(skew={wide:g} {self.unit})", g.GantryEnable(self._pair.axes, wide))
 
@@ -239,7 +239,7 @@ class Gantry(AxisSet):
         name = self._pair.second if name is None else name
         if not isinstance(name, str) or name not in self._pair.axes:
             raise ArgumentError(
-                f"{self.name}.square: {told(name)} is no axis of this pair",
+                f"{self.name}.square: {told(name)} is not an axis of this pair",
                 remedy=f"it is {self._pair.first} or {self._pair.second}",
             )
         text = f"square({name})" if distance is None else f"square({name}, {shown(distance)} {self.unit})"
@@ -263,7 +263,7 @@ class Gantry(AxisSet):
         mode = buffering_of(f"{self.name}.{name}", buffer)
         if mode is not None and mode.blends:
             raise ArgumentError(
-                f"{self.name}.{name}: a pair does not blend", remedy="let it begin from rest: buffer=True"
+                f"{self.name}.{name}: a pair does not blend", remedy="let it begin at standstill: buffer=True"
             )
         speed, ramp, soft = request.velocity(velocity), request.acceleration(acceleration), request.jerk(jerk)
         command = g.GantryMove(self._pair.axes, reference, value, speed, ramp, soft, mode is not None)

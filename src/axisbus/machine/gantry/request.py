@@ -81,8 +81,8 @@ class BeamRequest:
         plan, name = self._pair.homing, self._pair.name
         if plan is None:
             raise ArgumentError(
-                f"{self.text}: nothing says how the pair is homed",
-                remedy=f"add [gantries.{name}.homing] to cell.toml; or say where the beam is: {name}.set_position(...)",
+                f"{self.text}: the cell file does not say how the pair is homed",
+                remedy=f"add [gantries.{name}.homing] to cell.toml; or give the position of the beam: {name}.set_position(...)",
             )
         for parameters in self._parameters[: 2 if plan.each else 1]:
             require_objects(

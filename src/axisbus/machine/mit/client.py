@@ -108,11 +108,11 @@ class MitControl:
             NodeError: it is not heard, not idle, has errors, does not answer, or does not enter closed loop; it is left idle.
         """
         if not self._entered:
-            raise StateError("MIT control is used in a with block, whose end stops the module")
+            raise StateError("MIT control must be used in a with block, whose end stops the module")
         if self._leader is not None and self._leader.over and self._thread is not None:
             self._thread.join(_ANSWER)  # it has practically ended
         if self._thread is not None and self._thread.is_alive():
-            raise StateError(f"module {self.settings.node} is led already")
+            raise StateError(f"module {self.settings.node} is under MIT control already")
         self._heard.clear()  # frames received before say nothing about the present
         leader = self._leader = MitLeader(self.settings)
         self._thread = threading.Thread(
@@ -131,7 +131,7 @@ class MitControl:
             ArgumentError: not a command. StateError: it is not enabled. NodeError: it is being stopped, with the reason.
         """
         if not isinstance(command, MitCommand):
-            raise ArgumentError(f"{command!r} is no command of MIT control", remedy="give a MitCommand")
+            raise ArgumentError(f"{command!r} is not a command of MIT control", remedy="give a MitCommand")
         leader = self._running(self._leader)
         with self._came:
             number = leader.command(command, time.monotonic())
@@ -152,14 +152,14 @@ class MitControl:
         """
         leader = self._leader
         if leader is None:
-            return "it was not led"
+            return "it was not under MIT control"
         leader.leave("the program has ended it")
         self._wait(lambda: leader.over, _LONGEST)
         if not leader.confirmed or not leader.over:
             raise NodeError(
-                f"module {self.settings.node} is not known to be without power",
+                f"it is not known whether module {self.settings.node} is without power",
                 node=self.settings.node,
-                observed=leader.left or "its way out has not ended",
+                observed=leader.left or "its shutdown has not ended",
                 remedy="switch its supply off",
             )
         return leader.left
@@ -219,7 +219,7 @@ class MitControl:
                 with suppress(AxisbusError):
                     send(self._channel, frame)
         leader.give_up(
-            "our own thread has failed: damping and idle were sent, and nobody looked at what came of it"
+            "the thread of this program has failed: damping and idle were sent, and their effect was not checked"
         )
 
     def _hear(self, can_id: int, data: bytes, stamp: float) -> None:
@@ -265,15 +265,17 @@ class MitControl:
 
     def _running(self, leader: MitLeader | None) -> MitLeader:
         if leader is None:
-            raise StateError(f"module {self.settings.node} is not led", remedy="enable it first")
+            raise StateError(
+                f"module {self.settings.node} is not under MIT control", remedy="enable it first"
+            )
         if leader.phase is not MitPhase.RUNNING:
             self._fail(leader)
         return leader
 
     def _fail(self, leader: MitLeader) -> NoReturn:
         raise NodeError(
-            f"module {self.settings.node} is not led any more: {leader.why or leader.phase.value}",
+            f"module {self.settings.node} is no longer under MIT control: {leader.why or leader.phase.value}",
             node=self.settings.node,
             observed=leader.left or f"it is {leader.phase.value}",
-            remedy="mend that, then enable it again",
+            remedy="clear that cause, then enable it again",
         )

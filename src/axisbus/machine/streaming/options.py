@@ -69,15 +69,15 @@ def require_apart(seconds: float, scan: float, text: str, what: str, longest: fl
         allowed = f"{least:.6g} s or more" if longest is None else f"from {least:.6g} to {longest:g} s"
         raise ArgumentError(
             f"{text}: {what} {seconds:.6g} s is not {allowed}",
-            observed=f"the scan period is {scan:g} s, and a cycle goes by {_IN_A_CYCLE} points at most",
-            remedy="leave out points that come faster than that, or set scan_period in [bus] of cell.toml",
+            observed=f"the scan period is {scan:g} s, and a cycle uses {_IN_A_CYCLE} points at most",
+            remedy="leave out points that are closer together, or set scan_period in [bus] of cell.toml",
         )
 
 
 def _require_able(name: str, axis: Axis, text: str, *, places: bool) -> None:
     if places and axis.modulo is not None:
         raise ArgumentError(
-            f"{text}: {name} is endless, so it makes no places of a workspace",
+            f"{text}: {name} is endless, so its positions have no poses in a workspace",
             observed=f"its modulo is {axis.modulo:g} {axis.unit}",
             remedy="leave it out of the group, or stream its own positions",
         )
@@ -93,7 +93,7 @@ def _seconds(text: str, what: str, value: object) -> float:
             found = None
     if found is None or not _LEAST <= found <= _MOST:
         raise ArgumentError(
-            f"{text}: {what} {told(value)} is no time from {_LEAST:g} to {_MOST:g} s",
+            f"{text}: {what} {told(value)} is not a time from {_LEAST:g} to {_MOST:g} s",
             remedy='give seconds, such as 0.01, or a time with its unit, such as "10ms"',
         )
     return found

@@ -142,7 +142,8 @@ class PointStream:
         while not self.try_push(point):
             if not wait(lambda: self._has_room or not self.handle.busy, most):
                 raise TimeoutError(
-                    f"{self._text}: no room for point {self.count + 1} after {timeout:g} s; {self.buffered_seconds:.3f} s are ahead"
+                    f"{self._text}: no room for point {self.count + 1} after {timeout:g} s; {self.buffered_seconds:.3f} s "
+                    "are buffered"
                 )
 
     def try_push(self, point: Sequence[float]) -> bool:
@@ -180,7 +181,7 @@ class PointStream:
         with self._lock:
             if self.handle.busy or self.handle.done:
                 why = "is under way" if self.handle.busy else "has come to its end"
-                raise StateError(f"{self._text}: the stream {why}, so there is nothing to go on with")
+                raise StateError(f"{self._text}: the stream {why}, so there is nothing to continue")
             self.handle.exception()  # mark the end of the old handle as read
             self._failure = None
             command = GroupContinue(tuple(self._axes), self._number)
@@ -213,8 +214,8 @@ class PointStream:
             raise error
         if self._ended or not self.handle.busy:
             raise StateError(
-                f"{self._text}: the stream has ended, so it takes no more points",
-                remedy="begin a new one from where the axes stand",
+                f"{self._text}: the stream has ended, so it accepts no more points",
+                remedy="begin a new one at the present position of the axes",
             )
 
     def _point(self, values: Sequence[float]) -> StreamPoint:
@@ -227,9 +228,9 @@ class PointStream:
             given = []
         if len(given) != len(names) or None in given:
             raise ArgumentError(
-                f"{text} is no point: {told(values)}",
-                observed=f"it is made of {counted(len(names), 'finite number')}",
-                remedy=f"give one for each of {', '.join(names)}, in this order; nothing of this point was taken",
+                f"{text} is invalid: {told(values)}",
+                observed=f"a point is {counted(len(names), 'finite number')}",
+                remedy=f"give one for each of {', '.join(names)}, in this order; this point was rejected",
             )
         numbers = [value for value in given if value is not None]
         place = tuple(numbers[1:] if timed else numbers)
@@ -267,7 +268,7 @@ class PointStream:
             raise LimitError(
                 f"{text} is out of reach",
                 observed=str(error),
-                remedy="begin the stream with where the axes stand",
+                remedy="begin the stream at the present position of the axes",
             ) from None
 
     def _time(self, given: float | None, text: str) -> float:
@@ -285,7 +286,7 @@ class PointStream:
             raise ArgumentError(
                 f"{text} is not later than the last",
                 observed=f"its time is {given:.6g} s, that of the last {last.t + self._begin:.6g} s",
-                remedy="give points in the order of their times; nothing of this point was taken",
+                remedy="give points in the order of their times; this point was rejected",
             )
         require_apart(t - last.t, self._scan, text, "the time after the last")
         return t

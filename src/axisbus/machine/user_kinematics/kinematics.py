@@ -53,14 +53,15 @@ def kinematics_for(
         return kinematics  # type: ignore[return-value]
     if not isinstance(kinematics, UserKinematics):
         raise ArgumentError(
-            f"{text}: {told(kinematics)} is no kinematics",
+            f"{text}: {told(kinematics)} is not a kinematics object",
             observed="it has no methods forward and inverse",
             remedy="give Scara, Delta, CoreXY, or an object with forward(joints) and inverse(coordinates, near)",
         )
     if accuracy is not None and not (number(accuracy) or 0.0) > 0.0:
         raise ArgumentError(
-            f"{text}: accuracy {told(accuracy)} is no distance",
-            remedy="give by how much the tool may leave its way between two samples, above 0; or leave it out: one increment",
+            f"{text}: accuracy {told(accuracy)} is not a distance",
+            remedy="give the allowed deviation of the tool from its path between two samples, above 0; or leave it out: one "
+            "increment",
         )
     return UserKinematicsAdapter(kinematics, axes, accuracy)
 
@@ -104,13 +105,13 @@ class UserKinematicsAdapter:
             ArgumentError: it raised another exception, or did not return positions.
         """
         found = self._called(
-            "inverse", lambda: self._kinematics.inverse(place, near), f"for the place {listed(place)}"
+            "inverse", lambda: self._kinematics.inverse(place, near), f"for the pose {listed(place)}"
         )
         if len(found) != len(self._axes):
             raise ArgumentError(
-                f"{self.name}.inverse returned {counted(len(found), 'position')} for the place {listed(place)}",
+                f"{self.name}.inverse returned {counted(len(found), 'position')} for the pose {listed(place)}",
                 observed=f"the group has {counted(len(self._axes), 'axis', 'axes')}: {', '.join(self._axes)}",
-                remedy="let it return one for each, in this order; nothing has moved",
+                remedy="it must return one for each, in this order; nothing has moved",
             )
         return found
 
@@ -129,23 +130,23 @@ class UserKinematicsAdapter:
         if len(back) != len(place):
             raise ArgumentError(
                 f"{self.name}.forward returned {counted(len(back), 'coordinate')} at {listed(joints)}",
-                observed=f"where the axes stand it returned {len(place)}",
-                remedy="let it return as many everywhere; nothing has moved",
+                observed=f"at the present position of the axes it returned {len(place)}",
+                remedy="it must always return the same number; nothing has moved",
             )
         off, allowed = math.dist(back, place), self.allowed(joints, back)
         if off > allowed:
             raise ArgumentError(
-                f"{self.name}.forward and inverse do not belong together at {listed(place)}",
-                observed=f"inverse gives {listed(joints)}, of which forward makes {listed(back)}: {off:.3g} away, allowed are "
-                f"{allowed:.3g}",
-                remedy="correct them, or give accuracy = ... where the inverse is not exact; nothing has moved",
+                f"{self.name}.forward and inverse do not agree at {listed(place)}",
+                observed=f"inverse returns {listed(joints)}, from which forward computes {listed(back)}: {off:.3g} away, "
+                f"allowed are {allowed:.3g}",
+                remedy="correct them, or give accuracy = ... if the inverse is not exact; nothing has moved",
             )
 
     def is_same(self, joints: Place, there: Place) -> str:
         """Return a text about the axis that is not at ``joints`` within its start tolerance; "" if all axes are."""
         for (name, axis), a, b in zip(self._axes.items(), joints, there, strict=True):
             if abs(a - b) > axis.start_tolerance:
-                return f"{name} stands at {b:.6g} {axis.unit}, and would have to be at {a:.6g}"
+                return f"{name} is at {b:.6g} {axis.unit}, and must be at {a:.6g}"
         return ""
 
     def _called(self, method: str, call: Callable[[], Sequence[float]], where: str) -> Place:
@@ -156,7 +157,7 @@ class UserKinematicsAdapter:
         except ValueError as error:
             raise LimitError(
                 f"{self.name}.{method} says {where}: {one_line(error)}",
-                remedy="choose another way, which the machine reaches; nothing has moved",
+                remedy="choose another path within the reach of the machine; nothing has moved",
             ) from error
         except Exception as error:
             raise ArgumentError(
@@ -167,7 +168,7 @@ class UserKinematicsAdapter:
             raise ArgumentError(
                 f"{self.name}.{method} returned {told(given)} {where}",
                 observed="each must be a finite number",
-                remedy=f"correct {self.name}.{method}, or let it raise ValueError where it has no answer; nothing has moved",
+                remedy=f"correct {self.name}.{method}, or let it raise ValueError if it has no solution; nothing has moved",
             )
         return tuple(value for value in values if value is not None)
 

@@ -73,7 +73,7 @@ def of_point(text: str, error: AxisbusError) -> AxisbusError:
     return type(error)(
         f"{text}: {error.message}",
         observed=error.observed,
-        remedy=error.remedy.replace("nothing has moved", "nothing of this point was taken"),
+        remedy=error.remedy.replace("nothing has moved", "this point was rejected"),
     )
 
 
@@ -120,9 +120,7 @@ class PlaceJoining(PointAccepted[tuple[Span, ...]]):
             if self._is_near(curves, rows, between.seconds / count):
                 return rows
             count *= 2
-        raise ValueError(
-            f"an axis would have to leap between {between.begin.t:.3f} s and {between.end.t:.3f} s"
-        )
+        raise ValueError(f"an axis must jump between {between.begin.t:.3f} s and {between.end.t:.3f} s")
 
     def _rows(self, between: Between, curves: Sequence[Coefficients], count: int) -> list[Row]:
         """Return the axes' motion at the ends of ``count`` parts."""
@@ -173,9 +171,9 @@ class PlaceJoining(PointAccepted[tuple[Span, ...]]):
 
     def _refused(self, why: str) -> LimitError:
         return LimitError(
-            f"{self._text}: point {self.count + 1} leads where the machine does not reach",
+            f"{self._text}: point {self.count + 1} is out of the reach of the machine",
             observed=why,
-            remedy="give points within reach, farther from where arms are stretched out or folded; nothing of this point was taken",
+            remedy="give points within reach, farther from where arms are stretched out or folded; this point was rejected",
         )
 
 

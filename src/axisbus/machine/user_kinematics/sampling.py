@@ -103,9 +103,9 @@ class Sampling:
         off = self._own.is_same(self._own.inverse(place, self._start), self._start)
         if off:
             raise ArgumentError(
-                f"{self._own.name}.inverse finds other positions than the axes have where they stand",
+                f"{self._own.name}.inverse returns other positions than the present positions of the axes",
                 observed=f"at {listed(place)} {off}",
-                remedy="let inverse return the solution that is nearest to near; nothing has moved",
+                remedy="inverse must return the solution that is nearest to near; nothing has moved",
             )
 
     def _sampled(self, number: int) -> list[Row]:
@@ -148,9 +148,10 @@ class Sampling:
         """Raise LimitError if so many samples are needed that they would delay the core's cycles."""
         if sum(self._counts) > _MOST:
             raise LimitError(
-                f"the way needs more than {_MOST} samples",
+                f"the path needs more than {_MOST} samples",
                 observed=f"it has {counted(len(self._pieces), 'line or corner', 'lines and corners')}",
-                remedy="give it in parts, one waiting for the other (buffer=True), or give accuracy = ...; nothing has moved",
+                remedy="give it in parts, each waiting for the one before it (buffer=True), or give accuracy = ...; nothing "
+                "has moved",
             )
 
     def _worst(self, number: int) -> _Worst:
@@ -175,11 +176,11 @@ class Sampling:
             zip(self._own.axes, before, behind, strict=True), key=lambda one: abs(one[2] - one[1])
         )
         return LimitError(
-            f"near {listed(piece.at(n * step))} {name} would have to leap",
-            observed=f"from {a:.6g} to {b:.6g} within {step:.3g} of the way: sampled at {len(rows)} places of this piece, the tool "
-            f"would still be {worst.off:.3g} off",
-            remedy=f"let {self._own.name}.inverse stay with the solution that is nearest to near, choose a way farther from where "
-            "arms are stretched out or folded, or give accuracy = ...; nothing has moved",
+            f"near {listed(piece.at(n * step))} {name} must jump",
+            observed=f"from {a:.6g} to {b:.6g} within {step:.3g} of the path: with {len(rows)} samples of this segment, the "
+            f"tool would still be {worst.off:.3g} off",
+            remedy=f"{self._own.name}.inverse must return the solution that is nearest to near; or choose a path farther "
+            "from positions with stretched or folded arms, or give accuracy = ...; nothing has moved",
         )
 
     def _require_room(self) -> None:
@@ -206,9 +207,9 @@ class Sampling:
             if not allowed[0] <= low <= high <= allowed[1]:
                 beyond = low if low < allowed[0] else high
                 raise LimitError(
-                    f"the way leaves the position limits of {name} near {listed(place)}",
-                    observed=f"{name} would have to be at {beyond:.6g} {unit}; allowed are {allowed[0]:g} to {allowed[1]:g}",
-                    remedy=f"choose another way, or change position_limits in [axes.{name}] of cell.toml; nothing has moved",
+                    f"the path leaves the position limits of {name} near {listed(place)}",
+                    observed=f"{name} must be at {beyond:.6g} {unit}; allowed are {allowed[0]:g} to {allowed[1]:g}",
+                    remedy=f"choose another path, or change position_limits in [axes.{name}] of cell.toml; nothing has moved",
                 )
 
 

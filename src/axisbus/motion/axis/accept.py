@@ -63,8 +63,8 @@ def require(core: AxisCore, command: c.Command, ticket: CommandStatus) -> None:
 def _require_enable(core: AxisCore, ticket: CommandStatus) -> None:
     if core.parameters.encoder:
         raise StateError(
-            f"{ticket.name}: {core.parameters.name} is an encoder, and has no drive",
-            observed=f"it is where [io.{core.parameters.encoder}] says",
+            f"{ticket.name}: {core.parameters.name} is an encoder and has no drive",
+            observed=f"its position is the input [io.{core.parameters.encoder}]",
             remedy="let another axis follow it: gear_in or cam_in",
         )
     if core.state is AxisState.ERRORSTOP or core.image.state is PowerState.FAULT:
@@ -73,19 +73,19 @@ def _require_enable(core: AxisCore, ticket: CommandStatus) -> None:
     if _is_enabled(core):
         return
     if core.ladder is not None:
-        raise StateError(f"{ticket.name}: the axis is being stopped", remedy="wait until it stands")
+        raise StateError(f"{ticket.name}: the axis is being stopped", remedy="wait until it is at standstill")
     if _runs(core, EnableActivity):
         return
     if _runs(core, Coast) and core.image.state is PowerState.OPERATION_ENABLED:
         raise StateError(  # an enable now would hold the axis from one cycle to the next, whatever its speed
-            f"{ticket.name}: its power is being taken away",
+            f"{ticket.name}: its power is being switched off",
             remedy="wait until it is off: axis.disable(coast=True).wait()",
         )
     if not core.image.operational:
         raise StateError(
             f"{ticket.name}: node {core.parameters.node} is not operational",
             observed=nmt_text(core.image),
-            remedy="look at its supply and cable, and open the machine again (axisbus boot cell.toml shows what it says)",
+            remedy="check its supply and cable, and open the machine again (axisbus boot cell.toml shows its answers)",
         )
 
 
@@ -148,7 +148,7 @@ def _disable(core: AxisCore, command: c.Disable, ticket: CommandStatus, _: Start
 def _coast(core: AxisCore, ticket: CommandStatus) -> None:
     if core.parameters.holds_load is not HoldsLoad.NO and not core.image.standstill:
         raise StateError(
-            f"{ticket.name}: the axis holds a load and does not stand",
+            f"{ticket.name}: the axis holds a load and is not at standstill",
             remedy="halt it first: axis.halt()",
         )
     if _runs(core, Coast):
@@ -176,14 +176,17 @@ def _reset(core: AxisCore, command: c.ResetCommand, ticket: CommandStatus, gate:
         return
     if core.state is AxisState.ERRORSTOP and image.state is PowerState.UNKNOWN:
         raise StateError(
-            f"{ticket.name}: nothing is known of the drive",
+            f"{ticket.name}: the state of the drive is unknown",
             observed="no fresh statusword (6041h)",
-            remedy=f"see why it is in ErrorStop (axis.error), and whether the drive sends the TPDO that holds it; then {ANEW}",
+            remedy=(
+                "see why it is in ErrorStop (axis.error), and check that the drive sends the TPDO that contains 6041h; "
+                f"then {ANEW}"
+            ),
         )
     if core.state is AxisState.ERRORSTOP and core.disobeyed:
         raise StateError(
-            f"{ticket.name}: the drive does not do what its stop asked for",
-            observed=f"it drives its motor still, in state {image.state.value!r}",
+            f"{ticket.name}: the drive does not obey the stop",
+            observed=f"it still drives its motor, in state {image.state.value!r}",
             remedy="TREAT THE AXIS AS MOVING: use the emergency stop; then see why it is in ErrorStop (axis.error)",
         )
     core.clear_error()
@@ -233,7 +236,9 @@ def _release(core: AxisCore, _: c.Release, ticket: CommandStatus, __: StartBarri
         core.finish(ticket)
         return
     if core.ladder is not None:
-        raise StateError(f"{ticket.name}: the axis does not stand yet", remedy="wait for the stop first")
+        raise StateError(
+            f"{ticket.name}: the axis is not at standstill yet", remedy="wait for the stop first"
+        )
     if core.image.state is PowerState.QUICK_STOP_ACTIVE:
         raise StateError(
             f"{ticket.name}: the drive is held in quick stop active",
@@ -312,7 +317,7 @@ def require_override(core: AxisCore, factor: float, ticket: CommandStatus) -> No
         return  # no command moves an encoder
     if factor != 1.0 and not core.parameters.path_deceleration:
         raise StateError(
-            f"{ticket.name}: nothing says with which acceleration {name} is to change its speed",
+            f"{ticket.name}: no acceleration is given for the change of speed of {name}",
             remedy=f"set acceleration in [axes.{name}.defaults] of cell.toml",
         )
 
@@ -323,7 +328,7 @@ def require_override(core: AxisCore, factor: float, ticket: CommandStatus) -> No
 def _probe(core: AxisCore, command: c.Probe, ticket: CommandStatus, _: StartBarrier) -> None:
     if core.state is AxisState.HOMING:
         raise StateError(
-            f"{ticket.name}: the axis is being homed, and its drive will count its positions anew",
+            f"{ticket.name}: the axis is being homed, and its drive will then count its positions from the new home",
             remedy="wait until it is homed",
         )
     core.probes.begin(command, ticket, core.image, core.order)
@@ -340,7 +345,7 @@ def _buffered(core: AxisCore, command: c.Buffered, ticket: CommandStatus, gate: 
     """Queue a motion behind the running command; if no command runs, begin the motion."""
     accept_motion.require_motion(core, ticket)
     if core.ladder is not None:
-        raise StateError(f"{ticket.name}: the axis is being halted", remedy="wait until it stands")
+        raise StateError(f"{ticket.name}: the axis is being halted", remedy="wait until it is at standstill")
     if core.running.ticket is None:
         _ACCEPT[type(command.command)](core, command.command, ticket, gate)
     else:

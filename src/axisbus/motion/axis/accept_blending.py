@@ -52,7 +52,7 @@ def blend(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate: 
         _take_up(core, core.activity, core.running.ticket)
         if isinstance(core.activity, CspMove):
             return began_from_rest(
-                "the move before it turns round, is under an override, or has a distance laid over it"
+                "the move before it reverses, has an override, or has a superimposed distance"
             )
     if isinstance(core.activity, BlendedMoves):
         return _join(core, core.activity, command, ticket)
@@ -144,15 +144,15 @@ def _hand_on(
     assert before is not None
     target = accept_motion.target_of(core, _turned(core, command, move.target), ticket, move.target)
     if not before.number:
-        return began_from_rest("what is before it belongs to a motion of a group")
+        return began_from_rest("the motion before it belongs to a group")
     if position is None:
         return began_from_rest(
-            "the actual position (6064h) is unknown, so it cannot be seen when the end is passed"
+            "the actual position (6064h) is unknown, so the passing of the end cannot be detected"
         )
     if abs(move.target - position) <= core.parameters.place_window:
-        return began_from_rest("it came when the one before had come to its end already")
+        return began_from_rest("it came after the end of the one before it")
     if (move.target - position) * (target - move.target) <= 0:
-        return began_from_rest("the way leads back there, or the move has no length")
+        return began_from_rest("the motion reverses there, or the move has no length")
     ticket.note = ""
     move.join(BlendedTarget(target, command.move.profile, command.mode, ticket), before, core.image)
     core.running.pass_on(ticket)
@@ -172,9 +172,9 @@ def _turned(core: AxisCore, command: c.BufferedMove, end: int | None) -> c.Move:
 def _require_few(commands: int, ticket: CommandStatus) -> None:
     if commands >= MOST:
         raise StateError(
-            f"{ticket.name}: too much is ahead of the axis already",
-            observed=f"{counted(commands, 'command')} share its motion",
-            remedy="wait for some of the handles before giving more",
+            f"{ticket.name}: too many commands are blended into this motion already",
+            observed=f"{counted(commands, 'command')} share the motion of the axis",
+            remedy="wait for some of their handles before you give more commands",
         )
 
 
@@ -205,7 +205,7 @@ def _takes_csp(core: AxisCore, ticket: CommandStatus) -> bool:
 
 def _require_no_halt(core: AxisCore, ticket: CommandStatus) -> None:
     if core.ladder is not None:
-        raise StateError(f"{ticket.name}: the axis is being halted", remedy="wait until it stands")
+        raise StateError(f"{ticket.name}: the axis is being halted", remedy="wait until it is at standstill")
 
 
 def _require_ramps(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus) -> None:
@@ -213,9 +213,9 @@ def _require_ramps(core: AxisCore, command: c.BufferedMove, ticket: CommandStatu
     profile, name = command.move.profile, core.parameters.name
     if not (profile.speed and profile.up and profile.down):
         raise StateError(
-            f"{ticket.name}: nothing says where it must slow down to pass into another move",
-            observed="how its velocity or its acceleration counts is not known",
-            remedy=f'set velocity_scale in [axes.{name}] of cell.toml, or let it begin from rest: buffer="buffered"',
+            f"{ticket.name}: the point at which it must slow down for another move cannot be computed",
+            observed="the unit of its velocity or of its acceleration is not known",
+            remedy=f'set velocity_scale in [axes.{name}] of cell.toml, or let it begin at standstill: buffer="buffered"',
         )
 
 
@@ -223,8 +223,8 @@ def _no_end(core: AxisCore, ticket: CommandStatus) -> StateError:
     running = core.running.ticket
     seen = "" if running is None else f"{running.name} is under way"
     return StateError(
-        f"{ticket.name}: what {core.parameters.name} does cannot be passed into a move without a stop",
-        observed=f"{seen}; blending goes on from a move to a position, with a limit of jerk only from one that the master leads",
-        remedy='let it begin from rest, with buffer="buffered", or wait for what is before it; with a limit of jerk, let the first '
-        "one begin with a blending mode, too: then the master leads it",
+        f"{ticket.name}: the present motion of {core.parameters.name} cannot be blended with a move",
+        observed=f"{seen}; only a move to a position can be blended, with a jerk limit only one in csp",
+        remedy='let it begin at standstill, with buffer="buffered", or wait for the motion before it; with a jerk limit, let the '
+        "first move begin with a blending mode, too: then the master streams it in csp",
     )

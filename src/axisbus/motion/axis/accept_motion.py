@@ -114,12 +114,16 @@ def require_lead(core: AxisCore, profile: MoveProfile, ticket: CommandStatus, be
     yet, is replaced as at standstill.
     """
     parameters = core.parameters
-    lacking = f"{parameters.name}'s drive has no profile jerk (60A4h with 6086h), so that the master must lead it in csp"
+    lacking = f"{parameters.name}'s drive has no profile jerk (60A4h with 6086h), so the master must stream the move in csp"
     if _M.CYCLIC_SYNC_POSITION not in parameters.modes or profile.speed is None or not profile.ramp:
         raise StateError(
             f"{ticket.name}: its jerk cannot be limited",
             observed=f"{lacking}; "
-            + ("how its velocity counts is not known" if profile.speed is None else "it has not that mode"),
+            + (
+                "the unit of its velocity is not known"
+                if profile.speed is None
+                else "it does not have that mode"
+            ),
             remedy=f"move without jerk (leave it out of the command, and out of [axes.{parameters.name}.defaults])",
         )
     try:
@@ -142,8 +146,8 @@ def require_watch(parameters: AxisParameters, profile: MoveProfile, ticket: Comm
     """Raise StateError if a move has no deadline: without 6064h neither its distance nor its progress is known."""
     if profile.timeout is None and not parameters.has(objects.POSITION_ACTUAL):
         raise StateError(
-            f"{ticket.name}: nothing tells how long it may take",
-            observed="the drive has no position actual value (6064h), so neither distance nor progress can be seen",
+            f"{ticket.name}: its time limit cannot be computed",
+            observed="the drive has no position actual value (6064h), so neither distance nor progress is known",
             remedy="give timeout = ... (seconds) in the call",
         )
 
@@ -180,10 +184,10 @@ def _within_reach(core: AxisCore, target: int, ticket: CommandStatus) -> int:
         require_count(core.parameters, position, target, core.image.origin, ticket)
     if position is not None and abs(target - position) >= INT32_HALF:
         raise LimitError(
-            f"{ticket.name}: farther than half the drive's count of positions (INTEGER32)",
-            observed=f"the way is {abs(units.to_units(target - position)):g} {units.unit}; below "
-            f"{abs(units.to_units(INT32_HALF)):g} the drive knows which way round",
-            remedy="go there in several moves, or set modulo in cell.toml for an endless axis",
+            f"{ticket.name}: farther than half the drive's position range (INTEGER32)",
+            observed=f"the distance is {abs(units.to_units(target - position)):g} {units.unit}; below "
+            f"{abs(units.to_units(INT32_HALF)):g} the direction is unambiguous",
+            remedy="use several moves, or set modulo in cell.toml for an endless axis",
         )
     return target
 
@@ -197,9 +201,9 @@ def require_count(
     units = parameters.units.position
     low, high = sorted(units.to_units(end - origin) for end in room_of_count(position))
     raise LimitError(
-        f"{ticket.name}: would end beyond the drive's count of positions (607Ah, INTEGER32)",
-        observed=f"at {units.to_units(target - origin):.10g} {units.unit}; the drive counts from {low:.10g} to {high:.10g}",
-        remedy=f"move less far, or home {parameters.name} nearer to where it works; for an endless axis set modulo in "
+        f"{ticket.name}: would end beyond the drive's position range (607Ah, INTEGER32)",
+        observed=f"at {units.to_units(target - origin):.10g} {units.unit}; the range of the drive is {low:.10g} to {high:.10g}",
+        remedy=f"move less far, or home {parameters.name} nearer to its working range; for an endless axis set modulo in "
         f"[axes.{parameters.name}] of cell.toml",
     )
 
@@ -239,7 +243,9 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: CommandStatus
         core.finish(ticket)
         return
     if command.renews:
-        raise Interrupted(f"{ticket.name}: the jog that was to go on has ended", remedy="begin another one")
+        raise Interrupted(
+            f"{ticket.name}: the jog has ended already, so it cannot be continued", remedy="begin another one"
+        )
     require_motion(core, ticket)
     require_objects(core.parameters, _M.PROFILE_VELOCITY, ticket)
     profile = command.profile
@@ -284,9 +290,9 @@ def require_braking(core: AxisCore, down: float | None, ticket: CommandStatus, s
     units, limits = core.parameters.units.position, core.parameters.limits.position
     assert limits is not None
     raise LimitError(
-        f"{ticket.name}: could not stop within the position limits with that deceleration",
-        observed=f"at its present speed it would come to rest at {stop:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
-        remedy="ask for a harder deceleration, or halt the axis first; what it did before goes on",
+        f"{ticket.name}: the axis could not stop within the position limits with that deceleration",
+        observed=f"at its present speed it would stop at {stop:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+        remedy="give a higher deceleration, or halt the axis first; the previous command continues",
     )
 
 
@@ -398,7 +404,7 @@ def _coupled(core: AxisCore, ticket: CommandStatus) -> Coupled:
     activity = core.activity
     if not isinstance(activity, Coupled) or not activity.is_led:
         raise StateError(
-            f"{ticket.name}: {core.parameters.name} is not led by another axis",
+            f"{ticket.name}: {core.parameters.name} is not coupled to a master axis",
             remedy="couple it to a master first, by a gear or a cam",
         )
     return activity
@@ -415,7 +421,7 @@ def require_cyclic(core: AxisCore, ticket: CommandStatus, mode: ModeOfOperation)
         sources["position"] = how.inputs.get("position", ValueTransport.NONE)
     sources[needs.output] = how.outputs.get(needs.output, ValueTransport.NONE)
     wrong = [
-        f"{name} travels by {source.value}"
+        f"{name} is transmitted by {source.value}"
         for name, source in sources.items()
         if source is not ValueTransport.SYNC_PDO
     ]
@@ -499,7 +505,7 @@ def require_objects(
         raise StateError(
             f"{ticket.name}: {parameters.name} cannot run {modes.short(mode)} ({mode.text})",
             observed=f"its EDS lacks {', '.join(object_text(index) for index in missing)}",
-            remedy="use another command; where the drive does have it, name the drive's own EDS in cell.toml",
+            remedy="use another command; if the drive has these objects, name the drive's own EDS in cell.toml",
         )
     require_mode(parameters, mode, ticket)
 
@@ -521,7 +527,7 @@ def require_no_stop(core: AxisCore, ticket: CommandStatus) -> None:
         raise StateError(
             f"{ticket.name}: {core.parameters.name} is being stopped",
             observed=core.stopping.reason,
-            remedy="wait until it stands",
+            remedy="wait until it is at standstill",
         )
 
 

@@ -21,7 +21,7 @@ def move(core: AxisCore, command: c.MoveSuperimposed, ticket: CommandStatus, _: 
     if core.ladder is not None:
         raise StateError(
             f"{ticket.name}: {core.parameters.name} is being halted",
-            remedy="wait until it stands, then move_relative",
+            remedy="wait until it is at standstill, then move_relative",
         )
     if not isinstance(path, Follow) or path.leads_now is not path:
         raise _nothing_leads(core, ticket)
@@ -47,7 +47,7 @@ def _end_before(core: AxisCore, how: str) -> None:
     if ticket is None or addition is None:
         return
     unit = core.parameters.units.position.unit
-    seen = f"{addition.value:g} of {addition.distance:g} {unit} had been laid over what leads the axis"
+    seen = f"{addition.value:g} of {addition.distance:g} {unit} had been superimposed"
     core.finish(ticket, Replaced(f"{ticket.name} {how}", observed=seen))
 
 
@@ -57,8 +57,14 @@ def _nothing_leads(core: AxisCore, ticket: CommandStatus) -> StateError:
     if core.state is AxisState.STANDSTILL:
         observed, remedy = f"{name} stands", "use move_relative"
     elif isinstance(core.led_along, VelocityRamp):
-        observed, remedy = "it is led by velocities, not along a path", "ask for another velocity meanwhile"
+        observed, remedy = "it follows velocity set-points, not a path", "command another velocity instead"
     else:
-        observed = "its drive plans the present motion by itself (or has not been given the lead yet)"
-        remedy = "use move_additive; or let the master lead it: on a line of a group of one, a trajectory, a gear or a cam"
-    return StateError(f"{ticket.name}: nothing leads {name} along a path", observed=observed, remedy=remedy)
+        observed = (
+            "the drive generates the profile of the present motion (or the master has not taken over yet)"
+        )
+        remedy = "use move_additive; or move it in csp: on a line of a group of one, by a trajectory, a gear or a cam"
+    return StateError(
+        f"{ticket.name}: {name} does not follow a path that the master streams",
+        observed=observed,
+        remedy=remedy,
+    )

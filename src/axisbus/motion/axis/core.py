@@ -517,8 +517,8 @@ class AxisCore:
         self._stopped_for_sure = False
         if activity.mode is ModeOfOperation.HOMING:
             self.homed = False  # until it is done
-            why = f"was ended by {ticket.name}, with which the drive counts its positions anew"
-            self.probes.end_all(Replaced, why, self.order, "ask for it again when the axis is homed")
+            why = f"was ended by {ticket.name}, after which the drive counts its positions from the new home"
+            self.probes.end_all(Replaced, why, self.order, "give it again when the axis is homed")
         self.running.begin(activity, ticket)
         self._arrival.begin(activity, self.image.now)
         if state is not None:

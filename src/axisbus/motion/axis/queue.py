@@ -39,8 +39,8 @@ class Queue:
         """
         if len(self._waiting) >= MOST:
             raise StateError(
-                f"{ticket.name}: {MOST} commands wait already",
-                remedy="wait for some of their handles before giving more",
+                f"{ticket.name}: {MOST} commands are waiting already",
+                remedy="wait for some of their handles before you give more commands",
             )
         self._waiting.append(_Waiting(ticket, begin, joins))
 
@@ -68,8 +68,8 @@ class Queue:
 
 def _end(ticket: CommandStatus, before: str, error: AxisbusError | None) -> None:
     why = Stopped(
-        f"{ticket.name} has not begun, because {before} did not end well",
+        f"{ticket.name} did not begin, because {before} failed",
         observed="" if error is None else error.message,
-        remedy="see to that first, then ask for what was to follow it",
+        remedy="clear that error first, then give the commands that were to follow it",
     )
     ticket.finish(Status.ABORTED, why)

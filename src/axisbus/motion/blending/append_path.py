@@ -90,14 +90,15 @@ def joined(
 ) -> JoinedPath:
     """Return both paths as one; ``travel`` is on the first one, at any speed.
 
-    ``ease``: the share of the permitted speeds that the corner and the appended path may use. The appended path must have a length. The axes stop at the transition if the path reverses there, or if no corner fits any more.
+    ``ease``: the share of the permitted speeds that the corner and the appended path may use. The appended path must
+    have a length. The axes stop at the transition if the path reverses there, or if no corner fits any more.
     """
     way = going.way
     if ease != 1.0:
         following = following._replace(way=following.way.slower(ease))
     first, last = following.way.pieces[0], way.pieces[-1]
     if not way.length > way.starts[-1] or not isinstance(last, Straight) or not isinstance(first, Straight):
-        return _stopped(going, travel, following, "the end of what is before it cannot be rounded")
+        return _stopped(going, travel, following, "the end of the segment before it cannot be rounded")
     into, out = direction(last.start, last.end)[0], direction(first.start, first.end)[0]
     room = min(way.length - max(travel.ahead, way.marks[-2]), 0.5 * first.length)
     late = travel.ahead > max(way.marks[-2], way.length - 0.5 * first.length)
@@ -106,7 +107,7 @@ def joined(
         try:
             bend = corner(last.end, into, out, within=width, room=max(room, 0.0))
         except ValueError:
-            return _stopped(going, travel, following, "the way leads back there")
+            return _stopped(going, travel, following, "the path reverses there")
         if bend is None:
             return _joined_at(None, going, travel, following, stands=False)
         if not bend.length > _SAME * (1.0 + way.length):

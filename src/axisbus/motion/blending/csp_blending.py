@@ -87,9 +87,9 @@ class BlendedMoves(Follow):
     def why_not(self) -> str:
         """Why no command can be added now; "" if one can."""
         if self._addition is not None:
-            return "a distance is being laid over what is under way"
+            return "a distance is being superimposed on the present motion"
         if self._course is not None and self._along >= self._course.duration - _TO_REST:
-            return "it came when the one before had come to its end already"
+            return "it came after the end of the one before it"
         return ""
 
     def join(self, part: BlendedCommand) -> None:

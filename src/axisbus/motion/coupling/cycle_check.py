@@ -15,9 +15,9 @@ def require_no_ring(master: AxisCore, slave: AxisCore, name: str) -> None:
         chain.append(leads.parameters.name)
         if leads is slave:
             raise StateError(
-                f"{name}: an axis cannot be led by itself",
+                f"{name}: an axis cannot be its own master, directly or over other axes",
                 observed=" is led by ".join(chain),
-                remedy=f"let go of one of them first: {master.parameters.name}.halt()",
+                remedy=f"release one of the couplings first: {master.parameters.name}.halt()",
             )
         activity = leads.activity
         leads = activity.master if isinstance(activity, Coupled) else None

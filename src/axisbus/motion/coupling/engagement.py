@@ -224,10 +224,10 @@ class Engagement:
         if abs(off) <= allowed:
             return
         raise LimitError(
-            f"{self._slave.name} does not stand where it is due for where {self.master.name} is",
-            observed=f"it is {abs(off):.6g} {units.unit} off, of which {allowed:.6g} {units.unit} are allowed",
-            remedy="move it there first, give master_start_distance (the distance of the master within which it gets there), "
-            "or let it begin at its present position: relative = True",
+            f"{self._slave.name} is not at the position that belongs to the position of {self.master.name}",
+            observed=f"it is {abs(off):.6g} {units.unit} away from it; {allowed:.6g} {units.unit} are allowed",
+            remedy="move it there first, give master_start_distance (the distance of the master within which the slave "
+            "reaches it), or let it begin at its present position: relative = True",
         )
 
     def _require_far(self, entry: AtPlace, master: float) -> None:
@@ -236,9 +236,9 @@ class Engagement:
         if left >= entry.over or m.core.parameters.units.modulo is not None:
             return
         raise LimitError(
-            f"{m.name} was nearer to {entry.master:g} {unit} than {self._slave.name} needs to come into step",
+            f"{m.name} was too near to {entry.master:g} {unit} for {self._slave.name} to synchronise",
             observed=f"it was {left:.6g} {unit} away, master_start_distance = {entry.over:g}",
-            remedy=f"let {m.name} come from farther away, or give a shorter way (master_start_distance = ...)",
+            remedy=f"start {m.name} farther away, or give a shorter distance (master_start_distance = ...)",
         )
 
     def _lost(self, error: AxisbusError, then: str = "the axis was braked") -> AxisbusError:
@@ -248,5 +248,5 @@ class Engagement:
         return StateError(
             f"{slave}: its master is lost: {error.message}",
             observed=error.observed,
-            remedy=f"see to {master} first, then couple {slave} to it anew; {then}",
+            remedy=f"clear the error of {master} first, then couple {slave} to it again; {then}",
         )

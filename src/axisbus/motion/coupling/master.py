@@ -71,8 +71,8 @@ class Master:
             observed = "" if core.error is None else core.error.message
             return StateError(f"{self.name} is in ErrorStop", observed=observed)
         if core.state is AxisState.HOMING:
-            return StateError(f"{self.name} is being homed, and counts anew")
-        return NodeError(f"nobody knows where {self.name} is", node=core.parameters.node)
+            return StateError(f"{self.name} is being homed, and will count from the new home")
+        return NodeError(f"the position of {self.name} is unknown", node=core.parameters.node)
 
     def _leads_to(self) -> int | None:
         """Return the last target in increments; None if the drive controls its own motion, or the axis is not controlled."""

@@ -134,8 +134,8 @@ class Coupled(Follow):
         """
         if not self._leader.in_step:
             raise StateError(
-                f"{name}: {self._parameters.name} is not in step with {self._leader.master.name} yet",
-                remedy="wait until it is: the handle of gear_in or cam_in is done then",
+                f"{name}: {self._parameters.name} is not synchronised with {self._leader.master.name} yet",
+                remedy="wait until it is synchronised: then the handle of gear_in or cam_in is done",
             )
         self._leader.phase.change(command)
         self._is_in_step = False
@@ -181,20 +181,20 @@ class Coupled(Follow):
         name, unit, limits = self._parameters.name, self._parameters.units.position.unit, self._edges
         seen = f"at {value:g} {unit}, with {speed:g} {unit}/s, it would stop at {stop:g} {unit}"
         if limits is None:
-            return self._leaves_count("what its master does", seen, "braked")
+            return self._leaves_count("the motion of its master", seen, "braked")
         return LimitError(
-            f"{name}: its master leads it out of the position limits",
+            f"{name}: the motion of its master would take it out of the position limits",
             observed=f"{seen}; allowed are {limits[0]:g} to {limits[1]:g}",
-            remedy=f"see where the master goes, and how {name} is coupled to it, or change position_limits in [axes.{name}] of "
-            "cell.toml; the axis was braked, to stand within them",
+            remedy=f"check the motion of the master and how {name} is coupled to it, or change position_limits in "
+            f"[axes.{name}] of cell.toml; the axis was braked, to stop within them",
         )
 
     def _too_much(self, found: LimitExceeded, _: float) -> LimitError:
         name = self._parameters.name
         return LimitError(
-            f"{name}: what its master does would take it {found.what}",
+            f"{name}: the motion of its master would make it {found.what}",
             observed=found.seen,
-            remedy=f"move the master more gently, take another ratio, give the slave a longer way to come into step "
+            remedy="move the master more slowly, use another ratio, give the slave a longer distance to synchronise "
             f"(master_start_distance = ...), or raise the limit in [axes.{name}] of cell.toml; the axis was braked",
         )
 

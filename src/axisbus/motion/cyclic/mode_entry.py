@@ -29,7 +29,7 @@ class ModeEntry:
         lead: Lead | None = None,
     ) -> None:
         """``writes``: (index, sub-index, value), written before the mode change. ``lead``: sends set-points during the change."""
-        self._setup = CyclicSetup(parameters, f"be led in {mode.text} mode")
+        self._setup = CyclicSetup(parameters, f"follow set-points in {mode.text} mode")
         self.ramps = RampTransfers(writes, parameters)
         self._mode = ModeSwitch(mode, parameters, lead)
         self._gate = gate

@@ -75,7 +75,7 @@ class ControllerOutputBuffer:
 
     def _never(self) -> CommandError:
         return CommandError(
-            f"{self._name}: its controller did not begin to answer",
+            f"{self._name}: its controller has given no first answer",
             observed=f"no answer within {_FIRST:g} s",
             remedy="see whether the function of the controller returns",
         )
@@ -83,16 +83,16 @@ class ControllerOutputBuffer:
     def _failed(self, failure: str) -> CommandError:
         return CommandError(
             f"{self._name}: its controller has failed: {failure}",
-            remedy="mend the function of the controller",
+            remedy="correct the function of the controller",
         )
 
     def _too_late(self, age: float) -> CommandError:
         return CommandError(
             f"{self._name}: its controller answered too late",
-            observed=f"the newest answer is to values that are {age * 1e3:.1f} ms old; at most "
+            observed=f"the newest answer belongs to values that are {age * 1e3:.1f} ms old; at most "
             f"{counted(self._late + 1, 'cycle')} are allowed",
-            remedy="let the function do less, give the program more of the computer (its threads wait for each other), a longer "
-            "scan_period, or late = ... cycles for which the last answer holds",
+            remedy="let the function do less, give the program more processor time (its threads wait for each other), or "
+            "set a longer scan_period, or late = ... (cycles for which the last answer remains valid)",
         )
 
 

@@ -115,7 +115,7 @@ class GantryCore(GroupCore):
 
     def _too_wide(self, name: str) -> StateError:
         return StateError(
-            f"{name}: the pair was enabled with a wider bound of {self.watch.bound:.6g} {self.watch.unit}",
+            f"{name}: the pair was enabled with a wider skew limit of {self.watch.bound:.6g} {self.watch.unit}",
             observed=self.watch.places,
             remedy=f"make the beam square first: {self.parameters.name}.square(velocity=...), slowly",
         )
@@ -234,8 +234,8 @@ class GantryCore(GroupCore):
         plan = self.parameters.homing
         if plan is None:
             raise StateError(
-                f"{ticket.name}: nothing says how the pair is homed",
-                remedy=f"add [gantries.{self.parameters.name}.homing] to cell.toml, or say where it is: set_position(...)",
+                f"{ticket.name}: the cell file does not say how the pair is homed",
+                remedy=f"add [gantries.{self.parameters.name}.homing] to cell.toml, or give its position: set_position(...)",
             )
         if self._is_busy:
             raise StateError(f"{ticket.name}: the pair is busy", remedy="wait for it, or halt it first")

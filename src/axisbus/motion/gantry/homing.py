@@ -250,7 +250,7 @@ class GantryHoming:
         if gone > allowed + self._plan.velocity * _LATE:
             missing = second if seen == first else first
             raise self._too_skew(
-                f"{seen} has seen its switch, and {missing} not within {gone:.6g} {self._watch.unit} more"
+                f"{seen} has reached its switch, and {missing} has not within another {gone:.6g} {self._watch.unit}"
             )
 
     def _too_skew(self, observed: str) -> HomingError:
@@ -258,7 +258,7 @@ class GantryHoming:
         return HomingError(
             f"{self.name}: the switches of {first} and {second} do not agree within skew = {self._plan.skew:g} {self._watch.unit}",
             observed=observed,
-            remedy="look at both switches and their wiring (60FDh shows the inputs), and at the beam; then correct positions or "
+            remedy="check both switches and their wiring (60FDh shows the inputs), and the beam; then correct positions or "
             f"skew in [gantries.{self._parameters.name}.homing]",
         )
 
@@ -270,10 +270,10 @@ class GantryHoming:
             return
         missing = [name for name in self._probes if name not in self._edges]
         raise HomingError(
-            f"{self.name}: no switch was seen within {abs(self._plan.distance):g} {self._watch.unit}",
+            f"{self.name}: a switch was not found within {abs(self._plan.distance):g} {self._watch.unit}",
             observed=f"missing is that of {' and '.join(missing)}",
-            remedy="look at the switch and its wiring (60FDh shows the inputs), and at distance and edge "
-            f"in [gantries.{self._parameters.name}.homing]",
+            remedy="check the switch and its wiring (60FDh shows the inputs), and distance and edge in "
+            f"[gantries.{self._parameters.name}.homing]",
         )
 
     def _end(self, error: AxisbusError | None) -> None:

@@ -18,9 +18,9 @@ from axisbus.motion.gantry.parameters import GantryParameters
 from axisbus.motion.states import AxisState
 
 _REMEDY = (
-    "check what holds one side (a closed brake, a part in the way, a coupling that slips, an encoder that lost counts) before "
-    "anything moves; then {name}.disable(), {name}.reset(), {name}.enable(skew=...) with a bound that is wide enough, and "
-    "{name}.square(velocity=...), slowly"
+    "find the cause on one side (a closed brake, a collision, a coupling that slips, an encoder that lost counts) before "
+    "anything moves; then {name}.disable(), {name}.reset(), {name}.enable(skew=...) with a skew limit that is wide enough, "
+    "and {name}.square(velocity=...), slowly"
 )
 
 _FRESH = 3.5  # cycles: an older position is reported as outdated
@@ -107,9 +107,9 @@ class SkewMonitor:
         name = self._parameters.name
         if self.skew is None:
             return SkewError(
-                f"{what}, because nobody knows how far the beam is out of square",
+                f"{what}, because the skew of the beam is unknown",
                 observed=self.places,
-                remedy=f"see why a position is unknown: both must come in each cycle; then {name}.reset()",
+                remedy=f"find out why a position is unknown: both must arrive in each cycle; then {name}.reset()",
             )
         return SkewError(
             f"{what}, because the beam is {abs(self.skew):.6g} {self.unit} out of square; {self.bound:.6g} are allowed",
@@ -135,5 +135,5 @@ class SkewMonitor:
             texts.append(f"{core.parameters.name} at {known}")
         apart = f"the second {self.square:.6g} {self.unit} farther is square"
         return f"{', '.join(texts)}; {apart}" + (
-            "" if self.confirmed else ", as they stood when first seen: not homed"
+            "" if self.confirmed else ", as at the first cycle: not homed"
         )

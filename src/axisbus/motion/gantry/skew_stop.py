@@ -47,6 +47,6 @@ class SkewStop:
                     StopKind.ERROR,
                     AfterStop.HOLD,
                     StopLevel.QUICK_STOP,
-                    "the beam is out of square still",
+                    "the beam is still out of square",
                     None,
                 )

@@ -51,9 +51,9 @@ def far_end(velocity: float, first: AxisCore, second: AxisCore, square: float, n
     end = min(ends, key=lambda place: place * way)
     if (end - here) * way <= 0.0:
         raise LimitError(
-            f"{name}: the beam is at the end of its way, or beyond it",
-            observed=f"it is at {here:g}, and may go to {end:g} in that direction",
-            remedy="move it the other way",
+            f"{name}: the beam is at its position limit, or beyond it",
+            observed=f"it is at {here:g}; the limit in that direction is {end:g}",
+            remedy="move it in the other direction",
         )
     return end
 
@@ -86,6 +86,6 @@ def ends_of_squaring(
         raise LimitError(
             f"{name}: the beam would be {abs(left):.6g} {watch.unit} out of square; {watch.bound:.6g} are allowed",
             observed=watch.places,
-            remedy="move it less far, or the other way",
+            remedy="move it less far, or in the other direction",
         )
     return ends

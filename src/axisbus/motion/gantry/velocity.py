@@ -78,6 +78,6 @@ class GantryVelocityMove:
 
     def _too_short(self) -> LimitError:
         return LimitError(
-            f"{self.name}: the beam came to rest at its position limit before it was as fast",
-            remedy="begin farther away from the limit, or ask for less velocity or more acceleration",
+            f"{self.name}: the beam stopped at its position limit before it reached the velocity",
+            remedy="begin farther away from the limit, or command less velocity or more acceleration",
         )

@@ -102,7 +102,7 @@ class GroupCore:
 
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
         """End all active commands because the scan has ended; ``ended`` makes the error from the command's name."""
-        self._queue.drop("what was before it", None)
+        self._queue.drop("the motion before it", None)
         for undertaking in self._under_way:
             if isinstance(undertaking.line, PointStreamMotion):
                 undertaking.line.close()
@@ -117,7 +117,7 @@ class GroupCore:
 
     def _for_each(self, command: ForEach, ticket: CommandStatus) -> None:
         if any(isinstance(each, _ENDS_ALL) for each in command.commands.values()):
-            self._queue.drop("what was before it", Stopped(f"{ticket.name} was asked for"))
+            self._queue.drop("the motion before it", Stopped(f"{ticket.name} was asked for"))
         if command.together:
             self._require_each(command, ticket)
         undertaking = ActiveGroupCommand(ticket, self.axes, StartBarrier() if command.together else OPEN)
@@ -170,7 +170,7 @@ class GroupCore:
         if (
             line.is_at_its_end or not undertaking.leads_all()
         ):  # it comes to rest, so there is no velocity to maintain
-            ticket.note = began_from_rest("it came when the one before had come to its end already")
+            ticket.note = began_from_rest("it came after the end of the one before it")
             self._move_along(replace(plain, buffer=True), ticket)
             return
         following = PathContinuation(command.way, command.velocity, takeover.mode, takeover.blend)
@@ -201,21 +201,19 @@ class GroupCore:
         left = self._line
         if left is None:
             raise StateError(
-                f"{ticket.name}: there is no line to go on with",
+                f"{ticket.name}: there is no line to continue",
                 remedy="begin one: group.move_linear(positions, velocity=...)",
             )
         if command.stream is not None and getattr(left, "number", None) != command.stream:
             raise StateError(
-                f"{ticket.name}: the axes have done something else since",
-                remedy="begin a new stream from where the axes stand",
+                f"{ticket.name}: the axes have run another command since",
+                remedy="begin a new stream at the present position of the axes",
             )
         if any(undertaking.line is left and undertaking.busy for undertaking in self._under_way):
-            raise StateError(f"{ticket.name}: the line is under way, so there is nothing to go on with")
+            raise StateError(f"{ticket.name}: the line still runs, so there is nothing to continue")
         fed = command.stream is not None
         if left.is_at_its_end and not (fed and isinstance(left, PointStreamMotion) and left.goes_on):
-            raise StateError(
-                f"{ticket.name}: the line has come to its end, so there is nothing to go on with"
-            )
+            raise StateError(f"{ticket.name}: the line has ended, so there is nothing to continue")
         self._require_rest(left.names, ticket)
         if isinstance(left, PointStreamMotion):
             stream = left.again(self.axes, ticket.name, fed=fed)
@@ -301,7 +299,9 @@ class GroupCore:
         """Raise StateError if an axis is being stopped: after a halt, no command begins automatically."""
         for name in names:
             if self.axes[name].ladder is not None:
-                raise StateError(f"{ticket.name}: {name} is being halted", remedy="wait until it stands")
+                raise StateError(
+                    f"{ticket.name}: {name} is being halted", remedy="wait until it is at standstill"
+                )
 
     def _require_rest(self, names: Sequence[str], ticket: CommandStatus) -> None:
         for name in names:
@@ -309,7 +309,10 @@ class GroupCore:
             if state is not AxisState.STANDSTILL:
                 raise StateError(
                     f"{ticket.name}: {name} is {state.value}",
-                    remedy="a straight line starts from Standstill on every axis: enable, or wait for or halt what moves",
+                    remedy=(
+                        "a straight line starts from Standstill on every axis: enable each axis; if one moves, wait for "
+                        "it or halt it"
+                    ),
                 )
 
 

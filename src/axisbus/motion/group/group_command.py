@@ -30,7 +30,7 @@ from axisbus.motion.moves.enable import EnableActivity
 from axisbus.motion.states import AxisState
 from axisbus.motion.user_code_errors import broken
 
-_TOGETHER = "nobody of a group starts alone, or goes on along a line that another has left: ask for it again when all can go"
+_TOGETHER = "the axes of a group move only together: give the command again when all of them can move"
 
 
 class GroupSetPointSource(Protocol):
@@ -204,11 +204,11 @@ class ActiveGroupCommand:
             if core.state is AxisState.ERRORSTOP:
                 return None if core.error is None else _again(core.error)
             if core.ladder is not None or core.state is AxisState.DISABLED:
-                return Stopped(f"{name}: {axis} was stopped before the other axes had come to their end")
+                return Stopped(f"{name}: {axis} was stopped before the other axes had reached their ends")
             other = core.running.ticket
             if other not in (None, child) and not isinstance(core.activity, EnableActivity):
                 return Replaced(
-                    f"{name}: {axis} was given another command before the other axes had come to their end"
+                    f"{name}: {axis} was given another command before the other axes had reached their ends"
                 )
         return None
 

@@ -190,7 +190,7 @@ def _steepest(
 
 def _leap(place: Place) -> ValueError:
     return ValueError(
-        f"at {', '.join(f'{value:.4g}' for value in place)} of its axes it comes too near to a leap"
+        f"at {', '.join(f'{value:.4g}' for value in place)} of its axes it comes too near to a jump"
     )
 
 

@@ -182,7 +182,7 @@ def _size(points: Sequence[Place]) -> float:
 
 def _endless(name: str, seconds: float, length: float, velocity: float, acceleration: float) -> LimitError:
     return LimitError(
-        f"{name}: the way would take more than a year",
+        f"{name}: the path would take more than a year",
         observed=f"{length:g} units of path at {velocity:g} units/s with {acceleration:g} units/s²: {seconds:g} s",
-        remedy="give a velocity and an acceleration that belong to this way, and look where these values were computed",
+        remedy="give a velocity and an acceleration that suit this path, and check the computation of these values",
     )

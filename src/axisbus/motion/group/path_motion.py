@@ -129,12 +129,12 @@ class PathMotion:
     def why_not(self, following: PathContinuation) -> str:
         """Return why another path cannot be appended without a stop; "" if it can."""
         if self._is_soft:
-            return "what is under way has a limit of jerk, with which no corner is passed"
+            return "the present motion has a jerk limit, with which a corner cannot be blended"
         way = self._last_way
         if way is not None and not isinstance(way.pieces[-1], Straight):
-            return "what is under way does not end in a straight line, of which the end could be rounded"
+            return "the present motion does not end in a straight line, so its end cannot be rounded"
         if math.dist(self._last_place, following.way.at(0.0)) > _NEAR:
-            return "it does not begin where that ends"
+            return "it does not begin at the end of the present motion"
         return ""
 
     @property
@@ -213,7 +213,11 @@ class PathMotion:
         """
         line = PathMotion(self._command, group, gate, self)
         if self.planned:
-            line.require_near(self._way.at(self.travel.t), name, "is no longer where the way was left")
+            line.require_near(
+                self._way.at(self.travel.t),
+                name,
+                ("is no longer at the position at which the path was interrupted"),
+            )
         return line
 
     def require_near(self, place: Place, name: str, what: str) -> None:
@@ -225,8 +229,11 @@ class PathMotion:
                 places = ", ".join(f"{value:.6g}" for value in place)
                 raise StateError(
                     f"{name}: {axis} {what}",
-                    observed=f"it is {away:.6g} {units.unit} away from there, of which {allowed:.6g} {units.unit} are allowed",
-                    remedy=f"go there first: group.move_direct(({places},)); or begin anew from where the axes stand",
+                    observed=f"it is {away:.6g} {units.unit} away from there, {allowed:.6g} {units.unit} are allowed",
+                    remedy=(
+                        f"go there first: group.move_direct(({places},)); or begin again at the present position of the "
+                        "axes"
+                    ),
                 )
 
     def _plan(self, name: str, period: float) -> None:
@@ -251,7 +258,7 @@ class PathMotion:
             return left.travel.t
         if isinstance(command, MovePath):
             self._way, self._velocity, self._window = command.way, command.velocity, command.window
-            self.require_near(self._way.at(0.0), name, "does not stand where the path begins")
+            self.require_near(self._way.at(0.0), name, "is not at the start of the path")
         else:
             starts = {axis: self._start(axis) for axis in self._axes}
             parameters = {axis: core.parameters for axis, core in self._axes.items()}

@@ -148,7 +148,7 @@ class PathSpeed:
 
     def told(self, t: float) -> str:
         """Return path position ``t`` as text for messages."""
-        return f"{t / (self._way.length or 1.0):.1%} of the way"
+        return f"{t / (self._way.length or 1.0):.1%} of the path"
 
     def brake(self) -> None:
         """Brake to rest on the path; a second call has no effect."""

@@ -216,7 +216,7 @@ def corner(tip: Place, into: Place, out: Place, *, within: float, room: float) -
     if angle < 1e-12:
         return None
     if angle > math.pi - 1e-3:
-        raise ValueError("a way back cannot be rounded")
+        raise ValueError("a reversal of the path cannot be rounded")
     x, y = turned(angle, 0.5)
     # The middle of the corner lies on the bisector of the angle at the tip.
     trim = x + y * math.tan(0.5 * angle)

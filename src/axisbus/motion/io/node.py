@@ -27,7 +27,9 @@ from axisbus.errors import AxisbusError, NodeError
 from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.io.reading import IoReading
 
-_REMEDY = "look at its supply and cable; when it is back its outputs get their safe values, until they are set again"
+_REMEDY = (
+    "check its supply and cable; when it is back, its outputs get their safe values until they are set again"
+)
 
 
 class NodeIo:
@@ -62,7 +64,7 @@ class NodeIo:
         if self._known is SignalValidity.YES:
             return None
         return NodeError(
-            f"{what} was not sent: {name} is out of reach",
+            f"{what} was not sent: {name} cannot be reached",
             node=self._node_id,
             observed=self._known.value,
             remedy=_REMEDY,
@@ -98,7 +100,7 @@ class NodeIo:
 
     def _lost(self, what: str) -> AxisbusError:
         return NodeError(
-            f"{what} is not confirmed: its node was lost before it was heard again",
+            f"{what} is not confirmed: its node was lost before it answered",
             node=self._node_id,
             observed=self._known.value,
             remedy=_REMEDY,

@@ -137,6 +137,6 @@ class JerkProfileWritten(SdoTransfers):
             f"{name}: {object_text(item[0], item[1])}: the drive does not limit the jerk as asked",
             axis=name,
             observed=seen,
-            remedy="move without jerk, or on a line of a group, which the master leads; see what the drive's manual says of this "
+            remedy="move without jerk, or on a line of a group, which the master streams; see the drive's manual about this "
             "object",
         )

@@ -172,10 +172,10 @@ class JerkLimitedVelocity(PathHandover):
         if low <= stop <= high:
             return
         raise LimitError(
-            f"{self._parameters.name}: could not stop within the position limits with that deceleration and that jerk",
-            observed=f"from its present speed of {led.velocity:g} {unit.unit}/s it would come to rest at {stop:g} {unit.unit}; "
+            f"{self._parameters.name}: the axis could not stop within the position limits with that deceleration and that jerk",
+            observed=f"from its present speed of {led.velocity:g} {unit.unit}/s it would stop at {stop:g} {unit.unit}; "
             f"allowed are {limits[0]:g} to {limits[1]:g}",
-            remedy="ask for a harder deceleration or more jerk, or halt the axis first; what it did before goes on",
+            remedy="give a higher deceleration or more jerk, or halt the axis first; the previous command continues",
         )
 
     @property
@@ -279,5 +279,5 @@ class JerkLimitedVelocity(PathHandover):
         return LimitError(
             f"{name}: about to leave its position limits",
             observed=f"{seen}; allowed are {limits[0]:g} to {limits[1]:g}",
-            remedy="move back into the limits; the axis was braked, to stand within them",
+            remedy="move back into the limits; the axis was braked, to stop within them",
         )

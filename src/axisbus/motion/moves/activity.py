@@ -163,7 +163,7 @@ class SdoTransfers:
                 f"{name}: {object_text(index, subindex)}: {failed}",
                 axis=name,
                 observed=f"abort code {abort.describe(reply.abort)}",
-                remedy=abort.explain(reply.abort).hint or "see what the drive's manual says of this object",
+                remedy=abort.explain(reply.abort).hint or "see the drive's manual about this object",
             )
         if reply.value is not None:
             self.values[index, subindex] = reply.value
@@ -174,10 +174,13 @@ class SdoTransfers:
     def _differs(self, at: tuple[int, int], found: int, wanted: int) -> None:
         name = self._parameters.name
         raise DriveError(
-            f"{name}: {object_text(*at)} would have to be {wanted}, and the drive does not let it be written",
+            f"{name}: {object_text(*at)} must be {wanted}, and the drive does not allow it to be written",
             axis=name,
             observed=f"it is {found}; its access in {self._parameters.eds or 'the EDS'} is read-only",
-            remedy=f"ask for what {found} means, set the object with the maker's tool, or correct its access in the EDS",
+            remedy=(
+                f"command the behaviour that {found} means, set the object with the manufacturer's tool, or correct its "
+                "access in the EDS"
+            ),
         )
 
 
@@ -274,16 +277,16 @@ class ModeSwitch:
             return ModeError(
                 f"{name}: the drive does not interpolate in ip, which is its csp",
                 axis=name,
-                observed="bit 4 of 6040h lets it, and bit 12 of 6041h (interpolation active) stays 0 after "
+                observed="bit 4 of 6040h enables it, and bit 12 of 6041h (interpolation active) stays 0 after "
                 f"{self._parameters.timing.mode:g} s",
-                remedy="check in the drive's manual what it needs for ip: its buffer (60C4h), a sub mode (60C0h), SYNC",
+                remedy="check the drive's manual for its requirements in ip: its buffer (60C4h), a sub mode (60C0h), SYNC",
             )
         return ModeError(
-            f"{name}: the drive does not take mode {asked}",
+            f"{name}: the drive does not enter mode {asked}",
             axis=name,
             observed=f"6060h was set to {int(self._mode)}, 6061h {shown} after {self._parameters.timing.mode:g} s; "
             f"its modes are {shown_modes(self._parameters)}",
-            remedy="use another mode, or check in the drive's manual when it takes this one (some only while enabled, "
+            remedy="use another mode, or check in the drive's manual when it accepts this one (some only while enabled, "
             "some only with a licence or a wired encoder)",
         )
 
@@ -332,10 +335,10 @@ def timed_out(target: int, timeout: float, image: AxisImage, parameters: AxisPar
     """Return the error of a move commanded in csp whose ``timeout`` (s) has passed; ``target`` in unwrapped increments."""
     units = parameters.units.position
     return MotionTimeout(
-        f"{parameters.name}: has not arrived at {units.to_units(target - image.origin):g} {units.unit}",
+        f"{parameters.name}: the axis has not arrived at {units.to_units(target - image.origin):g} {units.unit}",
         axis=parameters.name,
         observed=f"position {where_text(image, parameters)}; the timeout of {timeout:g} s has passed",
-        remedy="give more time, or look whether the axis is blocked",
+        remedy="give more time, or check whether the axis is blocked",
     )
 
 
@@ -350,9 +353,9 @@ def require_position(image: AxisImage, name: str, why: str) -> int:
             f"{name}: the actual position (6064h) is unknown, and {why} needs it",
             axis=name,
             observed=age_text(image.now - image.position_stamp),
-            remedy="map 6064h into a TPDO, and check that the drive sends it (axisbus boot shows how it travels); a TPDO that is "
+            remedy="map 6064h into a TPDO, and check that the drive sends it (axisbus boot shows its TPDO); a TPDO that is "
             "shorter than its mapping is dropped (axisbus monitor counts those)"
             if image.position_stamp == -math.inf
-            else "check cable and bus load, and that the drive still sends the TPDO that holds it (axisbus monitor)",
+            else "check cable and bus load, and that the drive still sends the TPDO that contains it (axisbus monitor)",
         )
     return image.position

@@ -124,10 +124,10 @@ class DriveAdoption:
         name = self._parameters.name
         seen = ", ".join(f"{index:04X}h = {self._value(index)}" for index in offsets)
         return StateError(
-            f"{name}: cannot be taken over in mode {modes.short(self.mode)} without a jump",
-            observed=f"it was found enabled with {seen}" if seen else "its torque may be holding something",
-            remedy="it has no profile position or profile velocity mode in which it could stand meanwhile: switch it off and on "
-            "(axis.disable(), axis.reset(), then axis.enable())",
+            f"{name}: the axis cannot be taken over in mode {modes.short(self.mode)} without a jump",
+            observed=f"it was found enabled with {seen}" if seen else "its torque may be holding a load",
+            remedy="it has no profile position or profile velocity mode in which it could hold standstill: switch it off "
+            "and on (axis.disable(), axis.reset(), then axis.enable())",
         )
 
 

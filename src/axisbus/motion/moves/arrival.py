@@ -61,10 +61,10 @@ class ArrivalCheck:
     def _late(self, why: str) -> MotionTimeout:
         name, time = self._parameters.name, self._parameters.timing.progress
         return MotionTimeout(
-            f"{name}: does not come to rest",
+            f"{name}: the axis does not come to standstill",
             axis=name,
-            observed=f"the drive has reported the end of the motion {time:g} s ago, but the axis was not seen to "
-            f"stand since: {why}",
-            remedy=f"look whether it oscillates (tuning), is driven by its load, or is held by something; standstill_velocity and "
-            f"standstill_window in [axes.{name}] say what counts as standing",
+            observed=f"the drive reported the end of the motion {time:g} s ago, but standstill of the axis was not observed "
+            f"since: {why}",
+            remedy="check whether it oscillates (tuning), is driven by its load, or is blocked; standstill_velocity and "
+            f"standstill_window in [axes.{name}] define standstill",
         )

@@ -103,15 +103,15 @@ class ResetActivity(Activity):
         name = self._parameters.name
         if image.state is PowerState.UNKNOWN:
             return StaleError(
-                f"{name}: cannot be reset, its statusword is unknown",
+                f"{name}: the axis cannot be reset, its statusword is unknown",
                 axis=name,
                 observed="no fresh 6041h",
                 remedy="check the cable and that the node is operational (axisbus scan)",
             )
         return TransitionError(
-            f"{name}: the fault does not go away",
+            f"{name}: the drive does not clear the fault",
             axis=name,
             observed=f"{word_text(image)} after a rising edge of controlword bit 7"
             + (f"; the fault: {self._fault}" if self._fault else ""),
-            remedy="its cause is still there: remove it, then reset again; some faults need the supply switched off and on",
+            remedy="the cause is still present: remove it, then reset again; some faults need the supply switched off and on",
         )

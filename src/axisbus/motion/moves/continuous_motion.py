@@ -218,8 +218,8 @@ class TorqueMove(Prepared):
         if self.reached or self._timeout is None or image.now <= self._commanded_at + self._timeout:
             return
         by_slope = (
-            "look at max torque (6072h) and torque slope (6087h) of the drive: with a slope of 0 some never get there; "
-            f"torque_slope in [axes.{self._parameters.name}.defaults] sets it"
+            "check max torque (6072h) and torque slope (6087h) of the drive: with a slope of 0 some drives never reach the "
+            f"torque; torque_slope in [axes.{self._parameters.name}.defaults] sets it"
         )
         raise torque_missed(image, self._parameters, self._torque, by_slope)
 
@@ -244,10 +244,10 @@ def velocity_missed(image: AxisImage, parameters: AxisParameters, target: int) -
     name, velocity = parameters.name, parameters.units.velocity
     shown = "unknown" if image.velocity is None else f"{velocity.to_units(image.velocity):g} {velocity.unit}"
     return MotionTimeout(
-        f"{name}: has not reached {velocity.to_units(target):g} {velocity.unit}",
+        f"{name}: the axis has not reached {velocity.to_units(target):g} {velocity.unit}",
         axis=name,
         observed=f"velocity {shown}, statusword 0x{image.statusword or 0:04X}",
-        remedy="look whether the axis is blocked and whether the drive limits velocity or torque (607Fh, 6080h, 6072h)",
+        remedy="check whether the axis is blocked and whether the drive limits velocity or torque (607Fh, 6080h, 6072h)",
     )
 
 
@@ -255,12 +255,12 @@ def torque_missed(
     image: AxisImage,
     parameters: AxisParameters,
     target: int,
-    remedy: str = "look at max torque (6072h) of the drive, and at its limits (60E0h, 60E1h)",
+    remedy: str = "check max torque (6072h) of the drive, and its limits (60E0h, 60E1h)",
 ) -> MotionTimeout:
     """Return the error of a torque (0.1 % of rated torque) that the drive has not shown in time."""
     shown = "unknown" if image.torque is None else f"{image.torque / 10:g} % of rated torque"
     return MotionTimeout(
-        f"{parameters.name}: has not reached {target / 10:g} % of rated torque",
+        f"{parameters.name}: the axis has not reached {target / 10:g} % of rated torque",
         axis=parameters.name,
         observed=f"torque {shown}, statusword 0x{image.statusword or 0:04X}",
         remedy=remedy,

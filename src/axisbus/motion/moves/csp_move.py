@@ -88,10 +88,10 @@ class CspMove(PathHandover):
         if low <= path.span[0] and path.span[1] <= high:
             return
         raise LimitError(
-            f"{self._parameters.name}: could not stop within the position limits with that deceleration",
-            observed=f"from its present speed of {path.start.velocity:g} {unit.unit}/s it would go from {path.span[0]:g} to "
-            f"{path.span[1]:g} {unit.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
-            remedy="ask for a harder deceleration, or halt the axis first; what it did before goes on",
+            f"{self._parameters.name}: the axis could not stop within the position limits with that deceleration",
+            observed=f"from its present speed of {path.start.velocity:g} {unit.unit}/s it would move from {path.span[0]:g} "
+            f"to {path.span[1]:g} {unit.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+            remedy="give a higher deceleration, or halt the axis first; the previous command continues",
         )
 
     @property

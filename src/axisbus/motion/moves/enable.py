@@ -106,17 +106,20 @@ class EnableActivity(Activity):
             self._stand_deadline = image.now + self._parameters.stop_times.halt
         if image.now > self._stand_deadline:
             raise DriveError(
-                f"{self._parameters.name}: was found moving, and does not halt",
+                f"{self._parameters.name}: the axis was found moving, and does not halt",
                 axis=self._parameters.name,
                 observed=f"no standstill {self._parameters.stop_times.halt:g} s after the halt bit was set",
-                remedy="look for another master that commands it; the axis was stopped by the harder rungs of its ladder",
+                remedy=(
+                    "look for another master that commands it; the axis was stopped by the later steps of its stop "
+                    "sequence"
+                ),
             )
         return False
 
     def _refuse(self, image: AxisImage) -> None:
         if image.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE):
             raise StateError(
-                f"{self._parameters.name}: cannot be enabled, the drive is in state {image.state.value!r}",
+                f"{self._parameters.name}: the axis cannot be enabled, the drive is in state {image.state.value!r}",
                 observed=word_text(image),
                 remedy="reset first: axis.reset()",
             )
@@ -243,9 +246,9 @@ class EnableActivity(Activity):
             self._stand_deadline = image.now + self._parameters.stop_times.quick_stop
         if image.now > self._stand_deadline:
             raise StateError(
-                f"{self._parameters.name}: cannot be enabled, it still moves in quick stop active",
+                f"{self._parameters.name}: the axis cannot be enabled, it still moves in quick stop active",
                 observed=f"no standstill for {self._parameters.stop_times.quick_stop:g} s",
-                remedy="wait until it stands, or disable it: axis.disable()",
+                remedy="wait until it is at standstill, or disable it: axis.disable()",
             )
         return False
 
@@ -256,7 +259,7 @@ class EnableActivity(Activity):
                 f"{self._parameters.name}: the drive left operation enabled right after it was enabled",
                 axis=self._parameters.name,
                 observed=f"state {image.state.value!r}, {word_text(image)}",
-                remedy="look for safe torque off, an enable input, a supply that dropped, or another master that stopped it",
+                remedy="check for safe torque off, an enable input, a drop of the supply, or another master that stopped it",
             )
 
     def _confirmed(self, image: AxisImage) -> bool:
@@ -277,9 +280,9 @@ class EnableActivity(Activity):
             else f"stays at {image.mode} ({modes.short(ModeOfOperation(image.mode))})"
         )
         return ModeError(
-            f"{name}: cannot be enabled in a mode that stands still: the drive takes none",
+            f"{name}: the axis cannot be enabled, because the drive accepts no mode in which the axis can hold standstill",
             axis=name,
             observed=f"6060h was set to {tried}; 6061h {shown}",
-            remedy="check in the drive's manual when it takes a mode (a commissioning tool may hold it); "
-            f"modes = [...] in [axes.{name}] names the modes to try",
+            remedy="check in the drive's manual when it accepts a mode (a commissioning tool may prevent it); modes = [...] "
+            f"in [axes.{name}] names the modes to try",
         )

@@ -65,19 +65,20 @@ class EnableRest:
     def _refused(self, why: str) -> StateError:
         name, time = self._parameters.name, self._parameters.timing.transition
         return StateError(
-            f"{name}: not enabled, because it moves",
-            observed=f"without power it did not come to rest within {time:g} s: {why}",
-            remedy="wait until it stands, or look what turns it (it coasts, or its load sags); "
-            "axis.enable(allow_moving=True) catches it in motion; "
-            f"standstill_velocity in [axes.{name}] says what counts as standing",
+            f"{name}: the axis was not enabled, because it moves",
+            observed=f"without power it did not come to standstill within {time:g} s: {why}",
+            remedy="wait until it is at standstill, or find the cause of the motion (it coasts, or its load sinks); "
+            f"axis.enable(allow_moving=True) catches it in motion; standstill_velocity in [axes.{name}] defines "
+            "standstill",
         )
 
     def _restless(self, why: str) -> MotionTimeout:
         name = self._parameters.name
         return MotionTimeout(
-            f"{name}: is enabled, but does not stand",
+            f"{name}: the axis is enabled, but not at standstill",
             axis=name,
             observed=f"{self._parameters.timing.transition:g} s after it was enabled: {why}",
-            remedy="look whether its load is too heavy, its tuning oscillates, or another master commands it; where its 6062h is "
-            f"no demand in the units of 6064h, a wide standstill_window in [axes.{name}] leaves it out; the axis was stopped",
+            remedy="check whether its load is too heavy, its tuning oscillates, or another master commands it; if its 6062h "
+            f"is not a demand in the units of 6064h, a wide standstill_window in [axes.{name}] disables the "
+            "comparison; the axis was stopped",
         )

@@ -408,8 +408,8 @@ class Follow(Activity):
         if abs(first - reference) > START_TOLERANCE:
             self.refused = True
             raise LimitError(
-                f"{self._parameters.name}: the trajectory does not begin where the axis stands",
-                observed=f"it begins at {units.to_units(first - image.origin):g} {units.unit}, the axis stands at "
+                f"{self._parameters.name}: the trajectory does not begin at the position of the axis",
+                observed=f"it begins at {units.to_units(first - image.origin):g} {units.unit}, the axis is at "
                 f"{units.to_units(reference - image.origin):g} {units.unit}",
                 remedy="begin it at axis.position",
             )
@@ -455,7 +455,7 @@ class Follow(Activity):
             return
         for end in trajectory.span:
             if not self._count.has(end):
-                seen = f"it goes to {end:.10g} {self._units.unit}"
+                seen = f"it would move to {end:.10g} {self._units.unit}"
                 raise self._leaves_count("the trajectory", seen, "left where it was")
 
     def _keep_pace(self, override: float) -> None:
@@ -628,10 +628,10 @@ class Follow(Activity):
         seen = (
             f"{value:g} {unit} at {self.clock.told(self.clock.t)}"
             if found is None
-            else f"at {found.here:g} {unit}, with {found.speed:g} {unit}/s, it would stop at {found.stop:g} {unit} if it went on; "
-            f"the trajectory is at {found.there:g} {unit} at {found.time:.3f} s"
+            else f"at {found.here:g} {unit}, with {found.speed:g} {unit}/s, it would stop at {found.stop:g} {unit} if it "
+            f"continued; the trajectory is at {found.there:g} {unit} at {found.time:.3f} s"
         )
-        how = "stopped" if found is None else "braked along it, to stand within them"
+        how = "stopped" if found is None else "braked along it, to stop within them"
         if self._edges is None:
             return self._leaves_count("the trajectory", seen, how)
         return LimitError(
@@ -645,10 +645,10 @@ class Follow(Activity):
         name, unit, room = self._parameters.name, self._parameters.units.position.unit, self._count
         assert room is not None
         return LimitError(
-            f"{name}: {what} leaves the drive's count of positions (INTEGER32)",
-            observed=f"{seen}; the drive counts from {room.low:.10g} to {room.high:.10g} {unit}",
-            remedy=f"home {name} nearer to where it works, or set modulo in [axes.{name}] of cell.toml for an endless axis; "
-            f"the axis was {how}",
+            f"{name}: {what} leaves the drive's position range (INTEGER32)",
+            observed=f"{seen}; the range of the drive is {room.low:.10g} to {room.high:.10g} {unit}",
+            remedy=f"home {name} nearer to its working range, or set modulo in [axes.{name}] of cell.toml for an endless "
+            f"axis; the axis was {how}",
         )
 
     def _arrived(self, image: AxisImage) -> bool:
@@ -667,12 +667,15 @@ class Follow(Activity):
         name, units = self._parameters.name, self._parameters.units.position
         hints = [] if image.statusword is None else sw.hints(image.statusword, image.mode)
         return MotionTimeout(
-            f"{name}: does not come up with the end of its trajectory, {units.to_units(self._last - self._origin):g} {units.unit}",
+            (
+                f"{name}: the axis does not reach the end of its trajectory, {units.to_units(self._last - self._origin):g} "
+                f"{units.unit}"
+            ),
             axis=name,
             observed=f"position {where_text(image, self._parameters)} after {_ARRIVAL:g} s; within "
             f"{abs(units.to_units(window)):g} {units.unit} was expected"
             + "".join(f"; {hint}" for hint in hints),
-            remedy="look whether the axis is blocked or badly tuned; position_window in [axes."
+            remedy="check whether the axis is blocked or badly tuned; position_window in [axes."
             + name
             + "] sets the tolerance",
         )

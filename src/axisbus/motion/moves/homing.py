@@ -153,8 +153,9 @@ def _remedy(image: AxisImage) -> str:
     """Return the first remedy, by the bits of the statusword: if the home position was found, no switch is to blame."""
     if _bit(image, 12) and not _bit(image, 10) and not _bit(image, 13):
         return (
-            "the drive has found its home, and does not report it as reached: see in its manual what sets bit 10 in homing, such "
-            "as a move to 607Ch, a position window (6067h, 6068h) that it does not keep, or an option of its own"
+            "the drive has found its home, and does not report it as reached: see its manual for the condition of bit 10 in "
+            "homing, such as a move to 607Ch, a position window (6067h, 6068h) that it does not keep, or a vendor-specific "
+            "option"
         )
     return "check the switch or index pulse that this method looks for, the homing speeds (6099h, not 0), and the direction"
 

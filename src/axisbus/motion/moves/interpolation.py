@@ -69,8 +69,7 @@ class CyclicSetup:
         got = tuple(self._read.values.values())
         if got and not math.isclose(_seconds(*got), _seconds(*self._wanted)):
             raise self._unfit(
-                f"60C2h is to be {self._wanted[0]} x 10^{self._wanted[1]} s and reads {got[0]} x 10^{got[1]} s"
-                f"{self._fixed()}"
+                f"60C2h must be {self._wanted[0]} x 10^{self._wanted[1]} s and reads {got[0]} x 10^{got[1]} s{self._fixed()}"
             )
         return True
 
@@ -99,7 +98,7 @@ class CyclicSetup:
     def _unfit(self, observed: str) -> DriveError:
         name = self._parameters.name
         return DriveError(
-            f"{name}: cannot {self._purpose}: the drive does not take the scan period as its interpolation time",
+            f"{name}: cannot {self._purpose}: the drive does not accept the scan period as its interpolation time",
             axis=name,
             observed=observed,
             remedy="choose a scan_period in cell.toml that the drive can interpolate over (its manual lists them)",

@@ -60,11 +60,10 @@ class ModeWatch:
 
     def _left(self, mode: ModeOfOperation, shown: int) -> ModeError:
         return ModeError(
-            f"{self._name}: the drive has left mode {int(mode)} ({modes.short(mode)}) by itself",
+            f"{self._name}: the drive has left mode {int(mode)} ({modes.short(mode)}) without a command",
             axis=self._name,
-            observed=f"6061h shows {shown} ({modes.short(ModeOfOperation(shown))}) in the middle of a motion, and "
-            f"nobody here has asked for it",
-            remedy="look for a commissioning tool or another master that writes 6060h, and in the drive's manual for "
-            "what makes it change "
-            "its mode (a limit, an input, a lost reference); the axis was stopped",
+            observed=f"6061h shows {shown} ({modes.short(ModeOfOperation(shown))}) during a motion, and this program has not "
+            "commanded it",
+            remedy="look for a commissioning tool or another master that writes 6060h, and in the drive's manual for causes "
+            "of a mode change (a limit, an input, a lost reference); the axis was stopped",
         )

@@ -258,10 +258,12 @@ class _ArrivalWatch:
         where = "unknown" if shown is None else f"{shown:g} {position.unit}"
         word = 0 if image.statusword is None else image.statusword
         return MotionTimeout(
-            f"{name}: has not arrived at {position.to_units(self._target - image.origin):g} {position.unit}",
+            f"{name}: the axis has not arrived at {position.to_units(self._target - image.origin):g} {position.unit}",
             axis=name,
             observed=f"position {where}; {why}; target reached (bit 10) is {int(bool(word & sw.TARGET_REACHED))}, "
             f"statusword 0x{word:04X}" + "".join(f"; {hint}" for hint in sw.hints(word)),
-            remedy="look whether the axis is blocked, whether the drive limits torque or velocity, and whether its position window "
-            "(6067h) can be met; if it only stops a little short, set position_window in [axes." + name + "]",
+            remedy="check whether the axis is blocked, whether the drive limits torque or velocity, and whether its "
+            "position window (6067h) can be met; if it only stops a little short, set position_window in [axes."
+            + name
+            + "]",
         )

@@ -56,7 +56,7 @@ class StateWalk:
             "nothing was sent" if sent is None else f"controlword 0x{sent:04X} ({cw.words(sent)}) was sent"
         )
         return TransitionError(
-            f"{name}: the drive does not go on from {image.state.value!r} to {goal.value!r}",
+            f"{name}: the drive does not change from {image.state.value!r} to {goal.value!r}",
             axis=name,
             observed=f"{command}, statusword 0x{word:04X} for {self._parameters.timing.transition:g} s; "
             f"path: {' > '.join(state.value for state in self.path[-8:])}",
@@ -68,7 +68,7 @@ class StateWalk:
 
 def _blind(parameters: AxisParameters, goal: PowerState) -> StaleError:
     return StaleError(
-        f"{parameters.name}: cannot be led to {goal.value!r}: its statusword (6041h) is unknown",
+        f"{parameters.name}: the drive cannot be brought to {goal.value!r}: its statusword (6041h) is unknown",
         axis=parameters.name,
         observed=f"no fresh statusword for {parameters.timing.transition:g} s, so nothing was sent",
         remedy=f"check the cable, and that node {parameters.node} is operational and sends its TPDO (axisbus monitor)",

@@ -76,10 +76,10 @@ def require_ramps(profile: MoveProfile, parameters: AxisParameters) -> MoveProfi
         return profile
     name, per = parameters.name, parameters.units.acceleration.unit
     raise LimitError(
-        f"{name}: the drive's own ramps are harder than max_acceleration",
+        f"{name}: the drive's own ramps are steeper than max_acceleration",
         observed=f"6083h and 6084h were written, and the drive has {hardest:g} {per}; allowed are {limit:g}",
-        remedy="let the drive take these objects (its EDS or manual says when it does), or raise max_acceleration in "
-        f"[axes.{name}] to what the drive has",
+        remedy="make the drive accept these objects (its EDS or manual says when it does), or raise max_acceleration in "
+        f"[axes.{name}] to the value of the drive",
     )
 
 

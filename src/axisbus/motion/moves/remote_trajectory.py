@@ -33,7 +33,7 @@ _CHUNK = 0.25  # seconds in a chunk
 _SMALLEST, _LARGEST = 16, 256  # samples in a chunk
 
 _REMEDY = (
-    "make position(t) faster, and look what keeps the program's other threads from running (a long call into a library, a "
+    "make position(t) faster, and find out why the program's other threads do not run (a long call into a library, a "
     "debugger, a busy computer)"
 )
 
@@ -122,13 +122,13 @@ class Streamed:
         curve, asked = self._curve, self._asked
         if first != curve.after or first + len(positions) > asked:
             raise ArgumentError(
-                "samples of a trajectory came that were not asked for",
+                "samples of a trajectory came that were not requested",
                 observed=f"numbers {first} to {first + len(positions) - 1}; expected were {curve.after} to {asked - 1}",
             )
         _require_numbers(positions)
         times = self._times_after(curve.times[-1], len(positions))
         if len(times) < len(positions):
-            raise ArgumentError("a trajectory has more samples than fit its duration")
+            raise ArgumentError("a trajectory has more samples than its duration allows")
         ways = pairwise((curve.positions[-1], *positions))
         self._fastest = max(self._fastest, max((abs(b - a) for a, b in ways), default=0.0) / self._step)
         self._curve = curve.joined(times, positions).without(self.reached, _KEPT)
@@ -164,7 +164,7 @@ class Streamed:
         """
         if period != self._step:
             raise ArgumentError(
-                "the samples of a trajectory do not fit the scan",
+                "the samples of a trajectory do not match the scan",
                 observed=f"their step is {self._step:g} s, the scan's period {period:g} s",
             )
         self._deceleration = deceleration

@@ -119,15 +119,15 @@ class SetPoint:
         bit = int(self.phase is _OFFER)
         word = "no fresh statusword" if image.statusword is None else f"statusword 0x{image.statusword:04X}"
         return SetPointError(
-            f"{self._name}: the drive does not {'take the set-point' if bit else 'end the set-point handshake'}",
+            f"{self._name}: the drive does not {'accept the set-point' if bit else 'end the set-point handshake'}",
             axis=self._name,
             observed=f"controlword bit 4 (new set-point) was {bit} for {self._timeout:g} s, statusword bit 12 (set-point "
             f"acknowledge) stayed {1 - bit}; {word}",
             remedy="check that the target lies within the drive's own limits (607Dh) and that profile velocity and acceleration "
             f"(6081h, 6083h) are not 0; a slow drive needs a longer acknowledge_time in [axes.{self._name}]; {self._way_out}"
             if bit
-            else "see in the drive's manual when it takes bit 12 back (its buffer of set-points may be full); a slow drive needs a "
-            f"longer acknowledge_time in [axes.{self._name}]; {self._way_out}",
+            else "see in the drive's manual when it resets bit 12 (its buffer of set-points may be full); a slow drive "
+            f"needs a longer acknowledge_time in [axes.{self._name}]; {self._way_out}",
         )
 
     @property

@@ -191,11 +191,11 @@ class SetPointConfirmation:
         name = self._parameters.name
         word = "no fresh statusword" if image.statusword is None else f"statusword 0x{image.statusword:04X}"
         return SetPointError(
-            f"{name}: nothing shows that the drive has taken the set-point",
+            f"{name}: no sign that the drive has accepted the set-point",
             axis=name,
             observed=f"position {where_text(image, self._parameters)}, target {self._target_text(image)}; neither 6064h nor "
-            f"6062h has come nearer to it for {image.now - self._gained_at:.2g} s after the edge of bit 4, or only on the way to "
-            f"the target before; {word}",
+            f"6062h has come nearer to it for {image.now - self._gained_at:.2g} s after the edge of bit 4, or only "
+            f"by the move to the previous target; {word}",
             remedy="look whether the axis is blocked, whether the target lies within the drive's own limits (607Dh), and that "
             "profile velocity and acceleration (6081h, 6083h) are not 0; a drive that begins late needs a longer acknowledge_time "
             f'in [axes.{name}], and handshake = "on-change" there needs 6064h (better 6062h, too) in a TPDO',

@@ -9,10 +9,8 @@ from axisbus.interrupt_guard import is_own
 from axisbus.motion.numbers import number, told
 from axisbus.motion.trajectory import Trajectory
 
-_DURATION = "mend its duration, which must give the same number always"
-_POSITION = (
-    "mend its position(t), which must give a number for every t from 0 to its duration; the axis was stopped"
-)
+_DURATION = "correct its duration, which must always return the same number"
+_POSITION = "correct its position(t), which must return a number for every t from 0 to its duration; the axis was stopped"
 
 
 class CheckedTrajectory:
@@ -60,8 +58,8 @@ class CheckedTrajectory:
         """Return a value of the trajectory's own code as a number; any other value ends the command, and the error shows it."""
         found = number(value)
         if found is None:
-            raise ArgumentError(self._message(what), observed=f"it gave {told(value)}", remedy=remedy)
+            raise ArgumentError(self._message(what), observed=f"it returned {told(value)}", remedy=remedy)
         return found
 
     def _message(self, what: str) -> str:
-        return f"{self._name}: the trajectory gives no {what}"
+        return f"{self._name}: the trajectory returned no {what}"

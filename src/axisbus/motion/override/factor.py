@@ -37,7 +37,7 @@ class Override:
 def require_factor(factor: float, name: str) -> None:
     """Raise LimitError if ``factor`` is not from 0 to 1.5; ``name`` is the name of the command."""
     if not 0.0 <= factor <= FASTER:
-        raise LimitError(f"{name}: an override is from 0 to {FASTER:g}")
+        raise LimitError(f"{name}: an override must be from 0 to {FASTER:g}")
 
 
 def scaled(velocity: int, factor: float, parameters: AxisParameters) -> int:

@@ -122,7 +122,7 @@ class SetPointUpdate:
         if self._parameters.braking.halt is Ramp.COAST:
             name = self._parameters.name
             raise StateError(
-                f"{name}: an override of 0 cannot hold a move of its drive",
+                f"{name}: an override of 0 cannot hold a move with a profile of the drive",
                 observed="its halt (605Dh is 0) lets the motor coast",
                 remedy=f'set halt = "slow-ramp" in [axes.{name}.stop]',
             )
@@ -213,9 +213,9 @@ class VelocityChangeCheck:
         per = abs(units.factor)
         assert self._profile.speed
         return DriveError(
-            f"{name}: its drive does not take another velocity during a move",
+            f"{name}: its drive does not accept another velocity during a move",
             axis=name,
-            observed=f"6081h was written and the set-point given anew for {self._profile.speed / per:g} {units.unit}/s; it goes on "
-            f"at {speed / per:g}",
-            remedy="set the override before the move begins, or lead the axis in csp: as a group of one, on a line",
+            observed=f"6081h was written and the set-point sent again for {self._profile.speed / per:g} {units.unit}/s; the "
+            f"axis still moves at {speed / per:g}",
+            remedy="set the override before the move begins, or move the axis in csp: as a group of one, on a line",
         )

@@ -192,19 +192,19 @@ class CurveFit(PointAccepted[Span]):
     ) -> LimitError:
         within = f"{limits[1]:g}" if limits[0] == -limits[1] else f"{limits[0]:g} to {limits[1]:g}"
         return LimitError(
-            f"{self._text}: point {self.count + 1} leads {name} beyond its {what}",
+            f"{self._text}: point {self.count + 1} takes {name} beyond its {what}",
             observed=f"{what} {seen:.6g} {unit} between {span.begin.t:.3f} s and {span.end.t:.3f} s of the stream; "
             f"allowed are {within} {unit} ({key})",
-            remedy=f"give points that are nearer to each other or further apart in time, or change the limit in [axes.{name}] of "
-            "cell.toml; nothing of this point was taken",
+            remedy="give points that are nearer to each other or further apart in time, or change the limit in "
+            f"[axes.{name}] of cell.toml; this point was rejected",
         )
 
     def _endless(self, span: Between, seconds: float) -> LimitError:
         return LimitError(
-            f"{self._text}: point {self.count + 1} could not be braked from along its way in time",
+            f"{self._text}: the axes could not brake in time along the path after point {self.count + 1}",
             observed=f"it would take {seconds:.3g} s from {span.begin.t:.3f} s of the stream; {LONGEST:g} s are allowed",
-            remedy="give points that are slower, or raise deceleration in [axes.NAME.defaults] or max_acceleration in [axes.NAME] "
-            "of cell.toml; nothing of this point was taken",
+            remedy="give points that are slower, or raise deceleration in [axes.NAME.defaults] or max_acceleration in "
+            "[axes.NAME] of cell.toml; this point was rejected",
         )
 
 

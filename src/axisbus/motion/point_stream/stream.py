@@ -118,7 +118,7 @@ class PointStreamMotion:
         stream._course, stream._begins_at, stream._is_resumed = self._course, self.travel.t, True
         stream._ends = stream.gate.may_open = not fed
         if self._course.count:
-            stream._require_near("is no longer where the stream was left")
+            stream._require_near("is no longer at the position at which the stream was interrupted")
         return stream
 
     # -- added points --------------------------------------------------------------------------------------------------
@@ -154,12 +154,12 @@ class PointStreamMotion:
             return StateError(
                 f"{self._name}: some of its points did not arrive",
                 observed=f"number {command.first} came, {course.count} was expected",
-                remedy="begin a new stream from where the axes stand",
+                remedy="begin a new stream at the present position of the axes",
             )
         if course.waiting + len(command.spans) > MOST:
-            return StateError(f"{self._name}: more than {MOST} of its points wait")
+            return StateError(f"{self._name}: more than {MOST} of its points are waiting")
         if not all(_is_sound(span, len(self._axes)) for span in command.spans):
-            return StateError(f"{self._name}: a point is no number")
+            return StateError(f"{self._name}: a point is not a number")
         return None
 
     def close(self) -> None:
@@ -206,7 +206,7 @@ class PointStreamMotion:
     def _begin(self) -> None:
         course = self._course
         if course.count:
-            self._require_near("does not stand where the stream begins")
+            self._require_near("is not at the start of the stream")
         else:  # ended before it had two points
             here = tuple((self._start(axis), 0.0, 0.0, 0.0, 0.0, 0.0) for axis in self._axes)
             course.add(Span(1e-3, 1e3, here))
@@ -236,8 +236,11 @@ class PointStreamMotion:
             if abs(off) > allowed:
                 raise StateError(
                     f"{self._name}: {axis} {what}",
-                    observed=f"it is {abs(off):.6g} {units.unit} away from there, of which {allowed:.6g} {units.unit} are allowed",
-                    remedy=f"go there first: group.move_direct(({_listed(places)},)); or begin anew from where the axes stand",
+                    observed=f"it is {abs(off):.6g} {units.unit} away from there, {allowed:.6g} {units.unit} are allowed",
+                    remedy=(
+                        f"go there first: group.move_direct(({_listed(places)},)); or begin again at the present position "
+                        "of the axes"
+                    ),
                 )
 
     def _look(self, before: float) -> None:
@@ -256,7 +259,7 @@ class PointStreamMotion:
     def _underrun(self) -> CommandError:
         return CommandError(
             f"{self._name}: underrun, no further point came in time",
-            observed=f"at {self.travel.t:.3f} s of the stream, of which {self._course.length:.3f} s are known",
+            observed=f"at {self.travel.t:.3f} s of the stream; {self._course.length:.3f} s of it are known",
             remedy='give points earlier, with a larger buffer, or end the stream when there are no more; on_underrun = "hold" '
             "waits for more; the axes were braked along the points that there were",
         )

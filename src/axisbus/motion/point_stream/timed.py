@@ -85,9 +85,9 @@ def _row(count: int, point: TrajectoryPoint, axes: int, text: str) -> _Row:
     )
     if time is None or wrong or found[0] is None:
         raise ArgumentError(
-            f"{text}: point {count} is none: {told(point)}",
-            observed=f"it is made of a time and {counted(axes, 'finite number')} of each kind",
-            remedy="give one number for each axis, in their order; nothing was taken",
+            f"{text}: point {count} is invalid: {told(point)}",
+            observed=f"a point is a time and {counted(axes, 'finite number')} of each kind",
+            remedy="give one number for each axis, in their order; all points were rejected",
         )
     return _Row(time, found[0], found[1], found[2])
 
@@ -104,12 +104,13 @@ def _numbers(values: Sequence[float]) -> tuple[float, ...] | None:
 def _require_kinds(rows: Sequence[_Row], text: str) -> None:
     if not 0 < len(rows) <= MOST:
         raise ArgumentError(
-            f"{text}: {counted(len(rows), 'point')} are no trajectory", remedy=f"give 1 to {MOST} of them"
+            f"{text}: {counted(len(rows), 'point')} cannot form a trajectory",
+            remedy=f"give 1 to {MOST} of them",
         )
     kinds = {(row.speeds is not None, row.rates is not None) for row in rows}
     if len(kinds) > 1 or (False, True) in kinds:
         raise ArgumentError(
-            f"{text}: some points have velocities or accelerations, and some have none",
+            f"{text}: some points have velocities or accelerations, and some do not",
             remedy="give all points the same: positions; with velocities; or with velocities and accelerations",
         )
 
@@ -120,10 +121,11 @@ def _require_times(rows: Sequence[_Row], text: str) -> None:
     if falls is not None or times[0] < 0.0 or times[-1] <= 0.0:
         which = 1 if falls is None else falls
         raise ArgumentError(
-            f"{text}: the time of point {which} is none that it can have",
+            f"{text}: the time of point {which} is invalid",
             observed=f"it is {times[which - 1]:.6g} s"
             + ("" if falls is None else f", after {times[which - 2]:.6g} s"),
-            remedy="times rise from one point to the next, from 0 on, and one is later than that; nothing was taken",
+            remedy="times must begin at 0 or later and rise from one point to the next, and one must be later than 0; all "
+            "points were rejected",
         )
 
 
@@ -136,7 +138,7 @@ def _at_rest(row: _Row, text: str) -> _Row:
         raise ArgumentError(
             f"{text} is in motion",
             observed=f"a velocity of it is {fastest:.6g} units/s",
-            remedy="let it begin and end with velocities of 0; nothing was taken",
+            remedy="let it begin and end with velocities of 0; all points were rejected",
         )
     return row._replace(speeds=tuple(0.0 for _ in row.speeds))
 

@@ -169,8 +169,8 @@ class Arming:
             return
         self._wait(
             image,
-            f"60B9h is {value:04X}h still",
-            "it does not forget what it has latched before when it is switched off",
+            f"60B9h is still {value:04X}h",
+            "it does not clear its previous latched position when it is switched off",
         )
 
     def _written(self, _: int, image: AxisImage) -> None:
@@ -188,7 +188,7 @@ class Arming:
         self._reading = [edge for edge in Edge if edge in self._missing and bits & STORED[edge]]
         if not bits & ENABLED and (not self._reading or self._bits & CONTINUOUS):
             raise self._failure(
-                "it is armed no more, and nobody here has switched it off", f"60B9h is {value:04X}h"
+                "it is no longer armed, and this program has not switched it off", f"60B9h is {value:04X}h"
             )
         self._due = image.now if self._reading else image.now + POLL
         if not self._reading:
@@ -239,17 +239,18 @@ class Arming:
             f"{name}: touch probe {self._number}: {what}",
             axis=name,
             observed=observed,
-            remedy="see in the drive's manual what its touch probe needs; make sure that no RPDO carries 60B8h, and that no other "
-            "program or tool writes it",
+            remedy="see the drive's manual for the requirements of its touch probe; make sure that no RPDO carries 60B8h, "
+            "and that no other program or tool writes it",
         )
 
     def _unknown_place(self, image: AxisImage) -> StaleError:
         name = self._parameters.name
         return StaleError(
-            f"{name}: touch probe {self._number} has latched a position, which means nothing: the actual one (6064h) is unknown",
+            f"{name}: touch probe {self._number} has latched a position, which cannot be used: the actual position (6064h) "
+            "is unknown",
             axis=name,
             observed=age_text(image.now - image.position_stamp),
-            remedy="check cable and bus load, and that the drive still sends the TPDO that holds 6064h (axisbus monitor)",
+            remedy="check cable and bus load, and that the drive still sends the TPDO that contains 6064h (axisbus monitor)",
         )
 
 

@@ -108,10 +108,10 @@ class ProbeSearch:
             return
         self._end(
             ProbeError(
-                f"{self.name}: the axis has arrived, and there was no edge on the way",
+                f"{self.name}: the axis has arrived, and there was no edge during the move",
                 axis=self._command.axis,
                 observed=f"60B9h shows none of input {self._command.probe.number}",
-                remedy="look at the sensor and its wiring (60FDh shows the inputs), or search farther",
+                remedy="check the sensor and its wiring (60FDh shows the inputs), or search farther",
             )
         )
 

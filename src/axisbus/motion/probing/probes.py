@@ -185,13 +185,13 @@ class Probes:
             raise StateError(
                 f"{ticket.name}: node {self._parameters.node} is not operational",
                 observed=nmt_text(image) if image.bus is None else image.bus.message,
-                remedy="look at its supply and cable, and open the machine again (axisbus boot cell.toml shows what it says)",
+                remedy="check its supply and cable, and open the machine again (axisbus boot cell.toml shows its answers)",
             )
 
     def _lost(self, image: AxisImage) -> NodeError:
         name, node = self._parameters.name, self._parameters.node
         return NodeError(
-            f"{name}: node {node} is lost, and what its touch probe was armed for with it",
+            f"{name}: node {node} is lost, and with it the result of its touch probe",
             node=node,
             observed=nmt_text(image) if image.bus is None else image.bus.message,
             remedy=f"check supply and cable of node {node}; then {ANEW}",

@@ -78,10 +78,12 @@ class Exchange:
         self.under_way = True
 
     def _refused(self, code: int) -> DriveError:
-        refused = "does not let it be read" if self._value is None else f"does not take {self._value():04X}h"
+        refused = (
+            "does not allow it to be read" if self._value is None else f"does not accept {self._value():04X}h"
+        )
         return DriveError(
             f"{self._name}: {object_text(self._index)}: the drive {refused}",
             axis=self._name,
             observed=f"abort code {abort.describe(code)}",
-            remedy="see in the drive's manual which functions its touch probe has, and when it takes them",
+            remedy="see in the drive's manual which functions its touch probe has, and when it accepts them",
         )

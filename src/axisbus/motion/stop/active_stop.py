@@ -30,14 +30,15 @@ class StopKind(IntEnum):
 
 # Remedy for a command that a stop has ended; none if the stop was requested for this axis.
 REMEDIES = {
-    StopKind.POLICY: "mend the axis that failed first (its error says how); this one stands enabled and takes commands again",
+    StopKind.POLICY: "first clear the error of the axis that failed (its error has the remedy); this axis is enabled at "
+    "standstill and accepts commands again",
 }
 
 
 # Missing reaction of the drive when a time of [axes.NAME.stop] has passed, and the objects that define the reaction.
 _TOO_SLOW = {
-    "halt_time": "did not come to rest on a halt in time (605Dh, 6084h)",
-    "quick_stop_time": "did not come to rest on a quick stop in time (605Ah, 6085h)",
+    "halt_time": "did not come to standstill on a halt in time (605Dh, 6084h)",
+    "quick_stop_time": "did not come to standstill on a quick stop in time (605Ah, 6085h)",
     "disable_time": "did not switch off in time (605Bh, 605Ch, its brake)",
 }
 
@@ -144,37 +145,38 @@ def stop_error(ladder: StopSequence, name: str) -> AxisbusError | None:
     seen = _seen(ladder)
     if not ladder.confirmed:
         return DriveError(
-            f"{name}: could not be confirmed as stopped",
+            f"{name}: the stop of the axis could not be confirmed",
             axis=name,
-            observed=f"{seen}, standstill not seen",
+            observed=f"{seen}, standstill not observed",
             remedy="TREAT THE AXIS AS MOVING: use the emergency stop; then check cable and drive",
         )
     if ladder.takes_power and ladder.seen in _MAYBE_ENERGISED:
         return DriveError(
-            f"{name}: stands, but could not be switched off",
+            f"{name}: the axis is at standstill, but its drive could not be switched off",
             axis=name,
             observed=seen,
-            remedy="TREAT THE AXIS AS ENERGISED: cut its supply; then look why the drive does not obey",
+            remedy="TREAT THE AXIS AS ENERGISED: cut its supply; then find out why the drive does not obey",
         )
     if ladder.spared:
         return DriveError(
-            f"{name}: stands, but its drive did not do the quick stop",
+            f"{name}: the axis is at standstill, but its drive did not execute the quick stop",
             axis=name,
             observed=seen,
-            remedy=f"look why the drive {_TOO_SLOW['quick_stop_time']}, or raise quick_stop_time in "
-            f"[axes.{name}.stop]; it is still energised",
+            remedy=f"find out why the drive {_TOO_SLOW['quick_stop_time']}, or raise quick_stop_time in [axes.{name}.stop]; "
+            "it is still energised",
         )
     if ladder.held:
         return DriveError(
-            f"{name}: something holds it in the middle of a move",
+            f"{name}: the axis was blocked during a move",
             axis=name,
             observed=seen,
-            remedy="look what holds it before it gets power again; it was stopped hard and cannot leap when it comes free",
+            remedy="remove the obstacle before the axis gets power again; it was stopped with a quick stop, so it cannot "
+            "jump when it comes free",
         )
     if not ladder.late:
         return None  # only the statusword was missing, and all required actions have happened
     return DriveError(
-        f"{name}: stopped only by a harder stop than was asked for",
+        f"{name}: the axis stopped only by a harder stop than was commanded",
         axis=name,
         observed=seen,
         remedy=_remedy_for_late(ladder, name),
@@ -184,16 +186,19 @@ def stop_error(ladder: StopSequence, name: str) -> AxisbusError | None:
 def _remedy_for_late(ladder: StopSequence, name: str) -> str:
     raised = f"raise {' and '.join(ladder.late)} in [axes.{name}.stop]"
     if ladder.on_its_path and ladder.late == ["halt_time"]:
-        return f"braking along its path took longer than halt_time: ask for a higher acceleration or a lower velocity, or {raised}"
-    return f"look why the drive {' and '.join(_TOO_SLOW[key] for key in ladder.late)}, or {raised}"
+        return (
+            "braking along its path took longer than halt_time: command a higher acceleration or a lower velocity, or "
+            f"{raised}"
+        )
+    return f"find out why the drive {' and '.join(_TOO_SLOW[key] for key in ladder.late)}, or {raised}"
 
 
 def _seen(ladder: StopSequence) -> str:
-    texts = ["stop ladder: " + " > ".join(rung.text for rung in ladder.path)]
+    texts = ["stop sequence: " + " > ".join(rung.text for rung in ladder.path)]
     if ladder.late:
         texts.append(f"passed: {', '.join(ladder.late)}")
     texts += [text for text in (ladder.unseen, ladder.running_down) if text]
     if ladder.spared:
-        texts.append("its power was left on because it holds a load")
+        texts.append("its power remains on because it holds a load")
     texts.append(f"state {ladder.seen.value!r}")
     return "; ".join(texts)

@@ -25,24 +25,26 @@ _RECENT = 5.0  # seconds during which an EMCY counts as belonging to the present
 # First check, by error code: by its class (first hex digit), by its group (first two digits), then exact codes with a text of their
 # own.
 _REMEDY_BY_CLASS = {
-    0x2: "look for a short circuit, a blocked axis, or acceleration and torque limits that ask for too much current",
-    0x3: "measure the supply: too high while braking needs a brake chopper, too low a stronger supply or thicker cable",
+    0x2: "look for a short circuit, a blocked axis, or acceleration and torque limits that need too much current",
+    0x3: "measure the supply: if it is too high while braking, fit a brake chopper; if it is too low, use a stronger supply "
+    "or thicker cable",
     0x4: "let it cool down; check load, duty cycle and ventilation",
-    0x5: "a hardware fault of the drive: see its manual",
+    0x5: "the drive has a hardware fault: see its manual",
     0x6: "check the drive's parameters (a value out of range, or not stored)",
     0x7: "check motor, encoder and brake with their cables",
     0x8: "check load, tuning and limits",
-    0x9: "an external fault input is active: see what is wired to it",
+    0x9: "an external fault input is active: check its wiring and the device that is connected to it",
 }
 _REMEDY_BY_GROUP = {
     0x81: "the drive has trouble with the bus: check termination, bit rate and cable, and how full the bus is",
-    0x82: "frames that the drive took or waited for did not fit: look whether another master or tool maps or commands it, "
-    "and boot it again",
+    0x82: "frames that the drive received or expected did not match its configuration: check whether another master or tool "
+    "maps or commands it, and boot it again",
 }
 _REMEDY_BY_CODE = {
-    0x8130: "the drive missed our heartbeat: check cable, termination and that this program was not starved of time",
-    0x8140: "the bus went off: check termination, bit rate and cable",
-    0x8150: "somebody else sends on an identifier of this drive: look for a second node with its node-ID, or another master",
+    0x8130: "the drive missed the master's heartbeat: check cable, termination and that this program got enough processor "
+    "time",
+    0x8140: "the bus was off: check termination, bit rate and cable",
+    0x8150: "another sender uses an identifier of this drive: look for a second node with its node-ID, or another master",
     **dict.fromkeys(
         range(0x8250, 0x8260),
         "the drive waited for its process data: check that cycles are not late and that the bus loses no frames",
@@ -50,9 +52,9 @@ _REMEDY_BY_CODE = {
     0x8611: "the axis does not follow its demand: blocked, too high acceleration, bad tuning, or a following error window (6065h) "
     "that is too narrow",
     0x8612: "a limit switch or software limit (607Dh) was reached: move away from it, check the limits",
-    0x8700: "SYNC came at another pace than the drive wants: look whether cycles are late, and at its manual for the periods "
-    "that it takes",
-    0x7121: "the motor is blocked: look at the mechanics and the brake",
+    0x8700: "SYNC came with another period than the drive expects: check whether cycles are late, and see its manual for "
+    "the periods that it accepts",
+    0x7121: "the motor is blocked: check the mechanics and the brake",
 }
 
 

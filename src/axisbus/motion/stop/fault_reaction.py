@@ -43,10 +43,11 @@ class FaultReaction:
         if run_down.under_way:
             seen += f": its power is off, {run_down.why_not(image)}"
         else:
-            seen += ", which is to brake the motor, and has not ended"
+            seen += ", which brakes the motor and has not ended"
         return DriveError(
-            f"{name}: could not be confirmed as stopped",
+            f"{name}: the stop of the axis could not be confirmed",
             axis=name,
             observed=seen,
-            remedy="TREAT THE AXIS AS MOVING: use the emergency stop; then look what moves it (its load, its fault reaction 605Eh)",
+            remedy="TREAT THE AXIS AS MOVING: use the emergency stop; then find the cause of its motion (its load, its "
+            "fault reaction 605Eh)",
         )

@@ -38,8 +38,8 @@ _SELDOM = 2.5  # scan periods between two demands: beyond this, the speed betwee
 _PP = int(_M.PROFILE_POSITION)
 
 _REMEDY = (
-    "look whether the axis is blocked, overloaded or badly tuned, or its drive limits torque or velocity (6072h, 607Fh, 6080h); "
-    "keep clear: what is held may leap when it comes free"
+    "check whether the axis is blocked, overloaded or badly tuned, or its drive limits torque or velocity (6072h, 607Fh, "
+    "6080h); keep clear: a blocked axis may jump when it comes free"
 )
 
 
@@ -203,8 +203,9 @@ class FollowingErrorMonitor:
         return FollowingError(
             f"{name}: its drive reports a following error",
             axis=name,
-            observed=f"bit 13 of the statusword (0x{word:04X}) was set in this motion: for {parameters.drive_following_time:g} s "
-            f"(6066h) the axis was more than {window:g} {units.unit} (6065h) from where its drive leads it",
+            observed=f"bit 13 of the statusword (0x{word:04X}) was set in this motion: for "
+            f"{parameters.drive_following_time:g} s (6066h) the axis was more than {window:g} {units.unit} (6065h) "
+            "from the demand of its drive",
             remedy=_REMEDY,
         )
 
@@ -214,12 +215,12 @@ class FollowingErrorMonitor:
         where = units.to_units(image.position - image.origin)
         off = abs(units.to_units(way))
         hints = [] if image.statusword is None else sw.hints(image.statusword, image.mode)
-        seen = f"at {where:g} {units.unit} it is {off:g} {units.unit} from where it should be by now; "
+        seen = f"at {where:g} {units.unit} it is {off:g} {units.unit} from its expected position; "
         seen += f"{abs(units.to_units(allowed)):g} are allowed"
         return FollowingError(
-            f"{name}: does not follow what is asked of it",
+            f"{name}: the axis does not follow its set-points",
             axis=name,
             observed="; ".join([seen, *hints]),
-            remedy=f"{_REMEDY}; following_error in [axes.{name}] sets the lag allowed"
-            + (', and demand = "ignore" there leaves a wrong 6062h out' if image.led.target is None else ""),
+            remedy=f"{_REMEDY}; following_error in [axes.{name}] sets the allowed lag"
+            + (', and demand = "ignore" there excludes a wrong 6062h' if image.led.target is None else ""),
         )

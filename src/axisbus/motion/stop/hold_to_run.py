@@ -47,4 +47,4 @@ class HoldToRun:
         if self._held is held:  # otherwise the program has just confirmed again
             self._held = None
         silent = held.continuous if now <= held.since + held.seconds else held.seconds
-        return f"{held.who}, which holds it to run, said nothing for {silent:g} s"
+        return f"{held.who}, the hold-to-run client, sent no confirmation for {silent:g} s"

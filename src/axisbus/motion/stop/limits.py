@@ -250,8 +250,9 @@ class LimitMonitor:
             observed=f"{abs(units.to_units(velocity)):g} {units.unit}/s"
             + (f", could be {speed:g} before a stop acts" if course.by_torque else "")
             + f"; allowed are {limit:g}",
-            remedy=f"lower the torque or velocity, or raise max_velocity in [axes.{self._parameters.name}] of cell.toml; "
-            "where less was asked for, the drive counts velocities in another unit: check velocity_scale; the axis was stopped",
+            remedy=f"lower the torque or velocity, or raise max_velocity in [axes.{self._parameters.name}] of cell.toml; if "
+            "a lower velocity was commanded, the drive uses another unit of velocity: check velocity_scale; the axis "
+            "was stopped",
         )
 
     # -- position ----------------------------------------------------------------------------------------------------
@@ -266,7 +267,7 @@ class LimitMonitor:
     def _unstoppable(self, course: CommandedMotion) -> LimitError:
         why, remedy = unknown_braking(self._parameters, course)
         return LimitError(
-            f"{self._parameters.name}: could not be stopped within its position limits",
+            f"{self._parameters.name}: the axis could not be stopped within its position limits",
             observed=why,
             remedy=remedy,
         )
@@ -279,8 +280,8 @@ class LimitMonitor:
         error = LimitError(
             f"{self._parameters.name}: about to leave its position limits",
             observed=f"at {units.to_units(image.position - image.origin):g} {units.unit}, moving at "
-            f"{units.to_units(velocity):g} {units.unit}/s, could come to rest at {stop:g}; "
-            f"allowed are {limits[0]:g} to {limits[1]:g}",
+            f"{units.to_units(velocity):g} {units.unit}/s, could stop at {stop:g}; allowed are {limits[0]:g} to "
+            f"{limits[1]:g}",
             remedy="move back into the limits; the axis was stopped",
         )
         if limits[0] <= units.to_units(image.position - image.origin) <= limits[1]:
@@ -420,7 +421,7 @@ def unknown_braking(parameters: AxisParameters, course: CommandedMotion) -> tupl
     name, braking = parameters.name, parameters.braking
     if not parameters.units.ratio_known:
         return (
-            "how its velocities and accelerations count is not known, so that its braking distance is not either",
+            "the units of its velocities and accelerations are unknown, and so is its braking distance",
             f"give velocity_scale (and acceleration_scale) in [axes.{name}] of cell.toml, which axisbus check explains; or move to "
             "positions",
         )
@@ -434,14 +435,14 @@ def unknown_braking(parameters: AxisParameters, course: CommandedMotion) -> tupl
         )
     if ramp is Ramp.QUICK:
         return (
-            f"{code} brakes on the quick-stop ramp, and the drive shows none (6085h is missing or 0)",
+            f"{code} brakes on the quick-stop ramp, and the drive has none (6085h is missing or 0)",
             f"set deceleration in [axes.{name}.stop], or another word than ramp",
         )
     fixed = dict(parameters.fixed_ramps)
     if objects.PROFILE_DECELERATION in fixed or course.unknown:
         return (
-            "the drive does not take a deceleration (6084h), and shows none that it brakes with",
-            f"see in the drive's manual what it brakes with; without position_limits in [axes.{name}] it may turn freely",
+            "the drive does not accept a deceleration (6084h), and reports no deceleration of its own",
+            f"see the drive's manual for its deceleration; without position_limits in [axes.{name}] it may turn freely",
         )
     return (
         "no deceleration is given",

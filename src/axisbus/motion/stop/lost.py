@@ -10,7 +10,7 @@ from axisbus.motion.stop.diagnosis import nmt_text
 
 # Last received NMT state of a node that is lost without any message.
 SILENT = frozenset({NmtState.OPERATIONAL, NmtState.UNKNOWN})
-ANEW = "close the machine and open it again, which configures and starts the node anew"
+ANEW = "close the machine and open it again, which configures and starts the node again"
 
 
 def start_and_reset(node: int) -> str:
@@ -23,14 +23,14 @@ def start_and_reset(node: int) -> str:
 
 def when_back(node: int) -> str:
     """Return what to do when a node is present again, whether it has restarted or not."""
-    return f"when it is there again, {start_and_reset(node)}; if it has restarted, {ANEW}"
+    return f"when the node answers again, {start_and_reset(node)}; if it has restarted, {ANEW}"
 
 
 def remedy_for_silence(node: int) -> str:
     """Return what to do when a node has become silent."""
     return (
-        f"check supply and cable of node {node}, then bus load and that SYNC reaches it (axisbus scan shows who answers); "
-        f"{when_back(node)}"
+        f"check supply and cable of node {node}, then bus load and that SYNC reaches it (axisbus scan shows the nodes that "
+        f"answer); {when_back(node)}"
     )
 
 
@@ -39,9 +39,9 @@ def silence_of(node: int, image: AxisImage) -> tuple[str, str]:
     if image.guarded:
         return (
             "it does not answer node guarding",
-            f"requests for its state (remote frames {cob.HEARTBEAT + node:03X}h) stay without an answer",
+            f"requests for its state (remote frames {cob.HEARTBEAT + node:03X}h) are not answered",
         )
-    return "its heartbeat stopped", "no heartbeat of it came in time"
+    return "its heartbeat stopped", "its heartbeat did not come in time"
 
 
 def not_to_be_reset(name: str, node: int, image: AxisImage, *, stopping: bool) -> NodeStateError:
@@ -51,29 +51,30 @@ def not_to_be_reset(name: str, node: int, image: AxisImage, *, stopping: bool) -
         return NodeStateError(
             f"{name}: node {node} cannot be reached: {image.bus.message}",
             observed=image.bus.observed + still,
-            remedy=f"{image.bus.remedy}; then reset again where the node is still operational, else {ANEW}",
+            remedy=f"{image.bus.remedy}; then reset again if the node is still operational, else {ANEW}",
         )
     if image.restarted and (image.overdue or image.nmt != NmtState.OPERATIONAL):
         return NodeStateError(
             f"{name}: node {node} has restarted, or may have, so a reset is not enough",
-            observed=f"{nmt_text(image)}; its configuration is not known to be ours{still}",
+            observed=f"{nmt_text(image)}; whether it still has the configuration of this master is not known{still}",
             remedy=ANEW,
         )
     if image.overdue or image.nmt == NmtState.UNKNOWN:
         return NodeStateError(
-            f"{name}: node {node} is lost, so there is nobody to reset",
+            f"{name}: node {node} is lost, so there is no node to reset",
             observed=f"{nmt_text(image)}{still}",
             remedy=f"check supply and cable of node {node} until axisbus scan shows it; then {ANEW}; if it has not restarted, it "
             f"is enough to {start_and_reset(node)}",
         )
     if image.nmt == NmtState.OPERATIONAL:
         return NodeStateError(
-            f"{name}: node {node} is there again, and cannot be reset into service",
-            observed=f"it has restarted, or may have: its configuration is not known to be ours{still}",
+            f"{name}: node {node} has returned, but a reset is not enough",
+            observed="it has restarted, or may have: whether it still has the configuration of this master is not "
+            f"known{still}",
             remedy=ANEW,
         )
     return NodeStateError(
-        f"{name}: node {node} is there, and not operational, so a reset alone is not enough",
+        f"{name}: node {node} is present, but not operational, so a reset alone is not enough",
         observed=nmt_text(image) + still,
-        remedy=f"see its EMCY why it left operational (axisbus monitor), and mend that; then {start_and_reset(node)}",
+        remedy=f"its EMCY says why it left operational (axisbus monitor): clear that cause; then {start_and_reset(node)}",
     )

@@ -101,13 +101,13 @@ class SpeedWatch:
         name, units = self._parameters.name, self._parameters.units.position
         per = abs(units.factor)
         over_limit = limit is not None and seen > limit * MARGIN
-        most = [] if asked is None else [f"asked for were at most {asked / per:g}"]
+        most = [] if asked is None else [f"commanded was at most {asked / per:g}"]
         if limit is not None:
             most.append(f"max_velocity is {limit / per:g}")
         return LimitError(
-            f"{name}: faster than {'max_velocity' if over_limit else 'it was asked to be'}",
+            f"{name}: faster than {'max_velocity' if over_limit else 'commanded'}",
             observed=f"{seen / per:g} {units.unit}/s by its positions; {', '.join(most)}",
-            remedy="the drive probably counts velocities in another unit than cell.toml says, such as revolutions per minute: "
-            f"compare 60A9h or the drive's manual with velocity_scale (and acceleration_scale) in [axes.{name}], and scale with "
-            "a measured way; the axis was stopped",
+            remedy="the drive probably uses another unit of velocity than cell.toml says, such as revolutions per minute: "
+            f"compare 60A9h or the drive's manual with velocity_scale (and acceleration_scale) in [axes.{name}], and "
+            "scale with a measured distance; the axis was stopped",
         )

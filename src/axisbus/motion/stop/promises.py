@@ -34,9 +34,9 @@ class LimitEnforcement(Enum):
     """How a limit is enforced."""
 
     AHEAD = "braked ahead"
-    AT = "targets are checked; stopped where it is left"
-    WATCHED = "commands are checked, and the speed by positions is watched"
-    CHECKED = "commands are checked, and the speed is not watched"
+    AT = "targets are checked; the axis is stopped at the limit"
+    WATCHED = "commands are checked, and the speed is monitored by positions"
+    CHECKED = "commands are checked, and the speed is not monitored"
     REFUSED = "the motion is refused"
     NOT = "not kept"
 
@@ -85,7 +85,7 @@ class _Answer(NamedTuple):
 
 def _position(parameters: AxisParameters, mode: ModeOfOperation) -> _Answer:
     if mode is _M.HOMING:
-        return _Answer(LimitEnforcement.NOT, "the drive searches where it must; they hold from then on")
+        return _Answer(LimitEnforcement.NOT, "the drive searches freely; the limits apply after homing")
     if not parameters.has(objects.POSITION_ACTUAL):
         kept = LimitEnforcement.AT if mode is _M.PROFILE_POSITION else LimitEnforcement.REFUSED
         return _Answer(kept, "the drive has no position actual value (6064h)")
@@ -127,6 +127,6 @@ def _velocity(parameters: AxisParameters, mode: ModeOfOperation) -> _Answer:
         return _Answer(LimitEnforcement.WATCHED)
     return _Answer(
         LimitEnforcement.CHECKED,
-        "how its velocities count is not known",
+        "the unit of its velocities is not known",
         f"give velocity_scale in [axes.{parameters.name}] of cell.toml",
     )

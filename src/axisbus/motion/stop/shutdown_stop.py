@@ -88,9 +88,10 @@ class AxisLeaving:
         name, image = self._core.parameters.name, self._core.image
         before = "" if error is None else f"{one_line(error, alarm=False)}; "
         return DriveError(
-            f"{name}: could not be confirmed as stopped",
+            f"{name}: the stop of the axis could not be confirmed",
             axis=name,
-            observed=f"{before}when the time of its stop ladder was over: state {image.state.value!r}, standstill not seen",
+            observed=f"{before}when the time of its stop sequence was over: state {image.state.value!r}, standstill not "
+            "observed",
             remedy=join_remedies(_ALARM, "" if error is None else error.remedy),
         )
 

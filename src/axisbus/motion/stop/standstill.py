@@ -75,9 +75,9 @@ class StandstillCheck:
                 self._by = self._by_position_alone(image)
             return stands
         if image.velocity is not None:
-            self._by = "its velocity (606Ch) is 0; where it stands is not known"
+            self._by = "its velocity (606Ch) is 0; its position is not known"
             return self._rests(image)
-        self._by = "its drive says so (statusword bit 10); neither position nor velocity is known"
+        self._by = "its drive reports it (statusword bit 10); neither position nor velocity is known"
         return self._says_so(image)
 
     def _by_position_alone(self, image: AxisImage) -> str:
@@ -86,8 +86,13 @@ class StandstillCheck:
         if not hidden or image.state not in ENERGISED or image.mode in TORQUE_MODES or image.pull is not None:
             return ""
         ignored = self._parameters.demand is DemandUse.IGNORE
-        why = 'is not used (demand = "ignore")' if ignored else "was not yet seen to lead the axis"
-        return f"its position (6064h) does not change; whether its drive pulls it is not known, because 6062h {why}"
+        why = (
+            'is not used (demand = "ignore")' if ignored else "has not yet been seen to follow the set-points"
+        )
+        return (
+            "its position (6064h) does not change; whether its drive pushes against an obstacle is not known, because "
+            f"6062h {why}"
+        )
 
     def pulls(self, image: AxisImage) -> bool:
         """Whether the controller pulls the axis away from its position, or pushes it."""
@@ -133,19 +138,19 @@ class StandstillCheck:
             return "its position (6064h) is not known"
         where = f"at {units.to_units(image.position - image.origin):g} {units.unit}"
         if image.position_stamp <= self._since:
-            return f"{where} when it was last heard of, {image.now - image.position_stamp:.2g} s ago: no position has come since"
+            return f"{where} when its last position came, {image.now - image.position_stamp:.2g} s ago"
         if not image.still.since(self._first):
             return f"{where} and still moving{_speed_text(image, self._parameters)}"
         if self._pushes(image):
             return (
-                f"held {where}, but its drive pushes with {abs(image.torque or 0) / 10:g} % of its rated torque (6077h): when it "
-                "comes free, it moves on"
+                f"held {where}, but its drive pushes with {abs(image.torque or 0) / 10:g} % of its rated torque (6077h): "
+                "when it comes free, it moves"
             )
         pull = image.pull
         if pull is not None and self.pulls(image):
             return (
-                f"held {where}, but its drive pulls it to a place {abs(units.to_units(pull)):g} {units.unit} away: "
-                "when it comes free, it leaps"
+                f"held {where}, but its drive pulls it to a position {abs(units.to_units(pull)):g} {units.unit} away: when "
+                "it comes free, it jumps"
             )
         return where
 

@@ -101,12 +101,15 @@ class StandstillMonitor:
         return (
             None
             if self._misses < _TWICE
-            else self._restless(image, f"it went by about {units.to_units(self._way):g} {units.unit}")
+            else self._restless(image, f"it moved by about {units.to_units(self._way):g} {units.unit}")
         )
 
     def _moves(self, image: AxisImage, position: int, place: int) -> UncommandedMotion:
         units = self._parameters.units.position
-        went = f"it went from {units.to_units(place - image.origin):g} to {units.to_units(position - image.origin):g} {units.unit}"
+        went = (
+            f"it moved from {units.to_units(place - image.origin):g} to {units.to_units(position - image.origin):g} "
+            f"{units.unit}"
+        )
         return self._restless(image, went)
 
     def _restless(self, image: AxisImage, went: str) -> UncommandedMotion:
@@ -118,19 +121,20 @@ class StandstillMonitor:
             else f"; it shows mode {image.mode} ({modes.short(ModeOfOperation(image.mode))})"
         )
         return UncommandedMotion(
-            f"{name}: moves by itself",
+            f"{name}: the axis moves without a command",
             axis=name,
             observed=f"no command runs, and {went}{moving}{mode}",
-            remedy="look for another master or tool that commands it, a drive that goes on with an old target, or a load that the "
-            f"motor cannot hold; how far it may give way is standstill_window and following_error in [axes.{name}]",
+            remedy="look for another master or tool that commands it, a drive that still follows an old target, or a load "
+            f"that the motor cannot hold; standstill_window and following_error in [axes.{name}] set how far it may "
+            "move",
         )
 
     def _pulled(self, image: AxisImage, position: int, pull: float) -> UncommandedMotion:
         name, units = self._parameters.name, self._parameters.units.position
         return UncommandedMotion(
-            f"{name}: stands, but its drive pulls it elsewhere",
+            f"{name}: the axis is at standstill, but its drive pulls it to another position",
             axis=name,
-            observed=f"held at {units.to_units(position - image.origin):g} {units.unit}, led to a place "
+            observed=f"held at {units.to_units(position - image.origin):g} {units.unit}, its demand is "
             f"{abs(units.to_units(pull)):g} {units.unit} away (6062h, or the last target)",
-            remedy="KEEP CLEAR: when it comes free, it leaps; look what holds it, with its power off",
+            remedy="KEEP CLEAR: when it comes free, it jumps; switch its power off, then find the obstacle",
         )

@@ -40,9 +40,9 @@ class RestWait:
             return True
         if image.now > self._deadline:
             raise StateError(
-                f"{self.ticket.name}: the axis does not stand",
+                f"{self.ticket.name}: the axis is not at standstill",
                 observed=self._standing.why_not(image),
-                remedy="wait until it stands; what is turned by hand or by its load counts as moving, too",
+                remedy="wait until it is at standstill; an axis that is turned by hand or by its load counts as moving, too",
             )
         return False
 

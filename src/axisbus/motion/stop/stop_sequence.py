@@ -57,9 +57,14 @@ class AfterStop(Enum):
     DISABLE = "disable"
 
 
-_UNSEEN_PULL = "it stood before it was halted, and without 6062h nobody sees whether its drive pulls it on"
-_UNSEEN_PUSH = "it pushes with all its rated torque (6077h), and 6062h does not say where to"
-_NOT_RELIEVED = "it takes no new target while it is halted, and without 6062h nobody sees whether its drive pulls it to the old one"
+_UNSEEN_PULL = "it was at standstill before it was halted, and without 6062h it is not known whether its drive still pulls it"
+_UNSEEN_PUSH = (
+    "it pushes with all its rated torque (6077h), and 6062h does not give the position that it pushes to"
+)
+_NOT_RELIEVED = (
+    "it accepts no new target while it is halted, and without 6062h it is not known whether its drive pulls it "
+    "to the old one"
+)
 _CSV = ModeOfOperation.CYCLIC_SYNC_VELOCITY
 _STARTS = 0.3  # seconds after which a drive has begun to move, unless something holds it
 _MAY_DRIVE = ENERGISED | {PowerState.UNKNOWN}
@@ -207,7 +212,10 @@ class StopSequence:
         self._was_off = True
         order.goal = PowerState.SWITCH_ON_DISABLED
         if run_down.under_way or (image.state is PowerState.UNKNOWN and self._by_sdo.may_turn):
-            self.running_down = f"its power is off, {run_down.why_not(image) or 'and its position (6064h) was not seen to stand'}"
+            self.running_down = (
+                "its power is off, "
+                f"{run_down.why_not(image) or 'and standstill of its position (6064h) was not observed'}"
+            )
             self.confirmed = False  # it may have been at standstill, and fall now
             if self._rest_by is None:
                 self._rest_by = image.now + self._parameters.stop_times.disable

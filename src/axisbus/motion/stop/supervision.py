@@ -202,7 +202,7 @@ class Supervision:
             return None
         name = self._parameters.name
         return DriveError(
-            f"{name}: its drive was enabled, and nobody asked this program for it",
+            f"{name}: its drive was enabled, but not by this program",
             axis=name,
             observed=f"the axis is disabled, its drive was seen in state {image.state.value!r} again after {_FLICKER:g} s",
             remedy="TREAT THE AXIS AS MOVING; look for another master or tool that commands it; the drive is being disabled again",
@@ -225,8 +225,8 @@ class Supervision:
             StaleError(
                 f"{name}: this program did not run for {image.gap:.3g} s",
                 axis=name,
-                observed=f"the scan has a period of {self._parameters.scan_period * 1000:g} ms; longer than "
-                f"{self.longest_gap:.3g} s the state of the drive cannot be trusted",
+                observed=f"the scan has a period of {self._parameters.scan_period * 1000:g} ms; after more than "
+                f"{self.longest_gap:.3g} s the state of the drive is not certain",
                 remedy=f"{REMEDY}; the axis was stopped",
             ),
             StopLevel.QUICK_STOP if led else StopLevel.HALT,
@@ -240,11 +240,11 @@ class Supervision:
         name = self._parameters.name
         return StopDemand(
             DriveError(
-                f"{name}: the drive left operation enabled by itself",
+                f"{name}: the drive left operation enabled without a command",
                 axis=name,
                 observed=f"state {image.state.value!r}, statusword 0x{image.statusword or 0:04X}",
-                remedy="look for safe torque off, an enable input, a supply that dropped, or another master or tool that stopped "
-                "it; then axis.reset() and axis.enable()",
+                remedy="check for safe torque off, an enable input, a drop of the supply, or another master or tool that "
+                "stopped it; then axis.reset() and axis.enable()",
             ),
             StopLevel.QUICK_STOP,
         )
@@ -264,16 +264,16 @@ class Supervision:
                 node=node,
                 observed=f"its NMT state is {state}; it has restarted and lost its configuration and position, or a second device "
                 f"was switched on with node-ID {node}",
-                remedy=f"look whether the supply of node {node} failed, and whether two devices have its node-ID (axisbus scan); "
-                f"then {ANEW}",
+                remedy=f"check whether the supply of node {node} failed, and whether two devices have its node-ID (axisbus "
+                f"scan); then {ANEW}",
             )
         starved = image.starvation.text(image.now)
         if image.nmt in SILENT and starved:
             return NodeError(
-                f"{name}: {starved}, and node {node} is not heard",
+                f"{name}: {starved}, and no frames of node {node} were received",
                 node=node,
-                observed=f"{expected}; its last NMT state was {state}; whether it is there is not known",
-                remedy=join_remedies(REMEDY, f"if it is lost all the same: {remedy_for_silence(node)}"),
+                observed=f"{expected}; its last NMT state was {state}; whether the node is still present is not known",
+                remedy=join_remedies(REMEDY, f"if it is lost: {remedy_for_silence(node)}"),
             )
         if image.nmt in SILENT:
             return NodeError(
@@ -301,8 +301,8 @@ def duplicate_error(name: str, node: int, seen: str) -> DuplicateNodeError:
         f"{name}: two devices have node-ID {node}",
         node=node,
         observed=seen,
-        remedy=f"switch off the device that was added or changed last, give it a node-ID of its own (axisbus lss), and see that "
-        f"nothing else sends frames in the name of node {node}; then {ANEW}",
+        remedy="switch off the device that was added or changed last, give it another node-ID (axisbus lss), and make sure "
+        f"that no other device sends frames as node {node}; then {ANEW}",
     )
 
 
@@ -315,9 +315,9 @@ def bus_lost(name: str, node: int, bus: BusError) -> BusError:
     return (TransmitQueueFull if full else BusOff)(
         f"{name}: node {node} {what}: {bus.message}",
         observed=bus.observed,
-        remedy=f"make sure that the axis stands: only the drive's own watchdog can stop it now; {bus.remedy}. Nothing moves by "
-        f"itself when {again}: axis.reset() where the node is still operational, else {start_and_reset(node)}; "
-        f"if it has restarted, {ANEW}",
+        remedy=f"make sure that the axis is at standstill: only the drive's own watchdog can stop it now; {bus.remedy}. "
+        f"Nothing moves without a command when {again}: axis.reset() if the node is still operational, else "
+        f"{start_and_reset(node)}; if it has restarted, {ANEW}",
     )
 
 
@@ -330,22 +330,22 @@ def silence(parameters: AxisParameters, image: AxisImage) -> AxisbusError:
     starved = image.starvation.text(image.now)
     if starved:
         return StaleError(
-            f"{name}: {starved}, and what node {node} sends is too old",
+            f"{name}: {starved}, and the data from node {node} are too old",
             axis=name,
-            observed=f"statusword (6041h): {seen}; whether the node is there is not known",
-            remedy=join_remedies(REMEDY, f"if it is silent all the same: {remedy_for_silence(node)}"),
+            observed=f"statusword (6041h): {seen}; whether the node is still present is not known",
+            remedy=join_remedies(REMEDY, f"if it is silent: {remedy_for_silence(node)}"),
         )
     if image.lag > 0:
         return StaleError(
             f"{name}: the process data of node {node} come too late",
             axis=name,
-            observed=f"by {min(image.lag, age):.3g} s, although none is missing; statusword (6041h): {seen}",
+            observed=f"{min(image.lag, age):.3g} s late, although none is missing; statusword (6041h): {seen}",
             remedy="look for a queue that grows between this program and the drive: a gateway or adapter that is too slow for the "
             "bus load (axisbus load), a network or serial line behind it; the axis was stopped",
         )
     if image.position is None and image.velocity is None:
         return NodeError(
-            f"{name}: node {node} is lost: it sends no process data any more",
+            f"{name}: node {node} is lost: it no longer sends process data",
             node=node,
             observed=f"no value of the axis is fresh; statusword (6041h): {seen}",
             remedy=remedy_for_silence(node),

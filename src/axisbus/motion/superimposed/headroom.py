@@ -30,9 +30,10 @@ def admit(
         left = limit - path.top_acceleration
         if left < _LEAST * limit:
             raise LimitError(
-                f"{name}: what leads it takes all of max_acceleration, so nothing can be laid over it",
+                f"{name}: its present motion needs all of max_acceleration, so no distance can be superimposed",
                 observed=f"it needs {path.top_acceleration:g} {unit}/s², allowed are {limit:g}",
-                remedy=f"give what leads {name} less acceleration, or raise max_acceleration in [axes.{name}] of cell.toml",
+                remedy=f"give the present motion of {name} less acceleration, or raise max_acceleration in [axes.{name}] of "
+                "cell.toml",
             )
         addition.soften(left)
     limits = parameters.limits.position or room
@@ -43,15 +44,15 @@ def admit(
     margin = abs(parameters.units.position.to_units(1))
     if not limits[0] - margin <= reach <= limits[1] + margin:
         raise LimitError(
-            f"{name}: what leads it and the distance over that would leave "
+            f"{name}: its present motion with the superimposed distance would leave "
             + (
-                "the drive's count (INTEGER32)"
+                "the drive's position range (INTEGER32)"
                 if parameters.limits.position is None
                 else "the position limits"
             ),
-            observed=f"the one goes from {low:g} to {high:g} {unit}, the sum as far as {reach:g}; "
-            f"allowed are {limits[0]:g} to {limits[1]:g}",
-            remedy=f"lay less over it, or change position_limits in [axes.{name}] of cell.toml",
+            observed=f"the present motion is from {low:g} to {high:g} {unit}, the sum reaches {reach:g}; allowed are "
+            f"{limits[0]:g} to {limits[1]:g}",
+            remedy=f"superimpose a shorter distance, or change position_limits in [axes.{name}] of cell.toml",
         )
 
 
@@ -75,9 +76,9 @@ def look_ahead(
         return None
     name, unit = parameters.name, parameters.units.position.unit
     return LimitError(
-        f"{name}: a distance that is laid over its motion leads it to its position limits",
-        observed=f"{addition.value:g} of {addition.distance:g} {unit} are gone; it would stop at {rest:g} {unit}, allowed are "
-        f"{limits[0]:g} to {limits[1]:g}",
-        remedy=f"lay less over it, or change position_limits in [axes.{name}] of cell.toml; the addition was braked, and what "
-        "leads the axis goes on",
+        f"{name}: a superimposed distance takes it to its position limits",
+        observed=f"{addition.value:g} of {addition.distance:g} {unit} are done; it would stop at {rest:g} {unit}, allowed "
+        f"are {limits[0]:g} to {limits[1]:g}",
+        remedy=f"superimpose a shorter distance, or change position_limits in [axes.{name}] of cell.toml; the superimposed "
+        "motion was braked, and the motion under it continues",
     )

@@ -33,7 +33,7 @@ def moment_of(when: str | Condition, machine: Watched, forms: Mapping[str, AxisF
         return Trigger(when, forms)
     if not isinstance(when, str):
         raise ArgumentError(
-            f"{told(when)} is no moment",
+            f"{told(when)} is not a moment",
             remedy='give a text such as "x.velocity > 100" or "fault", or a function of the axes\' values',
         )
     text = when.strip()

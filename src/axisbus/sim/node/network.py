@@ -99,7 +99,7 @@ class StandIns:
         self._stop = False
         self._wake = threading.Event()
         self._alarm = 0.0  # time at which the timer thread wakes, by the monotonic clock
-        self._thread = threading.Thread(target=self._run, name=f"stand-ins on {channel}", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=f"simulated drives on {channel}", daemon=True)
         self._lost = 0.0
         self._last = 0.0
         self._error: Exception | None = None
@@ -129,7 +129,7 @@ class StandIns:
             self.network.connect(**self._options)
         except (can.CanError, OSError, ValueError) as error:
             raise AdapterError(
-                f"the stand-ins' channel {self._options['channel']!r} cannot be opened",
+                f"the channel {self._options['channel']!r} of the simulated drives cannot be opened",
                 observed=str(error),
                 remedy="check interface and channel",
             ) from error
@@ -257,7 +257,7 @@ class StandIns:
     def _raise_error(self) -> None:
         if self._error is not None:
             raise AdapterError(
-                "the stand-ins stopped before their time",
+                "the simulated drives stopped unexpectedly",
                 observed=f"{type(self._error).__name__}: {self._error}",
-                remedy="see the cause below; on a virtual bus it is a defect of the stand-in",
+                remedy="see the cause below; on a virtual bus it is a defect of the simulated drive",
             ) from self._error

@@ -184,7 +184,7 @@ class ServedBus(can.BusABC):
 
     def __init__(self, server: Server) -> None:
         super().__init__(channel=server.channel)
-        self.channel_info = f"stand-ins served on port {server.port}"
+        self.channel_info = f"simulated drives served on port {server.port}"
         self.heard: queue.Queue[Frame] = queue.Queue(_WAITING)
         self._server = server
 

@@ -14,7 +14,7 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
             r"close the machine,? and open it again",
             "end the program that runs the machine, and start it again",
         ),
-        (r"; axis\.snapshot keeps what was seen last, with its time", ""),
+        (r"; axis\.snapshot has the last known values, with their time", ""),
         (r"axis\.enable\(allow_moving=True\) catches it in motion; ", ""),
         (r"confirm its position \(axis\.set_position\(\.\.\.\)\)", "confirm its position, in a program"),
         (r"axis\.disable\(coast=True\)\.wait\(\)", "Disable"),

@@ -63,7 +63,7 @@ class SocketCanIntake:
             return ()
         frames = self._batch.take(self._raw)  # raises if the link has failed, too
         if not frames and found[0][1] & _GONE:
-            raise ConnectionResetError("nobody is at the other end")
+            raise ConnectionResetError("no program is at the other end")
         return [
             (frame[0], frame[2][: frame[1]], frame[3] + frame[4] * 1e-9)
             if frame[0] <= cob.ID_MASK_11

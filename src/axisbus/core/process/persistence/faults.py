@@ -102,7 +102,7 @@ class Faults:
             try:
                 self._keep(images)
             except Exception as error:  # noqa: BLE001  # usually a full disk: the next recording is tried again
-                log.warning("what the axes did around a fault was not kept: %s", error)
+                log.warning("the motion of the axes around a fault was not stored: %s", error)
 
     def _keep(self, images: Images) -> None:
         there = self.session.axes
@@ -124,7 +124,7 @@ class Faults:
         fault_file.write(
             path, forms, bytes(rows), RecordingEventSource(self).take(began), {**facts, **clocks}
         )
-        log.info("what the axes did around a fault is in %s", path)
+        log.info("the motion of the axes around a fault is in %s", path)
         for old in faults_of(self.cell_path)[:-_MOST]:
             old.unlink(missing_ok=True)
 

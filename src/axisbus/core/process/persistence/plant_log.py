@@ -40,7 +40,7 @@ def history_path(cell: CellConfig) -> Path | None:
     except OSError as error:
         raise _not_written(cell, path, one_line(error)) from error
     if head not in (b"", _BEGINS):
-        raise _not_written(cell, path, "it is there already, and is no history of simulated drives")
+        raise _not_written(cell, path, "it exists already, and is not a history of simulated drives")
     return path
 
 
@@ -49,7 +49,7 @@ def _not_written(cell: CellConfig, path: Path, why: str) -> ConfigError:
         f"{_KEY} in [bus.options] names {path}, which is not written",
         file=cell.file,
         observed=why,
-        remedy="name a file that is not there yet; or move that one away",
+        remedy="name a file that does not exist yet; or move that one away",
     )
 
 

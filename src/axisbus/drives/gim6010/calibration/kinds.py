@@ -46,23 +46,26 @@ class CalibrationKind(Enum):
 # States that may appear during a calibration; 0 is a state of newer firmware, truncated to four bits.
 ON_THE_WAY = frozenset({0, 3, 4, 6, 7, 10, 12, 13, 14, 15, 16})
 _PARTS = {
-    _MOTOR_STATE: "the motor: current flows for some seconds while it stands, with a sharp beep; the rotor may twitch",
-    _ENCODER_STATE: "the encoder: the rotor turns slowly by itself, forward through an angle and back again",
+    _MOTOR_STATE: "the motor: current flows for some seconds at standstill, with a sharp beep; the rotor may twitch",
+    _ENCODER_STATE: "the encoder: the rotor turns slowly without a command, forward through an angle and back again",
 }
 
 
 def explanation(kind: CalibrationKind, node: int, *, warden: bool = False) -> Iterator[str]:
     """Yield the motion to expect and the precautions; ``warden``: a watchdog process ends it if the program is killed."""
-    yield f"{kind.words} of module {node}, which moves by itself:"
+    yield f"{kind.words} of module {node}, which moves without a command:"
     for part in sorted(kind.parts):
         yield f"  {_PARTS[part]}"
     if kind.turns:
         yield (
-            "  no source says by what angle: it is ended where the output has turned by more than one turn from where it stood; "
-            "leave it free that far, both ways"
+            "  no source gives the angle: the calibration is ended if the output has turned by more than one turn from its "
+            "start position; keep that range free, in both directions"
         )
     yield "  take every load off the output, fasten the module, and keep hands away; have the supply's switch at hand"
     unended = "a cable that breaks" if warden else "a program that is killed, or a cable that breaks,"
-    yield f"  Ctrl-C ends it; {unended} does not: it then goes on to its end"
-    yield "  modules come calibrated from the factory, and owners warn not to do it again: a wrong result lets the motor run away"
-    yield "  what is measured stays in its RAM until it is saved, and nothing is saved here"
+    yield f"  Ctrl-C ends it; {unended} does not: it then continues to its end"
+    yield (
+        "  modules are calibrated at the factory, and owners advise against a repetition: with a wrong result the motor "
+        "can run away"
+    )
+    yield "  the measured values stay in its RAM until they are saved, and this command saves nothing"

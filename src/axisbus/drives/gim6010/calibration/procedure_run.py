@@ -89,7 +89,7 @@ class Calibration(ModuleMotionProcedure):
         if self._phase is CalibrationPhase.READING or last is None:
             return
         if last.state != IDLE and last.state not in ON_THE_WAY:
-            self._end(f"the module is in {state_words(last.state)}, which is none of a calibration's")
+            self._end(f"the module is in {state_words(last.state)}, which does not belong to a calibration")
         elif last.state != IDLE:
             self._phase = CalibrationPhase.RUNNING
             if last.state not in self._seen[-1:]:
@@ -114,7 +114,7 @@ class Calibration(ModuleMotionProcedure):
     def _run(self, now: float) -> Outgoing | None:
         waits = self._phase is CalibrationPhase.BEGINNING
         if waits and now - self._begun > max(BEGINS, PERIODS * self._pulse.period):
-            self._end("the module does not begin: its heartbeat goes on to show idle")
+            self._end("the module does not begin: its heartbeat still shows idle")
         elif self.turned.farthest > self.kind.farthest:
             turns = f"{self.turned.farthest:.1f} rotor turns"
             self._end(f"the rotor has turned by {turns}, farther than a calibration may")
@@ -128,7 +128,7 @@ class Calibration(ModuleMotionProcedure):
     def _read(self, now: float) -> Outgoing | None:
         last = self._pulse.last
         if last is None or last.state != IDLE:
-            self._end("the module does not stay idle: somebody else commands it")
+            self._end("the module does not stay idle: another program commands it")
         elif not self._to_read:
             errors = result.errors(last, self._words)
             self.verdict = result.judge(

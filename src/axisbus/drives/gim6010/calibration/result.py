@@ -29,7 +29,7 @@ def errors(beat: Heartbeat, words: Mapping[str, int]) -> list[str]:
     """Return a sentence for each error in a heartbeat and in the error words by category; empty if there is none."""
     told = {"axis": beat.axis_error, **words}
     found = [text for category, word in told.items() for text in faults.words(category, word)]
-    return found + [f"{part}: its heartbeat tells of a fault" for part in beat.faults if not told.get(part)]
+    return found + [f"{part}: its heartbeat reports a fault" for part in beat.faults if not told.get(part)]
 
 
 def judge(
@@ -66,9 +66,9 @@ def _turned_wrongly(kind: CalibrationKind, turned: RotorRotation) -> list[str]:
 def _notes(kind: CalibrationKind, turned: RotorRotation, *, words_told: bool) -> list[str]:
     notes = []
     if not words_told:
-        notes.append("its error words were not told over CAN: judged by its heartbeat alone")
+        notes.append("its error words are not available over CAN: only its heartbeat was checked")
     if kind.turns and not turned.heard:
-        notes.append("how far it turned is not known: it does not tell its encoder's count")
+        notes.append("the angle that it turned is not known: it does not report its encoder count")
     elif turned.heard:
         way = turned.high - turned.low
         notes.append(

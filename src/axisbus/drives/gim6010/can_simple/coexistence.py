@@ -66,7 +66,7 @@ def canopen_identifiers(nodes: Collection[int]) -> dict[int, str]:
     """
     for node in nodes:
         if node not in cob.NODE_IDS:
-            raise ArgumentError(f"{node!r} is no node ID of CANopen", remedy="give numbers from 1 to 127")
+            raise ArgumentError(f"{node!r} is not a node ID of CANopen", remedy="give numbers from 1 to 127")
     return dict(_BUS_WIDE) | {
         base + node: f"the {name} of CANopen node {node}"
         for node in nodes

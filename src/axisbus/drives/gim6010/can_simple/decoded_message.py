@@ -17,7 +17,7 @@ class Reason(Enum):
     NO_COMMAND = "there is no such command"
     LENGTH = "it is too short"
     NOT_SENT = "that is not sent by this side"
-    NOT_FINITE = "a value is no finite number"
+    NOT_FINITE = "a value is not a finite number"
     WRONG_NODE = "it names another node than its identifier"
     VALUE = "a value is not one that the manual lists"
 

@@ -153,7 +153,7 @@ def value_bytes(endpoint: Endpoint, value: Number | bool, most: int = _BYTES) ->
     try:
         return struct.pack(f"<{letter}", value).ljust(_BYTES, b"\0")
     except (struct.error, OverflowError):
-        raise LimitError(f"{endpoint.path}: {value} is beyond what a {endpoint.type} holds") from None
+        raise LimitError(f"{endpoint.path}: {value} is beyond the range of {endpoint.type}") from None
 
 
 def _check(endpoint: Endpoint, letter: str, value: Number | bool) -> None:
@@ -163,7 +163,9 @@ def _check(endpoint: Endpoint, letter: str, value: Number | bool) -> None:
     else:
         good = boolean if letter == "?" else isinstance(value, int) and not boolean
     if not good:
-        raise ArgumentError(f"{endpoint.path}: {value!r} is no {endpoint.type} that can be written")
+        raise ArgumentError(
+            f"{endpoint.path}: {value!r} is not a value of type {endpoint.type} that can be written"
+        )
 
 
 def _letter(endpoint: Endpoint, most: int = _BYTES) -> str:
@@ -179,7 +181,9 @@ def _letter(endpoint: Endpoint, most: int = _BYTES) -> str:
 def _allow(path: str, *, by_name: bool) -> None:
     found = protection.protected(path)
     if found is not None and not by_name:
-        raise ArgumentError(f"{path} is protected: it {found.why}", remedy="name it by itself if it is meant")
+        raise ArgumentError(
+            f"{path} is protected: it {found.why}", remedy="name it explicitly if you mean it"
+        )
 
 
 def _written(node: int, endpoint: Endpoint, value: Number | bool) -> Outgoing:

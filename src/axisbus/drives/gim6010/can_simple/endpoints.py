@@ -89,7 +89,7 @@ def parse(text: str | bytes, source: str) -> EndpointList:
     except (ValueError, RecursionError) as error:
         raise ArgumentError(
             f"{source}: no JSON: {error}",
-            remedy="give the list of endpoints of the module's firmware, as the maker has it",
+            remedy="give the manufacturer's list of endpoints for the module's firmware",
         ) from None
     reader = _Reader(source)
     reader.members(document, "", 0)
@@ -108,7 +108,7 @@ class _Reader:
     def members(self, nodes: Any, prefix: str, depth: int) -> None:
         if not isinstance(nodes, list) or depth > _DEEPEST:
             raise self._wrong(
-                prefix, "is no list of members" if depth <= _DEEPEST else "is nested too deeply"
+                prefix, "is not a list of members" if depth <= _DEEPEST else "is nested too deeply"
             )
         for node in nodes:
             self._node(node, prefix, depth)
@@ -157,7 +157,7 @@ class _Reader:
 
     def _add(self, found: dict[str, Any], path: str, what: Endpoint | FirmwareFunction) -> None:
         if path in self.endpoints or path in self.functions:
-            raise self._wrong(path, "stands in it twice")
+            raise self._wrong(path, "is in it twice")
         found[path] = what
 
     def _wrong(self, path: str, what: str) -> ArgumentError:

@@ -136,9 +136,9 @@ class MessageField:
 
     def _check(self, value: Number) -> None:
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ArgumentError(f"{self.name}: {value!r} is no number that can be sent")
+            raise ArgumentError(f"{self.name}: {value!r} is not a number that can be sent")
         if self._whole and not isinstance(value, int):
-            raise ArgumentError(f"{self.name}: {value!r} is no whole number")
+            raise ArgumentError(f"{self.name}: {value!r} is not a whole number")
         if self.values and value not in self.values:
             listed = ", ".join(f"{number} ({words})" for number, words in self.values.items())
             raise ArgumentError(
@@ -155,7 +155,7 @@ class MessageField:
         try:
             return struct.pack("<f", value)
         except OverflowError:
-            raise LimitError(f"{self.name}: {value:g} is beyond what a float32 holds") from None
+            raise LimitError(f"{self.name}: {value:g} is beyond the range of float32") from None
 
     def _beyond(self, value: Number, low: float, high: float) -> LimitError:
         unit = f" {self.unit}" if self.unit else ""

@@ -47,6 +47,6 @@ def split(identifier: int) -> Identifier:
 def _check(what: str, value: object, allowed: range) -> None:
     if isinstance(value, bool) or not isinstance(value, int) or value not in allowed:
         raise ArgumentError(
-            f"{value!r} is no {what}",
+            f"{value!r} is not a {what}",
             remedy=f"give a whole number from {allowed.start} to {allowed.stop - 1}",
         )

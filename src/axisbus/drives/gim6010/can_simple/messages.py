@@ -43,7 +43,7 @@ class MessageRequestMethod(Enum):
 
     NEVER = ""  # it never sends it, or only unasked
     EMPTY = "by a remote frame, or by eight bytes of 0"
-    WITH_DATA = "by a data frame that says what is wanted"
+    WITH_DATA = "by a data frame that names the requested value"
 
 
 class Effect(Enum):

@@ -54,7 +54,7 @@ class MitRanges:
         for each in fields(self):
             value = getattr(self, each.name)
             if not _finite(value) or not 1e-6 <= value <= 1e6:
-                raise ArgumentError(f"{value!r} is no range of MIT control's {each.name}")
+                raise ArgumentError(f"{value!r} is not a range of MIT control's {each.name}")
 
 
 MANUAL = MitRanges()
@@ -81,7 +81,7 @@ class MitCommand:
         for each in fields(self):
             value = getattr(self, each.name)
             if not _finite(value):
-                raise ArgumentError(f"{each.name} of MIT control: {value!r} is no finite number")
+                raise ArgumentError(f"{each.name} of MIT control: {value!r} is not a finite number")
 
 
 @dataclass(frozen=True, slots=True)

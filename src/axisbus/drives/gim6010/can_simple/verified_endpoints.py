@@ -37,7 +37,7 @@ class Firmware(NamedTuple):
         """
         found = re.fullmatch(r"v?(\d{1,3})\.(\d{1,3})\.(\d{1,3})", text.strip(), re.ASCII)
         if found is None:
-            raise ArgumentError(f"{text!r} is no version of a firmware", remedy="write it as 0.5.13")
+            raise ArgumentError(f"{text!r} is not a version of a firmware", remedy="write it as 0.5.13")
         return cls(*map(int, found.groups()))
 
 
@@ -64,7 +64,7 @@ class FittedList:
             raise ArgumentError(
                 f"{self.listed.source}: made for firmware {self.made_for}, and the module has {self.reported}",
                 observed="numbers of endpoints move from one firmware to the next, and a wrong one may erase the module",
-                remedy=f"get the list of firmware {self.reported} from the maker",
+                remedy=f"get the list of firmware {self.reported} from the manufacturer",
             )
         for path, number in VERSION_ENDPOINTS.items():
             found = self.listed.endpoints.get(path)
@@ -72,7 +72,7 @@ class FittedList:
                 where = "not at all" if found is None else f"at {found.id}"
                 raise ArgumentError(
                     f"{self.listed.source}: it has {path} {where}, and every list that is known has it at {number}",
-                    remedy="this is no list of the module's firmware: get it from the maker",
+                    remedy="this is not a list of the module's firmware: get it from the manufacturer",
                 )
 
     def endpoint(self, path: str) -> Endpoint:

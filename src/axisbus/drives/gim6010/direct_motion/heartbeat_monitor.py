@@ -27,7 +27,9 @@ class HeartbeatMonitor:
             ArgumentError: the node ID is invalid.
         """
         if isinstance(node, bool) or node not in NODES:
-            raise ArgumentError(f"{node!r} is no node ID of CAN Simple", remedy="give a number from 0 to 63")
+            raise ArgumentError(
+                f"{node!r} is not a node ID of CAN Simple", remedy="give a number from 0 to 63"
+            )
         self.node = node
         self.alone = True  # no second module of this node ID was heard
         self._identifier = can_id(node, COMMAND)
@@ -85,7 +87,7 @@ class HeartbeatMonitor:
         if not self.alone:
             return f"several modules have the node ID {self.node}: all of them would move"
         if last.state != IDLE:
-            return f"module {self.node} is in {state_words(last.state)}, and not idle: somebody else has it"
+            return f"module {self.node} is in {state_words(last.state)}, and not idle: another program controls it"
         found = self.errors()
         return f"module {self.node} has errors: {'; '.join(found)}" if found else ""
 
@@ -102,5 +104,5 @@ class HeartbeatMonitor:
         last = self.last
         if last is None:
             return []
-        parts = [f"{part}: its heartbeat tells of a fault" for part in last.faults if part != "axis"]
+        parts = [f"{part}: its heartbeat reports a fault" for part in last.faults if part != "axis"]
         return [*faults.words("axis", last.axis_error), *parts]

@@ -30,7 +30,7 @@ def lines(finding: DiscoveredModule) -> Iterator[str]:
         yield from (f"  {name}: {word:08X}h" for name, word in finding.words)
         yield from (f"    {each}" for each in finding.errors)
         if not finding.errors:
-            yield "  no error" if finding.words else "  its errors were not told"
+            yield "  no error" if finding.words else "  its errors were not reported"
     yield from (f"  note: {each}" for each in finding.notes)
 
 
@@ -40,7 +40,7 @@ def _categories(finding: DiscoveredModule) -> Iterator[str]:
         if category in told:
             yield from of_words([(category, told[category])])
         else:
-            yield f"  {category}: not told over CAN; over USB it is {_OVER_USB[category]}"
+            yield f"  {category}: not available over CAN; over USB it is {_OVER_USB[category]}"
     explained = {text for category, word in told.items() for text in faults.words(category, word)}
     yield from (f"  {each}" for each in finding.errors if each not in explained)
 
@@ -65,7 +65,7 @@ def parse(text: str) -> tuple[str, int]:
         word = -1
     if category not in CATEGORIES:
         raise ArgumentError(
-            f"{category!r} is no category of errors", remedy=f"there are {', '.join(CATEGORIES)}"
+            f"{category!r} is not a category of errors", remedy=f"there are {', '.join(CATEGORIES)}"
         )
     if not 0 <= word < 1 << _LONGEST.get(category, 32):
         raise ArgumentError(f"{text}: no error word", remedy=f"write it as {category}=0x40")

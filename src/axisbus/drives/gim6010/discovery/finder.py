@@ -248,7 +248,7 @@ class Finder:
             self._leave_out("the request is a command to a module that speaks CAN Simple, CANopen", node)
             return False
         if not self._unasked.isdisjoint((cob.SDO_RX + node, cob.SDO_TX + node)):
-            self._leave_out("somebody else was heard on their SDO, CANopen", node)
+            self._leave_out("another device sent frames on their SDO, CANopen", node)
             return False
         return True
 

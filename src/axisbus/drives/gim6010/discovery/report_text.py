@@ -87,7 +87,7 @@ def about_the_bus(finder: Finder) -> Iterator[str]:
     foreign = finder.picture.foreign()
     if foreign:
         which = counted(len(foreign), "identifier belongs", "identifiers belong")
-        yield f"foreign: {which} to nobody that is known; nothing was sent on them"
+        yield f"foreign: {which} to no known device; nothing was sent on them"
         yield from (f"  {each.words}" for each in foreign[:_SHOWN])
         if len(foreign) > _SHOWN:
             yield f"  and {len(foreign) - _SHOWN} more"
@@ -99,7 +99,7 @@ def about_the_bus(finder: Finder) -> Iterator[str]:
     for why, nodes in finder.left_out.items():
         yield f"not asked, because {why}: {_ranges(nodes)}"
     if finder.unacknowledged:
-        yield f"asking was ended by the first sign that nobody acknowledges: {finder.unacknowledged}"
+        yield f"the requests were ended at the first sign that no node acknowledges: {finder.unacknowledged}"
     elif finder.begun and finder.asked is ProbeScope.HEARD and finder.ask is None:
         yield "silent node IDs were not asked, because of the foreign traffic; --ask all asks them, but on no identifier in use"
 

@@ -18,7 +18,10 @@ from axisbus.drives.gim6010.discovery.finder import Finder
 from axisbus.drives.gim6010.discovery.protocol_29bit import addresses
 from axisbus.drives.gim6010.discovery.questions import CanopenFacts, SimpleFacts
 
-_SEVERAL = "several modules have this node ID: what is told is of any of them; connect them one by one and give each its own"
+_SEVERAL = (
+    "several modules have this node ID: the values may be from any of them; connect them one by one and give each "
+    "its own"
+)
 
 
 class ProtocolsFound(Enum):
@@ -145,7 +148,7 @@ def _errors(facts: SimpleFacts, beats: Heartbeats | None) -> list[str]:
     flagged = () if beats is None or beats.last is None else beats.last.faults
     for part in flagged:
         if part != "axis" and part not in facts.errors:
-            found.append(f"{part}: its heartbeat reports a fault, whose word was not told")
+            found.append(f"{part}: its heartbeat reports a fault, but its error word was not reported")
         elif part != "axis" and not facts.errors[part]:
             found.append(
                 f"{part}: its heartbeat reports a fault, and its error word is 0; some owners read a 1 as no fault"
@@ -231,7 +234,7 @@ def _canopen_notes(finder: Finder, node: int, facts: CanopenFacts) -> list[str]:
     if finder.answers.get(("CANopen", node), 1) > 1:
         return [_SEVERAL]
     if not facts.is_ours:
-        return ["it is not of this module's maker"]
+        return ["it is not from this module's manufacturer"]
     return []
 
 
@@ -241,7 +244,7 @@ def _extended(identifier: int) -> DiscoveredModule:
         ProtocolsFound.EXTENDED,
         nodes[0] if len(nodes) == 1 else None,
         nodes,
-        device="GIM6010-8 or another joint of its maker",
+        device="GIM6010-8 or another joint of its manufacturer",
         heartbeat=f"{identifier:08X}h",
         firmware="0.6.8 or later",
         notes=("this protocol is recognised only: nothing is asked or commanded in it",),

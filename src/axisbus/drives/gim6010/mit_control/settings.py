@@ -41,7 +41,7 @@ class MitSettings:
     def __post_init__(self) -> None:
         if isinstance(self.node, bool) or self.node not in NODES:
             raise ArgumentError(
-                f"{self.node!r} is no node ID of CAN Simple", remedy="give a number from 0 to 63"
+                f"{self.node!r} is not a node ID of CAN Simple", remedy="give a number from 0 to 63"
             )
         if not isinstance(self.ranges, MitRanges):
             raise ArgumentError(
@@ -49,7 +49,7 @@ class MitSettings:
             )
         least = self.ranges.kd / _STEPS
         self._check("gear", 1e-3, 1e3, "turns of the rotor per turn of the output")
-        self._check("damping", least, self.ranges.kd, "what brakes it on every way out: more than nothing")
+        self._check("damping", least, self.ranges.kd, "the damping of every stop: above 0")
         self._check("period", _SHORTEST, _LONGEST, "seconds")
         self._check("command_timeout", 2.0 * self.period, 1.0, "seconds, two periods at the least")
 

@@ -48,7 +48,7 @@ class ModbusClient:
         """
         if not 1 <= device <= HIGHEST_DEVICE:
             raise ArgumentError(
-                f"{device} is no address of a module on Modbus",
+                f"{device} is not an address of a module on Modbus",
                 remedy=f"give one from 1 to {HIGHEST_DEVICE}; a module of node ID 0 must get another over USB or CAN first",
             )
         self.wire = wire
@@ -140,5 +140,6 @@ class ModbusClient:
             node=self.device,
             code=code,
             observed=exception_words(code),
-            remedy="a firmware without this register, or a value that it does not take: see what the maker says of this firmware",
+            remedy="a firmware without this register, or a value that it does not accept: see the manufacturer's notes on "
+            "this firmware",
         )

@@ -51,7 +51,7 @@ class ErrorWords:
                 told.append(f"{category}: its flag is up, and its error word is 0: read it again")
         if self.flags & OTHER_FLAGS:
             told.append(
-                f"error flags 0x{self.flags & OTHER_FLAGS:04X} are reserved by the manual: ask the maker"
+                f"error flags 0x{self.flags & OTHER_FLAGS:04X} are reserved by the manual: ask the manufacturer"
             )
         return told
 
@@ -136,7 +136,7 @@ class ModbusModule:
             f"module {self.device}: {register.name} holds {_show(register, held)} "
             f"after {_show(register, request.words)} was written",
             node=self.device,
-            remedy="the module brings this value to a limit of its own, does not take it now, or another master writes it too",
+            remedy="the module limits this value, does not accept it now, or another master also writes it",
         )
 
     @property
@@ -211,7 +211,7 @@ class ModbusModule:
         self.act("reboot")
         if not self._goes_silent():
             raise NodeTimeout(
-                f"module {self.device} was told to restart, and goes on as before",
+                f"module {self.device} got the command to restart, and continues as before",
                 node=self.device,
                 observed=f"it answered for {_GONE:g} s",
                 remedy="switch it off and on",

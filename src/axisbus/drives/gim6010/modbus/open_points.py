@@ -18,8 +18,8 @@ NOTES = (
     OpenPoint(
         "a dead master",
         "no register of 4.3 monitors the master",
-        "NOTHING in the module is known to notice a dead master over Modbus: a velocity or a torque goes on, a position is held. "
-        "axisbus prints this whenever a command opens a module to move it",
+        "NOTHING in the module is known to detect a dead master over Modbus: a velocity or a torque continues, a position "
+        "is held. axisbus prints this whenever a command opens a module to move it",
     ),
     OpenPoint(
         "example 2 of 4.3.4",

@@ -107,7 +107,7 @@ class ModbusParameters:
             raise NodeError(
                 f"module {self.module.device} was saved, and has lost {', '.join(lost)}",
                 node=self.module.device,
-                remedy="what was written did not reach its flash: save it over USB",
+                remedy="the written values did not reach its flash: save them over USB",
             )
         self._written.clear()
 
@@ -125,9 +125,9 @@ class ModbusParameters:
         left = self.module.clear_errors().words["axis"]
         if left:
             raise NodeError(
-                f"module {self.module.device} was told to clear its errors, and its axis's word is {left:08X}h",
+                f"module {self.module.device} got the command to clear its errors, and the error word of its axis is {left:08X}h",
                 node=self.module.device,
-                remedy="see what it means: axisbus gim6010 modbus errors",
+                remedy="read its meaning: axisbus gim6010 modbus errors",
             )
 
     def require_idle(self) -> None:
@@ -172,7 +172,7 @@ class ModbusParameters:
             if held == number or (held is None and taken):
                 return
         raise NodeError(
-            f"module {self.module.device} does not take the number of an endpoint ({number})",
+            f"module {self.module.device} does not accept the number of an endpoint ({number})",
             node=self.module.device,
             observed=f"A1h was written {_TRIES} times",
             remedy="another master may use endpoints at the same time; else read and write parameters over USB",

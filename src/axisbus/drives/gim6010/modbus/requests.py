@@ -56,7 +56,7 @@ class ModbusRequest:
         )
         if not right or (self.writes and (self.function is ModbusFunction.WRITE_ONE) != (self.count == 1)):
             raise ArgumentError(
-                f"{self.count} from {self.address:02X}h by function {int(self.function):02X}h is no whole value of a module",
+                f"{self.count} from {self.address:02X}h by function {int(self.function):02X}h is not a whole value of a module",
                 remedy="values of several registers are read and written whole, from their first address on",
             )
 

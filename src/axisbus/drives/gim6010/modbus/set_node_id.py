@@ -26,7 +26,7 @@ def set_node_id(module: ModbusModule, new: int, *, save: bool = True) -> ModbusM
     module.require_idle("its node ID is written")
     if moved.answers():
         raise StateError(
-            f"somebody on this line answers to node ID {new} already; nothing was written",
+            f"another module on this line already answers to node ID {new}; nothing was written",
             remedy="give an ID that is free",
         )
     module.dialogue.write(request)
@@ -43,9 +43,9 @@ def _found(module: ModbusModule, moved: ModbusModule, new: int) -> ModbusModule:
         if each.answers() and int(each.read(_NODE_ID.name)) == new:
             return each
     raise NodeError(
-        f"module {module.device} does not take node ID {new}",
+        f"module {module.device} does not accept node ID {new}",
         node=module.device,
-        observed="neither under the new ID nor under the old one does anybody answer that the ID is the new one",
+        observed="neither with the new ID nor with the old one does a module confirm the new ID",
         remedy="ask for both: axisbus gim6010 modbus state --node ...; switched off and on, it has the old one again",
     )
 
@@ -58,7 +58,7 @@ def _saved(module: ModbusModule, moved: ModbusModule, new: int) -> ModbusModule:
         raise NodeTimeout(
             f"module {module.device} does not answer to node ID {new} after it was saved",
             node=new,
-            observed=f"under {module.device} somebody answers" if module.answers() else error.observed,
+            observed=f"a module answers with {module.device}" if module.answers() else error.observed,
             remedy="switch it off and on, and ask for both IDs",
         ) from error
     return moved

@@ -122,7 +122,7 @@ def require_same(
         raise StateError(
             f"{backup.source} is of firmware {backup.firmware}, and the module has {module.firmware}",
             observed="a parameter may mean something else in another firmware",
-            remedy="look at what differs (params diff); to write it all the same: --other-firmware",
+            remedy="check the differences (params diff); to write it nevertheless: --other-firmware",
         )
 
 
@@ -157,7 +157,7 @@ def _why_not(path: str, module: ModuleParameters, named: frozenset[str]) -> str:
     if endpoint is None:
         return "this firmware has no such parameter"
     if not rules.kept(endpoint):
-        return "it is no setting that can be written this way"
+        return "it is not a setting that can be written this way"
     found = protected(path)
     if path == rules.NODE_ID:
         return "it is changed by set-id alone"

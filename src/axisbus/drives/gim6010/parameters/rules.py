@@ -49,7 +49,7 @@ def require_writable(path: str, *, by_name: bool) -> None:
             remedy="axisbus gim6010 set-id changes it, and looks for another module of that ID first",
         )
     if not by_name:
-        raise ArgumentError(f"{path} is protected: {found.why}", remedy="name it by itself if it is meant")
+        raise ArgumentError(f"{path} is protected: {found.why}", remedy="name it explicitly if you mean it")
 
 
 def require_setting(endpoint: Endpoint, *, by_name: bool) -> None:
@@ -72,5 +72,5 @@ def unfitting(node: int, found: object) -> ArgumentError:
     return ArgumentError(
         f"the list does not fit module {node}: by it the module's node ID is {found}",
         observed="the version is the same, and the numbers of its endpoints are not",
-        remedy="get the list of this very firmware from the maker; nothing was written",
+        remedy="get the list of this firmware version from the manufacturer; nothing was written",
     )

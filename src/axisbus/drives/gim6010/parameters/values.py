@@ -30,7 +30,9 @@ def parse(endpoint: Endpoint, text: str) -> Value:
     except ValueError:
         found = None
     if found is None or (isinstance(found, float) and not math.isfinite(found)):
-        raise ArgumentError(f"{endpoint.path}: {text!r} is no {endpoint.type} that can be written")
+        raise ArgumentError(
+            f"{endpoint.path}: {text!r} is not a value of type {endpoint.type} that can be written"
+        )
     return found
 
 
@@ -71,4 +73,4 @@ def of_plain(path: str, value: object, source: str) -> Value:
         return value
     if isinstance(value, str) and value in _WILD:
         return float(value)
-    raise ArgumentError(f"{source}: {path} has {value!r}, which is no value of a parameter")
+    raise ArgumentError(f"{source}: {path} has {value!r}, which is not a value of a parameter")

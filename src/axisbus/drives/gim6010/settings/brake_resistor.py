@@ -18,7 +18,7 @@ RAMP, START, END = (
 )
 PATHS = (ENABLED, OHMS, CURRENT, RAMP, START, END)
 TRIP = f"{_CONFIG}dc_bus_overvoltage_trip_level"
-_OFF = "what a braking motor gives back goes into the supply from now on: one that cannot take it switches off, or trips"
+_OFF = "the energy of a braking motor now flows back into the supply: a supply that cannot absorb it switches off or trips"
 
 
 def wanted(ohms: float, current: float | None, ramp: tuple[float, float] | None) -> ParameterBatch:

@@ -10,7 +10,10 @@ _PINS = {"min": 1, "max": 2}  # by the manual
 PATHS = tuple(f"axis0.{end}_endstop.config.{what}" for end in _PINS for what in ("gpio_num", "enabled"))
 _WITHOUT = (3, 7)  # latest hardware without them, by the manual
 _HARDWARE = ("hw_version_major", "hw_version_minor")
-_TOLD = "a switch that is reached is an error of the axis (MIN_ENDSTOP_PRESSED, MAX_ENDSTOP_PRESSED): whoever leads it has to act"
+_TOLD = (
+    "a switch that is reached is an error of the axis (MIN_ENDSTOP_PRESSED, MAX_ENDSTOP_PRESSED): the program that "
+    "commands it must react"
+)
 _UNTRIED = "whether the motor is stopped by it the manual does not say: try it slowly before you count on it"
 _CONFLICT = "pulse and direction inputs use the same place: only one of both can be set"
 

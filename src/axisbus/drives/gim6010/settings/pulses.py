@@ -64,7 +64,7 @@ class Pulses:
         """Remarks for the user."""
         whole = math.isclose(self.turns % GEAR_RATIO, 0.0)
         odd = (
-            f"after {counted(self.turns, 'turn')} of the rotor the output does not stand where it began, at {GEAR_RATIO}:1",
+            f"after {counted(self.turns, 'turn')} of the rotor the output is not at its start position, at {GEAR_RATIO}:1",
         )
         return (*(odd if self.circular and not whole else ()), *_NOTES)
 

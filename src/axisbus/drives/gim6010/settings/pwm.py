@@ -63,7 +63,9 @@ class Follows(Enum):
     )
 
 
-_LOST = "what happens where the pulses fail the manual does not say: have an emergency stop, and try it without a load"
+_LOST = (
+    "the manual does not describe a failure of the pulses: have an emergency stop, and try it without a load"
+)
 _WIRE = "the signal goes to the contact of CANH, 5 V at most, with its ground on the module's; hardware 3.10 or later"
 
 
@@ -78,7 +80,7 @@ class Mapping:
     def __post_init__(self) -> None:
         for value in (self.low, self.high):
             if not math.isfinite(value):
-                raise ArgumentError(f"{value!r} is no value to be mapped to", remedy="give a number")
+                raise ArgumentError(f"{value!r} is not a value to be mapped to", remedy="give a number")
         if self.low == self.high:
             raise ArgumentError(
                 f"both ends of the mapping are {self.low:g}", remedy="give two values that differ"
@@ -92,7 +94,7 @@ class Mapping:
         """
         if not SHORTEST <= width <= LONGEST:
             raise LimitError(
-                f"a pulse of {width:g} ms is none of {SHORTEST:g} to {LONGEST:g} ms",
+                f"a pulse of {width:g} ms is not within {SHORTEST:g} to {LONGEST:g} ms",
                 remedy="give one within that",
             )
         share = (width - SHORTEST) / (LONGEST - SHORTEST)
@@ -116,7 +118,7 @@ class Mapping:
     @property
     def notes(self) -> tuple[str, ...]:
         """Remarks for the user."""
-        never = () if self.zero is not None else ("no pulse means 0: it never stands by a pulse",)
+        never = () if self.zero is not None else ("no pulse means 0: a pulse never means standstill",)
         return (self.follows.value.note, *never, _LOST, _WIRE)
 
     @property

@@ -20,14 +20,18 @@ LATCHED = 0x0010_0000 | 0x0000_0800  # CAN_BUS_FAILED, WATCHDOG_TIMER_EXPIRED
 _LONGEST = 0xFFFF  # ms: maximum of the parameter
 _MS = 1000.0
 _ARMED = (
-    "it counts from now on, whatever the axis does, and only set-points feed it: a module that nobody leads trips by itself, with "
-    "CAN_BUS_FAILED, which latches; reset the axis before it is enabled",
-    "over CAN Simple a machine feeds it if boot can read it (endpoints in the cell file) and if it is at least four scan periods; "
-    "over CANopen and Modbus no machine feeds it",
-    "what a trip does to a turning motor was seen on another joint of the maker: it loses its power. Try it before you count on it",
+    "it counts from now on, in every state of the axis, and only set-points feed it: a module without set-points trips, "
+    "with CAN_BUS_FAILED, which latches; reset the axis before it is enabled",
+    "over CAN Simple a machine feeds it if boot can read it (endpoints in the cell file) and if it is at least four scan "
+    "periods; over CANopen and Modbus no machine feeds it",
+    "the effect of a trip on a turning motor was observed on another joint of the manufacturer: it loses its power. Test it "
+    "before you rely on it",
 )
-_NEW = "the maker says of new firmware that this watchdog has no effect: try it before you count on it, or arm break_timeout"
-_OFF = "nothing in this module notices a dead master any more; of older firmware it is told that 0 means 100 ms in break_timeout"
+_NEW = (
+    "according to the manufacturer this watchdog has no effect in new firmware: test it before you rely on it, or arm "
+    "break_timeout"
+)
+_OFF = "this module no longer detects a dead master; in older firmware 0 reportedly means 100 ms in break_timeout"
 
 
 def wanted(broken: float | None, axis: float | None) -> ParameterBatch:
@@ -56,7 +60,7 @@ def _milliseconds(seconds: float) -> int:
     found = round(seconds * _MS) if math.isfinite(seconds) else 0
     if not 1 <= found <= _LONGEST or not math.isclose(found, seconds * _MS, abs_tol=1e-6):
         raise ArgumentError(
-            f"break-timeout: {seconds!r} s is none that the parameter holds",
+            f"break-timeout: {seconds!r} s is outside the range of the parameter",
             remedy=f"give whole ms from 1 to {_LONGEST}, such as 500ms; or --off",
         )
     return found

@@ -65,7 +65,7 @@ def look(module: ModuleParameters) -> RotorZero:
         offset, bool(module.read(USED)), estimate, int(module.read(_COUNT)), int(module.read(_CPR))
     )
     if place.cpr <= 0 or not math.isfinite(offset + estimate) or not 0 <= place.count < place.cpr:
-        raise StateError("the module tells a place that is none", observed=str(place))
+        raise StateError("the module reported an invalid position", observed=str(place))
     return place
 
 
@@ -77,7 +77,7 @@ def wanted(first: RotorZero, second: RotorZero) -> ParameterBatch:
     """
     if apart(first.by_count, second.by_count) > _STILL:
         raise StateError(
-            "the output turns: its zero would be wherever it happened to be",
+            "the output turns, so its zero would be at a random position",
             observed=f"count {first.count}, then {second.count}",
             remedy="hold it still",
         )
@@ -85,7 +85,7 @@ def wanted(first: RotorZero, second: RotorZero) -> ParameterBatch:
         raise StateError(
             "the estimate of its position does not agree with its encoder's count: it is dead in idle in many modules",
             observed=f"within a turn of the rotor {second.by_estimate:.4f} by the estimate, {second.by_count:.4f} by the count",
-            remedy="set the zero over USB, by the steps that are told; nothing was written",
+            remedy="set the zero over USB, with the listed steps; nothing was written",
         )
     return ParameterBatch(((OFFSET, second.by_estimate), (USED, True)), (_TURNS,))
 
@@ -98,14 +98,14 @@ def verify(node: int, zero: float, after: RotorZero) -> None:
     """
     if apart(after.by_count, zero) > NEAR:
         raise NodeError(
-            "the output was turned meanwhile: where it stands now is not its zero",
+            "the output was turned meanwhile: its present position is not its zero",
             node=node,
             observed=f"within a turn of the rotor {after.by_count:.4f}, and the zero is at {zero:.4f}",
-            remedy="turn it to its zero and give the command again, if that place was meant",
+            remedy="turn it to its zero and give the command again, if that position was intended",
         )
     if apart(after.estimate, 0.0) > NEAR:
         raise NodeError(
-            f"the module stands at its zero, and its position is {after.estimate:.4f} rotor turns",
+            f"the module is at its zero, and its position is {after.estimate:.4f} rotor turns",
             node=node,
             observed="owners saw positions that jump to and fro by 0.1425 turns from one start to the next",
             remedy="home the axis after each start, and count on no zero of the module's",

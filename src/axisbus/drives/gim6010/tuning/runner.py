@@ -51,8 +51,8 @@ class TuningPhase(Enum):
 
     PREPARING = "being made ready"
     STARTING = "waiting for closed loop"
-    THERE = "on its way there"
-    BACK = "on its way back"
+    THERE = "during the move there"
+    BACK = "during the move back"
 
 
 _STATES = {
@@ -112,10 +112,10 @@ class ModuleTuning(ModuleMotionProcedure):
 
     def _watch(self, position: float, velocity: float) -> None:
         if not math.isfinite(position + velocity):
-            self._end("its position is no number")
+            self._end("its position is not a number")
         elif abs(position - self._home) > self.trial.farthest:
             self._end(
-                f"it is {abs(position - self._home):.3g} rotor turns from where it stood, farther than it may"
+                f"it is {abs(position - self._home):.3g} rotor turns from its start position, farther than allowed"
             )
         elif abs(velocity) > self.trial.fastest:
             self._end(f"it turns at {abs(velocity):.3g} turns/s, faster than it may")
@@ -155,10 +155,10 @@ class ModuleTuning(ModuleMotionProcedure):
         seen = last is not None and last.state == CLOSED_LOOP and self._pulse.at > self._at
         if seen and self._place is not None:
             self._home = self._place[1]
-            self.news.append("it is enabled, and stands; the step begins")
+            self.news.append("it is enabled and at standstill; the step begins")
             return self._go(TuningPhase.THERE, now)
         if now - self._at > START_TIME + 2.0 * self._pulse.period:
-            self._end("the module does not go into closed loop, or does not tell its position in it")
+            self._end("the module does not enter closed loop, or does not report its position in it")
             return None
         return self._ask(now)
 
@@ -171,7 +171,7 @@ class ModuleTuning(ModuleMotionProcedure):
 
     def _move(self, now: float) -> Outgoing | None:
         if self._place is None or now - max(self._place[0], self._at) > _DEAF:
-            self._end("the module does not tell its position any more")
+            self._end("the module no longer reports its position")
         elif now - self._at >= self.trial.seconds:
             return self._next(now)
         else:

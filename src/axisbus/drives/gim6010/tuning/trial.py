@@ -80,11 +80,12 @@ class ModuleTrial:
     def __post_init__(self) -> None:
         if isinstance(self.node, bool) or self.node not in NODES:
             raise ArgumentError(
-                f"{self.node!r} is no node ID of CAN Simple", remedy="give a number from 0 to 63"
+                f"{self.node!r} is not a node ID of CAN Simple", remedy="give a number from 0 to 63"
             )
         if not math.isfinite(self.size) or self.size == 0.0:
             raise ArgumentError(
-                f"a step of {self.size!r} is none", remedy="give its size in turns of the rotor, or turns/s"
+                f"a step of {self.size!r} is not possible",
+                remedy="give its size in turns of the rotor, or turns/s",
             )
         if not 0.0 < self.seconds <= LONGEST:
             raise ArgumentError(
@@ -143,8 +144,8 @@ def explanation(trial: ModuleTrial) -> Iterator[str]:
             "on the module's own ramp, and does not come back"
         )
     yield (
-        f"  it is ended farther than {trial.farthest:.3g} rotor turns from where it stands "
+        f"  it is ended farther than {trial.farthest:.3g} rotor turns from its present position "
         f"({trial.farthest * _DEGREES:.4g} degrees of the output), and faster than {trial.fastest:.3g} turns/s"
     )
-    yield "  gains that are too high shake the machine: have the supply's switch at hand, and nothing in its way"
+    yield "  gains that are too high shake the machine: have the supply's switch at hand, and keep its range of motion free"
     yield "  Ctrl-C brakes it and lets it go; a program that is killed leaves it where it was sent. Nothing is saved"

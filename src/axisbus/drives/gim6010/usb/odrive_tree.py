@@ -127,6 +127,6 @@ def _not_found(wanted: str | None, seconds: float) -> NoReturn:
         f"no module {'' if wanted is None else f'of serial number {wanted} '}was found on USB",
         node=0,
         observed=f"it was looked for {seconds:g} s",
-        remedy="give it its supply and plug its USB cable in; on Linux this user needs a rule of udev (odrivetool tells it), and "
-        "no other program may have it, such as odrivetool",
+        remedy="switch its supply on and plug its USB cable in; on Linux this user needs a udev rule (odrivetool prints "
+        "it), and no other program may use it, such as odrivetool",
     )

@@ -96,7 +96,9 @@ class UsbParameters:
     def set_node_id(self, new: int) -> None:
         """Change its node ID (0 to 63) in RAM and read it back; blocks. Does not check other nodes. Raises as ``write``."""
         if new not in NODES:
-            raise ArgumentError(f"{new} is no node ID of a module", remedy="give a whole number from 0 to 63")
+            raise ArgumentError(
+                f"{new} is not a node ID of a module", remedy="give a whole number from 0 to 63"
+            )
         self.node = int(self._put(self.endpoint(rules.NODE_ID), new))
 
     def _put(self, endpoint: Endpoint, value: Value) -> Value:
@@ -108,7 +110,7 @@ class UsbParameters:
             raise NodeError(
                 f"{self._name}: {endpoint.path} holds {values.show(held)} after {values.show(value)} was written",
                 node=self.node,
-                remedy="the module brings this value to a limit of its own, or does not take it",
+                remedy="the module limits this value, or does not accept it",
             )
         self._written[endpoint.path] = held
         return held
@@ -137,7 +139,7 @@ class UsbParameters:
             return
         if not self._goes():
             raise NodeError(
-                f"{self._name} was told to save, and does not restart",
+                f"{self._name} got the command to save, and does not restart",
                 node=self.node,
                 remedy="nothing is known to be saved: read the values again after switching it off and on",
             )
@@ -163,7 +165,7 @@ class UsbParameters:
         left = self.axis_error
         if left:
             raise NodeError(
-                f"{self._name} was told to clear its errors, and its axis's word is {left:08X}h",
+                f"{self._name} got the command to clear its errors, and the error word of its axis is {left:08X}h",
                 node=self.node,
                 remedy="remove the cause first: docs/gim6010-8.md has the bits",
             )
@@ -174,7 +176,7 @@ class UsbParameters:
         if state != IDLE:
             raise StateError(
                 f"{self._name} is in {state_words(state)}, and only one that is idle is written or saved",
-                remedy="stop and disable it with the program that has it, then give the command again",
+                remedy="stop and disable it with the program that controls it, then give the command again",
             )
 
     @property
@@ -198,7 +200,9 @@ class UsbParameters:
     def _of(self, path: str, found: object) -> Value:
         if isinstance(found, bool | int | float):
             return found
-        raise NodeError(f"{self._name}: {path} is told as {found!r}, which is no number", node=self.node)
+        raise NodeError(
+            f"{self._name}: {path} was reported as {found!r}, which is not a number", node=self.node
+        )
 
     @contextmanager
     def _there(self) -> Iterator[None]:
@@ -210,5 +214,5 @@ class UsbParameters:
                 f"{self._name} is no longer there",
                 node=self.node,
                 observed=str(gone),
-                remedy="it restarts, or was unplugged: look at its cable and supply, then give the command again",
+                remedy="it restarts, or was unplugged: check its cable and supply, then give the command again",
             ) from gone

@@ -148,7 +148,7 @@ class ModuleDrive:
         if self._stage.refused == 1:
             hearing.tell(
                 self._now,
-                "was asked for closed loop, and its heartbeat tells of another state: it is asked again",
+                "was commanded to closed loop, and its heartbeat reports another state: the command is repeated",
             )
 
     def _take_over(self) -> None:

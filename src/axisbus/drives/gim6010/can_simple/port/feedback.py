@@ -151,11 +151,11 @@ class ModuleFeedback:
         if silence > _LOST * self._settings.heartbeat and not self._goes_on(last.life, life.life, silence):
             self._restart(at)
             self.tell(
-                at, f"was silent for {silence:.2g} s and has restarted, as far as can be seen: it counts anew"
+                at, f"was silent for {silence:.2g} s and has probably restarted: its counter began again"
             )
         elif self._beats.restarts > before.restarts:
             self._restart(at)
-            self.tell(at, "its life counter began anew: it has restarted")
+            self.tell(at, "its life counter began again: it has restarted")
         elif self._beats.gap:
             self.tell(at, f"{counted(self._beats.gap, 'heartbeat')} were missed, by its life counter")
 
@@ -179,7 +179,7 @@ class ModuleFeedback:
             self.trouble.clear()
         elif before is None or not before.faults:
             self.trouble.begin(beat.axis_error)
-            self.tell(at, f"tells of a fault: {', '.join(beat.faults)}")
+            self.tell(at, f"reports a fault: {', '.join(beat.faults)}")
         else:
             self.trouble.note(beat.axis_error)
 

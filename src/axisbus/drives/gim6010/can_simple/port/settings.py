@@ -76,7 +76,7 @@ class ModuleSettings:
     def __post_init__(self) -> None:
         if isinstance(self.node, bool) or self.node not in NODES:
             raise ArgumentError(
-                f"{self.node!r} is no node ID of CAN Simple", remedy="give a whole number from 0 to 63"
+                f"{self.node!r} is not a node ID of CAN Simple", remedy="give a whole number from 0 to 63"
             )
         _check(self, "module")
         if self.current_limit > HIGHEST_CURRENT:

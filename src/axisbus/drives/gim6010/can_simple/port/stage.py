@@ -53,7 +53,7 @@ class ModulePowerAction(Enum):
 
     NOTHING = "nothing"
     START = "closed loop"
-    TAKE_OVER = "to stay in closed loop, and to be led from now on"
+    TAKE_OVER = "to stay in closed loop, and to follow set-points from now on"
     QUICK_STOP = "to brake"
     LET_GO = "idle"
     CLEAR = "that its errors are cleared"

@@ -78,7 +78,7 @@ class ModuleRescue:
             self._end(True, "stands, without power")
         elif heard and stands and self.rung is RescueStep.BRAKE:
             if self._settings.quick_stop_holds:
-                self._end(True, "stands, and its module holds it")
+                self._end(True, "is at standstill, and its module holds it")
             else:
                 self._go(RescueStep.IDLE, now)
         elif now - self._since > self.rung.value:
@@ -87,7 +87,9 @@ class ModuleRescue:
     def _late(self, now: float) -> None:
         if self.rung is RescueStep.ESTOP:
             heard = (
-                "is heard, and was not seen to stand" if not self._hearing.is_silent(now) else "is not heard"
+                "sends heartbeats, but its standstill was not observed"
+                if not self._hearing.is_silent(now)
+                else "is not heard"
             )
             self._end(False, f"NOT CONFIRMED as stopped: its module {heard} after velocity 0, idle and ESTOP")
         else:

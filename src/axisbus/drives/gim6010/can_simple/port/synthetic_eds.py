@@ -18,7 +18,7 @@ from axisbus.drives.make import Make
 from axisbus.eds.io.reader import loads
 from axisbus.eds.model import Eds
 
-_SOURCE = "what the port of a CAN Simple module has"
+_SOURCE = "the objects of the port of a CAN Simple module"
 _HEAD = f"""[FileInfo]
 FileName=module.eds
 [DeviceInfo]

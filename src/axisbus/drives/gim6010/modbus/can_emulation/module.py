@@ -169,7 +169,7 @@ class RelayedModule:
             return
         if any(self._module.read(name) != value for name, value in writes):
             raise DriveError(
-                f"module {self.node}: its modes were to be changed under power, which over RS485 nobody knows to be safe",
+                f"module {self.node}: a change of mode under power was requested, which is not known to be safe over RS485",
                 remedy="disable the axis and enable it again: modes are set in idle",
             )
 
