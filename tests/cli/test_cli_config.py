@@ -417,7 +417,7 @@ def test_a_concise_dcf_is_written_and_restored(axisbus, bus, tmp_path):
     ("arguments", "code", "words"),
     [
         (("none.dcf", "5"), 1, "none.dcf"),
-        ((commands.GENERIC, "5"), 1, "has no parameter values: there is nothing to restore"),
+        ((commands.GENERIC, "5"), 1, "has no parameter values, so nothing can be restored"),
         (("x.dcf", "0"), 2, "'0' is not a node"),
         (("x.dcf", "5", "--include", "6098h;0"), 2, "does not name an object"),
         (("x.dcf", "5", "--include", "5FFF:1"), 2, "gives no value for 5FFFh:01"),

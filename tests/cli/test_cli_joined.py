@@ -105,7 +105,7 @@ def test_taken_the_command_is_the_other_ones_for_its_time(axisbus, moving, file)
     assert code == 0
     assert "y: at 5.0" in out
     assert "those that were enabled before are still enabled" in out
-    with pytest.raises(Stopped, match="took the command"):
+    with pytest.raises(Stopped, match="took control"):
         handle.wait(10)
     assert machine["y"].state is AxisState.DISABLED
     machine["x"].move_relative(1.0).wait(20)

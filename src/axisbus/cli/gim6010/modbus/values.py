@@ -46,7 +46,7 @@ def parse(register: Register, text: str) -> Number:
         found = None
     if found is None or not math.isfinite(found):
         raise ArgumentError(
-            f"{register.name}: {text!r} is not a {register.field.type.name} that can be written"
+            f"{register.name}: {text!r} is not a value of type {register.field.type.name} that can be written"
         )
     return found
 
