@@ -153,7 +153,11 @@ def armed(
         (
             {"break_timeout": 500},
             Watchdog.UNKNOWN,
-            ("break_timeout is 500 ms", "latched CAN_BUS_FAILED", "the master feeds it at least every 125 ms"),
+            (
+                "break_timeout is 500 ms",
+                "latched CAN_BUS_FAILED",
+                "the master feeds it at least every 125 ms",
+            ),
         ),
         (
             {"enable_watchdog": True, "watchdog_timeout": 0.25},
