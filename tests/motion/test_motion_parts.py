@@ -622,10 +622,10 @@ def test_coasting_takes_the_power_away_at_once_where_there_is_some(word, done, s
 # Standing still.
 
 
-def test_still_is_what_stays_within_the_tolerance_of_one_place_for_the_window():
-    still = SettledValue(2.0, 0.5)
+def test_still_is_what_stays_within_a_span_for_the_window():
+    still = SettledValue(4.0, 0.5)
     feeds = [
-        (0.0, 100, False),
+        (0.0, 98, False),
         (0.25, 102, False),
         (0.5, 98, True),
         (0.75, 103, False),
@@ -1066,7 +1066,7 @@ def test_what_the_parameters_derive():
     fine = replace(base.units, position=Scale.of(1e7, "deg"))
     bare = replace(base, units=fine, limits=AxisLimits(), defaults=Defaults())
     assert bare.pull_window == 20.0  # where no velocity is known: no more than what a quiet encoder wanders
-    assert base.standstill_tolerance == 2.0
+    assert base.standstill_tolerance == 4.0
     assert replace(base, standstill_speed=160.0).standstill_tolerance == 10.0
     assert base.lag_allowed(1000.0) == 4250.0
     assert replace(base, following_error=10).lag_allowed(1000.0) == 4010.0

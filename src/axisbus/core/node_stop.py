@@ -38,7 +38,7 @@ from axisbus.cia402.controlword import PowerCommand
 from axisbus.cia402.state import ENERGISED, PowerState, decode
 from axisbus.errors import AdapterError, BusError, BusOff, SdoAbort
 from axisbus.link import StopResult
-from axisbus.motion.parameters import DemandUse, pull_window, standstill_time
+from axisbus.motion.parameters import NOISE, DemandUse, pull_window, standstill_time
 from axisbus.motion.stop.settled_value import SettledValue
 from axisbus.units import wrap
 
@@ -243,7 +243,7 @@ class _Look:
         speed, factor = standstill_speed(axis, units) or 0.0, abs(units.position.factor)
         fastest = highest_speed(axis, units)
         stands_for = max(_STANDS_FOR, standstill_time(fastest))
-        self._still = SettledValue(max(2.0, speed * stands_for), stands_for)
+        self._still = SettledValue(max(NOISE, speed * stands_for), stands_for)
         self._pull = pull_window(
             None if axis.standstill_window is None else axis.standstill_window * factor,
             None if axis.position_window is None else axis.position_window * factor,

@@ -25,9 +25,9 @@ from axisbus.motion.moves.activity import age_text
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.numbers import told
 from axisbus.motion.override.factor import FASTER
-from axisbus.motion.parameters import AxisLimits, AxisParameters
+from axisbus.motion.parameters import NOISE, AxisLimits, AxisParameters
 from axisbus.motion.point_stream.curve_fit import Allowed, allowed_of
-from axisbus.motion.position_limits import NOISE, room_of_way
+from axisbus.motion.position_limits import room_of_way
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.spline import Followed, trajectory_of
 from axisbus.motion.states import AxisState

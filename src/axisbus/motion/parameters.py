@@ -139,7 +139,7 @@ class DriveTimeouts:
 
 
 _PROFILE_DECELERATION = 0x6084
-_NOISE = 2.0  # increments by which the position of a motor at rest may vary
+NOISE = 4.0  # increments between two positions of a motor at rest: an encoder varies by ±2
 _UNSEEN_SHARE = 0.05  # of the highest speed: slower motion may count as standstill
 _LONGEST_STANDSTILL_TIME = 0.3  # seconds
 _LEAST_PULL = 20.0  # increments
@@ -157,14 +157,14 @@ def no_explanation(_code: int, _details: Mapping[tuple[int, int], int]) -> list[
 def standstill_time(speed: float) -> float:
     """Return the value of ``DriveTimeouts.standstill_time``; ``speed``: the highest speed of the axis in increments per s.
 
-    An encoder may vary by 2 increments at rest. A motion of 3 increments is seen, so a short interval hides a considerable speed of
-    an axis with few increments (a motor with Hall sensors). The interval is long enough for a twentieth of the highest speed to be
-    seen, up to 0.3 s.
+    Positions may vary by ±2 increments at rest, and only more than that is seen as a motion. So a short interval hides a high
+    speed of an axis with few increments (a motor with Hall sensors). The interval is long enough for a twentieth of the highest
+    speed to be seen, up to 0.3 s.
     """
     shortest = DriveTimeouts().standstill_time
     if not speed:
         return shortest
-    return min(max(shortest, (_NOISE + 1.0) / (_UNSEEN_SHARE * speed)), _LONGEST_STANDSTILL_TIME)
+    return min(max(shortest, (NOISE + 1.0) / (_UNSEEN_SHARE * speed)), _LONGEST_STANDSTILL_TIME)
 
 
 def pull_window(standstill_window: float | None, position_window: float | None, speed: float) -> float:
@@ -227,8 +227,8 @@ class AxisParameters:
 
     @property
     def standstill_tolerance(self) -> float:
-        """Increments by which an axis at standstill may wander within ``standstill_time``."""
-        return max(_NOISE, (self.standstill_speed or 0.0) * self.timing.standstill_time)
+        """Highest difference in increments of the positions of an axis at standstill within ``standstill_time``."""
+        return max(NOISE, (self.standstill_speed or 0.0) * self.timing.standstill_time)
 
     @property
     def pull_window(self) -> float:

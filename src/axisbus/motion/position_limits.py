@@ -9,7 +9,7 @@ A *room* is the range within which a motion keeps an axis. It consists of the po
 an axis outside a limit may return, and moves no farther out. While it returns, the room shrinks with it (``narrowed``), so that it
 does not move out again.
 
-A measured position is noisy: an encoder varies by ±2 increments, and two positions of an axis at rest differ by up to ``NOISE``.
+A measured position is noisy: an encoder varies by ±2 increments, so two positions at rest differ by up to ``NOISE`` increments.
 ``window`` is this value in the unit of the positions: a position outside a limit by no more than that counts as on the limit.
 
 For an axis without a modulo, the count of its drive is a room as well: 607Ah and 6064h are INTEGER32, and a target beyond one end
@@ -23,8 +23,6 @@ from typing import NamedTuple
 
 from axisbus.motion.moves.profile import braking_distance
 from axisbus.units import INT32_HALF, INT32_LEAST, wrap
-
-NOISE = 4.0  # increments
 
 
 class Room(NamedTuple):

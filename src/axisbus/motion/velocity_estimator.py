@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from itertools import pairwise
 
-from axisbus.motion.position_limits import NOISE
+from axisbus.motion.parameters import NOISE
 
 _KEPT = 7  # samples: six velocities; the medians of the older and the newer three give the acceleration
 

@@ -31,8 +31,8 @@ from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import Prepare, RampTransfers, expected, profile_writes, slow_ramp_writes
 from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.override.setpoint_update import overridden
-from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.position_limits import NOISE, allowed_end, room_of_count
+from axisbus.motion.parameters import NOISE, AxisParameters
+from axisbus.motion.position_limits import allowed_end, room_of_count
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
 from axisbus.motion.stop.limits import stop_of, unknown_braking
 from axisbus.motion.stop.lost import not_to_be_reset
@@ -252,12 +252,20 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: CommandStatus
     writes = profile_writes(profile, core.parameters, _M.PROFILE_VELOCITY)
     prepare = _prepare(core, _M.PROFILE_VELOCITY, writes, gate, profile.jerk)
     profile = expected(profile, core.parameters)
-    require_braking(core, profile.down, ticket, _soft(core, profile))
-    require_stop(core, _M.PROFILE_VELOCITY, CommandedMotion(down=profile.down), ticket)
+    course = CommandedMotion(down=profile.down)
+    require_braking(
+        core, _weaker(profile.down, stop_of(core.parameters, course)[1]), ticket, _soft(core, profile)
+    )
+    require_stop(core, _M.PROFILE_VELOCITY, course, ticket)
     velocity_move = VelocityMove(profile, core.parameters, prepare, _course(core), _ramped(core))
     activity = velocity_move if command.life is None else Jog(velocity_move, command, core.image)
     core.begin(activity, ticket, AxisState.CONTINUOUS_MOTION)
     core.aim(None)
+
+
+def _weaker(command: float | None, stop: float | None) -> float | None:
+    """Return the lower deceleration: the monitor of the limits uses that of a stop, from the first cycle of the command on."""
+    return command if command is None or stop is None else min(command, stop)
 
 
 def _course(core: AxisCore) -> CommandedMotion | None:
@@ -292,7 +300,7 @@ def require_braking(core: AxisCore, down: float | None, ticket: CommandStatus, s
     raise LimitError(
         f"{ticket.name}: the axis could not stop within the position limits with that deceleration",
         observed=f"at its present speed it would stop at {stop:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
-        remedy="give a higher deceleration, or halt the axis first; the previous command continues",
+        remedy="give a higher deceleration, wait until the axis is slower, or halt it first; the previous command continues",
     )
 
 

@@ -36,7 +36,7 @@ from axisbus.motion.gantry.velocity import GantryVelocityMove
 from axisbus.motion.group.commands import ForEach, GroupCommand, GroupContinue, MoveLinear
 from axisbus.motion.group.core import EndedGroupCommand, GroupCore
 from axisbus.motion.group.path_motion import PathMotion
-from axisbus.motion.position_limits import NOISE
+from axisbus.motion.parameters import NOISE
 from axisbus.motion.states import MOVING, AxisState
 
 

@@ -23,7 +23,7 @@ from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 from axisbus.motion.moves.remote_trajectory import Streamed
 from axisbus.motion.moves.user_trajectory import CheckedTrajectory
 from axisbus.motion.override.factor import FASTER
-from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.parameters import NOISE, AxisParameters
 from axisbus.motion.path_limit_check import (
     LimitExceeded,
     PathLimitCheck,
@@ -34,7 +34,6 @@ from axisbus.motion.path_limit_check import (
 )
 from axisbus.motion.pathclock import Clock, Guided, PathClock
 from axisbus.motion.position_limits import (
-    NOISE,
     UNLIMITED,
     Room,
     braking,

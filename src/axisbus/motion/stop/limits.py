@@ -32,8 +32,8 @@ from axisbus.errors import AxisbusError, LimitError
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.activity import require_position
 from axisbus.motion.moves.profile import braking_distance
-from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.position_limits import NOISE, Room, narrowed, widened
+from axisbus.motion.parameters import NOISE, AxisParameters
+from axisbus.motion.position_limits import Room, narrowed, widened
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.stop_sequence import StopLevel
 from axisbus.motion.stop_deceleration import BRAKES, CommandedMotion

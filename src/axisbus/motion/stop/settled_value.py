@@ -6,19 +6,19 @@ import math
 
 
 class SettledValue:
-    """Detects a constant value: within the tolerance of one anchor value for the whole window; holds that anchor.
+    """Detects a constant value: all values of a whole window lie within a span, whichever of them was the first.
 
     Only values received after ``since`` count. A value with the same timestamp as before is not new.
     """
 
-    __slots__ = ("_anchor", "_anchor_stamp", "_stamp", "_tolerance", "_window", "still")
+    __slots__ = ("_began", "_highest", "_lowest", "_span", "_stamp", "_window", "still")
 
-    def __init__(self, tolerance: float, window: float, since: float = -math.inf) -> None:
-        """``tolerance`` in the value's unit; ``window`` and ``since`` in seconds."""
-        self._tolerance = tolerance
+    def __init__(self, span: float, window: float, since: float = -math.inf) -> None:
+        """``span``: highest permitted difference of two values, in their unit; ``window`` and ``since`` in seconds."""
+        self._span = span
         self._window = window
-        self._anchor: float | None = None
-        self._anchor_stamp = -math.inf
+        self._lowest = self._highest = math.nan
+        self._began = -math.inf
         self._stamp = since
         self.still = False
 
@@ -27,16 +27,21 @@ class SettledValue:
         if stamp <= self._stamp:
             return self.still
         self._stamp = stamp
-        if self._anchor is None or not -self._tolerance <= value - self._anchor <= self._tolerance:
-            self._anchor, self._anchor_stamp, self.still = value, stamp, False
-        elif stamp - self._anchor_stamp >= self._window:
+        if self._lowest <= value <= self._highest:
+            pass  # most values of an axis at standstill
+        elif self._highest - self._span <= value <= self._lowest + self._span:
+            self._lowest, self._highest = min(self._lowest, value), max(self._highest, value)
+        else:  # also the first value: no comparison with NaN holds
+            self._lowest = self._highest = value
+            self._began, self.still = stamp, False
+        if not self.still and stamp - self._began >= self._window:
             self.still = True
         return self.still
 
     @property
     def rested_since(self) -> float:
-        """When the value was first received within the tolerance of the present one (-inf: never)."""
-        return self._anchor_stamp
+        """When the first value within the span was received (-inf: never)."""
+        return self._began
 
     def since(self, moment: float) -> bool:
         """Return whether the value has been constant for a whole window after ``moment``, with a value received at its end."""
@@ -44,4 +49,5 @@ class SettledValue:
 
     def forget(self) -> None:
         """Start again: the value is unknown, or has another origin now."""
-        self._anchor, self.still = None, False
+        self._lowest = self._highest = math.nan
+        self.still = False

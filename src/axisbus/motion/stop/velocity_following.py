@@ -36,8 +36,7 @@ from collections import deque
 from axisbus.cia402 import objects
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.profile import MoveProfile
-from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.position_limits import NOISE
+from axisbus.motion.parameters import NOISE, AxisParameters
 
 _LAG_TIME = 0.25  # seconds of lag that a drive may have (see ``AxisParameters.lag_allowed``)
 _LONGEST = 60.0  # seconds of memory
