@@ -293,8 +293,8 @@ def test_who_looks_on_ends_a_torque_and_gives_none(pages, do):
     [
         ({}, "how much is the torque?"),
         ({"torque": "much"}, "'much' is no torque"),
-        ({"torque": "nan"}, "no finite number"),
-        ({"torque": "inf"}, "no finite number"),
+        ({"torque": "nan"}, "not a finite number"),
+        ({"torque": "inf"}, "not a finite number"),
         ({"torque": "5.01"}, "max_torque is 5 N·m"),
         ({"torque": "-1e300"}, "max_torque is 5 N·m"),
         ({"torque": "1", "slope": "0"}, "slope 0 must be above 0"),

@@ -176,23 +176,23 @@ def test_another_trial_may_follow_and_only_the_last_are_kept(pages, place):
     [
         ({"distance": "0"}, "a step of 0 is none"),
         ({"distance": "1e-9"}, "less than one increment"),
-        ({"distance": "nan"}, "no finite number"),
-        ({"distance": "inf"}, "no finite number"),
+        ({"distance": "nan"}, "not a finite number"),
+        ({"distance": "inf"}, "not a finite number"),
         ({"distance": "1e300"}, "does not fit"),
         ({"distance": ""}, "how much is the distance?"),
         ({"distance": "much"}, "is no distance"),
         ({"distance": "101", "seconds": "9"}, "beyond the position limits"),
         ({"velocity": "0"}, "must be above 0"),
         ({"velocity": "-5"}, "must be above 0"),
-        ({"velocity": "nan"}, "no finite number"),
+        ({"velocity": "nan"}, "not a finite number"),
         ({"velocity": "401"}, "max_velocity"),
         ({"velocity": ""}, "how much is the velocity?"),
         ({"acceleration": ""}, "how much is the acceleration?"),
         ({"acceleration": "0"}, "must be above 0"),
-        ({"acceleration": "nan"}, "no finite number"),
+        ({"acceleration": "nan"}, "not a finite number"),
         ({"seconds": ""}, "how much is the seconds?"),
         ({"seconds": "0"}, "must be above 0"),
-        ({"seconds": "nan"}, "no finite number"),
+        ({"seconds": "nan"}, "not a finite number"),
         ({"seconds": "11"}, "looked at for 11 s"),
         ({"seconds": "0.4"}, "takes 0.483 s"),
         ({"seconds": "0.7"}, "takes 0.483 s"),  # its last third would not be of the rest alone
@@ -210,7 +210,7 @@ def test_what_cannot_be_is_refused_before_the_question_and_after(pages, place, c
 
 
 @pytest.mark.parametrize(
-    ("velocity", "words"), [("0", "a step of 0"), ("nan", "no finite"), ("-401", "max_velocity")]
+    ("velocity", "words"), [("0", "a step of 0"), ("nan", "not a finite"), ("-401", "max_velocity")]
 )
 def test_a_velocity_that_cannot_be_is_refused(pages, place, velocity, words):
     pages.step(place, "velocity", velocity=velocity)
