@@ -124,7 +124,7 @@ def test_its_stop_ladder_says_what_holds_and_what_coasts():
     assert "40 turns/s²" in rows["2 quick stop"]
     assert "then power off (at most 1 s" in rows["2 quick stop"]
     assert all("coasts" in rows[title] for title in ("3 power off", "4 NMT stop", "on a fault"))
-    assert "goes on" in rows["on a lost link"]
+    assert "continues" in rows["on a lost link"]
     assert "coasts" in off.warnings[0]
 
 

@@ -69,7 +69,7 @@ def test_a_module_is_up_with_its_axis_and_nothing_was_commanded(tmp_path):
         report = booted.report
         assert report.ok, report.error
         assert "firmware 0.5.13, by its endpoints" in report.identity
-        assert "tells of idle" in report.nmt
+        assert "reports idle" in report.nmt
         assert not booted.found_enabled
         assert booted.parameters["m"].node == MODULE
         (axis,) = report.axes
@@ -116,7 +116,7 @@ def test_another_firmware_is_refused_and_nobody_is_there_is_told(tmp_path):
         error = one.boot(0.3).report.error
         assert isinstance(error, BootError)
         assert error.step == "heartbeat"
-        assert "is not there" in error.message
+        assert "does not answer" in error.message
 
 
 @pytest.mark.parametrize("word", ["quick_stop = 'coast'", "fault = 'ramp'", "deceleration = 5.0"])
@@ -125,7 +125,7 @@ def test_a_reaction_that_a_module_has_not_fails_the_boot_as_it_fails_the_check(t
         one.cell = reader.load(write(tmp_path, 'interface = "sim"', word))
         error = one.boot().report.error
         assert isinstance(error, BootError)
-        assert "cannot be told" in error.message
+        assert "does not accept" in error.message
 
 
 # -- what is armed
@@ -237,7 +237,7 @@ def test_a_module_that_answers_no_endpoint_is_up_and_its_list_said_to_be_of_no_u
         assert report.watchdog is WATCHDOG
         assert "does not feed a time-out that it has not read" in report.watchdog.text
         assert one.feed_within == 0.0
-        assert any("of no use" in text for text in report.warnings)
+        assert any("was not used" in text for text in report.warnings)
 
 
 def test_a_list_of_another_firmware_is_read_by_nobody(tmp_path):

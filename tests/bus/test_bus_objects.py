@@ -274,7 +274,7 @@ def test_a_timer_that_is_refused_is_no_failure_and_anything_else_has_back_what_i
 def test_what_reads_back_as_another_value_is_told(deaf, value, message, seen):
     device = drive()
     device.deaf.add(deaf)
-    with pytest.raises(BootError, match=f"TPDO1 took {message}") as caught:
+    with pytest.raises(BootError, match=f"TPDO1 accepted {message}") as caught:
         set_pdo(
             device,
             False,

@@ -220,9 +220,9 @@ def test_a_filter_names_nodes_that_there_may_be(axisbus, hard):
         for option in ("--filter", "--without"):
             code, out, err = axisbus("trace", *source, option, "node=1,q")
             assert (code, out) == (2, "")
-            assert "'q' is no node" in err
+            assert "'q' is not a node" in err
     assert "axes of the cell are x, y, z" in axisbus("trace", hard, "--filter", "node=q").err
-    assert "'128' is no node" in axisbus("trace", *BUS, "--filter", "node=128").err
+    assert "'128' is not a node" in axisbus("trace", *BUS, "--filter", "node=128").err
     with pytest.raises(Opened):
         axisbus("trace", hard, "--filter", "node=1,x")
 

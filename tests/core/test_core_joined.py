@@ -190,7 +190,7 @@ def ended(handle):
 
 def is_passing(handle):
     """Whether the command of the machine is just on its way back, until the halt is known to have ended."""
-    return isinstance(handle.error, OwnershipError) and "changes hands" in handle.error.observed
+    return isinstance(handle.error, OwnershipError) and "being handed over" in handle.error.observed
 
 
 KILLED = """

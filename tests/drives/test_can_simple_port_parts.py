@@ -227,7 +227,7 @@ def test_an_object_that_there_is_not_is_refused_with_its_code():
 
 @pytest.mark.parametrize("node", [-1, 64, True, 1.5])
 def test_a_node_id_that_is_none_is_refused(node):
-    with pytest.raises(ArgumentError, match="no node ID"):
+    with pytest.raises(ArgumentError, match="not a node ID"):
         replace(SETTINGS, node=node)
 
 

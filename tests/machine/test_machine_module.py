@@ -74,7 +74,7 @@ def test_a_line_of_all_is_recorded_with_its_fault_and_its_reset(tmp_path, cell, 
 
 
 def test_an_object_of_it_cannot_be_recorded(tmp_path, cell):
-    with pytest.raises(StateError, match="speaks CAN Simple"):
+    with pytest.raises(StateError, match="uses CAN Simple"):
         cell.recording(tmp_path / "run.mcap", objects=["m:6081"])
 
 

@@ -298,7 +298,7 @@ def test_an_axis_that_stood_in_the_middle_of_its_move_was_held_and_loses_its_pow
     stop.run(12, False, statusword=ENABLED)
     assert stop.ladder.held is held
     assert (stop.ladder.rung is StopLevel.QUICK_STOP) is held
-    assert ("nobody sees" in stop.ladder.unseen) is held
+    assert ("it is not known whether" in stop.ladder.unseen) is held
     taken = edge(Stop(AfterStop.DISABLE).before(10, False, statusword=ENABLED, mode=1), 90_000).before(
         waited, moving
     )

@@ -452,9 +452,9 @@ def test_numbers_of_a_numerical_library_are_numbers_and_other_things_are_not():
     r.axis.move_relative(Fraction(3, 2), velocity=Fraction(50)).wait(3)
     assert at(r, 3.5)
     for wrong in ("5", None, [5.0], 1 + 2j, Decimal("nan")):
-        with pytest.raises(ArgumentError, match="no finite number"):
+        with pytest.raises(ArgumentError, match="not a finite number"):
             r.axis.move_absolute(wrong)
-        with pytest.raises(ArgumentError, match="no finite number"):
+        with pytest.raises(ArgumentError, match="not a finite number"):
             r.axis.set_position(wrong)
 
 

@@ -161,7 +161,7 @@ def test_what_waits_for_a_line_that_is_broken_off_does_not_begin(story, how):
     else:
         cell.machine.simulated_node(2).fault(0x2310)
     assert cell.end_of(first) is not None
-    assert "has not begun" in str(cell.failure_of(waits))
+    assert "did not begin" in str(cell.failure_of(waits))
 
 
 def test_a_line_does_not_wait_for_a_halt_of_its_group_to_begin_behind_another(story):

@@ -125,7 +125,7 @@ def _has_no_objects(node: NodeAccess) -> None:
         lambda: node.measure("voltage"),
         lambda: node.canopen,
     ):
-        with pytest.raises(StateError, match="speaks CAN Simple"):
+        with pytest.raises(StateError, match="uses CAN Simple"):
             look()
     assert node.error_history() is None
     assert node.pdos() == []

@@ -146,7 +146,7 @@ def test_of_more_axes_than_coordinates_each_does_its_part(story):
     with tool.stream(period=PERIOD) as points:
         for number in range(100):
             points.push((30.0 + 20.0 * (1.0 - math.cos(math.pi * number / 99.0)),))
-        with pytest.raises(ArgumentError, match="is no point"):
+        with pytest.raises(ArgumentError, match="is invalid"):
             points.push((1.0, 2.0))
     assert (cell.where("x"), cell.where("y")) == pytest.approx((30.0, 40.0), abs=0.05)
 

@@ -26,6 +26,7 @@ NEXT_RUNG = (
     "could not be switched off",
     "did not execute the quick stop",
     "by itself",
+    "without a command",
     "ErrorStop",
 )
 

@@ -146,12 +146,12 @@ def test_a_stream_that_is_fed_in_time_has_no_underrun(story):
 
 
 BAD = {
-    "too fast": ((9.0, 0.0, 0.0), LimitError, r"point \d+ leads x beyond its velocity.*\n.*allowed are 400"),
-    "too hard": ((0.0, 2.0, 0.0), LimitError, r"point \d+ leads y beyond its acceleration.*\n.*80%"),
+    "too fast": ((9.0, 0.0, 0.0), LimitError, r"point \d+ takes x beyond its velocity.*\n.*allowed are 400"),
+    "too hard": ((0.0, 2.0, 0.0), LimitError, r"point \d+ takes y beyond its acceleration.*\n.*80%"),
     "too far": ((400.0, 0.0, 0.0), LimitError, r"x.push \(point \d+\): beyond the position limits"),
-    "no number": ((math.nan, 0.0, 0.0), ArgumentError, "is no point"),
+    "no number": ((math.nan, 0.0, 0.0), ArgumentError, "is invalid"),
     "too few": (None, ArgumentError, "3 finite numbers"),
-    "no sequence": (7, ArgumentError, "is no point"),
+    "no sequence": (7, ArgumentError, "is invalid"),
 }
 
 
@@ -195,7 +195,7 @@ def test_times_go_on(story, t):
     ("options", "words"),
     [
         ({"period": "1ms"}, "scan period"),
-        ({"period": "soon"}, "no time"),
+        ({"period": "soon"}, "not a time"),
         ({"on_underrun": "panic"}, "hold"),
         ({"buffer": -1.0}, "buffer"),
     ],
