@@ -206,13 +206,8 @@ def test_the_settings_come_back_and_what_the_machine_goes_by_stays(machine):
     assert (device(machine).read(*WINDOW), device(machine).read(*HEARTBEAT)) == (4321, 1234)
     assert [(row[0], row[2], row[4]) for row in found.rows] == [("6083h:00", "777", "restored")]
     assert found.text.startswith("1 restored")
-<<<<<<< HEAD
     assert "lost at the next power-off" in found.text
-    assert any("6065h:00" in line and "or goes by" in line for line in found.lines)
-=======
-    assert "lost with the next power-off" in found.text
     assert any("6065h:00" in line and "or uses" in line for line in found.lines)
->>>>>>> msg-lib
     assert found.command.startswith("axisbus config restore")
     assert done(machine, ConfigJobKind.RESTORE, 1, made).text.startswith("0 restored")
 

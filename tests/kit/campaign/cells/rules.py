@@ -205,6 +205,8 @@ class Physics(Travel):
         if isinstance(error, DriveError) and any(self._brakes_for_long(name, error) for name in asked.names):
             facts.tally["halts for which a read-only 6084h is too small"] += 1
             return
+        if isinstance(error, DriveError) and any(self._has_crept(name) for name in asked.names):
+            return
         text = f"{asked.handle.name} ended by {type(error).__name__}: {error}"
         if isinstance(error, ModeError) and not all(map(self._has_all_modes, asked.names)):
             facts.tally["modes of a maker's file that its simulated drive has not"] += 1
@@ -252,6 +254,10 @@ class Physics(Travel):
             return False
         needs = axis.speed * velocity_unit(axis) / max(own.default.value, 1)
         return needs > self._facts.core[name].parameters.stop_times.halt
+
+    def _has_crept(self, name: str) -> bool:
+        """Whether the motor has left the demand (6062h) that its drive keeps on in csv: what it crept stays between them."""
+        return any(trouble.what == "creeps" for trouble in self._facts.troubled(name, math.inf))
 
     def _has_all_modes(self, name: str) -> bool:
         """Whether the drive of an axis has each mode whose objects it has, so that no command is to end for want of one."""
