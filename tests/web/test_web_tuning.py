@@ -96,7 +96,7 @@ def test_limits_that_do_not_hold_before_it_is_homed_are_told_as_such(tmp_path):
         pages.enabled(place, "x")
         pages.step(place, sure=False)
         pages.go_on(place, 0.5)
-        assert "position from -100 to 100 deg, once it is homed" in pages.last["question"]
+        assert "position from -100 to 100 deg, after homing" in pages.last["question"]
 
 
 def test_it_asks_first_and_says_what_moves_and_within_which_limits(pages, place):
@@ -174,26 +174,26 @@ def test_another_trial_may_follow_and_only_the_last_are_kept(pages, place):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"distance": "0"}, "a step of 0 is none"),
+        ({"distance": "0"}, "a step of 0 is not allowed"),
         ({"distance": "1e-9"}, "less than one increment"),
         ({"distance": "nan"}, "not a finite number"),
         ({"distance": "inf"}, "not a finite number"),
         ({"distance": "1e300"}, "does not fit"),
-        ({"distance": ""}, "how much is the distance?"),
-        ({"distance": "much"}, "is no distance"),
+        ({"distance": ""}, "no distance given"),
+        ({"distance": "much"}, "is not a valid distance"),
         ({"distance": "101", "seconds": "9"}, "beyond the position limits"),
         ({"velocity": "0"}, "must be above 0"),
         ({"velocity": "-5"}, "must be above 0"),
         ({"velocity": "nan"}, "not a finite number"),
         ({"velocity": "401"}, "max_velocity"),
-        ({"velocity": ""}, "how much is the velocity?"),
-        ({"acceleration": ""}, "how much is the acceleration?"),
+        ({"velocity": ""}, "no velocity given"),
+        ({"acceleration": ""}, "no acceleration given"),
         ({"acceleration": "0"}, "must be above 0"),
         ({"acceleration": "nan"}, "not a finite number"),
-        ({"seconds": ""}, "how much is the seconds?"),
+        ({"seconds": ""}, "no seconds given"),
         ({"seconds": "0"}, "must be above 0"),
         ({"seconds": "nan"}, "not a finite number"),
-        ({"seconds": "11"}, "looked at for 11 s"),
+        ({"seconds": "11"}, "11 s for each side is too long"),
         ({"seconds": "0.4"}, "takes 0.483 s"),
         ({"seconds": "0.7"}, "takes 0.483 s"),  # its last third would not be of the rest alone
     ],
@@ -220,7 +220,7 @@ def test_a_velocity_that_cannot_be_is_refused(pages, place, velocity, words):
 
 def test_it_needs_the_controls_an_operator_and_an_axis_that_stands_enabled(pages):
     looker, place = pages.sit(Role.LOOKER), pages.sit()
-    for who, words in ((looker, "looks on"), (place, "nobody has the controls")):
+    for who, words in ((looker, "observer page"), (place, "no page has the controls")):
         pages.step(who)
         assert words in pages.told(who)[0][1]
     pages.ask(place, "take")
@@ -252,7 +252,7 @@ def test_a_yes_that_comes_too_late_moves_nothing(pages, place):
 def test_two_at_a_time_are_refused_and_the_first_goes_on(pages, place):
     pages.under_way(place)
     pages.step(place)
-    assert "another trial goes on" in pages.told(place)[0][1]
+    assert "another trial is running" in pages.told(place)[0][1]
     pages.press -= 1
     pages.go_on(place, 2.3)
     assert (pages.last["phase"], pages.last["why"]) == ("over", "")
@@ -278,13 +278,13 @@ def test_it_ends_when_its_page_is_gone(pages, place):
 def test_it_ends_by_silence_and_late_words_do_not_revive_it(pages, place):
     pages.under_way(place)
     pages.go_on(place, 0.3, alive=False)
-    pages.ended(place, "nothing was heard of its page")
+    pages.ended(place, "the server received nothing from its page")
 
 
 def test_it_ends_by_words_that_come_too_late(pages, place):
     pages.under_way(place)
     pages.ask(place, "trial_beat", press=pages.press, sent=pages.now - 90.0 - 0.3)
-    pages.ended(place, "nothing was heard of its page")
+    pages.ended(place, "the server received nothing from its page")
 
 
 def test_it_ends_when_its_page_is_hidden(pages, place):
@@ -298,7 +298,7 @@ def test_it_ends_with_the_controls(pages, place, do):
     other = pages.sit()
     pages.under_way(place)
     pages.ask(other if do == "take_over" else place, do)
-    pages.ended(place, "the controls no longer")
+    pages.ended(place, "no longer has the controls")
 
 
 @pytest.mark.parametrize("do", ["halt", "halt_all", "quick_stop", "quick_stop_all"])
