@@ -19,6 +19,55 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a short move that would end beyond the limit which the axis is just passing on its way back": Script(
+        "stiff",
+        (
+            Event(pause=1.0, what="move_absolute", axis="a", value=0.719),
+            Event(pause=0.5, what="service", axis="", value=0.0),
+            Event(pause=0.5, what="move_relative", axis="a", value=0.283),
+        ),
+        scene="drawn",
+        ending="with",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    unit="mm",
+                    scale=1000.0,
+                    invert="master",
+                    speed=10000.0,
+                    acceleration=200000.0,
+                    limits=(-0.0, 3.0),
+                    lag=0.05,
+                    start=7825,
+                    homed=False,
+                ),
+            )
+        ),
+    ),
+    "a reversal given while the move before brakes harder to its end than a stop would": Script(
+        "stiff",
+        (
+            Event(pause=0.0, what="move_velocity", axis="a", value=0.493),
+            Event(pause=0.2, what="service", axis="", value=0.0),
+            Event(pause=0.0, what="move_absolute", axis="a", value=-0.354),
+            Event(pause=0.0, what="service", axis="", value=0.0),
+            Event(pause=0.01, what="move_velocity", axis="a", value=-0.126),
+        ),
+        scene="drawn",
+        ending="with",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    scale=364.444,
+                    speed=32800.0,
+                    acceleration=65600.0,
+                    stop=0.7,
+                    words=("slow-ramp", "ramp"),
+                    limits=(-0.2, 0.8),
+                ),
+            )
+        ),
+    ),
     "an override that changes while an axis of a group brakes to a place at its limit": Script(
         "stiff",
         (

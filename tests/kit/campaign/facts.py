@@ -157,6 +157,11 @@ class Facts:
         image = self.core[name].image
         return caught and image.position is None and image.demand is None
 
+    def is_held_unseen(self, name: str) -> bool:
+        """Whether something holds the axis, or did just now, and its drive shows no demand by which that could be known."""
+        held = any(trouble.what == "jam" for trouble in self.troubled(name, _CAUGHT))
+        return held and self.core[name].image.demand is None
+
     def has_a_will(self, name: str) -> bool:
         """Whether the drive moves by itself: then a moment's rest is nobody's promise.
 

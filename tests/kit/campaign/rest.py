@@ -164,7 +164,8 @@ class Rest:
         facts = self._facts
         state = facts.core[name].state
         rests = state in (AxisState.STANDSTILL, AxisState.ERRORSTOP) and self._rests(name)
-        if not rests or facts.is_told(name) or facts.has_a_will(name) or facts.may_fall(name):
+        restless = facts.has_a_will(name) or facts.may_fall(name) or facts.is_held_unseen(name)
+        if not rests or facts.is_told(name) or restless:
             self._resting.pop(name, None)
             return
         since = self._resting.setdefault(name, facts.now)

@@ -173,7 +173,9 @@ def target_of(
     if core.bounded:
         start = base + shift - origin
         asked = start + command.value
-        target += require_within_limits(core.parameters, asked, ticket, start, noise) - asked
+        # An axis that moves back from beyond a limit could pass the limit, and would have to leave it again for such an end.
+        begins = None if end is None and core.state in MOVING else start
+        target += require_within_limits(core.parameters, asked, ticket, begins, noise) - asked
     return _within_reach(core, target, ticket)
 
 
