@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.scales import units_of
-from axisbus.cell.stop_deceleration import fixed_ramps
 from axisbus.check.context import Check, CheckContext, Problems, own_title
 from axisbus.cia402 import objects, options
 from axisbus.cia402.options import OptionCode
@@ -22,6 +23,7 @@ _REACTIONS: tuple[tuple[OptionCode, frozenset[int], str], ...] = (
 _SETTABLE = (options.HALT, options.QUICK_STOP, options.DISABLE, options.FAULT)
 # Values that brake on the quick-stop ramp, 6085h.
 _QUICK_STOPS_ON_IT = frozenset({2, 6})
+_HALTS_ON_QUICK_RAMP = 2
 _ON_QUICK_RAMP: tuple[tuple[OptionCode, frozenset[int]], ...] = (
     (options.QUICK_STOP, _QUICK_STOPS_ON_IT),
     (options.HALT, frozenset({2})),
@@ -155,39 +157,50 @@ def load_held(case: CheckContext) -> Problems:
 # -- times -----------------------------------------------------------------------------------------------------------
 
 
+class _Deceleration(NamedTuple):
+    """A deceleration in units per s² (None: unknown), and what it is called in a message."""
+
+    value: float | None
+    name: str
+
+
 def ladder_times(case: CheckContext) -> Problems:
     """Warn if braking from full speed takes longer than the deadline of the step of the stop sequence."""
     drives = {drive.axis.name: drive for drive in case.drives}
     for axis in case.cell.axes.values():
-        stop, times = axis.stop, StopTimes()
+        stop, times, drive = axis.stop, StopTimes(), drives.get(axis.name)
         speed = axis.max_velocity or axis.defaults.velocity
-        slow = _fixed_deceleration(drives.get(axis.name))
-        slow_name = "the deceleration that its drive does not let be written (6084h)"
-        if slow is None:
-            slow = axis.defaults.deceleration or axis.defaults.acceleration
-            slow_name = "the default deceleration"
-        for key, default, ramp, ramp_name in (
-            ("halt_time", times.halt, slow, slow_name),
-            ("quick_stop_time", times.quick_stop, stop.deceleration, "the quick-stop deceleration"),
+        slow = _fixed(drive, objects.PROFILE_DECELERATION) or _Deceleration(
+            axis.defaults.deceleration or axis.defaults.acceleration, "the default deceleration"
+        )
+        quick = _fixed(drive, objects.QUICK_STOP_DECELERATION) or _Deceleration(
+            stop.deceleration, "the quick-stop deceleration"
+        )
+        halts_quickly = drive is not None and drive.number(options.HALT.index) == _HALTS_ON_QUICK_RAMP
+        for key, default, ramp in (
+            ("halt_time", times.halt, quick if halts_quickly else slow),
+            ("quick_stop_time", times.quick_stop, quick),
         ):
             allowed = getattr(stop, key) or default
-            if speed is None or ramp is None or speed / ramp <= allowed or not stop.at.sound(key):
+            if speed is None or ramp.value is None or speed / ramp.value <= allowed or not stop.at.sound(key):
                 continue
+            seconds = speed / ramp.value
             yield case.warning(
                 stop.at.of(key),
                 f"axis {axis.name}: {key} is too short to brake from full speed",
-                f"{speed:g} {axis.unit}/s with {ramp_name}, {ramp:g} {axis.unit}/s², takes {speed / ramp:.3g} s; after "
-                f"{allowed:g} s the next step of the stop sequence begins",
-                f'{key} = "{speed / ramp * 1.5:.2g}s" in [axes.{axis.name}.stop], or a steeper ramp',
+                f"{speed:g} {axis.unit}/s with {ramp.name}, {ramp.value:g} {axis.unit}/s², takes {seconds:.3g} s; "
+                f"after {allowed:g} s the next step of the stop sequence begins",
+                f'{key} = "{seconds * 1.5:.2g}s" in [axes.{axis.name}.stop], or a steeper ramp',
             )
 
 
-def _fixed_deceleration(drive: Drive | None) -> float | None:
-    """Return the deceleration of a halt in units per s² if the drive's 6084h is read-only and has a value, else None."""
-    if drive is None:
+def _fixed(drive: Drive | None, index: int) -> _Deceleration | None:
+    """Return the deceleration of a drive if the object is read-only and has a value; None otherwise."""
+    variable = None if drive is None else drive.variable(index)
+    if drive is None or variable is None or variable.writable or not (raw := drive.number(index)):
         return None
-    raw = dict(fixed_ramps(drive, drive.number)).get(objects.PROFILE_DECELERATION)
-    return abs(units_of(drive.axis).acceleration.to_units(raw)) if raw else None
+    value = abs(units_of(drive.axis).acceleration.to_units(raw))
+    return _Deceleration(value, f"the read-only deceleration of its drive ({index:04X}h)")
 
 
 CHECKS: tuple[Check, ...] = (

@@ -245,10 +245,12 @@ class Physics(Travel):
         return False
 
     def _brakes_for_long(self, name: str, error: DriveError) -> bool:
-        """Whether the drive of a maker's file has its own deceleration, with which a halt takes longer than the time it has."""
+        """Whether the drive has read-only decelerations, with which a halt takes longer than the time it has."""
         axis = self._cell.recipe.axis(name)
-        if axis.file in BUILTIN or _HARDER not in error.message:
+        if _HARDER not in error.message:
             return False
+        if axis.file in BUILTIN:
+            return any(index in (0x6084, 0x6085) and share > 1 for index, share in axis.fixed)
         own = model_of(axis.file).get(0x6084, 0)
         if own is None or own.writable or not isinstance(own.default, Number):
             return False
@@ -497,6 +499,7 @@ class Physics(Travel):
         facts.tally["rule: an error has a cause"] += 1
         if not caused:
             false = type(error).__name__ in _FALSE and not self._may_be_so(name, error)
+            false = false and not (isinstance(error, DriveError) and self._brakes_for_long(name, error))
             facts.must(not false, "no false error", f"{type(error).__name__}: {error}", error)
 
     def _may_be_so(self, name: str, error: AxisbusError) -> bool:
