@@ -44,7 +44,7 @@ def test_default_velocities_ask_for_a_mode_that_moves(tmp_path: Path) -> None:
     """Where csp is left, they serve its trajectories, and only move_absolute and the like are missed."""
     for gone, severity in ((("6083",), "warning"), (("6083", "6064"), "error")):
         path = cells.write(tmp_path, NO_MODES, eds=cells.without(*gone))
-        told = [each for each in cells.serious(path) if "is asked for by velocity in" in each.message]
+        told = [each for each in cells.serious(path) if "is needed by velocity in" in each.message]
         assert [each.line for each in told] == [
             cells.line_of(path, "velocity = 100.0"),
             cells.line_of(path, "velocity = 90.0"),
@@ -422,7 +422,9 @@ def test_reactions_that_cannot_be_set_are_noted(tmp_path: Path) -> None:
     path = cells.write(tmp_path, eds=cells.without("605E"))
     assert cells.serious(path) == []
     told = [
-        each for each in cells.notes(path) if "what the drive does on fault cannot be set" in each.message
+        each
+        for each in cells.notes(path)
+        if "the reaction of the drive to fault cannot be set" in each.message
     ]
     assert [each.line for each in told] == [
         cells.line_of(path, "[axes.x.stop]"),
