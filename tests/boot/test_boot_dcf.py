@@ -123,7 +123,7 @@ def test_a_value_that_the_drive_refuses_ends_the_boot_with_its_name(cell):
         _booted(cell(), made)
     error = raised.value
     assert (error.node, error.index, error.subindex) == (3, 0x6083, 0)
-    assert "does not take 1 value of its DCF" in error.message
+    assert "rejects 1 value of its DCF" in error.message
     assert "0x08000021" in error.observed
 
 

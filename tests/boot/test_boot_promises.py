@@ -200,7 +200,7 @@ def test_a_written_scale_against_an_encoder_of_the_eds_alone_is_a_warning(tmp_pa
     axis = SCALED + "\nvelocity_scale = 0.7\nacceleration_scale = 0.01"
     path = write(tmp_path, axis, units={0x60A9: RPM, 0x60AA: RPM_S}, turn=6000)
     assert errors(path) == []
-    assert any("velocity_scale is not what" in each.message for each in check(path))
+    assert any("velocity_scale does not match" in each.message for each in check(path))
 
 
 def test_a_drive_that_counts_otherwise_than_its_eds_says_is_refused_at_boot(tmp_path):
@@ -249,7 +249,7 @@ def test_an_axis_in_increments_is_promised_what_can_be_kept(tmp_path):
     assert kept(found, "max_velocity")["pv"] is CHECKED
     [warning] = [each for each in check(path) if each.message.startswith("axis a: position_limits")]
     assert warning.severity.value == "warning"
-    assert "pv, tq, csv, cst: the motion is refused: how its velocities" in warning.observed
+    assert "pv, tq, csv, cst: the motion is refused: the units of its velocities" in warning.observed
     assert "velocity_scale" in warning.remedy
     with Machine.simulated(path) as cell:
         a = cell["a"]

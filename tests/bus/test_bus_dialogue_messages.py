@@ -55,7 +55,7 @@ def test_the_count_is_0_where_it_stands():
 def test_a_count_that_does_not_become_0_is_told():
     module = Module(5)
     module._talk._commands.pop(0x19)
-    with opened(module) as found, pytest.raises(NodeError, match="counts 5000 where"):
+    with opened(module) as found, pytest.raises(NodeError, match="has the count 5000"):
         found.set_zero()
 
 

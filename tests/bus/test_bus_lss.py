@@ -161,7 +161,7 @@ def test_a_node_that_does_not_tell_its_node_id(
 def test_a_node_id_that_is_taken_is_not_given(master: LssMaster, fake: FakeBus) -> None:
     one = slave()
     fake.peers += [one, Slave(5)]
-    with pytest.raises(StateError, match="node-ID 5 is taken"):
+    with pytest.raises(StateError, match="node-ID 5 is in use"):
         master.set_node_id(ADDRESS, 5)
     assert one.pending == 255
 

@@ -349,6 +349,6 @@ def test_a_guarded_node_that_stays_where_it_is_is_asked_until_the_time_is_over(
     node: NodeMonitor, line: Line, clock: SimpleNamespace
 ) -> None:
     asked = guarded(node, line, clock, *["7F", "FF"] * 9)
-    with pytest.raises(NodeRefused, match="it is there, and pre-operational"):
+    with pytest.raises(NodeRefused, match="it answers, and is pre-operational"):
         nmt.command(line, node, NmtCommand.START, timeout=0.25)
     assert asked == pytest.approx([0.0, 0.1, 0.2])

@@ -528,7 +528,7 @@ def test_what_cannot_be_read_starts_with_what_shows_the_same(make: Maker, slave:
 
 
 def test_a_strangers_object_that_cannot_be_read_is_a_boot_error(make: Maker, slave: Slave) -> None:
-    with pytest.raises(BootError, match="RPDO1 holds 60FEh:00") as caught:
+    with pytest.raises(BootError, match="RPDO1 contains 60FEh:00") as caught:
         make(DevicePdos((rpdo(1, "6040/16 60FE/32", 1),), ()))
     assert caught.value.index == 0x60FE
 

@@ -238,7 +238,7 @@ def test_a_node_that_is_silent_for_what_it_does_not_have_gets_less_time_after_th
 
 
 def test_a_node_that_falls_silent_while_it_is_asked_is_said_to_be_gone():
-    with pytest.raises(SdoTimeout, match="node 5 is gone") as caught:
+    with pytest.raises(SdoTimeout, match="node 5 is lost") as caught:
         asked(gone_at=0x6040)
     assert "nor for 1000h" in caught.value.observed
     assert caught.value.remedy

@@ -82,8 +82,8 @@ def test_what_is_needed_is_never_guessed(cell, key):
     [
         ('firmware = "0.5.13"\n', 'eds = "builtin:gim6010-8"\n', "has no eds"),
         ('firmware = "0.5.13"\n', 'remap = "never"\n', "has no remap"),
-        ('protocol = "can_simple"\n', "", "does not speak CAN Simple"),
-        ('protocol = "can_simple"\n', 'protocol = "canopen"\n', "does not speak CAN Simple"),
+        ('protocol = "can_simple"\n', "", "does not use CAN Simple"),
+        ('protocol = "can_simple"\n', 'protocol = "canopen"\n', "does not use CAN Simple"),
         ('protocol = "can_simple"\n', 'protocol = "modbus"\n', "protocol"),
         ("velocity_limit = 20.0", "velocity_limit = 0", "velocity_limit"),
         ("velocity_limit = 20.0", "velocity_limt = 20.0", "velocity_limt"),

@@ -44,8 +44,8 @@ def test_a_group_has_the_kinematics_of_its_table(tmp_path, table, made):
         ('kind = "robot"', "kind"),
         ('kind = "scara"\nupper = 1', "fore is missing in [groups.arm.kinematics]"),
         ('kind = "scara"\nupper = 1\nfore = 0', "fore"),
-        ('kind = "corexy"\nupper = 1', "upper is none of corexy"),
-        ('kind = "delta"\nbase = 1\nplate = 1\nupper = 1\nfore = 1\nleft = true', "left is none of delta"),
+        ('kind = "corexy"\nupper = 1', "corexy has no upper"),
+        ('kind = "delta"\nbase = 1\nplate = 1\nupper = 1\nfore = 1\nleft = true', "delta has no left"),
         ('kind = "scara"\nupper = 1\nfore = 1\nlength = 3', "length"),
     ],
 )
@@ -56,5 +56,5 @@ def test_what_is_wrong_with_a_table_is_told(tmp_path, table, words):
 
 
 def test_a_group_of_too_few_axes_is_told(tmp_path):
-    with pytest.raises(ConfigError, match="delta takes 3 axes, and the group has 2"):
+    with pytest.raises(ConfigError, match="delta needs 3 axes, and the group has 2"):
         reader.load(written(tmp_path, 'kind = "delta"\nbase = 1\nplate = 1\nupper = 1\nfore = 1', "xy"))

@@ -112,7 +112,7 @@ def test_a_tpdo_with_every_fourth_sync_counts_a_quarter(tmp_path: Path) -> None:
 def test_an_unknown_bitrate_is_noted(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ("bitrate = 1_000_000\n", ""))
     assert cells.serious(path) == []
-    assert cells.note(path, "the bus load cannot be worked out").line == cells.line_of(path, "[bus]")
+    assert cells.note(path, "the bus load cannot be computed").line == cells.line_of(path, "[bus]")
 
 
 def test_the_simulation_needs_no_bitrate(tmp_path: Path) -> None:

@@ -142,7 +142,7 @@ def test_a_safe_number_that_makers_differ_about_is_warned_of(tmp_path):
     """6444h has 32 bits for an output of 16; 0 is the same in both halves, and what the cell file writes itself is its own."""
     (problem,) = found(tmp_path, VALVE.format(0.5))
     assert problem.severity.value == "warning"
-    assert "makers differ in what a module without us makes of 6444h:01" in problem.message
+    assert "manufacturers differ in the effect of 6444h:01" in problem.message
     assert found(tmp_path, VALVE.format(0)) == []
     own = '[nodes.5.objects]\n"6444:01" = 0x1F40000\n'
     assert found(tmp_path, VALVE.format(0.5), node=own) == []

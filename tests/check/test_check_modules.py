@@ -65,7 +65,7 @@ def test_what_its_port_has_no_place_for_is_an_error(tmp_path, more, words):
 def test_it_is_homed_where_it_stands_alone(tmp_path):
     path = write(tmp_path, SIM)
     path.write_text(path.read_text().replace("method = 37", "method = 17"), "utf-8")
-    assert any("homing method 17 is none" in each for each in errors(path))
+    assert any("does not have homing method 17" in each for each in errors(path))
 
 
 def test_a_limit_is_checked_as_that_of_any_drive(tmp_path):
@@ -136,4 +136,4 @@ def test_a_list_without_a_version_is_an_error(tmp_path):
     path.write_text(text.replace("[axes.m]", 'endpoints = "mine.json"\n[axes.m]', 1))
     (tmp_path / "mine.json").write_text("[]")
     (found,) = errors(path)
-    assert "does not say for which firmware it is" in found
+    assert "does not give its firmware version" in found

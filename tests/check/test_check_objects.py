@@ -121,7 +121,7 @@ def test_a_stop_word_keeps_the_limits_of_the_eds(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ('quick_stop = "ramp"', 'quick_stop = "voltage-limit-hold"'))
     found = [each for each in cells.serious(path) if each.severity.value == "error"]
     assert [each.line for each in found] == [cells.line_of(path, "voltage-limit-hold")]
-    assert "it takes 0 to 7" in found[0].observed
+    assert "its EDS allows 0 to 7" in found[0].observed
 
 
 def test_a_direction_turned_by_the_drive_needs_its_polarity(tmp_path: Path) -> None:
@@ -250,7 +250,7 @@ def test_communication_parameters_are_there_and_can_be_written(tmp_path: Path) -
         eds=cells.without_sub("1801", 5),
     )
     problem = cells.only(path, "error", 'event_timer = "20ms"')
-    assert "node 1: TPDO2 takes no event_timer" in problem.message
+    assert "node 1: TPDO2 does not accept event_timer" in problem.message
     assert "does not have 1801h:05" in problem.observed
 
 

@@ -120,7 +120,7 @@ def test_a_file_that_is_not_there(tmp_path, download):
     path = cell(tmp_path, DATE + f"file = 'firmware.bin'\ndownload = {download}\n", data=None)
     problem = cells.only(path, "error", "firmware.bin")
     assert problem.message == "node 1: the program 'firmware.bin' cannot be read"
-    assert problem.observed == f"there is no {tmp_path / 'firmware.bin'}"
+    assert problem.observed == f"{tmp_path / 'firmware.bin'} does not exist"
 
 
 def test_a_file_that_is_a_folder(tmp_path):

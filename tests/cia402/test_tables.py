@@ -217,7 +217,7 @@ def test_there_are_no_other_option_codes():
         mine = [row for row in rows if row["key"] == option.key]
         assert sorted(option.meanings) == sorted(int(row["value"]) for row in mine)
         assert sorted(option.words) == sorted(row["word"] for row in mine if row["word"])
-        assert "maker" in option.meaning(-1)
+        assert "manufacturer-specific" in option.meaning(-1)
     assert sorted(options.HALT_RAMPS) == [0, 1, 2, 3, 4]
     assert sorted(options.QUICK_STOP_RAMPS) == [0, 1, 2, 3, 4, 5, 6, 7, 8]
     assert not {4, 9} & set(options.HOLDING_QUICK_STOPS)
@@ -229,7 +229,7 @@ def test_what_each_homing_method_looks_for(row):
     opposite = {"positive side": "negative side", "positive direction": "negative direction"}
     for wanted in [
         part
-        for part in ("home switch", "limit switch", "index pulse", "reserved", "maker")
+        for part in ("home switch", "limit switch", "index pulse", "reserved", "manufacturer-specific")
         if part in row["looks for"]
     ]:
         assert wanted in text

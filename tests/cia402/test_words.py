@@ -46,7 +46,7 @@ def test_unknown_modes_are_members():
 def test_coasting_is_called_by_its_name():
     assert "coasts" in options.QUICK_STOP.meaning(0)
     assert "stays energised" in options.QUICK_STOP.meaning(6)
-    assert "maker" in options.QUICK_STOP.meaning(-1)
+    assert "manufacturer-specific" in options.QUICK_STOP.meaning(-1)
     assert options.CONNECTION_LOSS.words["quick-stop"] == 3
 
 

@@ -218,4 +218,4 @@ def test_a_handle_that_failed_is_told_although_its_command_was_the_last_for_its_
         r.axis.move_relative(1.0)
         r.run(0.1)
         gc.collect()  # an exception and the frames that it came from hold each other
-    assert "x.move_relative(1 deg) failed, and nobody looked" in caplog.text
+    assert "x.move_relative(1 deg) failed, and its handle was not read" in caplog.text

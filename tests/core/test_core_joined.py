@@ -174,7 +174,7 @@ def test_a_program_that_takes_the_command_and_dies_leaves_it_to_who_had_it(machi
 def test_a_program_that_was_told_to_stop_takes_no_command(machine, file):
     with Machine.attach(file) as guest:
         guest.session.request_stop("it was told to")
-        with pytest.raises(Stopped, match="not taken"):
+        with pytest.raises(Stopped, match="not granted"):
             guest.take_control()
     assert machine.has_control
 

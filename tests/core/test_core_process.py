@@ -166,7 +166,7 @@ def test_a_trajectory_that_fails_on_its_way_ends_with_its_own_error_and_the_axis
 
     x = machine["x"]
     x.set_position(0.0).wait(10)
-    with pytest.raises(ArgumentError, match="gives no position at 3") as caught:
+    with pytest.raises(ArgumentError, match="returned no position at 3") as caught:
         x.follow(Failing()).wait(20)
     assert "a mistake of its own" in caught.value.observed
     until(lambda: machine.simulated_node(1).drive().axis.motor.velocity == 0.0)

@@ -219,7 +219,7 @@ def test_without_saving_it_answers_where_it_answers(at_once):
 
 def test_a_node_id_that_somebody_has_is_refused():
     station, _, module = line(Station(7))
-    with pytest.raises(StateError, match="answers to node ID 7 already"):
+    with pytest.raises(StateError, match="already answers to node ID 7"):
         set_node_id(module, 7)
     with pytest.raises(LimitError):
         set_node_id(module, 64)

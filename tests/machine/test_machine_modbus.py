@@ -253,7 +253,7 @@ def test_a_module_that_another_program_has_enabled_is_braked_and_let_go(line):
 def test_a_module_that_is_not_there_is_told(line):
     with line._lock:
         line.station.dials.deaf = -1
-    with pytest.raises(BootError, match="module 1 is not there"):
+    with pytest.raises(BootError, match="module 1 does not answer"):
         Machine.open(line.cell())
 
 
@@ -317,14 +317,14 @@ def test_a_core_that_is_killed_has_its_warden_stop_the_motor(line):
         (("endpoints = ", "# endpoints = "), "names no list of endpoints"),
         (("acceleration = 80.0", "acceleration = 80.0\ntorque_ramp = 1.0"), "has torque_ramp"),
         (("acceleration = 80.0", "acceleration = 80.0\nfilter_bandwidth = 20.0"), "has filter_bandwidth"),
-        (('interface = "modbus"', 'interface = "socketcan"'), "speaks modbus, and [bus]"),
+        (('interface = "modbus"', 'interface = "socketcan"'), "has the protocol modbus, and [bus]"),
         (
             ('protocol = "modbus"\n[nodes.1.modbus]', 'protocol = "can_simple"\n[nodes.1.can_simple]'),
             "serial line",
         ),
         (
             ('[nodes.1]\nprotocol = "modbus"', '[nodes.1]\nprotocol = "modbus"\nremap = "never"'),
-            "speaks Modbus, and has no remap",
+            "uses Modbus, and has no remap",
         ),
         (
             ("max_acceleration = 4000", 'max_acceleration = 4000\n[axes.arm.stop]\nquick_stop = "ramp-hold"'),

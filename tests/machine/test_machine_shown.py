@@ -133,8 +133,8 @@ def test_nothing_that_a_file_or_a_drive_says_becomes_an_element(cell, monkeypatc
 
 def test_whatever_fails_is_a_line_and_no_traceback(cell, monkeypatch):
     monkeypatch.setattr(Axis, "state", property(lambda _: 1 / 0))
-    assert "cannot be shown (ZeroDivisionError)" in cell._repr_html_()
-    assert "cannot be shown (ZeroDivisionError)" in cell["x"]._repr_html_()
+    assert "cannot be displayed (ZeroDivisionError)" in cell._repr_html_()
+    assert "cannot be displayed (ZeroDivisionError)" in cell["x"]._repr_html_()
 
 
 def test_nothing_is_asked_of_a_drive(cell, monkeypatch):

@@ -103,5 +103,5 @@ def test_a_promise_that_is_taken_back_halts_nothing(cell):
 
 @pytest.mark.parametrize("seconds", [0.0, 0.01, -1.0, 61.0, math.nan, math.inf, "1", True])
 def test_what_is_no_time_is_refused(cell, seconds):
-    with pytest.raises(ArgumentError, match=r"hold_to_run\(.*no time from 0\.05 to 60 s"):
+    with pytest.raises(ArgumentError, match=r"hold_to_run\(.*not a time from 0\.05 to 60 s"):
         cell.hold_to_run(seconds)

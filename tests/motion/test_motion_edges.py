@@ -762,7 +762,7 @@ def test_a_failure_that_nobody_has_looked_at_is_reported(look, caplog):
         assert (found() if look == "exception" else found) in (handle.error, False)
     with caplog.at_level("ERROR", logger="axisbus"):
         handle.__del__()
-    assert ("x.stop() failed, and nobody looked at its handle" in caplog.text) is (look is None)
+    assert ("x.stop() failed, and its handle was not read" in caplog.text) is (look is None)
     handle.exception()
 
 

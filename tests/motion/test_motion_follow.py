@@ -181,7 +181,7 @@ def test_a_drive_that_rounds_the_period_is_found_out_by_reading_back():
     watch = Watch(r)
     with pytest.raises(DriveError) as caught:
         r.axis.follow(TrapezoidalTrajectory(0.0, 5.0, 50.0, 500.0)).wait(5)
-    assert "is to be 10 x 10^-3 s and reads 4 x 10^-3 s" in caught.value.observed
+    assert "must be 10 x 10^-3 s and reads 4 x 10^-3 s" in caught.value.observed
     assert watch.displacement == 0.0
 
 
@@ -530,7 +530,7 @@ def test_a_trajectory_with_a_mistake_ends_its_command_and_not_the_scan(wrong):
             return math.nan if wrong == "nan" else 1.0 / 0.0
 
     r = rig().enabled()
-    with pytest.raises(ArgumentError, match=r"gives no position at 0.500 s"):
+    with pytest.raises(ArgumentError, match=r"returned no position at 0.500 s"):
         r.axis.follow(Broken()).wait(5)
     r.run(1.0)
     assert not r.scan.ended
@@ -639,7 +639,7 @@ def test_a_mode_that_is_refused_on_the_way_stops_the_axis_by_quick_stop():
     watch = Watch(r)
     handle = r.axis.move_velocity(50.0)
     r.until(lambda: not handle.busy)
-    assert "does not take mode 3" in str(handle.exception())
+    assert "does not enter mode 3" in str(handle.exception())
     r.until(lambda: r.core.ladder is None)
     assert 11 in watch.transitions
     assert r.axis.state is AxisState.ERRORSTOP

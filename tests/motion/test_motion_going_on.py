@@ -191,7 +191,7 @@ def test_an_axis_has_two_seconds_to_come_up_with_the_end_of_its_trajectory():
     drive = Drive(scan_period=PERIOD)
     follow = Follow(TrapezoidalTrajectory(0.0, 1.0, 20.0, 40.0), drive.parameters, OPEN)
     ended = None
-    with pytest.raises(MotionTimeout, match="does not come up with the end of its trajectory, 1 deg"):
+    with pytest.raises(MotionTimeout, match="the axis does not reach the end of its trajectory, 1 deg"):
         for _ in range(400):
             for request in drive.order.sdo:
                 drive.answers(request.id)

@@ -176,7 +176,7 @@ def test_one_axis_that_cannot_be_enabled_takes_the_others_back():
     r.drive_of("y").dials.transition_delay[3] = NEVER
     seen = watches(r)
     handle = r.groups["all"].enable()
-    with pytest.raises(TransitionError, match="y: the drive does not go on"):
+    with pytest.raises(TransitionError, match="y: the drive does not change"):
         handle.wait(10)
     r.run(0.5)
     assert all(4 not in watch.transitions for watch in seen.values())

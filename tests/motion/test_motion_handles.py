@@ -70,7 +70,7 @@ def test_wait_returns_the_handle_and_an_ended_one_at_once():
 def test_a_wait_that_times_out_says_so_and_the_motion_goes_on():
     r = rig().enabled()
     handle = r.axis.move_absolute(50.0)
-    with pytest.raises(TimeoutError, match=r"x.move_absolute\(50 deg\): not ended after 0.1 s; it goes on"):
+    with pytest.raises(TimeoutError, match=r"x.move_absolute\(50 deg\): not ended after 0.1 s; it continues"):
         handle.wait(0.1)
     assert handle.busy
     handle.wait(5)
@@ -159,7 +159,7 @@ def test_a_failed_handle_that_nobody_looked_at_is_reported_by_name(caplog):
     with caplog.at_level(logging.ERROR, "axisbus"):
         del handle
         gc.collect()
-    assert "x.move_absolute(5 deg) failed, and nobody looked at its handle" in caplog.text
+    assert "x.move_absolute(5 deg) failed, and its handle was not read" in caplog.text
     assert "look whether it is blocked" in caplog.text
 
 
@@ -212,7 +212,7 @@ def test_waiting_for_several_has_one_time_out_in_virtual_time_too():
         axis.move_velocity(10.0).wait(2)
     handles = [r.axes["x"].move_absolute(300.0, velocity=1.0), r.axes["y"].move_absolute(300.0, velocity=1.0)]
     start = r.now
-    with pytest.raises(TimeoutError, match="go on"):
+    with pytest.raises(TimeoutError, match="they continue"):
         wait(handles, timeout=0.5)
     assert r.now - start == pytest.approx(0.5, abs=2 * PERIOD)
     assert all(handle.busy for handle in handles)

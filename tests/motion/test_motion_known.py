@@ -136,7 +136,7 @@ def test_ramps_harder_than_max_acceleration_are_refused(command):
     r = rig(limits=AxisLimits(velocity=400.0, acceleration=600.0))
     clipped(r, 0x6083, 900_000)
     r.enabled()
-    with pytest.raises(LimitError, match="harder than max_acceleration"):
+    with pytest.raises(LimitError, match="steeper than max_acceleration"):
         getattr(r.axis, command)(10.0).wait(5)
     assert abs(r.drive.axis.motor.position) < 10
 

@@ -534,7 +534,7 @@ def test_a_mode_that_the_drive_does_not_take_fails_and_names_both_objects():
     r.drive.dials.modes_refused = frozenset({1})
     with pytest.raises(ModeError) as caught:
         r.axis.move_absolute(10.0).wait(5)
-    assert "does not take mode 1 (pp)" in caught.value.message
+    assert "does not enter mode 1 (pp)" in caught.value.message
     assert "6060h was set to 1, 6061h stays at 3 (pv)" in caught.value.observed
 
 

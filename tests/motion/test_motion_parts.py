@@ -547,7 +547,7 @@ def test_a_mode_that_does_not_come_is_not_left_to_come_later():
     drive.later(1.0 - 2 * T)
     switch.step(*drive.cycle())
     switch.step(*drive.cycle())
-    with pytest.raises(ModeError, match=r"does not take mode 3 \(pv\)") as caught:
+    with pytest.raises(ModeError, match=r"does not enter mode 3 \(pv\)") as caught:
         switch.step(*drive.cycle())
     assert drive.order.mode == 1
     assert "stays at 1 (pp) after 1 s" in caught.value.observed
@@ -975,7 +975,7 @@ def test_what_is_led_elsewhere_by_more_than_the_window_does_not_stand(demand, pu
     assert seen is not pulls
     assert look.pulls(drive.image) is pulls
     assert look.is_held(drive.image) is pulls
-    assert ("leaps" in look.why_not(drive.image)) is pulls
+    assert ("jumps" in look.why_not(drive.image)) is pulls
 
 
 def test_where_there_is_no_position_the_velocity_says_it_and_else_bit_10():

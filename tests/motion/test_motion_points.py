@@ -84,7 +84,7 @@ def test_what_is_refused_changes_nothing():
     for t, x in points:
         for wrong in (x + 9.0, x - 1.0, 500.0):
             if t > 0.015:  # the first two make a straight line, which an axis takes up at its own pace
-                with pytest.raises(LimitError, match=f"point {joining.count + 1} leads x beyond its"):
+                with pytest.raises(LimitError, match=f"point {joining.count + 1} takes x beyond its"):
                     joining.take(StreamPoint(t, (wrong,)))
         assert joining.take(StreamPoint(t, (x,))) == other.take(StreamPoint(t, (x,)))
     assert joining.end() == other.end()

@@ -339,7 +339,7 @@ def test_a_drive_that_refuses_every_resting_mode_is_not_enabled():
     r = rig()
     r.drive.mode = r.drive.mode_display = 6
     r.drive.dials.modes_refused = frozenset({1, 3, 4, 8, 9})
-    with pytest.raises(ModeError, match="stands still"):
+    with pytest.raises(ModeError, match="hold standstill"):
         r.axis.enable().wait(10)
     assert r.drive.power.stage == DISABLED
 

@@ -219,7 +219,7 @@ def test_samples_that_leave_some_out_or_come_again_are_refused_and_nothing_is_ta
     first, count = stream.wanted(0.0)
     chunk = sampler.take(count)
     for wrong in (first - 1, first + 1, 0):
-        with pytest.raises(ArgumentError, match="not asked for") as caught:
+        with pytest.raises(ArgumentError, match="not requested") as caught:
             stream.feed(wrong, chunk)
         assert f"numbers {wrong} to {wrong + count - 1}; expected were {first} to {first + count - 1}" in str(
             caught.value
@@ -231,7 +231,7 @@ def test_samples_that_leave_some_out_or_come_again_are_refused_and_nothing_is_ta
     stream.feed(first, chunk[:10])  # in parts, as they come
     stream.feed(first + 10, chunk[10:])
     assert stream.known_until == pytest.approx(before + count * STEP)
-    with pytest.raises(ArgumentError, match="not asked for"):
+    with pytest.raises(ArgumentError, match="not requested"):
         stream.feed(first + count, sampler.take(1))
 
 

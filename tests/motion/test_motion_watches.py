@@ -529,7 +529,7 @@ def test_a_command_that_ends_at_rest_waits_until_the_axis_stands_and_no_longer_t
     assert not arrival.complete(move, False, drive.image)
     position = 0
     began = drive.now + T
-    with pytest.raises(MotionTimeout, match="does not come to rest"):
+    with pytest.raises(MotionTimeout, match="does not come to standstill"):
         for _ in range(200):
             position += 10
             assert not arrival.complete(move, True, drive.cycle(position=position)[0])

@@ -34,7 +34,10 @@ def states(picture, axis):
 
 
 def test_where_nobody_types_it_is_not_kept():
-    with Machine.simulated(CELL) as machine, pytest.raises(StateError, match="not kept") as raised:
+    with (
+        Machine.simulated(CELL) as machine,
+        pytest.raises(StateError, match="only in an interactive session") as raised,
+    ):
         machine.plot_last()
     assert "begin a recording" in raised.value.remedy
 

@@ -280,9 +280,9 @@ def test_a_length_that_is_wrong_asks_for_no_more_memory_than_there_is(made, tmp_
 @pytest.mark.parametrize(
     ("data", "text"),
     [
-        (b"", "no MCAP file|no recording"),
-        (b"hello", "no MCAP file|no recording"),
-        (b"\x89MCAP0\r\n", "no recording"),
+        (b"", "not an MCAP file|not a recording"),
+        (b"hello", "not an MCAP file|not a recording"),
+        (b"\x89MCAP0\r\n", "not a recording"),
     ],
 )
 def test_what_is_no_recording_is_refused(tmp_path, data, text):

@@ -97,7 +97,7 @@ SLIPS = [
     ('axes = ["x", "y"]', 'axes = "x"', 67, "axes in [groups.xy] cannot be used", "brackets"),
     ('axes = ["x", "y"]', "", 66, "axes is missing in [groups.xy]", 'axes = ["x", "y"]'),
     ("[groups.xy]", "[groups.x]", 66, "'x' names both an axis and a group", "rename"),
-    ("[axes.y.homing]", '[axes."y z".homing]', 63, "'y z' is no name", "letters, digits"),
+    ("[axes.y.homing]", '[axes."y z".homing]', 63, "'y z' is not a name", "letters, digits"),
     ('"6065" = 4000', '"6065" = true', 16, "6065 in [nodes.1.objects] cannot be used", "1 or 0"),
     ('"6065" = 4000', "6099.1 = 4000", 16, "6099 in [nodes.1.objects] cannot be used", '"6099:01"'),
     (
