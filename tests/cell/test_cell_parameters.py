@@ -124,10 +124,10 @@ def test_standstill_is_unknown_without_a_velocity_or_a_ratio() -> None:
 
 @pytest.mark.parametrize(
     ("speed", "seconds"),
-    [(0.0, 0.05), (40000.0, 0.05), (2000.0, 0.05), (1000.0, 0.1), (400.0, 0.25), (24.0, 0.3)],
+    [(0.0, 0.05), (40000.0, 0.05), (1200.0, 0.05), (600.0, 0.1), (332.0, 0.181), (24.0, 0.3)],
 )
 def test_an_axis_with_few_increments_is_compared_for_longer(speed: float, seconds: float) -> None:
-    # 5 increments, the first motion that is not noise, at a twentieth of the highest speed
+    # 3 increments, the first motion that is not noise, at a twentieth of the highest speed
     assert standstill_time(speed) == pytest.approx(seconds, abs=0.001)
 
 

@@ -106,7 +106,7 @@ def test_standstill_needs_the_whole_window_at_one_place():
         assert not img.standstill
     seen(img, 5 * T, position=100)
     assert img.standstill
-    seen(img, 6 * T, position=103)
+    seen(img, 6 * T, position=105)
     assert not img.standstill
 
 
@@ -570,7 +570,7 @@ def test_a_set_point_of_which_nothing_shows_has_its_time_from_the_edge_on(shown)
     with pytest.raises(SetPointError):
         while drive.now < edge + 10.0:
             proof.step(drive.cycle(**shown)[0])
-    assert drive.now == edge + drive.parameters.timing.acknowledge + 7 * STEP  # 10 increments at 96 per s
+    assert drive.now == edge + drive.parameters.timing.acknowledge + 0.0625 + STEP
 
 
 def test_where_the_deceleration_is_not_known_two_seconds_more_may_pass_to_turn_round():
@@ -582,7 +582,7 @@ def test_where_the_deceleration_is_not_known_two_seconds_more_may_pass_to_turn_r
     with pytest.raises(SetPointError):
         while drive.now < edge + 10.0:
             proof.step(drive.cycle(position=0)[0])
-    assert drive.now == edge + drive.parameters.timing.acknowledge + 2.0 + 7 * STEP
+    assert drive.now == edge + drive.parameters.timing.acknowledge + 2.0 + 0.0625 + STEP
 
 
 @pytest.mark.parametrize(("moves", "seen"), [(0, True), (100, False)])

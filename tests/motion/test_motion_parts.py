@@ -623,7 +623,7 @@ def test_coasting_takes_the_power_away_at_once_where_there_is_some(word, done, s
 
 
 def test_still_is_what_stays_within_a_span_for_the_window():
-    still = SettledValue(4.0, 0.5)
+    still = SettledValue(2.0, 0.5)
     feeds = [
         (0.0, 98, False),
         (0.25, 102, False),
@@ -638,6 +638,14 @@ def test_still_is_what_stays_within_a_span_for_the_window():
         assert still.feed(value + 50, stamp) is expected  # the same stamp says nothing new
         assert still.feed(value + 50, stamp - 0.1) is expected
     assert still.rested_since == 1.5
+
+
+def test_a_slow_motion_within_the_noise_is_not_still():
+    still = SettledValue(2.0, 0.5)
+    values = [0, 0, 1, 2, 3, 4, 4]
+    assert [still.feed(value, 0.125 * number) for number, value in enumerate(values)] == [False] * 7
+    assert not still.feed(3.0, 0.875)
+    assert still.feed(2.0, 1.0)  # it has come back
 
 
 def test_still_since_a_moment_asks_for_a_whole_window_after_it():
@@ -1066,7 +1074,7 @@ def test_what_the_parameters_derive():
     fine = replace(base.units, position=Scale.of(1e7, "deg"))
     bare = replace(base, units=fine, limits=AxisLimits(), defaults=Defaults())
     assert bare.pull_window == 20.0  # where no velocity is known: no more than what a quiet encoder wanders
-    assert base.standstill_tolerance == 4.0
+    assert base.standstill_tolerance == 2.0
     assert replace(base, standstill_speed=160.0).standstill_tolerance == 10.0
     assert base.lag_allowed(1000.0) == 4250.0
     assert replace(base, following_error=10).lag_allowed(1000.0) == 4010.0

@@ -243,7 +243,7 @@ class _Look:
         speed, factor = standstill_speed(axis, units) or 0.0, abs(units.position.factor)
         fastest = highest_speed(axis, units)
         stands_for = max(_STANDS_FOR, standstill_time(fastest))
-        self._still = SettledValue(max(NOISE, speed * stands_for), stands_for)
+        self._still = SettledValue(max(0.5 * NOISE, speed * stands_for), stands_for)
         self._pull = pull_window(
             None if axis.standstill_window is None else axis.standstill_window * factor,
             None if axis.position_window is None else axis.position_window * factor,

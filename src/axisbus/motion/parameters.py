@@ -164,7 +164,7 @@ def standstill_time(speed: float) -> float:
     shortest = DriveTimeouts().standstill_time
     if not speed:
         return shortest
-    return min(max(shortest, (NOISE + 1.0) / (_UNSEEN_SHARE * speed)), _LONGEST_STANDSTILL_TIME)
+    return min(max(shortest, (0.5 * NOISE + 1.0) / (_UNSEEN_SHARE * speed)), _LONGEST_STANDSTILL_TIME)
 
 
 def pull_window(standstill_window: float | None, position_window: float | None, speed: float) -> float:
@@ -227,8 +227,8 @@ class AxisParameters:
 
     @property
     def standstill_tolerance(self) -> float:
-        """Highest difference in increments of the positions of an axis at standstill within ``standstill_time``."""
-        return max(NOISE, (self.standstill_speed or 0.0) * self.timing.standstill_time)
+        """Increments by which an axis at standstill may go within ``standstill_time``."""
+        return max(0.5 * NOISE, (self.standstill_speed or 0.0) * self.timing.standstill_time)
 
     @property
     def pull_window(self) -> float:

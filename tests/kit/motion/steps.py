@@ -24,7 +24,7 @@ class Drive:
         self.parameters = parameters("x", dictionary_of(GENERIC), **changes)
         capabilities = Capabilities({"statusword": source}, {}, True, ages or {})
         use, window = self.parameters.demand, self.parameters.pull_window
-        self.image = AxisImage(capabilities, T, 4.0, TIMING.standstill_time, use, window)
+        self.image = AxisImage(capabilities, T, 2.0, TIMING.standstill_time, use, window)
         self.order = CycleOutputs()
         self.now = start
         self._samples: dict[str, Sample | None] = {}

@@ -6,18 +6,21 @@ import math
 
 
 class SettledValue:
-    """Detects a constant value: all values of a whole window lie within a span, whichever of them was the first.
+    """Detects a constant value: for a whole window, no two values differ by more than twice the tolerance, and the value has not
+    gone farther than the tolerance from the first one to the last.
+
+    So noise of ± the tolerance is constant, whichever value was the first, and a slow motion is not.
 
     Only values received after ``since`` count. A value with the same timestamp as before is not new.
     """
 
-    __slots__ = ("_began", "_highest", "_lowest", "_span", "_stamp", "_window", "still")
+    __slots__ = ("_began", "_first", "_highest", "_lowest", "_stamp", "_tolerance", "_window", "still")
 
-    def __init__(self, span: float, window: float, since: float = -math.inf) -> None:
-        """``span``: highest permitted difference of two values, in their unit; ``window`` and ``since`` in seconds."""
-        self._span = span
+    def __init__(self, tolerance: float, window: float, since: float = -math.inf) -> None:
+        """``tolerance`` in the value's unit; ``window`` and ``since`` in seconds."""
+        self._tolerance = tolerance
         self._window = window
-        self._lowest = self._highest = math.nan
+        self._first = self._lowest = self._highest = math.nan
         self._began = -math.inf
         self._stamp = since
         self.still = False
@@ -29,18 +32,18 @@ class SettledValue:
         self._stamp = stamp
         if self._lowest <= value <= self._highest:
             pass  # most values of an axis at standstill
-        elif self._highest - self._span <= value <= self._lowest + self._span:
+        elif self._highest - 2.0 * self._tolerance <= value <= self._lowest + 2.0 * self._tolerance:
             self._lowest, self._highest = min(self._lowest, value), max(self._highest, value)
         else:  # also the first value: no comparison with NaN holds
-            self._lowest = self._highest = value
+            self._first = self._lowest = self._highest = value
             self._began, self.still = stamp, False
         if not self.still and stamp - self._began >= self._window:
-            self.still = True
+            self.still = abs(value - self._first) <= self._tolerance
         return self.still
 
     @property
     def rested_since(self) -> float:
-        """When the first value within the span was received (-inf: never)."""
+        """When the first of these values was received (-inf: never)."""
         return self._began
 
     def since(self, moment: float) -> bool:
