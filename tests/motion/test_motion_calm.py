@@ -65,7 +65,9 @@ def differences(a, b, where: str, seen: set) -> list[str]:
     return [
         found
         for path, x, y in pairs
-        if not path.endswith(("._was_calm", "._cruise", "._here", "._known_way", "._motion"))  # the last ones: caches
+        if not path.endswith(
+            ("._was_calm", "._cruise", "._here", "._known_way", "._motion")
+        )  # the last ones: caches
         for found in differences(x, y, path, seen)
     ]
 

@@ -187,12 +187,12 @@ def test_before_any_lag_was_seen_a_usual_one_counts():
     assert axis.to(100_000 - 8479).rest(course=course) == 100.001
 
 
-def test_an_axis_without_a_demand_shows_its_lag_on_its_way_along_targets():
+def test_an_axis_without_a_demand_shows_its_lag_while_targets_still_lead_it():
     axis, course = Bounded(1000), turning(1000)
     for number in range(1, 9):
         # 7 periods behind: the stop itself allows for 4 of them
         axis.drive.image.led.note(axis.drive.now, 8, None, 1000 * (number + 7), False)
-        axis.to(1000 * number, cycles=1)
+        axis.to(1000 * number, cycles=1).rest(course=course)
     assert axis.guard._lag == pytest.approx(3.0 * T)
     axis.drive.image.led.note(axis.drive.now, 3, None, None, False)  # in pv there is no target
     assert axis.to(90_000).rest(course=course) == 100.2

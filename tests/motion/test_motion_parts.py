@@ -642,10 +642,10 @@ def test_still_is_what_stays_within_a_span_for_the_window():
 
 def test_a_slow_motion_within_the_noise_is_not_still():
     still = SettledValue(2.0, 0.5)
-    values = [0, 0, 1, 2, 3, 4, 4]
-    assert [still.feed(value, 0.125 * number) for number, value in enumerate(values)] == [False] * 7
-    assert not still.feed(3.0, 0.875)
-    assert still.feed(2.0, 1.0)  # it has come back
+    moving = [0, 0, 1, 2, 3, 4, 5, 6, 7]
+    assert not any(still.feed(value, 0.125 * number) for number, value in enumerate(moving))
+    resting = [still.feed(9.0, 0.125 * number) for number in range(9, 16)]
+    assert resting == [False] * 3 + [True] * 4  # whatever the first value of the window before was
 
 
 def test_still_since_a_moment_asks_for_a_whole_window_after_it():

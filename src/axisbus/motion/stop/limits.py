@@ -9,10 +9,10 @@ acceleration is not known, so the measured acceleration is used. Then the axis b
 mode really has (``stop_of``).
 
 The monitor checks the position of the motor and the drive's demand (6062h), because a lagging motor still reaches the demand. A
-demand that arrives less often than the position has an outdated velocity. Such a demand only gives the lag of the motor in seconds,
-which is added to the reaction time of a stop. Without a trusted demand, the lag comes from the targets of csp, or from the ramps of
-the commands (``RampedWay.lag``). The lag belongs to the drive, so the monitor uses the last value until a later command gives
-another one, and ``_UNKNOWN_LAG`` before the first.
+demand that arrives less often than the position has an outdated velocity. Such a demand only gives the lag of the motor in
+seconds, which is added to the reaction time of a stop. Without a trusted demand, the lag comes from the last targets of csp
+before a velocity command, or from the ramps of the commands (``RampedWay.lag``). The lag belongs to the drive, so the monitor
+uses the last value until a later command gives another one, and ``_UNKNOWN_LAG`` before the first.
 
 An axis at rest beyond a limit may move back (``position_limits``): the limit is then its rest position.
 
@@ -111,15 +111,13 @@ class LimitMonitor:
         self._position.take(image.position, image.position_stamp)
         if self._edges is not None:
             self._demand.take(image.demand, image.demand_stamp)
-            if image.demand is None and image.led.target is not None and image.position is not None:
-                self._learn_lag(image.led.target - image.position)
 
     @property
     def _known_lag(self) -> float:
         return _UNKNOWN_LAG if self._lag is None else self._lag
 
     def _learn_lag(self, ahead: int) -> None:
-        """Compute the lag of an axis that follows targets, the last of which is ``ahead`` of its position (increments)."""
+        """Compute the lag of an axis that still follows targets, the last of which is ``ahead`` of its position (increments)."""
         if not self._position.is_known:
             return
         velocity, _ = self._position.motion
@@ -151,6 +149,8 @@ class LimitMonitor:
             self._free_since = image.now
         if lag is not None:
             self._lag = lag
+        elif image.demand is None and image.led.target is not None and image.position is not None:
+            self._learn_lag(image.led.target - image.position)
         bounded = bounded and self._parameters.limits.position is not None
         if image.position is None:
             return self._blind(image) if bounded else None

@@ -35,11 +35,17 @@ class SettledValue:
         elif self._highest - 2.0 * self._tolerance <= value <= self._lowest + 2.0 * self._tolerance:
             self._lowest, self._highest = min(self._lowest, value), max(self._highest, value)
         else:  # also the first value: no comparison with NaN holds
-            self._first = self._lowest = self._highest = value
-            self._began, self.still = stamp, False
+            self._begin(value, stamp)
         if not self.still and stamp - self._began >= self._window:
-            self.still = abs(value - self._first) <= self._tolerance
+            if abs(value - self._first) <= self._tolerance:
+                self.still = True
+            else:
+                self._begin(value, stamp)
         return self.still
+
+    def _begin(self, value: float, stamp: float) -> None:
+        self._first = self._lowest = self._highest = value
+        self._began, self.still = stamp, False
 
     @property
     def rested_since(self) -> float:
