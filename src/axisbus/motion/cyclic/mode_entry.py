@@ -9,8 +9,8 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.group.start_barrier import StartBarrier
-from axisbus.motion.moves.activity import Lead, ModeSwitch
 from axisbus.motion.moves.interpolation import CyclicSetup
+from axisbus.motion.moves.mode_switch import Lead, ModeSwitch
 from axisbus.motion.moves.prepare import RampTransfers
 from axisbus.motion.parameters import AxisParameters
 

@@ -13,7 +13,8 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import HomingError
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
-from axisbus.motion.moves.activity import Activity, ModeSwitch, SdoTransfers
+from axisbus.motion.moves.activity import Activity, SdoTransfers
+from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop_deceleration import CommandedMotion
 

@@ -8,8 +8,9 @@ from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.commands import MoveVelocity
-from axisbus.motion.moves.activity import Activity, ModeSwitch
+from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.continuous_motion import VelocityMove
+from axisbus.motion.moves.mode_switch import ModeSwitch
 
 
 class Jog(Activity):

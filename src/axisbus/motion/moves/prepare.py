@@ -14,7 +14,8 @@ from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.modes import TORQUE_MODES
-from axisbus.motion.moves.activity import Activity, ModeSwitch, SdoTransfers, preload
+from axisbus.motion.moves.activity import Activity, SdoTransfers, preload
+from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.profile import MoveProfile, on_ramps
 from axisbus.motion.parameters import AxisParameters
 
