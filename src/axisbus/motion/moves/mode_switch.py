@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NoReturn
 
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
@@ -11,6 +12,7 @@ from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.modes import WITHOUT_POSITION_DEMAND
 from axisbus.motion.moves.activity import preload, shown_modes
+from axisbus.motion.moves.halt_release import HaltRelease
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 
 Lead = Callable[[AxisImage, CycleOutputs], object]
@@ -22,9 +24,12 @@ class ModeSwitch:
     Nothing jumps: while the mode changes, the position target is ``reference`` (actual position from disabled, demand when
     enabled), and velocity and torque targets are 0 (on an axis that holds a load, the torque is the actual one). An axis that
     follows a trajectory continues along it (``lead``), because in a cyclic mode a target that does not continue causes a jolt.
+
+    An axis that was halted stays halted while its mode changes. If the drive does not take the mode in time, it may ignore 6060h
+    while the halt bit is set. Then the halt bit is cleared (``HaltRelease``), and the mode is requested again.
     """
 
-    __slots__ = ("_deadline", "_lead", "_left", "_mode", "_parameters", "_reference")
+    __slots__ = ("_begun", "_deadline", "_lead", "_left", "_mode", "_parameters", "_reference", "_release")
 
     def __init__(self, mode: ModeOfOperation, parameters: AxisParameters, lead: Lead | None = None) -> None:
         """``lead``: the step that commands the axis until the drive has left its present mode; None if nothing commands it."""
@@ -32,8 +37,10 @@ class ModeSwitch:
         self._parameters = parameters
         self._lead = lead
         self._left: int | None = None  # the mode that the drive shows while the other one is requested
+        self._begun = 0.0
         self._deadline: float | None = None
         self._reference: int | None = None
+        self._release: HaltRelease | None = None
 
     @property
     def mode(self) -> ModeOfOperation:
@@ -55,8 +62,10 @@ class ModeSwitch:
 
         Raises:
             ModeError: 6061h does not follow in time.
+            UncommandedMotion: the axis moves after its halt bit was cleared.
         """
         if self._deadline is None:
+            self._begun = image.now
             self._deadline = image.now + self._parameters.timing.mode
             self._reference = image.reference
         if image.mode in WITHOUT_POSITION_DEMAND:  # it moves, or 6062h is old
@@ -69,10 +78,32 @@ class ModeSwitch:
         self.lead(image, order)
         if self._parameters.holds_load is not HoldsLoad.NO and image.torque is not None:
             order.target_torque = image.torque  # the actual torque holds the load; 0 would let it fall
-        if image.now > self._deadline:
-            order.mode = image.mode  # the drive must not take the mode later, unexpectedly
-            raise self._refused(image)
+        if self._release is not None:
+            self._step_release(self._release, image, order)
+        elif image.now > self._deadline:
+            if not order.halt:
+                self._refuse(image, order)
+            self._release = HaltRelease(image, self._parameters, self._begun)
+            self._step_release(self._release, image, order)
         return False
+
+    def _step_release(self, release: HaltRelease, image: AxisImage, order: CycleOutputs) -> None:
+        """Clear the halt bit; request the mode again once the drive has received this."""
+        assert self._deadline is not None
+        if not release.done:
+            if release.step(image, order):
+                self._deadline = image.now + self._parameters.timing.mode
+            elif release.refusal:
+                self._refuse(image, order, release.refusal)
+            return
+        release.watch(image, order)
+        if image.now > self._deadline:
+            self._refuse(image, order)
+
+    def _refuse(self, image: AxisImage, order: CycleOutputs, halted: str = "") -> NoReturn:
+        """Raise ModeError; ``halted``: why the halt bit could not be cleared."""
+        order.mode = image.mode  # the drive must not take the mode later, unexpectedly
+        raise self._refused(image, halted)
 
     def lead(self, image: AxisImage, order: CycleOutputs) -> None:
         """Continue the present motion, before the mode is requested and while it changes."""
@@ -81,6 +112,8 @@ class ModeSwitch:
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel a mode that the drive has not taken yet: a later change would be unexpected."""
+        if self._release is not None:
+            self._release.cancel(order)
         if self._left is not None:
             order.mode = self._left
 
@@ -94,7 +127,7 @@ class ModeSwitch:
             return False  # another requested mode may still take effect, and must be cancelled first
         return image.flight.mode_answered(image.now)
 
-    def _refused(self, image: AxisImage) -> ModeError:
+    def _refused(self, image: AxisImage, halted: str) -> ModeError:
         asked = f"{int(self._mode)} ({modes.short(self._mode)})"
         name = self._parameters.name
         shown = (
@@ -114,7 +147,13 @@ class ModeSwitch:
             f"{name}: the drive does not enter mode {asked}",
             axis=name,
             observed=f"6060h was set to {int(self._mode)}, 6061h {shown} after {self._parameters.timing.mode:g} s; "
-            f"its modes are {shown_modes(self._parameters)}",
-            remedy="use another mode, or check in the drive's manual when it accepts this one (some only while enabled, "
+            + (f"the halt bit (bit 8 of 6040h) is set, and must stay set: {halted}; " if halted else "")
+            + f"its modes are {shown_modes(self._parameters)}",
+            remedy=(
+                "disable and enable the axis, if the drive takes no mode while it is halted; "
+                if halted
+                else ""
+            )
+            + "use another mode, or check in the drive's manual when it accepts this one (some only while enabled, "
             "some only with a licence or a wired encoder)",
         )
