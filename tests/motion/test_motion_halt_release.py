@@ -456,3 +456,20 @@ def test_a_hold_set_point_waits_for_the_handshake_of_the_interrupted_move():
     for word in (ENABLED | BIT_12, ENABLED, ENABLED | BIT_12):
         assert not hold.step(*drive.cycle(statusword=word, mode=1, position=700))
     assert hold.step(*drive.cycle(statusword=ENABLED, mode=1, position=700))
+
+
+@pytest.mark.parametrize(
+    "stop", [lambda axis: axis.halt(), lambda axis: axis.disable(), lambda axis: axis.stop()]
+)
+@pytest.mark.parametrize("after", ["pv", "hm", "csp", "csv", "cst"])
+def test_a_stop_awaits_the_acknowledge_of_the_present_position(after, stop):
+    r, watch = halted("pp")
+    r.drive.dials.acknowledge_delay = 0.03
+    NEXT[after][1](r)
+    r.until(lambda: bool(r.drive.controlword & BIT_4))
+    stop(r.axis)
+    r.until(lambda: bool(r.drive.statusword & BIT_12), 0.1)
+    assert r.drive.controlword & BIT_4
+    r.run(0.5)
+    assert not r.drive.controlword & BIT_4
+    assert watch.displacement < 1.0

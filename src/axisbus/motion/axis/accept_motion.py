@@ -84,9 +84,8 @@ def move(core: AxisCore, command: c.Move, ticket: CommandStatus, gate: StartBarr
         gate,
         profile.jerk,
     )
-    before = core.activity.in_flight if isinstance(core.activity, PositionMove) else core.running.set_point
     core.begin(
-        PositionMove(target, profile, core.parameters, prepare, before, factor),
+        PositionMove(target, profile, core.parameters, prepare, core.running.in_flight, factor),
         ticket,
         AxisState.DISCRETE_MOTION,
     )

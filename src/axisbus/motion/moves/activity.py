@@ -20,6 +20,7 @@ from axisbus.motion.stop_deceleration import CommandedMotion
 
 if TYPE_CHECKING:
     from axisbus.motion.moves.mode_switch import ModeSwitch
+    from axisbus.motion.moves.setpoint import SetPoint
 
 # Abort codes of a drive that only lists an object, or has it read-only.
 _DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.READ_ONLY})
@@ -64,6 +65,11 @@ class Activity(ABC):
     @property
     def leaving(self) -> ModeSwitch | None:
         """The requested change of mode that will end that trajectory; the next command must complete this change."""
+        return None
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The set-point handshake that has begun and has not ended; it continues if the command is interrupted."""
         return None
 
     @abstractmethod

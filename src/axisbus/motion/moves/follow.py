@@ -22,6 +22,7 @@ from axisbus.motion.moves.lookahead import Excess, LookaheadTrajectory, Path, ex
 from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 from axisbus.motion.moves.remote_trajectory import Streamed
+from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.moves.user_trajectory import CheckedTrajectory
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import NOISE, AxisParameters
@@ -379,6 +380,11 @@ class Follow(Activity):
     def leading(self) -> Leading | None:
         """This trajectory itself."""
         return self
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The unfinished handshake of the change of mode."""
+        return self._mode.in_flight
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel the queued requests."""

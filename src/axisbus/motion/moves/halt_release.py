@@ -29,6 +29,7 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.modes import CONDUCT, TORQUE_MODES, AfterHalt
+from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import AxisParameters, Handshake, HoldsLoad
 from axisbus.motion.stop.hold_setpoint import HoldSetPoint
 from axisbus.motion.stop.standstill import StandstillCheck
@@ -112,6 +113,11 @@ class HaltRelease:
         if error is not None:
             order.halt = True
             raise error
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The unfinished handshake of the set-point at the present position."""
+        return None if self._hold is None or self.refusal else self._hold.in_flight
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel the queued transfers."""

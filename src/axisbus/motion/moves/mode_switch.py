@@ -13,6 +13,7 @@ from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.modes import WITHOUT_POSITION_DEMAND
 from axisbus.motion.moves.activity import preload, shown_modes
 from axisbus.motion.moves.halt_release import HaltRelease
+from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 
 Lead = Callable[[AxisImage, CycleOutputs], object]
@@ -109,6 +110,11 @@ class ModeSwitch:
         """Continue the present motion, before the mode is requested and while it changes."""
         if self._lead is not None:
             self._lead(image, order)
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The unfinished handshake of the change of mode."""
+        return None if self._release is None else self._release.in_flight
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel a mode that the drive has not taken yet: a later change would be unexpected."""

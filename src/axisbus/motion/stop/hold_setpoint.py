@@ -17,6 +17,7 @@ from axisbus.errors import DriveError
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.activity import SdoTransfers
+from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.moves.setpoint_without_ack import set_point
 from axisbus.motion.parameters import AxisParameters, Handshake, HoldsLoad
 from axisbus.units import wrap
@@ -89,6 +90,11 @@ class HoldSetPoint:
             self._set_point = set_point(self._set_point.target, self._parameters)
             return False
         return True
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The handshake, if it has begun and has not ended."""
+        return self._set_point if self._set_point.begun else None
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel the queued transfers."""
