@@ -117,7 +117,8 @@ FOR_GOOD = {
 }
 KEPT = {
     "image": SHOWN | FOR_GOOD,
-    "image.led": {"trust", "_mode", "_quick"},  # the mode is noted in each cycle
+    # The mode is noted in each cycle; whether the drive is idle follows from the states and modes that it shows.
+    "image.led": {"trust", "_mode", "_quick", "idle"},
     "image.led.trust": {
         "_use",
         "_window",
@@ -137,7 +138,9 @@ KEPT = {
     },  # a stop goes on without power
     "supervision.following": {"_parameters", "_window"},
     # Of its next position or velocity on.
-    "supervision._resting": {"_allowed", "_parameters", "_per_velocity", "_pulls", "_since", "_stamp"},
+    "supervision._resting": {
+        *("_allowed", "_parameters", "_per_velocity", "_pulls", "_since", "_stamp", "_why"),
+    },
     # The parts of an axis, and what its commands set: each is in one of the lists itself or ends with its command.
     "": {
         *(

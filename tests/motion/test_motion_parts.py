@@ -24,17 +24,11 @@ from axisbus.errors import (
 )
 from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.group.start_barrier import StartBarrier
-from axisbus.motion.moves.activity import (
-    ModeSwitch,
-    SdoTransfers,
-    age_text,
-    object_text,
-    require_position,
-    where_text,
-)
+from axisbus.motion.moves.activity import SdoTransfers, age_text, object_text, require_position, where_text
 from axisbus.motion.moves.coast_and_reset import Coast, ResetActivity
 from axisbus.motion.moves.homing import HomingJob, HomingRun
 from axisbus.motion.moves.interpolation import CyclicSetup, interpolation_period
+from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.prepare import Prepare, RampTransfers, profile_writes, slow_ramp_writes
 from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.moves.setpoint import HandshakePhase, SetPoint

@@ -469,3 +469,24 @@ def test_the_display_follows_late_or_never_as_the_dials_say():
     rig.run(1.0)
     assert rig.read(0x6060) == HM
     assert rig.read(0x6061) == PV
+
+
+def test_a_drive_that_ignores_6060_during_halt_wants_it_again():
+    rig = Rig(x606D=0, x606E=0).enable(PV)
+    rig.dials.ignore_mode_during_halt = True
+    rig.drive.controlword |= HALT
+    rig.run(0.01)
+    rig.drive.write_mode(PP)
+    rig.run(0.05)
+    assert rig.drive.mode_display == PV
+    rig.drive.controlword &= ~HALT
+    rig.run(0.05)
+    assert rig.drive.mode_display == PV  # the value that was written is lost
+    rig.drive.write_mode(PP)
+    rig.run(0.01)
+    assert rig.drive.mode_display == PP
+    rig.dials.ignore_mode_during_halt = False
+    rig.drive.controlword |= HALT
+    rig.drive.write_mode(PV)
+    rig.run(0.01)
+    assert rig.drive.mode_display == PV

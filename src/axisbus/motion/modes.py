@@ -19,6 +19,14 @@ class ControlledQuantity(Enum):
     UNUSED = "torque, in a mode that axisbus does not use"
 
 
+class AfterHalt(Enum):
+    """What a halted drive has left of its motion: it would continue with this when its halt bit falls."""
+
+    TARGET = "the target of the mode, which the master holds at standstill"
+    SET_POINT = "the last set-point that the drive has taken"
+    SEARCH = "a search for the home position, which the fall of bit 4 has ended"
+
+
 @dataclass(frozen=True, slots=True)
 class Conduct:
     """Properties of a mode for a master, in addition to its objects (see ``cia402.modes``).
@@ -26,6 +34,7 @@ class Conduct:
     ``demand``: 6062h is the value that commands the motor, and can be checked. ``at_once``: targets act from the first frame on,
     without ramps of the drive. ``rests``: rank among the modes in which a drive is enabled, beginning with the mode that keeps
     standstill most reliably; None if no drive is enabled in it. ``holds``: the mode holds a load until a set-point is given.
+    ``after_halt``: None if it is not known.
     """
 
     leads: ControlledQuantity
@@ -33,21 +42,25 @@ class Conduct:
     at_once: bool = False
     rests: int | None = None
     holds: bool = False
+    after_halt: AfterHalt | None = AfterHalt.TARGET
 
 
 CONDUCT = {
-    _M.PROFILE_POSITION: Conduct(ControlledQuantity.POSITION, demand=True, rests=0, holds=True),
-    _M.VELOCITY: Conduct(ControlledQuantity.VELOCITY),
+    _M.PROFILE_POSITION: Conduct(
+        ControlledQuantity.POSITION, demand=True, rests=0, holds=True, after_halt=AfterHalt.SET_POINT
+    ),
+    _M.VELOCITY: Conduct(ControlledQuantity.VELOCITY, after_halt=None),
     _M.PROFILE_VELOCITY: Conduct(ControlledQuantity.VELOCITY, rests=2, holds=True),
     _M.PROFILE_TORQUE: Conduct(ControlledQuantity.TORQUE, at_once=True, rests=4),
-    _M.HOMING: Conduct(ControlledQuantity.POSITION),  # 6062h cannot be checked here
+    # 6062h cannot be checked in homing.
+    _M.HOMING: Conduct(ControlledQuantity.POSITION, after_halt=AfterHalt.SEARCH),
     _M.INTERPOLATED_POSITION: Conduct(ControlledQuantity.POSITION, demand=True),
     _M.CYCLIC_SYNC_POSITION: Conduct(
         ControlledQuantity.POSITION, demand=True, at_once=True, rests=1, holds=True
     ),
     _M.CYCLIC_SYNC_VELOCITY: Conduct(ControlledQuantity.VELOCITY, at_once=True, rests=3),
     _M.CYCLIC_SYNC_TORQUE: Conduct(ControlledQuantity.TORQUE, at_once=True),
-    _M.CYCLIC_SYNC_TORQUE_ANGLE: Conduct(ControlledQuantity.UNUSED),
+    _M.CYCLIC_SYNC_TORQUE_ANGLE: Conduct(ControlledQuantity.UNUSED, after_halt=None),
 }
 
 

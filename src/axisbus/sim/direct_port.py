@@ -334,7 +334,9 @@ class DirectPort:
         """A value arrives in the drive by PDO."""
         if not self.device.operational or self.device.dials.dead:
             return
-        if name != "controlword":
+        if name == "mode":
+            self.drive.write_mode(value)
+        elif name != "controlword":
             setattr(self.drive, name, value)
         elif value != self.drive.controlword:
             self.drive.controlword = value

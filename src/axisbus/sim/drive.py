@@ -110,6 +110,7 @@ class Drive:
         self._effort = Effort.OFF
         self._halted = False
         self._mode_timer = 0.0
+        self._is_mode_ignored = False  # 6060h was last written during halt
         self._brake_timer = 0.0
         self.statusword = 0
         self.position = self.position_demand = self.velocity = self.torque = 0
@@ -356,6 +357,12 @@ class Drive:
 
     # Modes of operation.
 
+    def write_mode(self, mode: int) -> None:
+        """Process a write to 6060h."""
+        self.mode = mode
+        self.axis.since_mode_write = 0.0
+        self._is_mode_ignored = self.dials.ignore_mode_during_halt and bool(self.controlword & CW_HALT)
+
     def check_mode(self, value: int) -> None:
         """Reject a mode that the drive does not have, as for an SDO write."""
         if value and value not in self.modes:
@@ -371,6 +378,8 @@ class Drive:
 
     def _follow_mode(self, dt: float) -> None:
         wanted = self.mode
+        if self._is_mode_ignored:
+            return
         if (wanted and wanted not in self.modes) or wanted in self.dials.modes_refused:
             return
         self._mode_timer += dt

@@ -23,6 +23,7 @@ class DriveFaults:
     Modes and set-points:
         modes_refused: modes that 6061h does not follow, although 6502h may claim them
         mode_delay: seconds until 6061h follows 6060h
+        ignore_mode_during_halt: a mode that is written to 6060h during halt is ignored; it must be written again afterwards
         acknowledge_delay: seconds from the edge of bit 4 to bit 12 (``NEVER``: no set-point is accepted)
         acknowledge_stays: bit 12 never falls
         acknowledge_never: set-points are accepted, but bit 12 never rises
@@ -68,6 +69,7 @@ class DriveFaults:
     fault_on_enable: int = 0
     modes_refused: frozenset[int] = frozenset()
     mode_delay: float = 0.0
+    ignore_mode_during_halt: bool = False
     acknowledge_delay: float = 0.0
     acknowledge_stays: bool = False
     acknowledge_never: bool = False

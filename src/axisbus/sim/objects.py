@@ -38,6 +38,9 @@ class Drive(Protocol):
     def hear(self) -> None:
         """Evaluate the controlword now."""
 
+    def write_mode(self, mode: int) -> None:
+        """Process a write to 6060h."""
+
     def check_mode(self, value: int) -> None:
         """Reject a mode that the drive does not have."""
 
@@ -82,8 +85,7 @@ def _controlword(drive: Drive, value: int) -> None:
 
 
 def _mode(drive: Drive, value: int) -> None:
-    drive.mode = as_int8(value)
-    drive.axis.since_mode_write = 0.0
+    drive.write_mode(as_int8(value))
 
 
 def _target_position(drive: Drive, value: int) -> None:

@@ -62,12 +62,18 @@ SYMPTOMS = (
             "the modes that the drive claims.",
             "Some modes can be set only while the drive is enabled, others only while it is disabled. Some need a "
             "licence, an encoder or a homing run: see the drive's manual.",
+            "Some drives take no mode while the halt bit is set. If the message says that the halt bit must stay set, "
+            "disable and enable the axis first.",
             "Does another tool write 6060h? `axisbus trace CELL --seconds 5` shows it.",
             "`modes` in `[axes.NAME]` lists the modes that axisbus uses.",
             "In ip (7) a drive may require its buffer (60C4h), its sub mode (60C0h) and SYNC.",
         ),
         errors=("ModeError",),
-        read_on=("cell-file.md#axesname", "motion.md#a-drive-without-csp"),
+        read_on=(
+            "cell-file.md#axesname",
+            "motion.md#a-drive-without-csp",
+            "stopping.md#what-each-reaction-means",
+        ),
     ),
     Symptom(
         name="drive-fault",

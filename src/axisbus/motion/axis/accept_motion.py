@@ -21,12 +21,13 @@ from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.jerk.drive_profile_type import JerkProfileWritten
 from axisbus.motion.jerk.jerk_limited_move import JerkLimitedMove
 from axisbus.motion.jerk.velocity import JerkLimitedVelocity
-from axisbus.motion.moves.activity import Lead, ModeSwitch, object_text, require_position, shown_modes
+from axisbus.motion.moves.activity import object_text, require_position, shown_modes
 from axisbus.motion.moves.continuous_motion import TorqueMove, VelocityMove
 from axisbus.motion.moves.csp_move import CspMove
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.homing import HomingRun
 from axisbus.motion.moves.jog import Jog
+from axisbus.motion.moves.mode_switch import Lead, ModeSwitch
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import Prepare, RampTransfers, expected, profile_writes, slow_ramp_writes
 from axisbus.motion.moves.profile import MoveProfile
@@ -83,9 +84,8 @@ def move(core: AxisCore, command: c.Move, ticket: CommandStatus, gate: StartBarr
         gate,
         profile.jerk,
     )
-    before = core.activity.in_flight if isinstance(core.activity, PositionMove) else core.running.set_point
     core.begin(
-        PositionMove(target, profile, core.parameters, prepare, before, factor),
+        PositionMove(target, profile, core.parameters, prepare, core.running.in_flight, factor),
         ticket,
         AxisState.DISCRETE_MOTION,
     )

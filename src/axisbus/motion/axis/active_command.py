@@ -36,6 +36,11 @@ class ActiveCommand:
             self.set_point = None  # the new move continues the handshake
         ticket.begin()
 
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The unfinished set-point handshake of the activity, else of an interrupted move."""
+        return (None if self.activity is None else self.activity.in_flight) or self.set_point
+
     def join(self, ticket: CommandStatus) -> None:
         """Let ``ticket`` end with the running command: the same command was requested again."""
         running = self.ticket
@@ -54,9 +59,8 @@ class ActiveCommand:
 
     def drop(self, order: CycleOutputs) -> CommandStatus | None:
         """Remove the running command, and return its ticket; an unfinished handshake remains in ``set_point``."""
-        if isinstance(self.activity, PositionMove):
-            self.set_point = self.activity.in_flight
         if self.activity is not None:
+            self.set_point = self.in_flight
             self.activity.cancel(order)
         ticket, self.activity, self.ticket = self.ticket, None, None
         return ticket

@@ -327,6 +327,7 @@ class AxisImage:
         """Enter the state that the drive shows. A demand from before a change of power is not valid any more."""
         if (state in ENERGISED) is not (self.state in ENERGISED):
             self.led.begin(self.now)
+            self.led.idle = self.led.idle or state not in ENERGISED
         self.loss = loss_between(self.state, state) or self.loss
         self.state = state
 

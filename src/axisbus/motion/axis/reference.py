@@ -39,13 +39,15 @@ class ReferenceTracker:
     ``target`` is the target of csp (None: there was none in this mode). ``set_point`` is the set-point of pp, given at
     ``set_point_at``; ``taken`` is that set-point once the axis was seen to move to it (only ``SetPointConfirmation`` checks this).
     ``searching_since``: when the running homing began (infinite: none runs). ``since``: a demand received at or before this moment
-    is outdated. ``trust``: whether 6062h counts. ``rate`` is the last step of the target, in increments per cycle.
+    is outdated. ``trust``: whether 6062h counts. ``rate`` is the last step of the target, in increments per cycle. ``idle``: in pp,
+    no set-point was given since the drive was seen without power or in another mode.
     """
 
     __slots__ = (
         "_before",
         "_mode",
         "_quick",
+        "idle",
         "rate",
         "searching_since",
         "set_point",
@@ -61,6 +63,7 @@ class ReferenceTracker:
     ) -> None:
         """``window``: see ``DemandTrust``; ``quick``: deceleration of a quick stop in increments per cycle² (None: not known)."""
         self._quick = quick
+        self.idle = False
         self.trust = DemandTrust(use, window)
         self.since = -math.inf
         self._mode: int | None = None
@@ -100,6 +103,7 @@ class ReferenceTracker:
         if mode != self._mode:
             if self._mode == _PP:
                 self.set_point, self.set_point_at = None, -math.inf  # the drive has left pp
+            self.idle = self.idle or self._mode is not None
             self._mode, self._before, self.taken = mode, demand, None
             self.begin(now)
         if mode != _CSP:
@@ -111,6 +115,8 @@ class ReferenceTracker:
             self.searching_since = math.inf
         elif self.searching_since == math.inf:
             self.searching_since = now
+        if is_edge and mode == _PP:
+            self.idle = False
         if is_edge and mode == _PP and target is not None and target != self.set_point:
             self.set_point, self.set_point_at = target, now
             self.trust.gives(target)

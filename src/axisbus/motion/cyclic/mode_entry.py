@@ -9,9 +9,10 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.group.start_barrier import StartBarrier
-from axisbus.motion.moves.activity import Lead, ModeSwitch
 from axisbus.motion.moves.interpolation import CyclicSetup
+from axisbus.motion.moves.mode_switch import Lead, ModeSwitch
 from axisbus.motion.moves.prepare import RampTransfers
+from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import AxisParameters
 
 
@@ -52,6 +53,11 @@ class ModeEntry:
         """Release a halt before the first target is sent; a drive that gets the controlword late would ignore that target."""
         order.halt = False
         return not (image.flight.word or 0) & cw.HALT
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The unfinished handshake of the change of mode."""
+        return self._mode.in_flight
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel queued transfers, and a mode that was requested."""

@@ -12,6 +12,7 @@ from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.continuous_motion import TORQUE_FLOOR, TORQUE_SHARE, pushed, torque_missed
 from axisbus.motion.moves.prepare import slow_ramp_writes
+from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop_deceleration import CommandedMotion
 
@@ -68,6 +69,11 @@ class CyclicTorqueMove(Activity):
         self._watch(image, ramp)
         ramp.step(image, order)
         return self.reached
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The unfinished handshake of the change of mode."""
+        return None if self._ready is None else self._ready.in_flight
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel queued transfers."""

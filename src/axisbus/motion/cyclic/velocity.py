@@ -18,6 +18,7 @@ from axisbus.motion.moves.continuous_motion import (
     is_resisted,
     velocity_missed,
 )
+from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.override.factor import scaled
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.velocity_following import led_way
@@ -91,6 +92,11 @@ class CyclicVelocityMove(Activity):
         if image.override != self._factor:
             self._factor = image.override
             self._aim()
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The unfinished handshake of the change of mode."""
+        return None if self._ready is None else self._ready.in_flight
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel queued transfers."""

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from typing import ClassVar
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
 
 from axisbus.cia301 import abort
-from axisbus.cia402 import dictionary, modes, objects
+from axisbus.cia402 import dictionary, modes
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.errors import DriveError, ModeError, MotionTimeout, StaleError
+from axisbus.errors import DriveError, MotionTimeout, StaleError
 from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
-from axisbus.motion.modes import WITHOUT_POSITION_DEMAND
-from axisbus.motion.parameters import AxisParameters, HoldsLoad
+from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.velocity_following import RampedWay
 from axisbus.motion.stop_deceleration import CommandedMotion
+
+if TYPE_CHECKING:
+    from axisbus.motion.moves.mode_switch import ModeSwitch
+    from axisbus.motion.moves.setpoint import SetPoint
 
 # Abort codes of a drive that only lists an object, or has it read-only.
 _DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.READ_ONLY})
@@ -62,6 +65,11 @@ class Activity(ABC):
     @property
     def leaving(self) -> ModeSwitch | None:
         """The requested change of mode that will end that trajectory; the next command must complete this change."""
+        return None
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The set-point handshake that has begun and has not ended; it continues if the command is interrupted."""
         return None
 
     @abstractmethod
@@ -181,113 +189,6 @@ class SdoTransfers:
                 f"command the behaviour that {found} means, set the object with the manufacturer's tool, or correct its "
                 "access in the EDS"
             ),
-        )
-
-
-Lead = Callable[[AxisImage, CycleOutputs], object]
-
-
-class ModeSwitch:
-    """Changes the mode of operation and waits until 6061h shows it; the targets are preloaded meanwhile.
-
-    Nothing jumps: while the mode changes, the position target is ``reference`` (actual position from disabled, demand when
-    enabled), and velocity and torque targets are 0 (on an axis that holds a load, the torque is the actual one). An axis that
-    follows a trajectory continues along it (``lead``), because in a cyclic mode a target that does not continue causes a jolt.
-    """
-
-    __slots__ = ("_deadline", "_lead", "_left", "_mode", "_parameters", "_reference")
-
-    def __init__(self, mode: ModeOfOperation, parameters: AxisParameters, lead: Lead | None = None) -> None:
-        """``lead``: the step that commands the axis until the drive has left its present mode; None if nothing commands it."""
-        self._mode = mode
-        self._parameters = parameters
-        self._lead = lead
-        self._left: int | None = None  # the mode that the drive shows while the other one is requested
-        self._deadline: float | None = None
-        self._reference: int | None = None
-
-    @property
-    def mode(self) -> ModeOfOperation:
-        """The requested mode."""
-        return self._mode
-
-    @property
-    def reference(self) -> int | None:
-        """The position that was preloaded, None before the first step."""
-        return self._reference
-
-    @property
-    def under_way(self) -> bool:
-        """Whether the mode has been requested and is not shown yet."""
-        return self._left is not None
-
-    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True when the drive shows the mode.
-
-        Raises:
-            ModeError: 6061h does not follow in time.
-        """
-        if self._deadline is None:
-            self._deadline = image.now + self._parameters.timing.mode
-            self._reference = image.reference
-        if image.mode in WITHOUT_POSITION_DEMAND:  # it moves, or 6062h is old
-            self._reference = image.position
-        if self._is_shown(image, order):
-            self._left = None
-            return True
-        order.mode, self._left = self._mode, image.mode
-        preload(order, self._reference)
-        self.lead(image, order)
-        if self._parameters.holds_load is not HoldsLoad.NO and image.torque is not None:
-            order.target_torque = image.torque  # the actual torque holds the load; 0 would let it fall
-        if image.now > self._deadline:
-            order.mode = image.mode  # the drive must not take the mode later, unexpectedly
-            raise self._refused(image)
-        return False
-
-    def lead(self, image: AxisImage, order: CycleOutputs) -> None:
-        """Continue the present motion, before the mode is requested and while it changes."""
-        if self._lead is not None:
-            self._lead(image, order)
-
-    def cancel(self, order: CycleOutputs) -> None:
-        """Cancel a mode that the drive has not taken yet: a later change would be unexpected."""
-        if self._left is not None:
-            order.mode = self._left
-
-    def _is_shown(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Whether 6061h shows the mode, and no mode requested earlier can still take effect."""
-        if not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY):
-            return True  # a drive without 6061h has one mode, and is in it
-        if image.mode != self._mode:
-            return False
-        if order.asked_mode not in (None, self._mode):
-            return False  # another requested mode may still take effect, and must be cancelled first
-        return image.flight.mode_answered(image.now)
-
-    def _refused(self, image: AxisImage) -> ModeError:
-        asked = f"{int(self._mode)} ({modes.short(self._mode)})"
-        name = self._parameters.name
-        shown = (
-            "is unknown"
-            if image.mode is None
-            else f"stays at {image.mode} ({modes.short(ModeOfOperation(image.mode))})"
-        )
-        if self._parameters.interpolated and image.mode == ModeOfOperation.INTERPOLATED_POSITION:
-            return ModeError(
-                f"{name}: the drive does not interpolate in ip, which is its csp",
-                axis=name,
-                observed="bit 4 of 6040h enables it, and bit 12 of 6041h (interpolation active) stays 0 after "
-                f"{self._parameters.timing.mode:g} s",
-                remedy="check the drive's manual for its requirements in ip: its buffer (60C4h), a sub mode (60C0h), SYNC",
-            )
-        return ModeError(
-            f"{name}: the drive does not enter mode {asked}",
-            axis=name,
-            observed=f"6060h was set to {int(self._mode)}, 6061h {shown} after {self._parameters.timing.mode:g} s; "
-            f"its modes are {shown_modes(self._parameters)}",
-            remedy="use another mode, or check in the drive's manual when it accepts this one (some only while enabled, "
-            "some only with a licence or a wired encoder)",
         )
 
 

@@ -8,7 +8,8 @@ from axisbus.errors import DriveError, StaleError, TransitionError
 from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
-from axisbus.motion.moves.activity import Activity, ModeSwitch
+from axisbus.motion.moves.activity import Activity
+from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.power_transition import StateWalk, word_text
 from axisbus.motion.parameters import AxisParameters
 

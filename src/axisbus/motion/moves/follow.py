@@ -15,12 +15,14 @@ from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.group.start_barrier import StartBarrier
-from axisbus.motion.moves.activity import Activity, ModeSwitch, require_position, where_text
+from axisbus.motion.moves.activity import Activity, require_position, where_text
 from axisbus.motion.moves.interpolation import CyclicSetup
 from axisbus.motion.moves.interpolation import interpolation_period as interpolation_period
 from axisbus.motion.moves.lookahead import Excess, LookaheadTrajectory, Path, excess
+from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 from axisbus.motion.moves.remote_trajectory import Streamed
+from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.moves.user_trajectory import CheckedTrajectory
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import NOISE, AxisParameters
@@ -378,6 +380,11 @@ class Follow(Activity):
     def leading(self) -> Leading | None:
         """This trajectory itself."""
         return self
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The unfinished handshake of the change of mode."""
+        return self._mode.in_flight
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel the queued requests."""

@@ -13,7 +13,9 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import HomingError
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
-from axisbus.motion.moves.activity import Activity, ModeSwitch, SdoTransfers
+from axisbus.motion.moves.activity import Activity, SdoTransfers
+from axisbus.motion.moves.mode_switch import ModeSwitch
+from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop_deceleration import CommandedMotion
 
@@ -83,6 +85,11 @@ class HomingRun(Activity):
             order.halt = False
             return self._search(image)
         return False
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The unfinished handshake of the change of mode."""
+        return self._mode.in_flight
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel the queued requests."""

@@ -8,8 +8,10 @@ from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.commands import MoveVelocity
-from axisbus.motion.moves.activity import Activity, ModeSwitch
+from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.continuous_motion import VelocityMove
+from axisbus.motion.moves.mode_switch import ModeSwitch
+from axisbus.motion.moves.setpoint import SetPoint
 
 
 class Jog(Activity):
@@ -67,6 +69,11 @@ class Jog(Activity):
     def leaving(self) -> ModeSwitch | None:
         """The change of mode that ends that trajectory, once it has been requested."""
         return self._move.leaving
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The unfinished handshake of the change of mode."""
+        return self._move.in_flight
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel the queued requests."""

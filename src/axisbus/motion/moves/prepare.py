@@ -14,8 +14,10 @@ from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.modes import TORQUE_MODES
-from axisbus.motion.moves.activity import Activity, ModeSwitch, SdoTransfers, preload
+from axisbus.motion.moves.activity import Activity, SdoTransfers, preload
+from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.profile import MoveProfile, on_ramps
+from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import AxisParameters
 
 # A drive without these brakes as it accelerates, and ends every move at rest.
@@ -205,6 +207,11 @@ class Prepare:
             self._prepared = ready and self._has_read(image, order)
         return self._prepared and self._gate.pass_through(self)
 
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The unfinished handshake of the change of mode."""
+        return self._mode.in_flight
+
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel queued transfers, and a requested mode."""
         (self._reading or self._transfers).cancel(order)
@@ -255,6 +262,11 @@ class Prepared(Activity):
     def leaving(self) -> ModeSwitch | None:
         """The change of mode that ends that trajectory, once it has been requested."""
         return self._prepare.leaving
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The unfinished handshake of the change of mode."""
+        return self._prepare.in_flight
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel the queued requests."""

@@ -10,12 +10,14 @@ is ``"on-change"``, the drive gives no other confirmation, so 607Ah is read back
 
 from __future__ import annotations
 
+from axisbus.cia402 import controlword as cw
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.activity import SdoTransfers
+from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.moves.setpoint_without_ack import set_point
 from axisbus.motion.parameters import AxisParameters, Handshake, HoldsLoad
 from axisbus.units import wrap
@@ -45,35 +47,54 @@ def pushes(image: AxisImage, parameters: AxisParameters) -> bool:
 
 
 class HoldSetPoint:
-    """A set-point at ``target`` under halt; holds its transfers and its handshake."""
+    """A set-point at ``target`` under halt; holds its transfers and its handshake. ``failed``: the drive does not take it."""
 
-    __slots__ = ("_failed", "_read", "_set_point", "_transfers")
+    __slots__ = ("_handshakes", "_parameters", "_read", "_set_point", "_transfers", "failed")
 
-    def __init__(self, target: int, parameters: AxisParameters) -> None:
-        """``target``: the actual position, in unwrapped increments."""
+    def __init__(self, target: int, parameters: AxisParameters, handshakes: int = 1) -> None:
+        """``target``: the position to hold, in unwrapped increments; ``handshakes``: how often it is given."""
+        self._parameters = parameters
+        self._handshakes = handshakes
         slow = [(objects.PROFILE_VELOCITY, 0, _LOWEST)] if parameters.has(objects.PROFILE_VELOCITY) else []
         self._transfers = SdoTransfers(slow, parameters)
         self._set_point = set_point(target, parameters)
         # Bit 12 proves nothing here, and no motion can. The only remaining evidence is the target itself, read back from the drive.
         by_sight = parameters.handshake is Handshake.ON_CHANGE
         self._read = SdoTransfers([(objects.TARGET_POSITION, 0, None)] if by_sight else [], parameters)
-        self._failed = False
+        self.failed = False
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once the drive has the new target. If the drive has rejected it, return False in every cycle."""
         order.halt = True
-        if self._failed:
+        if self.failed:
             return False
         try:
-            given = self._transfers.step(image, order) and self._set_point.step(image, order)
+            given = self._transfers.step(image, order) and self._give(image, order)
             if not given or not self._read.step(image, order):
                 return False
         except DriveError:
-            self._failed = True
+            self.failed = True
             return False
         shown = self._read.values.get((objects.TARGET_POSITION, 0), self._set_point.target)
-        self._failed = wrap(shown) != wrap(self._set_point.target)
-        return not self._failed
+        self.failed = wrap(shown) != wrap(self._set_point.target)
+        return not self.failed
+
+    def _give(self, image: AxisImage, order: CycleOutputs) -> bool:
+        """Step the handshake; return True once the last one has ended."""
+        if order.bits & cw.NEW_SET_POINT:
+            return False  # the handshake of an interrupted move: its acknowledge must not count for this set-point
+        if not self._set_point.step(image, order):
+            return False
+        if self._handshakes > 1:
+            self._handshakes -= 1
+            self._set_point = set_point(self._set_point.target, self._parameters)
+            return False
+        return True
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The handshake, if it has begun and has not ended."""
+        return self._set_point if self._set_point.begun else None
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel the queued transfers."""

@@ -31,12 +31,17 @@ class StandstillMonitor:
         "_since",
         "_stamp",
         "_way",
+        "_why",
         "place",
     )
 
-    def __init__(self, parameters: AxisParameters) -> None:
+    def __init__(
+        self, parameters: AxisParameters, why: str = "no command runs", allowed: float | None = None
+    ) -> None:
+        """``why``: why the axis must be at rest, for the error. ``allowed``: increments; by default those of the axis's own lag."""
         self._parameters = parameters
-        self._allowed = parameters.lag_allowed(0.0, by_position=False)
+        self._why = why
+        self._allowed = parameters.lag_allowed(0.0, by_position=False) if allowed is None else allowed
         self.place: int | None = None
         self._stamp = 0.0
         self._since = 0.0  # the time of the first position of this rest
@@ -123,7 +128,7 @@ class StandstillMonitor:
         return UncommandedMotion(
             f"{name}: the axis moves without a command",
             axis=name,
-            observed=f"no command runs, and {went}{moving}{mode}",
+            observed=f"{self._why}, and {went}{moving}{mode}",
             remedy="look for another master or tool that commands it, a drive that still follows an old target, or a load "
             f"that the motor cannot hold; standstill_window and following_error in [axes.{name}] set how far it may "
             "move",

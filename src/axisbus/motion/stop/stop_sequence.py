@@ -28,7 +28,8 @@ from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.modes import HOLDING_MODES, TORQUE_MODES
-from axisbus.motion.moves.activity import ModeSwitch, preload
+from axisbus.motion.moves.activity import preload
+from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 from axisbus.motion.stop.coast_down import CoastDown
 from axisbus.motion.stop.hold_setpoint import HoldSetPoint, is_blind, needs_relief, pushes
