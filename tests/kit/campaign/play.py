@@ -87,7 +87,9 @@ def _run(made: Script, judge: Judge) -> None:
 
 def _lift(facts: Facts, judge: Judge) -> None:
     """Let what an override holds go on to its end."""
-    overridden = any(facts.cell.core(name).override.factor != 1.0 for name in facts.names)  # also by an extreme value
+    overridden = any(
+        facts.cell.core(name).override.factor != 1.0 for name in facts.names
+    )  # also by an extreme value
     if not overridden and not any(asked.what in OVERRIDES for asked in facts.asked):
         return
     machine = facts.cell.machine
