@@ -9,7 +9,9 @@ from typing import Any
 
 import click
 
-Table = Mapping[str, tuple[str, str]]  # name -> (module with ``command``, one line for --help)
+Table = Mapping[
+    str, tuple[str, str]
+]  # name -> (module with ``command``, or ``module:name``; one line for --help)
 
 
 class LazyGroup(click.Group):
@@ -27,7 +29,8 @@ class LazyGroup(click.Group):
         """Import and return one subcommand."""
         if cmd_name not in self._table:
             return None
-        command: click.Command = importlib.import_module(self._table[cmd_name][0]).command
+        module, _, name = self._table[cmd_name][0].partition(":")
+        command: click.Command = getattr(importlib.import_module(module), name or "command")
         return command
 
     def resolve_command(
