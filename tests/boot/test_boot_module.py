@@ -8,7 +8,7 @@ import pytest
 
 from axisbus.boot.can_simple import identity
 from axisbus.boot.can_simple.discovery import NodeListener
-from axisbus.boot.can_simple.stop_report import WATCHDOG, ladder
+from axisbus.boot.can_simple.module import WATCHDOG, ladder
 from axisbus.boot.stop_report import Watchdog
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.boot.can_simple.module import ModuleBoot
-from axisbus.boot.can_simple.stop_report import WATCHDOG, feed_time, watchdog_of
-from axisbus.boot.result import Booted
+from axisbus.boot.can_simple.module import WATCHDOG, ModuleBoot, feed_time, watchdog_of
+from axisbus.boot.report import Booted
 from axisbus.boot.stop_report import Watchdog
 from axisbus.bus.link.channel import Channel
 from axisbus.cell import reader

@@ -18,7 +18,7 @@ from starlette.requests import Request
 
 from axisbus.boot import node
 from axisbus.boot import objects as objects_of
-from axisbus.boot.live_settings import BELIEVED
+from axisbus.boot.dcf import BELIEVED
 from axisbus.cia301 import abort
 from axisbus.cia301.nmt import NmtState
 from axisbus.eds import builtin

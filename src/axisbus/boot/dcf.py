@@ -4,9 +4,22 @@ from __future__ import annotations
 
 from axisbus.boot.configure import writes_of
 from axisbus.boot.objects import NodeObjects
+from axisbus.cell import scale_proposal
 from axisbus.cell.model import CellConfig
 from axisbus.cia301 import objects as o
-from axisbus.configuration.dcf_values import Key, Selection, require_within_limits, select
+from axisbus.cia402 import objects as cia402_objects
+from axisbus.cia402 import options
+from axisbus.cia402.axes import first_axis
+from axisbus.configuration import guarded_write
+from axisbus.configuration.dcf_values import (
+    Item,
+    Key,
+    Selection,
+    SkippedValue,
+    SkipReason,
+    require_within_limits,
+    select,
+)
 from axisbus.configuration.restore import Restore, RestoreReport, ValueEnd
 from axisbus.configuration.write_order import pdo_of
 from axisbus.drives.make import Make
@@ -101,3 +114,60 @@ def _require_ok(report: RestoreReport, node_id: int, eds: Eds) -> None:
         observed=named + rest,
         remedy=f"list all differences: axisbus config diff {eds.source} {node_id} ...",
     )
+
+
+# -- Select the values of a DCF that may be written to a node while its machine runs: only the drive's own settings ----
+#
+# Theory of operation
+# The master sets a node's communication, PDOs and the cell file's values when it opens the machine. It also reads values then and
+# relies on them afterwards: scale, limits, windows, stop reactions. None of these may change while the machine runs, so they are
+# left to a restore without a machine. The remaining values are the drive's own settings, such as gains and filters.
+
+
+_COMMUNICATION = range(0x1000, 0x2000)
+# Objects that boot-up reads for an axis: the master calculates with them, or has reported them to its user.
+BELIEVED = frozenset(
+    (
+        *(index for index, _ in scale_proposal.OBJECTS),
+        *(option.index for option in options.ALL),
+        cia402_objects.FOLLOWING_ERROR_WINDOW,
+        cia402_objects.FOLLOWING_ERROR_TIME_OUT,
+        cia402_objects.POSITION_WINDOW,
+        cia402_objects.MAX_TORQUE,
+        cia402_objects.RATED_TORQUE,
+        cia402_objects.POLARITY,
+        cia402_objects.SOFTWARE_POSITION_LIMIT,
+        cia402_objects.QUICK_STOP_DECELERATION,
+        cia402_objects.MAX_ACCELERATION,
+        cia402_objects.MAX_DECELERATION,
+        cia402_objects.TORQUE_SLOPE,
+        cia402_objects.VELOCITY_ENCODER_RESOLUTION,
+    )
+)
+
+
+def settings(
+    cell: CellConfig, node_id: int, eds: Eds, make: Make, cyclic: frozenset[Key], whole: Selection
+) -> Selection:
+    """Return the values of ``whole``, a node's DCF values, that may be written now; the others are skipped with a reason.
+
+    ``cyclic`` are the objects that the machine sends by PDO.
+
+    Raises:
+        ArgumentError: as ``own_values``.
+    """
+    own = {item.key for item in own_values(cell, node_id, eds, make).items}
+    dictionary = Dictionary(eds, node_id)
+
+    def is_setting(item: Item) -> bool:
+        index, subindex = item.key
+        return (
+            item.key in own - cyclic
+            and index not in _COMMUNICATION
+            and first_axis(index) not in BELIEVED
+            and not guarded_write.moves(eds, dictionary.entry(index, subindex))
+        )
+
+    kept = tuple(item for item in whole.items if is_setting(item))
+    left = tuple(SkippedValue(item.variable, SkipReason.MACHINE) for item in whole.items if item not in kept)
+    return Selection(kept, (*whole.skipped, *left))

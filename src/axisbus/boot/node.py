@@ -21,14 +21,13 @@ from functools import partial
 from typing import Protocol, TypeVar
 
 from axisbus.boot import dcf, error_state, io, program_text
-from axisbus.boot import identity as ids
+from axisbus.boot import failure as ids
 from axisbus.boot.configure import DriveMonitoringSetup, plan_of
 from axisbus.boot.demand import demand_text
 from axisbus.boot.failure import NAMES_NO_ERROR, SILENT_OR_STRANGE, as_error, at_step
 from axisbus.boot.objects import NodeObjects, Progress, read_int
-from axisbus.boot.report import AxisReport, NodeReport
+from axisbus.boot.report import AxisReport, Booted, NodeReport
 from axisbus.boot.requests import Answerer, Locals, Nmt
-from axisbus.boot.result import Booted
 from axisbus.boot.stop_report import Watchdog, stop_ladder
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell import scale_proposal, sync_window, torque

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from axisbus.boot import program_text
 from axisbus.boot import text as boot_text
@@ -12,7 +12,11 @@ from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell.scale_proposal import ScaleReport
 from axisbus.cia302.types import BootOutcome, Letter
 from axisbus.errors import AxisbusError, BootError, help_line
+from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.promises import Promise, rows
+
+if TYPE_CHECKING:
+    from axisbus.boot.configure import DriveMonitoringSetup
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,3 +181,16 @@ def _error(error: AxisbusError) -> dict[str, Any]:
         if isinstance(value, (str, int, float)) or value is None
     }
     return {"kind": type(error).__name__, "page": error.page, **fields}
+
+
+# -- The result of booting a node --------------------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class Booted:
+    """A booted node: its report, the parameters of its axes, and the monitoring setup that is undone when the node is released."""
+
+    report: NodeReport
+    parameters: dict[str, AxisParameters]
+    watch: DriveMonitoringSetup | None = None
+    found_enabled: bool = False

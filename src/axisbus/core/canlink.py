@@ -12,7 +12,7 @@ from functools import partial
 
 from axisbus.boot.comms import CanComms
 from axisbus.boot.node import NodeBoot
-from axisbus.boot.result import Booted
+from axisbus.boot.report import Booted
 from axisbus.bus.cycle import BootHeartbeat, CanCycle
 from axisbus.bus.io_port import CanIoPort
 from axisbus.bus.link import ownership

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
-from axisbus.boot.result import Booted
+from axisbus.boot.report import Booted
 from axisbus.bus.node.events import BAD, NodeEvent
 from axisbus.cell.gantry.parameters import gantries_of
 from axisbus.cell.model import CellConfig

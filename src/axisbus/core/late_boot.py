@@ -11,7 +11,7 @@ from axisbus.cia402.port import Port
 from axisbus.errors import AxisbusError, BusOff, StateError, TransmitQueueFull
 
 if TYPE_CHECKING:
-    from axisbus.boot.result import Booted
+    from axisbus.boot.report import Booted
 
 ASK_EVERY = 1.0  # seconds
 _LEAVE_TIME = 6.0  # seconds for a boot-up in progress at the end

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 
-from axisbus.boot.result import Booted
+from axisbus.boot.report import Booted
 from axisbus.bus.node.events import NodeEvent
 from axisbus.core.end_errors import remedy_of
 from axisbus.cpu_starvation import REMEDY

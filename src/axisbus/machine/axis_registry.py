@@ -18,7 +18,7 @@ from axisbus.motion.numbers import told
 from axisbus.motion.parameters import AxisParameters
 
 if TYPE_CHECKING:
-    from axisbus.boot.result import Booted
+    from axisbus.boot.report import Booted
     from axisbus.machine.node_access import NodeAccess
 
 

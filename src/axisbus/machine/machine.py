@@ -30,8 +30,7 @@ from axisbus.motion.numbers import number, told
 from axisbus.session import ClientProgram, LatenessReport, MachineSession
 
 if TYPE_CHECKING:  # programs that only use axes do not need these
-    from axisbus.boot.report import NodeReport
-    from axisbus.boot.result import Booted
+    from axisbus.boot.report import Booted, NodeReport
     from axisbus.bus.link.controller import ControllerEvent
     from axisbus.bus.node.events import NodeEvent
     from axisbus.cia301.dropped_frames import Drop

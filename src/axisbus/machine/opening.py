@@ -23,8 +23,7 @@ from axisbus.machine.signal_shutdown import EXIT
 from axisbus.version import __version__
 
 if TYPE_CHECKING:
-    from axisbus.boot.report import NodeReport
-    from axisbus.boot.result import Booted
+    from axisbus.boot.report import Booted, NodeReport
     from axisbus.core.core import Core, CoreInterface
     from axisbus.core.runtime import Runtime
     from axisbus.sim.device import Device

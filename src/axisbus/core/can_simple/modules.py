@@ -8,7 +8,7 @@ from typing import Protocol
 
 from axisbus.boot.can_simple.discovery import BootChannel
 from axisbus.boot.can_simple.module import ModuleBoot
-from axisbus.boot.result import Booted
+from axisbus.boot.report import Booted
 from axisbus.bus.node.events import NodeEvents
 from axisbus.cell.can_simple.modules import modules_of, settings_of
 from axisbus.cell.model import CellConfig

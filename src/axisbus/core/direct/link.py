@@ -10,7 +10,7 @@ from functools import partial
 from axisbus.boot.feed_forward import require_synchronous
 from axisbus.boot.node import NodeBoot
 from axisbus.boot.objects import DeviceObjects
-from axisbus.boot.result import Booted
+from axisbus.boot.report import Booted
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent, NodeEvents
 from axisbus.bus.node.nmt import not_obeyed

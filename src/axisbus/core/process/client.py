@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from axisbus.boot.result import Booted
+from axisbus.boot.report import Booted
 from axisbus.cell.can_simple.drive import described
 from axisbus.cell.model import CellConfig
 from axisbus.core.files import load_dictionaries

@@ -24,7 +24,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 
-from axisbus.boot.result import Booted
+from axisbus.boot.report import Booted
 from axisbus.bus.link.ownership import described
 from axisbus.cell.model import CellConfig
 from axisbus.core.canlink import CanLink

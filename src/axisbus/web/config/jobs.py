@@ -1,7 +1,7 @@
 """The configuration jobs: as ``axisbus config``, but for a node of a running machine.
 
 The library restores a whole configuration only to a node that is pre-operational and not controlled by another program. The nodes
-of a running machine are neither. So a restore here writes only the drive's own settings (``boot.live_settings``), and only while no
+of a running machine are neither. So a restore here writes only the drive's own settings (``boot.dcf``), and only while no
 drive of the node is energised. For all other objects the page shows the difference, why it is not written here, and the command to
 type.
 """
@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from axisbus.boot.live_settings import settings
+from axisbus.boot.dcf import settings
 from axisbus.bus.link.listen import link_bitrate
 from axisbus.bus.node.node import read_identity
 from axisbus.configuration import (
