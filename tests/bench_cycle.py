@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any
 import can
 from can.interfaces.socketcan import socketcan
 
-from axisbus.bus.link.raw.cyclic import CyclicSocket
+from axisbus.bus.link.raw_sockets import CyclicSocket
 from axisbus.core.realtime_setup import keep_awake, permitted, take_priority
 from kit.again import again
 from kit.bench import echo

@@ -11,7 +11,7 @@ import pytest
 from axisbus.bus.link import channel as module
 from axisbus.bus.link import failures
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.errorframe import CanErrorState, ErrorCounters
+from axisbus.bus.link.controller import CanErrorState, ErrorCounters
 from axisbus.errors import AdapterError, BusOff, TransmitQueueFull
 from kit.bus.clock import SleepingClock as Clock
 from kit.bus.peer import FakeBus, eventually

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.bus.link.controller import HISTORY, CanController
-from axisbus.bus.link.errorframe import CanErrorState, ErrorCounters
+from axisbus.bus.link.controller import HISTORY, CanController, CanErrorState, ErrorCounters
 
 OFF, WARNING, PASSIVE, ACTIVE = (
     CanErrorState.OFF,

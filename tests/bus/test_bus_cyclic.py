@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from axisbus.bus.link import raw_sockets
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.raw import cyclic
-from axisbus.bus.link.raw.cyclic import CyclicSocket, all_but, cyclic_socket
+from axisbus.bus.link.raw_sockets import CyclicSocket, all_but, cyclic_socket
 from axisbus.errors import AdapterError
 from kit.bus.can_frame import can_frame
 from kit.bus.peer import FakeBus
@@ -85,7 +85,7 @@ def test_a_clock_that_is_set_makes_no_frame_older_than_the_last_look_or_of_the_f
     clock = SimpleNamespace(now=10.0)
     real = time.time()
     monkeypatch.setattr(
-        cyclic, "time", SimpleNamespace(monotonic=lambda: clock.now, time=lambda: real + set_by)
+        raw_sockets, "time", SimpleNamespace(monotonic=lambda: clock.now, time=lambda: real + set_by)
     )
     list(line.drain())
     line.far.send(can_frame(0x181, b""))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.node.emcy import EmcyMonitor
+from axisbus.bus.node.node import EmcyMonitor
 from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.incident import IncidentState
 from kit.bus.peer import FakeBus, eventually

@@ -11,7 +11,7 @@ from can.interfaces.socketcan.socketcan import capture_message
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.bus.link.raw.receiver import PythonCanIntake, SocketCanIntake, intake_of
+from axisbus.bus.link.raw_sockets import PythonCanIntake, SocketCanIntake, intake_of
 from kit.bus.can_frame import can_frame
 
 SO_TIMESTAMPNS = 35

@@ -10,8 +10,17 @@ from types import SimpleNamespace
 
 import pytest
 
-from axisbus.bus.pdo.lag import ASK_PAUSE, ASK_PERIOD, GRACE, JITTER, LONGEST, LONGEST_ANSWER, Lags, LinkLag
-from axisbus.bus.sdo.round_trips import ALLOWED, RoundTrips
+from axisbus.bus.pdo.freshness import (
+    ASK_PAUSE,
+    ASK_PERIOD,
+    GRACE,
+    JITTER,
+    LONGEST,
+    LONGEST_ANSWER,
+    Lags,
+    LinkLag,
+)
+from axisbus.bus.sdo.transfer import ALLOWED, RoundTrips
 from axisbus.bus.sdo.worker import SdoJob
 from axisbus.cia301.sync import SyncTimes
 

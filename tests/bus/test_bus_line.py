@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import can
 import pytest
 
-from axisbus.bus.link.raw.transmitter import PythonCanLine, SocketCanLine, line_of
+from axisbus.bus.link.raw_sockets import PythonCanLine, SocketCanLine, line_of
 from axisbus.bus.link.socketpair import cable
 from axisbus.bus.link.socketpair_bus import PairBus
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from axisbus.bus.link import bus_activity
+from axisbus.bus.link import detect_other_master
 from axisbus.bus.node import nmt
 from axisbus.bus.node.nmt import Confirmation, NodeMonitor
 from axisbus.cia301.dropped_frames import Drops
@@ -273,21 +273,21 @@ def test_what_shows_that_a_machine_is_running(
             line.brings(can_id, data)
 
     line.check = check
-    assert bus_activity.bus_activity(line, 0.05) == told
+    assert detect_other_master.bus_activity(line, 0.05) == told
     assert not any(line.receivers.values())  # nobody listens any more
 
 
 def test_what_is_seen_ends_the_listening(line: Line) -> None:
     line.check = lambda: line.brings(0x80, "")
     began = time.monotonic()
-    assert bus_activity.bus_activity(line, 5.0) == ["SYNC is sent"]
+    assert detect_other_master.bus_activity(line, 5.0) == ["SYNC is sent"]
     assert time.monotonic() - began < 2.0
 
 
 def test_nobody_listens_in_the_receive_thread(line: Line) -> None:
     line.in_receive_thread = True
     with pytest.raises(StateError, match="listening to the bus"):
-        bus_activity.bus_activity(line, 0.05)
+        detect_other_master.bus_activity(line, 0.05)
     assert line.receivers == {}
 
 

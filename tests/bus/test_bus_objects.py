@@ -8,13 +8,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from axisbus.bus.link import errorframe
-from axisbus.bus.link.errorframe import CanErrorState
+from axisbus.bus.link import controller
+from axisbus.bus.link.controller import CanErrorState
 from axisbus.bus.node.from_device import as_file, skeleton, stored_eds
 from axisbus.bus.node.verify import VerifiedAspect, verify
 from axisbus.bus.pdo.configure import set_pdo
 from axisbus.bus.pdo.read import read_pdo, read_pdos
-from axisbus.bus.sdo import errors as sdo_errors
+from axisbus.bus.sdo import client as sdo_errors
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject
 from axisbus.cia301.sdo_session import SdoTransferRequest
@@ -483,23 +483,23 @@ def test_a_skeleton_becomes_a_file_with_its_time_and_rate():
     ],
 )
 def test_an_error_frame_in_words(error_class, data, words):
-    assert errorframe.kind(error_class, bytes.fromhex(data)) == words
-    assert errorframe.describe(error_class, bytes.fromhex(data)) == words
+    assert controller.kind(error_class, bytes.fromhex(data)) == words
+    assert controller.describe(error_class, bytes.fromhex(data)) == words
 
 
 @pytest.mark.parametrize("error_class", [0x01, 0x02, 0x08, 0x10, 0x20, 0x80])
 def test_data_byte_1_is_read_of_the_class_controller_only(error_class):
     data = bytes([0, 0x7F, 0, 0, 0, 0, 0x60, 0x5F])
-    assert errorframe.describe(error_class, data) == errorframe.describe(error_class, bytes(8))
-    assert errorframe.condition(error_class, data) is None
-    assert errorframe.error_counters(error_class, data) is None
+    assert controller.describe(error_class, data) == controller.describe(error_class, bytes(8))
+    assert controller.condition(error_class, data) is None
+    assert controller.error_counters(error_class, data) is None
 
 
 @pytest.mark.parametrize("length", [0, 1])
 def test_a_frame_that_ends_before_data_byte_1_says_nothing_of_the_controller(length):
-    assert errorframe.condition(0x04, bytes(length)) is None
-    assert errorframe.condition(0x104, bytes(length)) is CanErrorState.ACTIVE
-    assert errorframe.kind(0x04, bytes(length)) == "error frame"
+    assert controller.condition(0x04, bytes(length)) is None
+    assert controller.condition(0x104, bytes(length)) is CanErrorState.ACTIVE
+    assert controller.kind(0x04, bytes(length)) == "error frame"
 
 
 @pytest.mark.parametrize(
@@ -521,8 +521,8 @@ def test_a_frame_that_ends_before_data_byte_1_says_nothing_of_the_controller(len
     ],
 )
 def test_what_a_controller_is_in(error_class, status, expected):
-    assert errorframe.condition(error_class, bytes([0, status, 0, 0, 0, 0, 0, 0])) is expected
-    assert errorframe.is_restart(error_class) is bool(error_class & 0x100)
+    assert controller.condition(error_class, bytes([0, status, 0, 0, 0, 0, 0, 0])) is expected
+    assert controller.is_restart(error_class) is bool(error_class & 0x100)
 
 
 @pytest.mark.parametrize(
@@ -538,9 +538,9 @@ def test_what_a_controller_is_in(error_class, status, expected):
     ],
 )
 def test_the_error_counters_of_a_frame(error_class, data, counters):
-    found = errorframe.error_counters(error_class, bytes.fromhex(data))
+    found = controller.error_counters(error_class, bytes.fromhex(data))
     assert (None if found is None else tuple(found)) == counters
-    text = errorframe.describe(error_class, bytes.fromhex(data))
+    text = controller.describe(error_class, bytes.fromhex(data))
     assert ("transmit errors" in text.split("(")[-1]) is (counters is not None)
 
 

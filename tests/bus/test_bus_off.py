@@ -13,13 +13,12 @@ import can
 import pytest
 
 from axisbus.bus.cycle import CanCycle
-from axisbus.bus.link import errorframe
+from axisbus.bus.link import controller as errorframe
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.controller import CanController
-from axisbus.bus.link.errorframe import CanErrorState
+from axisbus.bus.link.controller import CanController, CanErrorState
 from axisbus.bus.node.events import NodeEventKind, NodeEvents
 from axisbus.bus.node.node import CanopenNode
-from axisbus.bus.sync import SyncConsumer
+from axisbus.bus.sync_and_time import SyncConsumer
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, BusOff
 from kit.bus.peer import FakeBus, Slave, eventually

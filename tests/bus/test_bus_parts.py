@@ -9,16 +9,15 @@ from types import SimpleNamespace
 
 import pytest
 
-from axisbus.bus.node.emcy import FEED, EmcyFeed
-from axisbus.bus.pdo import freshness, sdo_output
+from axisbus.bus.node.node import FEED, EmcyFeed
+from axisbus.bus.pdo import freshness, sdo_exchange
 from axisbus.bus.pdo.choose import lay_out, slots
 from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
 from axisbus.bus.pdo.plan import PdoChange, PdoRequirements, PlannedPdo, Policy, make_plan
-from axisbus.bus.pdo.poller import Poller
 from axisbus.bus.pdo.read import Indices
 from axisbus.bus.pdo.rpdo import RpdoImage, arrange
-from axisbus.bus.pdo.sdo_output import SdoOutputs, is_stop
-from axisbus.bus.pdo.tpdo import Requests, TpdoSlot
+from axisbus.bus.pdo.sdo_exchange import Poller, SdoOutputs, is_stop
+from axisbus.bus.pdo.tpdo_inputs import Requests, TpdoSlot
 from axisbus.bus.pdo.tpdo_timeout import Deadline, Deadlines, Reception
 from axisbus.cia402.port import Sample, ValueTransport
 from axisbus.eds.dictionary import Dictionary
@@ -555,17 +554,17 @@ def test_only_a_value_that_is_new_is_written_by_sdo():
 
 def test_a_value_that_was_refused_is_tried_again_after_a_while(monkeypatch):
     clock = SimpleNamespace(now=5.0)
-    monkeypatch.setattr(sdo_output, "time", SimpleNamespace(monotonic=lambda: clock.now))
+    monkeypatch.setattr(sdo_exchange, "time", SimpleNamespace(monotonic=lambda: clock.now))
     worker, outputs = by_sdo("mode")
     outputs.take({"mode": 1}, None)
     worker.jobs[0].done(None, 0x06090030)
-    clock.now += sdo_output.RETRY - 0.125
+    clock.now += sdo_exchange.RETRY - 0.125
     outputs.take({"mode": 1}, None)
     assert len(worker.jobs) == 1
     outputs.take({"mode": 2}, None)
     assert len(worker.jobs) == 2
     worker.jobs[1].done(None, 0x06090030)
-    clock.now += sdo_output.RETRY
+    clock.now += sdo_exchange.RETRY
     outputs.take({"mode": 2}, None)
     assert len(worker.jobs) == 3
     outputs.take({"mode": 3}, None)

@@ -8,7 +8,7 @@ import tracemalloc
 import can
 import pytest
 
-from axisbus.bus.link import candump, frame_files
+from axisbus.bus.link import frame_files
 from axisbus.cia301.frame import CanFrame
 from axisbus.errors import UserError
 
@@ -43,7 +43,7 @@ from axisbus.errors import UserError
     ],
 )
 def test_a_line_of_candump(line, frame):
-    found = candump.parse(line)
+    found = frame_files.parse(line)
     assert found.channel in ("can0", "vcan0")
     assert found._replace(channel="") == frame
 
@@ -61,7 +61,7 @@ def test_a_line_of_candump(line, frame):
     ],
 )
 def test_a_line_that_is_none(line):
-    assert candump.parse(line) is None
+    assert frame_files.parse(line) is None
 
 
 MESSAGES = [

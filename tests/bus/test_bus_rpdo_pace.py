@@ -12,8 +12,7 @@ import pytest
 
 from axisbus.bus.pdo.mapping import DevicePdos
 from axisbus.bus.pdo.plan import PdoPlan, Policy, make_plan
-from axisbus.bus.pdo.rpdo import Frame, RpdoImage, arrange
-from axisbus.bus.pdo.rpdo_schedule import REPEAT, RpdoPace
+from axisbus.bus.pdo.rpdo import REPEAT, Frame, RpdoImage, RpdoPace, arrange
 from kit.bus.plan import NO_TORQUE, objects, rpdo
 
 PERIOD = 0.004

@@ -9,14 +9,13 @@ from types import SimpleNamespace
 import pytest
 
 from axisbus.bus.cycle import CanCycle
-from axisbus.bus.link import candump
+from axisbus.bus.link import frame_files
 from axisbus.bus.link.bitrate_change import ChangedOver, Opening, _commands
 from axisbus.bus.node import nmt_commands
 from axisbus.bus.node.events import BAD, NodeEventKind, NodeEvents
 from axisbus.bus.node.nmt import Confirmation
 from axisbus.bus.node.nmt_commands import NmtConfirmation
-from axisbus.bus.sync import SyncConsumer
-from axisbus.bus.timeofday import TimeConsumer, TimeProducer
+from axisbus.bus.sync_and_time import SyncConsumer, TimeConsumer, TimeProducer
 from axisbus.cia301.dropped_frames import Drops
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sync import SyncTimes
@@ -844,7 +843,7 @@ def test_when_a_change_over_is_complete(changes, complete):
     ],
 )
 def test_a_line_of_candump(line, frame):
-    found = candump.parse(line)
+    found = frame_files.parse(line)
     if frame is None:
         assert found is None
         return

@@ -11,8 +11,7 @@ import pytest
 
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.sync import SyncConsumer
-from axisbus.bus.timeofday import TimeConsumer, TimeProducer
+from axisbus.bus.sync_and_time import SyncConsumer, TimeConsumer, TimeProducer
 from axisbus.cia301.sync import SyncWatch, fits, measured_period
 from axisbus.cia402.port import Outputs
 from axisbus.core.scan import Scan

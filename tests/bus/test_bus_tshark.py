@@ -21,7 +21,7 @@ from axisbus.bus.lss import LssMaster
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.configure import set_pdo
 from axisbus.bus.pdo.plan import Policy
-from axisbus.bus.timeofday import TimeProducer
+from axisbus.bus.sync_and_time import TimeProducer
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Outputs
 from axisbus.eds import load

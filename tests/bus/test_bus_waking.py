@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from axisbus.bus.sleep_compensation import Waking
+from axisbus.bus.cycle import Waking
 
 MOST = 100e-6
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import click
 import pytest
 
-from axisbus.bus.link.controller import ControllerEvent
-from axisbus.bus.link.errorframe import CanErrorState, ErrorCounters
+from axisbus.bus.link.controller import CanErrorState, ControllerEvent, ErrorCounters
 from axisbus.cli.main import COMMANDS, cli
 from axisbus.cli.shared.common import run
 from axisbus.machine.machine import Machine

@@ -9,7 +9,7 @@ import struct
 import can
 import pytest
 
-from axisbus.bus.link import adapter, listenonly, other_rates
+from axisbus.bus.link import adapter, other_rates
 from axisbus.errors import AdapterError, ArgumentError
 from kit import commands
 from kit.talker import Talker
@@ -182,7 +182,7 @@ def test_another_rate_is_tried_in_listen_only_mode_or_not_at_all(interface, wire
         assert wire.opened == []
         return
     other_rates.find(interface, "1", 1_000_000, given)
-    silencing = listenonly.silent(interface, {})
+    silencing = adapter.silent(interface, {})
     assert silencing
     assert [rate for rate, _ in wire.opened] == [rate for rate in other_rates.RATES if rate != 1_000_000]
     for _, options in wire.opened:

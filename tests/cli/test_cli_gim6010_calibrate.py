@@ -10,7 +10,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from axisbus.bus.gim6010.run_with_cleanup import run_guarded
+from axisbus.bus.gim6010.run import run_guarded
 from axisbus.bus.link.channel import Channel
 from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
 from axisbus.drives.gim6010.calibration.procedure_run import Calibration

@@ -116,7 +116,7 @@ def test_where_nobody_acknowledges_there_is_no_second_frame(gim, monkeypatch):
             can.Message(arbitration_id=0x20, data=bytes(8), is_error_frame=True, is_extended_id=False)
         ] * (not message.is_error_frame)
 
-    monkeypatch.setattr("axisbus.bus.link.errorframe.LINUX_CLASSES", frozenset({"virtual"}))
+    monkeypatch.setattr("axisbus.bus.link.controller.LINUX_CLASSES", frozenset({"virtual"}))
     with modules_on_bus() as channel, Bystander(channel, answer=complain) as wire:
         code, out, _ = gim("find", channel)
     assert code == 1

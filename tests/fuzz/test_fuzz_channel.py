@@ -14,16 +14,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.bus.link import bus_activity, detect_other_master
+from axisbus.bus.link import detect_other_master
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
 from axisbus.bus.node import discover, from_device
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.plan import PdoChange, PlannedPdo
-from axisbus.bus.pdo.tpdo import TpdoSlot
+from axisbus.bus.pdo.tpdo_inputs import TpdoSlot
 from axisbus.bus.sdo.client import SdoClient
-from axisbus.bus.sync import SyncConsumer
-from axisbus.bus.timeofday import TimeConsumer
+from axisbus.bus.sync_and_time import SyncConsumer, TimeConsumer
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.dropped_frames import DropReason, Drops, words
 from axisbus.cia301.emcy import explain
@@ -258,7 +257,7 @@ def test_who_listens_to_a_bus_before_it_is_opened_minds_no_frame(frames):
         cast = ExpectedMasters(frozenset({1}), frozenset({127}))
         for look in (
             lambda: detect_other_master.require_alone(channel, cast, 0.02),
-            lambda: bus_activity.bus_activity(channel, 0.01),
+            lambda: detect_other_master.bus_activity(channel, 0.01),
         ):
             assert str(fuzz.outcome(look))
         assert channel.failure is None

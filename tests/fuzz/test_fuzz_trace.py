@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.bus.link import candump, errorframe, frame_files
+from axisbus.bus.link import controller, frame_files
 from axisbus.cell import reader
 from axisbus.check.load_meter import Meter
 from axisbus.cia301.frame import CanFrame
@@ -163,9 +163,9 @@ def test_any_frames_may_be_a_sign_of_a_master_and_are_told_in_words(frames):
 
 @given(st.integers(0, 0x1FFF_FFFF), fuzz.long_bytes)
 def test_any_error_frame_has_a_meaning(error_class, data):
-    assert errorframe.describe(error_class, data)
-    assert errorframe.kind(error_class, data)
-    errorframe.condition(error_class, data)
+    assert controller.describe(error_class, data)
+    assert controller.kind(error_class, data)
+    controller.condition(error_class, data)
 
 
 # -- recordings --------------------------------------------------------------------------------------------------------
@@ -204,7 +204,7 @@ def lines(draw: st.DrawFn) -> str:
 @given(lines() | st.text(max_size=200))
 @settings(max_examples=400)
 def test_any_line_of_candump_is_a_frame_or_none(line):
-    frame = candump.parse(line)
+    frame = frame_files.parse(line)
     if frame is not None:
         assert len(frame.data) <= 8
         assert frame.can_id <= (0x1FFF_FFFF if frame.extended or frame.error else 0x7FF)
@@ -224,7 +224,7 @@ def test_any_line_of_candump_is_a_frame_or_none(line):
     ],
 )
 def test_a_time_or_an_identifier_that_cannot_be_makes_no_frame_of_nonsense(line):
-    frame = candump.parse(line)
+    frame = frame_files.parse(line)
     assert frame is None or (abs(frame.time) < 1e12 and frame.can_id <= 0x7FF)
 
 
@@ -238,7 +238,7 @@ LONG = {
 @pytest.mark.parametrize("line", LONG.values(), ids=LONG)
 def test_a_long_line_costs_no_more_than_its_length(line):
     with fuzz.within(2.0):
-        assert candump.parse(line) is None
+        assert frame_files.parse(line) is None
 
 
 @given(st.lists(lines(), max_size=20))
@@ -271,7 +271,7 @@ def test_a_date_that_this_computer_cannot_count_is_no_time(monkeypatch, error):
         def fromisoformat(_: str) -> None:
             raise error
 
-    monkeypatch.setattr(candump, "datetime", Calendar)
-    frame = candump.parse("  (0001-01-01 00:00:00.000000)  can0  123   [1]  11")
+    monkeypatch.setattr(frame_files, "datetime", Calendar)
+    frame = frame_files.parse("  (0001-01-01 00:00:00.000000)  can0  123   [1]  11")
     assert frame is not None
     assert (frame.time, frame.data) == (0.0, b"\x11")

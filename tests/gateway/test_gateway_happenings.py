@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.bus.link.controller import ControllerEvent
-from axisbus.bus.link.errorframe import CanErrorState
+from axisbus.bus.link.controller import CanErrorState, ControllerEvent
 from axisbus.gateway.machine_events import MachineEventKind, MachineEventSource
 from axisbus.gateway.opcua import event_mapping as opcua
 from axisbus.gateway.zenoh import event_mapping as zenoh

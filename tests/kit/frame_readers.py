@@ -12,14 +12,13 @@ from typing import Any
 
 import can
 
-from axisbus.bus.link import errorframe
+from axisbus.bus.link import controller
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.plan import PdoChange, PlannedPdo
-from axisbus.bus.pdo.tpdo import TpdoSlot
-from axisbus.bus.sdo.errors import failed
-from axisbus.bus.sync import SyncConsumer
-from axisbus.bus.timeofday import TimeConsumer
+from axisbus.bus.pdo.tpdo_inputs import TpdoSlot
+from axisbus.bus.sdo.client import failed
+from axisbus.bus.sync_and_time import SyncConsumer, TimeConsumer
 from axisbus.cell import reader as cells
 from axisbus.check.load_meter import Meter
 from axisbus.cia301.datatypes import DataType, decode
@@ -426,7 +425,7 @@ def _decoded(frames: Sequence[bytes]) -> None:
     for number, line in enumerate(frames):
         frame = off_bus(line)._replace(time=number * 0.001)
         if frame.error:
-            assert errorframe.describe(frame.can_id, frame.data)
+            assert controller.describe(frame.can_id, frame.data)
         one = decoder.feed(frame)
         assert "\n" not in text.line(one)
         json_form.plain(one)

@@ -35,7 +35,7 @@ import can.bus
 from axisbus.boot.can_simple.module import ModuleBoot
 from axisbus.boot.requests import Answerer
 from axisbus.bus.cycle import CanCycle
-from axisbus.bus.sync import SyncConsumer
+from axisbus.bus.sync_and_time import SyncConsumer
 from axisbus.core.can_simple.modules import CanSimpleModules
 
 _START = "_start_new_thread" if hasattr(threading, "_start_new_thread") else "_start_joinable_thread"

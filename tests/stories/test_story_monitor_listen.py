@@ -10,7 +10,7 @@ import threading
 import pytest
 from can.interfaces.virtual import VirtualBus
 
-from axisbus.bus.link import adapter, listenonly
+from axisbus.bus.link import adapter
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
 from axisbus.machine.machine import Machine
@@ -161,13 +161,13 @@ def test_an_adapter_that_can_be_listen_only_is_asked_to(tmp_path, monkeypatch, c
             sys, "argv", ["axisbus", "monitor", str(line.file), "--listen", "--every", "0.02", "--count", "1"]
         )
         assert run(cli) == 0
-    assert asked[key] == listenonly.silent(interface, {})[key]
+    assert asked[key] == adapter.silent(interface, {})[key]
     assert "does not even acknowledge" in capsys.readouterr().out
 
 
 def test_what_the_user_wrote_for_the_adapter_stays():
-    assert listenonly.silent("slcan", {"listen_only": False, "tty_baudrate": 9600}) == {
+    assert adapter.silent("slcan", {"listen_only": False, "tty_baudrate": 9600}) == {
         "listen_only": False,
         "tty_baudrate": 9600,
     }
-    assert listenonly.silent("socketcan", {}) == {}
+    assert adapter.silent("socketcan", {}) == {}

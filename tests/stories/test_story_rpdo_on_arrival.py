@@ -10,7 +10,7 @@ from unittest.mock import patch
 
 import pytest
 
-from axisbus.bus.pdo import rpdo_schedule
+from axisbus.bus.pdo import rpdo
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 from kit.probe import ENABLED, QUICK_STOP, SWITCH_ON_DISABLED
@@ -26,7 +26,7 @@ WATCHED = '[nodes.1.objects]\n"6007" = 1\n[nodes.1.pdo.rpdo1]\nmap = ["6060", "6
 @pytest.fixture
 def no_repetition() -> Iterator[None]:
     """The remedies taken out: an RPDO is sent when it changes, and never else."""
-    with patch.object(rpdo_schedule.RpdoPace, "_is_due", lambda *_: False):
+    with patch.object(rpdo.RpdoPace, "_is_due", lambda *_: False):
         yield
 
 

@@ -14,12 +14,11 @@ from axisbus.bus.cycle import CycleSender
 from axisbus.bus.io_port import CanIoPort
 from axisbus.bus.node.nmt import guarding_answer
 from axisbus.bus.node.node import CanopenNode
-from axisbus.bus.pdo.configure import configure, set_pdo
+from axisbus.bus.pdo.configure import configure, configure_io, set_pdo
 from axisbus.bus.pdo.eventtimer import EventTimer
-from axisbus.bus.pdo.io_configure import configure_io
 from axisbus.bus.pdo.plan import PdoRequirements
 from axisbus.bus.pdo.read import read_number
-from axisbus.bus.pdo.rpdo_schedule import REPEAT
+from axisbus.bus.pdo.rpdo import REPEAT
 from axisbus.bus.pdo.setpoint_edge_order import CONTROLWORD
 from axisbus.bus.port import CanPort
 from axisbus.cell.cyclic_modes.feed_forward import wanted_of

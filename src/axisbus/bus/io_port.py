@@ -9,13 +9,12 @@ from contextlib import suppress
 
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo import freshness
-from axisbus.bus.pdo.initial_values import prime_outputs
+from axisbus.bus.pdo.freshness import lags_of
 from axisbus.bus.pdo.io_plan import name_of
-from axisbus.bus.pdo.lag import lags_of
 from axisbus.bus.pdo.plan import PdoPlan, PlannedPdo
 from axisbus.bus.pdo.read import read_number
-from axisbus.bus.pdo.rpdo import Frame, RpdoImage
-from axisbus.bus.pdo.rpdo_schedule import REPEAT, RpdoPace
+from axisbus.bus.pdo.rpdo import REPEAT, Frame, RpdoImage, RpdoPace
+from axisbus.bus.pdo.sdo_exchange import prime_outputs
 from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia301.pdo import PdoCodec

@@ -16,8 +16,8 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
-from axisbus.bus.link.bus_activity import bus_activity
 from axisbus.bus.link.channel import Channel, require_other_thread
+from axisbus.bus.link.detect_other_master import bus_activity
 from axisbus.bus.link.frame_queue import UnboundedQueue
 from axisbus.bus.node import discover, nmt
 from axisbus.bus.node.nmt import NodeMonitor

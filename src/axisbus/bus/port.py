@@ -10,16 +10,12 @@ from dataclasses import replace
 from axisbus.bus.link.channel import Receiver
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo import freshness, setpoint_edge_order
-from axisbus.bus.pdo.initial_values import prime_inputs, prime_outputs
-from axisbus.bus.pdo.lag import lags_of
+from axisbus.bus.pdo.freshness import lags_of
 from axisbus.bus.pdo.plan import PdoPlan
-from axisbus.bus.pdo.poller import Poller
-from axisbus.bus.pdo.rpdo import Frame, RpdoImage
-from axisbus.bus.pdo.rpdo_schedule import REPEAT, RpdoPace
-from axisbus.bus.pdo.sdo_output import SdoOutputs, is_motion, is_stop
+from axisbus.bus.pdo.rpdo import REPEAT, Frame, RpdoImage, RpdoPace
+from axisbus.bus.pdo.sdo_exchange import Poller, SdoOutputs, is_motion, is_stop, prime_inputs, prime_outputs
 from axisbus.bus.pdo.setpoint_edge_order import CONTROLWORD
-from axisbus.bus.pdo.tpdo import Requests, TpdoSlot
-from axisbus.bus.pdo.tpdo_inputs import Incoming
+from axisbus.bus.pdo.tpdo_inputs import Incoming, Requests, TpdoSlot
 from axisbus.bus.pdo.tpdo_timeout import Deadline
 from axisbus.bus.sdo.worker import SdoJob
 from axisbus.cia301 import abort, cob

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 
-from axisbus.bus.link import errorframe
+from axisbus.bus.link import controller
 from axisbus.cia301.frame import UNSTUFFED, CanFrame, worst_bits
 
 WINDOW = 0.1  # seconds
@@ -125,7 +125,7 @@ class Meter:
     def add(self, frame: CanFrame, kind: str, node: int | None) -> None:
         """Add a frame of a service and a node (None: of no node); an error frame is only counted."""
         if frame.error:
-            self.errors[errorframe.kind(frame.can_id, frame.data)] += 1
+            self.errors[controller.kind(frame.can_id, frame.data)] += 1
             return
         bits, worst = actual_bits(frame), worst_bits(len(frame.data), frame.extended)
         shares = (

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.bus.link.errorframe import WHAT_TO_CHECK
+from axisbus.bus.link.controller import WHAT_TO_CHECK
 from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, echo, say, say_json, say_next
 from axisbus.cli.shared.frames import FrameSource, FrameSourceOptions, open_frames, source_options

@@ -24,8 +24,7 @@ from axisbus.bus.node.master_watch import Echoes, MasterWatch, OnCommand
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.parallel import in_parallel
 from axisbus.bus.port import CanPort
-from axisbus.bus.sync import SyncConsumer
-from axisbus.bus.timeofday import TimeConsumer, TimeProducer
+from axisbus.bus.sync_and_time import SyncConsumer, TimeConsumer, TimeProducer
 from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.cia301.dropped_frames import Drop
 from axisbus.cia301.frame import BusTraffic, CanFrame

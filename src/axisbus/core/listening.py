@@ -6,7 +6,7 @@ import itertools
 import os
 from contextlib import ExitStack
 
-from axisbus.bus.link import listenonly
+from axisbus.bus.link import adapter
 from axisbus.bus.link.listen import Listener, listen
 from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.core.can_simple.simulated_modules import modules
@@ -27,7 +27,7 @@ def listen_to(cell: CellConfig, stack: ExitStack, *, silent: bool = False) -> Li
     """
     bus = cell.bus
     if bus.interface != SIMULATED:
-        options = listenonly.silent(bus.interface, bus.options) if silent else bus.options
+        options = adapter.silent(bus.interface, bus.options) if silent else bus.options
         return stack.enter_context(listen(bus.interface, bus.channel, bus.bitrate, options))
     name = f"axisbus-listen-{os.getpid()}-{next(_CHANNELS)}"
     listener = stack.enter_context(listen("virtual", name, None, {}))

@@ -16,7 +16,9 @@ from axisbus.bus.link.fork_guard import disown_in_children
 _SWITCH_INTERVAL = (
     0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period
 )
-SPIN = 0.0001  # seconds at most before a cycle is due, in which the scan only polls the clock: see ``bus.sleep_compensation``
+SPIN = (
+    0.0001  # seconds at most before a cycle is due, in which the scan only polls the clock: see ``bus.cycle``
+)
 OWN_PROCESS, IN_A_THREAD = "in a process of its own", "in a thread of the program"
 FIFO, LOCKED, APART = "SCHED_FIFO", "memory locked", "an isolated processor"
 WAKEFUL = "quick waking"

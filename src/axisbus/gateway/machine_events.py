@@ -10,8 +10,7 @@ from functools import partial
 from typing import Literal, NamedTuple
 
 from axisbus.boot.report import NodeReport
-from axisbus.bus.link.controller import ControllerEvent
-from axisbus.bus.link.errorframe import WHAT_TO_CHECK, CanErrorState
+from axisbus.bus.link.controller import WHAT_TO_CHECK, CanErrorState, ControllerEvent
 from axisbus.bus.node.events import BAD, NodeEvent
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.incident import TOGETHER, Incident

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from axisbus.bus.link import errorframe
+from axisbus.bus.link import controller
 from axisbus.cia301 import abort, cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.frame import CanFrame
@@ -166,7 +166,7 @@ class Decoder:
 
     def _error_frame(self, made: _Making) -> Decoded:
         """Decode the error class of Linux; recordings of other systems have none, and give only the words error frame."""
-        return made.words(Words(errorframe.describe(made.frame.can_id, made.frame.data), error=True))
+        return made.words(Words(controller.describe(made.frame.can_id, made.frame.data), error=True))
 
     def _unknown(self, made: _Making) -> Decoded:
         return made.words(Words(_bytes(made.frame)))

@@ -10,7 +10,7 @@ import can
 
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.raw.cyclic import CyclicSocket
+from axisbus.bus.link.raw_sockets import CyclicSocket
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.mapping import DevicePdos
 from axisbus.bus.pdo.plan import PdoRequirements, Policy, make_plan

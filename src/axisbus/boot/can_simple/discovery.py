@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Protocol, TypeVar, cast
 
-from axisbus.bus.gim6010.request import Sends, send
+from axisbus.bus.gim6010.run import Sends, send
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeats

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
-from axisbus.bus.gim6010.request import send
+from axisbus.bus.gim6010.run import send
 from axisbus.bus.link.channel import Channel, Receiver, require_other_thread
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeats

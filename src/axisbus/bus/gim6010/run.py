@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
 from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from types import FrameType
 from typing import Protocol
 
-from axisbus.bus.gim6010.request import RequestFrame, send
 from axisbus.bus.link.channel import Channel, require_other_thread
-from axisbus.bus.link.errorframe import CanErrorState
+from axisbus.bus.link.controller import CanErrorState
 from axisbus.cia301.frame import CanFrame
-from axisbus.errors import AdapterError
+from axisbus.errors import AdapterError, AxisbusError
 
 _TICK = 0.001  # s between two polls
 _NO_ACKNOWLEDGE = "no acknowledge"  # as ``errorframe`` describes it
@@ -87,3 +91,151 @@ class _Watch:
         new = channel.counters.error_frames - self._before
         errors = list(channel.counters.errors)[-new:] if new else []
         return next((each for each in errors if _NO_ACKNOWLEDGE in each), "")
+
+
+# -- A frame of CAN Simple or CANopen that a dialogue sends: a data frame, or a remote frame that requests data --------
+
+
+_LENGTH = 8  # bytes that a remote frame requests
+
+
+class RequestFrame(Protocol):
+    """A frame to send: 11-bit identifier and data, or ``remote`` without data."""
+
+    @property
+    def can_id(self) -> int:
+        """The identifier."""
+
+    @property
+    def data(self) -> bytes:
+        """The data of a data frame."""
+
+    @property
+    def remote(self) -> bool:
+        """Whether it is a remote frame."""
+
+
+class Sends(Protocol):
+    """Destination of the frames: a ``Channel``."""
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send a data frame."""
+
+    def send_remote(self, can_id: int, length: int = 0) -> None:
+        """Send a remote frame."""
+
+
+def send(channel: Sends, request: RequestFrame) -> None:
+    """Send the frame; raises as ``Channel.send``."""
+    if request.remote:
+        channel.send_remote(request.can_id, _LENGTH)
+    else:
+        channel.send(request.can_id, request.data)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Run a dialogue that moves a motor: whatever ends it, its own cleanup runs to its end before the program continues.
+#
+# Theory of operation. Ctrl-C, SIGTERM and SIGHUP do not interrupt the dialogue. The signal handler calls ``interrupt``, the
+# dialogue starts its cleanup with the next step, and the function returns the signal. An exception in the callback for news (a
+# closed pipe) also calls ``interrupt``; it is raised again when the dialogue has ended. If even the cleanup cannot run, the
+# dialogue's final frames are sent.
+
+
+Tell = Callable[[str], None]
+_SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP"}  # not every system has all of them
+_PARTINGS = 3
+
+
+class Interruptible(Protocol):
+    """A dialogue with a cleanup of its own, which takes a limited time."""
+
+    news: deque[str]
+
+    @property
+    def done(self) -> bool:
+        """As ``ModuleProcedure.done``."""
+
+    @property
+    def parting(self) -> Sequence[RequestFrame]:
+        """Final frames that remove the power if the dialogue cannot continue."""
+
+    def note(self, frame: CanFrame) -> None:
+        """As ``ModuleProcedure.note``."""
+
+    def trouble(self, words: str) -> None:
+        """As ``ModuleProcedure.trouble``."""
+
+    def step(self, now: float) -> RequestFrame | None:
+        """As ``ModuleProcedure.step``."""
+
+    def interrupt(self, why: str) -> None:
+        """Make the dialogue start its cleanup."""
+
+
+class _Told:
+    """A dialogue whose news are passed to ``tell``."""
+
+    def __init__(self, dialogue: Interruptible, tell: Tell) -> None:
+        self._dialogue, self._tell = dialogue, tell
+        self.note, self.trouble = dialogue.note, dialogue.trouble
+
+    @property
+    def done(self) -> bool:
+        return self._dialogue.done and not self._dialogue.news
+
+    def step(self, now: float) -> RequestFrame | None:
+        request = None if self._dialogue.done else self._dialogue.step(now)
+        if request is None and self._dialogue.news:
+            self._tell(self._dialogue.news.popleft())
+        return request
+
+
+def run_guarded(channel: Channel, dialogue: Interruptible, tell: Tell) -> int:
+    """Run a dialogue and its cleanup to the end in any case; blocks. Return the signal that interrupted it, 0 for none.
+
+    Raises:
+        AdapterError: the channel failed before anything was sent. Any exception of ``tell``, after the dialogue's cleanup.
+    """
+    with _signals(dialogue) as caught:
+        try:
+            run(channel, _Told(dialogue, tell))
+        except BaseException as error:
+            _leave(channel, dialogue, error)
+            raise
+    return caught[0] if caught else 0
+
+
+def _leave(channel: Channel, dialogue: Interruptible, error: BaseException) -> None:
+    dialogue.interrupt(f"this program aborted: {type(error).__name__}")
+    try:
+        with suppress(AxisbusError):  # the first error is reported
+            run(channel, dialogue)
+    finally:
+        if not dialogue.done:
+            for _ in range(_PARTINGS):
+                for frame in dialogue.parting:
+                    with suppress(AxisbusError):
+                        send(channel, frame)
+
+
+@contextmanager
+def _signals(dialogue: Interruptible) -> Iterator[list[int]]:
+    """Handle signals by ``interrupt``; only in the main thread, in which Python delivers them."""
+    caught: list[int] = []
+    before = {}
+
+    def take(number: int, _: FrameType | None) -> None:
+        caught.append(number)
+        dialogue.interrupt(_SIGNALS[signal.Signals(number).name])
+
+    if threading.current_thread() is threading.main_thread():
+        for name in _SIGNALS:
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
+                before[number] = signal.signal(number, take)
+    try:
+        yield caught
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

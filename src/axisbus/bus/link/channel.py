@@ -38,15 +38,12 @@ from typing import TypeVar
 
 import can
 
-from axisbus.bus.link import adapter, errorframe, failures
-from axisbus.bus.link.controller import CanController, ControllerEvent
-from axisbus.bus.link.errorframe import CanErrorState
+from axisbus.bus.link import adapter, controller, failures
+from axisbus.bus.link.controller import CanController, CanErrorState, ControllerEvent
 from axisbus.bus.link.fork_guard import disown_in_children
 from axisbus.bus.link.frame_files import of_message
 from axisbus.bus.link.network import CanopenNetwork
-from axisbus.bus.link.raw.cyclic import CyclicSocket, cyclic_socket
-from axisbus.bus.link.raw.receiver import intake_of
-from axisbus.bus.link.raw.transmitter import line_of
+from axisbus.bus.link.raw_sockets import CyclicSocket, cyclic_socket, intake_of, line_of
 from axisbus.cia301 import cob
 from axisbus.cia301.dropped_frames import DropReason, Drops
 from axisbus.cia301.frame import BusTraffic, CanFrame
@@ -121,7 +118,7 @@ class Channel:
         self._cyclic = cyclic
         self._cyclic_ids: frozenset[int] = frozenset()
         self._socketcan = name.startswith("socketcan:")
-        self._linux_classes = name.partition(":")[0] in errorframe.LINUX_CLASSES
+        self._linux_classes = name.partition(":")[0] in controller.LINUX_CLASSES
         self.controller = CanController(name)
         self.last_off: BusOff | None = None
         self.offs = 0
@@ -574,7 +571,7 @@ class Channel:
         self.counters.error_frames += 1
         error_class = message.arbitration_id if self._linux_classes else 0
         data = bytes(message.data)
-        self.counters.errors.append(errorframe.describe(error_class, data))
+        self.counters.errors.append(controller.describe(error_class, data))
         self._follow(self.controller.error_frame(error_class, data, stamp))
         if self._state_due < math.inf:  # if only the driver's state reports bus-off, poll it now
             self._state_due = stamp

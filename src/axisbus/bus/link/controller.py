@@ -14,9 +14,8 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-
-from axisbus.bus.link import errorframe
-from axisbus.bus.link.errorframe import CanErrorState, ErrorCounters
+from enum import Enum
+from typing import NamedTuple
 
 HISTORY = 64
 
@@ -56,11 +55,11 @@ class CanController:
 
     def error_frame(self, error_class: int, data: bytes, stamp: float) -> ControllerEvent | None:
         """Evaluate an error frame with Linux's class; return the event if the state has changed."""
-        counters = errorframe.error_counters(error_class, data)
+        counters = error_counters(error_class, data)
         if counters is not None:
             self.counters = counters
-        told = errorframe.condition(error_class, data)
-        restart = errorframe.is_restart(error_class)  # also if the bus-off before it was not received
+        told = condition(error_class, data)
+        restart = is_restart(error_class)  # also if the bus-off before it was not received
         if told is None or (told is self.condition and not restart):
             return None
         self._off_by_state = False
@@ -84,3 +83,109 @@ class CanController:
         event = ControllerEvent(stamp, self._channel, told, self.counters, restarted)
         self.events.append(event)
         return event
+
+
+# -- Meaning of an error frame of the CAN controller (classes of Linux's can/error.h, which python-can passes on) ------
+
+
+# Interfaces whose error frames have Linux's class as identifier; others use the identifier differently.
+LINUX_CLASSES = frozenset({"socketcan", "gs_usb"})
+
+
+WHAT_TO_CHECK = "bit rate, wiring (CAN-H, CAN-L, ground) and the two 120 Ω terminations"
+
+
+_BUS_OFF = 0x40
+_CONTROLLER = 0x04
+_RESTARTED = 0x100
+_COUNTERS = 0x200  # by this, the kernel (since 6.0) indicates that data bytes 6 and 7 hold them
+_STATUS, _SENDING, _RECEIVING = 1, 6, 7  # data bytes
+
+
+_CLASSES = (
+    (_BUS_OFF, "bus-off"),
+    (0x20, "no acknowledge: no other node receives at this bitrate"),
+    (0x01, "transmit time-out"),
+    (0x02, "lost arbitration"),
+    (0x08, "protocol violation: another bitrate on the bus, or bad wiring"),
+    (0x10, "transceiver: a line is broken or shorted"),
+    (0x80, "bus error"),
+    (_RESTARTED, "controller restarted"),
+)
+
+
+# Data byte 1 of the class "controller".
+_CONTROLLER_BITS = (
+    (0x01, "receive buffer overflow"),
+    (0x02, "transmit buffer overflow"),
+    (0x04, "receive errors (warning)"),
+    (0x08, "transmit errors (warning)"),
+    (0x10, "receive errors (passive)"),
+    (0x20, "transmit errors (passive)"),
+    (0x40, "back to error active"),
+)
+
+
+class CanErrorState(Enum):
+    """States of a controller by its error counters (ISO 11898-1; a warning is error active with a counter from 96 on)."""
+
+    ACTIVE = "error active"
+    WARNING = "error warning"
+    PASSIVE = "error passive"
+    OFF = "bus-off"
+
+
+# Bits of data byte 1, the worst first: a frame may hold several.
+_CONDITIONS = (
+    (0x30, CanErrorState.PASSIVE),
+    (0x0C, CanErrorState.WARNING),
+    (0x40, CanErrorState.ACTIVE),
+)
+
+
+class ErrorCounters(NamedTuple):
+    """The controller's error counters; above 255 transmit errors it is bus-off, which a byte does not hold."""
+
+    transmit: int
+    receive: int
+
+    def __str__(self) -> str:
+        return f"transmit errors {self.transmit}, receive errors {self.receive}"
+
+
+def condition(error_class: int, data: bytes) -> CanErrorState | None:
+    """Return the controller's state by the frame; None if the frame reports something else."""
+    if error_class & _BUS_OFF:
+        return CanErrorState.OFF
+    if error_class & _CONTROLLER and len(data) > _STATUS:
+        found = next((worst for bits, worst in _CONDITIONS if data[_STATUS] & bits), None)
+        if found is not None:
+            return found
+    return CanErrorState.ACTIVE if error_class & _RESTARTED else None
+
+
+def is_restart(error_class: int) -> bool:
+    """Whether the frame reports a restart of the controller, which therefore was bus-off."""
+    return bool(error_class & _RESTARTED)
+
+
+def error_counters(error_class: int, data: bytes) -> ErrorCounters | None:
+    """Return the error counters in the frame; None if it has none (older kernels do not indicate this, and leave them 0)."""
+    if len(data) <= _RECEIVING or not error_class & (_COUNTERS | _CONTROLLER):
+        return None
+    found = ErrorCounters(data[_SENDING], data[_RECEIVING])
+    return found if error_class & _COUNTERS or any(found) else None
+
+
+def kind(error_class: int, data: bytes) -> str:
+    """Return the frame's meaning as text without numbers; ``error frame`` for adapters that report no class."""
+    texts = [text for bit, text in _CLASSES if error_class & bit]
+    if error_class & _CONTROLLER and len(data) > _STATUS:
+        texts += [text for bit, text in _CONTROLLER_BITS if data[_STATUS] & bit]
+    return ", ".join(texts) or "error frame"
+
+
+def describe(error_class: int, data: bytes) -> str:
+    """Return the frame's meaning as text, with the error counters if it has them."""
+    counters = error_counters(error_class, data)
+    return kind(error_class, data) + (f" ({counters})" if counters is not None else "")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 
 from axisbus.bus.link import socketcan
-from axisbus.bus.link.errorframe import WHAT_TO_CHECK, ErrorCounters
+from axisbus.bus.link.controller import WHAT_TO_CHECK, ErrorCounters
 from axisbus.cpu_starvation import REMEDY
 from axisbus.errors import AdapterError, BusError, BusOff, TransmitQueueFull
 

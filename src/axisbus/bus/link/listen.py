@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import can
 
-from axisbus.bus.link import adapter, errorframe, failures, socketcan
+from axisbus.bus.link import adapter, controller, failures, socketcan
 from axisbus.bus.link.frame_files import of_message
 from axisbus.cia301.frame import CanFrame
 
@@ -21,7 +21,7 @@ class Listener:
     def __init__(self, bus: can.BusABC, name: str) -> None:
         self._bus = bus
         self._name = name
-        self._linux_classes = name.partition(":")[0] in errorframe.LINUX_CLASSES
+        self._linux_classes = name.partition(":")[0] in controller.LINUX_CLASSES
 
     def frames(self, seconds: float | None = None) -> Iterator[CanFrame]:
         """Yield frames as they come, for ``seconds`` (None: for ever); blocks between them.

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from axisbus.bus.link import interfaces, listenonly
+from axisbus.bus.link import adapter, interfaces
 from axisbus.bus.link.listen import listen
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import CanFrame
@@ -44,7 +44,7 @@ class BitRateTraffic:
 
 def possible(interface: str, options: Mapping[str, object]) -> bool:
     """Whether an adapter can be opened in listen-only mode, at a chosen rate."""
-    return listenonly.can_be_silent(interface) and interfaces.sets_rate(interface, options)
+    return adapter.can_be_silent(interface) and interfaces.sets_rate(interface, options)
 
 
 def find(
@@ -85,7 +85,7 @@ def _at(
     interface: str, channel: str | int | None, rate: int, options: Mapping[str, object]
 ) -> BitRateTraffic:
     listening, nodes = ProtocolListener(), set[int]()
-    with listen(interface, channel, rate, listenonly.forced(interface, options)) as listener:
+    with listen(interface, channel, rate, adapter.forced(interface, options)) as listener:
         for seconds in (SECONDS, _MORE - SECONDS):
             for frame in listener.frames(seconds):
                 listening.note(frame)

@@ -10,8 +10,8 @@ from typing import Any
 
 import can
 
-from axisbus.bus.link.raw.batch import FRAME
-from axisbus.bus.link.raw.transmitter import EXTENDED, REMOTE
+from axisbus.bus.link.frame_batch import FRAME
+from axisbus.bus.link.raw_sockets import EXTENDED, REMOTE
 from axisbus.cia301 import cob
 
 if sys.platform != "win32":  # only Unix has them

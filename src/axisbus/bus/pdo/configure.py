@@ -14,6 +14,7 @@ from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import replace
 
+from axisbus.bus.pdo.io_plan import IoObjects, Used, make_io_plan
 from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
 from axisbus.bus.pdo.plan import PdoChange, PdoPlan, PdoRequirements, PlannedPdo, Policy, make_plan
 from axisbus.bus.pdo.read import Indices, read_number, read_pdo, read_pdos
@@ -26,8 +27,10 @@ from axisbus.wording import counted
 
 _STEP = "PDO configuration"
 
+
 # Abort codes on a mapping entry that refer to the object; any other means that the mapping cannot be changed at all.
 _OBJECT_REFUSED = frozenset({0x0602_0000, 0x0604_0041, 0x0604_0043, 0x0609_0011, 0x0609_0030})
+
 
 _ATTEMPTS = 16
 
@@ -338,3 +341,28 @@ def _boot_error(sdo: SdoClient, what: str, abort: SdoAbort) -> BootError:
         remedy=abort.remedy
         or "bring the node to pre-operational first; some drives lock their PDO parameters",
     )
+
+
+# -- Configure the PDOs of a node's inputs and outputs by their plan ---------------------------------------------------
+
+
+def configure_io(sdo: SdoClient, objects: IoObjects, policy: Policy, used: Used, also: Used = ()) -> PdoPlan:
+    """Plan the PDOs and configure the node, which should be pre-operational, as ``configure``; blocks for some dozen transfers.
+
+    Raises:
+        BootError: an object is in no PDO, or as ``configure``.
+        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+    """
+    plan = negotiate(
+        sdo, lambda device, less: make_io_plan(sdo.node_id, device, objects, less, used), policy, also=also
+    )
+    if plan.impossible:
+        raise BootError(
+            f"node {sdo.node_id}: {'; '.join(plan.impossible)}",
+            node=sdo.node_id,
+            step="PDO configuration",
+            observed="; ".join(plan.notes) or "it has no more PDOs that could contain it",
+            remedy="map it in [nodes.N.pdo], or allow boot to change the mapping; inputs and outputs are never transmitted "
+            "by SDO",
+        )
+    return plan

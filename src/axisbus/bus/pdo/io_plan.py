@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
-from axisbus.bus.pdo.cobids import CobIds
+from axisbus.bus.pdo.choose import CobIds
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry, map_entry_of
 from axisbus.bus.pdo.plan import DirectionPlan, PdoPlan, PlannedPdo, Policy
 from axisbus.cia301.pdo import PdoConfiguration

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from axisbus.bus.pdo import choose, eventtimer, setpoint_edge_order
-from axisbus.bus.pdo.cobids import CobIds
+from axisbus.bus.pdo.choose import CobIds
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry
 from axisbus.cia301 import cob

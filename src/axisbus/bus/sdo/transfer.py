@@ -10,12 +10,12 @@ elapsed time, so that a delayed process takes the answer instead of giving up.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.frame_queue import UnboundedQueue
-from axisbus.bus.sdo.round_trips import RoundTrips
 from axisbus.cia301 import cob
 from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.sdo import Frames
@@ -23,9 +23,11 @@ from axisbus.cia301.sdo_session import SdoSession
 
 Progress = Callable[[int, int | None], None]
 
+
 SEND_PATIENCE = 0.05
 GROUP = 4  # frames of a burst between two pauses
 PAUSE = 0.0005  # seconds; about the duration of four frames at 1 Mbit/s
+
 
 # Put into the inbox to wake the waiting thread.
 WAKE = b""
@@ -170,3 +172,45 @@ def _check_wanted(line: SdoConnection, call: Call) -> None:
     line.channel.check()
     if call.cancelled:
         raise Cancelled
+
+
+# -- Response times of a node: the only evidence of a link's delay that needs no clock of the node ---------------------
+
+
+ALLOWED = 0.05  # seconds assumed for the node's own response time if no answer was faster
+
+
+class RoundTrips:
+    """The SDO answers of one node; holds state: the newest one, and the shortest response time.
+
+    An answer received at ``heard`` to a request sent at ``asked`` (seconds) was sent after ``asked``, and so was every later frame.
+    ``newest`` is that pair, replaced as a whole. May be read in any thread.
+    """
+
+    __slots__ = ("newest", "shortest")
+
+    def __init__(self) -> None:
+        self.newest = (-math.inf, -math.inf)
+        self.shortest = math.inf
+
+    def note(self, asked: float, heard: float) -> None:
+        """Record an answer."""
+        taken = max(0.0, heard - asked)
+        if taken < self.shortest:
+            self.shortest = taken
+        self.newest = (asked, heard)
+
+    @property
+    def own_time(self) -> float:
+        """The seconds that the node itself may need: its shortest response time, at most ``ALLOWED``."""
+        return min(self.shortest, ALLOWED)
+
+    @property
+    def shortest_delay(self) -> float:
+        """The delay of the link (seconds) that is compatible with every answer so far."""
+        return self.shortest - self.own_time if self.shortest < math.inf else 0.0
+
+    def delay(self) -> float:
+        """Return the longest delay of the link (seconds) that is compatible with the newest answer."""
+        asked, heard = self.newest
+        return max(0.0, heard - asked - self.own_time) if heard > -math.inf else 0.0

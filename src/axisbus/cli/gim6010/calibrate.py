@@ -42,7 +42,7 @@ def command(
     SIGTERM, a lost module, an error and too many turns end it by idle, then ESTOP, and the state of the module after that is
     shown. Nothing is saved. Exit code 0 only if the calibration was completed without an error.
     """
-    from axisbus.bus.gim6010.run_with_cleanup import run_guarded
+    from axisbus.bus.gim6010.run import run_guarded
     from axisbus.bus.link import ownership
     from axisbus.drives.gim6010.calibration.kinds import CalibrationKind, explanation
     from axisbus.drives.gim6010.calibration.procedure_run import Calibration

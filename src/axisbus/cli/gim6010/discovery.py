@@ -81,10 +81,10 @@ def look(line: BusOptions, finder: Finder, *, quiet: bool = False) -> BitRateTra
 
 def _heard(line: BusOptions) -> bool:
     """Whether any frame is received at the given bit rate, in listen-only mode."""
-    from axisbus.bus.link import listenonly
+    from axisbus.bus.link import adapter
     from axisbus.bus.link.listen import listen
 
-    options = listenonly.forced(line.interface or "", parse_options(line.option))
+    options = adapter.forced(line.interface or "", parse_options(line.option))
     with listen(line.interface or "", line.channel, line.bitrate, options) as listener:
         return any(not frame.error for frame in listener.frames(_LISTEN))
 

@@ -32,7 +32,7 @@ def try_once(asked: ModuleSelection, trial: ModuleTrial, gains: Gains) -> tuple[
     Raises:
         BusError: another program uses the bus, or it cannot be opened.
     """
-    from axisbus.bus.gim6010.run_with_cleanup import run_guarded
+    from axisbus.bus.gim6010.run import run_guarded
     from axisbus.bus.link import ownership
     from axisbus.drives.gim6010.tuning.runner import ModuleTuning
 

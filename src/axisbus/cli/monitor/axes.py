@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from axisbus.bus.link.errorframe import WHAT_TO_CHECK, CanErrorState
+from axisbus.bus.link.controller import WHAT_TO_CHECK, CanErrorState
 from axisbus.cia301.dropped_frames import Drop, DropNews, words
 from axisbus.cia301.incident import Incident
 from axisbus.cia402 import statusword

@@ -7,8 +7,8 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
+from axisbus.bus.link.adapter import manner
 from axisbus.bus.link.listen import Listener
-from axisbus.bus.link.listenonly import manner
 from axisbus.cell import reader
 from axisbus.cia301.master_detection import words
 from axisbus.cli.shared.common import OK, say, say_json, say_next

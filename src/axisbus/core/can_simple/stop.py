@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
 
-from axisbus.bus.gim6010.request import send
+from axisbus.bus.gim6010.run import send
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.parallel import in_parallel

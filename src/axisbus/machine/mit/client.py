@@ -18,7 +18,7 @@ from functools import partial
 from types import TracebackType
 from typing import NoReturn, Self
 
-from axisbus.bus.gim6010.request import send
+from axisbus.bus.gim6010.run import send
 from axisbus.bus.link import ownership
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301.frame import CanFrame

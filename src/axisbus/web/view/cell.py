@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from axisbus.boot.report import NodeReport
-from axisbus.bus.link.errorframe import WHAT_TO_CHECK, CanErrorState
+from axisbus.bus.link.controller import WHAT_TO_CHECK, CanErrorState
 from axisbus.bus.node.events import BAD
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AxisbusError, seen_of

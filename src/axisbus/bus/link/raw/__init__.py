@@ -1,1 +1,0 @@
-"""Send and receive SocketCAN frames directly through sockets, many with one call; and frames of other adapters by python-can."""
