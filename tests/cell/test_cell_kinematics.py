@@ -6,7 +6,7 @@ import pytest
 
 from axisbus import CoreXY, Delta, Scara
 from axisbus.cell import reader
-from axisbus.cell.groups.kinematics import kinematics_of
+from axisbus.cell.group_kinematics import kinematics_of
 from axisbus.errors import ConfigError
 from kit.cell import cell_text
 

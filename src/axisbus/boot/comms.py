@@ -21,7 +21,7 @@ from axisbus.bus.pdo.read import read_number
 from axisbus.bus.pdo.rpdo import REPEAT
 from axisbus.bus.pdo.setpoint_edge_order import CONTROLWORD
 from axisbus.bus.port import CanPort
-from axisbus.cell.cyclic_modes.feed_forward import wanted_of
+from axisbus.cell.cyclic_modes import wanted_of
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.pdo_plan import io_objects, policy_of
 from axisbus.cell.pdo_tables import map_entry

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
 from axisbus.cell.axis_description import Drive
-from axisbus.cell.scales import units_of
+from axisbus.cell.quantities import units_of
 from axisbus.cia402 import objects as o
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.units import Scale

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from axisbus.cell import scale_proposal
 from axisbus.cell.model import AxisConfig
-from axisbus.cell.scales import units_of
+from axisbus.cell.quantities import units_of
 from axisbus.cell.writes import CellWrite, initial
 from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import own_index

@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from axisbus.cell import key_descriptions, schema, value_readers
+from axisbus.cell import key_descriptions, schema, value_readers, virtual
 from axisbus.cell.can_simple.module import WORDS as MODULE_WORDS
-from axisbus.cell.groups.kinematics import KINDS
+from axisbus.cell.group_kinematics import KINDS
 from axisbus.cell.schema import Keys
-from axisbus.cell.virtual import allowed_keys
 from axisbus.units import INCREMENTS
 
 Json = dict[str, Any]
@@ -86,21 +85,21 @@ def _axis() -> Json:
     )
     scaled: list[Json] = [{"properties": {"unit": {"const": INCREMENTS}}}, {"required": ["scale"]}]
     axis["required"].remove("node")
-    alone: Json = {"properties": {allowed_keys.VIRTUAL: {"const": True}}, "required": [allowed_keys.VIRTUAL]}
+    alone: Json = {"properties": {virtual.VIRTUAL: {"const": True}}, "required": [virtual.VIRTUAL]}
     led = {"if": alone, "then": _virtual(), "else": {"required": ["node"], "anyOf": scaled}}
-    return {**axis, "if": {"required": [allowed_keys.ENCODER]}, "then": _encoder(scaled), "else": led}
+    return {**axis, "if": {"required": [virtual.ENCODER]}, "then": _encoder(scaled), "else": led}
 
 
 def _encoder(scaled: list[Json]) -> Json:
     """Return the keys that an axis with an encoder may have."""
-    own: Json = dict.fromkeys(allowed_keys.KEYS_OF_ENCODER, True)
+    own: Json = dict.fromkeys(virtual.KEYS_OF_ENCODER, True)
     return {"properties": own, "additionalProperties": False, "anyOf": scaled}
 
 
 def _virtual() -> Json:
     """Return the keys that a virtual axis may have; any other key of it, or of its tables, is refused whatever its value."""
-    own: Json = dict.fromkeys(allowed_keys.KEYS, True)
-    for name, keys in allowed_keys.TABLES.items():
+    own: Json = dict.fromkeys(virtual.KEYS, True)
+    for name, keys in virtual.TABLES.items():
         own[name] = {"propertyNames": {"enum": sorted(keys)}}
     return {"properties": own, "additionalProperties": False}
 

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Set
+from collections.abc import Callable, Collection, Set
 from dataclasses import dataclass, replace
 
 from axisbus.cell import scale_proposal, torque
 from axisbus.cell.axis_description import Drive
-from axisbus.cell.cyclic_modes.feed_forward import feed_forward
-from axisbus.cell.cyclic_modes.interpolated import interpolates, led_modes
+from axisbus.cell.cyclic_modes import feed_forward, interpolates, led_modes
 from axisbus.cell.model import AxisConfig, CellConfig
-from axisbus.cell.scales import units_of
-from axisbus.cell.stop_deceleration import braking_of, fixed_ramps
+from axisbus.cell.quantities import units_of
 from axisbus.cia402 import objects, options
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
+from axisbus.cia402.options import Ramp
 from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
@@ -31,9 +30,11 @@ from axisbus.motion.parameters import (
     Units,
     standstill_time,
 )
+from axisbus.motion.stop_deceleration import Braking
 
 # Without standstill_velocity, an axis is at standstill below this part of its default velocity.
 STANDSTILL_PART = 0.01
+
 
 _BY_SHORT_NAME = {facts.short: mode for mode, facts in FACTS.items()}
 _HOLDS = {None: HoldsLoad.NO, "brake": HoldsLoad.BRAKE, "torque": HoldsLoad.TORQUE}
@@ -199,3 +200,42 @@ def _timing(axis: AxisConfig, units: Units) -> DriveTimeouts:
 def _increments(way: float | None, units: Units) -> int | None:
     """Return a distance of cell.toml in position increments, at least 1."""
     return None if way is None else max(1, round(way * abs(units.position.factor)))
+
+
+# -- The decelerations of an axis, from its option codes, quick-stop deceleration, own limits, and read-only ramps -----
+
+
+Read = Callable[[int], int | None]
+
+
+def braking_of(units: Units, read: Read) -> Braking:
+    """Return the ramps of halt and quick stop; ``read`` returns the value of an object of the axis, None if it is unknown."""
+    most_up, most_down = read(objects.MAX_ACCELERATION), read(objects.MAX_DECELERATION)
+    return Braking(
+        _ramp(options.HALT_RAMPS, read(objects.HALT_OPTION)),
+        _ramp(options.QUICK_STOP_RAMPS, read(objects.QUICK_STOP_OPTION)),
+        _stop_deceleration_increments(units, read(objects.QUICK_STOP_DECELERATION)),
+        _stop_deceleration_increments(units, most_up),
+        _stop_deceleration_increments(units, most_down or most_up),
+    )
+
+
+def fixed_ramps(drive: Drive, read: Read) -> tuple[tuple[int, int | None], ...]:
+    """Return the profile ramps (6083h, 6084h) that are read-only in the EDS, each with the drive's value."""
+    found = []
+    for index in (objects.PROFILE_ACCELERATION, objects.PROFILE_DECELERATION):
+        variable = drive.variable(index)
+        if variable is not None and not variable.writable:
+            found.append((index, read(index)))
+    return tuple(found)
+
+
+def _ramp(table: dict[int, Ramp], value: int | None) -> Ramp:
+    return Ramp.UNKNOWN if value is None else table.get(value, Ramp.UNKNOWN)
+
+
+def _stop_deceleration_increments(units: Units, raw: int | None) -> float | None:
+    """Return an acceleration of the drive in position increments per s²; None if it is 0 or unknown."""
+    if not raw or not units.ratio_known:
+        return None
+    return abs(units.acceleration.to_units(raw) * units.position.factor)

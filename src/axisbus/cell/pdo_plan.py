@@ -9,8 +9,8 @@ from axisbus.bus.pdo.io_plan import IoObjects, Used, make_io_plan
 from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
 from axisbus.bus.pdo.plan import PdoChange, PdoPlan, Policy, make_plan, spare_cob_ids
 from axisbus.cell import pdo_tables
-from axisbus.cell.cyclic_modes.feed_forward import feed_forward, wanted_of
-from axisbus.cell.io.signals import points_of
+from axisbus.cell.cyclic_modes import feed_forward, wanted_of
+from axisbus.cell.io_signals import points_of
 from axisbus.cell.model import BusConfig, CellConfig, NodeConfig
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import worst_bits

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from axisbus.cell.model import INCREMENTS, AxisConfig
-from axisbus.cell.scales import units_of
+from axisbus.cell.quantities import units_of
 from axisbus.cia402 import objects as o
 from axisbus.cia402.si_units import INCREMENT, TURN, IncrementSize, by_dimension, decoded
 from axisbus.units import TURNS, Scale

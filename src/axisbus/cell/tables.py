@@ -11,8 +11,7 @@ from axisbus.cell import schema, value_readers
 from axisbus.cell.model import SourceLocation
 from axisbus.cell.problem import CellProblem
 from axisbus.cell.schema import Keys
-from axisbus.cell.toml import TomlDocument
-from axisbus.cell.toml_lines import KeyPath
+from axisbus.cell.toml import KeyPath, TomlDocument
 from axisbus.eds.model import Severity
 
 Fields = dict[str, Any]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from axisbus.cell.model import AxisConfig, NodeConfig, ObjectSetting
-from axisbus.cell.scales import DRIVE, units_of
+from axisbus.cell.quantities import DRIVE, units_of
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects, options
 from axisbus.cia402.axes import own_index

@@ -18,8 +18,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from axisbus.cell.can_simple.modules import canopen_nodes
-from axisbus.cell.can_simple.traffic import module_frames
+from axisbus.cell.can_simple.modules import canopen_nodes, module_frames
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.cell.pdo_tables import requested_pdos

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.cell.axis_description import Drive
-from axisbus.cell.cyclic_modes.interpolated import interpolates
+from axisbus.cell.cyclic_modes import interpolates
 from axisbus.cell.parameters import mode_list, modes
 from axisbus.check.context import Check, CheckContext, Problems, title, titles
 from axisbus.cia402 import objects

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.model import AxisConfig, SourceLocation
-from axisbus.cell.scales import units_of
+from axisbus.cell.quantities import units_of
 from axisbus.check.context import Check, CheckContext, Problems, own_title
 from axisbus.cia402 import objects
 from axisbus.units import Scale

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.cell import scale_proposal
-from axisbus.cell.scales import units_of
+from axisbus.cell.quantities import units_of
 from axisbus.check.context import Check, CheckContext, Problems, own_title
 from axisbus.cia402 import objects
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from axisbus.cell.axis_description import Drive
-from axisbus.cell.scales import units_of
+from axisbus.cell.quantities import units_of
 from axisbus.check.context import Check, CheckContext, Problems, own_title
 from axisbus.cia402 import objects, options
 from axisbus.cia402.options import OptionCode

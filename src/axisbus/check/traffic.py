@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from axisbus.cell.can_simple.modules import canopen_nodes
-from axisbus.cell.can_simple.traffic import module_frames
+from axisbus.cell.can_simple.modules import canopen_nodes, module_frames
 from axisbus.cell.model import CellConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.check.context import CheckContext

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from axisbus.boot.report import Booted
 from axisbus.bus.node.events import BAD, NodeEvent
-from axisbus.cell.gantry.parameters import gantries_of
+from axisbus.cell.gantry import gantries_of
 from axisbus.cell.model import CellConfig
 from axisbus.cia401.port import SignalValidity
 from axisbus.cia402.ip_as_csp import as_csp_capable

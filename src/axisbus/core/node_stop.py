@@ -27,7 +27,7 @@ from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.parallel import in_parallel
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.parameters import highest_speed, standstill_speed, stop_times
-from axisbus.cell.scales import units_of
+from axisbus.cell.quantities import units_of
 from axisbus.cia301 import cob
 from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.nmt import NmtCommand

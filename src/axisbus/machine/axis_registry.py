@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from axisbus.cell.gantry.parameters import gantry_of
-from axisbus.cell.groups.kinematics import kinematics_of
+from axisbus.cell.gantry import gantry_of
+from axisbus.cell.group_kinematics import kinematics_of
 from axisbus.cell.model import CellConfig
 from axisbus.core.late_boot import absent_axis
 from axisbus.errors import ArgumentError, StateError, UnknownNameError

@@ -13,10 +13,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from axisbus.cell.can_simple.drive import module_parameters
-from axisbus.cell.gantry.parameters import gantry_of
+from axisbus.cell.gantry import gantry_of
 from axisbus.cell.model import CellConfig
 from axisbus.cell.parameters import axis_parameters
-from axisbus.cell.virtual.parameters import all_virtual
+from axisbus.cell.virtual import all_virtual
 from axisbus.cia402 import homing
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities

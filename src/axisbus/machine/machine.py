@@ -244,7 +244,7 @@ class Machine:
     def io(self) -> InputsOutputs:
         """The named inputs and outputs: ``machine.io["lamp"]``. If a node has not come up, its values are unknown."""
         if self._io is None:
-            from axisbus.cell.io.signals import all_points  # most cells have none
+            from axisbus.cell.io_signals import all_points  # most cells have none
             from axisbus.machine.io import InputsOutputs
 
             dictionaries = {node_id: parts.eds for node_id, parts in self._core.nodes.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from axisbus.cell.can_simple.modules import require_objects
-from axisbus.cell.io.signals import all_points
+from axisbus.cell.io_signals import all_points
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.datatypes import DataType, Value
 from axisbus.cia401.signal import IoPoint

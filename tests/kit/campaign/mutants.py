@@ -11,7 +11,7 @@ from unittest.mock import patch
 from axisbus.boot import node as booting
 from axisbus.cell import parameters as cell_parameters
 from axisbus.cell import scale_proposal
-from axisbus.cell.scales import units_of
+from axisbus.cell.quantities import units_of
 from axisbus.errors import LimitError, MotionTimeout, UncommandedMotion
 from axisbus.machine import axis as axis_calls
 from axisbus.machine.axis import Axis

@@ -13,7 +13,7 @@ from axisbus.boot.report import AxisReport, Booted, NodeReport
 from axisbus.boot.stop_report import StopLadderReport, Watchdog, WatchdogReport
 from axisbus.cell import scale_proposal
 from axisbus.cell.can_simple.drive import drive_of, module_parameters
-from axisbus.cell.can_simple.endpoint_list import list_of
+from axisbus.cell.can_simple.modules import list_of
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.scale_proposal import ScaleReport
 from axisbus.cia402 import modes

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
 
 from axisbus.bus.link.interfaces import MODBUS
-from axisbus.cell.model import BusConfig, CellConfig
+from axisbus.cell.model import BusConfig, CellConfig, NodeConfig
+from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, parse
+from axisbus.drives.gim6010.can_simple.identifier import can_id
+from axisbus.drives.gim6010.can_simple.messages import LENGTH, named
+from axisbus.drives.gim6010.can_simple.periodic import FACTORY
+from axisbus.drives.gim6010.can_simple.port.feedback import CURRENT_EVERY, SELDOM
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
-from axisbus.errors import StateError
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware, proposed_version
+from axisbus.errors import ArgumentError, StateError
 
 NO_REMOTE = ("socketcand",)  # interfaces whose protocol has no remote frames
 
@@ -77,3 +85,107 @@ def settings_by_axis(cell: CellConfig, names: Collection[str]) -> dict[str, Modu
         for axis in cell.axes_of(node_id)
         if axis.name in names
     }
+
+
+# -- The list of endpoints that a cell file names for a module, and the firmware that the list belongs to --------------
+
+
+def list_of(node: NodeConfig, folder: Path) -> tuple[EndpointList, Firmware] | None:
+    """Return the list of a module and its firmware, by the file's name or else the node's ``firmware``; None if none is named.
+
+    Raises:
+        ArgumentError: the file cannot be read, or is no such list; its firmware is unknown, or file name and ``firmware`` differ.
+    """
+    if node.module is None or node.module.endpoints is None:
+        return None
+    path = folder / node.module.endpoints
+    try:
+        path = folder / Path(node.module.endpoints).expanduser()  # RuntimeError: unknown home folder
+        text = path.read_bytes()
+    except (OSError, RuntimeError) as error:
+        raise ArgumentError(
+            f"{path} cannot be read: {getattr(error, 'strerror', error)}",
+            remedy="give the firmware's list of endpoints (the manufacturer's JSON file), a path relative to the cell file",
+        ) from error
+    return parse(text, path.name), _made_for(path.name, node.firmware)
+
+
+def _made_for(name: str, firmware: str | None) -> Firmware:
+    named, given = proposed_version(name), None if firmware is None else Firmware.parse(firmware)
+    if named is not None and given is not None and named != given:
+        raise ArgumentError(
+            f"{name} is for firmware {named} by its name, and the node must have {given}",
+            remedy=f"get the list of firmware {given} from the manufacturer, or correct firmware",
+        )
+    made_for = named or given
+    if made_for is None:
+        raise ArgumentError(
+            f"{name} does not give its firmware version",
+            remedy='name it endpoints_0.5.13.json if it is for that version, or add firmware = "0.5.13" to the node',
+        )
+    return made_for
+
+
+# -- Modules on a serial line (``[bus] interface = "modbus"``): the options of their relay -----------------------------
+
+
+def line_options(cell: CellConfig) -> Mapping[str, object]:
+    """Return the adapter's options beside ``[bus.options]``: on a serial line, the list of endpoints of each module.
+
+    Raises:
+        ArgumentError: a list is unusable; ``axisbus check`` reports it with its line.
+    """
+    if not is_line(cell.bus):
+        return {}
+    lists = {node.node_id: list_of(node, cell.folder) for node in cell.nodes.values()}
+    return {"modules": {node_id: found for node_id, found in lists.items() if found is not None}}
+
+
+# -- The frames of a cell's modules while it runs: cyclic messages, requests with their answers, and targets -----------
+
+
+_ESTIMATES, _COUNT, _CURRENT, _TARGET = (
+    "Get_Encoder_Estimates",
+    "Get_Encoder_Count",
+    "Get_Iq",
+    "Set_Input_Pos",
+)
+
+
+class ModuleFrame(NamedTuple):
+    """Frames of one kind: ``rate`` per second at worst, in closed loop; ``to_module``: whether the master sends them."""
+
+    node: int
+    can_id: int
+    kind: str
+    name: str
+    rate: float
+    data_bytes: int
+    to_module: bool
+
+
+def module_frames(cell: CellConfig) -> Iterator[ModuleFrame]:
+    """Return the frames of all modules; raises as ``settings_of``."""
+    for node_id in modules_of(cell):
+        yield from _of_module(cell, node_id)
+
+
+def _of_module(cell: CellConfig, node: int) -> Iterator[ModuleFrame]:
+    settings = settings_of(cell, node)
+    period = settings.period
+    yield _frame(node, "heartbeat", "Heartbeat", 1 / settings.heartbeat, LENGTH, to_module=False)
+    # The master requests the estimates in every cycle from a module that does not send them automatically; the worst case counts.
+    by_itself = 1000 / FACTORY[_ESTIMATES]
+    asked = {_ESTIMATES: 1 / period, _COUNT: 1 / SELDOM}
+    if settings.torque is not None:
+        asked[_CURRENT] = 1 / max(CURRENT_EVERY, period)
+    request = 0 if carries_remote(cell.bus) else LENGTH
+    for name, rate in asked.items():
+        yield _frame(node, "request", name, rate, request, to_module=True)
+        answers = max(by_itself, rate) if name == _ESTIMATES else rate
+        yield _frame(node, "answer", name, answers, LENGTH, to_module=False)
+    yield _frame(node, "target", _TARGET, 1 / period, LENGTH, to_module=True)
+
+
+def _frame(node: int, kind: str, name: str, rate: float, data_bytes: int, *, to_module: bool) -> ModuleFrame:
+    return ModuleFrame(node, can_id(node, named(name).command), kind, name, rate, data_bytes, to_module)

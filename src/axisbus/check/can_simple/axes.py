@@ -10,7 +10,7 @@ from axisbus.cell.axis_description import Drive
 from axisbus.cell.can_simple.drive import drive_of
 from axisbus.cell.can_simple.module import READERS
 from axisbus.cell.can_simple.modules import modules_of, settings_of
-from axisbus.cell.cyclic_modes.feed_forward import feed_forward
+from axisbus.cell.cyclic_modes import feed_forward
 from axisbus.cell.model import SIMULATED
 from axisbus.check import limits, modes, monitoring_windows, ranges
 from axisbus.check.context import Check, CheckContext, Problems

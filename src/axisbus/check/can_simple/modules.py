@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.cell.can_simple.endpoint_list import list_of
 from axisbus.cell.can_simple.module import CANOPEN, MODBUS, READERS, TORQUE, ModuleConfig
-from axisbus.cell.can_simple.modules import is_line
+from axisbus.cell.can_simple.modules import is_line, list_of
 from axisbus.cell.model import AxisConfig, NodeConfig
 from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.drives.gim6010.can_simple.coexistence import clashes, free_nodes

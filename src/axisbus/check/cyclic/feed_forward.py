@@ -6,9 +6,9 @@ from axisbus.bus.pdo.mapping import axis_objects
 from axisbus.bus.pdo.plan import make_plan
 from axisbus.cell import pdo_tables, torque
 from axisbus.cell.axis_description import Drive
-from axisbus.cell.cyclic_modes.feed_forward import feed_forward, wanted_of
+from axisbus.cell.cyclic_modes import feed_forward, wanted_of
 from axisbus.cell.pdo_plan import policy_of
-from axisbus.cell.scales import units_of
+from axisbus.cell.quantities import units_of
 from axisbus.check.context import Check, CheckContext, Problems, own_title
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import OFFSET_OBJECTS, ValueTransport

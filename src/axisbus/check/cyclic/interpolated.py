@@ -5,8 +5,7 @@ from __future__ import annotations
 from axisbus.bus.pdo.mapping import axis_objects
 from axisbus.bus.pdo.plan import make_plan
 from axisbus.cell import pdo_tables
-from axisbus.cell.cyclic_modes.feed_forward import wanted_of
-from axisbus.cell.cyclic_modes.interpolated import interpolates
+from axisbus.cell.cyclic_modes import interpolates, wanted_of
 from axisbus.cell.pdo_plan import policy_of
 from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.cia402.port import ValueTransport

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from itertools import combinations
 
 from axisbus.bus.pdo.mapping import MapEntry
+from axisbus.cell import io_signals as io_points
 from axisbus.cell import pdo_tables
-from axisbus.cell.io import signals as io_points
 from axisbus.cell.model import IoConfig, NodeConfig
 from axisbus.cell.pdo_plan import io_plan, used_by_axes
 from axisbus.cell.writes import known_writes

@@ -16,8 +16,8 @@ from axisbus.bus.node.events import NodeEvent, NodeEvents
 from axisbus.bus.node.nmt import not_obeyed
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell.can_simple.modules import modules_of
-from axisbus.cell.cyclic_modes.feed_forward import more_outputs
-from axisbus.cell.io.signals import points_of
+from axisbus.cell.cyclic_modes import more_outputs
+from axisbus.cell.io_signals import points_of
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cia301.dropped_frames import Drop
 from axisbus.cia301.emcy import Emcy

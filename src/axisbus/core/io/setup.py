@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from axisbus.cell.io.signals import points_of
+from axisbus.cell.io_signals import points_of
 from axisbus.cell.model import CellConfig
 from axisbus.core.io.io_scan import IoScan
 from axisbus.eds.dictionary import Dictionary

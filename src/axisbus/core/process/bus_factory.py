@@ -6,7 +6,7 @@ import socket
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.socketpair_bus import PairBus
-from axisbus.cell.can_simple.serial_line import line_options
+from axisbus.cell.can_simple.modules import line_options
 from axisbus.cell.model import CellConfig
 
 

@@ -14,7 +14,7 @@ from contextlib import ExitStack
 from axisbus.bus.cycle import sending_again
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.node import CanopenNode
-from axisbus.cell.io.signals import all_points
+from axisbus.cell.io_signals import all_points
 from axisbus.cell.model import CellConfig
 from axisbus.cia401.signal import IoPoint
 from axisbus.core.can_simple.stop import stop_drives

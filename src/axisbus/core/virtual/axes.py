@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from axisbus.cell.model import CellConfig
-from axisbus.cell.virtual.parameters import all_virtual
+from axisbus.cell.virtual import all_virtual
 from axisbus.cia402.port import Port
 from axisbus.core.io.io_scan import IoScan
 from axisbus.core.virtual.drive import VirtualDrive

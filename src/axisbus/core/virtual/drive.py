@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from axisbus.cell.virtual.parameters import SETTINGS
+from axisbus.cell.virtual import SETTINGS
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402 import objects
 from axisbus.cia402 import statusword as sw

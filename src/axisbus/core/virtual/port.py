@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from axisbus.cell.virtual.parameters import OBJECTS, SETTINGS
+from axisbus.cell.virtual import OBJECTS, SETTINGS
 from axisbus.cia301 import abort
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.port import (

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import replace
 
 from axisbus.bus.pdo.plan import PdoRequirements
 from axisbus.cell.axis_description import Drive
-from axisbus.cell.cyclic_modes.interpolated import interpolates
 from axisbus.cell.model import AxisConfig, NodeConfig
+from axisbus.cia402 import objects
+from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.cia402.port import INTERPOLATION_OBJECTS, OUTPUT_OBJECTS, ValueTransport
 from axisbus.eds.model import Eds
 from axisbus.motion.feed_forward.settings import FeedForward
@@ -53,3 +54,35 @@ def carried(parameters: AxisParameters, outputs: Mapping[str, ValueTransport]) -
     if asked is not None and not all(outputs.get(name) is ValueTransport.SYNC_PDO for name in asked.outputs):
         return replace(parameters, feed_forward=None)
     return parameters
+
+
+# -- Select the axes that the master commands in interpolated position mode (ip), because their drive has no csp -------
+
+
+_M = ModeOfOperation
+_IP, _CSP = _M.INTERPOLATED_POSITION, _M.CYCLIC_SYNC_POSITION
+
+
+def interpolates(drive: Drive) -> bool:
+    """Whether the master uses the drive's ip as csp.
+
+    It does if 6502h lists ip and not csp, unless ``modes`` in the cell file lists neither; and if ``modes`` lists only ip of the
+    two.
+    """
+    if not _can(drive):
+        return False
+    named, claimed = drive.axis.modes, drive.claimed
+    if named is not None and FACTS[_CSP].short not in named:
+        return FACTS[_IP].short in named
+    return claimed is not None and _IP in claimed and _CSP not in claimed
+
+
+def led_modes(drive: Drive, modes: Set[ModeOfOperation]) -> frozenset[ModeOfOperation]:
+    """Return the modes of an axis as motion uses them: ip is replaced by csp if the master uses ip as csp."""
+    return frozenset(modes - {_IP} | {_CSP}) if interpolates(drive) else frozenset(modes)
+
+
+def _can(drive: Drive) -> bool:
+    """Whether the objects exist: the first set-point of 60C1h, and 607Ah, which stores the newest position for the other modes."""
+    found = drive.variable(objects.INTERPOLATION_DATA, 1) is not None
+    return found and not drive.missing((objects.TARGET_POSITION, objects.POSITION_ACTUAL))

@@ -1,1 +1,0 @@
-"""The values that an axis's cyclic modes need in its PDOs: offsets of feed-forward, and the target of ip."""

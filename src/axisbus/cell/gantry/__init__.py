@@ -1,1 +1,0 @@
-"""The pairs of axes that carry one beam, as a cell file names them."""

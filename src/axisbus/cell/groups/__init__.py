@@ -1,1 +1,0 @@
-"""The common settings of a group's axes in a cell file."""

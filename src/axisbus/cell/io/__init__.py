@@ -1,1 +1,0 @@
-"""Named inputs and outputs of a cell, looked up in the files of its nodes."""
