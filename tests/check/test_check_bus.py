@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.cell import reader
-from axisbus.check.cycle_bus_load import nearest_period
-from axisbus.check.cycle_schedule import shortest, timetable
+from axisbus.check.cycle_schedule import nearest_period, shortest, timetable
 from axisbus.cia301.frame import worst_bits
 from axisbus.core.files import load_dictionaries
 from kit import cells

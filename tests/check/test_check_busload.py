@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.cell import reader
-from axisbus.check import traffic
-from axisbus.check.load_meter import Meter, actual_bits
+from axisbus.check import bus_load
+from axisbus.check.bus_load import Meter, actual_bits
 from axisbus.cia301.frame import CanFrame, plain_bits, worst_bits
 from axisbus.core.files import load_dictionaries
 
@@ -102,7 +102,7 @@ def test_no_time_has_no_load():
 def test_the_plan_of_the_example_by_hand():
     """Each 4 ms: SYNC, for each of three drives two RPDOs (7 and 6 bytes), three TPDOs (7, 6 and 4); in 100 ms 4 heartbeats."""
     cell = reader.load(CELL)
-    found = traffic.streams(cell, load_dictionaries(cell))
+    found = bus_load.streams(cell, load_dictionaries(cell))
     assert sum(1 for stream in found if stream.kind == "RPDO") == 6
     per_cycle = 47 + 3 * ((47 + 56) + (47 + 48) + (47 + 56) + (47 + 48) + (47 + 32))
     assert sum(stream.least for stream in found) == pytest.approx(per_cycle / 0.004 + 4 * 55 / 0.1)

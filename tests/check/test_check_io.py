@@ -8,9 +8,9 @@ import pytest
 
 from axisbus.cell import reader
 from axisbus.cell.problem import CellProblem
+from axisbus.check.bus_load import streams
 from axisbus.check.cycle_schedule import timetable
 from axisbus.check.run import check
-from axisbus.check.traffic import streams
 from axisbus.core.files import load_dictionaries
 from kit.cell import cell_text
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from axisbus.cell import reader
+from axisbus.check.bus_load import streams
 from axisbus.check.cycle_schedule import timetable
 from axisbus.check.run import check
-from axisbus.check.traffic import streams
 from axisbus.core.files import load_dictionaries
 from kit.can_simple.mixed import write
 

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from axisbus.check.load_meter import actual_bits
+from axisbus.check.bus_load import actual_bits
 from axisbus.cia301.frame import BusTraffic, CanFrame
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.bus.link import adapter
-from axisbus.check.load_cell import checked
+from axisbus.check.run import checked
 from axisbus.core.simulated_nodes import SimulatedNode
 from axisbus.errors import LimitError, StateError
 from axisbus.machine.axis import Axis

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from axisbus.bus.link import controller, frame_files
 from axisbus.cell import reader
-from axisbus.check.load_meter import Meter
+from axisbus.check.bus_load import Meter
 from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.master_detection import ExpectedMasters, MasterDetector, words
 from axisbus.core.files import load_dictionaries

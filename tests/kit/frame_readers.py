@@ -20,7 +20,7 @@ from axisbus.bus.pdo.tpdo_inputs import TpdoSlot
 from axisbus.bus.sdo.client import failed
 from axisbus.bus.sync_and_time import SyncConsumer, TimeConsumer
 from axisbus.cell import reader as cells
-from axisbus.check.load_meter import Meter
+from axisbus.check.bus_load import Meter
 from axisbus.cia301.datatypes import DataType, decode
 from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.emcy import explain

@@ -22,7 +22,7 @@ def all_points(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[str, I
 
 
 def points_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> tuple[IoPoint, ...]:
-    """Return the points of a node, in the file's order; a point with an error is left out (``check.io.points`` reports it)."""
+    """Return the points of a node, in the file's order; a point with an error is left out (``check.io`` reports it)."""
     found = (point_of(each, dictionary) for each in cell.io_of(node_id))
     return tuple(point for point in found if point is not None)
 

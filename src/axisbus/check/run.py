@@ -8,57 +8,52 @@ from pathlib import Path
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
 from axisbus.cell.parameters import axis_parameters
-from axisbus.cell.problem import CellProblem
+from axisbus.cell.problem import CellProblem, errors
 from axisbus.check import (
     bootup,
+    can_simple,
     cobids,
+    cyclic_modes,
     devices,
-    firmware,
+    gantry,
+    io,
     limits,
-    missing,
     modes,
-    monitoring_windows,
     objects,
     pdos,
     ranges,
-    scales,
     services,
     stopping,
     structure,
-    watchdog,
 )
-from axisbus.check import cycle_bus_load as load
-from axisbus.check.can_simple import axes, modules
+from axisbus.check import cycle_schedule as load
 from axisbus.check.context import Check, CheckContext
-from axisbus.check.cyclic import feed_forward, interpolated
-from axisbus.check.gantry import pairs
 from axisbus.check.ids.table import id_of
-from axisbus.check.io import points
 from axisbus.motion.stop.promises import Promise, promises
 
 CHECKS: tuple[Check, ...] = (
     *structure.CHECKS,
-    *modules.CHECKS,
-    *axes.CHECKS,
+    *can_simple.CHECKS,
+    *can_simple.AXIS_CHECKS,
     *devices.CHECKS,
     *objects.CHECKS,
     *cobids.CHECKS,
     *services.CHECKS,
     *pdos.CHECKS,
-    *points.CHECKS,
-    *pairs.CHECKS,
+    *io.CHECKS,
+    *gantry.CHECKS,
     *modes.CHECKS,
     *limits.CHECKS,
-    *feed_forward.CHECKS,
-    *interpolated.CHECKS,
+    *cyclic_modes.CHECKS,
+    *cyclic_modes.INTERPOLATED_CHECKS,
     *ranges.CHECKS,
-    *scales.CHECKS,
+    *ranges.SCALE_CHECKS,
     *stopping.CHECKS,
-    *watchdog.CHECKS,
-    *monitoring_windows.CHECKS,
+    *stopping.WATCHDOG_CHECKS,
+    *limits.WINDOW_CHECKS,
     *bootup.CHECKS,
-    *firmware.CHECKS,
-    *missing.CHECKS,
+    *bootup.PROGRAM_CHECKS,
+    *structure.MISSING_KEY_CHECKS,
     *load.CHECKS,
 )
 
@@ -91,3 +86,25 @@ def check_cell(cell: CellConfig, problems: list[CellProblem] | None = None) -> l
         rule = id_of(one)
         found += (replace(problem, rule=problem.rule or rule) for problem in one(case))
     return sorted(dict.fromkeys(found), key=lambda problem: problem.rank)
+
+
+# -- Read a cell file and refuse it if ``axisbus check`` would find an error -------------------------------------------
+
+
+def checked(path: str | Path, beside: bool = False) -> CellConfig:
+    """Return the cell of a file in which ``check`` finds no error; ``beside``: as if the file said so. Blocks for its files.
+
+    Raises:
+        ConfigError: there is an error; it contains the first error, and lists the others.
+    """
+    cell, problems = reader.read(path)
+    if cell is None:
+        raise reader.as_exception(errors(problems))
+    require_sound(cell, problems)
+    return cell.beside(beside)
+
+
+def require_sound(cell: CellConfig, problems: list[CellProblem]) -> None:
+    """Raise ``ConfigError`` as ``checked`` does; ``problems`` come from reading the cell. Blocks for its files."""
+    if wrong := errors(check_cell(cell, problems)):
+        raise reader.as_exception(wrong)

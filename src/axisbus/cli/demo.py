@@ -10,7 +10,7 @@ import click
 
 from axisbus import Recorder, wait
 from axisbus.cell.model import SIMULATED, CellConfig
-from axisbus.check.load_cell import checked
+from axisbus.check.run import checked
 from axisbus.cli.shared.common import FAILURE, OK, say, say_next
 from axisbus.cli.shared.error_text import with_page
 from axisbus.cli.shared.output import output_option, require_writable, write_whole

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from axisbus import wait
-from axisbus.check.load_cell import checked
+from axisbus.check.run import checked
 from axisbus.cli.shared import axes as named
 from axisbus.cli.shared.attach_or_open import running, take_option
 from axisbus.cli.shared.axes_and_pairs import as_pairs, movers

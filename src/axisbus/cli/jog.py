@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from axisbus.check.load_cell import checked
+from axisbus.check.run import checked
 from axisbus.cli.shared.attach_or_open import take_option
 from axisbus.cli.shared.axes_and_pairs import require_no_pair
 from axisbus.cli.shared.common import echo

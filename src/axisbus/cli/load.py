@@ -20,8 +20,7 @@ from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.cell.model import CellConfig
-    from axisbus.check.load_meter import LoadShare, MeasuredLoad
-    from axisbus.check.traffic import TrafficStream
+    from axisbus.check.bus_load import LoadShare, MeasuredLoad, TrafficStream
 
 FULL = 0.9  # as in ``axisbus check``
 _LISTEN = 5.0
@@ -74,7 +73,7 @@ def command(
 
 def _planned(path: Path, bitrate: int | None) -> dict[str, Any]:
     from axisbus.cell import reader
-    from axisbus.check.traffic import streams
+    from axisbus.check.bus_load import streams
     from axisbus.core.files import load_dictionaries
 
     cell = reader.load(path)
@@ -109,7 +108,7 @@ def _sums(found: list[TrafficStream], rate: int, key: str) -> list[dict[str, Any
 
 
 def _measured(asked: FrameSourceOptions, seconds: float | None) -> dict[str, Any]:
-    from axisbus.check.load_meter import Meter
+    from axisbus.check.bus_load import Meter
     from axisbus.trace.decoder import Decoder
 
     with ExitStack() as stack:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from axisbus.check.load_cell import checked
+from axisbus.check.run import checked
 from axisbus.cli.shared.attach_or_open import machine_of, take_option
 from axisbus.cli.shared.common import OK, WRONG, say
 from axisbus.cli.shared.completion import complete_axes

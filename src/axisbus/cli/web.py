@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.check.load_cell import checked
+from axisbus.check.run import checked
 from axisbus.cli.shared.attach_or_open import machine_of, take_option
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.machine_status import BesideAxes

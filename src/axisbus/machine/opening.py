@@ -95,7 +95,7 @@ def out_of_reach(path: str | Path) -> str:
 def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[CellConfig, Core]:
     """Return a cell and its core in virtual time; as ``Machine.simulated``."""
     from axisbus.cell.can_simple.modules import is_line
-    from axisbus.check.load_cell import checked
+    from axisbus.check.run import checked
     from axisbus.core.direct.link import DirectLink
     from axisbus.core.files import load_dictionaries
     from axisbus.core.runtime import Runtime
@@ -126,7 +126,7 @@ def boot(
     Raises:
         ConfigError, EdsError, AdapterError, SecondMasterError: as ``Machine.open``.
     """
-    from axisbus.check.load_cell import checked
+    from axisbus.check.run import checked
     from axisbus.core.canlink import CanLink
     from axisbus.core.files import load_dictionaries
     from axisbus.core.runtime import Runtime
@@ -148,7 +148,7 @@ def boot(
 
 
 def _check(cell: CellConfig, problems: list[CellProblem]) -> None:
-    from axisbus.check.load_cell import require_sound
+    from axisbus.check.run import require_sound
 
     require_sound(cell, problems)
 

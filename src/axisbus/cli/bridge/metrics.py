@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.check.load_cell import checked
+from axisbus.check.run import checked
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.options import listen_option, port_option
 from axisbus.cli.shared.paths import PATH

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cell.model import CellConfig
-from axisbus.check.load_cell import checked
+from axisbus.check.run import checked
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.options import listen_option, port_option
 from axisbus.cli.shared.paths import PATH

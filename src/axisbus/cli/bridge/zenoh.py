@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from axisbus.check.load_cell import checked
+from axisbus.check.run import checked
 from axisbus.cli.bridge.ros_options import RECEIVES, ros_of, ros_options
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.paths import PATH

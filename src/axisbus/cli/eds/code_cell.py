@@ -8,7 +8,7 @@ from axisbus.cell.can_simple.modules import canopen_nodes
 from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cell.pdo_plan import beside_pdos, travelling
 from axisbus.check.context import CheckContext
-from axisbus.check.load_cell import checked
+from axisbus.check.run import checked
 from axisbus.core.files import load_dictionaries
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.layout import of_pdo

@@ -11,7 +11,7 @@ from typing import TypeVar
 import click
 
 from axisbus import wait
-from axisbus.check.load_cell import checked
+from axisbus.check.run import checked
 from axisbus.cli.shared.axes_and_pairs import Mover, all_axes, movers, sides_of
 from axisbus.cli.shared.common import say
 from axisbus.cli.shared.enabled_axes import commanded, enable, say_position

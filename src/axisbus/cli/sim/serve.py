@@ -10,7 +10,7 @@ import click
 
 from axisbus.cell.can_simple.modules import modules_of
 from axisbus.cell.model import CellConfig
-from axisbus.check.load_cell import checked
+from axisbus.check.run import checked
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import port_option

@@ -1,1 +1,0 @@
-"""The checks of modules that speak CAN Simple, before the first frame is sent."""

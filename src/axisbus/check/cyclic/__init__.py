@@ -1,1 +1,0 @@
-"""The checks of the cyclic modes in a cell file."""
