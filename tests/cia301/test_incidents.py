@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.cia301 import errorfield
+from axisbus.cia301 import emcy as errorfield
 from axisbus.cia301.emcy import Emcy, parse
 from axisbus.cia301.incident import HISTORY, MESSAGES, Incident, Incidents, IncidentState, group
 from axisbus.cia301.timeofday import TimeOfDay

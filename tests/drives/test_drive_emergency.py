@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.cia301.emcy import parse
-from axisbus.cia301.errorfield import decode
+from axisbus.cia301.emcy import decode, parse
 from axisbus.cia301.incident import group
 from axisbus.drives.emcy_text import emcy_words, history_words, incident_words
 from axisbus.drives.gim6010.make import GIM6010

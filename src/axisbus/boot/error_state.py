@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from axisbus.cia301 import emcy, errorfield
+from axisbus.cia301 import emcy
 from axisbus.cia301 import objects as o
-from axisbus.cia301.emcy import Emcy
-from axisbus.cia301.errorfield import ErrorEntry
+from axisbus.cia301.emcy import Emcy, ErrorEntry
 from axisbus.drives.emcy_text import emcy_words, history_words
 from axisbus.drives.make import GENERIC, Make
 from axisbus.errors import BusError, SdoAbort
@@ -71,7 +70,7 @@ def read(objects: ErrorStateUploads, last: Emcy | None = None, ago: float = 0.0)
     """Read the error state; blocks for a few transfers, or for one if the node does not answer. Raises no node or bus errors."""
     try:
         register = _number(objects, o.ERROR_REGISTER, 0)
-        history = errorfield.read(lambda index, subindex: _number(objects, index, subindex))
+        history = emcy.read(lambda index, subindex: _number(objects, index, subindex))
     except BusError:
         return ErrorState(None, None, last, ago)
     return ErrorState(register, history, last, ago)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from axisbus.cia301 import emcy as cia301
-from axisbus.cia301.emcy import Emcy
-from axisbus.cia301.errorfield import ErrorEntry
+from axisbus.cia301.emcy import Emcy, ErrorEntry
 from axisbus.cia301.incident import Incident, IncidentState
 from axisbus.drives.make import GENERIC, Make
 from axisbus.wording import counted

@@ -15,8 +15,7 @@ from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.plan import PdoPlan
 from axisbus.bus.pdo.tpdo_timeout import PdoEvent
 from axisbus.cia301.dropped_frames import Drop
-from axisbus.cia301.emcy import Emcy
-from axisbus.cia301.errorfield import ErrorEntry
+from axisbus.cia301.emcy import Emcy, ErrorEntry
 from axisbus.cia301.frame import BusTraffic
 from axisbus.cia301.incident import Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState

@@ -12,10 +12,9 @@ from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.plan import PdoPlan
 from axisbus.bus.pdo.tpdo_timeout import PdoEvent
 from axisbus.cell.can_simple.modules import no_objects
-from axisbus.cia301 import errorfield
+from axisbus.cia301 import emcy as errorfield
 from axisbus.cia301.datatypes import Value
-from axisbus.cia301.emcy import Emcy
-from axisbus.cia301.errorfield import ErrorEntry
+from axisbus.cia301.emcy import Emcy, ErrorEntry
 from axisbus.cia301.incident import EmcyLog, Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.pdo import PdoLocation
