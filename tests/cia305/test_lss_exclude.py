@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 
 from axisbus.cia305 import master
 from axisbus.cia305.dialogue import AdaptiveLssTimeout
-from axisbus.cia305.exclude import GIVEN_UP
+from axisbus.cia305.exclude import DEPTH, GIVEN_UP, ROOT, of
 from axisbus.cia305.fastscan import FastScan
 from axisbus.cia305.scan_result import Check, KnownIdentity, Scanned
 from axisbus.cia305.services import LssAddress
-from axisbus.cia305.tree import DEPTH, ROOT, of
 from kit.lss_line import AnswersAnything, AnswersOn, AnswersOnSelected, AnswersResets, HandSlave, Line, Sticky
 
 ONES = 0xFFFF_FFFF
