@@ -9,7 +9,7 @@ import time
 import pytest
 
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.configuration import object_1010, preconditions
+from axisbus.configuration import preconditions, store_parameters
 from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds import load, loads
@@ -24,7 +24,7 @@ CHANGES = {(0x6081, 0): 123_456, (0x6083, 0): 7_654_321, (0x607D, 1): -50_000, (
 @pytest.fixture
 def axisbus(monkeypatch, capsys, tmp_path) -> commands.Run:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(object_1010, "RESTART_SEEN", 0.3)
+    monkeypatch.setattr(store_parameters, "RESTART_SEEN", 0.3)
     return commands.runner(monkeypatch, capsys)
 
 

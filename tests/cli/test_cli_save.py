@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from axisbus.configuration import object_1010
+from axisbus.configuration import store_parameters
 from axisbus.machine.machine import Machine
 from kit import commands
 
@@ -18,7 +18,7 @@ STORED = 0x1010 << 8 | 1
 @pytest.fixture
 def axisbus(monkeypatch, capsys, tmp_path) -> commands.Run:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(object_1010, "RESTART_SEEN", 0.3)
+    monkeypatch.setattr(store_parameters, "RESTART_SEEN", 0.3)
     return commands.runner(monkeypatch, capsys)
 
 
@@ -86,7 +86,7 @@ def test_it_is_refused_while_a_drive_is_energised(axisbus, bus, state, monkeypat
     before = device.dictionary.snapshot()
     told = []
     monkeypatch.setattr(
-        object_1010, "store", lambda *each: told.append(each) or object_1010.Stored(False, 0.0)
+        store_parameters, "store", lambda *each: told.append(each) or store_parameters.Stored(False, 0.0)
     )
     code, _, err = axisbus("save", NODE, *options)
     if state != 0x0F:

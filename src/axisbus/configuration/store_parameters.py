@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from axisbus.bus.node.node import CanopenNode
-from axisbus.configuration import compare, device_side, guarded_write, object_1010
+from axisbus.cia301 import objects as o
+from axisbus.configuration import compare, guarded_write
 from axisbus.drives import registry
-from axisbus.errors import NodeError, StateError
+from axisbus.drives.make import Make
+from axisbus.errors import NodeError, NodeTimeout, SdoAbort, SdoTimeout, StateError
 
 OBJECT = "1010h:01 (Save all parameters)"  # CiA 301 7.5.2.13
 Tell = Callable[[str, int, int], None]
@@ -38,11 +41,11 @@ def keep(node: CanopenNode, tell: Tell | None = None) -> StoreResult:
     who = node.identity()
     make = registry.find(who.vendor_id, who.product_code)
     variables = [] if node.eds is None else list(compare.entries(node.eds))
-    before = device_side.of_device(node, variables, _phase(tell, f"reading node {node.node_id}"))
+    before = compare.of_device(node, variables, _phase(tell, f"reading node {node.node_id}"))
     storing = _phase(tell, f"node {node.node_id} stores")
     if storing is not None:
         storing(0, 1)
-    stored = object_1010.store(node, make)
+    stored = store(node, make)
     if storing is not None:
         storing(1, 1)
     if node.identity() != who:
@@ -53,7 +56,7 @@ def keep(node: CanopenNode, tell: Tell | None = None) -> StoreResult:
         )
     if not stored.restarted:  # without a restart, the values in RAM prove nothing about its memory
         return StoreResult(False, stored.seconds, compare.Comparison(0, ()))
-    after = device_side.of_device(node, variables, _phase(tell, f"reading node {node.node_id} again"))
+    after = compare.of_device(node, variables, _phase(tell, f"reading node {node.node_id} again"))
     readable = [each for each in variables if (each.index, each.subindex) in before.values]
     return StoreResult(True, stored.seconds, compare.compare(readable, before, after))
 
@@ -67,10 +70,92 @@ def _require_at_rest(node: CanopenNode) -> None:
             remedy="stop it first: axisbus stop CELL",
         )
     guarded_write.require_no_other_master(node)
-    why_not = object_1010.can_store(node)
+    why_not = can_store(node)
     if why_not:
         raise StateError(f"node {node.node_id} cannot store its parameters: {why_not}; nothing was sent")
 
 
 def _phase(tell: Tell | None, what: str) -> Callable[[int, int], None] | None:
     return None if tell is None else lambda done, total: tell(what, done, total)
+
+
+# -- Store a node's parameters by 1010h, including the restart that some drives do afterwards --------------------------
+
+
+SAVE = b"save"  # 65766173h, as it is sent (CiA 301 7.5.2.13)
+ALL_PARAMETERS = 1
+ON_COMMAND, BY_ITSELF = 1, 2  # bits of the value of 1010h (CiA 301 figure 56)
+WRITE_TIME = 10.0  # seconds that the memory may need
+RESTART_SEEN = 1.0  # seconds within which a restart is detected
+RESTART_TIME = 15.0  # seconds that a restart may take
+_SLICE = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """The result of storing: whether the node restarted, and the total time in seconds."""
+
+    restarted: bool
+    seconds: float
+
+
+def can_store(node: CanopenNode) -> str:
+    """Return the reason why 1010h:01 does not store on command, empty if it does; blocks for a transfer.
+
+    Raises:
+        SdoError, AdapterError: as ``SdoClient.upload``.
+    """
+    try:
+        flags = int.from_bytes(node.sdo.upload(o.STORE_PARAMETERS, ALL_PARAMETERS), "little")
+    except SdoAbort:
+        return "it has no 1010h:01 (Save all parameters); its manual lists the stored parameters"
+    if flags & ON_COMMAND:
+        return ""
+    return "it stores automatically (1010h:01)" if flags & BY_ITSELF else "by 1010h:01 it does not store"
+
+
+def store(node: CanopenNode, make: Make) -> Stored:
+    """Store all parameters and wait until the node answers again; blocks for up to about 30 s.
+
+    Raises:
+        StateError: the node does not store on command; nothing was sent.
+        SdoAbort: the node refuses.
+        NodeTimeout: the node does not come back.
+        SdoTimeout, AdapterError: the node did not answer, and did not restart; or the channel failed.
+    """
+    why_not = can_store(node)
+    if why_not:
+        raise StateError(
+            f"node {node.node_id} cannot store its parameters: {why_not}", remedy="leave --store out"
+        )
+    begin, boots = time.monotonic(), node.nmt.bootups
+    silent: SdoTimeout | None = None
+    try:
+        # Only one try: a drive that restarts before it answers must not get the command again.
+        node.sdo.download(o.STORE_PARAMETERS, ALL_PARAMETERS, SAVE, timeout=WRITE_TIME, tries=1)
+    except SdoTimeout as error:
+        silent = error
+    restarted = _restarts(node, boots, make)
+    if silent is not None and not restarted:
+        raise silent
+    _wait_for(node, begin)
+    return Stored(restarted, time.monotonic() - begin)
+
+
+def _restarts(node: CanopenNode, boots: int, make: Make) -> bool:
+    deadline = time.monotonic() + (RESTART_TIME if make.store_restarts else RESTART_SEEN)
+    while node.nmt.bootups == boots and time.monotonic() < deadline:
+        time.sleep(_SLICE)
+    return node.nmt.bootups != boots
+
+
+def _wait_for(node: CanopenNode, begin: float) -> None:
+    deadline = time.monotonic() + RESTART_TIME
+    while not node.answers_sdo():
+        if time.monotonic() > deadline:
+            raise NodeTimeout(
+                f"node {node.node_id} has not answered since the command to store its parameters",
+                node=node.node_id,
+                observed=f"{time.monotonic() - begin:.0f} s without an answer; {node.nmt.describe(time.monotonic())}",
+                remedy="look for it with axisbus scan: with the stored parameters it may have another node-ID or bit rate",
+            )

@@ -75,7 +75,7 @@ def _of_files(one: str, other: str, everything: bool) -> tuple[Comparison, tuple
 def _with_node(
     asked: NodeOptions, files: NodeFiles, node: str, named: list[str], everything: bool, *, quiet: bool
 ) -> tuple[Comparison, tuple[str, str]]:
-    from axisbus.configuration import device_side
+    from axisbus.configuration import compare as device_side
 
     node_id = files.address(node).node_id
     given = config_files.read_file(named[0]).eds if named else None  # read before the bus is opened

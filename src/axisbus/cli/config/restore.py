@@ -180,10 +180,10 @@ def _ready(device: CanopenNode, wish: _Wish) -> str:
     Raises:
         StateError: it must not be written to, or cannot store although that is requested.
     """
-    from axisbus.configuration import object_1010, preconditions
+    from axisbus.configuration import preconditions, store_parameters
 
     preconditions.require_at_rest(device)
-    why_not = object_1010.can_store(device)
+    why_not = store_parameters.can_store(device)
     if wish.store and why_not:
         raise StateError(
             f"node {device.node_id} cannot store: {why_not}; nothing was written", remedy="leave --store out"
@@ -195,13 +195,13 @@ def _carry_out(
     device: CanopenNode, restore: Restore, make: Make, wish: _Wish, found: dict[str, Any]
 ) -> RestoreReport:
     """Write, store if requested, and read back; ``found`` gets the result of storing."""
-    from axisbus.configuration import object_1010
+    from axisbus.configuration import store_parameters
 
     report = restore.run()
     if not (wish.store and report.ok):
         return report
     try:
-        stored = object_1010.store(device, make)
+        stored = store_parameters.store(device, make)
     except SdoAbort as refusal:
         found["store_refused"] = str(refusal)
         return report

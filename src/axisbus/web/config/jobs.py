@@ -17,9 +17,11 @@ from axisbus.boot.dcf import settings
 from axisbus.bus.link.listen import link_bitrate
 from axisbus.bus.node.node import read_identity
 from axisbus.configuration import (
+    compare as device_side,
+)
+from axisbus.configuration import (
     dcf_backup,
     dcf_values,
-    device_side,
     guarded_write,
     preconditions,
     report_text,
