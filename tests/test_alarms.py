@@ -13,7 +13,7 @@ import click
 import pytest
 
 from axisbus.cli.shared.common import run
-from axisbus.core.command_log import CommandLog
+from axisbus.core.inprocess import CommandLog
 from axisbus.errors import AxisbusError, DriveError, NodeError, one_line
 from axisbus.gateway.machine_events import _fault as happening_of_bridge
 from axisbus.gateway.ros.log_thread import RosLogThread

@@ -123,7 +123,6 @@ UNCLEAR_FOR_NOW = {
     "drives.gim6010.modbus.motion.warden": "its package is removed when Modbus modules have one motion path",
     "cell.commanded": "to be renamed: the read-only entries that commands set",
     "core.listening": "to be renamed: opening a bus to listen on it",
-    "core.virtual.stage": "a power stage",
     "drives.gim6010.can_simple.port.stage": "a power stage",
     "drives.gim6010.can_simple.protected": "protected parameters",
     "motion.io.reading": "to be merged into motion.io.node: the reading of an input or output",

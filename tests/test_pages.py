@@ -23,7 +23,7 @@ from axisbus.cia302.types import Letter
 from axisbus.cia402 import options
 from axisbus.cli.main import COMMANDS, cli
 from axisbus.cli.shared.common import run
-from axisbus.core.sim_server.faults_file import load_faults
+from axisbus.core.sim_faults_file import load_faults
 from axisbus.motion.parameters import StopTimes
 from axisbus.sim.can_simple.module import Module
 from kit.pages import (

@@ -19,7 +19,7 @@ from axisbus.bus.link import adapter
 from axisbus.cli.bridge import opcua
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
-from axisbus.core.sim_server import server
+from axisbus.core import sim_server
 from axisbus.errors import AdapterError
 from axisbus.fleet import network
 from axisbus.gateway.metrics import server as metrics
@@ -255,7 +255,7 @@ def place(files, tmp_path, monkeypatch):
         raise AdapterError("there is no adapter here")
 
     monkeypatch.setattr(adapter, "open_adapter", nobody)
-    monkeypatch.setattr(server, "Server", nobody)  # else ``axisbus sim`` would serve on, as it should
+    monkeypatch.setattr(sim_server, "Server", nobody)  # else ``axisbus sim`` would serve on, as it should
     monkeypatch.setattr(metrics, "MetricsServer", nobody)  # and ``axisbus bridge metrics``
     monkeypatch.setattr(opcua, "make_server", nobody)  # and ``axisbus bridge opcua``
     monkeypatch.setattr(network, "opened", nobody)  # and ``axisbus bridge zenoh``, ``axisbus fleet``

@@ -19,7 +19,7 @@ from axisbus.core.files import load_dictionaries
 from axisbus.core.inprocess import InProcess
 from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
-from axisbus.core.scanthread import ScanThread
+from axisbus.core.scan_thread import ScanThread
 from axisbus.core.simulated_nodes import devices as devices_of
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import AxisbusError

@@ -1,7 +1,7 @@
 """Commands that a core takes for one: each of them is told what becomes of it, also when that was over before."""
 
-from axisbus.core.process import duplicate_commands
-from axisbus.core.process.duplicate_commands import DuplicateCommands
+from axisbus.core.process import client_handler
+from axisbus.core.process.client_handler import DuplicateCommands
 from axisbus.motion.command_status import Status
 from axisbus.session import CommandEvent
 
@@ -32,7 +32,7 @@ def test_one_that_comes_when_the_other_is_over_ends_as_that_did():
 
 def test_only_the_last_ends_are_kept():
     made = DuplicateCommands()
-    for number in range(duplicate_commands._REMEMBERED + 1):
+    for number in range(client_handler._REMEMBERED + 1):
         made.all_of(event(number))
     assert made.join(1000, 0) is None
     assert made.join(1001, 1) == event(1001)

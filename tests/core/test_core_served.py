@@ -14,10 +14,8 @@ import pytest
 from axisbus import SimulationControl
 from axisbus.cell import reader
 from axisbus.core.files import load_dictionaries
-from axisbus.core.sim_server.control import ControlDoor
-from axisbus.core.sim_server.fault_value_readers import OF_AXIS, OF_NODE, PARTS
-from axisbus.core.sim_server.faults_file import load_faults
-from axisbus.core.sim_server.player import Player
+from axisbus.core.sim_faults_file import OF_AXIS, OF_NODE, PARTS, load_faults
+from axisbus.core.sim_server import ControlDoor, Player
 from axisbus.core.simulated_nodes import SimulatedNode, devices
 from axisbus.errors import AdapterError, AxisbusError, ConfigError, StateError, UserError
 from axisbus.sim.fault_injection import NEVER

@@ -13,10 +13,17 @@ from axisbus.cia402.controlword import PowerCommand
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Outputs, SdoRequest, ValueTransport
 from axisbus.cia402.state import TRANSITIONS, PowerState, decode
-from axisbus.core.virtual.drive import VirtualDrive
-from axisbus.core.virtual.port import VirtualPort
-from axisbus.core.virtual.ramp import RampLimits, RampProfile, to_distance, to_rest, to_velocity
-from axisbus.core.virtual.stage import STATUSWORDS, after
+from axisbus.core.virtual_axes import VirtualPort
+from axisbus.core.virtual_drive import (
+    STATUSWORDS,
+    RampLimits,
+    RampProfile,
+    VirtualDrive,
+    after,
+    to_distance,
+    to_rest,
+    to_velocity,
+)
 
 PERIOD = 0.01
 PP, PV, CSP = (

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import pytest
 
-from axisbus.core.process.rescue_record import BEAT, WardenWatch, state_of
+from axisbus.core.process.rescue import BEAT, WardenWatch, state_of
 
 
 class Look(NamedTuple):

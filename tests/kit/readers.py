@@ -15,7 +15,7 @@ import can
 from axisbus import Cam, Machine, eds
 from axisbus.bus.link import frame_files
 from axisbus.cell import reader as cells
-from axisbus.core.sim_server.faults_file import load_faults
+from axisbus.core.sim_faults_file import load_faults
 from axisbus.drives.gim6010.can_simple import endpoints
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.parameters import backup

@@ -9,7 +9,7 @@ import pytest
 
 from axisbus import eds
 from axisbus.core import canlink
-from axisbus.core.process.rescue_record import Lifeline
+from axisbus.core.process.rescue import Lifeline
 from axisbus.eds.builtin import resolve
 from axisbus.errors import ArgumentError, BootError
 from axisbus.ipc import rescue_memory

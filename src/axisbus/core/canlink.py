@@ -36,7 +36,7 @@ from axisbus.cia402.port import Port
 from axisbus.core.can_simple.modules import CanSimpleModules
 from axisbus.core.can_simple.simulated_modules import modules, stand_ins_of
 from axisbus.core.can_simple.stop import stop_drives
-from axisbus.core.io.safe import make_safe
+from axisbus.core.io import make_safe
 from axisbus.core.master_detection import cast_of, listening_time
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.process.bus_factory import reach

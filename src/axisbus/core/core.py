@@ -16,16 +16,15 @@ from axisbus.cia401.port import SignalValidity
 from axisbus.cia402.ip_as_csp import as_csp_capable
 from axisbus.cia402.port import Port, Waiter
 from axisbus.core.inprocess import InProcess
-from axisbus.core.io.io_scan import IoScan
-from axisbus.core.io.setup import add_io, confirm_safe_outputs, not_safe, unconfirmed
+from axisbus.core.io import IoScan, add_io, confirm_safe_outputs, not_safe, unconfirmed
 from axisbus.core.late_boot import LateBoot
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.node_shutdown import lost_without_axes, scan_failure
 from axisbus.core.realtime_setup import IN_A_THREAD
 from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
-from axisbus.core.scanthread import ScanThread
-from axisbus.core.virtual.axes import virtual_axes
+from axisbus.core.scan_thread import ScanThread
+from axisbus.core.virtual_axes import virtual_axes
 from axisbus.core.waiting import PumpWaiter, ThreadWaiter
 from axisbus.errors import AxisbusError, SecondMasterError
 from axisbus.link import StopResult, Unsafe

@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterable, Mapping
 
 from axisbus.boot.report import Booted
 from axisbus.bus.node.events import NodeEvent
-from axisbus.core.end_errors import remedy_of
+from axisbus.core.command_queue import AT_ONCE, MOST
 from axisbus.cpu_starvation import REMEDY
-from axisbus.errors import NodeError, ScanError, one_line
+from axisbus.errors import AxisbusError, NodeError, ScanError, StateError, Stopped, one_line
 from axisbus.link import NodeShutdown, StopResult, Unsafe, alarm
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.diagnosis import join_remedies
@@ -63,3 +63,63 @@ def scan_failure(failure: BaseException, rescued: Collection[StopResult]) -> Sca
         observed="\n            ".join(texts),
         remedy=join_remedies(alarm(rescued), remedy_of(failure)),
     )
+
+
+# -- The errors of commands that the end of the scan, or of the machine, has ended -------------------------------------
+
+
+_OPEN_AGAIN = "remove the cause, and open the machine again"
+_MISTAKE = "a mistake in axisbus, or in an observer of its scan: report it with its traceback, and open the machine again"
+
+
+def refused_while_leaving(what: str, reason: str) -> StateError:
+    """Return the error of a command that came, or was queued, while the machine is being closed because of ``reason``."""
+    return StateError(
+        f"{what}: rejected: the machine is shutting down",
+        observed=f"every axis is being stopped: {reason}",
+        remedy="close it, and open it again to continue",
+    )
+
+
+def interrupted(what: str, reason: str) -> Stopped:
+    """Return the error of a command that was queued when an interrupt of its program halted all axes."""
+    return Stopped(f"{what} did not begin: {reason}")
+
+
+def too_many(what: str) -> StateError:
+    """Return the error of a command that does not fit into the queue."""
+    return StateError(
+        f"{what}: too many commands are waiting",
+        observed=f"{MOST} are waiting already, and the scan accepts {AT_ONCE} in each of its cycles; stops are always accepted",
+        remedy="wait for the handles of commands before you give more, and add a short sleep to a loop that gives commands",
+    )
+
+
+_SENT = (
+    "a quick stop was sent to every drive that this program had commanded, but its effect is not known: make sure that they "
+    "are at standstill"
+)
+_NOT_SENT = "the quick stop could not be sent: TREAT EVERY DRIVE THAT THIS PROGRAM HAD COMMANDED AS MOVING: use the emergency stop"
+
+
+def ended(what: str, failure: BaseException | None, quick_stop_sent: bool = False) -> ScanError:
+    """Return the error of a command that ended with the scan, by ``failure`` or (None) because the machine was closed.
+
+    ``quick_stop_sent``: the bus has accepted the quick stop of every commanded drive.
+    """
+    if failure is None:
+        return ScanError(f"{what} was ended: the machine was closed", remedy="open it again to continue")
+    error = ScanError(
+        f"{what} was ended: the scan of the bus has failed",
+        observed=one_line(failure, alarm=False),
+        remedy=join_remedies(_SENT if quick_stop_sent else _NOT_SENT, remedy_of(failure)),
+    )
+    error.__cause__ = failure  # its traceback is then shown as well
+    return error
+
+
+def remedy_of(failure: BaseException) -> str:
+    """Return the remedy for the failure of the scan."""
+    if isinstance(failure, AxisbusError):
+        return failure.remedy or _OPEN_AGAIN
+    return _MISTAKE if isinstance(failure, Exception) else _OPEN_AGAIN

@@ -31,11 +31,11 @@ from typing import Protocol
 
 from axisbus.cia402.port import BusCycle, Port
 from axisbus.core.command_queue import CommandQueue, Waiting
-from axisbus.core.end_errors import ended, interrupted, refused_while_leaving, too_many
-from axisbus.core.fork_errors import inherited
-from axisbus.core.io.io_scan import IoScan
+from axisbus.core.io import IoScan
 from axisbus.core.lateness import Lateness, cause_of, hanging
+from axisbus.core.node_shutdown import ended, interrupted, refused_while_leaving, too_many
 from axisbus.core.realtime_setup import COLLECTOR
+from axisbus.core.waiting import inherited
 from axisbus.cpu_starvation import DRIVES, Starvation
 from axisbus.errors import AxisbusError, SecondMasterError, one_line
 from axisbus.motion.axis.accept import accept, require_override

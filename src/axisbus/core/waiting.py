@@ -7,11 +7,10 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from axisbus.core.fork_errors import inherited
 from axisbus.errors import AxisbusError, StateError
 from axisbus.interrupt_guard import sheltered
 
-if TYPE_CHECKING:  # a program that waits for another process has no scan
+if TYPE_CHECKING:
     from axisbus.core.scan import Scan
 
 
@@ -107,3 +106,16 @@ class PumpWaiter:
             self._pumping = outer
         if self._then is not None:
             self._then(scan.cycle.now())
+
+
+# -- The error of a forked child that uses its parent's machine --------------------------------------------------------
+
+
+def inherited(what: str) -> StateError:
+    """Return the error: a forked child has a copy of the machine without a scan."""
+    return StateError(
+        f"{what}: the machine belongs to the process that opened it",
+        observed="this process was forked from that one: it has no scan, and its copy of the adapter is not used",
+        remedy="command the machine in the process that opened it, and exchange data by a queue or a pipe; start worker "
+        "processes before it is opened, or with multiprocessing's start method 'spawn'",
+    )

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from axisbus.cell import reader
-from axisbus.core.sim_server.server import Served
+from axisbus.core.sim_server import Served
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.socketcand.server import Server
 from kit.stories.program import TESTS

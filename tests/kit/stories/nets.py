@@ -10,7 +10,7 @@ from axisbus.boot.configure import DriveMonitoringSetup
 from axisbus.boot.stop_report import NO_WATCHDOG
 from axisbus.bus.cycle import CanCycle
 from axisbus.core.node_stop import NodeStop
-from axisbus.core.supervisor import Supervisor
+from axisbus.core.scan_thread import Supervisor
 from axisbus.motion.stop.shutdown_stop import AxisLeaving
 from axisbus.motion.stop.stop_sequence import StopSequence
 from axisbus.sim.direct import DirectCycle

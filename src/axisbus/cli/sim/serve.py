@@ -19,8 +19,8 @@ from axisbus.cli.shared.paths import PATH
 from axisbus.cli.sim.client_cell_file import with_bus
 from axisbus.cli.sim.modules import CanSimple, Wanted, modules, told
 from axisbus.cli.sim.rs485 import Modbus, on_terminal
-from axisbus.core.sim_server.faults_file import load_faults
-from axisbus.core.sim_server.server import Served
+from axisbus.core.sim_faults_file import load_faults
+from axisbus.core.sim_server import Served
 from axisbus.eds.builtin import PREFIX
 from axisbus.errors import UserError
 from axisbus.sim.socketcand.server import LOOPBACK, Server

@@ -13,8 +13,7 @@ from axisbus.bus.node.events import NodeEvents
 from axisbus.cell.can_simple.modules import modules_of, settings_of
 from axisbus.cell.model import CellConfig
 from axisbus.cia402.port import Port
-from axisbus.core.can_simple.module_port import ModuleFrameSource, ModuleSender
-from axisbus.core.can_simple.node import NoObjects
+from axisbus.core.can_simple.module_port import ModuleFrameSource, ModuleSender, NoObjects
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
 

@@ -31,7 +31,7 @@ from axisbus.core.can_simple.modules import CanSimpleModules
 from axisbus.core.can_simple.simulated_modules import modules, stand_ins_of
 from axisbus.core.can_simple.virtual import MixedCycle, VirtualLine
 from axisbus.core.direct.node import DirectNode
-from axisbus.core.io.safe import make_safe
+from axisbus.core.io import make_safe
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.simulated_nodes import SimulatedNode
 from axisbus.eds.dictionary import Dictionary

@@ -4,30 +4,108 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from axisbus.cia301.frame import CanFrame
+from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.process.publisher import ClientOutbox
-from axisbus.core.process.queries import COMMANDING, OF_CORE, OF_NODE, last_words, told
 from axisbus.core.process.streams import Streams
-from axisbus.errors import AxisbusError, OwnershipError, StateError, Stopped
+from axisbus.errors import AxisbusError, OwnershipError, ScanError, StateError, Stopped, one_line
 from axisbus.ipc import messages as m
+from axisbus.ipc.messages import CoreCondition
 from axisbus.ipc.stream import MessageStream
 from axisbus.motion import commands as c
-from axisbus.motion.command_status import Status
+from axisbus.motion.command_status import ENDED, Status
 from axisbus.motion.group.commands import ForEach
-from axisbus.session import AnyCommand, CommandEvent
+from axisbus.session import AnyCommand, CommandEvent, MachineSession
 
 if TYPE_CHECKING:
     from axisbus.core.process.clients import Clients
+
 
 log = logging.getLogger("axisbus")
 STOPS = (c.Halt, c.QuickStop)  # commands that every client may give
 NUMBERS = 1 << 32  # command numbers of one client
 _ASKED = 64  # requests of one client that may wait for their answers
 
+
 Command = AnyCommand
+
+
+# -- The requests of a program to its core, apart from commands: one row for each, answered by plain values ------------
+
+
+# Of the core itself; in the order of ``MachineSession``.
+OF_CORE: Mapping[str, Callable[[MachineSession], Any]] = {
+    "node_events": lambda session: session.node_events,
+    "bus_events": lambda session: session.bus_events,
+    "commands": lambda session: session.commands,
+    "drops": lambda session: session.drops,
+    "sdo_counts": lambda session: session.sdo_counts,
+    "programs": lambda session: session.programs,  # while the core runs, ``clients`` answers this
+    "bus_time": lambda session: session.bus_time,
+}
+
+
+# Of one node; the further parameters are the arguments of the request.
+OF_NODE: Mapping[str, Callable[..., Any]] = {
+    "read": lambda parts, *key: parts.objects.read(*key),
+    "write": lambda parts, *what: parts.objects.write(*what),
+    "write_unchecked": lambda parts, *what: parts.objects.write_unchecked(*what),
+    "upload": lambda parts, *key: parts.objects.upload(*key),
+    "download": lambda parts, index, subindex, data, way: parts.objects.download(
+        index, subindex, data, way=way
+    ),
+    "nmt": lambda parts: parts.node.nmt.state,
+    "reports": lambda parts: parts.node.nmt.reports,
+    "command": lambda parts, command, timeout: _command(parts, command, timeout),
+    "emcy": lambda parts: list(parts.node.emcy.history),
+    "incidents": lambda parts: list(parts.node.emcy.incidents),
+    "pdo_events": lambda parts: list(parts.node.pdo_events),
+    "events": lambda parts: [] if parts.events is None else parts.events.events,
+}
+
+
+# Requests that change something: only for the client with control.
+COMMANDING = frozenset({"write", "write_unchecked", "download", "command"})
+
+
+# Requests about a node that are still of interest after the core has ended.
+_KEPT = ("nmt", "reports", "emcy", "incidents", "pdo_events", "events")
+
+
+def last_words(session: MachineSession, nodes: Mapping[int, NodeParts]) -> dict[tuple[int, str], Any]:
+    """Return the present answers to all requests without a transfer, by node (0: the core) and request."""
+    found: dict[tuple[int, str], Any] = {(0, what): answer(session) for what, answer in OF_CORE.items()}
+    for node_id, parts in nodes.items():
+        found.update({(node_id, what): OF_NODE[what](parts) for what in _KEPT})
+    return found
+
+
+def _command(parts: NodeParts, command: object, timeout: float) -> None:
+    parts.node.command(command, timeout)
+
+
+def condition_of(session: MachineSession) -> CoreCondition:
+    """Return the present condition of a core."""
+    return CoreCondition(session.dead, session.ended, session.failed, session.left)
+
+
+def told(error: BaseException) -> AxisbusError:
+    """Return an error that can be sent: one outside the tree becomes the cause of a ScanError."""
+    if isinstance(error, AxisbusError):
+        return error
+    made = ScanError(
+        "the core aborted the request",
+        observed=one_line(error),
+        remedy="this is a mistake in axisbus: please report it",
+    )
+    made.__cause__ = error
+    return made
+
+
+# -- client handler ----------------------------------------------------------------------------------------------------
 
 
 class ClientHandler:
@@ -213,6 +291,7 @@ _TAKES: dict[type, Callable[[ClientHandler, Any], None]] = {
     m.Leave: ClientHandler._leave,
 }
 
+
 # Requests about the clients, and not about the core.
 OF_CLIENT: dict[str, Callable[[ClientHandler], object]] = {
     "programs": ClientHandler._programs,
@@ -249,3 +328,38 @@ def not_commanding(name: str, holder: str, *, guest: bool, passing: bool = False
         observed=has,
         remedy=remedy,
     )
+
+
+# -- Commands that are identical to a queued one: they share its events ------------------------------------------------
+
+
+_REMEMBERED = 256  # ended commands
+
+
+class DuplicateCommands:
+    """Holds the identical commands, and the ends of the last commands; for any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._same: dict[int, list[int]] = {}  # by the number of the queued one
+        self._over: dict[int, CommandEvent] = {}
+
+    def join(self, number: int, kept: int) -> CommandEvent | None:
+        """Make ``number`` share the events of ``kept``; return the end of that, if it has ended meanwhile."""
+        with self._lock:
+            over = self._over.get(kept)
+            if over is not None:
+                return over._replace(number=number)
+            self._same.setdefault(kept, []).append(number)
+        return None
+
+    def all_of(self, event: CommandEvent) -> list[CommandEvent]:
+        """Return the event of a command, and a copy for each command that is identical to it."""
+        with self._lock:
+            same = self._same.get(event.number, [])
+            if event.status in ENDED:
+                self._same.pop(event.number, None)
+                self._over[event.number] = event
+            if len(self._over) > _REMEMBERED:
+                del self._over[next(iter(self._over))]
+        return [event, *(event._replace(number=number) for number in same)]

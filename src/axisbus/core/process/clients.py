@@ -28,8 +28,14 @@ from contextlib import suppress
 
 from axisbus.bus.link.ownership import described
 from axisbus.core.core import Core
-from axisbus.core.process.client_handler import NUMBERS, ClientHandler, Command, not_commanding
-from axisbus.core.process.duplicate_commands import DuplicateCommands
+from axisbus.core.process.client_handler import (
+    NUMBERS,
+    ClientHandler,
+    Command,
+    DuplicateCommands,
+    condition_of,
+    not_commanding,
+)
 from axisbus.core.process.listener import (
     ClientListener,
     StopAnswer,
@@ -39,7 +45,6 @@ from axisbus.core.process.listener import (
     welcome,
 )
 from axisbus.core.process.publisher import Publisher
-from axisbus.core.process.queries import condition_of
 from axisbus.errors import AxisbusError, OwnershipError, StateError
 from axisbus.errors import Stopped as StoppedError
 from axisbus.ipc import messages as m

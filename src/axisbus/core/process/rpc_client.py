@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from axisbus.bus.link.frame_queue import UnboundedQueue
-from axisbus.core.fork_errors import inherited
+from axisbus.core.waiting import inherited
 from axisbus.errors import ScanError, one_line
 from axisbus.interrupt_guard import sheltered
 from axisbus.ipc import messages as m

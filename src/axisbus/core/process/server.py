@@ -31,14 +31,13 @@ from axisbus.core.canlink import CanLink
 from axisbus.core.core import Core
 from axisbus.core.files import read_once
 from axisbus.core.process.bus_factory import reach
-from axisbus.core.process.client_handler import ClientHandler
+from axisbus.core.process.client_handler import ClientHandler, last_words, told
 from axisbus.core.process.clients import Clients, Guests
 from axisbus.core.process.listener import ClientListener, text_of
 from axisbus.core.process.persistence.faults import Faults
 from axisbus.core.process.persistence.journal import journal
 from axisbus.core.process.publisher import Publisher
-from axisbus.core.process.queries import last_words, told
-from axisbus.core.process.rescue_record import BEAT, NOBODY, Lifeline, WardenWatch, state_of
+from axisbus.core.process.rescue import BEAT, NOBODY, Lifeline, WardenWatch, state_of
 from axisbus.core.process.shared_counters import SharedCounters
 from axisbus.core.process.signal_forwarding import INTERRUPTED, STOPPING, SignalForwarder
 from axisbus.core.process.startup_args import StartupArgs

@@ -15,12 +15,11 @@ from axisbus.cia301.dropped_frames import Drop
 from axisbus.cia301.frame import BusTraffic
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402.port import Waiter
-from axisbus.core.fork_errors import inherited
 from axisbus.core.lateness import hanging
 from axisbus.core.process.rpc_client import RpcClient, gone
 from axisbus.core.process.shared_counters import SharedCounters
 from axisbus.core.process.streams import Trajectories
-from axisbus.core.waiting import ThreadWaiter
+from axisbus.core.waiting import ThreadWaiter, inherited
 from axisbus.errors import AxisbusError
 from axisbus.interrupt_guard import sheltered
 from axisbus.ipc import messages as m

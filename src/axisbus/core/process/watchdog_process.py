@@ -30,9 +30,8 @@ from contextlib import suppress
 from axisbus.core.files import read_once
 from axisbus.core.process import server, simulated_drives
 from axisbus.core.process.persistence.journal import journal
-from axisbus.core.process.rescue_record import BEAT
+from axisbus.core.process.rescue import BEAT, CrashStop
 from axisbus.core.process.startup_args import StartupArgs
-from axisbus.core.process.stop_after_crash import CrashStop
 from axisbus.core.realtime_setup import call_process, take_priority
 from axisbus.errors import AxisbusError
 

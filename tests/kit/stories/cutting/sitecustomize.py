@@ -20,7 +20,7 @@ def _nothing(*_: object) -> None:
 
 
 def _cut(name: str) -> None:
-    from axisbus.core.process import server, signal_forwarding, stop_after_crash
+    from axisbus.core.process import rescue, server, signal_forwarding
     from axisbus.ipc import own_socket, stream
 
     if name == "the core's eye on its program":
@@ -35,9 +35,9 @@ def _cut(name: str) -> None:
     elif name == "the core's ear for its program":
         signal_forwarding.SignalForwarder.look = _nothing  # type: ignore[method-assign,assignment]
     elif name == "the rescue":
-        stop_after_crash.CrashStop.rescue = _nothing  # type: ignore[method-assign]
+        rescue.CrashStop.rescue = _nothing  # type: ignore[method-assign]
     elif name == "the warden's patience":
-        stop_after_crash.CrashStop.runs = False  # type: ignore[method-assign,assignment]
+        rescue.CrashStop.runs = False  # type: ignore[method-assign,assignment]
     else:
         raise SystemExit(f"no such net: {name}")
 

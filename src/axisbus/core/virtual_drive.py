@@ -15,6 +15,7 @@ that nothing jumps. Only cyclic synchronous position has no profile: there the a
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from axisbus.cell.virtual import SETTINGS
@@ -23,14 +24,97 @@ from axisbus.cia402 import objects
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Outputs
-from axisbus.cia402.state import PowerState
-from axisbus.core.virtual.ramp import RampLimits, RampProfile, to_distance, to_rest, to_velocity
-from axisbus.core.virtual.stage import STATUSWORDS, after
+from axisbus.cia402.state import STATUSWORD_PATTERNS, PowerState
+from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 from axisbus.units import unwrap, wrap
 
 _PP, _PV = ModeOfOperation.PROFILE_POSITION, ModeOfOperation.PROFILE_VELOCITY
 _CSP = ModeOfOperation.CYCLIC_SYNC_POSITION
 _ENABLED, _QUICK_STOP = PowerState.OPERATION_ENABLED, PowerState.QUICK_STOP_ACTIVE
+
+
+# -- Profiles with constant accelerations: from the present velocity to a position, to another velocity, or to rest ----
+
+
+class Piece(NamedTuple):
+    """A time in seconds with a constant acceleration (per s², signed); ``end`` is the exact velocity (per s) at its end."""
+
+    seconds: float
+    acceleration: float
+    end: float
+
+
+class RampLimits(NamedTuple):
+    """Highest speed (per s) and ramps (per s²) of a profile; all above 0."""
+
+    speed: float
+    up: float
+    down: float
+
+
+class RampProfile:
+    """Successive pieces; holds the remaining ones. After the last one the velocity stays constant."""
+
+    __slots__ = ("_left", "_pieces", "velocity")
+
+    def __init__(self, velocity: float, pieces: Sequence[Piece] = ()) -> None:
+        """``velocity``: the present one, in increments per s."""
+        self.velocity = velocity
+        self._pieces = list(pieces)
+        self._left = self._pieces[0].seconds if self._pieces else math.inf
+        self.advance(0.0)  # skips pieces without duration
+
+    @property
+    def over(self) -> bool:
+        """Whether the last piece has ended."""
+        return not self._pieces
+
+    def advance(self, dt: float) -> float:
+        """Advance ``dt`` seconds; return the distance in increments."""
+        gone = 0.0
+        while self._pieces and dt >= self._left:
+            piece = self._pieces.pop(0)
+            gone += _distance(self.velocity, piece.acceleration, self._left)
+            dt -= self._left
+            self.velocity = piece.end
+            self._left = self._pieces[0].seconds if self._pieces else math.inf
+        acceleration = self._pieces[0].acceleration if self._pieces else 0.0
+        gone += _distance(self.velocity, acceleration, dt)
+        self.velocity += acceleration * dt
+        self._left -= dt
+        return gone
+
+
+def to_rest(velocity: float, down: float) -> RampProfile:
+    """Return the profile to rest with a deceleration ``down`` above 0."""
+    return RampProfile(velocity, [_change(velocity, 0.0, down)])
+
+
+def to_velocity(velocity: float, target: float, ramps: RampLimits) -> RampProfile:
+    """Return the profile to a velocity: it slows down with ``down``, also before a reversal, and speeds up with ``up``."""
+    between = target if velocity * target > 0.0 else 0.0  # a reversal comes to rest first
+    slower = between if abs(between) < abs(velocity) else velocity
+    return RampProfile(velocity, [_change(velocity, slower, ramps.down), _change(slower, target, ramps.up)])
+
+
+def to_distance(velocity: float, distance: float, ramps: RampLimits) -> RampProfile:
+    """Return the profile that ends at rest after ``distance``: directly if braking suffices, otherwise with a reversal."""
+    planned = ProfileFromSpeed(Start(0.0, velocity), distance, *ramps).pieces
+    ends = [*(speed for _, _, speed, _ in planned[1:]), 0.0]
+    return RampProfile(
+        velocity, [Piece(time, rate, end) for (time, _, _, rate), end in zip(planned, ends, strict=True)]
+    )
+
+
+def _change(velocity: float, end: float, rate: float) -> Piece:
+    return Piece(abs(end - velocity) / rate, math.copysign(rate, end - velocity), end)
+
+
+def _distance(velocity: float, acceleration: float, seconds: float) -> float:
+    return seconds * (velocity + 0.5 * acceleration * seconds)
+
+
+# -- drive -------------------------------------------------------------------------------------------------------------
 
 
 class _Rest(NamedTuple):
@@ -248,3 +332,40 @@ class VirtualDrive:
             self._way = to_velocity(velocity, wish.velocity, wish.ramps)
         elif isinstance(wish, _Rest):
             self._way = to_rest(velocity, wish.down)
+
+
+# -- The power stage of an axis without one: the state machine of CiA 402, without delays and without faults -----------
+
+
+_S = PowerState
+# Voltage is always present, and only the core controls the axis.
+_ALWAYS = sw.VOLTAGE_ENABLED | sw.REMOTE
+STATUSWORDS = {state: value | _ALWAYS for _, value, state in STATUSWORD_PATTERNS}
+# Results of a quick stop (CiA 402-2 transitions 7, 10, 11); in other states it changes nothing.
+_STAGE_QUICK_STOP = {
+    _S.READY_TO_SWITCH_ON: _S.SWITCH_ON_DISABLED,
+    _S.SWITCHED_ON: _S.SWITCH_ON_DISABLED,
+    _S.OPERATION_ENABLED: _S.QUICK_STOP_ACTIVE,
+}
+# Results of bits 0 and 3, one transition at a time (2, 3, 4, 5, 6, 8, 16).
+_SHUTDOWN, _SWITCH_ON, _ENABLE = 0, cw.SWITCH_ON, cw.SWITCH_ON | cw.ENABLE_OPERATION
+_NEXT = {
+    (_S.SWITCH_ON_DISABLED, _SHUTDOWN): _S.READY_TO_SWITCH_ON,
+    (_S.READY_TO_SWITCH_ON, _SWITCH_ON): _S.SWITCHED_ON,
+    (_S.READY_TO_SWITCH_ON, _ENABLE): _S.SWITCHED_ON,
+    (_S.SWITCHED_ON, _SHUTDOWN): _S.READY_TO_SWITCH_ON,
+    (_S.SWITCHED_ON, _ENABLE): _S.OPERATION_ENABLED,
+    (_S.OPERATION_ENABLED, _SHUTDOWN): _S.READY_TO_SWITCH_ON,
+    (_S.OPERATION_ENABLED, _SWITCH_ON): _S.SWITCHED_ON,
+    (_S.QUICK_STOP_ACTIVE, _ENABLE): _S.OPERATION_ENABLED,
+}
+
+
+def after(state: PowerState, controlword: int) -> PowerState:
+    """Return the state after a controlword in ``state``."""
+    if not controlword & cw.ENABLE_VOLTAGE:
+        return _S.SWITCH_ON_DISABLED
+    if not controlword & cw.QUICK_STOP:
+        return _STAGE_QUICK_STOP.get(state, state)
+    wanted = controlword & _ENABLE if controlword & cw.SWITCH_ON else _SHUTDOWN
+    return _NEXT.get((state, wanted), state)

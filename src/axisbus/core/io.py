@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
+from itertools import groupby
+from typing import TYPE_CHECKING
 
+from axisbus.boot.objects import NodeObjects
+from axisbus.bus.parallel import in_parallel
+from axisbus.cell.io_signals import points_of
+from axisbus.cell.model import CellConfig
 from axisbus.cia401.port import IoPort
-from axisbus.cia401.signal import IoPoint
+from axisbus.cia401.signal import Address, IoPoint
 from axisbus.cia402.port import ValueTransport
-from axisbus.errors import AxisbusError, StateError, Stopped
+from axisbus.eds.dictionary import Dictionary
+from axisbus.eds.model import Eds
+from axisbus.errors import AxisbusError, NodeError, SdoTimeout, StateError, Stopped, one_line
+from axisbus.link import Unsafe
 from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.io.node import NodeIo
 from axisbus.motion.io.reading import IoReading
+
+if TYPE_CHECKING:
+    from axisbus.core.runtime import CellLink
 
 
 class IoScan:
@@ -133,3 +145,105 @@ def _too_late(what: str) -> AxisbusError:
         f"{what} was not sent",
         observed="every output is being set to its safe state, because the machine is being closed",
     )
+
+
+# -- Add the inputs and outputs of a node to the scan, and confirm that their outputs are safe when it has ended -------
+
+
+def add_io(board: IoScan, cell: CellConfig, link: CellLink, node_id: int, eds: Eds) -> None:
+    """Add the inputs and outputs of a booted node, if the cell names any."""
+    port = link.io(node_id)
+    if port is not None:
+        points = points_of(cell, node_id, Dictionary(eds, node_id))
+        board.add(NodeIo(node_id, points, port), port)
+
+
+def confirm_safe_outputs(board: IoScan, link: CellLink) -> list[Unsafe]:
+    """Confirm or set the safe state of every output that was set; return those that are not confirmed. Blocks.
+
+    That the scan has sent the safe value is no proof: a node may be lost for a moment before the loss is detected.
+    """
+    ours = board.ours
+    return link.make_safe(ours) if ours else []
+
+
+def unconfirmed(board: IoScan) -> list[Unsafe]:
+    """Return the outputs that were set, before any of them has been checked."""
+    text = "closing was aborted before the output was checked"
+    return [Unsafe(point.name, point.node, f"{point.object_text}: {text}") for point in board.ours]
+
+
+def not_safe(unsafe: Unsafe) -> NodeError:
+    """Return the error of closing for an output that is not confirmed to be safe."""
+    return NodeError(
+        f"{unsafe.output} could not be confirmed as safe",
+        node=unsafe.node,
+        observed=unsafe.text,
+        remedy="CHECK IT before a person goes near; its module's monitoring of this master's heartbeat remains active, and "
+        "may have done it",
+    )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Set outputs to their safe states without the scan, by SDO: SDO works even if PDOs do not, and the result is read back.
+#
+# An output is changed within the present value of its object, so that other bits stay as they are.
+
+
+def make_safe(objects: Mapping[int, NodeObjects], points: Collection[IoPoint]) -> list[Unsafe]:
+    """Set ``points`` to their safe states, all nodes at the same time; return those not confirmed. Raises no bus error; blocks."""
+    nodes = sorted({point.node for point in points})
+    own = [[point for point in points if point.node == node] for node in nodes]
+    found = in_parallel(lambda node, mine: _of_node(objects[node], mine), nodes, own)
+    return [unsafe for each in found for unsafe in each]
+
+
+def _of_node(objects: NodeObjects, points: list[IoPoint]) -> list[Unsafe]:
+    """Set one object after the other; when the node does not answer, skip the rest."""
+    ordered, found = sorted(points, key=_address), list[Unsafe]()
+    for address, mine in groupby(ordered, _address):
+        try:
+            found += _of_object(objects, address, list(mine))
+        except SdoTimeout as error:
+            rest = ordered[next(at for at, point in enumerate(ordered) if point.address == address) :]
+            return [*found, *(_unsafe(point, one_line(error)) for point in rest)]
+    return found
+
+
+def _address(point: IoPoint) -> Address:
+    return point.address
+
+
+def _of_object(objects: NodeObjects, address: Address, points: list[IoPoint]) -> list[Unsafe]:
+    try:
+        before = _read(objects, address)
+        wanted = _with(points, before)
+        if before == wanted:
+            return []
+        objects.write_unchecked(*address, wanted)
+        after = _read(objects, address)
+    except SdoTimeout:
+        raise
+    except AxisbusError as error:
+        return [_unsafe(point, one_line(error)) for point in points]
+    return [
+        _unsafe(point, f"{point.safe} was written, and {point.of(after)} was read back")
+        for point in points
+        if point.of(after) != point.safe
+    ]
+
+
+def _with(points: Iterable[IoPoint], word: int) -> int:
+    for point in points:
+        word = point.into(word, point.safe)
+    return word
+
+
+def _read(objects: NodeObjects, address: Address) -> int:
+    value = objects.read(*address)
+    assert isinstance(value, int)
+    return int(value)
+
+
+def _unsafe(point: IoPoint, text: str) -> Unsafe:
+    return Unsafe(point.name, point.node, f"{point.object_text} of node {point.node}: {text}")

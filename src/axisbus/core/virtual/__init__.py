@@ -1,1 +1,0 @@
-"""Axes without a drive: virtual axes, which only the core moves, and encoders."""
