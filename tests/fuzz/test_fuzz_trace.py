@@ -17,7 +17,7 @@ from axisbus.cia301.master_detection import ExpectedMasters, MasterDetector, wor
 from axisbus.core.files import load_dictionaries
 from axisbus.eds import builtin, load
 from axisbus.machine.bus_monitor import BusMonitor
-from axisbus.trace import context, json_form, text
+from axisbus.trace import context, frame_formats
 from axisbus.trace.decoder import Decoder
 from kit import fuzz_frames as fuzz
 
@@ -132,8 +132,8 @@ def test_every_frame_is_decoded_and_written_out(what, frames):
     for frame in frames:
         one = decoder.feed(frame)
         assert one.frame is frame
-        assert "\n" not in text.line(one)
-        json.dumps(json_form.plain(one), allow_nan=False)
+        assert "\n" not in frame_formats.line(one)
+        json.dumps(frame_formats.plain(one), allow_nan=False)
 
 
 @given(frames=streams)
@@ -260,7 +260,7 @@ def test_a_recording_whose_times_are_no_numbers_is_read(tmp_path):
     meter = Meter(1_000_000)
     for frame in frame_files.read(path, frame_files.SkippedLines()):
         meter.add(frame, "TPDO", 1)
-        json.dumps(json_form.plain(Decoder().feed(frame)), allow_nan=False)
+        json.dumps(frame_formats.plain(Decoder().feed(frame)), allow_nan=False)
     assert meter.total.frames == 3
 
 

@@ -50,7 +50,7 @@ from axisbus.sim.can_simple.module import Module
 from axisbus.sim.modbus.framing import framed
 from axisbus.sim.modbus.station import Station
 from axisbus.sim.node.slave import Slave
-from axisbus.trace import context, json_form, text
+from axisbus.trace import context, frame_formats
 from axisbus.trace.decoder import Decoder
 from kit.bus.peer import FakeBus
 from kit.commands import ROOT
@@ -427,8 +427,8 @@ def _decoded(frames: Sequence[bytes]) -> None:
         if frame.error:
             assert controller.describe(frame.can_id, frame.data)
         one = decoder.feed(frame)
-        assert "\n" not in text.line(one)
-        json_form.plain(one)
+        assert "\n" not in frame_formats.line(one)
+        frame_formats.plain(one)
         _OVERVIEW.feed(frame, frame.time)
         meter.add(frame, "SDO", None)
 

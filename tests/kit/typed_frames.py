@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.cia301.frame import CanFrame
-from axisbus.trace import text
+from axisbus.trace import frame_formats
 from axisbus.trace.context import NOTHING, TraceContext
 from axisbus.trace.decoded import Decoded
 from axisbus.trace.decoder import Decoder
@@ -27,7 +27,7 @@ class Wire:
         """Feed a sound frame and return its words."""
         one = self(can_id, data, **flags)
         assert not one.problem, one.problem
-        return text.what(one)
+        return frame_formats.what(one)
 
 
 def crc16(data: bytes) -> int:

@@ -13,7 +13,7 @@ from axisbus.trace import context
 from axisbus.trace.can_simple import nodes_of
 from axisbus.trace.decoded import FrameKind
 from axisbus.trace.decoder import Decoder
-from axisbus.trace.text import what
+from axisbus.trace.frame_formats import what
 from kit import commands
 from kit.can_simple.mixed import write
 

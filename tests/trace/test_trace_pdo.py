@@ -11,7 +11,7 @@ from axisbus.core.files import load_dictionaries
 from axisbus.eds import builtin, load
 from axisbus.trace import context
 from axisbus.trace.decoded import FrameKind
-from axisbus.trace.text import what
+from axisbus.trace.frame_formats import what
 from kit.typed_frames import Wire
 
 CELL = Path(__file__).parents[2] / "examples" / "cell.toml"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from axisbus.trace.text import what
+from axisbus.trace.frame_formats import what
 from kit.typed_frames import Wire, crc16
 
 

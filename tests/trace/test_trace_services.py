@@ -6,7 +6,7 @@ import pytest
 
 from axisbus.trace.context import KnownNode, TraceContext
 from axisbus.trace.decoded import FrameKind
-from axisbus.trace.text import line, who
+from axisbus.trace.frame_formats import line, who
 from kit.typed_frames import Wire
 
 

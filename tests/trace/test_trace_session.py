@@ -19,8 +19,7 @@ from axisbus.sim.node.network import StandIns
 from axisbus.trace import context, filters
 from axisbus.trace.decoded import FrameKind
 from axisbus.trace.decoder import Decoder
-from axisbus.trace.json_form import plain
-from axisbus.trace.text import line
+from axisbus.trace.frame_formats import line, plain
 
 CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 

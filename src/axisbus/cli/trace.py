@@ -145,7 +145,8 @@ def _show(opened: FrameSource, look: TraceFilter, most: int | None, simple: tupl
 
 def _print(one: Decoded, look: TraceFilter, start: float, channel: str) -> None:
     """Print a frame; ``channel``: empty while the recording has only one."""
-    from axisbus.trace import json_form, text
+    from axisbus.trace import frame_formats as json_form
+    from axisbus.trace import frame_formats as text
 
     if look.as_json:
         values = {**json_form.plain(one), **({"channel": channel} if channel else {})}

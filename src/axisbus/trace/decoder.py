@@ -27,7 +27,7 @@ from axisbus.trace.pdos import PdoParameters, PdoTable
 from axisbus.trace.sdo import SdoChannelDecoder
 from axisbus.trace.services import Words
 from axisbus.trace.transfer import TransferText
-from axisbus.trace.typed_values import Values
+from axisbus.trace.value_text import Values
 from axisbus.wording import counted
 
 _FUNCTION = 0x780

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable
 
 from axisbus.errors import ArgumentError
 from axisbus.trace.decoded import Decoded, FrameKind, ObjectValue
-from axisbus.trace.text import address
+from axisbus.trace.frame_formats import address
 
 Wanted = Callable[[Decoded], bool]
 

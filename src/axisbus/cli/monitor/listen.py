@@ -16,7 +16,7 @@ from axisbus.core.files import load_dictionaries
 from axisbus.core.listening import listen_to
 from axisbus.drives.gim6010.factory_protocols import told
 from axisbus.machine.bus_monitor import Beat, BusMonitor, NodeHeard
-from axisbus.trace import json_form, text
+from axisbus.trace import frame_formats
 from axisbus.wording import counted
 
 _NOTHING = "nothing was heard: no node sends, or not on this channel or at this bit rate"
@@ -65,7 +65,7 @@ def lines(overview: BusMonitor, rate: float, now: float) -> list[str]:
     for node_id in sorted(overview.nodes):
         found += _of_node(overview.nodes[node_id], now)
     for one in overview.take_news():
-        found.append(f"           !! {text.who(one)} {one.kind.value}: {text.what(one)}")
+        found.append(f"           !! {frame_formats.who(one)} {one.kind.value}: {frame_formats.what(one)}")
     if overview.missed:
         found.append(f"           !! {overview.missed} more are not shown (axisbus trace shows all)")
     overview.missed = 0
@@ -89,7 +89,7 @@ def _of_node(node: NodeHeard, now: float) -> list[str]:
     return [
         f"{who:<10} {heartbeat}",
         *(
-            f"           {_before(newest.taken, now):>10}  {_direction(newest.one.from_node)}{text.what(newest.one)}"
+            f"           {_before(newest.taken, now):>10}  {_direction(newest.one.from_node)}{frame_formats.what(newest.one)}"
             for _, newest in sorted(node.newest.items())
         ),
     ]
@@ -125,7 +125,7 @@ def _plain(overview: BusMonitor, rate: float, now: float) -> dict[str, Any]:
         "sync": _plain_beat(overview.sync, now),
         "master": words(overview.signs.heard),
         "nodes": [_plain_node(node, now) for _, node in sorted(overview.nodes.items())],
-        "news": [json_form.plain(one) for one in overview.take_news()],
+        "news": [frame_formats.plain(one) for one in overview.take_news()],
         "news_missed": missed,
         "against_the_protocol": overview.tally.plain(),
         "other_protocols": [each.plain for each in overview.foreign.speakers],
@@ -140,7 +140,7 @@ def _plain_node(node: NodeHeard, now: float) -> dict[str, Any]:
         "state": None if node.state is None else node.state.text,
         "heartbeat": _plain_beat(node.beat, now),
         "newest": {
-            name: {"age": now - newest.taken, "count": newest.count, **json_form.plain(newest.one)}
+            name: {"age": now - newest.taken, "count": newest.count, **frame_formats.plain(newest.one)}
             for name, newest in sorted(node.newest.items())
         },
     }

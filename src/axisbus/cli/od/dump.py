@@ -14,7 +14,7 @@ from axisbus.cli.shared.common import OK, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
 from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, node_options, require_bus
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
-from axisbus.trace import text
+from axisbus.trace import frame_formats
 from axisbus.trace.decoded import ObjectValue
 from axisbus.wording import counted
 
@@ -89,7 +89,7 @@ def _text(node_id: int, found: list[tuple[ObjectValue, str]], as_json: bool) -> 
 
         return json.dumps([_plain(node_id, *each) for each in found], indent=2) + "\n"
     return "".join(
-        (f"{text.address(value)}: {refusal}" if refusal else od.line(value)) + "\n"
+        (f"{frame_formats.address(value)}: {refusal}" if refusal else od.line(value)) + "\n"
         for value, refusal in found
     )
 

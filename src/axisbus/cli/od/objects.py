@@ -17,7 +17,8 @@ from axisbus.configuration import parse_values
 from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, AxisbusError
-from axisbus.trace import text, value_text
+from axisbus.trace import frame_formats as text
+from axisbus.trace import value_text
 from axisbus.trace.decoded import ObjectValue
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ def line(value: ObjectValue) -> str:
 
 def plain(node_id: int, value: ObjectValue) -> dict[str, Any]:
     """Return an object and its value for JSON; bytes as hexadecimal digits."""
-    from axisbus.trace import json_form as plainly
+    from axisbus.trace import frame_formats as plainly
 
     return {"node": node_id, **plainly.value(value)}
 

@@ -18,7 +18,7 @@ from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_o
 from axisbus.configuration import guarded_write, parse_values
 from axisbus.configuration.guarded_write import Written, is_command
 from axisbus.eds.dictionary import Dictionary
-from axisbus.trace import text
+from axisbus.trace import frame_formats
 from axisbus.wording import counted
 
 
@@ -108,7 +108,11 @@ def _say(
     dictionary = Dictionary(files.eds_for(node_id), node_id)
 
     def shown(one: Value | None) -> str:
-        return "unknown" if one is None else text.shown(od.value_of(files, node_id, dictionary, entry, one))
+        return (
+            "unknown"
+            if one is None
+            else frame_formats.shown(od.value_of(files, node_id, dictionary, entry, one))
+        )
 
     what = f"node {node_id}: {entry}"
     if not written.agrees(value):

@@ -19,7 +19,7 @@ from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.errors import AxisbusError, SdoTimeout
 from axisbus.machine.machine import Machine
 from axisbus.machine.machine_node import MachineNode
-from axisbus.trace import text, value_text
+from axisbus.trace import frame_formats, value_text
 from axisbus.web.objects.jobs import ObjectJob, TransferRequest, TransferResult, WriteConfirmation
 from axisbus.web.view.axes import explained
 
@@ -79,7 +79,7 @@ class ObjectTransfers:
     def _shown(self, node: MachineNode, entry: DictionaryEntry, value: Value | None) -> str:
         if value is None:
             return "unknown"
-        return text.shown(
+        return frame_formats.shown(
             value_text.value_of(self._quantities, node.node_id, node.sdo.dictionary, entry, value)
         )
 
