@@ -12,9 +12,8 @@ from axisbus.cia401.signal import IoPoint
 from axisbus.errors import ArgumentError
 from axisbus.motion.io.reading import IoReading
 from axisbus.record.load import load
-from axisbus.record.object_selection import WantedObject
-from axisbus.record.pdo_objects import MappedSignal
-from axisbus.record.triggers.io import IoMoment
+from axisbus.record.objects import MappedSignal, WantedObject
+from axisbus.record.triggers import IoMoment
 from kit.cell import SCALE, Stage, cell_text
 from kit.modules import LEVEL, MODULE
 

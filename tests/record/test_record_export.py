@@ -9,12 +9,11 @@ from dataclasses import replace
 import pytest
 
 from axisbus.errors import UserError
-from axisbus.record.annotations import flags, lines
 from axisbus.record.columns import NAMES
 from axisbus.record.compare import compare
 from axisbus.record.export import table, write_csv, write_parquet
 from axisbus.record.load import load
-from axisbus.record.plot import _thinned, plot
+from axisbus.record.plot import _thinned, flags, lines, plot
 from axisbus.record.recording_data import Recorded, RecordedEvent, RecordedSeries
 
 UNITS = dict.fromkeys(NAMES, "") | {

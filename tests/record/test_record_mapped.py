@@ -12,8 +12,7 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.pdo import PdoLocation
 from axisbus.cia401.signal import IoPoint
 from axisbus.ipc.frames import FrameQueue, unpacked
-from axisbus.record.object_selection import WantedObject
-from axisbus.record.pdo_objects import MappedObjects, MappedSignal
+from axisbus.record.objects import MappedObjects, MappedSignal, WantedObject
 
 
 def place(

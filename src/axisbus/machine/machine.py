@@ -47,8 +47,7 @@ if TYPE_CHECKING:  # programs that only use axes do not need these
     from axisbus.motion.group.kinematics import Kinematics
     from axisbus.record.capture import Capture
     from axisbus.record.condition import Condition
-    from axisbus.record.last_motion import LastMinute
-    from axisbus.record.notebook_plot import RecordingPlot
+    from axisbus.record.last_motion import LastMinute, RecordingPlot
     from axisbus.record.recording import Recording
     from axisbus.sim.device import Device
 

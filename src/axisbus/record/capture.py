@@ -16,7 +16,7 @@ from axisbus.record.condition import Condition
 from axisbus.record.events import Watched
 from axisbus.record.mcap_writer import library
 from axisbus.record.output_file import McapFile, Row
-from axisbus.record.triggers.parse import moment_of
+from axisbus.record.triggers import moment_of
 
 log = logging.getLogger("axisbus")
 _LONGEST = 60.0  # seconds, the longest time before and after the trigger

@@ -12,6 +12,7 @@ import logging
 import math
 import time
 from collections.abc import Collection, Iterable, Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 from axisbus.errors import ArgumentError, AxisbusError, StateError, one_line
@@ -20,14 +21,16 @@ from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import MOVING
 from axisbus.record.columns import AxisForm, track_of
 from axisbus.record.events import RecordingEventSource, Telling
-from axisbus.record.notebook_plot import RecordingPlot
+from axisbus.record.plot import plot, png
 from axisbus.record.recording_data import Recorded, RecordedEvent
 from axisbus.record.sample_packing import AxisSample, PackedRows
+from axisbus.wording import counted
 
 log = logging.getLogger("axisbus")
 KEPT = 60.0  # seconds
 _BEFORE, _AFTER = 0.2, 0.4  # seconds of standstill that are plotted before and after a motion
 _ON_THEIR_WAY = 2.0  # seconds that the transmission of rows may take on a busy computer
+
 
 Cycle = tuple[float, list[AxisSample]]
 
@@ -166,3 +169,36 @@ def _title(recorded: Recorded) -> str:
     given = [event.where for event in recorded.events if event.sort == "command" and event.text == "given"]
     text = ", ".join(given)
     return text if 0 < len(text) <= 90 else f"the last motion of {', '.join(recorded.tracks)}"
+
+
+# -- A plot of a recording in memory: a notebook shows it, and it can be saved -----------------------------------------
+
+
+class RecordingPlot:
+    """The plot of a recording; holds the recording, and the image."""
+
+    def __init__(self, recorded: Recorded, title: str) -> None:
+        """Plot ``recorded``; blocks meanwhile.
+
+        Raises:
+            UserError: matplotlib is not installed, or there is nothing to plot.
+        """
+        self.recorded = recorded
+        self.title = title
+        self._png = png(recorded, title)
+
+    def __repr__(self) -> str:
+        axes = counted(len(self.recorded.tracks), "axis", "axes")
+        return f"<Picture of {axes}, {self.recorded.seconds:.2f} s: {self.title}>"
+
+    def _repr_png_(self) -> bytes:
+        """Return the image for a notebook."""
+        return self._png
+
+    def save(self, path: Path | str) -> Path:
+        """Write the plot to ``path``, as .png or .svg, and return the path; the folder is made if needed. Blocks meanwhile.
+
+        Raises:
+            UserError: ``path`` has another suffix.
+        """
+        return plot(self.recorded, path, self.title)

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
-from axisbus.cia301.datatypes import Value
-from axisbus.errors import SdoError
+from axisbus.cell.can_simple.modules import require_objects
+from axisbus.cell.io_signals import all_points
+from axisbus.cell.model import CellConfig
+from axisbus.cia301.datatypes import DataType, Value, decode
+from axisbus.cia301.frame import CanFrame
+from axisbus.cia301.pdo import PdoLocation
+from axisbus.cia401.signal import IoPoint
+from axisbus.cia402.axes import own_index
+from axisbus.eds.dictionary import Dictionary
+from axisbus.errors import ArgumentError, SdoError, UnknownNameError
 from axisbus.record.events import Watched
-from axisbus.record.object_selection import WantedObject
+from axisbus.session import MachineSession
 
 _SHARE = 0.05  # of the bus load
 _BITS = 260  # of a request and its answer, with stuff bits
@@ -56,3 +66,156 @@ class ObjectReads:
     def reads(self) -> Mapping[str, int]:
         """The number of reads of each object."""
         return self._counts
+
+
+# -- The objects to record in addition to the axes, as users name them -------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class WantedObject:
+    """One object of a node; ``label`` is the name that the user gave, the index is the device's own.
+
+    ``point``: the name of the input or output, if the object was requested as one.
+    """
+
+    label: str
+    node: int
+    index: int
+    subindex: int
+    name: str
+    data_type: DataType | None
+    point: IoPoint | None = None
+
+    def json_type(self, *, carried: bool) -> str:
+        """Return the JSON type of its values; ``carried``: by a PDO, whose untyped bits become a number.
+
+        Bytes become hexadecimal digits.
+        """
+        if self.point is not None:
+            return "number" if self.point.bit is None else "boolean"
+        kind = self.data_type
+        if kind is None:
+            return "number" if carried else "string"
+        return "number" if kind.integer or kind in (DataType.REAL32, DataType.REAL64) else "string"
+
+    def means(self, value: Value | None) -> Value | None:
+        """Return the meaning of a value of the object: for an input or output, True or False, or a number in its unit."""
+        if self.point is None or not isinstance(value, int):
+            return value
+        return self.point.shown(self.point.of(value))
+
+
+def wanted_object(machine: Watched, text: str) -> WantedObject:
+    """Return the object for ``x:6074``, ``x:6099:01`` or ``3:1001`` (axis or node, index or name), or for ``lamp``.
+
+    Raises:
+        ArgumentError, StateError: no such object, axis, node, input or output.
+    """
+    if text in machine.cell.io:
+        return _point(machine, text)
+    where, colon, key = text.partition(":")
+    if not colon or not key:
+        raise ArgumentError(
+            f"{text!r} names no object to record",
+            remedy="write it as x:6074, x:6099:01 or 3:1001, or as the name of an input or output",
+        )
+    node_id, drive_axis = _place(machine.cell, where)
+    require_objects(machine.cell, node_id)
+    entry = Dictionary(machine.node(node_id).eds, node_id).resolve(key)
+    index = own_index(entry.index, drive_axis)
+    return WantedObject(text, node_id, index, entry.subindex, entry.name, entry.data_type)
+
+
+def _point(machine: Watched, name: str) -> WantedObject:
+    """Return the object of an input or output."""
+    node_id = machine.cell.io[name].node
+    eds = machine.node(node_id).eds
+    point = all_points(machine.cell, {node_id: eds})[name]
+    entry = Dictionary(eds, node_id).resolve(f"{point.index:04X}:{point.subindex:02X}")
+    unit = f" ({point.unit})" if point.unit else ""
+    return WantedObject(
+        name, node_id, *point.address, f"{point.object_text} of node {node_id}{unit}", entry.data_type, point
+    )
+
+
+def _place(cell: CellConfig, where: str) -> tuple[int, int]:
+    if where in cell.axes and cell.axes[where].virtual:
+        raise cell.axes[where].no_drive("no objects")
+    if where in cell.axes:
+        return cell.axes[where].node, cell.axes[where].drive_axis
+    if where.isdecimal() and len(where) <= 3 and int(where) in cell.nodes:
+        return int(where), 1
+    if where.isdecimal():
+        raise UnknownNameError(
+            f"the cell has no node {where}", observed=f"it has {', '.join(map(str, cell.nodes))}"
+        )
+    raise cell.no_axis(where)
+
+
+# -- Record objects that PDOs carry: the value in each frame sent or received, without extra transfers -----------------
+
+
+_MOST = 100_000  # the most values waiting to be written
+
+
+@dataclass(frozen=True, slots=True)
+class MappedSignal:
+    """The location of an object in a PDO, and the meaning of its bits."""
+
+    wanted: WantedObject
+    carried: PdoLocation
+
+    @property
+    def label(self) -> str:
+        """The name under which it was requested."""
+        return self.wanted.label
+
+    def value(self, data: bytes) -> Value | None:
+        """Return the value in a frame, None if the frame is too short."""
+        _, _, shift, bits = self.carried
+        if len(data) * 8 < shift + bits:
+            return None
+        raw = int.from_bytes(data, "little") >> shift & ((1 << bits) - 1)
+        data_type = self.wanted.data_type
+        value = raw if data_type is None else decode(raw.to_bytes((bits + 7) // 8, "little"), data_type)
+        return self.wanted.means(value)
+
+
+class MappedObjects:
+    """Extract the values of objects from the frames of the bus; holds those waiting to be written, and their number."""
+
+    def __init__(self, session: MachineSession, places: Sequence[MappedSignal]) -> None:
+        self._session = session
+        self.places = tuple(places)
+        self._by_id: dict[int, list[MappedSignal]] = {}
+        for place in self.places:
+            self._by_id.setdefault(place.carried.can_id, []).append(place)
+        self._values: deque[tuple[str, float, Value]] = deque(maxlen=_MOST)
+        self.counts = {place.label: 0 for place in self.places}
+
+    def begin(self) -> None:
+        """Start listening."""
+        if self._by_id:
+            self._session.tap(self._hear, self._by_id)
+
+    def end(self) -> None:
+        """Stop listening."""
+        if self._by_id:
+            self._session.untap(self._hear)
+
+    def write(self, write: Callable[[str, float, Value | None], None]) -> None:
+        """Call ``write(label, time, value)`` for every waiting value."""
+        for label, now, value in self._take():
+            write(label, now, value)
+            self.counts[label] += 1
+
+    def _take(self) -> Iterator[tuple[str, float, Value]]:
+        for _ in range(len(self._values)):
+            yield self._values.popleft()
+
+    def _hear(self, frames: Sequence[CanFrame]) -> None:
+        for frame in frames:
+            for place in () if frame.remote else self._by_id.get(frame.can_id, ()):
+                value = place.value(frame.data)
+                if value is not None:
+                    self._values.append((place.label, frame.time, value))

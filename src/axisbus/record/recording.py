@@ -22,10 +22,8 @@ from axisbus.errors import one_line
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.events import Watched
 from axisbus.record.mcap_writer import ToldObject
-from axisbus.record.object_selection import WantedObject, wanted_object
-from axisbus.record.objects import ObjectReads
+from axisbus.record.objects import MappedObjects, MappedSignal, ObjectReads, WantedObject, wanted_object
 from axisbus.record.output_file import McapFile, Row, texts_of
-from axisbus.record.pdo_objects import MappedObjects, MappedSignal
 from axisbus.session import AxisSession
 from axisbus.wording import counted
 
