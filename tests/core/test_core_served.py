@@ -19,7 +19,7 @@ from axisbus.core.sim_server import ControlDoor, Player
 from axisbus.core.simulated_nodes import SimulatedNode, devices
 from axisbus.errors import AdapterError, AxisbusError, ConfigError, StateError, UserError
 from axisbus.sim.fault_injection import NEVER
-from axisbus.sim.faults.plan import Dial
+from axisbus.sim.fault_plan import Dial
 from kit.cell import cell_text
 
 

@@ -12,8 +12,7 @@ from axisbus.drives.gim6010.modbus.registers import REGISTERS, named
 from axisbus.drives.gim6010.modbus.requests import Reply
 from axisbus.drives.gim6010.modbus.wire import ModbusTimeout
 from axisbus.errors import ArgumentError, NodeTimeout
-from axisbus.sim.modbus.fault_injection import LineDials
-from axisbus.sim.modbus.station import Station
+from axisbus.sim.modbus.station import LineDials, Station
 from kit.modbus.virtual_wire import VirtualWire
 
 

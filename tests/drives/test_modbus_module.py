@@ -9,8 +9,7 @@ from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.registers import REGISTERS, RegisterKind
 from axisbus.drives.gim6010.modbus.set_node_id import set_node_id
 from axisbus.errors import ArgumentError, LimitError, NodeError, NodeTimeout, StateError
-from axisbus.sim.modbus.fault_injection import LineDials
-from axisbus.sim.modbus.station import Station
+from axisbus.sim.modbus.station import LineDials, Station
 from kit.modbus.virtual_wire import VirtualWire
 
 

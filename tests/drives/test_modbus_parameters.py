@@ -11,8 +11,7 @@ from axisbus.drives.gim6010.settings import zero
 from axisbus.drives.gim6010.settings.parameter_batch import apply
 from axisbus.errors import ArgumentError, NodeError, StateError
 from axisbus.sim.can_simple import firmware
-from axisbus.sim.modbus.fault_injection import LineDials
-from axisbus.sim.modbus.station import Station
+from axisbus.sim.modbus.station import LineDials, Station
 from kit.modbus.virtual_wire import VirtualWire, list_of
 
 LIMIT, WATCHDOG, TIMEOUT = (

@@ -7,8 +7,7 @@ import pytest
 from axisbus.cia301.nmt import NmtState
 from axisbus.eds import load
 from axisbus.sim.device import Device
-from axisbus.sim.faults.fault_timing import Cue, Moment, Turn
-from axisbus.sim.faults.plan import Dial, Plan, PlannedFault
+from axisbus.sim.fault_plan import Cue, Dial, Moment, Plan, PlannedFault, Turn
 from kit.pages import ROOT
 
 STEP = 0.01

@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.sim.can_simple.module import Module
-from axisbus.sim.modbus.fault_injection import LineDials
 from axisbus.sim.modbus.framing import Frames, checksum, framed
-from axisbus.sim.modbus.station import Station
+from axisbus.sim.modbus.station import LineDials, Station
 
 
 class Line:

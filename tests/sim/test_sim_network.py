@@ -20,8 +20,7 @@ from canopen.profiles.p402 import BaseNode402
 from axisbus.errors import AdapterError
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.device import Device
-from axisbus.sim.node.network import StandIns
-from axisbus.sim.node.node import object_dictionary
+from axisbus.sim.node.network import StandIns, object_dictionary
 from kit.can_line import options
 from kit.sim.eds import drive_eds
 from kit.sim.rig import state

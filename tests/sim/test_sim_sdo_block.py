@@ -12,7 +12,7 @@ from axisbus.cia301.sdo import Garbled, NoAnswer, SdoAborted, SdoTransferType, c
 from axisbus.cia301.sdo_download import Download
 from axisbus.cia301.sdo_session import SdoSession, SdoTransferRequest
 from axisbus.cia301.sdo_upload import Upload
-from axisbus.sim.node.sdo_block import crc16
+from axisbus.sim.node.sdo import crc16
 from kit.sim.sdo_wire import FILE, TIMEOUT, SdoWire
 
 NINE = b"123456789"  # its CRC is the check value of every catalogue: 31C3h

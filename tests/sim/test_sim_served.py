@@ -13,9 +13,9 @@ from can.interfaces.socketcand.socketcand import SocketCanDaemonBus
 
 from axisbus.bus.link.adapter import open_adapter
 from axisbus.errors import AdapterError
-from axisbus.sim.socketcand import server as serving
-from axisbus.sim.socketcand.protocol import GREETING, Dialogue, Frame, told
-from axisbus.sim.socketcand.server import LOOPBACK, Server
+from axisbus.sim import socketcand_server as serving
+from axisbus.sim.socketcand_protocol import GREETING, Dialogue, Frame, told
+from axisbus.sim.socketcand_server import LOOPBACK, Server
 
 OPEN, RAW = b"< open sim >", b"< rawmode >"
 

@@ -26,8 +26,7 @@ from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import ArgumentError
 from axisbus.record.condition import Condition, condition
 from axisbus.sim.fault_injection import DriveFaults, LssDials, NodeFaults, ProgramDials
-from axisbus.sim.faults.fault_timing import Moment
-from axisbus.sim.faults.plan import Dial, PlannedFault
+from axisbus.sim.fault_plan import Dial, Moment, PlannedFault
 
 # The values for conditions: the drive's own view of its axis, in the axis's units.
 KINDS: Mapping[str, str] = {

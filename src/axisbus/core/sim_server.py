@@ -30,9 +30,9 @@ from axisbus.record.columns import AxisForm, digits
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.device import Device
 from axisbus.sim.drive import Drive
-from axisbus.sim.faults.plan import Plan, PlannedFault
+from axisbus.sim.fault_plan import Plan, PlannedFault
 from axisbus.sim.node.network import StandIns
-from axisbus.sim.socketcand.server import Server
+from axisbus.sim.socketcand_server import Server
 
 _LOOK = 0.2  # seconds between two checks of the time
 _STEP = 0.005  # seconds between two checks of the faults' conditions

@@ -14,7 +14,7 @@ from pathlib import Path
 from axisbus.cell import reader
 from axisbus.core.sim_server import Served
 from axisbus.sim.can_simple.module import Module
-from axisbus.sim.socketcand.server import Server
+from axisbus.sim.socketcand_server import Server
 from kit.stories.program import TESTS
 
 MODULE = 16  # with CANopen nodes from 32 on, by the manual's table (4.1.4)

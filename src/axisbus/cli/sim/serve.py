@@ -23,7 +23,7 @@ from axisbus.core.sim_faults_file import load_faults
 from axisbus.core.sim_server import Served
 from axisbus.eds.builtin import PREFIX
 from axisbus.errors import UserError
-from axisbus.sim.socketcand.server import LOOPBACK, Server
+from axisbus.sim.socketcand_server import LOOPBACK, Server
 from axisbus.wording import counted
 
 _LONG = 3600.0  # s

@@ -18,12 +18,10 @@ from axisbus.eds.model import Eds
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.can_simple.axis import ModuleAxis
 from axisbus.sim.can_simple.constants import AxisState, Protocol
-from axisbus.sim.can_simple.endpoints import Endpoints
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import EXTENDED, FACTORY, Firmware
-from axisbus.sim.can_simple.parameters import Parameters, Value, list_of
+from axisbus.sim.can_simple.parameters import Endpoints, Parameters, Value, list_of
 from axisbus.sim.can_simple.protocol import CanSimpleServer, Frame, PendingCommands
-from axisbus.sim.can_simple.protocol_29bit import Beacon
 from axisbus.sim.can_simple.shaft import Shaft
 from axisbus.sim.compliant import make_motor
 from axisbus.sim.device import Device
@@ -319,3 +317,37 @@ class Module:
             "axis0.encoder.pos_estimate": lambda: shaft.estimate,
             "axis0.encoder.vel_estimate": lambda: shaft.velocity,
         }
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The 29-bit protocol of firmware 0.6.8 as seen by a listener: a heartbeat, by which it is recognised. It receives nothing.
+#
+# Only the identifier of node 1 is known, 0x19200404: 0x48 in bits 25 to 18, the node in bits 17 to 10 (node 0: off). The meaning of
+# its bytes is not published; here they are a counter and zeros.
+
+
+_BEAT = 0x1920_0004
+_NODE_SHIFT = 10
+_PERIOD = 0.1  # s
+
+
+class Beacon:
+    """The heartbeats to be sent, and the time of the next."""
+
+    def __init__(self) -> None:
+        self.frames: list[tuple[int, bytes]] = []
+        self._due: float | None = None
+        self._life = 0
+
+    def restart(self) -> None:
+        """Power up."""
+        self.frames.clear()
+        self._due, self._life = None, 0
+
+    def step(self, now: float, node_id: int) -> None:
+        """Send a heartbeat if it is due."""
+        if node_id == 0 or (self._due is not None and now < self._due - 1e-9):
+            return
+        self._due = max(now, (now if self._due is None else self._due) + _PERIOD)
+        self.frames.append((_BEAT | node_id << _NODE_SHIFT, bytes([self._life, *bytes(7)])))
+        self._life = self._life + 1 & 0xFF

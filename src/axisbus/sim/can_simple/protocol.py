@@ -13,8 +13,8 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
-from axisbus.sim.can_simple import mit
 from axisbus.sim.can_simple.axis import ModuleAxis
 from axisbus.sim.can_simple.constants import (
     COMMANDS_PER_NODE,
@@ -25,11 +25,9 @@ from axisbus.sim.can_simple.constants import (
     ErrorType,
     InputMode,
 )
-from axisbus.sim.can_simple.endpoints import Endpoints
 from axisbus.sim.can_simple.fault_injection import ModuleDials
-from axisbus.sim.can_simple.firmware import MIT_RANGES, Firmware
-from axisbus.sim.can_simple.heartbeat import heartbeat
-from axisbus.sim.can_simple.parameters import Parameters
+from axisbus.sim.can_simple.firmware import MIT_RANGES, OLD_HEARTBEAT, SYSTEM_FLAG, Firmware
+from axisbus.sim.can_simple.parameters import Endpoints, Parameters
 
 Frame = tuple[int, bytes]
 _READ, _WRITE = 0, 1
@@ -39,6 +37,7 @@ _CAN = "axis0.config.can."
 _CONTROLLER = "axis0.controller.config."
 _TRAJECTORY = "axis0.traj_traj.config."
 _RANGES = ("mit_max_pos", "mit_max_vel", "mit_max_kp", "mit_max_kd", "mit_max_torque")
+
 
 # Commands that only set parameters: format, and the path of each field.
 _SETTINGS: dict[Command, tuple[str, tuple[str, ...]]] = {
@@ -270,7 +269,7 @@ class CanSimpleServer:
 
     def _mit(self, data: bytes) -> None:
         controller, ranges = self._axis.controller, self._ranges()
-        order = mit.unpack(data, ranges)
+        order = unpack(data, ranges)
         get = self._parameters
         if (get[_CONTROLLER + "control_mode"], get[_CONTROLLER + "input_mode"]) != (
             ControlMode.POSITION,
@@ -284,19 +283,19 @@ class CanSimpleServer:
         )
         self._send(Command.MIT_CONTROL, self._mit_answer(ranges))
 
-    def _mit_answer(self, ranges: mit.Ranges) -> bytes:
+    def _mit_answer(self, ranges: Ranges) -> bytes:
         axis = self._axis
         gear = axis.controller.gear
         radians = 2.0 * math.pi / gear
         shaft = axis.shaft
         torque = shaft.torque * gear if axis.energised else 0.0
         node_id = self._parameters.node_id
-        return mit.pack_answer(node_id, shaft.estimate * radians, shaft.velocity * radians, torque, ranges)
+        return pack_answer(node_id, shaft.estimate * radians, shaft.velocity * radians, torque, ranges)
 
-    def _ranges(self) -> mit.Ranges:
+    def _ranges(self) -> Ranges:
         if self._firmware < MIT_RANGES:
-            return mit.Ranges()
-        return mit.Ranges(*(self._parameters[_CONTROLLER + name] for name in _RANGES))
+            return Ranges()
+        return Ranges(*(self._parameters[_CONTROLLER + name] for name in _RANGES))
 
 
 def _u32(data: bytes) -> int:
@@ -309,3 +308,77 @@ def _floats(*values: float) -> bytes:
 
 def _wrapped(value: int) -> int:
     return (value + 0x8000_0000 & 0xFFFF_FFFF) - 0x8000_0000
+
+
+# -- The heartbeat in its three layouts (manual 4.1.2) -----------------------------------------------------------------
+
+
+def heartbeat(axis: ModuleAxis, firmware: Firmware, dials: ModuleDials, life: int) -> bytes:
+    """Return the 8 bytes of a heartbeat; ``life`` is the life counter."""
+    head = int(axis.error).to_bytes(4, "little") + bytes([axis.state & 0xFF])
+    faults = [bool(axis.motor_error), bool(axis.encoder_error), bool(axis.controller_error)]
+    if firmware >= SYSTEM_FLAG:
+        faults.append(bool(axis.system_error))
+    bits = [fault != dials.flags_inverted for fault in faults]
+    done = axis.controller.trajectory_done
+    if firmware <= OLD_HEARTBEAT:
+        motor, encoder, controller = bits
+        return head + bytes([motor, encoder, controller | done << dials.done_bit])
+    flags = sum(bit << place for place, bit in enumerate(bits)) | done << 7
+    return head + bytes([flags, 0, life & 0xFF])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# MIT control on the wire (manual 4.1.2): fields of 16 and 12 bits, most significant bits first, at the output shaft.
+#
+# Like the firmware, the packing truncates and does not limit: a value beyond its range wraps to the other end.
+
+
+class Ranges(NamedTuple):
+    """Ends of the fields' ranges: rad, rad/s, N·m/turn, N·m·s/turn, N·m."""
+
+    position: float = 12.5
+    velocity: float = 65.0
+    kp: float = 500.0
+    kd: float = 5.0
+    torque: float = 50.0
+
+
+class Order(NamedTuple):
+    """A command: rad, rad/s and N·m at the output shaft, and the gains."""
+
+    position: float
+    velocity: float
+    kp: float
+    kd: float
+    torque: float
+
+
+def unpack(data: bytes, ranges: Ranges) -> Order:
+    """Return the command in 8 bytes."""
+    bits = int.from_bytes(data[:8], "big")
+    return Order(
+        _signed(bits >> 48, 16, ranges.position),
+        _signed(bits >> 36 & 0xFFF, 12, ranges.velocity),
+        (bits >> 24 & 0xFFF) * ranges.kp / 4095,
+        (bits >> 12 & 0xFFF) * ranges.kd / 4095,
+        _signed(bits & 0xFFF, 12, ranges.torque),
+    )
+
+
+def pack_answer(node_id: int, position: float, velocity: float, torque: float, ranges: Ranges) -> bytes:
+    """Return the answer in 8 bytes, the last two of which are 0; rad, rad/s and N·m at the output shaft."""
+    bits = _field(position, 16, ranges.position) << 24
+    bits |= _field(velocity, 12, ranges.velocity) << 12 | _field(torque, 12, ranges.torque)
+    return bytes([node_id]) + bits.to_bytes(5, "big") + bytes(2)
+
+
+def _signed(raw: int, width: int, end: float) -> float:
+    return raw * 2 * end / ((1 << width) - 1) - end
+
+
+def _field(value: float, width: int, end: float) -> int:
+    if not math.isfinite(value) or end <= 0.0:
+        return 0
+    most = (1 << width) - 1
+    return math.floor((value + end) * most / (2 * end)) & most

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from axisbus.sim.modes.base import Mode
-from axisbus.sim.modes.cyclic_position import CyclicPosition
+from axisbus.sim.modes.cyclic_position import CyclicPosition, InterpolatedPosition
 from axisbus.sim.modes.homing import Homing
-from axisbus.sim.modes.interpolated_position import InterpolatedPosition
 from axisbus.sim.modes.profile_position import ProfilePosition
 from axisbus.sim.modes.torque import CyclicTorque, ProfileTorque
 from axisbus.sim.modes.velocity import CyclicVelocity, ProfileVelocity

@@ -27,10 +27,9 @@ from axisbus.sim.control_bits import (
     SW_BIT_12,
     SW_BIT_13,
 )
-from axisbus.sim.jerk_limited import SoftProfile
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.power import Effort
-from axisbus.sim.ramp import Profile, plan_move
+from axisbus.sim.ramp import Profile, SoftProfile, plan_move
 
 _NO_WINDOW = 0xFFFF_FFFF
 _SLOW = Effort.SLOW  # used in every step at standstill

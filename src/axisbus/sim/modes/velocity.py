@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from axisbus.sim.axis import Axis
 from axisbus.sim.control_bits import CSV, PV, SW_BIT_10, SW_BIT_12
-from axisbus.sim.jerk_limited import SoftVelocity
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.power import Effort
+from axisbus.sim.ramp import SoftVelocity
 
 _SAME = 1e-6  # increments/s
 

@@ -19,7 +19,7 @@ from typing import Any
 import can
 
 from axisbus.errors import AdapterError
-from axisbus.sim.socketcand.protocol import GREETING, QUIET, Dialogue, Frame, told
+from axisbus.sim.socketcand_protocol import GREETING, QUIET, Dialogue, Frame, told
 
 LOOPBACK = "127.0.0.1"  # no other computer may join this bus
 _MOST = 32  # clients

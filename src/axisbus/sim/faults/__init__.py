@@ -1,1 +1,0 @@
-"""Planned faults of simulated nodes: when each begins and ends, and which settings it changes."""
