@@ -36,7 +36,7 @@ from axisbus.eds.model import Eds, Object, ObjectType, Variable
 from axisbus.machine.machine import Machine
 from axisbus.motion.group.path import CycleVelocity, way_of
 from axisbus.motion.group.path_builder import polyline
-from axisbus.motion.group.path_position import AxisPathShare, PathPosition
+from axisbus.motion.group.path_motion import AxisPathShare, PathPosition
 from axisbus.motion.group.path_speed import PathSpeed
 from axisbus.motion.parameters import AxisLimits
 from axisbus.motion.states import AxisState

@@ -125,7 +125,6 @@ UNCLEAR_FOR_NOW = {
     "core.listening": "to be renamed: opening a bus to listen on it",
     "drives.gim6010.can_simple.port.stage": "a power stage",
     "drives.gim6010.can_simple.protected": "protected parameters",
-    "motion.io.reading": "to be merged into motion.io.node: the reading of an input or output",
     "motion.stop.following": "to be renamed: the following error",
 }
 

@@ -26,8 +26,7 @@ from axisbus.errors import AxisbusError
 from axisbus.motion.command_status import Status
 from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
-from axisbus.motion.io.commands import SetOutputs
-from axisbus.motion.io.reading import IoReading
+from axisbus.motion.io import IoReading, SetOutputs
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.probing.capture import ProbeCapture
 from axisbus.motion.snapshot import Snapshot

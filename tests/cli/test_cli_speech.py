@@ -11,7 +11,7 @@ import pytest
 
 from axisbus.cli.shared.error_text import in_commands
 from axisbus.errors import AdapterError, AxisbusError, StateError
-from axisbus.motion.stop.lost import ANEW, start_and_reset
+from axisbus.motion.stop.diagnosis import ANEW, start_and_reset
 from axisbus.web.view.error_text import in_page_terms
 from kit import commands
 

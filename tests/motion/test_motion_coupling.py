@@ -14,9 +14,9 @@ from axisbus import Cam
 from axisbus.errors import ArgumentError
 from axisbus.ipc.messages import CODEC
 from axisbus.motion.commands import PhaseBy
-from axisbus.motion.coupling.gear_and_cam import CamLaw, Gear, SlaveReference
-from axisbus.motion.coupling.phase import PhaseShift
-from axisbus.motion.coupling.sync_in_curve import SyncInCurve
+from axisbus.motion.coupling.definition import CamLaw, Gear, SlaveReference
+from axisbus.motion.coupling.engagement import SyncInCurve
+from axisbus.motion.coupling.slave_axis import PhaseShift
 
 SAME = settings(deadline=None, derandomize=True)
 PLACES = st.floats(-50.0, 50.0)

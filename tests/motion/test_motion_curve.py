@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.motion.curve import Curve
+from axisbus.motion.moves.remote_trajectory import Curve
 
 STEP, SMALL = 0.5, 1e-6
 

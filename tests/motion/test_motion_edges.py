@@ -20,13 +20,12 @@ from axisbus.machine.handle import Handle
 from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.group.path_builder import plan_line
 from axisbus.motion.moves.adopt_enabled_drive import DriveAdoption, resting_target
-from axisbus.motion.moves.lookahead import excess
 from axisbus.motion.moves.profile import braking_distance, duration
 from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 from axisbus.motion.numbers import number, told
 from axisbus.motion.parameters import AxisLimits, Defaults, HoldsLoad
 from axisbus.motion.path_limit_check import PathLimitCheck, PathSample, brakes_smoothly, pace_of
-from axisbus.motion.position_limits import widened
+from axisbus.motion.position_limits import excess, widened
 from axisbus.motion.stop.active_stop import StopKind, Stopping, stop_error
 from axisbus.motion.stop.diagnosis import remedy
 from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel

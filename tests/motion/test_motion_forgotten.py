@@ -8,10 +8,9 @@ import pytest
 
 from axisbus.motion.axis.active_command import ActiveCommand
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.axis.demand import DemandTrust
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.axis.loss import Loss
-from axisbus.motion.axis.reference import ReferenceTracker
+from axisbus.motion.axis.reference import DemandTrust, ReferenceTracker
 from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import DemandUse
 from axisbus.motion.states import AxisState

@@ -10,12 +10,11 @@ import pytest
 from axisbus.errors import LimitError, MotionTimeout, StaleError
 from axisbus.motion.group.start_barrier import OPEN, StartBarrier
 from axisbus.motion.moves.coast_and_reset import Coast, ResetActivity
-from axisbus.motion.moves.continuous_motion import TorqueMove, VelocityMove
+from axisbus.motion.moves.continuous_motion import Jog, TorqueMove, VelocityMove
 from axisbus.motion.moves.csp_move import CspMove
 from axisbus.motion.moves.enable import EnableActivity
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.homing import HomingRun
-from axisbus.motion.moves.jog import Jog
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.parameters import AxisLimits

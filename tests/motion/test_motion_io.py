@@ -11,7 +11,7 @@ from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.port import Sample
 from axisbus.errors import ArgumentError
 from axisbus.motion.command_status import CommandStatus, Status
-from axisbus.motion.io.node import NodeIo
+from axisbus.motion.io import NodeIo
 
 LAMP = IoPoint("lamp", 5, 0x6200, 1, 8, False, output=True, bit=3)
 CLAMP = IoPoint("clamp", 5, 0x6200, 1, 8, False, output=True, bit=7, safe=1)

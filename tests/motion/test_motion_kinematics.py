@@ -12,13 +12,12 @@ from hypothesis import strategies as st
 
 from axisbus import CoreXY, Delta, Scara
 from axisbus.ipc.messages import CODEC
-from axisbus.motion.group.jerk_limits import Soft
 from axisbus.motion.group.kinematic_segment import KinematicSegment, survey
-from axisbus.motion.group.path import CycleVelocity, way_of
+from axisbus.motion.group.path import CycleVelocity, Soft, way_of
 from axisbus.motion.group.path_builder import arc_through, polyline, window
 from axisbus.motion.group.path_speed import PathSpeed
 from axisbus.motion.group.segments import Straight
-from axisbus.motion.override.factor import FASTER
+from axisbus.motion.override import FASTER
 from axisbus.motion.parameters import AxisLimits
 
 SAME = settings(deadline=None, derandomize=True)

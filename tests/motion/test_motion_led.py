@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 
 from axisbus.cia402.port import Capabilities, Inputs, Sample, ValueTransport
-from axisbus.motion.axis.demand import OWN, DemandTrust
 from axisbus.motion.axis.image import AxisImage
-from axisbus.motion.axis.reference import ReferenceTracker
+from axisbus.motion.axis.reference import OWN, DemandTrust, ReferenceTracker
 from axisbus.motion.parameters import DemandUse
 
 PP, PV, TQ, HM, CSP = 1, 3, 4, 6, 8

@@ -8,12 +8,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from axisbus.motion.group.path import way_of
-from axisbus.motion.group.path_position import AxisPathShare, PathPosition
+from axisbus.motion.group.path_motion import AxisPathShare, PathPosition
 from axisbus.motion.group.segments import Straight
-from axisbus.motion.moves.lookahead import LookaheadTrajectory, excess
 from axisbus.motion.parameters import AxisLimits
 from axisbus.motion.pathclock import PathClock
-from axisbus.motion.position_limits import widened
+from axisbus.motion.position_limits import LookaheadTrajectory, excess, widened
 from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 from kit.motion.rig import PERIOD
 

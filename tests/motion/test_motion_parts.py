@@ -37,8 +37,7 @@ from axisbus.motion.pathclock import PathClock
 from axisbus.motion.stop.diagnosis import THEN, chained
 from axisbus.motion.stop.sdo_path import SdoPath
 from axisbus.motion.stop.settled_value import SettledValue
-from axisbus.motion.stop.standstill import StandstillCheck
-from axisbus.motion.stop.standstill_wait import StandstillWaiters
+from axisbus.motion.stop.standstill import StandstillCheck, StandstillWaiters
 from axisbus.motion.stop.velocity_following import RampedWay, ramped_way
 from axisbus.motion.stop_deceleration import Braking
 from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory

@@ -13,11 +13,19 @@ from hypothesis import strategies as st
 from axisbus.errors import LimitError
 from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.point_stream.commands import Span
-from axisbus.motion.point_stream.curve_fit import SHARE, Allowed, CurveFit, StreamPoint
-from axisbus.motion.point_stream.quintic import Motion, at, coefficients, controls, derived, reach
-from axisbus.motion.point_stream.rate import StreamTravel
-from axisbus.motion.point_stream.stream import PatientGate
-from axisbus.motion.point_stream.timeline import StreamTimeline
+from axisbus.motion.point_stream.curve_fit import (
+    SHARE,
+    Allowed,
+    CurveFit,
+    Motion,
+    StreamPoint,
+    at,
+    coefficients,
+    controls,
+    derived,
+    reach,
+)
+from axisbus.motion.point_stream.stream import PatientGate, StreamTimeline, StreamTravel
 
 VALUES = st.floats(-100.0, 100.0)
 MOTIONS = st.builds(Motion, VALUES, VALUES, VALUES)

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.motion.probing.latch import Latch
-from axisbus.motion.probing.window import is_within
+from axisbus.motion.probing.arming import Latch, is_within
 from kit.motion.rig import SCALE, rig
 
 

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.motion.commands import MoveSuperimposed
-from axisbus.motion.superimposed.addition import Addition
-from axisbus.motion.superimposed.offset_profile import Shift
+from axisbus.motion.superimposed import Addition, Shift
 
 SAME = settings(deadline=None, derandomize=True, max_examples=60)
 PERIOD = 0.01

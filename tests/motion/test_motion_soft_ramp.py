@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.motion.jerk.online_profile import ReferenceState
-from axisbus.motion.jerk.ramp import LONGEST, SoftRamp, VelocityRamps, rest_way
+from axisbus.motion.jerk.online_profile import LONGEST, ReferenceState, SoftRamp, VelocityRamps, rest_way
 
 T = 0.004
 NOISE = 1e-11

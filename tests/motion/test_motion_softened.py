@@ -11,12 +11,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from axisbus.motion.group.jerk_limits import Soft, softened
-from axisbus.motion.group.path import CycleVelocity, Path, way_of
+from axisbus.motion.group.path import CycleVelocity, Path, Soft, SpeedZone, softened, way_of
 from axisbus.motion.group.path_builder import polyline, window
 from axisbus.motion.group.path_speed import PathSpeed
 from axisbus.motion.group.segments import corner
-from axisbus.motion.group.speed_zone import SpeedZone
 from axisbus.motion.parameters import AxisLimits
 
 Places = list[tuple[float, ...]]

@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 
 from axisbus.core.process.trajectory_feeder import Sampler
 from axisbus.errors import ArgumentError, CommandError
-from axisbus.motion.curve import Curve, following
-from axisbus.motion.moves.lookahead import LookaheadTrajectory
-from axisbus.motion.moves.remote_trajectory import Streamed, StreamHead
+from axisbus.motion.moves.remote_trajectory import Curve, Streamed, StreamHead, following
 from axisbus.motion.path_limit_check import Ramped
 from axisbus.motion.pathclock import PathClock
+from axisbus.motion.position_limits import LookaheadTrajectory
 from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 
 STEP = 0.004

@@ -17,11 +17,11 @@ from axisbus.machine.user_kinematics.sampling import Sampling
 from axisbus.motion.group.path import CycleVelocity, way_of
 from axisbus.motion.group.path_builder import arc_through, polyline
 from axisbus.motion.group.path_speed import PathSpeed
+from axisbus.motion.group.sampled_segment import surveyed, tabled
 from axisbus.motion.group.segments import Straight
-from axisbus.motion.override.factor import FASTER
+from axisbus.motion.override import FASTER
 from axisbus.motion.parameters import AxisLimits
-from axisbus.motion.point_stream.quintic import Motion
-from axisbus.motion.sampled_path.segment import surveyed, tabled
+from axisbus.motion.point_stream.curve_fit import Motion
 
 PERIOD = 0.004
 ARM, ROBOT = Scara(200.0, 150.0), Delta(100.0, 40.0, 120.0, 280.0)

@@ -26,8 +26,7 @@ from axisbus.errors import (
 from axisbus.motion.axis.reference import ReferenceTracker
 from axisbus.motion.commands import MoveVelocity
 from axisbus.motion.moves.arrival import ArrivalCheck
-from axisbus.motion.moves.continuous_motion import TorqueMove, VelocityMove
-from axisbus.motion.moves.jog import Jog
+from axisbus.motion.moves.continuous_motion import Jog, TorqueMove, VelocityMove
 from axisbus.motion.moves.modewatch import ModeWatch
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import RampTransfers
@@ -35,11 +34,16 @@ from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.moves.setpoint import HandshakePhase, SetPoint
 from axisbus.motion.parameters import AxisLimits, DriveTimeouts
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.coast_down import CoastDown
-from axisbus.motion.stop.diagnosis import DriveHistory, FaultDiagnosis, enrich, join_remedies, nmt_text
-from axisbus.motion.stop.fault_reaction import FaultReaction
+from axisbus.motion.stop.coast_down import CoastDown, FaultReaction
+from axisbus.motion.stop.diagnosis import (
+    DriveHistory,
+    FaultDiagnosis,
+    enrich,
+    join_remedies,
+    nmt_text,
+    not_to_be_reset,
+)
 from axisbus.motion.stop.hold_setpoint import HoldSetPoint, is_blind, needs_relief
-from axisbus.motion.stop.lost import not_to_be_reset
 from axisbus.motion.stop.standstill_monitor import StandstillMonitor
 from axisbus.motion.stop.stop_sequence import StopLevel
 from axisbus.motion.stop.supervision import Supervision, silence

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from axisbus.motion.group.path import CycleVelocity, Path, way_of
 from axisbus.motion.group.path_builder import arc_about, arc_through, polyline
-from axisbus.motion.group.path_position import AxisPathShare, PathPosition
+from axisbus.motion.group.path_motion import AxisPathShare, PathPosition
 from axisbus.motion.group.path_speed import PathSpeed
 from axisbus.motion.group.segments import Corner, Straight, corner, direction, turned
 from axisbus.motion.parameters import AxisLimits

@@ -10,7 +10,7 @@ from axisbus.cia301.pdo import PdoLocation
 from axisbus.cia401.port import SignalValidity
 from axisbus.cia401.signal import IoPoint
 from axisbus.errors import ArgumentError
-from axisbus.motion.io.reading import IoReading
+from axisbus.motion.io import IoReading
 from axisbus.record.load import load
 from axisbus.record.objects import MappedSignal, WantedObject
 from axisbus.record.triggers import IoMoment

@@ -11,7 +11,7 @@ import pytest
 from axisbus import Cam, wait
 from axisbus.errors import ArgumentError, Interrupted, LimitError, StateError
 from axisbus.motion.axis.fast_path import FastPath
-from axisbus.motion.coupling.master_estimator import LagCorrection
+from axisbus.motion.coupling.master import LagCorrection
 from axisbus.motion.coupling.slave_axis import Coupled
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory

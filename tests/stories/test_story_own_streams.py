@@ -12,8 +12,7 @@ from axisbus import Scara
 from axisbus.errors import ArgumentError, LimitError, StateError, Stopped
 from axisbus.machine.user_kinematics.kinematics import UserKinematicsAdapter
 from axisbus.machine.user_kinematics.point_solver import PlaceJoining
-from axisbus.motion.point_stream.curve_fit import Allowed, StreamPoint
-from axisbus.motion.point_stream.quintic import at
+from axisbus.motion.point_stream.curve_fit import Allowed, StreamPoint, at
 from kit.cell import SCALE
 
 AXIS = "max_acceleration = 4000.0"

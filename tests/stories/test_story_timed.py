@@ -8,7 +8,7 @@ import pytest
 
 from axisbus import TrajectoryPoint
 from axisbus.errors import ArgumentError, AxisbusError, LimitError, StateError, Stopped
-from axisbus.motion.point_stream.quintic import at, coefficients
+from axisbus.motion.point_stream.curve_fit import at, coefficients
 from axisbus.motion.point_stream.timed import way_of
 from axisbus.motion.states import AxisState
 from kit.cell import Cell

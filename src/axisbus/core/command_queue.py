@@ -25,7 +25,7 @@ from axisbus.errors import Stopped
 from axisbus.motion import commands as c
 from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.group.commands import ForEach, GroupCommand
-from axisbus.motion.io.commands import SetOutputs
+from axisbus.motion.io import SetOutputs
 from axisbus.session import AnyCommand, Target
 
 AT_ONCE = 32  # commands in one cycle: about half a millisecond

@@ -17,7 +17,7 @@ from axisbus.core.scan import Scan
 from axisbus.errors import with_alarm
 from axisbus.motion.command_status import ENDED, CommandStatus, Status
 from axisbus.motion.commands import ControllerOutput
-from axisbus.motion.io.reading import IoReading
+from axisbus.motion.io import IoReading
 from axisbus.motion.point_stream.commands import AddPoints
 from axisbus.motion.snapshot import Snapshot
 from axisbus.session import (

@@ -18,9 +18,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, NodeError, SdoTimeout, StateError, Stopped, one_line
 from axisbus.link import Unsafe
 from axisbus.motion.command_status import CommandStatus, Status
-from axisbus.motion.io.commands import SetOutputs
-from axisbus.motion.io.node import NodeIo
-from axisbus.motion.io.reading import IoReading
+from axisbus.motion.io import IoReading, NodeIo, SetOutputs
 
 if TYPE_CHECKING:
     from axisbus.core.runtime import CellLink

@@ -47,13 +47,12 @@ from axisbus.motion.gantry.interlock import Pairs
 from axisbus.motion.gantry.parameters import GantryParameters
 from axisbus.motion.group.commands import CellSetOverride
 from axisbus.motion.group.core import GroupCore
-from axisbus.motion.io.commands import SetOutputs
+from axisbus.motion.io import SetOutputs
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.hold_to_run import HoldToRun
-from axisbus.motion.stop.interrupt_halt import Halting
 from axisbus.motion.stop.policy import FaultPolicy, GroupFault, LostNode
-from axisbus.motion.stop.shutdown_stop import ShutdownStop
+from axisbus.motion.stop.shutdown_stop import Halting, ShutdownStop
 from axisbus.motion.user_code_errors import broken
 from axisbus.session import AnyCommand, Observer, Target
 
@@ -192,7 +191,7 @@ class Scan:
     def request_halt(self, reason: str, number: int) -> None:
         """Request a halt of all commanded axes, and end queued commands; safe in a signal handler. Does not block.
 
-        Later commands are accepted. ``number``: see ``motion.stop.interrupt_halt``.
+        Later commands are accepted. ``number``: see ``motion.stop.shutdown_stop``.
         """
         self._halt_requests.append((reason, number))
 

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 
 from axisbus.cia401.port import SignalValidity
 from axisbus.ipc import image, rescue_memory
-from axisbus.motion.io.reading import IoReading
+from axisbus.motion.io import IoReading
 
 _SLOTS = 8
 _TRIES = 100

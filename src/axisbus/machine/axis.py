@@ -24,7 +24,7 @@ from axisbus.motion.group.commands import Couple, ProbeMove
 from axisbus.motion.moves.activity import age_text
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.numbers import told
-from axisbus.motion.override.factor import FASTER
+from axisbus.motion.override import FASTER
 from axisbus.motion.parameters import NOISE, AxisLimits, AxisParameters
 from axisbus.motion.point_stream.curve_fit import Allowed, allowed_of
 from axisbus.motion.position_limits import room_of_way

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from axisbus.errors import ArgumentError
-from axisbus.motion.coupling.gear_and_cam import CamLaw
+from axisbus.motion.coupling.definition import CamLaw
 from axisbus.motion.numbers import number, told
 from axisbus.motion.spline import SplineSegment, parts_of, span_of
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.cam import Cam
 from axisbus.machine.request import AxisCall, flag_of
-from axisbus.motion.coupling.gear_and_cam import CamLaw, Gear
-from axisbus.motion.coupling.sync_options import AtPlace, By, Entry, SyncAtSpeed, SyncInPlace
+from axisbus.motion.coupling.definition import AtPlace, By, CamLaw, Entry, Gear, SyncAtSpeed, SyncInPlace
 from axisbus.motion.group.commands import Couple
 from axisbus.motion.numbers import told
 

@@ -11,8 +11,7 @@ from axisbus.cia401.port import SignalValidity
 from axisbus.cia401.signal import IoPoint, Value
 from axisbus.errors import ArgumentError, SignalTimeout, StaleError, UnknownNameError
 from axisbus.machine.handle import Handle, patience
-from axisbus.motion.io.commands import SetOutputs
-from axisbus.motion.io.reading import IoReading
+from axisbus.motion.io import IoReading, SetOutputs
 from axisbus.motion.numbers import told
 from axisbus.session import IO
 

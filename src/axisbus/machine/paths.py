@@ -13,15 +13,14 @@ from axisbus.machine.user_kinematics.kinematics import UserKinematicsAdapter, sa
 from axisbus.machine.user_kinematics.sampling import Sampling
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.group.commands import MovePath, PathTransition
-from axisbus.motion.group.jerk_limits import Soft
 from axisbus.motion.group.kinematic_segment import KinematicSegment, survey
 from axisbus.motion.group.kinematics import Kinematics
-from axisbus.motion.group.path import CycleVelocity, Part, way_of
+from axisbus.motion.group.path import CycleVelocity, Part, Soft, way_of
 from axisbus.motion.group.path_builder import arc_about, arc_through, polyline, require_end, window
+from axisbus.motion.group.sampled_segment import SampledSegment
 from axisbus.motion.group.segments import Arc, Corner, Piece, Place
 from axisbus.motion.numbers import number, told
-from axisbus.motion.override.factor import FASTER
-from axisbus.motion.sampled_path.segment import SampledSegment
+from axisbus.motion.override import FASTER
 from axisbus.wording import counted
 
 T = TypeVar("T")

@@ -11,14 +11,13 @@ from axisbus.errors import ArgumentError, LimitError
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.commands import CyclicVelocity, MoveSuperimposed
 from axisbus.motion.jerk.drive_profile_type import has_shape
-from axisbus.motion.moves.lookahead import LookaheadTrajectory
 from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.numbers import flag, items, number, told
-from axisbus.motion.override.factor import FASTER
+from axisbus.motion.override import FASTER
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.path_limit_check import Ramped, pace_of
 from axisbus.motion.point_stream.curve_fit import STILL
-from axisbus.motion.position_limits import widened
+from axisbus.motion.position_limits import LookaheadTrajectory, widened
 from axisbus.motion.trajectory import Trajectory
 from axisbus.units import Scale, toward_zero, whole_above, whole_below
 

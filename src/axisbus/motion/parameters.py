@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.motion.feed_forward.settings import FeedForward
+from axisbus.motion.feed_forward_settings import FeedForward
 from axisbus.motion.stop_deceleration import BRAKES, Braking
 from axisbus.units import Scale
 

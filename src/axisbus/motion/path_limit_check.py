@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from axisbus.motion.moves.lookahead import Path
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.position_limits import Path
 from axisbus.motion.trajectory import Trajectory
 
 _COMPUTED = 1e-6  # relative tolerance for the rounding of numbers computed from times

@@ -18,7 +18,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.request import AxisCall
 from axisbus.motion.axis import accept_motion
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.axis.demand import DemandTrust
+from axisbus.motion.axis.reference import DemandTrust
 from axisbus.motion.gantry import core as gantry_core
 from axisbus.motion.moves import follow
 from axisbus.motion.moves.arrival import ArrivalCheck

@@ -27,7 +27,7 @@ from axisbus.ipc.frames import unpacked
 from axisbus.ipc.image import ImageReader
 from axisbus.ipc.io_image import IoImage
 from axisbus.motion.command_status import ENDED, Status
-from axisbus.motion.io.reading import IoReading
+from axisbus.motion.io import IoReading
 from axisbus.motion.snapshot import Snapshot
 from axisbus.session import (
     AnyCommand,

@@ -23,8 +23,17 @@ from axisbus.machine.user_kinematics.resolution import moved_by
 from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.segments import Place
 from axisbus.motion.point_stream.commands import Span
-from axisbus.motion.point_stream.curve_fit import Allowed, Between, CurveFit, PointAccepted, StreamPoint
-from axisbus.motion.point_stream.quintic import Coefficients, Motion, at, coefficients
+from axisbus.motion.point_stream.curve_fit import (
+    Allowed,
+    Between,
+    Coefficients,
+    CurveFit,
+    Motion,
+    PointAccepted,
+    StreamPoint,
+    at,
+    coefficients,
+)
 
 _FINEST = 256  # parts between two points
 _APART, _MOST_APART = 0.1, 0.005  # of the time between two points; seconds

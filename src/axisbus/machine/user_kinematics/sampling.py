@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 from axisbus.errors import ArgumentError, AxisbusError, LimitError
 from axisbus.machine.user_kinematics.kinematics import UserKinematicsAdapter, listed, said
+from axisbus.motion.group.sampled_segment import Row, SampledSegment, tabled
 from axisbus.motion.group.segments import Corner, Piece, Place, Straight
-from axisbus.motion.point_stream.quintic import Motion, at, coefficients, controls, reach
-from axisbus.motion.sampled_path.segment import Row, SampledSegment, tabled
+from axisbus.motion.point_stream.curve_fit import Motion, at, coefficients, controls, reach
 from axisbus.wording import counted
 
 _LINE, _CORNER, _ROUND = 2, 8, 32  # intervals to begin with: of a line, of a corner, of a whole circle

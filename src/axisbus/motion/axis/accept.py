@@ -26,12 +26,11 @@ from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.adopt_enabled_drive import DriveAdoption
 from axisbus.motion.moves.coast_and_reset import Coast, ResetActivity
 from axisbus.motion.moves.enable import EnableActivity
-from axisbus.motion.override.factor import require_factor
+from axisbus.motion.override import require_factor
 from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.active_stop import StopKind
-from axisbus.motion.stop.diagnosis import first_observation, nmt_text
-from axisbus.motion.stop.lost import ANEW, not_to_be_reset
+from axisbus.motion.stop.diagnosis import ANEW, first_observation, nmt_text, not_to_be_reset
 from axisbus.motion.stop.policy import GroupFault
 from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel
 

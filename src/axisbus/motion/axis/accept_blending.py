@@ -12,8 +12,7 @@ from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.blending.blended_profile import Leg
 from axisbus.motion.blending.csp_blending import BlendedCommand, BlendedMoves
 from axisbus.motion.blending.jerk_limited import JerkLimitedBlendedMoves
-from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.blending.notes import began_from_rest, softer
+from axisbus.motion.blending.mode import BufferMode, began_from_rest, softer
 from axisbus.motion.blending.pp_blending import BlendedTarget
 from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.group.path_builder import window

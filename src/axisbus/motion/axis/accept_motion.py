@@ -22,21 +22,20 @@ from axisbus.motion.jerk.drive_profile_type import JerkProfileWritten
 from axisbus.motion.jerk.jerk_limited_move import JerkLimitedMove
 from axisbus.motion.jerk.velocity import JerkLimitedVelocity
 from axisbus.motion.moves.activity import object_text, require_position, shown_modes
-from axisbus.motion.moves.continuous_motion import TorqueMove, VelocityMove
+from axisbus.motion.moves.continuous_motion import Jog, TorqueMove, VelocityMove
 from axisbus.motion.moves.csp_move import CspMove
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.homing import HomingRun
-from axisbus.motion.moves.jog import Jog
 from axisbus.motion.moves.mode_switch import Lead, ModeSwitch
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import Prepare, RampTransfers, expected, profile_writes, slow_ramp_writes
 from axisbus.motion.moves.profile import MoveProfile
-from axisbus.motion.override.setpoint_update import overridden
 from axisbus.motion.parameters import NOISE, AxisParameters
 from axisbus.motion.position_limits import allowed_end, room_of_count
+from axisbus.motion.setpoint_update import overridden
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
+from axisbus.motion.stop.diagnosis import not_to_be_reset
 from axisbus.motion.stop.limits import stop_of, unknown_braking
-from axisbus.motion.stop.lost import not_to_be_reset
 from axisbus.motion.stop.velocity_following import RampedWay
 from axisbus.motion.stop_deceleration import CommandedMotion
 from axisbus.units import INT32_HALF, whole_above, whole_below

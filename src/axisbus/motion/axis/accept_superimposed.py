@@ -11,7 +11,7 @@ from axisbus.motion.cyclic.ramps import VelocityRamp
 from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.states import AxisState
-from axisbus.motion.superimposed.addition import Addition
+from axisbus.motion.superimposed import Addition
 
 
 def move(core: AxisCore, command: c.MoveSuperimposed, ticket: CommandStatus, _: StartBarrier) -> None:

@@ -9,7 +9,7 @@ from axisbus.motion.command_status import CommandStatus, Status, end_as
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.setpoint import SetPoint
-from axisbus.motion.superimposed.addition import Addition
+from axisbus.motion.superimposed import Addition
 
 
 class ActiveCommand:

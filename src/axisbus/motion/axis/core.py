@@ -47,7 +47,7 @@ from axisbus.motion.axis.loss import Loss
 from axisbus.motion.axis.queue import Queue
 from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.cyclic.ramps import VelocityRamp
-from axisbus.motion.feed_forward.activation import forward_of, offsets_of
+from axisbus.motion.feed_forward import forward_of, offsets_of
 from axisbus.motion.jerk.drive_profile_type import ProfileType
 from axisbus.motion.modes import WITHOUT_TARGET_POSITION
 from axisbus.motion.moves.activity import Activity
@@ -55,19 +55,18 @@ from axisbus.motion.moves.arrival import ArrivalCheck
 from axisbus.motion.moves.enable import EnableActivity
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.position import PositionMove
-from axisbus.motion.override.factor import Override
+from axisbus.motion.override import Override
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 from axisbus.motion.probing.probes import Probes
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.active_stop import REMEDIES, StopKind, Stopping, stop_error
-from axisbus.motion.stop.coast_down import CoastDown
+from axisbus.motion.stop.coast_down import CoastDown, FaultReaction
 from axisbus.motion.stop.diagnosis import DriveHistory, FaultDiagnosis, chained, enrich, join_remedies
-from axisbus.motion.stop.fault_reaction import FaultReaction
-from axisbus.motion.stop.standstill_wait import StandstillWaiters
+from axisbus.motion.stop.standstill import StandstillWaiters
 from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel, StopSequence
 from axisbus.motion.stop.supervision import POWERED, StopDemand, Supervision
-from axisbus.motion.superimposed.addition import Addition
+from axisbus.motion.superimposed import Addition
 from axisbus.motion.user_code_errors import broken
 
 _ENABLED, _UNKNOWN = PowerState.OPERATION_ENABLED, PowerState.UNKNOWN

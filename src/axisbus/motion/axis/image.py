@@ -10,8 +10,7 @@ from axisbus.cia402.state import ENERGISED, PowerState, decode
 from axisbus.cpu_starvation import Starvation
 from axisbus.errors import BusError
 from axisbus.motion.axis.loss import Loss, loss_between
-from axisbus.motion.axis.pending_outputs import PendingOutputs
-from axisbus.motion.axis.reference import ReferenceTracker
+from axisbus.motion.axis.reference import PendingOutputs, ReferenceTracker
 from axisbus.motion.parameters import DemandUse
 from axisbus.motion.stop.settled_value import SettledValue
 from axisbus.units import INT32_HALF, INT32_LEAST, unwrap

@@ -21,8 +21,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.blending.notes import narrower_corner, stopped_at_joint
+from axisbus.motion.blending.mode import BufferMode, narrower_corner, stopped_at_joint
 from axisbus.motion.group.path import CycleVelocity, Part, Path, way_of
 from axisbus.motion.group.path_speed import PathSpeed, SpeedRequest
 from axisbus.motion.group.segments import Corner, Place, Straight, corner, direction

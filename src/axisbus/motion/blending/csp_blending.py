@@ -26,13 +26,13 @@ from axisbus.motion.blending.blended_profile import (
     extended,
 )
 from axisbus.motion.blending.command_ends import CommandEnds
-from axisbus.motion.blending.notes import passed_slower, turned_back
+from axisbus.motion.blending.mode import passed_slower, turned_back
 from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.activity import timed_out
 from axisbus.motion.moves.csp_move import CspMove, MoveProgress
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.override.factor import spared
+from axisbus.motion.override import spared
 from axisbus.motion.parameters import AxisParameters
 
 _TO_REST = 1e-9  # seconds before its end at which a profile can no longer be extended

@@ -28,3 +28,44 @@ class BufferMode(Enum):
             BufferMode.NEXT: following,
             BufferMode.HIGH: max(previous, following),
         }[self]
+
+
+# -- Notes on the handle of a command whose transition differs from the requested one ----------------------------------
+
+
+def began_from_rest(why: str) -> str:
+    """Return the note of a command that waits until the previous one is at rest; ``why``: the reason."""
+    return f"buffered instead of blended, so the axis stopped before it: {why}"
+
+
+def softer() -> str:
+    """Return why a command is not blended if its limit of jerk needs a longer mean than the active moves have."""
+    return "its jerk limit takes longer than that of the moves before it, which the master streams"
+
+
+def turned_back() -> str:
+    """Return the note of a command that reverses at the end of the previous one."""
+    return "the axis stopped before it: the motion reverses there, or the move has no length"
+
+
+def passed_slower(speed: float, asked: float, unit: str) -> str:
+    """Return the note of a command that took over at a lower velocity than its mode requests."""
+    return (
+        f"it began with {speed:.4g} {unit}/s instead of {asked:.4g}: it came late, or the moves are too short for their "
+        "accelerations"
+    )
+
+
+def brakes_harder() -> str:
+    """Return the note of a command that brakes with a higher deceleration than requested."""
+    return "it is braked with the deceleration of the one before it: with its own the axis would have moved beyond its end"
+
+
+def narrower_corner() -> str:
+    """Return the note of a group command whose corner is narrower than requested."""
+    return "its corner is narrower than blend allows: it came after the corner should have begun"
+
+
+def stopped_at_joint(why: str) -> str:
+    """Return the note of a group command before which the axes stop; ``why``: the reason."""
+    return f"the axes stop before it: {why}"

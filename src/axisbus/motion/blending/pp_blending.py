@@ -22,8 +22,7 @@ from typing import NamedTuple
 
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.blending.command_ends import CommandEnds
-from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.blending.notes import brakes_harder, passed_slower
+from axisbus.motion.blending.mode import BufferMode, brakes_harder, passed_slower
 from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.moves.activity import present_speed
 from axisbus.motion.moves.profile import MoveProfile, braking_distance

@@ -13,10 +13,13 @@ deviations are removed gradually (``LagCorrection``): the slave never jumps, and
 
 from __future__ import annotations
 
+import math
+from collections import deque
+
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import AxisbusError, NodeError, StateError
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.coupling.master_estimator import LagCorrection, MasterEstimator
-from axisbus.motion.coupling.sync_options import By
+from axisbus.motion.coupling.definition import By
 from axisbus.motion.states import AxisState
 
 _PATH, _TARGET, _TOLD = "path", "target", "told"
@@ -120,3 +123,150 @@ class Master:
     def _go_to(self, due: float) -> None:
         before, self.place = self.place, due + self._debt.step()
         self.velocity = (self.place - before) / self._period
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Estimate the position of a coupling's master from the values that its drive reports, and remove a slave's lag gradually.
+#
+# Used if the drive controls the master's motion (pp, pv), or if the slave follows the actual position: the library then knows only
+# sampled and quantised values of the master.
+#
+# Theory of operation
+# Reported positions are whole increments, so their differences are too coarse a velocity for a slave. A filter of second order
+# (``_SHARES``) has no lag at constant speed, and quantisation does not shake the slave. A value that answers a SYNC was sampled
+# at that SYNC. The estimate extrapolates it, with the estimated velocity, to the time at which a target takes effect. That time
+# lies on the grid of the scan, which a late cycle does not shift. So neither a late cycle nor a lost frame looks like a change of
+# speed.
+#
+# If the demand value (6062h) becomes known while the master moves, it is not used before the master is at standstill. It is ahead
+# of the actual position, and a slave that changed from one to the other would jump.
+#
+# During skipped cycles the drive keeps moving. The distance that it covers without a target for the slave becomes a lag of the
+# slave. A ``LagCorrection`` removes the lag like a critically damped spring: the slave's speed never jumps. The correction speed
+# is at most a tenth of the master's, as long as that is enough to remove the lag within a few seconds.
+
+
+_CYCLES = 4.0  # the time constant of the filter, in scan periods
+_THETA = math.exp(-1.0 / _CYCLES)
+_SHARES = 1.0 - _THETA**2, (1.0 - _THETA) ** 2  # of the residual, to correct position and velocity
+_LATE = 2.0  # cycles by which a reported value is older than a commanded one
+_BEFORE = 0.125  # of a period: a drive may answer a SYNC before the scan has read its clock
+_SOON, _AT_LEAST = 3.0, 0.5  # 1/s: highest and lowest natural frequency of the correction
+_FASTER = 0.1  # of the master's speed: the highest correction speed
+
+
+class LagCorrection:
+    """Deviation of a position, gradually reduced to zero; ``value`` in units, ``rate`` its change in units/s."""
+
+    def __init__(self, period: float) -> None:
+        """``period``: scan period in seconds."""
+        self.value = 0.0
+        self.rate = 0.0
+        self._period = period
+        self._pull = _SOON
+
+    def add(self, off: float, speed: float) -> None:
+        """Increase the deviation by ``off`` units; the slower the master moves, the longer the correction takes."""
+        if not off:
+            return
+        self.value += off
+        pull = math.e * _FASTER * abs(speed / self.value) if speed and self.value else _SOON
+        self._pull = min(max(pull, _AT_LEAST), _SOON)
+
+    def step(self) -> float:
+        """Advance by one cycle and return the remaining deviation in units."""
+        if self.value == 0.0 == self.rate:
+            return 0.0
+        pull = self._pull
+        self.rate -= (2.0 * pull * self.rate + pull * pull * self.value) * self._period
+        self.value += self.rate * self._period
+        return self.value
+
+
+class MasterEstimator:
+    """Follows one master by the values that its drive reports; ``velocity`` in units/s."""
+
+    def __init__(self, core: AxisCore, by: By, period: float) -> None:
+        """``period``: scan period in seconds."""
+        self.velocity = 0.0
+        self._core = core
+        self._by = by
+        self._period = period
+        self._place = 0.0
+        self._at = -math.inf  # the time of ``_place``, possibly in the future
+        self._due_at = -math.inf
+        self._stamp = -math.inf
+        self._by_demand = False  # 6062h instead of 6064h gives the master's position
+        self._syncs: deque[float] = deque(maxlen=4)
+
+    @property
+    def due(self) -> float:
+        """The expected position of the master when a target of this cycle takes effect."""
+        return self._place + self.velocity * (self._due_at - self._at)
+
+    def begin(self, origin: int) -> None:
+        """Start with the values reported now; ``origin``: the increment that counts as 0."""
+        core, image = self._core, self._core.image
+        self._start()
+        seen, self._stamp, source = self._seen()
+        units = core.parameters.units
+        self._place = units.position.to_units(seen - origin)
+        if image.velocity is not None and units.ratio_known:
+            self.velocity = units.velocity.to_units(image.velocity)
+        self._at = self._sampled(self._stamp, source)
+
+    def go_on_from(self, place: float, velocity: float) -> None:
+        """Start with the master's position and velocity of the last cycle, as another source gave them."""
+        self._start()
+        self._place, self._at, self.velocity = place, self._due_at, velocity
+
+    def step(self, origin: int) -> float:
+        """Process the last cycle's values; return the distance that the drive covered in cycles skipped before it."""
+        image, period = self._core.image, self._period
+        self._syncs.append(image.now)
+        self._due_at += period
+        skipped = round((image.now + period - self._due_at) / period)
+        self._due_at += skipped * period
+        seen, stamp, source = self._seen()
+        # A value expected by SYNC or by request that did not come is late or lost. An event-driven value that did not come is
+        # unchanged.
+        if stamp != self._stamp:
+            self._correct(seen - origin, self._sampled(stamp, source))
+        elif source is ValueTransport.EVENT_PDO:
+            self._correct(seen - origin, image.now - (_LATE - 1.0) * period)
+        self._stamp = stamp
+        return self.velocity * skipped * period
+
+    def _start(self) -> None:
+        now = self._core.image.now
+        self._by_demand = self._core.image.demand is not None
+        self._due_at = now
+        self._syncs.clear()
+        self._syncs.append(now - self._period)
+
+    def _seen(self) -> tuple[int, float, ValueTransport | None]:
+        """Return the reported position in increments, its time stamp, and its transport."""
+        core, image = self._core, self._core.image
+        inputs = core.capabilities.inputs
+        demand = image.demand if self._by is By.COMMAND else None
+        self._by_demand = demand is not None and (self._by_demand or image.standstill)
+        if demand is not None and self._by_demand:
+            return demand, image.demand_stamp, inputs.get("demand")
+        assert image.position is not None  # otherwise the node is lost
+        return image.position, image.position_stamp, inputs.get("position")
+
+    def _sampled(self, stamp: float, source: ValueTransport | None) -> float:
+        """Return the sampling time of a value that arrived at ``stamp``."""
+        if source is not ValueTransport.SYNC_PDO:
+            return stamp
+        before = stamp + _BEFORE * self._period
+        return max((sync for sync in self._syncs if sync <= before), default=stamp)
+
+    def _correct(self, seen: int, at: float) -> None:
+        """Extrapolate to time ``at``, and correct the estimate by the reported value."""
+        passed = at - self._at
+        self._place += self.velocity * passed
+        self._at = at
+        off = self._core.parameters.units.position.to_units(seen) - self._place
+        self._place += _SHARES[0] * off
+        self.velocity += _SHARES[1] * off / max(passed, self._period)

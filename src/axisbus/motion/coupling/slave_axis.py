@@ -11,12 +11,12 @@ from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.commands import PhaseBy
 from axisbus.motion.coupling.master import Master
-from axisbus.motion.coupling.phase import PhaseShift
 from axisbus.motion.group.start_barrier import OPEN
 from axisbus.motion.moves.follow import Follow, Foreseen
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.path_limit_check import LimitExceeded, PathSample
 from axisbus.motion.position_limits import Room, leaves
+from axisbus.motion.superimposed import Shift
 
 _ENDLESS = 1e9  # seconds
 
@@ -214,3 +214,53 @@ class Disengaged(Follow):
         """Return True: the command ends at once, and the axis continues on its own."""
         super().step(image, order)
         return True
+
+
+# -- Chains of couplings: a slave may be the master of other slaves, but not of its own master -------------------------
+
+
+def require_no_ring(master: AxisCore, slave: AxisCore, name: str) -> None:
+    """Raise StateError if ``master`` follows ``slave``, directly or through others; ``name``: the command, for the message."""
+    chain = [slave.parameters.name]
+    leads: AxisCore | None = master
+    while leads is not None:
+        chain.append(leads.parameters.name)
+        if leads is slave:
+            raise StateError(
+                f"{name}: an axis cannot be its own master, directly or over other axes",
+                observed=" is led by ".join(chain),
+                remedy=f"release one of the couplings first: {master.parameters.name}.halt()",
+            )
+        activity = leads.activity
+        leads = activity.master if isinstance(activity, Coupled) else None
+
+
+# -- The phase shift between a slave and its master, which can be changed while both move (MC_PhasingRelative) ---------
+
+
+class PhaseShift:
+    """Holds the shift (``value``, in units of the master) and its change in progress."""
+
+    def __init__(self, period: float) -> None:
+        """``period``: scan period in seconds."""
+        self._shift = Shift(period)
+
+    @property
+    def value(self) -> float:
+        """The present shift in units of the master."""
+        return self._shift.value
+
+    @property
+    def over(self) -> bool:
+        """Whether no change is in progress."""
+        return self._shift.at_rest
+
+    def change(self, command: PhaseBy) -> None:
+        """Change the shift by ``command.shift`` more, from its present value and rate; the rest of an earlier change is added."""
+        end = self._shift.end + command.shift
+        self._shift.aim(end, command.velocity, command.acceleration, command.acceleration)
+
+    def step(self) -> None:
+        """Advance by one cycle of the synchronised slave."""
+        if not self._shift.at_rest:
+            self._shift.go(self._shift.wanted())

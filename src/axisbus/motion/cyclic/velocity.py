@@ -19,7 +19,7 @@ from axisbus.motion.moves.continuous_motion import (
     velocity_missed,
 )
 from axisbus.motion.moves.setpoint import SetPoint
-from axisbus.motion.override.factor import scaled
+from axisbus.motion.override import scaled
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.velocity_following import led_way
 from axisbus.motion.stop_deceleration import CommandedMotion

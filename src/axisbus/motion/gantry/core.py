@@ -17,27 +17,74 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from axisbus.errors import AxisbusError, StateError
+from axisbus.errors import AxisbusError, SkewError, StateError
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept_motion import require_count, require_within_limits
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.gantry import commands as g
 from axisbus.motion.gantry.homing import GantryHoming
+from axisbus.motion.gantry.motion import GantryVelocityMove, end_of_move, ends_of_squaring, far_end
 from axisbus.motion.gantry.parameters import GantryParameters
 from axisbus.motion.gantry.skew import SkewMonitor, led_place_of
-from axisbus.motion.gantry.skew_stop import SkewStop
-from axisbus.motion.gantry.targets import end_of_move, ends_of_squaring, far_end
-from axisbus.motion.gantry.velocity import GantryVelocityMove
 from axisbus.motion.group.commands import ForEach, GroupCommand, GroupContinue, MoveLinear
 from axisbus.motion.group.core import EndedGroupCommand, GroupCore
 from axisbus.motion.group.path_motion import PathMotion
 from axisbus.motion.parameters import NOISE
 from axisbus.motion.states import MOVING, AxisState
+from axisbus.motion.stop.active_stop import StopKind
+from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The stop of an energised beam that is out of square: both axes stop, and are quick-stopped if they are still skewed at rest.
+
+
+class SkewStop:
+    """Holds whether both axes are being stopped because of the skew."""
+
+    def __init__(self, axes: Mapping[str, AxisCore], watch: SkewMonitor) -> None:
+        self._axes, self._watch = axes, watch
+        self._stopping = False
+
+    def stop_both(self, error: SkewError) -> None:
+        """Stop both axes along their line if one commands them, otherwise each by its stop sequence."""
+        failing = self._watch.failing()
+        self._stopping = True
+        for core in failing:
+            path = core.leading_path
+            if path is not None and len(failing) == len(self._axes):
+                path.brakes_along = True
+            core.break_off(copy(error))
+
+    def let_nothing_pull(self) -> None:
+        """Quick-stop both axes when their path is at rest and the beam is still skewed: a jammed side would jump to its target."""
+        if not self._stopping:
+            return
+        halting = [
+            core
+            for core in self._axes.values()
+            if core.ladder is not None and core.ladder.rung is StopLevel.HALT
+        ]
+        if halting and any(core.leading_path is not None for core in self._axes.values()):
+            return
+        self._stopping = False
+        if self._watch.skew is not None and abs(self._watch.skew) > self._watch.bound:
+            for core in halting:
+                core.stop_because(
+                    StopKind.ERROR,
+                    AfterStop.HOLD,
+                    StopLevel.QUICK_STOP,
+                    "the beam is still out of square",
+                    None,
+                )
+
+
+# -- core --------------------------------------------------------------------------------------------------------------
 
 
 class GantryCore(GroupCore):

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from axisbus.motion import commands as c
 from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.coupling.gear_and_cam import Law
-from axisbus.motion.coupling.sync_options import By, Entry
+from axisbus.motion.coupling.definition import By, Entry, Law
 from axisbus.motion.gantry.commands import GantryCommand
 from axisbus.motion.group.path import Path
 from axisbus.motion.point_stream.commands import AddPoints, FollowPoints

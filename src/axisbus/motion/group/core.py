@@ -14,11 +14,10 @@ from axisbus.motion.axis.accept_motion import begin_coupled, begin_follow, path_
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.queue import Queue
 from axisbus.motion.blending.append_path import PathContinuation
-from axisbus.motion.blending.notes import began_from_rest
-from axisbus.motion.blending.refusals import no_path_to_extend, not_a_line, require_joint
+from axisbus.motion.blending.mode import began_from_rest
 from axisbus.motion.command_status import CommandStatus, Status
-from axisbus.motion.coupling.cycle_check import require_no_ring
 from axisbus.motion.coupling.engagement import Engagement
+from axisbus.motion.coupling.slave_axis import require_no_ring
 from axisbus.motion.group.commands import (
     Couple,
     ForEach,
@@ -31,18 +30,66 @@ from axisbus.motion.group.commands import (
     ProbeMove,
 )
 from axisbus.motion.group.group_command import ActiveGroupCommand
-from axisbus.motion.group.path_motion import PathMotion
+from axisbus.motion.group.path_motion import MOST, PathMotion
 from axisbus.motion.group.start_barrier import OPEN, StartBarrier
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.override.factor import FASTER, require_factor
+from axisbus.motion.override import FASTER, require_factor
 from axisbus.motion.point_stream.commands import AddPoints, FollowPoints
 from axisbus.motion.point_stream.stream import PointStreamMotion
 from axisbus.motion.probing.probe_move import ProbeSearch
 from axisbus.motion.states import AxisState
 from axisbus.motion.user_code_errors import broken
+from axisbus.wording import counted
 
 _ENDS_ALL = (c.Halt, c.Stop, c.QuickStop, c.Disable)  # these commands also drop the commands that wait
 Begin = Callable[[AxisCore, Follow, CommandStatus], None]
+
+
+# -- Errors of a group motion that cannot be appended to the active motion, with their remedies ------------------------
+
+
+COMMANDS = 100  # that share one motion
+
+
+def no_path_to_extend(name: str) -> StateError:
+    """Return the error if points cannot be added."""
+    return StateError(
+        f"{name}: the group follows no path to which points could be added",
+        observed="its last path has ended, or another command runs",
+        remedy="begin a new one at the present position of the axes: group.move_path(points, velocity=..., blend=...)",
+    )
+
+
+def not_a_line(name: str) -> StateError:
+    """Return the error if the active command cannot be blended into the requested one."""
+    return StateError(
+        f"{name}: the present motion of the group cannot be blended with the next one",
+        observed="only a line or a path of the same axes can be blended, and only if no other command waits behind it",
+        remedy='let it begin at standstill, with buffer="buffered", or wait for the motion before it',
+    )
+
+
+def require_joint(line: PathMotion, following: PathContinuation, name: str) -> None:
+    """Raise StateError if ``following`` cannot be appended to ``line``, or if too many commands or segments are ahead."""
+    if line.commands >= COMMANDS or line.pieces + len(following.way.pieces) > MOST:
+        raise StateError(
+            f"{name}: too many commands are blended into this motion already",
+            observed=(
+                f"{counted(line.commands, 'command')}, segments of the path: {line.pieces}; allowed are {COMMANDS} and "
+                f"{MOST}"
+            ),
+            remedy="wait for some of their handles before you give more commands",
+        )
+    why = line.why_not(following)
+    if why:
+        raise StateError(
+            f"{name}: the present motion of the group cannot be blended with the next one",
+            observed=why,
+            remedy='let it begin at standstill, with buffer="buffered"',
+        )
+
+
+# -- core --------------------------------------------------------------------------------------------------------------
 
 
 class EndedGroupCommand(Protocol):

@@ -22,15 +22,15 @@ from axisbus.motion.jerk.online_profile import (
     OnlineProfile,
     ProfileState,
     ReferenceState,
+    VelocityRamps,
     walk_from,
 )
-from axisbus.motion.jerk.ramp import VelocityRamps
 from axisbus.motion.jerk.velocity import JerkLimitedVelocity, ramps_of, settled_from
 from axisbus.motion.moves.csp_move import CspMove
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.profile import MoveProfile, braking_distance
 from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
-from axisbus.motion.override.factor import FASTER
+from axisbus.motion.override import FASTER
 from axisbus.motion.parameters import AxisParameters
 
 

@@ -18,13 +18,12 @@ from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.activity import Activity, require_position, where_text
 from axisbus.motion.moves.interpolation import CyclicSetup
 from axisbus.motion.moves.interpolation import interpolation_period as interpolation_period
-from axisbus.motion.moves.lookahead import Excess, LookaheadTrajectory, Path, excess
 from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 from axisbus.motion.moves.remote_trajectory import Streamed
 from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.moves.user_trajectory import CheckedTrajectory
-from axisbus.motion.override.factor import FASTER
+from axisbus.motion.override import FASTER
 from axisbus.motion.parameters import NOISE, AxisParameters
 from axisbus.motion.path_limit_check import (
     LimitExceeded,
@@ -37,8 +36,12 @@ from axisbus.motion.path_limit_check import (
 from axisbus.motion.pathclock import Clock, Guided, PathClock
 from axisbus.motion.position_limits import (
     UNLIMITED,
+    Excess,
+    LookaheadTrajectory,
+    Path,
     Room,
     braking,
+    excess,
     is_beyond,
     leaves,
     narrowed,
@@ -47,8 +50,7 @@ from axisbus.motion.position_limits import (
     steps_to_rest,
     widened,
 )
-from axisbus.motion.superimposed.addition import Addition
-from axisbus.motion.superimposed.headroom import admit, look_ahead
+from axisbus.motion.superimposed import Addition, admit, look_ahead
 from axisbus.motion.trajectory import SampledTrajectory, Trajectory
 from axisbus.units import INT32_HALF, INT32_LEAST
 

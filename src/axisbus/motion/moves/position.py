@@ -15,9 +15,9 @@ from axisbus.motion.moves.profile import MoveProfile, braking_distance, duration
 from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.moves.setpoint_confirmation import proof_of
 from axisbus.motion.moves.setpoint_without_ack import set_point
-from axisbus.motion.override.factor import spared
-from axisbus.motion.override.setpoint_update import SetPointUpdate, VelocityChangeCheck
+from axisbus.motion.override import spared
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.setpoint_update import SetPointUpdate, VelocityChangeCheck
 from axisbus.motion.stop_deceleration import CommandedMotion
 
 _WINDOW_FLOOR = 20  # increments

@@ -12,15 +12,16 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from axisbus.errors import AxisbusError, CommandError, StateError
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.command_status import CommandStatus, Status
+from axisbus.motion.group.path_speed import PathSpeed
 from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.point_stream.commands import AddPoints, FollowPoints, OnUnderrun, Span
-from axisbus.motion.point_stream.rate import StreamTravel
-from axisbus.motion.point_stream.timeline import StreamTimeline
+from axisbus.motion.point_stream.curve_fit import at
 
 MOST = 4096  # spans that may wait
 _KEPT = 2  # spans that are stored behind the axes
@@ -273,3 +274,171 @@ def _is_sound(span: Span, axes: int) -> bool:
     values = (span.seconds, span.ramp, *(value for curve in span.curves for value in curve))
     shaped = len(span.curves) == axes and all(len(curve) == 6 for curve in span.curves)
     return shaped and all(map(math.isfinite, values)) and span.seconds > 0.0 and span.ramp > 0.0
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Move along a stream: as close to the pace of its points as its spans allow, computed exactly at each boundary of two spans.
+#
+# Theory of operation
+# Within a span, the square of the highest pace is a linear function of the distance to the span's end (v² = leave² + 2 ramp *
+# distance). The pace rises at the span's ramp to the requested pace, stays there, and falls along that line or to the requested
+# pace. So a cycle consists of a few phases of constant change. Each ends where the next begins, at a span boundary, or with the
+# cycle. Spans may be shorter than a cycle, and their ramps differ by powers of ten. Therefore no phase crosses a span boundary,
+# unlike in ``PathSpeed``.
+
+
+_PHASES = 256  # per cycle at most; the phases of eight points take a tenth of a cycle
+_SAME = 1e-12
+
+
+class _Phase(NamedTuple):
+    """The change of pace (per s), the longest duration (s), and the pace at its end."""
+
+    rate: float
+    seconds: float
+    end: float
+
+
+class StreamTravel(PathSpeed):
+    """Motion along a stream: its position is a time of the stream, its speed is the pace."""
+
+    __slots__ = ()
+
+    def told(self, t: float) -> str:
+        """Return a time of the stream as text for messages."""
+        return f"{t:.3f} s of the stream"
+
+    @property
+    def wanted(self) -> float:
+        """The requested pace: 1, less with an override, 0 during a halt."""
+        return 0.0 if self.braking else min(self.velocity * self.factor, 1.0)
+
+    def advance(self, period: float) -> None:
+        """Advance by one cycle of ``period`` seconds."""
+        left = period
+        for _ in range(_PHASES):
+            left = self._go(left)
+            if left <= 0.0:
+                break
+        self.t = self._ahead
+
+    def _go(self, period: float) -> float:
+        """Advance by one phase of at most ``period`` seconds; return the time that remains."""
+        way, v = self._way, self.speed
+        left = way.marks[self._number + 1] - self._ahead
+        if left <= _SAME:
+            return period if self._pass_joint() else 0.0
+        phase = self._phase(way.ramps[self._number], way.leaves[self._number], left)
+        if not v and not phase.end:
+            return 0.0
+        seconds = min(period, phase.seconds)
+        after = phase.end if seconds == phase.seconds else max(v + phase.rate * seconds, 0.0)
+        if 0.5 * (v + after) * seconds >= left - _SAME:
+            after = math.sqrt(max(v * v + 2.0 * phase.rate * left, 0.0))
+            seconds = min(seconds, 2.0 * left / (v + after))
+            self._ahead, self.speed = way.marks[self._number + 1], after
+            self._pass_joint()
+        else:
+            self._ahead, self.speed = self._ahead + 0.5 * (v + after) * seconds, after
+        return period - seconds
+
+    def _phase(self, ramp: float, leave: float, left: float) -> _Phase:
+        """Return the next phase of the pace, with ``left`` seconds of the span remaining."""
+        v, wanted = self.speed, self.wanted
+        room = leave * leave + 2.0 * ramp * left - v * v  # below 0: faster than the known points allow
+        if v > wanted:
+            return _Phase(-ramp, (v - wanted) / ramp, wanted)
+        # A distance of ``_SAME`` is below the resolution of a time of the stream.
+        if room <= _SAME * max(1.0, ramp):
+            return _Phase(-ramp, max(v - leave, 0.0) / ramp, leave) if v > leave else _Phase(0.0, math.inf, v)
+        if v == wanted:
+            return _Phase(0.0, room / (2.0 * ramp * v) if v else math.inf, v)
+        top = math.sqrt(v * v + 0.5 * room)  # intersection of acceleration and deceleration
+        end = min(top, wanted)
+        return _Phase(ramp, (end - v) / ramp, end)
+
+    def _pass_joint(self) -> bool:
+        """Enter the next span; return False at the end of the known part, where the motion rests."""
+        way, number = self._way, self._number
+        self.speed = min(self.speed, way.leaves[number])
+        if way.is_last(number):
+            self.speed = 0.0
+            return False
+        self._number = number + 1
+        return True
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The known spans of a stream, as a path to move along: the position is a time of the stream, the speed is the pace.
+#
+# Theory of operation
+# A pace of 1 is that of the points. The known part ends, so the pace at the end of each span is limited: with the ramps of the
+# following spans, the axes can come to rest at the end of the last span. Each added span updates these limits, from the end
+# backwards, as far as they change. So the axes are always ready to come to rest at their last point, and brake only if no more
+# points come in time. Neither an underrun nor a point that is delayed on its way to the core needs a reaction.
+
+
+class StreamTimeline:
+    """Holds the spans by number (from 0), starting a little behind the axes."""
+
+    def __init__(self) -> None:
+        self.ramps: dict[int, float] = {}
+        self.tops: dict[int, float] = {}
+        self.leaves: dict[int, float] = {}
+        self.marks: dict[int, float] = {0: 0.0}
+        self._spans: dict[int, Span] = {}
+        self._oldest = self.count = 0
+        self._place: tuple[float, ...] = ()
+        self._at = math.nan
+
+    @property
+    def length(self) -> float:
+        """Known duration of the stream in seconds."""
+        return self.marks[self.count]
+
+    @property
+    def waiting(self) -> int:
+        """The number of stored spans."""
+        return self.count - self._oldest
+
+    def is_last(self, number: int) -> bool:
+        """Whether a span is the last known one."""
+        return number + 1 >= self.count
+
+    def number(self, s: float) -> int:
+        """Return the number of the span that contains ``s``; at a boundary, the second span."""
+        number = self._oldest
+        while not self.is_last(number) and self.marks[number + 1] <= s:
+            number += 1
+        return number
+
+    def add(self, span: Span) -> None:
+        """Append a span."""
+        number = self.count
+        self._spans[number], self.ramps[number], self.tops[number] = span, span.ramp, 1.0
+        self.marks[number + 1] = self.marks[number] + span.seconds
+        self.leaves[number] = 0.0
+        self.count = number + 1
+        while number > self._oldest:
+            gain = 2.0 * self.ramps[number] * (self.marks[number + 1] - self.marks[number])
+            leave = min(math.sqrt(self.leaves[number] ** 2 + gain), 1.0)
+            number -= 1
+            if self.leaves[number] == leave:
+                return
+            self.leaves[number] = leave
+
+    def forget(self, number: int) -> None:
+        """Drop the spans before ``number``."""
+        while self._oldest < min(number, self.count - 1):
+            for row in (self._spans, self.ramps, self.tops, self.leaves, self.marks):
+                del row[self._oldest]
+            self._oldest += 1
+
+    def place(self, s: float) -> tuple[float, ...]:
+        """Return the axis positions at ``s``; cached, because all axes ask for the same ``s`` within a cycle."""
+        if s != self._at:
+            number = self.number(s)
+            span = self._spans[number]
+            t = min(max(s - self.marks[number], 0.0), span.seconds)
+            self._place, self._at = tuple([at(curve, t) for curve in span.curves]), s
+        return self._place

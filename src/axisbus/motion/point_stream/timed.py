@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 
 from axisbus.errors import ArgumentError
 from axisbus.motion.numbers import number, told
-from axisbus.motion.point_stream.curve_fit import Between, StreamPoint
-from axisbus.motion.point_stream.quintic import Motion
+from axisbus.motion.point_stream.curve_fit import Between, Motion, StreamPoint
 from axisbus.wording import counted
 
 MOST = 4000  # points: as many spans as the core stores

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from enum import Enum, auto
+from typing import NamedTuple
 
 from axisbus.cia402 import objects
 from axisbus.cia402.touch_probe import (
@@ -32,6 +33,7 @@ from axisbus.cia402.touch_probe import (
     Edge,
     byte_of,
     function_bits,
+    with_byte,
 )
 from axisbus.errors import ProbeError, StaleError
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
@@ -40,13 +42,29 @@ from axisbus.motion.commands import Probe
 from axisbus.motion.moves.activity import age_text
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.probing.capture import ProbeCapture
-from axisbus.motion.probing.function import ProbeFunction
-from axisbus.motion.probing.latch import Latch, Latched
 from axisbus.motion.probing.sdo_sequence import Exchange
-from axisbus.motion.probing.window import is_within
 
 POLL = 0.01  # seconds between two polls of 60B9h
 _PATIENCE = 1.0  # seconds within which 60B9h must follow 60B8h
+
+
+# -- The position window within which an edge of a touch probe counts --------------------------------------------------
+
+
+Window = tuple[float, float]
+
+
+def is_within(position: float, window: Window | None, modulo: float | None) -> bool:
+    """Return whether a position is in ``window`` (in the axis's unit); for a modulo axis the window may cross a turn's end."""
+    if window is None:
+        return True
+    low, high = window
+    if modulo is None:
+        return low <= position <= high
+    return (position - low) % modulo <= (high - low) % modulo
+
+
+# -- arming ------------------------------------------------------------------------------------------------------------
 
 
 class ArmingStep(Enum):
@@ -257,6 +275,91 @@ class Arming:
 def _bits_of(asked: Probe) -> int:
     continuous = asked.continuous or asked.window is not None
     return function_bits(asked.edges, asked.source, continuous=continuous)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Read a latched position of one edge of a touch probe until it is known to belong to an edge that was not reported yet.
+
+
+_TRIES = 3  # faster edges are counted as missed, and not reported
+
+
+class Latched(NamedTuple):
+    """A position as the drive reports it, and the number of edges missed before it (None: the drive does not count edges)."""
+
+    raw: int
+    missed: int | None
+
+
+class Latch:
+    """Holds the values that were read last, and the state of the present reading."""
+
+    __slots__ = ("_before", "_counter", "_last_count", "_last_raw", "_position", "_raw", "_tries", "over")
+
+    def __init__(self, position: int, counter: int | None) -> None:
+        """``position`` and ``counter`` are object indices; counter None: a position is new if it differs from the last one."""
+        self._position, self._counter = position, counter
+        self._last_count: int | None = None
+        self._last_raw: int | None = None
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin a reading, because the edge's bit is set."""
+        self._before: int | None = None
+        self._raw: int | None = None
+        self._tries = 0
+        self.over = False
+
+    @property
+    def wanted(self) -> int:
+        """The index of the object to read next."""
+        if self._counter is None or (self._before is not None and self._raw is None):
+            return self._position
+        return self._counter
+
+    def take(self, value: int) -> Latched | None:
+        """Process a value that was read; return a new position. ``over``: nothing more needs to be read."""
+        if self._counter is None:
+            self.over = True
+            new = value != self._last_raw
+            self._last_raw = value
+            return Latched(value, None) if new else None
+        if self._before is None:
+            self._before, self.over = value, value == self._last_count
+        elif self._raw is None:
+            self._raw = value
+        elif value == self._before:
+            return self._counted(value, self._raw)
+        else:  # another edge came in between, so the position cannot be attributed to an edge
+            self._before, self._raw = value, None
+            self._tries += 1
+            self.over = self._tries >= _TRIES
+        return None
+
+    def _counted(self, count: int, raw: int) -> Latched:
+        missed = 0 if self._last_count is None else (count - self._last_count - 1) & 0xFFFF
+        self._last_count, self.over = count, True
+        return Latched(raw, missed)
+
+
+# -- The touch probe function (60B8h) of an axis, which its two inputs share -------------------------------------------
+
+
+class ProbeFunction:
+    """Holds the value of 60B8h that was written or read last; None: it must be read first."""
+
+    __slots__ = ("word",)
+
+    def __init__(self) -> None:
+        self.word: int | None = None
+
+    def set(self, number: int, bits: int) -> int:
+        """Return the word with ``bits`` for input ``number`` and all other bits unchanged, and store it."""
+        self.word = with_byte(self.word or 0, number, bits)
+        return self.word
+
+
+# -- arming ------------------------------------------------------------------------------------------------------------
 
 
 _TAKE: dict[ArmingStep, Callable[[Arming, int, AxisImage], None]] = {

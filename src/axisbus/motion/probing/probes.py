@@ -13,10 +13,8 @@ from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.commands import Probe, ProbeAbort
 from axisbus.motion.moves.activity import require_position
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.probing.arming import Arming
-from axisbus.motion.probing.function import ProbeFunction
-from axisbus.motion.stop.diagnosis import nmt_text
-from axisbus.motion.stop.lost import ANEW
+from axisbus.motion.probing.arming import Arming, ProbeFunction
+from axisbus.motion.stop.diagnosis import ANEW, nmt_text
 
 
 @dataclass(slots=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from axisbus.cia402 import objects
 from axisbus.cia402.state import ENERGISED, PowerState
+from axisbus.errors import DriveError
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.standstill import StandstillCheck
@@ -47,3 +48,52 @@ class CoastDown:
     def _can_tell(self, image: AxisImage) -> bool:
         """Whether motion without power can be detected: the drive has a position or a velocity. Bit 10 refers only to commands."""
         return self._parameters.has(objects.POSITION_ACTUAL) or image.velocity is not None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Monitor the fault reaction of a drive (605Eh): the drive must stop its motor, and the axis must be seen at standstill.
+
+
+_FAULTS = frozenset({PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE})
+
+
+class FaultReaction:
+    """Monitors an axis in fault; holds the time until which the motor may move, and whether the error was already reported."""
+
+    __slots__ = ("_deadline", "_parameters", "_told")
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        self._deadline: float | None = None
+        self._told = False
+
+    def error(self, image: AxisImage, run_down: CoastDown, driven: bool) -> DriveError | None:
+        """Return, once, the error that the axis does not come to rest. ``driven``: this master has commanded the axis."""
+        if image.state not in _FAULTS:
+            self._deadline, self._told = None, False
+            return None
+        rests = image.state is PowerState.FAULT and not run_down.under_way
+        if rests or self._told or not driven:
+            return None
+        if self._deadline is None:
+            times = self._parameters.stop_times
+            self._deadline = image.now + times.quick_stop + times.disable
+        if image.now <= self._deadline:
+            return None
+        self._told = True
+        return self._moves(image, run_down)
+
+    def _moves(self, image: AxisImage, run_down: CoastDown) -> DriveError:
+        name, times = self._parameters.name, self._parameters.stop_times
+        seen = f"{times.quick_stop + times.disable:g} s after its fault the drive is in state {image.state.value!r}"
+        if run_down.under_way:
+            seen += f": its power is off, {run_down.why_not(image)}"
+        else:
+            seen += ", which brakes the motor and has not ended"
+        return DriveError(
+            f"{name}: the stop of the axis could not be confirmed",
+            axis=name,
+            observed=seen,
+            remedy="TREAT THE AXIS AS MOVING: use the emergency stop; then find the cause of its motion (its load, its "
+            "fault reaction 605Eh)",
+        )

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections import deque
 
 from axisbus import cpu_starvation
-from axisbus.cia301 import emcy
+from axisbus.cia301 import cob, emcy
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import PowerState
-from axisbus.errors import AxisbusError, BusOff, DriveFault, NodeError, TransmitQueueFull
+from axisbus.errors import AxisbusError, BusOff, DriveFault, NodeError, NodeStateError, TransmitQueueFull
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.command_status import CommandStatus
@@ -21,6 +21,7 @@ from axisbus.motion.parameters import AxisParameters
 THEN = "\n            then: "
 _LINE = "\n            "  # separates two remedies, in the field "remedy"
 _RECENT = 5.0  # seconds during which an EMCY counts as belonging to the present event
+
 
 # First check, by error code: by its class (first hex digit), by its group (first two digits), then exact codes with a text of their
 # own.
@@ -61,6 +62,7 @@ _REMEDY_BY_CODE = {
 # Error codes of a drive that received too little from the master: heartbeat, an RPDO's deadline (CiA 301 table 26), SYNC (CiA
 # 402-2, 603Fh).
 _OF_OUR_SILENCE = frozenset({0x8130, 0x8250, 0x8700})
+
 
 _KEPT = 4  # parts that remain at the beginning and at the end of a long chain of observations
 _NO_CODE = "no error code could be read (603Fh)"
@@ -234,3 +236,78 @@ def name_starvation(error: AxisbusError, image: AxisImage) -> AxisbusError:
     )
     error.remedy = join_remedies(first, then)
     return error
+
+
+# -- Error texts and remedies for a node that is lost ------------------------------------------------------------------
+
+
+# Last received NMT state of a node that is lost without any message.
+SILENT = frozenset({NmtState.OPERATIONAL, NmtState.UNKNOWN})
+ANEW = "close the machine and open it again, which configures and starts the node again"
+
+
+def start_and_reset(node: int) -> str:
+    """Return how to restart a node that still has its configuration; a node that has restarted needs ``ANEW`` instead."""
+    return (
+        f"start it (axisbus nmt start {node} --cell CELL; in a program: machine.node({node}).command(NmtCommand.START)), "
+        "and reset the axis: axis.reset()"
+    )
+
+
+def when_back(node: int) -> str:
+    """Return what to do when a node is present again, whether it has restarted or not."""
+    return f"when the node answers again, {start_and_reset(node)}; if it has restarted, {ANEW}"
+
+
+def remedy_for_silence(node: int) -> str:
+    """Return what to do when a node has become silent."""
+    return (
+        f"check supply and cable of node {node}, then bus load and that SYNC reaches it (axisbus scan shows the nodes that "
+        f"answer); {when_back(node)}"
+    )
+
+
+def silence_of(node: int, image: AxisImage) -> tuple[str, str]:
+    """Return why a silent node counts as lost, and what was expected from it."""
+    if image.guarded:
+        return (
+            "it does not answer node guarding",
+            f"requests for its state (remote frames {cob.HEARTBEAT + node:03X}h) are not answered",
+        )
+    return "its heartbeat stopped", "its heartbeat did not come in time"
+
+
+def not_to_be_reset(name: str, node: int, image: AxisImage, *, stopping: bool) -> NodeStateError:
+    """Return why a command cannot reset an axis whose node is not operational; ``stopping``: the axis is still being stopped."""
+    still = "; the axis is still being stopped" if stopping else ""
+    if image.bus is not None:
+        return NodeStateError(
+            f"{name}: node {node} cannot be reached: {image.bus.message}",
+            observed=image.bus.observed + still,
+            remedy=f"{image.bus.remedy}; then reset again if the node is still operational, else {ANEW}",
+        )
+    if image.restarted and (image.overdue or image.nmt != NmtState.OPERATIONAL):
+        return NodeStateError(
+            f"{name}: node {node} has restarted, or may have, so a reset is not enough",
+            observed=f"{nmt_text(image)}; whether it still has the configuration of this master is not known{still}",
+            remedy=ANEW,
+        )
+    if image.overdue or image.nmt == NmtState.UNKNOWN:
+        return NodeStateError(
+            f"{name}: node {node} is lost, so there is no node to reset",
+            observed=f"{nmt_text(image)}{still}",
+            remedy=f"check supply and cable of node {node} until axisbus scan shows it; then {ANEW}; if it has not restarted, it "
+            f"is enough to {start_and_reset(node)}",
+        )
+    if image.nmt == NmtState.OPERATIONAL:
+        return NodeStateError(
+            f"{name}: node {node} has returned, but a reset is not enough",
+            observed="it has restarted, or may have: whether it still has the configuration of this master is not "
+            f"known{still}",
+            remedy=ANEW,
+        )
+    return NodeStateError(
+        f"{name}: node {node} is present, but not operational, so a reset alone is not enough",
+        observed=nmt_text(image) + still,
+        remedy=f"its EMCY says why it left operational (axisbus monitor): clear that cause; then {start_and_reset(node)}",
+    )

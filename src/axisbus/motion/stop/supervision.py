@@ -26,10 +26,17 @@ from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.modewatch import ModeWatch
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.states import MOVING, AxisState
-from axisbus.motion.stop.diagnosis import join_remedies
+from axisbus.motion.stop.diagnosis import (
+    ANEW,
+    SILENT,
+    join_remedies,
+    remedy_for_silence,
+    silence_of,
+    start_and_reset,
+    when_back,
+)
 from axisbus.motion.stop.following import FollowingErrorMonitor
 from axisbus.motion.stop.limits import LimitMonitor, stop_of
-from axisbus.motion.stop.lost import ANEW, SILENT, remedy_for_silence, silence_of, start_and_reset, when_back
 from axisbus.motion.stop.overspeed import SpeedWatch
 from axisbus.motion.stop.standstill_monitor import StandstillMonitor
 from axisbus.motion.stop.stop_sequence import StopLevel

@@ -19,13 +19,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 from axisbus.cia401.port import MAY_HEAR, IoInputs, IoPort, SignalValidity
 from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.port import Sample
 from axisbus.errors import AxisbusError, NodeError
 from axisbus.motion.command_status import CommandStatus, Status
-from axisbus.motion.io.reading import IoReading
 
 _REMEDY = (
     "check its supply and cable; when it is back, its outputs get their safe values until they are set again"
@@ -195,3 +196,29 @@ class NodeIo:
         if sample is None or sample.stamp <= self._unknown_until:
             return SignalValidity.NOT_YET
         return SignalValidity.YES if now - sample.stamp <= age else SignalValidity.OLD
+
+
+# -- The command for outputs, as a frozen value that can be pickled ----------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class SetOutputs:
+    """Set outputs by name, to raw values; outputs of one node in one frame if they are mapped into one."""
+
+    values: tuple[tuple[str, int], ...]
+
+
+# -- The state of an input or output in one cycle ----------------------------------------------------------------------
+
+
+class IoReading(NamedTuple):
+    """``value`` is raw: of an input as received at ``stamp``, of an output as sent; None if it is not ``known``.
+
+    ``now`` is the cycle's time. ``set``: this machine has set the output, and sets it to its safe state at the end.
+    """
+
+    now: float
+    known: SignalValidity
+    value: int | None
+    stamp: float
+    set: bool = False

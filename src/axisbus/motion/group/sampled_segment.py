@@ -18,7 +18,7 @@ from functools import lru_cache
 
 from axisbus.motion.group.kinematic_segment import Surveyed
 from axisbus.motion.group.segments import Place
-from axisbus.motion.point_stream.quintic import Motion, at, coefficients, controls, derived
+from axisbus.motion.point_stream.curve_fit import Motion, at, coefficients, controls, derived
 
 Row = tuple[Motion, ...]  # of each axis at one sample
 _STRETCHES = 48  # zones per segment at most, so that a cycle crosses few of them

@@ -26,7 +26,7 @@ from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.prepare import RampTransfers, expected
 from axisbus.motion.moves.profile import MoveProfile, braking_distance
-from axisbus.motion.override.factor import scaled
+from axisbus.motion.override import scaled
 from axisbus.motion.parameters import AxisParameters
 
 _LATE = 0.5  # seconds in addition to twice the ramp

@@ -1,1 +1,0 @@
-"""Feed-forward: velocity and torque offsets for the drive's controllers, sent before a following error arises."""

@@ -1,1 +1,0 @@
-"""Distances superimposed on the motion of an axis."""
