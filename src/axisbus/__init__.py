@@ -19,14 +19,13 @@ if TYPE_CHECKING:
     from axisbus.fleet.cell import FleetCell
     from axisbus.fleet.fleet import Fleet
     from axisbus.machine.axis import Axis
-    from axisbus.machine.cam import Cam
-    from axisbus.machine.gantry.gantry import Gantry
+    from axisbus.machine.coupling import Cam
+    from axisbus.machine.gantry import Gantry
     from axisbus.machine.groups import Group
     from axisbus.machine.handle import Handle, wait
     from axisbus.machine.io import InputsOutputs, Signal
     from axisbus.machine.machine import Machine
-    from axisbus.machine.mit.client import MitControl
-    from axisbus.machine.mit.read_ranges import read_mit_ranges
+    from axisbus.machine.mit import MitControl, read_mit_ranges
     from axisbus.machine.probing import ProbeHandle, ProbeResult
     from axisbus.machine.sim_control import SimulationControl
     from axisbus.machine.streaming.controller import AxisFeedback, Controller
@@ -44,20 +43,20 @@ _HOME = {
     "AxisbusError": "axisbus.errors",
     "Axis": "axisbus.machine.axis",
     "AxisState": "axisbus.motion.states",
-    "Cam": "axisbus.machine.cam",
+    "Cam": "axisbus.machine.coupling",
     "CoreXY": "axisbus.motion.group.kinematics",
     "Delta": "axisbus.motion.group.kinematics",
     "Scara": "axisbus.motion.group.kinematics",
     "Fleet": "axisbus.fleet.fleet",
     "FleetAxis": "axisbus.fleet.axis",
     "FleetCell": "axisbus.fleet.cell",
-    "Gantry": "axisbus.machine.gantry.gantry",
+    "Gantry": "axisbus.machine.gantry",
     "Group": "axisbus.machine.groups",
     "Handle": "axisbus.machine.handle",
     "InputsOutputs": "axisbus.machine.io",
     "Machine": "axisbus.machine.machine",
     "MitCommand": "axisbus.drives.gim6010.can_simple.mit",
-    "MitControl": "axisbus.machine.mit.client",
+    "MitControl": "axisbus.machine.mit",
     "MitCycle": "axisbus.drives.gim6010.mit_control.controller",
     "MitFeedback": "axisbus.drives.gim6010.can_simple.mit",
     "MitRanges": "axisbus.drives.gim6010.can_simple.mit",
@@ -77,7 +76,7 @@ _HOME = {
     "Trajectory": "axisbus.motion.trajectory",
     "TrapezoidalTrajectory": "axisbus.motion.trajectory",
     "plot": "axisbus.record.plot",
-    "read_mit_ranges": "axisbus.machine.mit.read_ranges",
+    "read_mit_ranges": "axisbus.machine.mit",
     "wait": "axisbus.machine.handle",
 }
 

@@ -58,7 +58,7 @@ def each_argument(of: Callable[[Machine], Any], method: str, **others: Any) -> d
 
     kind = {axis: "Axis", group: "Group", beam: "Gantry", itself: "Machine"}[of]
     import axisbus
-    from axisbus.machine.gantry.gantry import Gantry
+    from axisbus.machine.gantry import Gantry
 
     names = inspect.signature(
         getattr({"Gantry": Gantry}.get(kind) or getattr(axisbus, kind), method)

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import pytest
 
 from axisbus.ipc.own_socket import own_pair
-from axisbus.machine.signal_thread import Wakeup
+from axisbus.machine.signal_shutdown import Wakeup
 
 if sys.platform == "win32":
     pytest.skip("these signals are those of POSIX", allow_module_level=True)

@@ -18,8 +18,8 @@ from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.machine_status import BesideAxes
 from axisbus.cli.shared.options import beside_option, port_option
 from axisbus.cli.shared.paths import PATH
-from axisbus.machine.display.web_process import require_nicegui
 from axisbus.machine.machine import Machine
+from axisbus.machine.web_process import require_nicegui
 from axisbus.web import address as served
 from axisbus.web.access.tokens import Role
 

@@ -11,14 +11,12 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import ValueTransport
 from axisbus.cia402.state import PowerState
 from axisbus.errors import ArgumentError, AxisbusError, StaleError, StateError
-from axisbus.machine.cam import Cam
 from axisbus.machine.command_dispatch import CommandDispatcher
-from axisbus.machine.coupling import Coupling
+from axisbus.machine.coupling import Cam, Coupling
 from axisbus.machine.handle import Handle
 from axisbus.machine.probing import ProbeHandle, input_number, probe_command, require_objects
 from axisbus.machine.request import AxisCall, buffering_of, flag_of, override_of, shown
-from axisbus.machine.streaming.controller import Controller, Function
-from axisbus.machine.streaming.controller_options import ControllerRamps, answering_of
+from axisbus.machine.streaming.controller import Controller, ControllerRamps, Function, answering_of
 from axisbus.motion import commands as c
 from axisbus.motion.group.commands import Couple, ProbeMove
 from axisbus.motion.moves.activity import age_text
@@ -73,7 +71,7 @@ class Axis:
 
     def _repr_html_(self) -> str:
         """Return the HTML that a notebook shows."""
-        from axisbus.machine.display.notebook import axis_html  # only a notebook needs it
+        from axisbus.machine.notebook_display import axis_html  # only a notebook needs it
 
         return axis_html(self)
 

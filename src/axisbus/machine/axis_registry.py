@@ -12,7 +12,7 @@ from axisbus.core.late_boot import absent_axis
 from axisbus.errors import ArgumentError, StateError, UnknownNameError
 from axisbus.machine.axis import Axis
 from axisbus.machine.command_dispatch import CommandDispatcher
-from axisbus.machine.gantry.gantry import Gantry
+from axisbus.machine.gantry import Gantry
 from axisbus.machine.groups import Group
 from axisbus.motion.numbers import told
 from axisbus.motion.parameters import AxisParameters

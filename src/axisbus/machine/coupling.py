@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+import csv
+import math
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 from axisbus.errors import ArgumentError, LimitError
-from axisbus.machine.cam import Cam
 from axisbus.machine.request import AxisCall, flag_of
 from axisbus.motion.coupling.definition import AtPlace, By, CamLaw, Entry, Gear, SyncAtSpeed, SyncInPlace
 from axisbus.motion.group.commands import Couple
-from axisbus.motion.numbers import told
+from axisbus.motion.numbers import number, told
+from axisbus.motion.spline import SplineSegment, parts_of, span_of
 
 if TYPE_CHECKING:
     from axisbus.machine.axis import Axis
@@ -119,3 +123,136 @@ class Coupling:
         if found == 0.0:
             raise ArgumentError(f"{self._text}: {what} 0 couples nothing", remedy=f"give another {what}")
         return found
+
+
+# -- A cam: the slave's position for each position of its master, as a smooth curve through points ---------------------
+
+
+MOST = 1000  # points of one cam
+
+
+class Cam:
+    """A curve through ``points``: rows of master position (rising) and slave position in their units, also of numpy.
+
+    Its slope and its curvature are continuous. A cam that is not ``periodic`` begins and ends at rest, and the slave is at
+    standstill before and after it. A periodic cam repeats. If the slave positions of the first and the last point differ, each turn
+    moves the slave by the difference.
+    """
+
+    def __init__(self, points: Iterable[Sequence[float]], *, periodic: bool = False) -> None:
+        """Compute the curve.
+
+        Raises:
+            ArgumentError: fewer than two points or more than 1000, an invalid point, master positions that do not rise, or
+                numbers so large or so close together that no curve can be computed.
+        """
+        self.periodic = periodic
+        masters, slaves = _columns(points)
+        self.master_span = masters[0], masters[-1]
+        self._marks = tuple(master - masters[0] for master in masters)
+        try:
+            self._parts = tuple(parts_of(self._marks, slaves, periodic=periodic))
+            self._lift = slaves[-1] - slaves[0]
+            self.span = span_of(self._parts)
+        except (OverflowError, ZeroDivisionError):
+            self.span = (-math.inf, math.inf)
+        if not all(map(math.isfinite, self.span)):
+            raise ArgumentError(
+                "the curve of a cam cannot be computed",
+                observed=f"its points are from {masters[0]:g} to {masters[-1]:g} of the master and from {min(slaves):g} to "
+                f"{max(slaves):g} of the slave",
+                remedy="give points that are neither as far apart nor as near to each other as these",
+            )
+        self._law = self._transfer_function()
+
+    @classmethod
+    def read(cls, file: str | Path, *, periodic: bool = False) -> Cam:
+        """Read the points from a CSV file with two columns; a heading in the first line is skipped.
+
+        Raises:
+            ArgumentError: the file cannot be read, or contains no such points; the error names the line.
+        """
+        try:
+            with Path(file).open(encoding="utf-8-sig", newline="") as text:
+                rows = [(line, row) for line, row in enumerate(csv.reader(text), 1) if any(row)]
+        except (OSError, UnicodeDecodeError, csv.Error) as error:
+            raise ArgumentError(f"{file}: cannot be read as a cam", observed=str(error)) from None
+        points = [_point(f"{file}, line {line}", row) for line, row in rows[_is_words(rows) :]]
+        try:
+            return cls(points, periodic=periodic)
+        except ArgumentError as error:
+            raise ArgumentError(
+                f"{file}: {error.message}", observed=error.observed, remedy=error.remedy
+            ) from None
+
+    def __repr__(self) -> str:
+        kind = "periodic, " if self.periodic else ""
+        return f"<Cam {kind}from {self.master_span[0]:g} to {self.master_span[1]:g} of the master>"
+
+    @property
+    def lift(self) -> float:
+        """Slave position at the end of the cam minus that at its beginning, in the slave's unit."""
+        return self._lift
+
+    def at(self, master: float) -> float:
+        """Return the slave position for a master position."""
+        return self._law.at(master).place
+
+    def _transfer_function(self, phase: float = 0.0, master_scale: float = 1.0, scale: float = 1.0) -> CamLaw:
+        """Return the cam for two axes, ``phase`` master units ahead and scaled. No factor is 0; ``master_scale`` is above 0."""
+        m, s = master_scale, scale
+        parts = tuple(
+            SplineSegment(p.place * s, p.speed * s / m, p.bend * s / m**2, p.twist * s / m**3, p.length * m)
+            for p in self._parts
+        )
+        period = (self.master_span[1] - self.master_span[0]) * m
+        marks = tuple(mark * m for mark in self._marks[:-1])
+        lift = self._lift * s if self.periodic else None
+        return CamLaw(self.master_span[0] * m - phase, marks, parts, period, lift)
+
+
+def _columns(points: Iterable[Sequence[float]]) -> tuple[list[float], list[float]]:
+    try:
+        rows = [(a, b) for a, b in cast("Any", points)]
+    except (TypeError, ValueError):
+        raise ArgumentError(
+            f"{told(points)} are not points of a cam",
+            remedy="give rows of the master's and the slave's position",
+        ) from None
+    if not 2 <= len(rows) <= MOST:
+        raise ArgumentError(f"a cam has 2 to {MOST} points, this one has {len(rows)}")
+    known = [[_number(value) for value in column] for column in zip(*rows, strict=True)]
+    for place, (a, b) in enumerate(pairwise(known[0]), 2):
+        if a >= b:
+            raise ArgumentError(
+                "the positions of a cam's master must rise", observed=f"point {place}: {b:g} after {a:g}"
+            )
+    return known[0], known[1]
+
+
+def _number(value: object) -> float:
+    found = number(value)
+    if found is None:
+        raise ArgumentError("the points of a cam need finite numbers", observed=told(value))
+    return found
+
+
+def _point(where: str, row: Sequence[str]) -> tuple[float, float]:
+    if len(row) == 2:
+        try:
+            return float(row[0]), float(row[1])
+        except ValueError:
+            pass
+    raise ArgumentError(
+        f"{where}: not a point of a cam",
+        observed=", ".join(row),
+        remedy="write two numbers in each line: the master's position and the slave's",
+    )
+
+
+def _is_words(rows: Sequence[tuple[int, Sequence[str]]]) -> bool:
+    """Whether the first line is a heading."""
+    try:
+        return bool(rows) and not [float(value) for value in rows[0][1]]
+    except ValueError:
+        return True

@@ -25,7 +25,7 @@ from axisbus.core.files import load_dictionaries
 from axisbus.errors import LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.command_dispatch import CommandDispatcher
-from axisbus.machine.gantry.gantry import Gantry
+from axisbus.machine.gantry import Gantry
 from axisbus.machine.handle import NOBODY
 from axisbus.motion import commands as c
 from axisbus.motion.axis import accept_motion

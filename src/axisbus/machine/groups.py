@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from axisbus.errors import ArgumentError, LimitError, StateError
 from axisbus.machine.axis import Axis
-from axisbus.machine.axis_set.axis_set import AxisSet
+from axisbus.machine.axis_set import AxisSet
 from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.handle import Handle
 from axisbus.machine.paths import PathRequest, blend_of, one_each

@@ -62,7 +62,7 @@ class Handle:
 
     def _repr_html_(self) -> str:
         """Return the HTML that a notebook shows."""
-        from axisbus.machine.display.notebook import handle_html  # only a notebook needs it
+        from axisbus.machine.notebook_display import handle_html  # only a notebook needs it
 
         return handle_html(self)
 

@@ -18,7 +18,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.axis_registry import AxisRegistry
 from axisbus.machine.closing import Closing
 from axisbus.machine.command_dispatch import CommandDispatcher
-from axisbus.machine.gantry.gantry import Gantry
+from axisbus.machine.gantry import Gantry
 from axisbus.machine.groups import Group
 from axisbus.machine.handle import Handle
 from axisbus.machine.notebook_interrupts import interactive
@@ -38,12 +38,12 @@ if TYPE_CHECKING:  # programs that only use axes do not need these
     from axisbus.cia301.sdo_counts import SdoCount
     from axisbus.core.core import CoreInterface
     from axisbus.core.simulated_nodes import SimulatedNode
-    from axisbus.machine.display.web_process import WebPage
     from axisbus.machine.io import InputsOutputs
     from axisbus.machine.node_access import NodeAccess
     from axisbus.machine.streaming.options import StreamWords
     from axisbus.machine.streaming.points import PointStream
     from axisbus.machine.user_kinematics.kinematics import UserKinematics
+    from axisbus.machine.web_process import WebPage
     from axisbus.motion.group.kinematics import Kinematics
     from axisbus.record.capture import Capture
     from axisbus.record.condition import Condition
@@ -183,7 +183,7 @@ class Machine:
 
     def _repr_html_(self) -> str:
         """Return the HTML that a notebook shows."""
-        from axisbus.machine.display.notebook import machine_html  # only a notebook needs it
+        from axisbus.machine.notebook_display import machine_html  # only a notebook needs it
 
         return machine_html(self)
 
@@ -521,8 +521,8 @@ class Machine:
             StateError: no other program can join this machine, or the page cannot be served.
             UserError: the extra ``web`` is not installed.
         """
-        from axisbus.machine.display.web_process import WebPage, require_joinable, require_nicegui
         from axisbus.machine.opening import runs
+        from axisbus.machine.web_process import WebPage, require_joinable, require_nicegui
 
         require_nicegui()
         require_joinable(self._core.realtime and runs(self.cell.file, joinable=True))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from operator import attrgetter
 
-from axisbus.machine.gantry.gantry import Gantry
+from axisbus.machine.gantry import Gantry
 from kit.cell import SCALE, Cell, Stage, cell_text
 from kit.gantry.beam import Beam, tied
 

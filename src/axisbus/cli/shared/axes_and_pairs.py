@@ -9,7 +9,7 @@ from axisbus.cli.shared.axes import once
 from axisbus.errors import StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.dry_run import DryRun
-from axisbus.machine.gantry.gantry import Gantry
+from axisbus.machine.gantry import Gantry
 from axisbus.machine.machine import Machine
 
 Mover = Axis | Gantry

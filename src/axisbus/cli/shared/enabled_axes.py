@@ -23,7 +23,7 @@ from axisbus.errors import (
 )
 from axisbus.link import StopResult
 from axisbus.machine.axis import Axis
-from axisbus.machine.gantry.gantry import Gantry
+from axisbus.machine.gantry import Gantry
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 

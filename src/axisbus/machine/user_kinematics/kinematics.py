@@ -8,7 +8,6 @@ from typing import Protocol, runtime_checkable
 
 from axisbus.errors import ArgumentError, AxisbusError, LimitError, one_line
 from axisbus.machine.axis import Axis
-from axisbus.machine.user_kinematics.resolution import moved_by
 from axisbus.motion.group.kinematics import CoreXY, Delta, Kinematics, Scara
 from axisbus.motion.group.segments import Place
 from axisbus.motion.numbers import number, told
@@ -181,3 +180,20 @@ def said(text: str, error: AxisbusError) -> AxisbusError:
 def listed(place: Sequence[float]) -> str:
     """Return numbers as text for messages."""
     return f"({', '.join(f'{value:.6g}' for value in place)})"
+
+
+# -- The resolution of a workspace, by the increments of its axes ------------------------------------------------------
+
+
+def moved_by(
+    forward: Callable[[Place], Sequence[float]],
+    joints: Place,
+    place: Sequence[float],
+    increments: Sequence[float],
+) -> float:
+    """Return the largest distance by which one increment of one axis moves the tool, if ``joints`` correspond to ``place``."""
+    moved = (
+        tuple(value + (step if n == axis else 0.0) for n, value in enumerate(joints))
+        for axis, step in enumerate(increments)
+    )
+    return max(math.dist(place, forward(near)) for near in moved)

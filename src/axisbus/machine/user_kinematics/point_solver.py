@@ -19,7 +19,7 @@ from itertools import pairwise
 from typing import Protocol
 
 from axisbus.errors import AxisbusError, LimitError
-from axisbus.machine.user_kinematics.resolution import moved_by
+from axisbus.machine.user_kinematics.kinematics import moved_by
 from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.segments import Place
 from axisbus.motion.point_stream.commands import Span

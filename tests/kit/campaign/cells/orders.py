@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis
-from axisbus.machine.cam import Cam
+from axisbus.machine.coupling import Cam
 from axisbus.machine.groups import Group
 from axisbus.machine.handle import Handle
 from axisbus.machine.streaming.controller import AxisFeedback

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from axisbus.machine.gantry.gantry import Gantry
+from axisbus.machine.gantry import Gantry
 from axisbus.machine.machine import Machine
 from kit.cell import Cell, Stage, cell_text
 from kit.gantry.beam import tied

@@ -9,25 +9,30 @@ that does not let Python run, sends nothing any more: only ``break_timeout`` in 
 from __future__ import annotations
 
 import atexit
+import signal
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from functools import partial
-from types import TracebackType
-from typing import NoReturn, Self
+from pathlib import Path
+from types import FrameType, TracebackType
+from typing import Any, NoReturn, Self
 
+from axisbus.bus.gim6010.can_simple_client import SimpleLine
+from axisbus.bus.gim6010.endpoints import CanSimpleParameters
 from axisbus.bus.gim6010.run import send
 from axisbus.bus.link import ownership
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.coexistence import identifiers
-from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback
+from axisbus.drives.gim6010.can_simple.endpoints import parse
+from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.mit_control.controller import MitCycle, MitLeader, MitPhase
-from axisbus.drives.gim6010.mit_control.settings import MitSettings
-from axisbus.errors import ArgumentError, AxisbusError, NodeError, StateError
-from axisbus.machine.mit.signals import MitSignalHandlers
+from axisbus.drives.gim6010.mit_control.settings import MitSettings, ranges_of
+from axisbus.errors import ArgumentError, AxisbusError, NodeError, StateError, UserError
 
 _TICKS = 4  # steps of the thread in a period
 _SHORTEST = 0.0005  # s between two of them
@@ -279,3 +284,77 @@ class MitControl:
             observed=leader.left or f"it is {leader.phase.value}",
             remedy="clear that cause, then enable it again",
         )
+
+
+# -- Ctrl-C, SIGTERM and SIGHUP under MIT control: the module is stopped at once, and the program leaves its block -----
+
+
+_SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP"}  # not all are on every system
+
+
+class MitSignalHandlers:
+    """Holds the previous handlers. Only in the main thread, where Python runs signal handlers."""
+
+    def __init__(self, hear: Callable[[str], bool]) -> None:
+        """``hear`` gets the signal's name, and returns whether to raise it: as KeyboardInterrupt, or SystemExit."""
+        self._hear = hear
+        self._before: dict[int, Any] = {}
+
+    def begin(self) -> None:
+        """Install the handlers."""
+        if threading.current_thread() is threading.main_thread():
+            for name in _SIGNALS:
+                number = getattr(signal, name, None)
+                if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
+                    self._before[number] = signal.signal(number, self._take)
+
+    def end(self) -> None:
+        """Restore the previous handlers."""
+        for number, handler in self._before.items():
+            signal.signal(number, handler if handler is not None else signal.SIG_DFL)
+        self._before.clear()
+
+    def _take(self, number: int, _: FrameType | None) -> None:
+        if not self._hear(_SIGNALS[signal.Signals(number).name]):
+            return
+        if number == signal.SIGINT:
+            raise KeyboardInterrupt
+        raise SystemExit(128 + number)
+
+
+# -- The ranges of MIT control, read from a module over CAN Simple -----------------------------------------------------
+
+
+def read_mit_ranges(
+    interface: str,
+    channel: str,
+    node: int,
+    endpoints: str | Path,
+    *,
+    made_for: str,
+    bitrate: int | None = None,
+    **options: object,
+) -> MitRanges:
+    """Return the ranges of the module with this node-ID (0 to 63). Blocks about 2 s; commands nothing.
+
+    ``endpoints`` is the vendor's list for exactly its firmware, ``made_for`` the firmware version of the list, as "0.6.0".
+
+    Raises:
+        UserError: the list cannot be read. ArgumentError: it is not such a list, or does not fit the module.
+        SecondMasterError: another program of axisbus has the channel. AdapterError: it cannot be opened.
+        NodeError: the module answers no endpoint, or several have this node-ID.
+    """
+    try:
+        text = Path(endpoints).read_bytes()
+    except OSError as error:
+        raise UserError(f"{endpoints} cannot be read", observed=str(error.strerror)) from error
+    listed, version = parse(text, str(endpoints)), Firmware.parse(made_for)
+    with ExitStack() as stack:
+        lock = ownership.take(interface, channel)
+        if lock is not None:
+            stack.enter_context(lock)
+        line = SimpleLine(stack.enter_context(Channel.open(interface, channel, bitrate, **options)), node)
+        module = CanSimpleParameters(line)
+        stack.enter_context(line)
+        module.open(listed, version)
+        return ranges_of(module)

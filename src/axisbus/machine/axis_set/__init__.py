@@ -1,1 +1,0 @@
-"""Axes that receive one command together."""

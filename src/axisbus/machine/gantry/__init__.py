@@ -1,1 +1,0 @@
-"""A pair of axes that carry one beam: the public gantry."""
