@@ -10,8 +10,8 @@ import pytest
 
 import axisbus.eds
 from axisbus.eds import Eds, EdsDifference, diff, load, loads
-from axisbus.eds.report import compare_text
-from axisbus.eds.report.difference import DifferenceGroup
+from axisbus.eds.report import compare
+from axisbus.eds.report.consequences import DifferenceGroup
 from kit.eds.samples import BUILTIN, CORPUS, STATUS, communication, mapped, small, small_text
 from kit.eds.texts import record, variable
 
@@ -301,7 +301,7 @@ def _section(lines: list[str], at: int) -> str:
 
 def test_the_report_puts_first_what_matters() -> None:
     a, b = small(STATUS + entry(DefaultValue="1")), small(entry(DefaultValue="2"))
-    text = "\n".join(compare_text.lines(a, b, diff(a, b), None))
+    text = "\n".join(compare.lines(a, b, diff(a, b), None))
     assert text.index("Important for a master") < text.index("\nPDOs: ") < text.index("\ndefaults: 1")
     assert "2000h Thing: DefaultValue: 1 -> 2" in text
     assert "the drive has no TPDO1 any more" in text
@@ -315,7 +315,7 @@ def test_the_same_said_of_neighbouring_sub_indices_is_said_once() -> None:
     )
     found = diff(a, b)
     assert len(found) == 8
-    text = "\n".join(compare_text.lines(a, b, found, None))
+    text = "\n".join(compare.lines(a, b, found, None))
     assert text.count("can no longer be written") == 1
     assert "2100h:01-08" in text
 
@@ -327,12 +327,12 @@ def test_the_same_said_of_neighbouring_sub_indices_is_said_once() -> None:
 def test_the_versions_of_the_files_are_named_as_numbers(version: str, revision: str, said: str) -> None:
     info = f"[FileInfo]\nFileVersion={version}\nFileRevision={revision}\n\n"
     eds = loads((info + small_text(STATUS)).encode(), "a.eds")
-    assert f", file version {said})" in next(iter(compare_text.lines(eds, eds, (), None)))
+    assert f", file version {said})" in next(iter(compare.lines(eds, eds, (), None)))
 
 
 def test_equal_files_say_so() -> None:
     eds = small(STATUS)
-    assert list(compare_text.lines(eds, eds, (), None))[-1] == "no difference in meaning"
+    assert list(compare.lines(eds, eds, (), None))[-1] == "no difference in meaning"
 
 
 def test_the_library_offers_diff_without_importing_it_at_once() -> None:

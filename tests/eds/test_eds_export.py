@@ -16,14 +16,14 @@ from cantools.database.can import Database, Message
 from axisbus.cia301.pdo import PdoCodec
 from axisbus.cia402.si_units import decoded
 from axisbus.eds import Eds, layout, load
-from axisbus.eds.report import dbc, export_values
+from axisbus.eds.report import export_values, frames
 from axisbus.errors import ArgumentError, UserError
 from kit.eds.samples import BITS, BUILTIN, EVERY_TENTH, STATUS, builtin, communication, mapped, small
 from kit.eds.texts import canopen_facts, variable
 
 
 def read(eds: Eds, node_id: int = 5) -> Database:
-    return cantools.database.load_string(dbc.dumps(eds, node_id, words=True).text, "dbc")
+    return cantools.database.load_string(frames.dumps(eds, node_id, words=True).text, "dbc")
 
 
 def message(database: Database, name: str) -> Message:
@@ -181,7 +181,7 @@ def test_an_identifier_of_29_bits_stays_one() -> None:
     ],
 )
 def test_what_a_dbc_cannot_hold_is_left_out_and_named(body: str, reason: str) -> None:
-    made = dbc.dumps(small(body), 5)
+    made = frames.dumps(small(body), 5)
     (left_out,) = made.left_out
     assert reason in left_out
     assert not any("TPDO" in each.name for each in cantools.database.load_string(made.text, "dbc").messages)
@@ -189,14 +189,14 @@ def test_what_a_dbc_cannot_hold_is_left_out_and_named(body: str, reason: str) ->
 
 def test_a_dbc_needs_a_node_id() -> None:
     with pytest.raises(ArgumentError, match="depend on the node ID") as caught:
-        dbc.dumps(small(STATUS), None)
+        frames.dumps(small(STATUS), None)
     assert "--node" in caught.value.remedy
 
 
 def test_without_cantools_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cantools.database.can", None)
     with pytest.raises(UserError, match="cantools, which is not installed") as caught:
-        dbc.dumps(small(STATUS), 5)
+        frames.dumps(small(STATUS), 5)
     assert 'pip install "axisbus[dbc]"' in caught.value.remedy
 
 
@@ -209,7 +209,7 @@ def test_a_dbc_has_units_limits_and_what_bits_and_modes_mean() -> None:
         + communication("1800", "$NODEID+0x180")
         + mapped("1A00", "0x607A0020", "0x60710010", "0x60410010")
     )
-    text = dbc.dumps(small(body), 5).text
+    text = frames.dumps(small(body), 5).text
     found = {
         signal.name: signal
         for signal in message(cantools.database.load_string(text, "dbc"), "Node5_TPDO1").signals
@@ -241,8 +241,8 @@ def test_units_are_those_of_the_si_unit_objects(code: int, unit: str) -> None:
 
 def test_pdos_that_are_switched_off_are_in_a_dbc_on_request() -> None:
     eds = small(communication("1800", "$NODEID+0x80000180") + mapped("1A00", "0x60410010"))
-    assert "TPDO1" not in dbc.dumps(eds, 5).text
-    made = dbc.dumps(eds, 5, switched_off=True)
+    assert "TPDO1" not in frames.dumps(eds, 5).text
+    made = frames.dumps(eds, 5, switched_off=True)
     assert made.left_out == ()
     found = message(cantools.database.load_string(made.text, "dbc"), "Node5_TPDO1")
     assert found.frame_id == 0x185

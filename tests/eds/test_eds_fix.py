@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from axisbus.eds import Eds, check, fix_diff, writer
 from axisbus.eds.fix import Fixed, fix
-from axisbus.eds.fixes.non_ascii import plain
+from axisbus.eds.fixes.text import plain
 from axisbus.eds.io import reader
 from axisbus.eds.model import Object
 from kit.corpus import FILES

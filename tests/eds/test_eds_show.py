@@ -9,7 +9,7 @@ import pytest
 from axisbus.cia301.pdo import PdoCodec
 from axisbus.eds import layout, load
 from axisbus.eds.model import Eds
-from axisbus.eds.report import export_values, overview, pdo_text, search, show, show_object
+from axisbus.eds.report import export_values, overview, pdo_text, search, show
 from axisbus.eds.report.pdo_text import ASCII
 from axisbus.eds.report.show import Screen
 from axisbus.errors import EdsError
@@ -24,7 +24,7 @@ def drawn(eds: Eds, width: int = 100) -> str:
 
 def about(eds: Eds, wanted: str, node_id: int | None = None) -> str:
     (match,) = search.find(eds, wanted).matches
-    return "\n".join(show_object.object_lines(eds, match, node_id, Screen()))
+    return "\n".join(show.object_lines(eds, match, node_id, Screen()))
 
 
 def test_a_pdo_is_drawn_over_the_bytes_of_its_frame() -> None:
@@ -212,7 +212,7 @@ def test_all_words_must_be_in_the_name_of_the_object_or_sub_index() -> None:
 def test_a_pdo_is_found_by_its_name() -> None:
     eds = small(STATUS)
     assert search.find(eds, "tpdo1").pdo == (False, 1)
-    text = "\n".join(show_object.pdo_lines(eds, False, 1, 5, Screen()))
+    text = "\n".join(show.pdo_lines(eds, False, 1, 5, Screen()))
     assert text.startswith("TPDO1  185h ($NODEID+0x180), on change (type 255)")
     assert "parameters in 1800h and 1A00h" in text
 

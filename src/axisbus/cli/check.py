@@ -17,7 +17,7 @@ from axisbus.cli.shared.common import OK, WRONG, misuse, say, say_json, say_next
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.terminal import STYLES, say_styled
 from axisbus.eds.model import EdsFinding, Severity
-from axisbus.eds.rules import rule_selection, sarif
+from axisbus.eds.rules import sarif, table
 from axisbus.errors import page_reference
 from axisbus.version import __version__
 from axisbus.wording import counted
@@ -63,7 +63,7 @@ def command(
 
         say_json(schema_of_cells())
         return OK
-    wanted = rule_selection.chooser((), ids_of(ignore), rule_selection.RuleIds(checks(), _COMMAND))
+    wanted = table.chooser((), ids_of(ignore), table.RuleIds(checks(), _COMMAND))
     problems = check(cell)
     code = WRONG if errors(problems) else OK
     kept = [each for each in problems if each.severity is Severity.ERROR or wanted(each.rule)]

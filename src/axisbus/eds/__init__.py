@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from axisbus.eds.io.reader import load, loads
     from axisbus.eds.model import Eds, EdsFinding, Number, Object, ObjectType, Severity, Variable
     from axisbus.eds.report.compare import diff
-    from axisbus.eds.report.difference import EdsDifference
+    from axisbus.eds.report.consequences import EdsDifference
 
 _HOME = {
-    "EdsDifference": "axisbus.eds.report.difference",
+    "EdsDifference": "axisbus.eds.report.consequences",
     "Eds": "axisbus.eds.model",
     "EdsFinding": "axisbus.eds.model",
     "Number": "axisbus.eds.model",

@@ -32,10 +32,10 @@ def check(
     """
     from axisbus.eds.rules import (  # importing the rules takes as long as importing the rest of the reader
         engine,
-        rule_selection,
+        table,
     )
 
-    return engine.check(reading(what), rule_selection.chooser(select, ignore))
+    return engine.check(reading(what), table.chooser(select, ignore))
 
 
 def reading(what: Eds | EdsParseResult | str | Path) -> EdsParseResult:

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import accumulate
 
-from axisbus.eds.fixes import counts, dummy_usage, encoding, non_ascii, spelling, text, values
+from axisbus.eds.fixes import counts, spelling, text, values
 from axisbus.eds.fixes.base import Fix, FixContext, Mend
 from axisbus.eds.io import edit, reader
 from axisbus.eds.io.edit import LineEdit
@@ -24,12 +24,12 @@ from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.io.text import EdsText
 
 STAGES: tuple[Mapping[str, Mend], ...] = (
-    {**text.MENDS, **spelling.MENDS, **values.MENDS, **dummy_usage.NAMES, **non_ascii.MENDS},
+    {**text.MENDS, **spelling.MENDS, **values.MENDS, **values.NAMES, **text.NON_ASCII_MENDS},
     counts.NUMBERING,
-    {**counts.MENDS, **dummy_usage.MENDS},
+    {**counts.MENDS, **values.DUMMY_USAGE_MENDS},
 )
 RULES = frozenset(
-    (*encoding.WHOLE, *(rule for stage in STAGES for rule in stage), "B003", "L001", "O013", "O024")
+    (*text.WHOLE, *(rule for stage in STAGES for rule in stage), "B003", "L001", "O013", "O024")
 )
 
 _MAX_ROUNDS = 100  # far more than fixes that wait for each other can need
@@ -78,7 +78,7 @@ def _ends_early(reading: EdsParseResult) -> bool:
 def _whole(reading: EdsParseResult) -> tuple[EdsParseResult, list[Fix]]:
     """Fix the encoding and the line ends."""
     done = []
-    for rule, (mend, what) in encoding.WHOLE.items():
+    for rule, (mend, what) in text.WHOLE.items():
         document = mend(reading.document)
         if document is not None:
             reading = reader.read_document(document, reading.eds.source)

@@ -12,7 +12,7 @@ from axisbus.cli.eds.files import expanded, say_lines
 from axisbus.cli.shared.common import OK, WRONG, misuse, progress_bar, say_json, say_next
 from axisbus.eds import builtin, checking
 from axisbus.eds.model import EdsFinding, Severity
-from axisbus.eds.rules import engine, rule_selection, sarif
+from axisbus.eds.rules import engine, sarif, table
 from axisbus.eds.rules.table import Rule, rules
 from axisbus.errors import EdsError
 from axisbus.version import __version__
@@ -91,7 +91,7 @@ def command(
     Exit codes: 0 no finding of the severity of --fail-on or worse (shown or not), 1 there is one, or a file cannot be read, 2
     wrong use.
     """
-    wanted = rule_selection.chooser(ids_of(select), ids_of(ignore))
+    wanted = table.chooser(ids_of(select), ids_of(ignore))
     if explain is not None:
         return explain_rule(explain, rules())
     if as_list:
@@ -149,7 +149,7 @@ def _check(file: str, wanted: Callable[[str], bool]) -> tuple[EdsFinding, ...]:
 
 def explain_rule(rule: str, known: Mapping[str, Rule]) -> int:
     """Print the explanation of a rule; return the exit code."""
-    found = rule_selection.RuleIds(known).starting(rule)
+    found = table.RuleIds(known).starting(rule)
     if len(found) != 1:
         there = f"rules that begin so: {', '.join(found)}" if found and rule else "all rules: --list"
         return misuse(f"--explain: {rule[:20]!r} is not the id of a rule; {there}")

@@ -7,8 +7,8 @@ import click
 from axisbus.cli.eds.files import hint, node_option, open_eds, say_lines
 from axisbus.cli.shared.common import MISUSE, OK, WRONG, say_error, say_json
 from axisbus.eds.model import Eds
-from axisbus.eds.report import compare, compare_text
-from axisbus.eds.report.difference import EdsDifference
+from axisbus.eds.report import compare
+from axisbus.eds.report.consequences import EdsDifference
 from axisbus.errors import EdsError
 
 
@@ -33,9 +33,9 @@ def command(a: str, b: str, node: int | None, as_json: bool) -> int:
     node_id = _common_node(first, second, node)
     differences = compare.diff(first, second, node_id)
     if as_json:
-        say_json(compare_text.plain(first, second, differences, node_id))
+        say_json(compare.plain(first, second, differences, node_id))
     else:
-        say_lines(compare_text.lines(first, second, differences, node_id))
+        say_lines(compare.lines(first, second, differences, node_id))
         if differences:
             hint(f"axisbus eds show {b} {_example(differences)}".rstrip())
     return WRONG if differences else OK

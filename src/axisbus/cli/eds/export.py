@@ -75,9 +75,9 @@ def _text(
     eds: Eds, form: str, node_id: int | None, switched_off: bool, words: bool
 ) -> tuple[str, tuple[str, ...]]:
     if form == "dbc":
-        from axisbus.eds.report import dbc
+        from axisbus.eds.report import frames
 
-        made = dbc.dumps(eds, node_id, switched_off=switched_off, words=words)
+        made = frames.dumps(eds, node_id, switched_off=switched_off, words=words)
         return made.text, made.left_out
     from axisbus.eds.report import export_values
 

@@ -19,7 +19,7 @@ from axisbus.cli.eds.files import (
 from axisbus.cli.shared.common import OK, say_json
 from axisbus.eds import layout
 from axisbus.eds.model import Eds
-from axisbus.eds.report import export_values, search, show, show_object
+from axisbus.eds.report import export_values, search, show
 from axisbus.eds.report.pdo_text import ASCII, BOXES
 from axisbus.eds.report.search import SearchResult
 from axisbus.eds.report.show import Screen
@@ -55,9 +55,9 @@ def command(file: str, wanted: str | None, node: int | None, expand: bool, as_js
 def _found(eds: Eds, found: SearchResult, node_id: int | None, screen: Screen) -> Iterator[str]:
     if found.pdo is not None:
         _layout(eds, found.pdo)
-        return show_object.pdo_lines(eds, *found.pdo, node_id, screen)
+        return show.pdo_lines(eds, *found.pdo, node_id, screen)
     if found.one is not None:
-        return show_object.object_lines(eds, found.matches[0], node_id, screen)
+        return show.object_lines(eds, found.matches[0], node_id, screen)
     return show.matches(eds, found.matches, node_id, screen)
 
 

@@ -12,7 +12,7 @@ from axisbus.cia402.value_texts import Table
 from axisbus.eds import layout
 from axisbus.eds.layout import PdoLayout
 from axisbus.eds.model import Eds, EdsFinding, Object, Severity, Variable
-from axisbus.eds.report import overview, show, show_object, wording
+from axisbus.eds.report import overview, show, wording
 from axisbus.eds.report.overview import Area, EdsOverview
 from axisbus.wording import counted
 
@@ -225,7 +225,7 @@ class _Pages:
         )
 
     def _remarks(self, entry: Object, sub: Variable) -> Iterator[Fact]:
-        return show_object.remarks(entry, sub, self._pdos)
+        return show.remarks(entry, sub, self._pdos)
 
     def _explained(self, entry: Object) -> Iterator[Explained]:
         elsewhere: dict[int, list[str]] = {}

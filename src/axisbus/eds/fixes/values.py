@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.fixes.base import Fix, FixContext, Mend, each, short
 from axisbus.eds.io import edit, text, values
 from axisbus.eds.io.new_file import written
-from axisbus.eds.model import EdsFinding, Number
+from axisbus.eds.model import DUMMIES, EdsFinding, Number
 
 _H_SUFFIX = re.compile(r"(?:0[xX])?([0-9][0-9A-Fa-f]*)[hH]")
 _LETTER_O = re.compile(r"[oO][xX]([0-9A-Fa-f]+)")
 _C_SUFFIX = re.compile(r"(0[xX][0-9A-Fa-f]+|[0-9]+)[uUlL]{1,3}")
 _TERM = re.compile(r"0[xX][0-9A-Fa-f]+|[0-9]+", re.ASCII)
 _TEXT_TYPES = (DataType.VISIBLE_STRING, DataType.UNICODE_STRING)
+
 
 _NewText = Callable[[str, DataType], str]  # empty: this value needs the user's judgement
 
@@ -108,3 +109,42 @@ def _of(rule: str) -> Mend:
 
 
 MENDS: Mapping[str, Mend] = {rule: _of(rule) for rule in _NEW_TEXTS}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Fixes of [DummyUsage]: keys of four digits, and an entry for each data type that can fill space in a PDO (DS 306 4.6.2).
+
+
+_SHORT = re.compile(r"dummy([0-9a-f]{1,3})")
+
+
+def _short_keys(bench: FixContext) -> Iterator[Fix]:
+    """Fix D016, if the complete key does not exist in another spelling."""
+    section = bench.document.sections.get("dummyusage")
+    if section is None:
+        return
+    taken = set(section.entries)
+    for key, line in section.places.items():
+        found = _SHORT.fullmatch(key)
+        if found is None or (name := f"Dummy{int(found[1], 16):04X}").lower() in taken:
+            continue
+        taken.add(name.lower())
+        change = edit.rename_key(bench.document, line, name)
+        yield Fix("D016", line, f"[{section.name}] {key.capitalize()} -> {name}", (change,))
+
+
+def _left_out(bench: FixContext) -> Iterator[Fix]:
+    """Fix D019: a missing entry means 0."""
+    section = bench.document.sections.get("dummyusage")
+    if section is None or any(values.plain(text) is None for text in section.entries.values()):
+        return  # D016: an unknown entry
+    absent = {
+        name: "0" for number in DUMMIES if (name := f"Dummy{number:04X}").lower() not in section.entries
+    }
+    if absent:
+        changes = tuple(edit.set_values(bench.document, section, absent))
+        yield Fix("D019", section.line, f"[{section.name}] {', '.join(absent)} added as 0", changes)
+
+
+NAMES: Mapping[str, Mend] = {"D016": _short_keys}
+DUMMY_USAGE_MENDS: Mapping[str, Mend] = {"D019": _left_out}

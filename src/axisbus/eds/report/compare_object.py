@@ -10,7 +10,7 @@ from axisbus.cia402 import objects as cia402
 from axisbus.cia402.axes import first_axis
 from axisbus.eds.model import Number, Object, Variable
 from axisbus.eds.report import consequences, wording
-from axisbus.eds.report.difference import DifferenceGroup, EdsDifference
+from axisbus.eds.report.consequences import DifferenceGroup, EdsDifference
 
 Default = Number | float | str | bytes | None
 

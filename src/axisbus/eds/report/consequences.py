@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from enum import Enum
 
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as cia301
@@ -18,6 +20,7 @@ from axisbus.eds.report import wording
 
 _REFUSED = "a master that checks the identity refuses the other one"
 
+
 # By key of [DeviceInfo].
 DEVICE = {
     "VendorNumber": _REFUSED,
@@ -30,10 +33,12 @@ DEVICE = {
     },
 }
 
+
 _SCALE = "positions or velocities may have another scale: check scale in the cell file"
 _LIMIT = "another default limit of motion or torque"
 _STOP_OBJECTS = {option.index: option.title for option in options.ALL}
 _OPTIONS = {(option.index, option.subindex): option for option in options.ALL}
+
 
 # By object of the first axis, all sub-indices: the consequence of another default.
 _DEFAULTS = {
@@ -220,3 +225,38 @@ def _pdo_parameter(a: Variable, before: object, after: object) -> str:
 
 def _number(given: Number | float | None, node_id: int | None) -> float | None:
     return given.resolve(node_id) if isinstance(given, Number) else given
+
+
+# -- One difference between two EDS files, as a value ------------------------------------------------------------------
+
+
+class DifferenceGroup(Enum):
+    """The subject of a difference, the most important first."""
+
+    IDENTITY = "identity"
+    PDO = "PDOs"
+    REMOVED = "removed"
+    TYPES = "types and access"
+    LIMITS = "limits"
+    DEFAULTS = "defaults"
+    NAMES = "names"
+    ADDED = "added"
+
+
+@dataclass(frozen=True, slots=True)
+class EdsDifference:
+    """One difference between file A and file B.
+
+    ``what`` names it, ``a`` and ``b`` are the two sides as texts (empty: absent), ``matters`` is the consequence for a master
+    (empty: probably none). ``line_a`` and ``line_b`` count from 1, 0 if there is no line.
+    """
+
+    group: DifferenceGroup
+    what: str
+    a: str
+    b: str
+    index: int | None = None
+    subindex: int | None = None
+    matters: str = ""
+    line_a: int = 0
+    line_b: int = 0

@@ -6,16 +6,20 @@ The families of rules are other modules of this package; each has a table ``LOOK
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
+from axisbus.cia301 import objects as o
+from axisbus.cia301.datatypes import DataType
+from axisbus.eds.io import values as suppress_followups_values
 from axisbus.eds.io.reader import EdsParseResult
-from axisbus.eds.model import EdsFinding
+from axisbus.eds.io.text import entry_of
+from axisbus.eds.model import EdsFinding, Number, Severity
 from axisbus.eds.rules import (
     cia301,
     cia402,
     compactlists,
-    concise,
     dcf,
     deviceinfo,
     fileinfo,
@@ -27,10 +31,9 @@ from axisbus.eds.rules import (
     pdo_parameters,
     records,
     services,
-    suppress_followups,
+    standard,
     text,
     truncated_file,
-    values,
 )
 from axisbus.eds.rules.context import Hit, Look, RuleContext
 from axisbus.eds.rules.table import Rule, rules
@@ -39,6 +42,7 @@ from axisbus.wording import counted
 
 MAX_OF_A_RULE = 10_000  # a file of random data must not fill the memory
 MORE, UNREADABLE = "S099", "S000"
+
 
 _FAMILIES = (
     *(
@@ -50,11 +54,11 @@ _FAMILIES = (
         objects,
         records,
         compactlists,
-        values,
+        objects,
         pdo,
         pdo_parameters,
     ),
-    *(cia301, services, cia402, modes, dcf, concise, modules),
+    *(cia301, services, cia402, modes, dcf, dcf, modules),
 )
 LOOKS: dict[str, Look] = {rule: look for family in _FAMILIES for rule, look in family.LOOKS.items()}
 
@@ -68,9 +72,7 @@ def check(reading: EdsParseResult, wanted: Callable[[str], bool]) -> tuple[EdsFi
     found = list(reading.eds.findings)
     for rule, look in LOOKS.items():
         found += _findings(rules()[rule], look(sheet))
-    return tuple(
-        sorted((each for each in suppress_followups.causes(sheet, found) if wanted(each.rule)), key=_place)
-    )
+    return tuple(sorted((each for each in causes(sheet, found) if wanted(each.rule)), key=_place))
 
 
 def _findings(rule: Rule, hits: Iterable[Hit]) -> Iterator[EdsFinding]:
@@ -103,3 +105,117 @@ def unreadable(error: EdsError) -> EdsFinding:
     message = error.message.removeprefix(f"{error.file}: ")
     found = finding(rules()[UNREADABLE], Hit(0, 0, f"{message}{observed}"))
     return replace(found, remedy=error.remedy) if error.remedy else found
+
+
+# -- One defect, one finding: leave out findings that are only consequences of others ----------------------------------
+#
+# Some findings of the reader are corrected here with the whole entry in view: which of two lines is wrong, and whether the standard
+# leaves the point open.
+
+
+_WRONG_TYPE = frozenset(("C003", "M002", "O009", "P009"))  # the data type is not the standard's
+_OF_A_VALUE = frozenset(  # findings that depend on the data type
+    (
+        *("V001", "V002", "V003", "V004", "V005", "V009", "V010", "V011", "V012", "V014"),
+        *("V016", "V017", "V018", "D004"),
+    )
+)
+_WRONG_SHAPE = frozenset(("O004", "O008", "O011"))  # it is uncertain whether the object has sub-indices
+_OF_A_SHAPE = frozenset(  # findings that depend on the kind of object
+    ("O002", "O003", "O017", "O018", "O020", "O028", "O031", "C005", "C008", "M006", "M014", "P008", "P011")
+)
+# A rule, and the rules that it explains if both have a finding for the same object.
+_EXPLAINS = {
+    "B001": frozenset(("O010",)),
+    "O003": frozenset(("O028",)),
+    "O013": frozenset(("O008", "O010")),
+    "P008": frozenset(("P015",)),
+}
+_MISSPELT = "S017"
+_MISSING = frozenset(  # findings at the header of the section with the misspelt key
+    ("O001", "O002", "O003", "O006", "O020", "O024", "O025", "O031", "C005", "L001", "M005", "M006", "P004")
+)
+_MIXED, _IDENTITY = "O026", "D004"
+
+
+def causes(sheet: RuleContext, found: Iterable[EdsFinding]) -> list[EdsFinding]:
+    """Return the findings without consequences of other findings."""
+    whole = truncated_file.without_consequences(sheet, found)
+    every = [_JUDGED[each.rule](sheet, each) if each.rule in _JUDGED else each for each in whole]
+    typed = {(each.index, each.subindex) for each in every if each.rule in _WRONG_TYPE}
+    mixed = {index for index, subindex in typed if subindex}  # an ARRAY with one wrong type has two types
+    explained = {(rule, each.index) for each in every for rule in _EXPLAINS.get(each.rule, ())}
+    misspelt = {_header(sheet, each.line) for each in every if each.rule == _MISSPELT}
+    shaped = {each.index: each.line for each in every if each.rule in _WRONG_SHAPE}
+    return [
+        each
+        for each in every
+        if not (each.rule in _OF_A_VALUE and (each.index, each.subindex) in typed and _right(sheet, each))
+        and (each.rule, each.index) not in explained
+        and not (each.rule in _MISSING and each.line in misspelt)
+        and not (each.rule == _MIXED and each.index in mixed)
+        and not (each.rule in _OF_A_SHAPE and shaped.get(each.index, each.line) != each.line)
+    ]
+
+
+def _header(sheet: RuleContext, line: int) -> int:
+    """Return the line of the section that contains a line, 0 if there is none."""
+    return sheet.starts[bisect_right(sheet.starts, line) - 1]
+
+
+def _right(sheet: RuleContext, finding: EdsFinding) -> bool:
+    """Whether the value of a finding would be valid if the data type were the standard's."""
+    kinds = _standard_types(sheet, finding.index or 0, finding.subindex or 0)
+    if not finding.line or not kinds:
+        return False
+    _, text = entry_of(sheet.document.lines[finding.line - 1])
+    return finding.rule == _IDENTITY or any(
+        suppress_followups_values.parse(text, kind).value is not None for kind in kinds
+    )
+
+
+def _standard_types(sheet: RuleContext, index: int, subindex: int) -> tuple[DataType, ...]:
+    entry = sheet.eds.objects.get(index)
+    if subindex == 0 and entry is not None and entry.is_record:
+        return (records.type_of_count(index),)
+    if o.is_pdo_parameter(index):
+        return (pdo_parameters.standard_type(index, subindex),)
+    if index in services.SDO_PARAMETERS and subindex in services.SDO_TYPES:
+        return (services.SDO_TYPES[subindex],)
+    row = standard.row(index, subindex)
+    return row.data_types if row is not None else ()
+
+
+def _blamed(sheet: RuleContext, finding: EdsFinding) -> EdsFinding:
+    """Return the finding of crossed limits at HighLimit, if that is the limit that contradicts the default (else 0)."""
+    section = sheet.section_of(finding.index or 0, finding.subindex or 0)
+    entry = sheet.eds.get(finding.index or 0, finding.subindex or 0)
+    if section is None or entry is None:
+        return finding
+    low = suppress_followups_values.plain(section.entries.get("lowlimit", ""))
+    default = entry.default.value if isinstance(entry.default, Number) else 0
+    if low is None or default < low:
+        return finding
+    line, column = sheet.document.place(section, "highlimit")
+    return replace(finding, line=line, column=column)
+
+
+def _letters(sheet: RuleContext, finding: EdsFinding) -> EdsFinding:
+    """Return the finding of a formula as a note if only the case of $NODEID is wrong, which most tools accept."""
+    _, text = entry_of(sheet.document.lines[finding.line - 1])
+    return replace(finding, severity=Severity.NOTE) if text.startswith("$") else finding
+
+
+def _time(sheet: RuleContext, finding: EdsFinding) -> EdsFinding:
+    """Return the finding of an unknown time as a note: DS 306 does not define the notation of times."""
+    entry = sheet.eds.get(finding.index or 0, finding.subindex or 0)
+    if entry is None or entry.data_type not in (DataType.TIME_OF_DAY, DataType.TIME_DIFFERENCE):
+        return finding
+    return replace(finding, severity=Severity.NOTE)
+
+
+_JUDGED: dict[str, Callable[[RuleContext, EdsFinding], EdsFinding]] = {
+    "V001": _time,
+    "V004": _blamed,
+    "V006": _letters,
+}

@@ -10,8 +10,8 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.model import Number, Variable
 from axisbus.eds.rules.context import Hit, Looks, RuleContext, start_key, start_value
+from axisbus.eds.rules.objects import COB_ID_GUARDING
 from axisbus.eds.rules.pdo_parameters import restricted, too_long
-from axisbus.eds.rules.values import COB_ID_GUARDING
 
 SDO_PARAMETERS = range(0x1200, 0x1300)
 SDO_TYPES = {1: DataType.UNSIGNED32, 2: DataType.UNSIGNED32, 3: DataType.UNSIGNED8}

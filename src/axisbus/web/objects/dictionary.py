@@ -7,7 +7,7 @@ from axisbus.cell.quantities import Quantities
 from axisbus.configuration import guarded_write
 from axisbus.eds.model import Object, Variable
 from axisbus.eds.report import wording
-from axisbus.eds.report.show_object import DIRECTIONS
+from axisbus.eds.report.show import DIRECTIONS
 from axisbus.machine.machine_node import MachineNode
 from axisbus.web.objects.key import ObjectKey
 from axisbus.web.view.axes import Values
