@@ -12,8 +12,8 @@ from axisbus.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
-    from axisbus.drives.gim6010.mit_control.controller import MitCycle
-    from axisbus.drives.gim6010.mit_control.settings import MitSettings
+    from axisbus.drives.gim6010.mit_control import MitCycle
+    from axisbus.drives.gim6010.mit_settings import MitSettings
     from axisbus.errors import AxisbusError
     from axisbus.fleet.axis import FleetAxis
     from axisbus.fleet.cell import FleetCell
@@ -57,10 +57,10 @@ _HOME = {
     "Machine": "axisbus.machine.machine",
     "MitCommand": "axisbus.drives.gim6010.can_simple.mit",
     "MitControl": "axisbus.machine.mit",
-    "MitCycle": "axisbus.drives.gim6010.mit_control.controller",
+    "MitCycle": "axisbus.drives.gim6010.mit_control",
     "MitFeedback": "axisbus.drives.gim6010.can_simple.mit",
     "MitRanges": "axisbus.drives.gim6010.can_simple.mit",
-    "MitSettings": "axisbus.drives.gim6010.mit_control.settings",
+    "MitSettings": "axisbus.drives.gim6010.mit_settings",
     "SimulationControl": "axisbus.machine.sim_control",
     "Controller": "axisbus.machine.streaming.controller",
     "AxisFeedback": "axisbus.machine.streaming.controller",

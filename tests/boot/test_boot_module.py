@@ -11,7 +11,7 @@ from axisbus.boot.can_simple.discovery import NodeListener
 from axisbus.boot.can_simple.module import WATCHDOG, ladder
 from axisbus.boot.stop_report import Watchdog
 from axisbus.cia301.frame import CanFrame
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware
 from axisbus.drives.gim6010.discovery.questions import SimpleFacts
 from axisbus.errors import BootError
 from axisbus.machine.machine import Machine

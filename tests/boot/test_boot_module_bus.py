@@ -14,10 +14,10 @@ from axisbus.boot.stop_report import Watchdog
 from axisbus.bus.link.channel import Channel
 from axisbus.cell import reader
 from axisbus.cell.can_simple.modules import settings_of
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware as Given
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware as Given
-from axisbus.drives.gim6010.settings.watchdog_status import Armed
+from axisbus.drives.gim6010.settings.watchdog import Armed
 from axisbus.errors import BootError
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module

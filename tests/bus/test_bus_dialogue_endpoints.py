@@ -12,8 +12,7 @@ import pytest
 from axisbus.bus.gim6010.can_simple_client import SimpleLine
 from axisbus.bus.gim6010.endpoints import CanSimpleParameters
 from axisbus.bus.link.channel import Channel
-from axisbus.drives.gim6010.can_simple.endpoints import parse
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.errors import ArgumentError, NodeError, NodeTimeout, StateError
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import Firmware as Made

@@ -10,8 +10,7 @@ import pytest
 from axisbus.bus.gim6010.can_simple_client import SimpleLine
 from axisbus.bus.gim6010.endpoints import CanSimpleParameters
 from axisbus.bus.gim6010.node_id import set_node_id
-from axisbus.drives.gim6010.can_simple.endpoints import parse
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.drives.gim6010.discovery import report_text
 from axisbus.drives.gim6010.discovery.finder import ProbeScope
 from axisbus.drives.gim6010.settings import bitrate

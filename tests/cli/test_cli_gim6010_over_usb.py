@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from axisbus.drives.gim6010.usb import odrive_tree
+from axisbus.drives.gim6010 import odrive_tree
 from axisbus.sim.can_simple.module import Module
 from kit import commands
 from kit.usb_port import plugged_in
@@ -212,9 +212,9 @@ def test_a_serial_number_goes_with_usb_alone(monkeypatch, capsys):
 
 
 def test_one_that_does_not_restart_is_not_told_as_saved(over, module, monkeypatch):
-    from axisbus.drives.gim6010.usb import parameters
+    from axisbus.drives.gim6010 import usb_parameters
 
-    monkeypatch.setattr(parameters, "_GOES", 0.2)
+    monkeypatch.setattr(usb_parameters, "_GOES", 0.2)
     monkeypatch.setattr(module, "usb_call", lambda _: None)
     code, _, err = over("params", "set", f"{RAMP}=100", "--save")
     assert (code, "does not restart" in err) == (3, True), err

@@ -9,13 +9,11 @@ import pytest
 
 from axisbus.drives.gim6010.can_simple import endpoint_messages, error_query, mit
 from axisbus.drives.gim6010.can_simple import heartbeat as beats
-from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, encode, request
-from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage
-from axisbus.drives.gim6010.can_simple.endpoints import parse
+from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, decode, encode, request
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware, FittedList, parse
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.messages import MESSAGES, MessageRequestMethod, named
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware, FittedList
 from axisbus.sim.can_simple.firmware import Firmware as Made
 from axisbus.sim.can_simple.module import Module
 from kit.sim.module import Bench, Heard

@@ -11,10 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.can_simple import endpoint_messages as wire
-from axisbus.drives.gim6010.can_simple.decoded_message import Unexpected
-from axisbus.drives.gim6010.can_simple.endpoints import FORMATS, Endpoint, parse
+from axisbus.drives.gim6010.can_simple.codec import Unexpected
+from axisbus.drives.gim6010.can_simple.endpoints import (
+    FORMATS,
+    Endpoint,
+    Firmware,
+    FittedList,
+    parse,
+    proposed_version,
+)
 from axisbus.drives.gim6010.can_simple.protected import TABLE, protected
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware, FittedList, proposed_version
 from axisbus.errors import ArgumentError, LimitError
 
 V13 = Firmware(0, 5, 13)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.can_simple.decoded_message import Reason, Unexpected
+from axisbus.drives.gim6010.can_simple.codec import Reason, Unexpected
 from axisbus.drives.gim6010.can_simple.heartbeat import ALL, Heartbeat, HeartbeatLayout, Heartbeats, read
 
 FIRST, COUNTED, NEWEST = HeartbeatLayout

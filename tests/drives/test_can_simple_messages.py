@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.can_simple import codec, discrepancies, error_query, messages
-from axisbus.drives.gim6010.can_simple.decoded_message import (
+from axisbus.drives.gim6010.can_simple.codec import (
     DecodedMessage,
     MessageRequest,
     Reason,

@@ -10,8 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.can_simple import mit
-from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.decoded_message import Reason, Unexpected
+from axisbus.drives.gim6010.can_simple.codec import Outgoing, Reason, Unexpected
 from axisbus.drives.gim6010.can_simple.mit import MANUAL, MitCommand, MitRanges
 from axisbus.errors import ArgumentError
 

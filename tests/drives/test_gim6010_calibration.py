@@ -13,7 +13,7 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.calibration import kinds, procedure_run
 from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
 from axisbus.drives.gim6010.calibration.procedure_run import Calibration
-from axisbus.drives.gim6010.calibration.rotation import RotorRotation
+from axisbus.drives.gim6010.calibration.result import RotorRotation
 from axisbus.errors import ArgumentError
 from axisbus.sim.can_simple import axis
 from axisbus.sim.can_simple.fault_injection import ModuleDials

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from axisbus.cia301.frame import CanFrame
-from axisbus.drives.gim6010.discovery import duplicate_node_ids, error_report, report_text
+from axisbus.drives.gim6010.discovery import bus_snapshot, report_text
 from axisbus.drives.gim6010.discovery.finder import Bounds, Finder, Only, ProbeScope
 from axisbus.drives.gim6010.discovery.results import findings
 from axisbus.errors import ArgumentError
@@ -150,7 +150,7 @@ def test_errors_and_a_closed_loop_are_told():
     found = search(module).found["CAN Simple", 5]
     assert any("DRV_FAULT" in each for each in found.errors)
     assert any("NO_RESPONSE" in each for each in found.errors)
-    told = "\n".join(error_report.lines(found))
+    told = "\n".join(report_text.error_lines(found))
     assert "motor: 00000008h" in told
     assert "controller: 00000000h, no error" in told
     enabled = Module(6)
@@ -169,7 +169,7 @@ def test_a_module_that_answers_no_endpoint_and_no_error_word():
     assert one.firmware == "0.5.12 or later"
     assert {"it does not answer: endpoints", "it does not answer: error words"} <= set(one.notes)
     assert len([each for each in found.sent if each.can_id == 5 << 5 | 4]) == 1
-    told = "\n".join(error_report.lines(one))
+    told = "\n".join(report_text.error_lines(one))
     assert "motor: not available over CAN; over USB it is odrv0.axis0.motor.error" in told
 
 
@@ -207,7 +207,7 @@ def test_one_that_beats_unevenly_is_not_taken_for_two(late, life, counts):
         (0.1 * place + each, bytes(7) + bytes([(life + place) % 256 if counts else 0]))
         for place, each in enumerate(late)
     ]
-    assert duplicate_node_ids.count_senders(beats) == 1
+    assert bus_snapshot.count_senders(beats) == 1
 
 
 @settings(max_examples=60, deadline=None)
@@ -221,7 +221,7 @@ def test_two_that_beat_in_turn_are_two(one, other, apart, counts):
         for life, shift in ((one, 0.0), (other, apart / 1000))
         for place in range(16)
     )
-    assert duplicate_node_ids.count_senders(beats) == 2
+    assert bus_snapshot.count_senders(beats) == 2
 
 
 def test_two_modules_of_one_id_that_beat_as_one_are_told_by_their_answers():
@@ -461,8 +461,8 @@ def test_no_frame_ends_it_with_an_exception(frames):
 
 
 def test_a_word_is_explained_without_a_bus():
-    assert error_report.parse("axis=0x100000") == ("axis", 1 << 20)
-    told = "\n".join(error_report.of_words([("axis", 1 << 20), ("motor", 1 << 33 | 1 << 2)]))
+    assert report_text.parse("axis=0x100000") == ("axis", 1 << 20)
+    told = "\n".join(report_text.of_words([("axis", 1 << 20), ("motor", 1 << 33 | 1 << 2)]))
     assert "CAN_BUS_FAILED" in told
     assert "UNKNOWN_GAINS" in told
     assert "motor bit 0x00000004 is not in the module's fault table" in told
@@ -473,4 +473,4 @@ def test_a_word_is_explained_without_a_bus():
 )
 def test_a_word_that_is_none_is_refused(text):
     with pytest.raises(ArgumentError):
-        error_report.parse(text)
+        report_text.parse(text)

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.settings import brake_resistor, endstops
-from axisbus.drives.gim6010.settings.pulses import Pulses
-from axisbus.drives.gim6010.settings.pwm import Follows, Mapping
+from axisbus.drives.gim6010.settings.pulse_inputs import Follows, Mapping, Pulses
 from axisbus.errors import ArgumentError, LimitError
 
 NUMBERS = st.floats(-1000, 1000)

@@ -9,8 +9,7 @@ import pytest
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
 from axisbus.drives.gim6010.calibration.procedure_run import Calibration
-from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import HeartbeatMonitor
-from axisbus.drives.gim6010.direct_motion.power_off import PowerOff
+from axisbus.drives.gim6010.direct_motion import HeartbeatMonitor, PowerOff
 from axisbus.drives.gim6010.tuning.runner import ModuleTuning
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial
 from axisbus.errors import ArgumentError

@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
-from axisbus.drives.gim6010.mit_control.controller import MitLeader, MitPhase
-from axisbus.drives.gim6010.mit_control.position_crosscheck import PositionCrossCheck
-from axisbus.drives.gim6010.mit_control.settings import MitSettings, ranges_of
+from axisbus.drives.gim6010.mit_control import MitLeader, MitPhase, PositionCrossCheck
+from axisbus.drives.gim6010.mit_settings import MitSettings, ranges_of
 from axisbus.errors import ArgumentError
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import Firmware

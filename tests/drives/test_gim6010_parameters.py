@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, parse
+from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, Firmware, parse
 from axisbus.drives.gim6010.can_simple.protected import protected
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
-from axisbus.drives.gim6010.parameters import backup, bulk_read, rules, values
+from axisbus.drives.gim6010.parameters import backup, rules, values
 from axisbus.errors import ArgumentError, NodeTimeout, StateError
 from axisbus.sim.can_simple.module import Module
 
@@ -181,25 +180,25 @@ def test_an_integer_beyond_the_floats_differs_from_every_float():
 
 
 def test_a_backup_is_whole_or_none():
-    taken = bulk_read.take(Fake())
+    taken = backup.take(Fake())
     assert taken.values[LIMIT] == 30
     assert taken.name == "gim6010-32323334-0.5.13.json"
     with pytest.raises(StateError, match=r"no backup.*vel_limit"):
-        bulk_read.take(Fake(silent=[LIMIT]))
+        backup.take(Fake(silent=[LIMIT]))
 
 
 def test_a_module_that_is_gone_ends_the_reading():
     fake = Fake()
     fake.silent = set(fake.listed.endpoints)
     with pytest.raises(NodeTimeout):
-        bulk_read.read_all(fake, fake.listed.endpoints.values())
+        backup.read_all(fake, fake.listed.endpoints.values())
 
 
 def test_some_that_are_not_answered_are_told_and_the_others_read():
     fake = Fake()
     wanted = [each for each in fake.listed.endpoints.values() if each.readable and rules.travels(each)]
     fake.silent = {each.path for each in wanted[::2]}
-    many = bulk_read.read_all(fake, wanted)
+    many = backup.read_all(fake, wanted)
     assert len(many.silent) > 5
     assert set(many.silent) == fake.silent
     assert set(many.values) == {each.path for each in wanted[1::2]}
@@ -218,7 +217,7 @@ def test_differences_are_what_differs_and_nothing_else(one, other):
 
 
 def changed(fake, **more):
-    taken = bulk_read.take(fake)
+    taken = backup.take(fake)
     return backup.ParameterBackup(
         taken.serial, taken.firmware, {**taken.values, LIMIT: 10.0, KT: 0.2, NODE: 9, **more}
     )
@@ -226,7 +225,7 @@ def changed(fake, **more):
 
 def test_a_restore_leaves_what_is_protected_unless_it_is_named():
     fake = Fake()
-    present = bulk_read.take(fake).values
+    present = backup.take(fake).values
     plan = backup.plan(changed(fake), fake, present, frozenset())
     assert plan.writes == ((LIMIT, 10.0),)
     assert dict(plan.left).keys() == {KT, NODE}
@@ -239,7 +238,7 @@ def test_a_restore_leaves_what_is_protected_unless_it_is_named():
 
 def test_what_the_backup_does_not_have_is_left_as_it_is():
     fake = Fake()
-    present = bulk_read.take(fake).values
+    present = backup.take(fake).values
     short = backup.ParameterBackup(fake.serial, V13, {LIMIT: 10.0})
     plan = backup.plan(short, fake, present, frozenset())
     assert (plan.writes, plan.left) == (((LIMIT, 10.0),), ())
@@ -247,7 +246,7 @@ def test_what_the_backup_does_not_have_is_left_as_it_is():
 
 def test_what_is_never_written_cannot_be_included():
     fake = Fake()
-    present = bulk_read.take(fake).values
+    present = backup.take(fake).values
     wild = changed(fake, **{"axis0.requested_state": 8, "axis0.none": 1})
     plan = backup.plan(wild, fake, present, frozenset())
     assert plan.writes == ((LIMIT, 10.0),)
@@ -260,7 +259,7 @@ def test_what_is_never_written_cannot_be_included():
 def test_a_backup_of_another_module_or_firmware_is_refused_unless_it_is_asked_for():
     fake = Fake()
     good = {"other_module": False, "other_firmware": False}
-    backup.require_same(bulk_read.take(fake), fake, **good)
+    backup.require_same(backup.take(fake), fake, **good)
     other = backup.ParameterBackup(1, V13, {})
     with pytest.raises(StateError, match="--other-module"):
         backup.require_same(other, fake, **good)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.tuning import advice
+from axisbus.drives.gim6010.tuning import search
 from axisbus.drives.gim6010.tuning.runner import ModuleTuning
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial, explanation
 from axisbus.errors import ArgumentError
@@ -319,14 +319,14 @@ def test_one_that_falls_short():
 
 def test_what_the_manual_has_one_try_next():
     calm, wild = measure([(t / 10, 1.0) for t in range(20)], 0.0, 1.0), measure(ring(0.0, 1.0), 0.0, 1.0)
-    assert "30 %, to 0.26" in advice.following(Loop.VELOCITY, calm, 0.2)
-    assert "halved, to 0.1" in advice.following(Loop.VELOCITY, wild, 0.2)
-    assert "30 %, to 26" in advice.following(Loop.POSITION, calm, 20.0)
-    assert "lowered little by little, to 17" in advice.following(Loop.POSITION, wild, 20.0)
+    assert "30 %, to 0.26" in search.following(Loop.VELOCITY, calm, 0.2)
+    assert "halved, to 0.1" in search.following(Loop.VELOCITY, wild, 0.2)
+    assert "30 %, to 26" in search.following(Loop.POSITION, calm, 20.0)
+    assert "lowered little by little, to 17" in search.following(Loop.POSITION, wild, 20.0)
     hunting = Response(0.0, 0.1, 0.2, 0.0, 100)  # within its band before it hunts
     over = Response(0.06, 0.1, 0.0, 0.0, 100)
-    assert "is halved, to 0.1" in advice.following(Loop.VELOCITY, hunting, 0.2)
-    assert "raised" in advice.following(Loop.VELOCITY, over, 0.2)
-    assert "lowered little" in advice.following(Loop.POSITION, over, 20.0)
-    assert "lowered little" in advice.following(Loop.POSITION, hunting, 20.0)
-    assert advice.following(Loop.POSITION, calm, None).endswith("30 % until it does, and lowered then")
+    assert "is halved, to 0.1" in search.following(Loop.VELOCITY, hunting, 0.2)
+    assert "raised" in search.following(Loop.VELOCITY, over, 0.2)
+    assert "lowered little" in search.following(Loop.POSITION, over, 20.0)
+    assert "lowered little" in search.following(Loop.POSITION, hunting, 20.0)
+    assert search.following(Loop.POSITION, calm, None).endswith("30 % until it does, and lowered then")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 from axisbus.drives.gim6010.settings import zero

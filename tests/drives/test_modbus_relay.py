@@ -12,10 +12,10 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple import error_query
 from axisbus.drives.gim6010.can_simple.endpoint_messages import request_version
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
-from axisbus.drives.gim6010.can_simple.port.command_frames import TRAPEZOID, VELOCITY, Orders
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
+from axisbus.drives.gim6010.can_simple.port.setpoints import TRAPEZOID, VELOCITY, Orders
 from axisbus.drives.gim6010.can_simple.port.settings import HEARTBEAT_BY_LINE, ModuleSettings
-from axisbus.drives.gim6010.modbus.can_emulation.bus import Relay
+from axisbus.drives.gim6010.modbus.can_emulation import Relay
 from axisbus.errors import ArgumentError, AxisbusError, DriveError
 from axisbus.sim.modbus.station import LineDials, Station
 from kit.modbus.virtual_wire import VirtualWire, list_of

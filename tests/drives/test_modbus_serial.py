@@ -13,8 +13,8 @@ from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.dialogue import ModbusRefused
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.registers import REGISTERS, named
+from axisbus.drives.gim6010.modbus.requests import ModbusTimeout
 from axisbus.drives.gim6010.modbus.serial_wire import SerialWire
-from axisbus.drives.gim6010.modbus.wire import ModbusTimeout
 from axisbus.errors import AdapterError, NodeTimeout, UserError
 from axisbus.sim.modbus.framing import framed
 from axisbus.sim.modbus.station import Station

@@ -38,9 +38,8 @@ from axisbus.drives.gim6010.can_simple import codec, endpoint_messages, error_qu
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeats
 from axisbus.drives.gim6010.modbus import requests as modbus
 from axisbus.drives.gim6010.modbus.registers import named as modbus_named
-from axisbus.drives.gim6010.modbus.requests import fits
+from axisbus.drives.gim6010.modbus.requests import ModbusTimeout, fits
 from axisbus.drives.gim6010.modbus.serial_wire import SerialWire, libraries
-from axisbus.drives.gim6010.modbus.wire import ModbusTimeout
 from axisbus.eds import builtin, load
 from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.errors import LssError, SdoError

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 
-from axisbus.drives.gim6010.can_simple.endpoints import parse
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.errors import NodeError, NodeTimeout, StateError
 from axisbus.sim.can_simple.module import Module

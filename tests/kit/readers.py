@@ -17,7 +17,7 @@ from axisbus.bus.link import frame_files
 from axisbus.cell import reader as cells
 from axisbus.core.sim_faults_file import load_faults
 from axisbus.drives.gim6010.can_simple import endpoints
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware
 from axisbus.drives.gim6010.parameters import backup
 from axisbus.eds import concise
 from axisbus.eds.concise_dcf_values import Configuration, configuration

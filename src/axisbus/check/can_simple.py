@@ -17,10 +17,10 @@ from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.check.ids.table import id_of
 from axisbus.cia402 import homing, options
 from axisbus.drives.gim6010.can_simple.coexistence import clashes, free_nodes
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware
 from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.modbus.registers import RATES
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, LimitError

@@ -27,11 +27,10 @@ from axisbus.bus.link import ownership
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.coexistence import identifiers
-from axisbus.drives.gim6010.can_simple.endpoints import parse
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
-from axisbus.drives.gim6010.mit_control.controller import MitCycle, MitLeader, MitPhase
-from axisbus.drives.gim6010.mit_control.settings import MitSettings, ranges_of
+from axisbus.drives.gim6010.mit_control import MitCycle, MitLeader, MitPhase
+from axisbus.drives.gim6010.mit_settings import MitSettings, ranges_of
 from axisbus.errors import ArgumentError, AxisbusError, NodeError, StateError, UserError
 
 _TICKS = 4  # steps of the thread in a period

@@ -14,8 +14,13 @@ from typing import NamedTuple
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple import endpoint_messages, heartbeat, mit
-from axisbus.drives.gim6010.can_simple.codec import Outcome, readings
-from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage, MessageRequest, Unexpected
+from axisbus.drives.gim6010.can_simple.codec import (
+    DecodedMessage,
+    MessageRequest,
+    Outcome,
+    Unexpected,
+    readings,
+)
 from axisbus.drives.gim6010.can_simple.fields import MessageField, Number
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import NODES, split

@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 
-from axisbus.drives.gim6010.can_simple.endpoints import parse
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
-from axisbus.drives.gim6010.modbus.requests import ModbusRequest, Reply
-from axisbus.drives.gim6010.modbus.wire import ModbusTimeout
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
+from axisbus.drives.gim6010.modbus.requests import ModbusRequest, ModbusTimeout, Reply
 from axisbus.sim.modbus.framing import checksum, framed
 from axisbus.sim.modbus.station import Station
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from axisbus.boot.can_simple.discovery import NodeListener
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware
 from axisbus.drives.gim6010.can_simple.heartbeat import HeartbeatLayout
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
-from axisbus.drives.gim6010.discovery.duplicate_node_ids import count_senders
+from axisbus.drives.gim6010.discovery.bus_snapshot import count_senders
 from axisbus.drives.gim6010.discovery.questions import SimpleFacts
 from axisbus.errors import BootError
 

@@ -19,15 +19,15 @@ from axisbus.cell.scale_proposal import ScaleReport
 from axisbus.cia402 import modes
 from axisbus.cia402 import objects as o
 from axisbus.drives.gim6010 import faults
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware
 from axisbus.drives.gim6010.can_simple.port.objects import ModuleObjects
 from axisbus.drives.gim6010.can_simple.port.settings import FEEDS, ModuleSettings
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import MAKE
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.discovery import questions
 from axisbus.drives.gim6010.discovery.questions import SimpleFacts
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN, GIM6010
-from axisbus.drives.gim6010.settings.watchdog_status import Armed, armed, axis_watchdog_works, in_effect
+from axisbus.drives.gim6010.settings.watchdog import Armed, armed, axis_watchdog_works, in_effect
 from axisbus.errors import AxisbusError, BootError
 from axisbus.motion.parameters import AxisParameters, HoldsLoad, StopTimes
 from axisbus.motion.stop.promises import promises

@@ -14,7 +14,7 @@ from axisbus.bus.link.channel import Channel, Receiver, require_other_thread
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import can_id
-from axisbus.drives.gim6010.discovery.duplicate_node_ids import count_senders
+from axisbus.drives.gim6010.discovery.bus_snapshot import count_senders
 from axisbus.errors import NodeError
 
 LISTEN = 1.1  # s before the first request: heartbeats of 100 ms, and those of a second module of this ID

@@ -23,11 +23,10 @@ from axisbus.bus.link.channel import Receiver
 from axisbus.drives.gim6010.can_simple import endpoint_messages
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
 from axisbus.drives.gim6010.can_simple.endpoint_messages import EndpointAnswer
-from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList
+from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList, Firmware, FittedList
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware, FittedList
 from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.drives.gim6010.parameters.interface import Value
 from axisbus.errors import BusError, NodeError, NodeTimeout, StateError

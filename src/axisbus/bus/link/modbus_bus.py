@@ -9,9 +9,8 @@ from collections.abc import Mapping
 import can
 
 from axisbus.bus.link.frame_queue import UnboundedQueue
-from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
-from axisbus.drives.gim6010.modbus.can_emulation.bus import Relay
+from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware
+from axisbus.drives.gim6010.modbus.can_emulation import Relay
 from axisbus.drives.gim6010.modbus.registers import FACTORY_RATE
 from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
 from axisbus.errors import AdapterError, AxisbusError, one_line

@@ -8,13 +8,12 @@ from typing import NamedTuple
 
 from axisbus.bus.link.interfaces import MODBUS
 from axisbus.cell.model import BusConfig, CellConfig, NodeConfig
-from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, parse
+from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware, parse, proposed_version
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import LENGTH, named
 from axisbus.drives.gim6010.can_simple.periodic import FACTORY
 from axisbus.drives.gim6010.can_simple.port.feedback import CURRENT_EVERY, SELDOM
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware, proposed_version
 from axisbus.errors import ArgumentError, StateError
 
 NO_REMOTE = ("socketcand",)  # interfaces whose protocol has no remote frames

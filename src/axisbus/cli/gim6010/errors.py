@@ -48,10 +48,10 @@ def command(
     Modbus RTU (--modbus): its error registers. USB (--usb): its error words. Exit code 1 when there is an error, 3 when no
     module with this node ID is found. It clears nothing.
     """
-    from axisbus.drives.gim6010.discovery import error_report
+    from axisbus.drives.gim6010.discovery import report_text
 
     if given:
-        for text in error_report.of_words(error_report.parse(each) for each in given):
+        for text in report_text.of_words(report_text.parse(each) for each in given):
             say(text)
         return OK
     if usb is not None:
@@ -64,7 +64,7 @@ def command(
     if as_json:
         say_json([each.plain for each in found])
     for each in () if as_json else found:
-        for text in error_report.lines(each):
+        for text in report_text.error_lines(each):
             say(text)
     if not found:
         say_error(

@@ -154,7 +154,7 @@ def _were_taken(gains: Gains, after: dict[str, float]) -> bool:
 
 
 def _advise(tuning: ModuleTuning, gains: Gains, now: dict[str, float]) -> None:
-    from axisbus.drives.gim6010.tuning.advice import following, worse
+    from axisbus.drives.gim6010.tuning.search import following, worse
 
     loop, found = tuning.trial.loop, worse(tuning.there, tuning.back)
     assert found is not None

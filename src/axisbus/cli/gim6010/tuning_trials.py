@@ -92,7 +92,7 @@ def run_search(
     Raises:
         KeyboardInterrupt, SystemExit: there was a signal; the module has been released before.
     """
-    from axisbus.drives.gim6010.tuning.advice import worse
+    from axisbus.drives.gim6010.tuning.search import worse
 
     while search.next is not None:
         if search.trials and not yes and not click.confirm(f"Continue with {search.name} {search.next:.4g}?"):

@@ -13,7 +13,7 @@ import click
 from axisbus.cli.shared.options import Decorated
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.usb.parameters import UsbParameters
+    from axisbus.drives.gim6010.usb_parameters import UsbParameters
 
 _DIGITS = 12  # digits of a serial number, as odrive writes it
 ANY = ""  # any module that is connected
@@ -81,8 +81,8 @@ def on_usb(usb: str) -> Iterator[UsbParameters]:
         UserError: the extra ``usb`` is not installed.
         NodeError: the module is not found, or does not list its parameters.
     """
-    from axisbus.drives.gim6010.usb import odrive_tree
-    from axisbus.drives.gim6010.usb.parameters import UsbParameters
+    from axisbus.drives.gim6010 import odrive_tree
+    from axisbus.drives.gim6010.usb_parameters import UsbParameters
 
     module = UsbParameters(odrive_tree.open_tree(usb or None))
     module.open()

@@ -21,11 +21,11 @@ def command(asked: ModuleSelection, output: Path | None, force: bool) -> int:
 
     The settings in flash may differ: to back up those of the flash, save first, or switch the module off and on.
     """
-    from axisbus.drives.gim6010.parameters import bulk_read
+    from axisbus.drives.gim6010.parameters import backup
 
     require_free(output, force=force)
     with opened(asked) as module, progress_bar("reading") as tell:
-        taken = bulk_read.take(module, tell)
+        taken = backup.take(module, tell)
     path = output or Path(taken.name)
     require_free(path, force=force)
     write_whole(path, taken.text().encode())

@@ -42,7 +42,7 @@ def command(asked: ModuleSelection, one: Path, other: Path | None) -> int:
 
 
 def _of_module(asked: ModuleSelection) -> Mapping[str, Value]:
-    from axisbus.drives.gim6010.parameters import bulk_read
+    from axisbus.drives.gim6010.parameters import backup
 
     with opened(asked) as module:
-        return bulk_read.take(module).values
+        return backup.take(module).values

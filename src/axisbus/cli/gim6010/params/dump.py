@@ -17,14 +17,14 @@ def command(asked: ModuleSelection, under: str, as_json: bool) -> int:
 
     Parameters of more than 32 bits can be read only over USB, and are left out otherwise. Exit code 1 when one is not answered.
     """
-    from axisbus.drives.gim6010.parameters import bulk_read, values
+    from axisbus.drives.gim6010.parameters import backup, values
     from axisbus.errors import ArgumentError
 
     with opened(asked) as module, progress_bar("reading", quiet=as_json) as tell:
         wanted = module.listed.under(under)
         if not wanted:
             raise ArgumentError(f"there is nothing under {under!r} in {module.listed.source}")
-        many = bulk_read.read_all(module, wanted, tell)
+        many = backup.read_all(module, wanted, tell)
     if as_json:
         say_json({path: values.plain(value) for path, value in many.values.items()})
     else:

@@ -10,8 +10,7 @@ import click
 from axisbus.errors import UserError
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
-    from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+    from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware
 
 
 def read_list(path: Path | None, made_for: str | None) -> tuple[EndpointList, Firmware]:
@@ -21,8 +20,7 @@ def read_list(path: Path | None, made_for: str | None) -> tuple[EndpointList, Fi
         UsageError: the list or its firmware is not given.
         UserError, ArgumentError: the file cannot be read, or is not a list.
     """
-    from axisbus.drives.gim6010.can_simple.endpoints import parse
-    from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware, proposed_version
+    from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse, proposed_version
 
     if path is None:
         raise click.UsageError("give the firmware's list of endpoints with --list (available from the maker)")

@@ -23,8 +23,7 @@ from axisbus.cli.shared.paths import PATH
 if TYPE_CHECKING:
     from axisbus.bus.gim6010.endpoints import CanSimpleParameters
     from axisbus.cli.gim6010.modbus.target_module import ModbusTarget
-    from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
-    from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+    from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
     from axisbus.drives.gim6010.parameters.backup import ParameterBackup
     from axisbus.drives.gim6010.parameters.interface import ModuleParameters

@@ -46,7 +46,8 @@ def command(
     Refused if the backup is of another module, by its serial number, or of another firmware, unless you allow it. Settings
     measured on a module, its zero, and its address and interface are not written, unless each is named with --include.
     """
-    from axisbus.drives.gim6010.parameters import backup, bulk_read, rules
+    from axisbus.drives.gim6010.parameters import backup, rules
+    from axisbus.drives.gim6010.parameters import backup as bulk_read
 
     kept = backup_of(file)
     with opened(asked) as module:

@@ -17,7 +17,7 @@ def command(per_turn: int, turns: int, circular: bool) -> int:
 
     Sends nothing and writes nothing: the modes of the pins are set by names that only USB has.
     """
-    from axisbus.drives.gim6010.settings.pulses import Pulses
+    from axisbus.drives.gim6010.settings.pulse_inputs import Pulses
 
     pulses = Pulses(per_turn, turns, circular)
     for line in pulses.table:

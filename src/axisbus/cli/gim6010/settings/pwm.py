@@ -18,7 +18,7 @@ def command(follows: str, low: float, high: float) -> int:
 
     Sends nothing and writes nothing: the parameter that follows the pulses is set by a reference that only USB has.
     """
-    from axisbus.drives.gim6010.settings.pwm import Follows, Mapping
+    from axisbus.drives.gim6010.settings.pulse_inputs import Follows, Mapping
 
     mapping = Mapping(Follows[follows.upper()], low, high)
     for line in mapping.table:

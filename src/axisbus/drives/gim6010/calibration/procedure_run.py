@@ -17,16 +17,13 @@ from enum import Enum
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.calibration import result
 from axisbus.drives.gim6010.calibration.kinds import ON_THE_WAY, CalibrationKind
-from axisbus.drives.gim6010.calibration.result import CalibrationResult
-from axisbus.drives.gim6010.calibration.rotation import RotorRotation
+from axisbus.drives.gim6010.calibration.result import CalibrationResult, RotorRotation
 from axisbus.drives.gim6010.can_simple import error_query
-from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, encode, request
-from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage
+from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, decode, encode, request
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
-from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import PERIODS
-from axisbus.drives.gim6010.direct_motion.motion_procedure import ModuleMotionProcedure, ModuleMotionStage
+from axisbus.drives.gim6010.direct_motion import PERIODS, ModuleMotionProcedure, ModuleMotionStage
 
 _STATE, _COUNT = named("Set_Axis_State"), named("Get_Encoder_Count")
 BEGINS = 2.0  # s until the heartbeat must show the calibration

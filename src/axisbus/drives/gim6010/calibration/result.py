@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
-from axisbus.drives.gim6010.calibration.rotation import RotorRotation
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat
 from axisbus.drives.gim6010.can_simple.states import state_words
+from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 from axisbus.drives.gim6010.make import GEAR_RATIO
 
 _TURNS = 0.02  # rotor turns from which the encoder's calibration counts as having turned
@@ -75,3 +75,30 @@ def _notes(kind: CalibrationKind, turned: RotorRotation, *, words_told: bool) ->
             f"the rotor was seen to turn over {way:.2f} rotor turns, {way * _DEGREES:.0f} degrees of the output at {GEAR_RATIO}:1"
         )
     return notes
+
+
+# -- Rotation of a rotor, from counts within one turn that are frequent enough to determine the direction --------------
+
+
+@dataclass(slots=True)
+class RotorRotation:
+    """Rotor turns from the first count: now, and the extremes in both directions; ``heard``: number of counts."""
+
+    now: float = 0.0
+    low: float = 0.0
+    high: float = 0.0
+    heard: int = 0
+    _count: int = 0
+
+    def take(self, count: int) -> None:
+        """Take a count (0 to 16383). The shorter direction is assumed: the rotor must turn less than half a turn between two."""
+        if self.heard:
+            step = (count - self._count + TURN // 2) % TURN - TURN // 2
+            self.now += step / TURN
+        self._count, self.heard = count, self.heard + 1
+        self.low, self.high = min(self.low, self.now), max(self.high, self.now)
+
+    @property
+    def farthest(self) -> float:
+        """Rotor turns between the first and the farthest position."""
+        return max(self.high, -self.low)

@@ -15,17 +15,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from axisbus.drives.gim6010.can_simple import protected as protection
-from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, packed
-from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage, Reason, Unexpected
-from axisbus.drives.gim6010.can_simple.endpoints import FORMATS, Endpoint
+from axisbus.drives.gim6010.can_simple.codec import (
+    DecodedMessage,
+    Outgoing,
+    Reason,
+    Unexpected,
+    decode,
+    packed,
+)
+from axisbus.drives.gim6010.can_simple.endpoints import (
+    FORMATS,
+    SERIAL_ENDPOINT,
+    VERSION_ENDPOINTS,
+    Endpoint,
+    FittedList,
+)
 from axisbus.drives.gim6010.can_simple.fields import Number
 from axisbus.drives.gim6010.can_simple.identifier import can_id, split
 from axisbus.drives.gim6010.can_simple.messages import named
-from axisbus.drives.gim6010.can_simple.verified_endpoints import (
-    SERIAL_ENDPOINT,
-    VERSION_ENDPOINTS,
-    FittedList,
-)
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.wording import counted
 

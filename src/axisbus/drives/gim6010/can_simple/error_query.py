@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode, short
-from axisbus.drives.gim6010.can_simple.decoded_message import Reason, Unexpected
+from axisbus.drives.gim6010.can_simple.codec import Outgoing, Reason, Unexpected, encode, short
 from axisbus.drives.gim6010.can_simple.identifier import Identifier
 from axisbus.drives.gim6010.can_simple.messages import LENGTH, named
 

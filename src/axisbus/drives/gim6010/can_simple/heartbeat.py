@@ -20,8 +20,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache
 
-from axisbus.drives.gim6010.can_simple.codec import short
-from axisbus.drives.gim6010.can_simple.decoded_message import Unexpected
+from axisbus.drives.gim6010.can_simple.codec import Unexpected, short
 from axisbus.drives.gim6010.can_simple.fields import BIT, UINT8, UINT32, MessageField
 from axisbus.drives.gim6010.can_simple.identifier import Identifier
 from axisbus.drives.gim6010.can_simple.messages import HEARTBEAT_FIELDS, LENGTH

@@ -19,8 +19,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
-from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, pack_places
-from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage, Reason, Unexpected
+from axisbus.drives.gim6010.can_simple.codec import (
+    DecodedMessage,
+    Outgoing,
+    Reason,
+    Unexpected,
+    decode,
+    pack_places,
+)
 from axisbus.drives.gim6010.can_simple.fields import MessageField
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import named

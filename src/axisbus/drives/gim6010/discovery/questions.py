@@ -18,12 +18,11 @@ from axisbus.cia301.sdo import Garbled, NoAnswer, SdoAborted
 from axisbus.cia301.sdo_upload import Upload
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple import codec, endpoint_messages, error_query
-from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage, Unexpected
+from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, Unexpected
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import named
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.make import VENDOR_ID
 
 VOLTAGE, COUNT = named("Get_Bus_Voltage_Current"), named("Get_Encoder_Count")

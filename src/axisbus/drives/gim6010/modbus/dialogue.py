@@ -15,8 +15,15 @@ Reads are repeated. Writes are not: the caller must read back the result (``modu
 from __future__ import annotations
 
 from axisbus.drives.gim6010.modbus.registers import HIGHEST_DEVICE, named
-from axisbus.drives.gim6010.modbus.requests import ModbusRequest, Reply, exception_words, fits, read
-from axisbus.drives.gim6010.modbus.wire import ModbusTimeout, Wire
+from axisbus.drives.gim6010.modbus.requests import (
+    ModbusRequest,
+    ModbusTimeout,
+    Reply,
+    Wire,
+    exception_words,
+    fits,
+    read,
+)
 from axisbus.errors import ArgumentError, NodeError, NodeTimeout
 from axisbus.wording import counted
 

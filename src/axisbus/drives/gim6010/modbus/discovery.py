@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from axisbus.drives.gim6010.can_simple.states import state_words
 from axisbus.drives.gim6010.modbus.module import ModbusModule
-from axisbus.drives.gim6010.modbus.wire import Wire
+from axisbus.drives.gim6010.modbus.requests import Wire
 from axisbus.errors import NodeError
 
 

@@ -11,7 +11,7 @@ from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.dialogue import ModbusClient
 from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS, Register, RegisterKind, named
-from axisbus.drives.gim6010.modbus.wire import Wire
+from axisbus.drives.gim6010.modbus.requests import Wire
 from axisbus.errors import ArgumentError, NodeError, NodeTimeout, StateError
 
 _ANY = 1  # written if the value does not matter

@@ -11,10 +11,11 @@ repeats it.
 from __future__ import annotations
 
 from axisbus.drives.gim6010.can_simple import endpoint_messages
-from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList
-from axisbus.drives.gim6010.can_simple.verified_endpoints import (
+from axisbus.drives.gim6010.can_simple.endpoints import (
     SERIAL_ENDPOINT,
     VERSION_ENDPOINTS,
+    Endpoint,
+    EndpointList,
     Firmware,
     FittedList,
 )

@@ -9,8 +9,7 @@ from enum import Enum
 from typing import Any
 
 from axisbus.drives.gim6010.modbus.registers import FACTORY_RATE
-from axisbus.drives.gim6010.modbus.requests import ModbusFunction, ModbusRequest, Reply
-from axisbus.drives.gim6010.modbus.wire import ModbusTimeout
+from axisbus.drives.gim6010.modbus.requests import ModbusFunction, ModbusRequest, ModbusTimeout, Reply
 from axisbus.errors import AdapterError, UserError
 
 TIMEOUT = 0.2  # s for an answer; nine bytes take 1 ms

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList, Firmware
 
 Value = int | float | bool
 

@@ -16,11 +16,10 @@ from collections.abc import Iterator
 from enum import Enum
 
 from axisbus.cia301.frame import CanFrame
-from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, encode, request
-from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage
+from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, decode, encode, request
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
-from axisbus.drives.gim6010.direct_motion.motion_procedure import ModuleMotionProcedure, ModuleMotionStage
+from axisbus.drives.gim6010.direct_motion import ModuleMotionProcedure, ModuleMotionStage
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial
 from axisbus.step_response import Response, measure
 

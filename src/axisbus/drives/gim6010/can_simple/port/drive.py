@@ -6,11 +6,9 @@ from axisbus.cia402 import controlword as cw
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.state import PowerState
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.port.command_frames import TRAPEZOID, Orders
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
-from axisbus.drives.gim6010.can_simple.port.modes import Means, ModuleMode, Targets, modes_of
-from axisbus.drives.gim6010.can_simple.port.profile import ModuleProfile
-from axisbus.drives.gim6010.can_simple.port.setpoints import ModuleSetPoints
+from axisbus.drives.gim6010.can_simple.port.modes import Means, ModuleMode, ModuleProfile, Targets, modes_of
+from axisbus.drives.gim6010.can_simple.port.setpoints import TRAPEZOID, ModuleSetPoints, Orders
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.can_simple.port.stage import WORDS, ModulePowerAction, ModulePowerStage, Power
 

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple import error_query
-from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.decoded_message import Unexpected
+from axisbus.drives.gim6010.can_simple.codec import Outgoing, Unexpected
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
 
 WAIT = 0.05  # s

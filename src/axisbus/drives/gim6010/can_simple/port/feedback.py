@@ -17,13 +17,12 @@ import math
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple import codec, heartbeat
-from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage, Unexpected
+from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, Unexpected
 from axisbus.drives.gim6010.can_simple.error_query import GET_ERROR
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import split
+from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.port.error_words import WAIT, ModuleErrors
-from axisbus.drives.gim6010.can_simple.port.polling import PolledMessage
 from axisbus.drives.gim6010.can_simple.port.rotor_position import RotorPosition
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP
@@ -246,3 +245,60 @@ class ModuleFeedback:
     def tell(self, at: float, text: str) -> None:
         """Add an event for the user, with its time."""
         self.news = [*self.news, (at, text)][-_NEWS:]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Messages that are requested periodically: when, by which kind of frame, and when the firmware counts as not answering them.
+
+
+_TRIES = 5  # requests by a remote frame, and as many by eight bytes of 0
+_SELDOM = 1.0  # s between two requests for a message that is not answered
+_GIVEN_UP = 0.05  # s after which a request counts as not answered
+
+
+class PolledMessage:
+    """One periodically requested message, with the time of the last request and the number of requests without an answer.
+
+    Owners saw answers to remote frames, and the maker's program sends eight bytes of 0. After some remote frames without an answer,
+    the data frame is used; if the bus carries no remote frames, only the data frame is used. A message that is answered to neither
+    is *not answered by this firmware*: this is reported once, and the message is then requested rarely.
+    """
+
+    def __init__(self, node: int, name: str, *, remote: bool = True) -> None:
+        """``node``: 0 to 63; ``name``: the manual's name of a message that an empty request asks for.
+
+        ``remote``: whether the bus carries remote frames.
+        """
+        self.name = name
+        self._frames = [codec.request(node, named(name), remote=way) for way in (remote, False)]
+        self._asked_at: float | None = None
+        self._open = False
+        self._vain = 0
+        self.answered_at: float | None = None
+
+    @property
+    def silent(self) -> bool:
+        """Whether both kinds of request had no answer."""
+        return self._vain >= 2 * _TRIES
+
+    def ask(self, now: float, every: float) -> Outgoing | None:
+        """Return the request if it is due, with a period of ``every`` s; otherwise None."""
+        since = None if self._asked_at is None else now - self._asked_at
+        if self._open and since is not None and since >= _GIVEN_UP:
+            self._open = False
+            self._vain += 1
+        pause = _SELDOM if self.silent else every
+        if self._open or (since is not None and since < pause - 1e-9):
+            return None
+        self._asked_at, self._open = now, True
+        return self._frames[self._way]
+
+    def take(self, at: float) -> None:
+        """Note that the message arrived at ``at``, requested or not."""
+        self.answered_at = at
+        self._open = False
+        self._vain = _TRIES * self._way if self._vain < 2 * _TRIES else 0
+
+    @property
+    def _way(self) -> int:
+        return int(self._vain >= _TRIES) if not self.silent else self._vain % 2

@@ -8,8 +8,7 @@ from axisbus.cia301 import abort
 from axisbus.cia402 import objects as o
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.drives.gim6010.can_simple.port import error_words
-from axisbus.drives.gim6010.can_simple.port.modes import modes_of
-from axisbus.drives.gim6010.can_simple.port.profile import ModuleProfile
+from axisbus.drives.gim6010.can_simple.port.modes import ModuleProfile, modes_of
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 

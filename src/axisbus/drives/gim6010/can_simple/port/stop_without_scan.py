@@ -6,9 +6,8 @@ from enum import Enum
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.port.command_frames import Orders
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
-from axisbus.drives.gim6010.can_simple.port.setpoints import MOVES
+from axisbus.drives.gim6010.can_simple.port.setpoints import MOVES, Orders
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 
 _AGAIN = 0.05  # s between two commands, which are repeated because another master may be alive and command the module

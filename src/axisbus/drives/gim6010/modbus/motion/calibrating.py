@@ -15,8 +15,7 @@ from collections.abc import Callable
 from axisbus.drives.gim6010.calibration import result
 from axisbus.drives.gim6010.calibration.kinds import ON_THE_WAY, CalibrationKind
 from axisbus.drives.gim6010.calibration.procedure_run import BEGINS, LONGEST
-from axisbus.drives.gim6010.calibration.result import CalibrationResult
-from axisbus.drives.gim6010.calibration.rotation import RotorRotation
+from axisbus.drives.gim6010.calibration.result import CalibrationResult, RotorRotation
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
 from axisbus.drives.gim6010.modbus.motion.course import fault
 from axisbus.drives.gim6010.modbus.motion.driver import PERIOD, descend

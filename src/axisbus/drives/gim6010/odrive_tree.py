@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any, NoReturn
 
 from axisbus.drives.gim6010.parameters.interface import Value
-from axisbus.drives.gim6010.usb.tree import Gone
+from axisbus.drives.gim6010.usb_parameters import Gone
 from axisbus.errors import AdapterError, NodeTimeout, StateError, UserError
 
 FIND = 10.0  # s to find a connected module

@@ -19,29 +19,36 @@ There is no thread: ``work`` does one step of a few exchanges on the line, and r
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from itertools import cycle
 
-from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage, MessageRequest
+from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, MessageRequest, decode, pack_places
 from axisbus.drives.gim6010.can_simple.endpoint_messages import RX_SDO
-from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
+from axisbus.drives.gim6010.can_simple.endpoints import (
+    SERIAL_ENDPOINT,
+    VERSION_ENDPOINTS,
+    EndpointList,
+    Firmware,
+)
 from axisbus.drives.gim6010.can_simple.error_query import GET_ERROR, ErrorType
-from axisbus.drives.gim6010.can_simple.messages import Message
+from axisbus.drives.gim6010.can_simple.fields import Number
+from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND
+from axisbus.drives.gim6010.can_simple.identifier import can_id
+from axisbus.drives.gim6010.can_simple.messages import HEARTBEAT_FIELDS, Message
 from axisbus.drives.gim6010.can_simple.messages import named as message_named
+from axisbus.drives.gim6010.can_simple.messages import named as status_frames_named
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
-from axisbus.drives.gim6010.can_simple.verified_endpoints import SERIAL_ENDPOINT, VERSION_ENDPOINTS, Firmware
 from axisbus.drives.gim6010.modbus import requests
-from axisbus.drives.gim6010.modbus.can_emulation import status_frames
-from axisbus.drives.gim6010.modbus.can_emulation.command_table import (
+from axisbus.drives.gim6010.modbus.can_emulation_commands import (
     RegisterCommand,
     RegisterCommandKind,
     Writes,
     order,
 )
-from axisbus.drives.gim6010.modbus.can_emulation.status_frames import Told
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
-from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, named
-from axisbus.drives.gim6010.modbus.wire import Wire
+from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS, named
+from axisbus.drives.gim6010.modbus.requests import Wire
 from axisbus.errors import AxisbusError, DriveError, NodeError, NodeTimeout
 
 COUNT = "axis0.encoder.count_in_cpr"
@@ -53,6 +60,45 @@ _REST = 1.0  # s of pause after ``_PATIENCE`` missing answers: the other modules
 _PATIENCE = 3
 _LIVES = 256
 _MOST = 100  # waiting commands; more only arise if the line does not work
+
+
+# -- Converts register values of a module on a serial line into the CAN frames that it would send on a bus -------------
+
+
+Told = tuple[int, bytes]
+FIRST_LIFE = 0x10  # a life counter from here on cannot be mistaken for the flags of older firmware
+_FAULTS = {"motor": "Motor_Fault", "encoder": "Encoder_Fault", "controller": "Controller_Fault"}
+
+
+def heartbeat(node: int, state: int, flags: int, axis_error: int, life: int) -> Told:
+    """Return a heartbeat in the newest firmware's layout; flags that the manual reserves count as a system fault."""
+    parts = {category for bit, (_, category) in ERROR_FLAGS.items() if flags >> bit & 1}
+    system = "system" in parts or bool(flags & OTHER_FLAGS)
+    # the axis's flag is a fault even if its word is 0
+    system = system or ("axis" in parts and not axis_error)
+    values: dict[str, Number] = {
+        "Axis_Error": axis_error,
+        "Axis_State": state & 0xFF,
+        "System_Fault": int(system),
+        "Traj_Done": 0,
+        "Life": life,
+        **{field: int(part in parts) for part, field in _FAULTS.items()},
+    }
+    return can_id(node, COMMAND), pack_places(each.place(values[each.name]) for each in HEARTBEAT_FIELDS)
+
+
+def message(node: int, name: str, values: Mapping[str, Number]) -> Told:
+    """Return a module's message with all of its fields."""
+    found = status_frames_named(name)
+    return can_id(node, found.command), pack_places(each.place(values[each.name]) for each in found.answer)
+
+
+def error_word(node: int, word: int) -> Told:
+    """Return the answer to Get_Error."""
+    return can_id(node, status_frames_named("Get_Error").command), word.to_bytes(8, "little")
+
+
+# -- module ------------------------------------------------------------------------------------------------------------
 
 
 class RelayedModule:
@@ -69,7 +115,7 @@ class RelayedModule:
         self._orders: deque[RegisterCommand] = deque(maxlen=_MOST)
         self._questions: deque[Callable[[], Told | None]] = deque(maxlen=_MOST)
         self._looking: Iterator[Told] = iter(())
-        self._life = status_frames.FIRST_LIFE
+        self._life = FIRST_LIFE
         self._resting_until = 0.0
         self._silences = 0
 
@@ -199,12 +245,12 @@ class RelayedModule:
 
     def _answer_voltage(self) -> Told:
         volts, amperes = (float(self._module.read(name)) for name in ("bus_voltage", "bus_current"))
-        return status_frames.message(self.node, _VOLTAGE.name, {"Bus_Voltage": volts, "Bus_Current": amperes})
+        return message(self.node, _VOLTAGE.name, {"Bus_Voltage": volts, "Bus_Current": amperes})
 
     def _answer_error(self, which: int) -> Told | None:
         if which not in list(ErrorType):
             return None
-        return status_frames.error_word(self.node, int(self._module.read(_WORDS[ErrorType(which).category])))
+        return error_word(self.node, int(self._module.read(_WORDS[ErrorType(which).category])))
 
     def _answer_endpoint(self, found: Message, told: DecodedMessage) -> Told | None:
         """Read an endpoint. Never write one by its number; read no endpoint of a list that is not verified."""
@@ -213,9 +259,7 @@ class RelayedModule:
         if writes or not (known or self._is_for_reading(number)):
             return None
         value = int.from_bytes(self._parameters.fetch(number), "little")
-        return status_frames.message(
-            self.node, found.name, {"opcode": 0, "Endpoint_ID": number, "Value": value}
-        )
+        return message(self.node, found.name, {"opcode": 0, "Endpoint_ID": number, "Value": value})
 
     def _is_for_reading(self, number: int) -> bool:
         return self._fits and any(
@@ -236,7 +280,7 @@ class RelayedModule:
         state, flags = self._ask("motor_state"), self._ask("error_flags")
         word = self._ask("driver_error") if int(flags) & _AXIS_FLAG else 0
         self._life = (self._life + 1) % _LIVES
-        yield status_frames.heartbeat(self.node, int(state), int(flags), int(word), self._life)
+        yield heartbeat(self.node, int(state), int(flags), int(word), self._life)
         yield self._estimates() if state == CLOSED_LOOP else self._count()
 
     def _estimates(self) -> Told:
@@ -244,16 +288,14 @@ class RelayedModule:
             "Pos_Estimate": self._ask("position_feedback"),
             "Vel_Estimate": self._ask("velocity_feedback"),
         }
-        return status_frames.message(self.node, "Get_Encoder_Estimates", values)
+        return message(self.node, "Get_Encoder_Estimates", values)
 
     def _count(self) -> Told:
         if not self._fits:
             self._parameters.open(*self._list)
             self._fits = True
         count = int(self._parameters.read(COUNT))
-        return status_frames.message(
-            self.node, "Get_Encoder_Count", {"Shadow_Count": 0, "Count_In_Cpr": count}
-        )
+        return message(self.node, "Get_Encoder_Count", {"Shadow_Count": 0, "Count_In_Cpr": count})
 
     def _ask(self, name: str) -> float:
         register = named(name)
@@ -273,3 +315,57 @@ _CARRIED_OUT: dict[RegisterCommandKind, Callable[[RelayedModule, Writes], None]]
     RegisterCommandKind.ACT: RelayedModule._act,
     RegisterCommandKind.POWER: RelayedModule._power,
 }
+
+
+# -- All modules of a serial line behind a relay: CAN Simple frames in, one step of work at a time, frames out ---------
+
+
+_NOTHING_DUE = 0.01  # s
+_BUS_MOST = 1000  # waiting frames; more only arise if the line does not work
+
+
+class Relay:
+    """The modules of a line; ``take`` may be called from any thread, all other methods from one thread only."""
+
+    def __init__(self, wire: Wire, modules: Mapping[int, tuple[EndpointList, Firmware]]) -> None:
+        """``modules``: by node ID (1 to 63) the endpoint list of its firmware, and the firmware version of that list."""
+        self._wire = wire
+        self._modules = {node: RelayedModule(wire, node, *listed) for node, listed in modules.items()}
+        self._turns = cycle(list(self._modules.values()))
+        self._came: deque[tuple[int, bytes, bool]] = deque(maxlen=_BUS_MOST)
+
+    def take(self, can_id: int, data: bytes, remote: bool) -> None:
+        """Take a frame; frames for other nodes are ignored. Does not block."""
+        self._came.append((can_id, data, remote))
+
+    def work(self) -> list[Told]:
+        """Do one step of work, and return the resulting messages; blocks as ``RelayedModule.work``, and raises the same errors."""
+        self._sort()
+        module = self._next()
+        if module is None:
+            self._wire.sleep(_NOTHING_DUE)
+            return []
+        return module.work()
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether every command was carried out."""
+        return not self._came and not any(each.has_orders for each in self._modules.values())
+
+    def _sort(self) -> None:
+        while self._came:
+            can_id, data, remote = self._came.popleft()
+            told = decode(can_id, data, from_module=False, remote=remote)
+            if isinstance(told, DecodedMessage | MessageRequest) and told.node in self._modules:
+                self._modules[told.node].hear(told)
+
+    def _next(self) -> RelayedModule | None:
+        """Return the next module: one with a stop first, then one with commands, then the modules in turn."""
+        modules = list(self._modules.values())
+        for ahead in (
+            [each for each in modules if each.is_stopped],
+            [each for each in modules if each.has_orders],
+        ):
+            if ahead:
+                return ahead[0]
+        return next((each for _ in modules if (each := next(self._turns)).is_due), None)

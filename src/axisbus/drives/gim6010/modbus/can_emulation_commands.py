@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage
+from axisbus.drives.gim6010.can_simple.codec import DecodedMessage
 from axisbus.drives.gim6010.can_simple.fields import Number
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
 from axisbus.drives.gim6010.modbus.motion.driver import BRAKE

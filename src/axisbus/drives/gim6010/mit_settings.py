@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 from axisbus.drives.gim6010.can_simple import mit
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware
 from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.can_simple.mit import MitRanges
-from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 from axisbus.errors import ArgumentError
 

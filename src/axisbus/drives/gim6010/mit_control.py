@@ -29,15 +29,13 @@ from enum import Enum
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple import mit
-from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
+from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, decode, encode
 from axisbus.drives.gim6010.can_simple.identifier import split
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.mit import MIT_CONTROL, Changed, MitCommand, MitFeedback, Packed
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
-from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import HeartbeatMonitor
-from axisbus.drives.gim6010.direct_motion.power_off import PowerOff, idle
-from axisbus.drives.gim6010.mit_control.position_crosscheck import ESTIMATES, PositionCrossCheck
-from axisbus.drives.gim6010.mit_control.settings import MitSettings
+from axisbus.drives.gim6010.direct_motion import HeartbeatMonitor, PowerOff, idle
+from axisbus.drives.gim6010.mit_settings import MitSettings
 
 _STATE, _MODE = named("Set_Axis_State"), named("Set_Controller_Mode")
 _POSITION, _MIT_INPUT = 3, 9  # control mode and input mode (manual v2.2, 3.1.7)
@@ -62,6 +60,61 @@ _LOST, _LOST_PERIODS = 0.1, 5  # s, or periods, without an answer
 BRAKE_TIME, BLIND = 2.0, 0.3  # s of braking; and if no answer shows the velocity
 _EDGE = 0.99  # share of the position range that must not be reached
 STANDS, STILL = 0.1, 0.1  # standstill: rad/s of the output, and s below it
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Compares the two position values of a module: by MIT control's ranges, and by the encoder's message, which has no ranges.
+
+
+ESTIMATES = named("Get_Encoder_Estimates").command
+_NEAR, _LATE = 0.05, 0.03  # tolerance in rad, and s of motion that are added to it
+_TOGETHER = 0.015  # s at most between answer and estimate
+_ENOUGH = 5  # disagreements in a row
+
+
+class PositionCrossCheck:
+    """Number of consecutive disagreements: wrong ranges or a wrong gear show as disagreements away from position 0.
+
+    The encoder's message becomes invalid as soon as the module leaves closed loop, which its heartbeat shows only later. Therefore
+    a heartbeat with closed loop must follow the first disagreement, and eight bytes of 0 are ignored.
+    """
+
+    def __init__(self, settings: MitSettings) -> None:
+        self._settings = settings
+        self._row = 0
+        self._since = math.inf  # begin of the consecutive disagreements
+
+    def take(self, frame: CanFrame, feedback: MitFeedback, feedback_at: float, closed_at: float) -> str:
+        """Compare an estimate with the newest answer; return the reason to stop, or an empty text.
+
+        ``feedback_at`` is the time of that answer, ``closed_at`` the time of the last heartbeat with closed loop (s). If answer and
+        estimate are too far apart in time, they are not compared: the output turns meanwhile.
+        """
+        found = decode(frame.can_id, frame.data, from_module=True)
+        if (
+            not isinstance(found, DecodedMessage)
+            or not any(frame.data)
+            or frame.time - feedback_at > _TOGETHER
+        ):
+            return ""
+        turns = found.values["Pos_Estimate"]
+        position = float(turns) * math.tau / self._settings.gear
+        apart = abs(position - feedback.position)
+        speed = max(
+            abs(feedback.velocity), abs(float(found.values["Vel_Estimate"]) * math.tau / self._settings.gear)
+        )
+        agrees = apart <= _NEAR + _LATE * speed
+        self._row = 0 if agrees else self._row + 1
+        self._since = frame.time if self._row == 1 else self._since
+        if self._row < _ENOUGH or closed_at <= self._since:
+            return ""
+        return (
+            f"its position is {feedback.position:.3f} rad by MIT control and {position:.3f} rad by its encoder's message: "
+            "the ranges or the gear that were given are not the module's"
+        )
+
+
+# -- controller --------------------------------------------------------------------------------------------------------
 
 
 class MitPhase(Enum):

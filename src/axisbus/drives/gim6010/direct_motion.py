@@ -1,0 +1,330 @@
+"""Base of all procedures that move one module directly: listen first, monitor the heartbeat, always remove the power at the end.
+
+Theory of operation
+-------------------
+A procedure begins only if exactly one module sends heartbeats under its node ID, is idle and has no fault. Afterwards the procedure
+always removes the power at its end, also after an interrupt, a bus error or a failed check. It requests idle, then ESTOP if the
+heartbeat does not show idle in time, and reports the final state of the module. An interrupt is stored and executed in the next
+step, so that a signal handler may request it.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections import deque
+from enum import Enum
+
+from axisbus.cia301.frame import CanFrame
+from axisbus.drives.gim6010 import faults
+from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
+from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeat, Heartbeats
+from axisbus.drives.gim6010.can_simple.identifier import NODES, can_id, split
+from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.discovery.bus_snapshot import count_senders
+from axisbus.errors import ArgumentError
+
+LISTEN = 1.5  # s before it begins
+
+
+class ModuleMotionStage(Enum):
+    """Stage of a procedure."""
+
+    LISTENING = "listening"
+    LED = "led"
+    ENDING = "being ended"
+    DONE = "over"
+
+
+class ModuleMotionProcedure(ABC):
+    """A procedure that moves one module; ``news`` are lines for the user, ``why`` is the reason if it ended early.
+
+    ``left`` is the final state of the module, and ``confirmed`` whether it is certain that there is no power on its motor.
+    """
+
+    def __init__(self, node: int) -> None:
+        """``node`` 0 to 63.
+
+        Raises:
+            ArgumentError: the node ID is invalid.
+        """
+        self.node = node
+        self.stage = ModuleMotionStage.LISTENING
+        self.news: deque[str] = deque()
+        self.why = self.left = ""
+        self.confirmed = True
+        self._pulse = HeartbeatMonitor(node)
+        self._letting_go = PowerOff(self._pulse)
+        self._wishes: deque[str] = deque()
+        self._since: float | None = None
+        self._begun = 0.0  # time of the first frame
+        self._to_brake = False  # before the power is removed
+
+    # For subclasses.
+
+    @abstractmethod
+    def _begin(self) -> Outgoing:
+        """Return the first frame that moves the module, or prepares that."""
+
+    @abstractmethod
+    def _lead(self, now: float) -> Outgoing | None:
+        """Continue; called after ``_begin`` until the procedure has ended."""
+
+    @abstractmethod
+    def _hear(self, command: int, frame: CanFrame) -> None:
+        """Take a frame of the module other than its heartbeat."""
+
+    @abstractmethod
+    def _follow(self, time: float) -> None:
+        """Take a heartbeat received after the beginning."""
+
+    def _brake(self, now: float) -> Outgoing | None:  # noqa: ARG002  # subclasses that set ``_to_brake`` override it
+        """Brake before the power is removed; setting ``_to_brake`` to False ends the braking."""
+        self._to_brake = False
+        return None
+
+    # For callers.
+
+    @property
+    def done(self) -> bool:
+        """Whether the procedure is over."""
+        return self.stage is ModuleMotionStage.DONE
+
+    @property
+    def parting(self) -> tuple[Outgoing, ...]:
+        """Frames that remove the power, for a caller that cannot continue."""
+        return (idle(self.node),)
+
+    def note(self, frame: CanFrame) -> None:
+        """Take a received frame."""
+        if self._pulse.take(frame):
+            if self.stage is ModuleMotionStage.LED and frame.time > self._begun:
+                self._follow(frame.time)
+        elif not (frame.extended or frame.remote) and split(frame.can_id).node == self.node:
+            self._hear(split(frame.can_id).command, frame)
+
+    def trouble(self, words: str) -> None:
+        """Note that a request was not acknowledged, or not sent."""
+        self._end(f"the bus: {words}")
+
+    def interrupt(self, why: str) -> None:
+        """End the procedure with the next step, from any thread or signal handler; a second call skips to ESTOP."""
+        self._wishes.append(why)
+
+    def step(self, now: float) -> Outgoing | None:
+        """Advance to ``now``, and return the frame to be sent now."""
+        while self._wishes:
+            self._heed(self._wishes.popleft())
+        if self.stage is ModuleMotionStage.LISTENING:
+            return self._listen(now)
+        if self.stage is ModuleMotionStage.LED:
+            return self._lead(now)
+        if self.stage is ModuleMotionStage.DONE:
+            return None
+        return self._brake(now) if self._to_brake else self._let_go(now)
+
+    # Ending.
+
+    def _end(self, why: str) -> None:
+        """End the procedure for this reason; before the first frame, it ends without sending anything."""
+        if self.stage is ModuleMotionStage.DONE:
+            return
+        self.why = self.why or why
+        if self.stage is ModuleMotionStage.LISTENING:
+            self.left, self.stage = "nothing was sent that moves it", ModuleMotionStage.DONE
+        else:
+            self.stage = ModuleMotionStage.ENDING
+
+    def _heed(self, why: str) -> None:
+        if self.stage is ModuleMotionStage.ENDING:
+            self._to_brake = False
+            self._letting_go.escalate()
+        else:
+            self._end(why)
+
+    def _listen(self, now: float) -> Outgoing | None:
+        self._since = now if self._since is None else self._since
+        if now - self._since < LISTEN:
+            return None
+        self._pulse.settle()
+        against = self._pulse.against(now)
+        if against:
+            self._end(against)
+            return None
+        self.stage, self._begun = ModuleMotionStage.LED, now
+        return self._begin()
+
+    def _let_go(self, now: float) -> Outgoing | None:
+        frame = self._letting_go.step(now)
+        if self._letting_go.over:
+            self.left, self.confirmed = self._letting_go.left, self._letting_go.confirmed
+            self.stage = ModuleMotionStage.DONE
+        return frame
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Removes the power of a module: by idle, or by ESTOP if its heartbeat does not show idle in time; reports the final state.
+
+
+_STATE, _ESTOP = named("Set_Axis_State"), named("Estop")
+_AGAIN = 0.05  # s between two frames
+RUNG = 1.5  # s, plus two periods of the heartbeat: deadline for idle, then for ESTOP
+
+
+def idle(node: int) -> Outgoing:
+    """Return the frame that requests idle."""
+    return encode(node, _STATE, {"Axis_Requested_State": IDLE})
+
+
+class PowerOff:
+    """Progress of removing the power; ``left`` is empty until the end, ``confirmed`` whether the module was seen to be idle."""
+
+    def __init__(self, pulse: HeartbeatMonitor) -> None:
+        self.left = ""
+        self.confirmed = False
+        self._pulse = pulse
+        self._estop = False
+        self._start: float | None = None  # of the step
+        self._last = 0.0  # time of the last frame
+
+    @property
+    def over(self) -> bool:
+        """Whether it has ended."""
+        return bool(self.left)
+
+    def escalate(self) -> None:
+        """Skip to ESTOP at once; harmless when repeated."""
+        if not self._estop:
+            self._estop, self._start = True, None
+
+    def step(self, now: float) -> Outgoing | None:
+        """Advance to ``now``, and return the frame to be sent now."""
+        if self._start is None:
+            self._start, self._last = now, now - _AGAIN
+        if self._is_idle(self._start):
+            after = "ESTOP, whose error latches until it is cleared" if self._estop else "idle was sent"
+            self._end(f"module {self._pulse.node} is idle by its heartbeat, after {after}", confirmed=True)
+        elif now - self._start > RUNG + 2.0 * self._pulse.period:
+            self._late(now)
+        elif not now - self._last < _AGAIN - 1e-9:
+            self._last = now
+            return encode(self._pulse.node, _ESTOP) if self._estop else idle(self._pulse.node)
+        return None
+
+    def _is_idle(self, start: float) -> bool:
+        """Whether a heartbeat shows idle that arrived well after the first frame, when the second one had been sent."""
+        last = self._pulse.last
+        return self._pulse.at > start + _AGAIN and last is not None and last.state == IDLE
+
+    def _late(self, now: float) -> None:
+        if not self._estop:
+            self.escalate()
+            return
+        heard = "is not heard" if self._pulse.is_silent(now) else "is heard, and does not show idle"
+        self._end(
+            f"NOT CONFIRMED: module {self._pulse.node} {heard} after idle and ESTOP; switch its supply off",
+            confirmed=False,
+        )
+
+    def _end(self, text: str, *, confirmed: bool) -> None:
+        self.left, self.confirmed = text, confirmed
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Monitors the heartbeat of one module in motion: its last state, and whether it is present, unique, and not restarted.
+
+
+_SILENCE, PERIODS = 0.6, 5  # s, or periods of its heartbeat, after which a module is lost
+_KEPT = 32
+
+
+class HeartbeatMonitor:
+    """The heartbeats of one node ID; times are s of the clock of their frames."""
+
+    def __init__(self, node: int) -> None:
+        """``node`` 0 to 63.
+
+        Raises:
+            ArgumentError: the node ID is invalid.
+        """
+        if isinstance(node, bool) or node not in NODES:
+            raise ArgumentError(
+                f"{node!r} is not a node ID of CAN Simple", remedy="give a number from 0 to 63"
+            )
+        self.node = node
+        self.alone = True  # no second module of this node ID was heard
+        self._identifier = can_id(node, COMMAND)
+        self._beats = Heartbeats()
+        self._stamps: deque[tuple[float, bytes]] = deque(maxlen=_KEPT)
+        self._restarts = 0
+
+    def take(self, frame: CanFrame) -> bool:
+        """Take a frame; return whether it is a heartbeat of this module."""
+        if frame.extended or frame.remote or frame.can_id != self._identifier:
+            return False
+        seen = self._beats.after(self.node, frame.data)
+        if not isinstance(seen, Heartbeats):
+            return False
+        self._beats = seen
+        self._stamps.append((frame.time, bytes(frame.data)))
+        self.alone = count_senders(list(self._stamps)) == 1
+        return True
+
+    @property
+    def last(self) -> Heartbeat | None:
+        """The last heartbeat."""
+        return self._beats.last
+
+    @property
+    def at(self) -> float:
+        """Time of the last heartbeat; -inf if there was none."""
+        return self._stamps[-1][0] if self._stamps else -math.inf
+
+    @property
+    def period(self) -> float:
+        """Mean period in s; 0 if unknown."""
+        if len(self._stamps) < 2:
+            return 0.0
+        return (self._stamps[-1][0] - self._stamps[0][0]) / (len(self._stamps) - 1)
+
+    def is_silent(self, now: float) -> bool:
+        """Whether the last heartbeat is so old that the module counts as lost."""
+        return now - self.at > max(_SILENCE, PERIODS * self.period)
+
+    def settle(self) -> None:
+        """Count restarts from now on."""
+        self._restarts = self._beats.restarts
+
+    @property
+    def restarted(self) -> bool:
+        """Whether its life counter has restarted since ``settle``."""
+        return self._beats.restarts > self._restarts
+
+    def against(self, now: float) -> str:
+        """Return the reason not to move the module; empty if exactly one module sends heartbeats, is idle and has no error."""
+        last = self.last
+        if last is None or self.is_silent(now):
+            return f"module {self.node} sends no heartbeat, by which alone it can be followed"
+        if not self.alone:
+            return f"several modules have the node ID {self.node}: all of them would move"
+        if last.state != IDLE:
+            return f"module {self.node} is in {state_words(last.state)}, and not idle: another program controls it"
+        found = self.errors()
+        return f"module {self.node} has errors: {'; '.join(found)}" if found else ""
+
+    def lost(self, now: float) -> str:
+        """Return the reason why the module can no longer be monitored; empty if it can."""
+        if self.is_silent(now):
+            return "the module is no longer heard"
+        if self.restarted:
+            return "the module restarted meanwhile"
+        return "" if self.alone else "a second module of this node ID is heard"
+
+    def errors(self) -> list[str]:
+        """Return the errors in its last heartbeat, a sentence each."""
+        last = self.last
+        if last is None:
+            return []
+        parts = [f"{part}: its heartbeat reports a fault" for part in last.faults if part != "axis"]
+        return [*faults.words("axis", last.axis_error), *parts]
