@@ -18,9 +18,9 @@ from axisbus.boot.report import NodeReport
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.cia301 import abort, emcy, tables
 from axisbus.cia302.types import Letter
-from axisbus.cli.explain.page import markdown
+from axisbus.cli.explain import markdown
 from axisbus.cli.main import cli
-from axisbus.cli.shared.error_text import with_page
+from axisbus.cli.shared.common import with_page
 from axisbus.errors import AxisbusError, BootError, DriveFault, FollowingError, NodeTimeout, SdoAbort
 from axisbus.ipc.errors import from_fields, to_fields
 from axisbus.motion.stop.diagnosis import remedy

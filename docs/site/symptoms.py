@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
-from axisbus.cli.explain.page import markdown
+from axisbus.cli.explain import markdown
 from axisbus.cli.main import COMMANDS
 from axisbus.symptoms.lookup import FAMILIES
 from axisbus.symptoms.symptom import Symptom

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from axisbus.cli.shared.keys import Keyboard, TerminalKey, TerminalKeyReader, keyboard
+from axisbus.cli.jog import Keyboard, TerminalKey, TerminalKeyReader, keyboard
 from axisbus.errors import StateError
 
 

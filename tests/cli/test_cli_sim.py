@@ -11,7 +11,7 @@ import tomllib
 import pytest
 
 from axisbus import SimulationControl
-from axisbus.cli.sim.client_cell_file import with_bus
+from axisbus.cli.sim import with_bus
 from axisbus.errors import AdapterError, UserError
 from kit import commands
 from kit.cell import cell_text

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from axisbus.cli.shared.error_text import in_commands
+from axisbus.cli.shared.common import in_commands
 from axisbus.errors import AdapterError, AxisbusError, StateError
 from axisbus.motion.stop.diagnosis import ANEW, start_and_reset
 from axisbus.web.view.error_text import in_page_terms
@@ -20,7 +20,7 @@ CALLS = re.compile(
     r"\b(?:axis|machine|cell|Machine|handle)\.(?!toml)\w+(?:\(|\b)|\bthe call\b|(?:open|close) the machine"
 )
 # Layers whose texts a command never shows, or shows as a program's own.
-ELSEWHERE = {"cli/shared/error_text.py", "core/simulated_nodes.py", "eds/report/codegen.py"}
+ELSEWHERE = {"cli/shared/common.py", "core/simulated_nodes.py", "eds/report/codegen.py"}
 
 
 def texts() -> Iterator[tuple[str, str]]:

@@ -315,7 +315,7 @@ def test_what_is_no_name_or_no_password_makes_no_line(name, password):
 
 def test_the_tables_and_the_command_line_load_no_asyncua():
     program = (
-        "import sys, axisbus.cli.bridge.opcua, axisbus.cli.bridge.opcua_user, axisbus.gateway.opcua.axis_readings;"
+        "import sys, axisbus.cli.bridge.opcua, axisbus.cli.bridge.opcua, axisbus.gateway.opcua.axis_readings;"
         "sys.exit('asyncua' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("rosbags", reason="ROS 2 needs rosbags")
 
-from axisbus.cli.bridge.ros_options import ros_of
+from axisbus.cli.bridge.zenoh import ros_of
 from axisbus.errors import ArgumentError, AxisbusError, StateError, UserError
 from axisbus.gateway.ros import messages as m
 from axisbus.gateway.ros import names

@@ -18,8 +18,7 @@ from axisbus.cli.shared.common import (
     say_next,
     say_note,
 )
-from axisbus.cli.shared.options import beside_option
-from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.options import PATH, beside_option
 from axisbus.core.process.launch import expected
 from axisbus.machine.opening import boot
 from axisbus.wording import counted

@@ -13,9 +13,8 @@ from axisbus.cell.problem import CellProblem, SharedProblem, errors, shared
 from axisbus.check.ids.table import checks
 from axisbus.check.run import check
 from axisbus.cli.eds.check import explain_rule, ids_of, list_rules
-from axisbus.cli.shared.common import OK, WRONG, misuse, say, say_json, say_next
-from axisbus.cli.shared.paths import PATH
-from axisbus.cli.shared.terminal import STYLES, say_styled
+from axisbus.cli.shared.common import OK, STYLES, WRONG, misuse, say, say_json, say_next, say_styled
+from axisbus.cli.shared.options import PATH
 from axisbus.eds.model import EdsFinding, Severity
 from axisbus.eds.rules import sarif, table
 from axisbus.errors import page_reference

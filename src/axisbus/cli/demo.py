@@ -11,10 +11,9 @@ import click
 from axisbus import Recorder, wait
 from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.check.run import checked
-from axisbus.cli.shared.common import FAILURE, OK, say, say_next
-from axisbus.cli.shared.error_text import with_page
+from axisbus.cli.shared.common import FAILURE, OK, say, say_next, with_page
+from axisbus.cli.shared.options import PATH
 from axisbus.cli.shared.output import output_option, require_writable, write_whole
-from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option, recorded
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine

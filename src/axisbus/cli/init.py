@@ -13,9 +13,8 @@ import click
 from axisbus.cell.model import SIMULATED
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
-from axisbus.cli.shared.options import bus_options, parse_options
+from axisbus.cli.shared.options import PATH, bus_options, parse_options
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
-from axisbus.cli.shared.paths import PATH
 from axisbus.errors import UserError
 from axisbus.wording import counted
 

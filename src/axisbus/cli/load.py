@@ -13,8 +13,7 @@ from axisbus.bus.link.controller import WHAT_TO_CHECK
 from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, echo, say, say_json, say_next
 from axisbus.cli.shared.frames import FrameSource, FrameSourceOptions, open_frames, source_options
-from axisbus.cli.shared.numbers import Seconds
-from axisbus.cli.shared.options import bus_options
+from axisbus.cli.shared.options import Seconds, bus_options
 from axisbus.errors import ArgumentError, UserError
 from axisbus.wording import counted
 

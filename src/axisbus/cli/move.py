@@ -10,13 +10,11 @@ import click
 
 from axisbus.check.run import checked
 from axisbus.cli.shared.attach_or_open import take_option
-from axisbus.cli.shared.axes_and_pairs import Mover, has_drive, movers, sides_of
+from axisbus.cli.shared.axes import Mover, has_drive, movers, sides_of
 from axisbus.cli.shared.common import say, say_next
 from axisbus.cli.shared.completion import complete_targets
 from axisbus.cli.shared.enabled_axes import commanded, enable, home, say_position
-from axisbus.cli.shared.numbers import Seconds
-from axisbus.cli.shared.options import beside_option, parse_targets
-from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.options import PATH, Seconds, beside_option, parse_targets
 from axisbus.cli.shared.progress import MoverProgress, follow
 from axisbus.cli.shared.recordings import record_option, recorded
 from axisbus.machine.axis import Axis

@@ -11,9 +11,7 @@ from axisbus.check.run import checked
 from axisbus.cli.shared.attach_or_open import machine_of, take_option
 from axisbus.cli.shared.common import OK, WRONG, say
 from axisbus.cli.shared.completion import complete_axes
-from axisbus.cli.shared.numbers import Seconds
-from axisbus.cli.shared.options import beside_option
-from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.options import PATH, Seconds, beside_option
 from axisbus.machine.dry_run import DryRun
 from axisbus.machine.probing import ProbeHandle, ProbeResult
 

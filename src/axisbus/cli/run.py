@@ -8,9 +8,7 @@ import click
 
 from axisbus.cli.monitor.axes import every_option, look_on, pace
 from axisbus.cli.shared.common import OK, say
-from axisbus.cli.shared.numbers import Seconds
-from axisbus.cli.shared.options import beside_option
-from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.options import PATH, Seconds, beside_option
 from axisbus.machine.machine import Machine
 
 

@@ -11,10 +11,8 @@ import click
 
 from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import open_bus, opening_of
-from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
-from axisbus.cli.shared.options import bus_options, bus_words
-from axisbus.cli.shared.paths import PATH
-from axisbus.cli.shared.terminal import coloured, say_table
+from axisbus.cli.shared.common import OK, WRONG, coloured, say, say_json, say_next, say_table
+from axisbus.cli.shared.options import PATH, bus_options, bus_words
 
 if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import BitRateTraffic

@@ -13,8 +13,7 @@ from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import OK, WRONG, echo
 from axisbus.cli.shared.frames import FrameSource, FrameSourceOptions, open_frames, source_options
-from axisbus.cli.shared.numbers import Seconds
-from axisbus.cli.shared.options import bus_options
+from axisbus.cli.shared.options import Seconds, bus_options
 from axisbus.wording import counted, printable
 
 if TYPE_CHECKING:

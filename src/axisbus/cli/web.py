@@ -16,8 +16,7 @@ from axisbus.check.run import checked
 from axisbus.cli.shared.attach_or_open import machine_of, take_option
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.machine_status import BesideAxes
-from axisbus.cli.shared.options import beside_option, port_option
-from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.options import PATH, beside_option, port_option
 from axisbus.machine.machine import Machine
 from axisbus.machine.web_process import require_nicegui
 from axisbus.web import address as served

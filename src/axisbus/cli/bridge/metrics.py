@@ -11,8 +11,7 @@ import click
 
 from axisbus.check.run import checked
 from axisbus.cli.shared.common import OK, say
-from axisbus.cli.shared.options import listen_option, port_option
-from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.options import PATH, listen_option, port_option
 from axisbus.gateway.machine_follower import Look, MachineFollower
 from axisbus.machine.machine import Machine
 from axisbus.optional_dependencies import require

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -13,8 +14,7 @@ import click
 from axisbus.cell.model import CellConfig
 from axisbus.check.run import checked
 from axisbus.cli.shared.common import OK, say
-from axisbus.cli.shared.options import listen_option, port_option
-from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.options import PATH, listen_option, port_option
 from axisbus.errors import StateError
 from axisbus.gateway.machine_events import MachineEventSource
 from axisbus.gateway.machine_follower import Look, MachineFollower
@@ -22,12 +22,14 @@ from axisbus.gateway.opcua import users as known
 from axisbus.gateway.opcua.access import Access, Given, decide
 from axisbus.gateway.opcua.event_mapping import told
 from axisbus.gateway.opcua.server_options import ServerOptions
+from axisbus.gateway.opcua.users import line_of
 from axisbus.machine.machine import Machine
 from axisbus.optional_dependencies import require
 from axisbus.web import address as served
 
 if TYPE_CHECKING:
     from axisbus.gateway.opcua.server import OpcUaServer
+
 
 _PORT = 4840
 _LOOK = 0.5  # seconds between two checks for events
@@ -142,3 +144,25 @@ def _devices(machine: Machine) -> tuple[str, ...]:
         f"{report.node_id}: {report.device or 'not identified'}{f' ({report.identity})' if report.identity else ''}"
         for report in machine.reports
     )
+
+
+# -- ``axisbus bridge opcua-user``: print a line for the file of users that may call methods by OPC UA -----------------
+
+
+@click.command("opcua-user")
+@click.argument("name")
+def opcua_user_command(name: str) -> int:
+    """Ask for the password of NAME, twice, and print the line for the file of --users; the line contains a hash of the
+    password.
+
+    If standard input is not a terminal, its first line is the password.
+    """
+    line_of(name, "x")  # report an invalid name before the user types a password
+    say(line_of(name, _password()))
+    return OK
+
+
+def _password() -> str:
+    if sys.stdin is None or not sys.stdin.isatty():
+        return "" if sys.stdin is None else sys.stdin.readline().rstrip("\r\n")
+    return str(click.prompt("password", hide_input=True, confirmation_prompt=True, err=True))

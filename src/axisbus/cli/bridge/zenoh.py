@@ -4,23 +4,93 @@ from __future__ import annotations
 
 import signal
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from axisbus.check.run import checked
-from axisbus.cli.bridge.ros_options import RECEIVES, ros_of, ros_options
 from axisbus.cli.shared.common import OK, say
-from axisbus.cli.shared.paths import PATH
-from axisbus.errors import StateError
+from axisbus.cli.shared.options import PATH
+from axisbus.errors import ArgumentError, StateError
 from axisbus.fleet import network
 from axisbus.fleet.keys import ZenohCellKeys, named
 from axisbus.fleet.network import ZenohNetwork
+from axisbus.optional_dependencies import require
+
+if TYPE_CHECKING:
+    from axisbus.gateway.ros.node import RosOptions
+
 
 _RECEIVES = 64 * 1024  # bytes of a message to a cell: its queries are short
 _CONNECTED = 2.0  # seconds for connections, over which another bridge of the same name would be found
+
+
+# -- The options of ``axisbus bridge zenoh`` that offer a machine in ROS 2 ---------------------------------------------
+
+
+RECEIVES = 2 * 1024 * 1024  # bytes of a message: a trajectory may have many points
+_OPTIONS = (
+    click.option("--ros", is_flag=True, help="Also publish the axes as joints of ROS 2, as rmw_zenoh does."),
+    click.option(
+        "--ros-command",
+        is_flag=True,
+        help="Also follow the joint trajectories that ROS 2 sends: MOVES axes that are enabled.",
+    ),
+    click.option(
+        "--ros-domain",
+        type=click.IntRange(0, 232),
+        envvar="ROS_DOMAIN_ID",
+        help="The domain ID of ROS 2; if not given, that of ROS_DOMAIN_ID, else 0.",
+    ),
+    click.option(
+        "--ros-namespace", metavar="NAME", help="The beginning of the names of topics and nodes of ROS 2."
+    ),
+    click.option(
+        "--ros-rate",
+        type=click.FloatRange(1.0, 200.0),
+        help="Joint states per second, at most; 50 if not given.",
+    ),
+)
+Words = dict[str, Any]
+
+
+def ros_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add --ros and its options."""
+    for decorate in reversed(_OPTIONS):
+        function = decorate(function)
+    return function
+
+
+def ros_of(
+    *,
+    ros: bool,
+    ros_command: bool,
+    ros_domain: int | None,
+    ros_namespace: str | None,
+    ros_rate: float | None,
+) -> RosOptions | None:
+    """Return the options for ROS 2; None if ROS 2 is not requested.
+
+    Raises:
+        ArgumentError: options of ROS 2 are given without --ros, or a namespace is invalid.
+        UserError: the packages are not installed.
+    """
+    if not ros:
+        if ros_command or ros_namespace is not None or ros_rate is not None:
+            raise ArgumentError("options of ROS 2 are given without --ros", remedy="add --ros")
+        return None
+    require("rosbags", "ROS 2 needs rosbags", "ros")
+    from axisbus.gateway.ros.names import namespace_of
+    from axisbus.gateway.ros.node import RosOptions
+
+    namespace = namespace_of(ros_namespace or "/")
+    return RosOptions(ros_domain or 0, namespace, 50.0 if ros_rate is None else ros_rate, ros_command)
+
+
+# -- zenoh -------------------------------------------------------------------------------------------------------------
 
 
 @click.command("zenoh")

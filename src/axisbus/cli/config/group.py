@@ -7,8 +7,14 @@ import click
 from axisbus.cli.shared.lazy import LazyGroup
 
 COMMANDS = {
-    "backup": ("axisbus.cli.config.backup", "Read all objects of a node into a DCF; writes nothing to it."),
-    "diff": ("axisbus.cli.config.diff", "Compare two files, a file and a node, or a node and its EDS."),
+    "backup": (
+        "axisbus.cli.config.commands:backup_command",
+        "Read all objects of a node into a DCF; writes nothing to it.",
+    ),
+    "diff": (
+        "axisbus.cli.config.commands:diff_command",
+        "Compare two files, a file and a node, or a node and its EDS.",
+    ),
     "restore": (
         "axisbus.cli.config.restore",
         "Configure a node as in a DCF, and read every object again.",

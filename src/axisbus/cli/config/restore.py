@@ -9,20 +9,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cli.config import files as config_files
-from axisbus.cli.config import report as config_report
-from axisbus.cli.shared.common import FAILURE, OK, WRONG, progress_phases, say, say_error, say_json
+from axisbus.cia301.datatypes import decode
+from axisbus.cli.config import commands as config_files
+from axisbus.cli.shared.common import FAILURE, OK, WRONG, progress_phases, say, say_error, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
 from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
+from axisbus.configuration import report_text
 from axisbus.errors import BusError, SdoAbort, StateError
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.node.node import CanopenNode, NodeIdentity
     from axisbus.configuration.dcf_values import Item, Selection
-    from axisbus.configuration.restore import Restore, RestoreReport
+    from axisbus.configuration.restore import Restore, RestoreReport, Result
     from axisbus.drives.make import Make
-    from axisbus.eds.model import Eds, Identity
+    from axisbus.eds.model import Eds, Identity, Variable
+
 
 STOPPED = 130  # the exit code of shells for Ctrl-C
 
@@ -167,7 +169,7 @@ def _run(stack: ExitStack, device: CanopenNode, eds: Eds, wish: _Wish, as_json: 
         bars.close()
         return _cut_off(device.node_id, restore, error, found, as_json)
     found["in_ram_only"] = report.writes > 0 and "stored" not in found
-    config_report.tell(report, found, as_json)
+    tell(report, found, as_json)
     if "store_refused" in found:
         say_error(found["store_refused"])
         return FAILURE
@@ -215,10 +217,8 @@ def _dry(node_id: int, differing: list[Item], selection: Selection, as_json: boo
         say_json(
             {
                 "node": node_id,
-                "would_write": [config_report.entry(each.variable) for each in differing],
-                "skipped": [
-                    {**config_report.entry(each.variable), "reason": each.text} for each in selection.skipped
-                ],
+                "would_write": [entry(each.variable) for each in differing],
+                "skipped": [{**entry(each.variable), "reason": each.text} for each in selection.skipped],
             }
         )
     else:
@@ -237,7 +237,7 @@ def _cut_off(
 ) -> int:
     """Report the progress of an aborted restore: another run continues from there."""
     report = restore.report()
-    config_report.tell(
+    tell(
         report,
         {**found, "cut_off": str(error) or "stopped by Ctrl-C", "in_ram_only": report.writes > 0},
         as_json,
@@ -248,3 +248,84 @@ def _cut_off(
         "values that still differ"
     )
     return FAILURE if isinstance(error, BusError) else STOPPED
+
+
+# -- The report of ``axisbus config restore``, for people and as JSON --------------------------------------------------
+
+
+def tell(report: RestoreReport, found: dict[str, Any], as_json: bool) -> None:
+    """Print a report; ``found`` has node, file, and the storing (``stored``, ``in_ram_only``, ``cannot_store``)."""
+    if as_json:
+        say_json(_plain(report, found))
+    else:
+        _show(report, found)
+
+
+def _show(report: RestoreReport, found: dict[str, Any]) -> None:
+    from axisbus.configuration.restore import ValueEnd
+
+    for each in report.of(ValueEnd.RESTORED):
+        say(f"restored  {_change(each)}")
+    for each in report.of(ValueEnd.UNVERIFIED, ValueEnd.DIFFERS):
+        why = f" ({each.reason})" if each.reason else ""
+        say(f"{each.outcome.value}: {report_text.place(each.item.variable)}{why}")
+    for each in report.of(ValueEnd.FAILED):
+        say(f"FAILED    {_change(each)}: {each.reason}")
+    _show_skipped(report)
+    say(f"node {found['node']}: {report_text.restored(report)}")
+    _show_memory(found, report)
+
+
+def _show_skipped(report: RestoreReport) -> None:
+    for line in report_text.skipped(report.skipped):
+        say(f"skipped   {line}")
+
+
+def _show_memory(found: dict[str, Any], report: RestoreReport) -> None:
+    stored = found.get("stored")
+    if stored is not None:
+        restart = "it restarted, and " if stored["restarted"] else ""
+        say(f"stored by 1010h in {stored['seconds']:.1f} s; {restart}all was read again")
+    elif found["in_ram_only"] and found.get("cannot_store"):
+        say(f"the written values are in RAM: {found['cannot_store']}")
+    elif found["in_ram_only"]:
+        say("the written values are in RAM only, and are lost at the next power-off")
+        say_next(f"store it: axisbus config restore {found['file']} {found['node']} ... --store")
+    if not report.ok and stored is None and "cut_off" not in found:
+        say_next("correct the failed objects in the file, or leave them out with --exclude, and run it again")
+
+
+def _change(each: Result) -> str:
+    variable = each.item.variable
+    wanted = report_text.data_shown(variable, each.item.data)
+    before = report_text.data_shown(variable, each.before)
+    now = "" if each.after == each.item.data else f", it is {report_text.data_shown(variable, each.after)}"
+    return f"{report_text.place(variable)}: {before} -> {wanted}{now}"
+
+
+def entry(variable: Variable) -> dict[str, object]:
+    """Return the identification of an object, for JSON."""
+    return {"index": variable.index, "subindex": variable.subindex, "name": variable.name}
+
+
+def _plain(report: RestoreReport, found: dict[str, Any]) -> dict[str, Any]:
+    def value(each: Result, data: bytes | None) -> object:
+        return None if data is None else report_text.plain(decode(data, each.item.variable.data_type))
+
+    return {
+        **found,
+        "ok": report.ok and "cut_off" not in found,
+        "writes": report.writes,
+        "objects": [
+            {
+                **entry(each.item.variable),
+                "outcome": each.outcome.name.lower(),
+                "wanted": value(each, each.item.data),
+                "before": value(each, each.before),
+                "after": value(each, each.after),
+                "reason": each.reason,
+            }
+            for each in report.results
+        ],
+        "skipped": [{**entry(each.variable), "reason": each.text} for each in report.skipped],
+    }

@@ -8,8 +8,8 @@ import click
 
 from axisbus.cli.eds.files import node_of, node_option, open_eds, say_text
 from axisbus.cli.shared.common import OK, say, say_next
+from axisbus.cli.shared.options import PATH
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
-from axisbus.cli.shared.paths import PATH
 from axisbus.eds.report import codegen, header
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted

@@ -8,8 +8,8 @@ import click
 
 from axisbus.cli.eds.files import file_argument, say_lines
 from axisbus.cli.shared.common import OK, say, say_json, say_next
+from axisbus.cli.shared.options import PATH
 from axisbus.cli.shared.output import concise_option, force_option, output_option, require_free, write_whole
-from axisbus.cli.shared.paths import PATH
 from axisbus.eds import assign, builtin, concise, concise_dcf_values, dcf, writer
 from axisbus.eds.io import reader
 from axisbus.eds.io.new_file import written

@@ -8,12 +8,15 @@ from axisbus.cli.shared.lazy import LazyGroup
 
 COMMANDS = {
     "list": (
-        "axisbus.cli.fleet.list",
+        "axisbus.cli.fleet.commands:list_command",
         "Show the cells of a plant, their axes, incidents and recordings, once.",
     ),
-    "watch": ("axisbus.cli.fleet.watch", "The same as a table that is updated continuously."),
+    "watch": (
+        "axisbus.cli.fleet.commands:watch_command",
+        "The same as a table that is updated continuously.",
+    ),
     "stop": (
-        "axisbus.cli.fleet.stop",
+        "axisbus.cli.fleet.commands:stop_command",
         "Quick-stop all axes of all cells, or of some, whichever program has control.",
     ),
 }

@@ -19,7 +19,7 @@ from axisbus.cli.fleet.cell_rows import (
     incident_lines,
     recordings_line,
 )
-from axisbus.cli.shared.terminal import STYLES
+from axisbus.cli.shared.common import STYLES
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.wording import counted
 

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.gim6010.discovery import BusOptions, look
-from axisbus.cli.gim6010.modbus.errors import tell_errors as over_modbus
-from axisbus.cli.gim6010.serial_port import modbus_options
-from axisbus.cli.gim6010.usb_port import on_usb, usb_options
+from axisbus.cli.gim6010.modbus.registers import tell_errors as over_modbus
+from axisbus.cli.gim6010.ports import modbus_options, on_usb, usb_options
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_json
 from axisbus.cli.shared.options import bus_options
 

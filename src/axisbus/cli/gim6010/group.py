@@ -17,19 +17,31 @@ COMMANDS = {
     ),
     "zero": ("axisbus.cli.gim6010.settings.zero", "Set the present position of a module as its zero."),
     "limits": (
-        "axisbus.cli.gim6010.settings.limits",
+        "axisbus.cli.gim6010.settings.commands:limits_command",
         "Show or set a module's limits of velocity and current.",
     ),
-    "termination": ("axisbus.cli.gim6010.settings.termination", "Switch a module's terminating resistor."),
+    "termination": (
+        "axisbus.cli.gim6010.settings.commands:termination_command",
+        "Switch a module's terminating resistor.",
+    ),
     "watchdog": (
-        "axisbus.cli.gim6010.settings.watchdog",
+        "axisbus.cli.gim6010.settings.commands:watchdog_command",
         "Show, arm or switch off the watchdogs that detect a dead master.",
     ),
-    "endstops": ("axisbus.cli.gim6010.settings.endstops", "Switch a module's own limit switches."),
-    "brake-resistor": ("axisbus.cli.gim6010.settings.brake_resistor", "Switch a braking resistor."),
-    "pwm": ("axisbus.cli.gim6010.settings.pwm", "Map the pulses of a remote control, and show the steps."),
+    "endstops": (
+        "axisbus.cli.gim6010.settings.commands:endstops_command",
+        "Switch a module's own limit switches.",
+    ),
+    "brake-resistor": (
+        "axisbus.cli.gim6010.settings.commands:brake_resistor_command",
+        "Switch a braking resistor.",
+    ),
+    "pwm": (
+        "axisbus.cli.gim6010.settings.commands:pwm_command",
+        "Map the pulses of a remote control, and show the steps.",
+    ),
     "pulses": (
-        "axisbus.cli.gim6010.settings.pulses",
+        "axisbus.cli.gim6010.settings.commands:pulses_command",
         "Show the size of a pulse of pulse and direction, and the steps.",
     ),
     "calibrate": ("axisbus.cli.gim6010.calibrate", "Calibrate a module, which turns its motor; asks before."),
@@ -41,9 +53,12 @@ COMMANDS = {
         "axisbus.cli.gim6010.tune",
         "Try gains by a measured step, which turns a module; asks before.",
     ),
-    "to-canopen": ("axisbus.cli.gim6010.to_canopen", "Change a module from CAN Simple to CANopen."),
+    "to-canopen": (
+        "axisbus.cli.gim6010.protocol_change:to_canopen_command",
+        "Change a module from CAN Simple to CANopen.",
+    ),
     "to-can-simple": (
-        "axisbus.cli.gim6010.to_can_simple",
+        "axisbus.cli.gim6010.protocol_change:to_can_simple_command",
         "Change a module back to CAN Simple, or show the steps.",
     ),
 }

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.gim6010.discovery import BusOptions, survey
-from axisbus.cli.gim6010.modbus.write import rename
-from axisbus.cli.gim6010.serial_port import modbus_options
-from axisbus.cli.gim6010.usb_port import on_usb, usb_options
-from axisbus.cli.gim6010.usb_port import words_of as usb_words
+from axisbus.cli.gim6010.modbus.registers import rename
+from axisbus.cli.gim6010.ports import modbus_options, on_usb, usb_options
+from axisbus.cli.gim6010.ports import usb_words_of as usb_words
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import OK, say, say_error, say_next
 from axisbus.cli.shared.options import bus_options

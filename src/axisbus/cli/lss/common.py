@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from axisbus.cli.shared.buses import open_bus
-from axisbus.cli.shared.numbers import Seconds
-from axisbus.cli.shared.options import bus_options, bus_words
-from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.options import PATH, Seconds, bus_options, bus_words
 from axisbus.errors import UserError
 from axisbus.wording import counted
 

@@ -7,11 +7,11 @@ import click
 from axisbus.cli.shared.lazy import LazyGroup
 
 COMMANDS = {
-    "find": ("axisbus.cli.lss.find", "Find every slave without a node-ID; changes nothing."),
-    "inquire": ("axisbus.cli.lss.inquire", "Show a slave's identity and node-ID."),
-    "set-node-id": ("axisbus.cli.lss.set_node_id", "Give a slave a node-ID."),
+    "find": ("axisbus.cli.lss.commands:find_command", "Find every slave without a node-ID; changes nothing."),
+    "inquire": ("axisbus.cli.lss.commands:inquire_command", "Show a slave's identity and node-ID."),
+    "set-node-id": ("axisbus.cli.lss.commands:set_node_id_command", "Give a slave a node-ID."),
     "set-bitrate": ("axisbus.cli.lss.set_bitrate", "Set the bit rate of slaves, and change over to it."),
-    "store": ("axisbus.cli.lss.store", "Make a slave store node-ID and bit rate."),
+    "store": ("axisbus.cli.lss.commands:store_command", "Make a slave store node-ID and bit rate."),
 }
 
 

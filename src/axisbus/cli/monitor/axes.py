@@ -13,13 +13,9 @@ from axisbus.cia301.incident import Incident
 from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.cli.shared.attach_or_open import machine_of
-from axisbus.cli.shared.common import OK, say, say_json, say_next
-from axisbus.cli.shared.error_text import with_page
+from axisbus.cli.shared.common import OK, coloured, say, say_json, say_next, with_page
 from axisbus.cli.shared.machine_status import BesideAxes
-from axisbus.cli.shared.numbers import Seconds
-from axisbus.cli.shared.options import beside_option
-from axisbus.cli.shared.paths import PATH
-from axisbus.cli.shared.terminal import coloured
+from axisbus.cli.shared.options import PATH, Seconds, beside_option
 from axisbus.errors import StaleError
 from axisbus.machine.axis import Axis
 from axisbus.machine.io import Signal

@@ -11,7 +11,7 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from axisbus.cli.shared.terminal import STYLES
+from axisbus.cli.shared.common import STYLES
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.wording import printable
 

@@ -7,10 +7,10 @@ import click
 from axisbus.cli.shared.lazy import LazyGroup
 
 COMMANDS = {
-    "read": ("axisbus.cli.od.read", "Read objects and show their meaning."),
-    "write": ("axisbus.cli.od.write", "Write one object; checked before, read back after."),
-    "dump": ("axisbus.cli.od.dump", "Read every object of a node; writes nothing."),
-    "watch": ("axisbus.cli.od.watch", "Read objects periodically, and show changes."),
+    "read": ("axisbus.cli.od.commands:read_command", "Read objects and show their meaning."),
+    "write": ("axisbus.cli.od.commands:write_command", "Write one object; checked before, read back after."),
+    "dump": ("axisbus.cli.od.commands:dump_command", "Read every object of a node; writes nothing."),
+    "watch": ("axisbus.cli.od.commands:watch_command", "Read objects periodically, and show changes."),
 }
 
 

@@ -10,10 +10,8 @@ import click
 
 from axisbus.cli.shared.attach_or_open import machine_of
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_next
-from axisbus.cli.shared.numbers import Seconds
-from axisbus.cli.shared.options import beside_option
+from axisbus.cli.shared.options import PATH, Seconds, beside_option
 from axisbus.cli.shared.output import force_option, output_option, require_free
-from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.progress import draw
 from axisbus.cli.shared.recordings import told
 from axisbus.machine.machine import Machine

@@ -6,16 +6,20 @@ import io
 import json
 import logging
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cli.shared.error_text import with_page
-from axisbus.errors import ArgumentError, AxisbusError, UserError, added_notes
+from axisbus.errors import ArgumentError, AxisbusError, UserError, added_notes, help_line
 from axisbus.wording import PrintableFormatter, printable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
 
 OK, WRONG, MISUSE, FAILURE = 0, 1, 2, 3
 
@@ -195,3 +199,134 @@ def progress_phases(*, quiet: bool = False) -> Iterator[Callable[[str, int, int]
 def say_json(value: Any) -> None:
     """Print a value as JSON."""
     click.echo(json.dumps(value, indent=2, default=str))
+
+
+# -- Error texts for the command line: calls in a remedy of the library are replaced by options and commands -----------
+
+
+_WHO = re.compile(r"([A-Za-z_][\w-]*)(?:\.\w+\(|: )")  # "x.move_absolute(1 deg): ...", or "x: ..."
+
+
+# How to reopen the machine: by the command itself if it has opened the machine, else by the program that it has joined.
+_AGAIN = "if the machine is already running, end it (Ctrl-C in axisbus run) and start it again; then repeat the command"
+
+
+# Longer patterns first: the shorter ones replace the rest.
+_TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
+    (re.compile(call), command)
+    for call, command in (
+        (r"home it \(axis\.home\(\)\) or confirm its position \(axis\.set_position\(\.\.\.\)\)", "add --home"),
+        (r"read why \(axis\.error\), then reset it: axis\.reset\(\)", "reset it: axisbus reset CELL AXIS"),
+        (r"see why it is in ErrorStop \(axis\.error\)", "see why it is in ErrorStop (axisbus monitor CELL)"),
+        (r"\(axis\.disable\(\), axis\.reset\(\), then axis\.enable\(\)\)", "(axisbus stop CELL, then axisbus boot CELL)"),
+        (r"enable it again \(axis\.enable\(\)\) or disable it \(axis\.disable\(\)\)", "stop it: axisbus stop CELL"),
+        (r"take it over with axis\.enable\(\), or switch it off with axis\.disable\(\)", "switch it off: axisbus stop CELL"),
+        # Pairs: only a program can square a skewed beam.
+        (r"then (?=(\w+)\.disable\(\), \1\.reset\(\), \1\.enable\(skew=)", "then, in a program, "),
+        (r"make the beam square first: ", "make the beam square first, in a program: "),
+        (r"; then (?!axis)(\w+)\.reset\(\)", r"; then axisbus reset CELL \1"),
+        (r"; or give the position of the beam: \w+\.set_position\(\.\.\.\)", ""),
+        (r"axis\.reset\(\) and axis\.enable\(\)", "axisbus reset CELL AXIS"),
+        (r"axis\.enable\(allow_moving=True\) catches it in motion; ", ""),
+        (r"wait until it is off: axis\.disable\(coast=True\)\.wait\(\)", "wait until it is off"),
+        (r"wait for standstill, then release it: axis\.release\(\)", "wait until it is at standstill"),
+        (r"enable it first: axis\.enable\(\)", "repeat the command"),
+        (r"axis\.reset\(\)", "axisbus reset CELL AXIS"),
+        (r"axis\.home\(\)", "axisbus home CELL AXIS"),
+        (r"axis\.(?:halt|stop|quick_stop|disable|release)\(\)", "axisbus stop CELL"),
+        (r"axis\.enable\(\)", "axisbus move CELL AXIS=..., which enables it"),
+        (r"axis\.position", "the position of the axis"),
+        (r"axis\.error", "axisbus monitor CELL"),
+        (r"; axis\.snapshot has the last known values, with their time", ""),
+        (r"machine\.node\(ID\)\.sdo\[(0x)?(\w+)\]", r"axisbus od read ID:\2"),
+        (r"Machine\.open\(\.\.\., allow_other_master=True\) or ", "or "),
+        (r"--beside, or ", "--beside, or "),
+        (r"open the machine with Machine\.open and .* instead of Machine\.simulated", "boot it: axisbus boot CELL"),
+        (r"give (velocity|acceleration|timeout) = \.\.\.(?: \(seconds\))? in the call", r"give --\1"),
+        (r"give \w+ = \.\.\.(?: \([^)]*\))? in the call, or", "write"),
+        (r"the call does not give it, and", "no option gives it, and"),
+        (r"(then )?close the machine,? (?:and|which)[^;]*", rf"\1{_AGAIN}"),
+        (r"; in a program: \S+\(\d+\)\.command\(NmtCommand\.START\)", ""),
+        (r"--cell CELL", "--cell CELL"),
+        (r"(?:close it, and )?open (?:the machine|it) again(?: to continue)?", "repeat the command"),
+        (r"Machine\.attach\(cell, command=True, force=True\)", "--take"),
+        (r"; or open the cell in this program: Machine\.open", ""),
+        (r"read it while the machine is open", "repeat the command"),
+    )
+)  # fmt: skip
+# A bus that was given by options has no [bus] table.
+_WITHOUT_CELL: tuple[tuple[re.Pattern[str], str], ...] = (
+    (
+        re.compile(r"write the bus's rate, such as bitrate = ([\d_]+), in \[bus\]"),
+        r"give the bus's rate with -b",
+    ),
+    (re.compile(r"correct bitrate in \[bus\]"), "give the link's with -b"),
+    (re.compile(r" \(\[bus\.options\]\)"), " (-O)"),
+    (re.compile(r"interface = \"socketcan\""), "-i socketcan"),
+)
+
+
+def with_page(error: BaseException) -> str:
+    """Return the texts of an error as ``in_commands``, and the command for the page of its symptom, if it has one."""
+    page = f"\n{help_line(error)}" if isinstance(error, AxisbusError) else ""
+    return in_commands(error) + page
+
+
+def in_commands(error: BaseException) -> str:
+    """Return the texts of an error; calls in them are replaced by commands."""
+    text = str(error)
+    who = _WHO.match(text)
+    cell = next((each for each in sys.argv[1:] if each.endswith(".toml")), "")
+    for pattern, command in (*_TABLE, *(() if cell else _WITHOUT_CELL)):
+        command = command.replace("CELL", cell or "cell.toml").replace("AXIS", who[1] if who else "AXIS")
+        text = pattern.sub(_literal(command), text)
+    return text
+
+
+def _literal(command: str) -> str:
+    """Escape the backslashes of a Windows path for a regular expression's replacement."""
+    return re.sub(r"\\(?!\d)", r"\\\\", command)
+
+
+# -- Coloured output on a terminal, plain output everywhere else; NO_COLOR disables colours (no-color.org) -------------
+
+
+STYLES = {"error": "bold red", "warning": "yellow", "note": "cyan"}
+
+
+def coloured() -> bool:
+    """Whether standard output is a terminal with colours, and the user has not disabled them."""
+    if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
+        return False
+    return sys.stdout.isatty()
+
+
+def say_styled(text: str, word: str, style: str) -> None:
+    """Print ``text``; on a terminal the first ``word`` of it is in ``style`` (rich's)."""
+    if not coloured():
+        click.echo(printable(text))
+        return
+    from rich.text import Text
+
+    text = printable(text)
+    styled = Text(text)
+    begin = text.find(word)
+    if begin >= 0:
+        styled.stylize(style, begin, begin + len(word))
+    _console().print(styled, soft_wrap=True)
+
+
+def say_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table, at most as wide as its terminal."""
+    from rich.table import Table
+
+    table = Table(*headings, box=None, pad_edge=False, header_style="bold")
+    for row in rows:
+        table.add_row(*map(printable, row))
+    _console().print(table)
+
+
+def _console() -> Any:
+    from rich.console import Console
+
+    return Console(highlight=False, markup=False, emoji=False)

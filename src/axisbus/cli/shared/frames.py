@@ -13,8 +13,7 @@ import click
 
 from axisbus.cell.model import SIMULATED
 from axisbus.cli.shared.buses import require_rate, simulated, with_options
-from axisbus.cli.shared.options import Decorated, parse_options
-from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.options import PATH, Decorated, parse_options
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +12,6 @@ import click
 
 from axisbus.cli.shared.axes import once
 from axisbus.cli.shared.completion import complete_channel, complete_interface
-from axisbus.cli.shared.numbers import BitRate
 
 Decorated = Callable[..., Any]
 _OWN_OPTIONS = {"interface": "-i", "channel": "-c", "bitrate": "-b"}
@@ -119,3 +120,64 @@ def parse_targets(pairs: tuple[str, ...], what: str = "POSITION") -> dict[str, f
             raise click.UsageError(f"{pair!r}: write AXIS={what}, such as x=90")
     once(pair.partition("=")[0] for pair in pairs)
     return targets
+
+
+# -- The parameter type of paths: unchecked, so that the code that opens the file reports errors in a uniform text -----
+
+
+PATH = click.Path(
+    path_type=Path, readable=False
+)  # click itself would refuse an unreadable file without a remedy
+
+
+# -- Parameter types of the command line: seconds, and bit rates of a CAN bus ------------------------------------------
+
+
+_LONGEST = 1e8  # seconds, some years: accepted by the system's clock functions
+_SLOWEST, _FASTEST = 5_000, 1_000_000  # bit/s of classic CAN
+
+
+_UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}
+_TIME = re.compile(r"(?P<number>.*?\d\.?)\s*(?P<unit>ms|s|min|h)")
+
+
+class Seconds(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """A finite time of at least ``least``, in seconds or with its unit: 0.5, 500ms, 10s, 5min, 1h."""
+
+    name = "seconds"
+
+    def __init__(self, least: float = 0.001) -> None:
+        self._least = least
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Turn text into seconds."""
+        parts = _TIME.fullmatch(str(value).strip())
+        number, unit = (value, "s") if parts is None else (parts["number"], parts["unit"])
+        try:
+            found = float(number) * _UNITS[unit]
+        except ValueError:
+            found = math.nan
+        if not self._least <= found <= _LONGEST:
+            self.fail(
+                f"{value!r} is not a valid time: give seconds, {self._least:g} or more, or a time such as 500ms or 10s",
+                param,
+                ctx,
+            )
+        return found
+
+
+class BitRate(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """A bit rate in bit/s."""
+
+    name = "bit/s"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Convert text to bit/s; suggest the right value if it looks like kbit/s."""
+        try:
+            rate = int(value)
+        except ValueError:
+            rate = 0
+        if not _SLOWEST <= rate <= _FASTEST:
+            meant = f", such as {rate * 1000}" if _SLOWEST <= rate * 1000 <= _FASTEST else ", such as 500000"
+            self.fail(f"{value!r} is not a bit rate of a CAN bus: give bit/s{meant}", param, ctx)
+        return rate

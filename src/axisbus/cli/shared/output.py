@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import click
 
-from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.options import PATH
 from axisbus.errors import UserError
 
 _F = TypeVar("_F", bound=Callable[..., Any])

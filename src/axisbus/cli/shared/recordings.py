@@ -11,8 +11,8 @@ from typing import TypeVar
 import click
 
 from axisbus.cli.shared.common import FAILURE, OK, say
+from axisbus.cli.shared.options import PATH
 from axisbus.cli.shared.output import require_writable
-from axisbus.cli.shared.paths import PATH
 from axisbus.machine.machine import Machine
 from axisbus.record.recording import Recording
 from axisbus.wording import counted

@@ -13,8 +13,7 @@ import click
 
 from axisbus.cli.gim6010.params.endpoint_list import read_list
 from axisbus.cli.shared.common import say_note
-from axisbus.cli.shared.options import Decorated
-from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.options import PATH, Decorated
 from axisbus.drives.gim6010.modbus.registers import RATES
 
 if TYPE_CHECKING:

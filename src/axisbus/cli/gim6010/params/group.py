@@ -7,16 +7,22 @@ import click
 from axisbus.cli.shared.lazy import LazyGroup
 
 COMMANDS = {
-    "get": ("axisbus.cli.gim6010.params.get", "Read parameters by name."),
+    "get": ("axisbus.cli.gim6010.params.commands:get_command", "Read parameters by name."),
     "set": (
-        "axisbus.cli.gim6010.params.set",
+        "axisbus.cli.gim6010.params.commands:set_command",
         "Write parameters by name, each read back; --save stores them.",
     ),
-    "dump": ("axisbus.cli.gim6010.params.dump", "Read every parameter that can be read."),
-    "backup": ("axisbus.cli.gim6010.params.backup", "Write the settings of a module into a file."),
-    "restore": ("axisbus.cli.gim6010.params.restore", "Write the settings of a backup to a module."),
+    "dump": ("axisbus.cli.gim6010.params.commands:dump_command", "Read every parameter that can be read."),
+    "backup": (
+        "axisbus.cli.gim6010.params.commands:backup_command",
+        "Write the settings of a module into a file.",
+    ),
+    "restore": (
+        "axisbus.cli.gim6010.params.commands:restore_command",
+        "Write the settings of a backup to a module.",
+    ),
     "diff": (
-        "axisbus.cli.gim6010.params.diff",
+        "axisbus.cli.gim6010.params.commands:diff_command",
         "Show the differences between backups, or a backup and a module.",
     ),
 }

@@ -13,12 +13,11 @@ import click
 
 from axisbus.cli.gim6010.discovery import BusOptions
 from axisbus.cli.gim6010.params.endpoint_list import read_list, text_of
-from axisbus.cli.gim6010.serial_port import modbus_options, words_of
-from axisbus.cli.gim6010.usb_port import on_usb, usb_options
-from axisbus.cli.gim6010.usb_port import words_of as usb_words
+from axisbus.cli.gim6010.ports import modbus_options, on_usb, usb_options
+from axisbus.cli.gim6010.ports import modbus_words_of as words_of
+from axisbus.cli.gim6010.ports import usb_words_of as usb_words
 from axisbus.cli.shared.buses import open_bus
-from axisbus.cli.shared.options import Decorated, bus_options
-from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.options import PATH, Decorated, bus_options
 
 if TYPE_CHECKING:
     from axisbus.bus.gim6010.endpoints import CanSimpleParameters

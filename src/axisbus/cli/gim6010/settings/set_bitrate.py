@@ -11,7 +11,7 @@ from axisbus.cli.gim6010.params.module import ModuleSelection, module_options, o
 from axisbus.cli.gim6010.settings.common import over_usb, put
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
-from axisbus.cli.shared.numbers import BitRate
+from axisbus.cli.shared.options import BitRate
 from axisbus.errors import NodeError
 
 _BACK = 25.0  # s, the time of a restart as reported by owners

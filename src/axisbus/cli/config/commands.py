@@ -1,0 +1,354 @@
+"""The ``axisbus config`` commands that read: backup and diff, and what all of them share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
+from axisbus.cli.shared.completion import complete_node
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, node_options, open_nodes, require_bus
+from axisbus.cli.shared.output import (
+    concise_option,
+    force_option,
+    output_option,
+    require_free,
+    require_writable,
+    write_whole,
+)
+from axisbus.eds import builtin, writer
+from axisbus.eds.io import reader
+from axisbus.eds.io.reader import EdsParseResult
+from axisbus.errors import ArgumentError
+from axisbus.wording import counted
+
+if TYPE_CHECKING:
+    from axisbus.bus.node.node import NodeIdentity
+    from axisbus.bus.sdo.access import ByObjects
+    from axisbus.configuration.compare import Comparison, ConfigurationSide
+    from axisbus.configuration.dcf_backup import DcfBackup
+    from axisbus.eds.model import Eds, Variable
+
+
+# -- Common parts of the ``config`` subcommands: reading DCFs, the EDS of a node, objects on the command line ----------
+
+Key = tuple[int, int]
+
+
+Tell = Callable[[int, int], None]
+
+
+def read_file(spec: str | Path) -> EdsParseResult:
+    """Read a DCF or EDS (a path, or ``builtin:NAME``).
+
+    Raises:
+        EdsError: the file cannot be read, or is neither.
+    """
+    path = builtin.resolve(str(spec), Path())
+    return reader.read(reader.file_bytes(path), str(path))
+
+
+def eds_file(files: NodeFiles, node_id: int) -> str:
+    """Return the EDS that the user gave for a node, by --eds, else by the cell file; empty if there is none."""
+    found = files.eds_for(node_id)
+    return found.source if found is not None else ""
+
+
+def node_reading(files: NodeFiles, node: ByObjects) -> tuple[EdsParseResult, str]:
+    """Return the EDS of a node and its origin: given by the user, stored in the node (1021h), else a skeleton.
+
+    Blocks for long if the node itself is read.
+
+    Raises:
+        EdsError: a file cannot be read.
+        SdoError, AdapterError: the node does not answer.
+    """
+    given = eds_file(files, node.node_id)
+    if given:
+        return read_file(given), given
+    from axisbus.bus.node.from_device import skeleton, stored_eds
+
+    with progress_bar(f"asking node {node.node_id} for its objects") as tell:
+        data = stored_eds(node.sdo)
+        if data is not None:
+            return reader.read(data, f"1021h of node {node.node_id}"), "the EDS that the drive stores (1021h)"
+        made = writer.dumps(skeleton(node.sdo, tell))
+    what = "a skeleton of the standard objects that exist in it (no maker's objects: give --eds)"
+    return reader.read(made, f"skeleton of node {node.node_id}"), what
+
+
+def baudrate(asked: NodeOptions, files: NodeFiles, reading: EdsParseResult) -> int | None:
+    """Return the bus's bit rate in kbit/s for a DCF; None if it is unknown, or the EDS does not list it."""
+    from axisbus.bus.link.listen import link_bitrate
+    from axisbus.configuration.dcf_backup import known_rate
+
+    cell = files.cell.bus.bitrate if files.cell is not None else None
+    return known_rate(reading, asked.bitrate or cell or link_bitrate(asked.interface or "", asked.channel))
+
+
+def keys(texts: tuple[str, ...], option: str) -> frozenset[Key]:
+    """Return the objects of an option, each by index and sub-index (6098, 607D:1).
+
+    Raises:
+        ArgumentError: one has another form.
+    """
+    return frozenset(_key(text, option) for text in texts)
+
+
+def _key(text: str, option: str) -> Key:
+    index, _, sub = text.partition(":")
+    try:
+        found = int(index.removesuffix("h"), 16), int(sub or "0", 16)
+    except ValueError:
+        found = (-1, -1)
+    if not (0 <= found[0] <= 0xFFFF and 0 <= found[1] <= 0xFF):
+        raise ArgumentError(
+            f"{option} {text!r} does not name an object",
+            remedy=f"write index and sub-index in hexadecimal, such as {option} 6098 or {option} 607D:1",
+        )
+    return found
+
+
+# -- ``axisbus config backup``: read all objects of a node into a DCF --------------------------------------------------
+
+
+@click.command("backup")
+@click.argument("node", shell_complete=complete_node)
+@node_options
+@output_option("The DCF to write [default: node-N-serial-S.dcf].")
+@concise_option("Also write a concise DCF, the content of 1F22h, here.")
+@force_option
+@click.option("--json", "as_json", is_flag=True, help="Print the values read as JSON.")
+def backup_command(
+    node: str,
+    asked: NodeOptions,
+    output: Path | None,
+    concise_out: Path | None,
+    force: bool,
+    as_json: bool,
+) -> int:
+    """Read every object of NODE into a DCF, with its identity and serial number; nothing is written to the drive.
+
+    Without --eds or --cell, the EDS is read from the drive (1021h); if the drive has none, the objects of the standard are read
+    one by one.
+    """
+    require_bus(asked)
+    require_free(output, concise_out, force=force)
+    if output is None:
+        from axisbus.configuration.dcf_backup import file_name
+
+        require_writable(Path(file_name(1, None)))  # checks this folder; the complete name is known later
+    from axisbus.bus.node.node import read_identity
+
+    files = NodeFiles.of(asked.cell, asked.eds)
+    node_id = files.address(node.rstrip(":")).node_id
+    with ExitStack() as stack:
+        device = open_nodes(stack, asked, files, [node_id]).node(node_id)
+        who = read_identity(device.sdo)
+        target = output or _free_default(node_id, who.serial, force=force)
+        made, origin = _taken(stack, asked, files, device, target.name)
+    written = _write(made, target, concise_out)
+    if as_json:
+        say_json(_plain(made, who, origin, written))
+    else:
+        _show(made, who, origin, node_id, written)
+    return OK
+
+
+def _free_default(node_id: int, serial: int | None, *, force: bool) -> Path:
+    from axisbus.configuration.dcf_backup import file_name
+
+    target = Path(file_name(node_id, serial))
+    require_free(target, force=force)
+    return target
+
+
+def _taken(
+    stack: ExitStack, asked: NodeOptions, files: NodeFiles, device: ByObjects, name: str
+) -> tuple[DcfBackup, str]:
+    from axisbus.configuration.dcf_backup import backup
+    from axisbus.eds.dcf import Settings
+
+    reading, origin = node_reading(files, device)
+    settings = Settings(
+        device.node_id,
+        baudrate(asked, files, reading),
+        file_name=name,
+        last_eds=Path(reading.eds.source).name if eds_file(files, device.node_id) else None,
+    )
+    tell = stack.enter_context(progress_bar(f"reading node {device.node_id}"))
+    return backup(device.sdo, reading, settings, tell), origin
+
+
+def _write(made: DcfBackup, target: Path, concise_out: Path | None) -> list[tuple[Path, int]]:
+    from axisbus.eds import concise, writer
+    from axisbus.eds.concise_dcf_values import configuration
+
+    stream = None
+    if concise_out is not None:
+        stream = concise.encode(configuration(made.reading).writes)
+    data = writer.dumps(made.reading)
+    write_whole(target, data)
+    written = [(target, len(data))]
+    if concise_out is not None and stream is not None:
+        write_whole(concise_out, stream)
+        written.append((concise_out, len(stream)))
+    return written
+
+
+def _show(
+    made: DcfBackup, who: NodeIdentity, origin: str, node_id: int, written: list[tuple[Path, int]]
+) -> None:
+    from axisbus.configuration import report_text
+
+    for line in report_text.device(who, origin, node_id):
+        say(line)
+    for each in made.left_out:
+        say(f"  left out: {report_text.place(each)}: {each.reason}")
+    for path, size in written:
+        say(f"{path}: {counted(size, 'octet')}")
+    say(report_text.read(made))
+    say_next(f"bring it back: axisbus config restore {written[0][0]} {node_id} ...")
+
+
+def _plain(
+    made: DcfBackup, who: NodeIdentity, origin: str, written: list[tuple[Path, int]]
+) -> dict[str, object]:
+    return {
+        "files": [str(path) for path, _ in written],
+        "eds": origin,
+        "vendor_id": who.vendor_id,
+        "product_code": who.product_code,
+        "revision": who.revision,
+        "serial": who.serial,
+        "read": made.values,
+        "left_out": [
+            {"index": each.index, "subindex": each.subindex, "name": each.name, "reason": each.reason}
+            for each in made.left_out
+        ],
+    }
+
+
+# -- ``axisbus config diff``: compare two files, a file and a node, or a node and its own EDS --------------------------
+
+
+@click.command("diff")
+@click.argument("one")
+@click.argument("other", required=False)
+@node_options
+@click.option(
+    "--all", "everything", is_flag=True, help="Also compare read-only objects, such as actual values."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
+def diff_command(one: str, other: str | None, asked: NodeOptions, everything: bool, as_json: bool) -> int:
+    """Compare configurations: FILE FILE, FILE NODE (the node as it is now), or NODE alone (with the defaults of its EDS).
+
+    A file is a DCF or an EDS; a node is its ID, or an axis of --cell. The identity and the settings are compared; controlword,
+    targets and other command objects are not. Exit code 1 when something differs. Writes nothing.
+
+    \b
+    axisbus config diff old.dcf new.dcf
+    axisbus config diff x.dcf 5 -i socketcan -c can0
+    axisbus config diff 5 -i socketcan -c can0 --eds drive.eds
+    """
+    files = NodeFiles.of(asked.cell, asked.eds)
+    named = [each for each in (one, other) if each is not None and not _is_node(files, each)]
+    nodes = [each for each in (one, other) if each is not None and _is_node(files, each)]
+    if len(nodes) > 1 or (not nodes and len(named) < 2):
+        raise click.UsageError("compare FILE with FILE, FILE with NODE, or NODE with its own EDS")
+    if nodes:
+        require_bus(asked)
+        comparison, names = _with_node(asked, files, nodes[0], named, everything, quiet=as_json)
+    else:
+        comparison, names = _of_files(named[0], named[1], everything)
+    if as_json:
+        say_json(_diff_plain(comparison, names))
+    else:
+        _diff_show(comparison, names)
+    return WRONG if comparison.differences else OK
+
+
+def _is_node(files: NodeFiles, text: str) -> bool:
+    return text.isdecimal() or (files.cell is not None and text in files.cell.axes)
+
+
+def _of_files(one: str, other: str, everything: bool) -> tuple[Comparison, tuple[str, str]]:
+    from axisbus.configuration import compare
+
+    first, second = (read_file(each).eds for each in (one, other))
+    entries = _entries(first, everything)
+    there = {(each.index, each.subindex) for each in entries}
+    entries += [each for each in _entries(second, everything) if (each.index, each.subindex) not in there]
+    node_id = (
+        first.node_id or second.node_id
+    )  # COB-IDs that depend on the node-ID are compared for the same node
+    left, right = (_side(each, node_id) for each in (first, second))
+    found = compare.compare(entries, left, right)
+    return found, (first.source, second.source)
+
+
+def _with_node(
+    asked: NodeOptions, files: NodeFiles, node: str, named: list[str], everything: bool, *, quiet: bool
+) -> tuple[Comparison, tuple[str, str]]:
+    from axisbus.configuration import compare as device_side
+
+    node_id = files.address(node).node_id
+    given = read_file(named[0]).eds if named else None  # read before the bus is opened
+    with ExitStack() as stack:
+        device = open_nodes(stack, asked, files, [node_id]).node(node_id)
+        eds = given or node_reading(files, device)[0].eds
+        tell = stack.enter_context(progress_bar(f"reading node {node_id}", quiet=quiet))
+        found = device_side.against(device, eds, tell, everything=everything)
+    return found, (eds.source, f"node {node_id}")
+
+
+def _entries(eds: Eds, everything: bool) -> list[Variable]:
+    from axisbus.configuration import compare
+
+    return list(compare.entries(eds, everything=everything))
+
+
+def _side(eds: Eds, node_id: int | None) -> ConfigurationSide:
+    from axisbus.configuration import compare
+
+    return compare.of_file(eds, node_id)
+
+
+def _diff_show(comparison: Comparison, names: tuple[str, str]) -> None:
+    from axisbus.configuration import report_text
+
+    left, right = map(report_text.short, names)
+    for each in comparison.differences:
+        mine, other = report_text.sides(each)
+        says = each.note or f"{left} {mine}, {right} {other}"
+        say(f"{report_text.place(each.variable)}: {says}")
+    say(report_text.compared(comparison))
+    if comparison.differences and right.startswith("node "):
+        say_next(
+            f"bring the node to a DCF: axisbus config restore FILE.dcf {right.removeprefix('node ')} ..."
+        )
+
+
+def _diff_plain(comparison: Comparison, names: tuple[str, str]) -> dict[str, object]:
+    from axisbus.configuration import report_text
+
+    return {
+        "left": names[0],
+        "right": names[1],
+        "compared": comparison.compared,
+        "differences": [
+            {
+                "index": each.variable.index,
+                "subindex": each.variable.subindex,
+                "name": each.variable.name,
+                "left": report_text.plain(each.left),
+                "right": report_text.plain(each.right),
+                "note": each.note,
+            }
+            for each in comparison.differences
+        ],
+    }

@@ -1,0 +1,203 @@
+"""The commands that move axes without an end: ``axisbus velocity`` and ``torque``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import click
+
+from axisbus import wait
+from axisbus.check.run import checked
+from axisbus.cli.shared.attach_or_open import take_option
+from axisbus.cli.shared.axes import Mover, all_axes, movers, sides_of
+from axisbus.cli.shared.common import say
+from axisbus.cli.shared.completion import complete_targets
+from axisbus.cli.shared.enabled_axes import commanded, enable, say_position
+from axisbus.cli.shared.options import PATH, Seconds, beside_option, parse_targets
+from axisbus.cli.shared.progress import MoverProgress, draw, follow, speed_text
+from axisbus.cli.shared.recordings import record_option, recorded
+from axisbus.errors import StateError
+from axisbus.machine.axis import Axis
+from axisbus.machine.dry_run import DryRun
+from axisbus.machine.handle import Handle
+from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Common parts of ``axisbus velocity`` and ``axisbus torque``: axes and pairs that move for a time, or until Ctrl-C.
+
+_TURNING = (AxisState.CONTINUOUS_MOTION, AxisState.SYNCHRONIZED_MOTION)  # alone, and as an axis of a pair
+
+
+_LOOK = 0.1  # seconds
+
+
+_HOLD = 0.5  # seconds after which the core halts the axes if this command no longer runs, for example suspended (Ctrl-Z)
+
+
+_Function = TypeVar("_Function", bound=Callable[..., object])
+
+
+def for_option(function: _Function) -> _Function:
+    """Add --for: the seconds after which the axes are halted."""
+    return click.option(
+        "--for", "seconds", type=Seconds(0.0), help="Halt after so many seconds; without it, at Ctrl-C."
+    )(function)
+
+
+@dataclass(frozen=True, slots=True)
+class TimedMotion:
+    """Axes and pairs by name with their set values; ``begin`` gives one its command, ``unit`` follows the number.
+
+    ``verb``: the command's name.
+    """
+
+    verb: str
+    wanted: Mapping[str, float]
+    begin: Callable[[Mover, float], Handle]
+    unit: Callable[[Mover], str]
+
+    def run(self, cell: Path, seconds: float | None, *, record: Path | None, beside: bool, take: bool) -> int:
+        """Enable the axes, move them, halt them, and restore their previous state."""
+        config = checked(cell)
+        sides = sides_of(config, self.wanted, self.verb)
+        self._rehearse(DryRun(config))  # report impossible requests before the bus is opened
+        with (
+            commanded(cell, sides, take=take, beside=beside) as (machine, _),
+            recorded(machine, record) as recording,
+        ):
+            known = {name: facts.parameters for name, facts in machine.session.axes.items()}
+            self._rehearse(DryRun(config, known))  # with the values of the drives, before they are enabled
+            chosen = movers(machine, self.wanted)
+            enable(chosen)
+            follow(
+                machine, [MoverProgress(each, self.begin(each, self.wanted[each.name])) for each in chosen]
+            )
+            for each in chosen:
+                say(f"{each.name}: has {self.wanted[each.name]:g} {self.unit(each)}")
+            _keep(machine, chosen, seconds)
+            wait([each.halt() for each in chosen])
+            for each in chosen:
+                say_position(each, "stands at")
+        return recording.code
+
+    def _rehearse(self, rehearsal: DryRun) -> None:
+        for each in movers(rehearsal, self.wanted):
+            self.begin(each, self.wanted[each.name])
+
+
+def _keep(machine: Machine, chosen: Sequence[Mover], seconds: float | None) -> None:
+    """Keep them moving.
+
+    Raises:
+        AxisbusError: one has stopped without a command.
+    """
+    until = None if seconds is None else time.monotonic() + seconds
+    try:
+        while until is None or time.monotonic() < until:
+            machine.hold_to_run(_HOLD)
+            left = _LOOK if until is None else min(_LOOK, max(0.0, until - time.monotonic()))
+            machine.sleep(left)
+            for axis in all_axes(chosen):
+                _require_turning(axis)
+            draw("; ".join(speed_text(each) for each in chosen))
+    finally:
+        machine.hold_to_run(None)
+        draw("")
+
+
+def _require_turning(axis: Axis) -> None:
+    if axis.state in _TURNING:
+        return
+    if axis.error is not None:
+        raise axis.error
+    raise StateError(
+        f"{axis.name}: the motion ended early",
+        observed=f"it is in {axis.state.value}",
+        remedy="check which other program commands or halts it: axisbus monitor",
+    )
+
+
+# -- ``axisbus velocity``: enable axes and move them at constant velocities --------------------------------------------
+
+
+@click.command("velocity")
+@click.argument("cell", type=PATH)
+@click.argument(
+    "targets", nargs=-1, required=True, metavar="AXIS=VELOCITY...", shell_complete=complete_targets
+)
+@click.option("--acceleration", type=float, help="Acceleration in unit/s², instead of the axes' defaults.")
+@for_option
+@record_option
+@beside_option
+@take_option
+def velocity_command(
+    cell: Path,
+    targets: tuple[str, ...],
+    acceleration: float | None,
+    seconds: float | None,
+    record: Path | None,
+    beside: bool,
+    take: bool,
+) -> int:
+    """Enable axes or pairs of CELL and move them at a velocity: axisbus velocity cell.toml x=30 y=-15 --for 5s
+
+    MOVES REAL MOTORS until the time is over, or until Ctrl-C; then they are stopped and disabled. Velocities in unit/s.
+    """
+    return TimedMotion(
+        "velocity",
+        parse_targets(targets, "VELOCITY"),
+        lambda mover, value: mover.move_velocity(value, acceleration=acceleration),
+        lambda mover: f"{mover.unit}/s",
+    ).run(cell, seconds, record=record, beside=beside, take=take)
+
+
+# -- ``axisbus torque``: enable axes and apply torques -----------------------------------------------------------------
+
+
+@click.command("torque")
+@click.argument("cell", type=PATH)
+@click.argument("targets", nargs=-1, required=True, metavar="AXIS=TORQUE...", shell_complete=complete_targets)
+@click.option("--slope", type=float, help="Slope in N·m/s, instead of the axes' defaults.")
+@for_option
+@record_option
+@beside_option
+@take_option
+def torque_command(
+    cell: Path,
+    targets: tuple[str, ...],
+    slope: float | None,
+    seconds: float | None,
+    record: Path | None,
+    beside: bool,
+    take: bool,
+) -> int:
+    """Enable axes of CELL and apply a torque in profile torque mode: axisbus torque cell.toml x=0.5 --for 2s
+
+    MOVES REAL MOTORS: an axis that no load holds back accelerates up to the drive's velocity limit. It ends after the given time,
+    or at Ctrl-C; then the axes are stopped and disabled. Torques in N·m; the axis needs rated_torque in CELL.
+    """
+    return TimedMotion(
+        "torque",
+        parse_targets(targets, "TORQUE"),
+        lambda mover, value: _axis(mover).torque_control(value, slope=slope),
+        lambda _: "N·m",
+    ).run(cell, seconds, record=record, beside=beside, take=take)
+
+
+def _axis(mover: Mover) -> Axis:
+    """Return an axis.
+
+    Raises:
+        StateError: the name is a pair.
+    """
+    if isinstance(mover, Axis):
+        return mover
+    raise StateError(
+        f"{mover.name}: a pair cannot be moved by a torque: each of its two axes would move independently",
+        remedy="move it: axisbus move, or axisbus velocity",
+    )

@@ -1,1 +1,0 @@
-"""``axisbus explain``: the pages of the symptoms, in a terminal."""
