@@ -39,7 +39,7 @@ from axisbus.web.access.limits import FOREIGN_MESSAGE
 from axisbus.web.access.middleware import arrival_of
 from axisbus.web.access.tokens import PageSessions, Role
 from axisbus.web.config.files import Dcf, about, named
-from axisbus.web.scope import saving, signal_request
+from axisbus.web.scope import saving, signals
 from kit.cell import cell_text
 from kit.desk import Pages
 from kit.frame_readers import Conversations, reader_of, unshown
@@ -198,7 +198,7 @@ class _Page:
         try:
             for part in parts:
                 text = part.decode("utf-8", "surrogatepass" if part[:1] == b"{" else "replace")
-                if signal_request.read(text, self.signals) is None:
+                if signals.read(text, self.signals) is None:
                     pages.desk.hear(place, text, pages.now)
                 pages.now += 0.05
             pages.desk.look(pages.now)

@@ -23,8 +23,7 @@ from axisbus.web.access.acceptor import Acceptor, Connection, one_too_many
 from axisbus.web.access.admission import ServedOrigin
 from axisbus.web.access.limits import CONNECTIONS
 from axisbus.web.access.middleware import AccessMiddleware
-from axisbus.web.access.origin import Origin
-from axisbus.web.access.tokens import PageSessions, Role
+from axisbus.web.access.tokens import Origin, PageSessions, Role
 
 resource = pytest.importorskip("resource", reason="the test needs many descriptors")
 uvicorn = pytest.importorskip("uvicorn", reason="the server of the page is uvicorn")

@@ -28,15 +28,13 @@ from axisbus.machine.machine import Machine
 from axisbus.web.access.middleware import SESSION
 from axisbus.web.access.tokens import PageSession, Role
 from axisbus.web.commands.clients import PageClients
-from axisbus.web.config import job_runner, report
+from axisbus.web.config import jobs, report
 from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, PageFiles, about, named
-from axisbus.web.config.job_runner import Configuring
-from axisbus.web.config.jobs import refusal
+from axisbus.web.config.jobs import Configuring, refusal
 from axisbus.web.config.report import ConfigJob, ConfigJobKind, ConfigProgress
 from axisbus.web.config.routes import ConfigRoutes
-from axisbus.web.objects import throttled_node
-from axisbus.web.objects.transfers import node_of
-from axisbus.web.objects.worker import ObjectWorker
+from axisbus.web.objects import verifying
+from axisbus.web.objects.worker import ObjectWorker, node_of
 from kit.cell import GENERIC, cell_text
 
 ACCELERATION, WINDOW, HEARTBEAT = (0x6083, 0), (0x6065, 0), (0x1017, 0)
@@ -44,7 +42,7 @@ ACCELERATION, WINDOW, HEARTBEAT = (0x6083, 0), (0x6065, 0), (0x1017, 0)
 
 @pytest.fixture(autouse=True)
 def quickly(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(throttled_node, "PACE", 0.0)
+    monkeypatch.setattr(verifying, "PACE", 0.0)
 
 
 @pytest.fixture
@@ -236,13 +234,13 @@ def test_a_drive_that_is_energised_on_the_way_ends_the_restore_which_tells_how_f
     velocity = (0x6081, 0)
     for key in (ACCELERATION, velocity):
         device(machine).write(*key, 777)
-    own = throttled_node.WritingSdo.download
+    own = verifying.WritingSdo.download
 
     def enabled_meanwhile(sdo: Any, index: int, subindex: int, data: bytes) -> None:
         own(sdo, index, subindex, data)
         machine["x"].enable().wait(10)
 
-    monkeypatch.setattr(throttled_node.WritingSdo, "download", enabled_meanwhile)
+    monkeypatch.setattr(verifying.WritingSdo, "download", enabled_meanwhile)
     told = done(machine, ConfigJobKind.RESTORE, 1, made).told()
     assert "is energised" in told["broken"]["message"]
     assert [device(machine).read(*key) for key in (ACCELERATION, velocity)].count(777) == 1
@@ -389,7 +387,7 @@ def test_who_has_the_controls_restores_after_a_yes_until_they_are_gone(desk, mon
     device(desk.machine).write(*ACCELERATION, 777)
     desk.ask(desk.operator, "restore", node=1)
     assert "it has not been confirmed" in words(desk.operator)
-    monkeypatch.setattr(throttled_node, "PACE", 0.01)
+    monkeypatch.setattr(verifying, "PACE", 0.01)
     desk.ask(desk.operator, "restore", node=1, sure=True)
     desk.run(lambda: desk.ask(desk.operator, "give_back"))
     assert "was cancelled" in desk.job.now.error["message"]
@@ -418,7 +416,7 @@ def test_there_is_one_job_for_all_pages_a_verification_is_one_too(desk):
 @pytest.mark.parametrize("begun", [False, True])
 def test_a_job_of_a_page_without_controls_gives_way_to_who_has_them(desk, monkeypatch, begun):
     """However often it is begun again."""
-    monkeypatch.setattr(throttled_node, "PACE", 0.01)
+    monkeypatch.setattr(verifying, "PACE", 0.01)
     seen: list[Any] = []
 
     def over() -> None:
@@ -439,7 +437,7 @@ def test_a_job_of_a_page_without_controls_gives_way_to_who_has_them(desk, monkey
 
 
 def test_a_verification_of_who_has_the_controls_waits_for_no_other_page(desk, monkeypatch):
-    monkeypatch.setattr(throttled_node, "PACE", 0.01)
+    monkeypatch.setattr(verifying, "PACE", 0.01)
     desk.ask(desk.looker, "backup", node=1)
     desk.run(lambda: desk.ask(desk.operator, "verify", node=2))
     assert not words(desk.operator)
@@ -448,7 +446,7 @@ def test_a_verification_of_who_has_the_controls_waits_for_no_other_page(desk, mo
 
 
 def test_a_job_is_cancelled_by_its_page_and_by_who_has_the_controls_alone(desk, monkeypatch):
-    monkeypatch.setattr(throttled_node, "PACE", 0.01)
+    monkeypatch.setattr(verifying, "PACE", 0.01)
     desk.ask(desk.operator, "backup", node=1)
     desk.ask(desk.looker, "job_end")
     desk.run(lambda: desk.ask(desk.operator, "job_end"))
@@ -460,7 +458,7 @@ def test_a_job_is_cancelled_by_its_page_and_by_who_has_the_controls_alone(desk, 
 
 
 def test_a_job_ends_with_its_page_and_nothing_of_it_is_kept(desk, monkeypatch):
-    monkeypatch.setattr(throttled_node, "PACE", 0.01)
+    monkeypatch.setattr(verifying, "PACE", 0.01)
     desk.ask(desk.looker, "backup", node=1)
     desk.run(lambda: desk.desk.leave(desk.looker))
     assert "was cancelled" in desk.job.now.error["message"]
@@ -468,7 +466,7 @@ def test_a_job_ends_with_its_page_and_nothing_of_it_is_kept(desk, monkeypatch):
 
 
 def test_a_node_that_is_lost_in_the_middle_ends_the_job_with_what_is_wrong(desk, monkeypatch):
-    monkeypatch.setattr(throttled_node, "PACE", 0.01)
+    monkeypatch.setattr(verifying, "PACE", 0.01)
     desk.ask(desk.operator, "backup", node=1)
     desk.run(lambda: setattr(device(desk.machine).dials, "sdo_silent", True))
     told = desk.job.now.told()
@@ -485,7 +483,7 @@ def test_a_node_that_is_not_there_and_one_without_objects_are_told(desk):
 
 def test_a_mistake_is_told_and_the_next_job_goes_on(desk, monkeypatch):
     with monkeypatch.context() as patched:
-        patched.setattr(job_runner, "carry_out", lambda *_: 1 / 0)
+        patched.setattr(jobs, "carry_out", lambda *_: 1 / 0)
         desk.ask(desk.operator, "backup", node=1)
         desk.run()
     assert "ZeroDivisionError" in desk.job.now.error["observed"]

@@ -19,8 +19,7 @@ from axisbus.web.access import limits
 from axisbus.web.access.admission import AccessRefused, AdmissionRequest, Entered, ServedOrigin, decide
 from axisbus.web.access.limits import FOREIGN_MESSAGE, SOCKETS, SOCKETS_ALWAYS, SOCKETS_OF_BROWSER
 from axisbus.web.access.middleware import SESSION, AccessMiddleware, arrival_of
-from axisbus.web.access.origin import Origin, origin_of
-from axisbus.web.access.tokens import LinkRefusal, PageSession, PageSessions, Role
+from axisbus.web.access.tokens import LinkRefusal, Origin, PageSession, PageSessions, Role, origin_of
 
 HOST, ORIGIN = "127.0.0.1:8402", "http://127.0.0.1:8402"
 DOOR = ServedOrigin("http", frozenset({HOST, "localhost:8402"}))

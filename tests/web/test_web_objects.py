@@ -25,14 +25,11 @@ from axisbus.machine.machine import Machine
 from axisbus.sim.build import device_from_eds
 from axisbus.web.access.tokens import PageSession, Role
 from axisbus.web.commands.clients import PageClients
-from axisbus.web.objects import dictionary_cache, throttled_node
-from axisbus.web.objects.dictionary_cache import DictionaryCache, book
-from axisbus.web.objects.jobs import ObjectJob, TransferRequest, TransferResult
-from axisbus.web.objects.key import ObjectKey, read
-from axisbus.web.objects.pdos import layouts
-from axisbus.web.objects.transfers import ObjectTransfers, node_of
+from axisbus.web.objects import dictionary, verifying
+from axisbus.web.objects.dictionary import DictionaryCache, book, layouts
+from axisbus.web.objects.transfer_queue import ObjectJob, ObjectKey, TransferRequest, TransferResult, read
 from axisbus.web.objects.verifying import Verifying
-from axisbus.web.objects.worker import ObjectWorker
+from axisbus.web.objects.worker import ObjectTransfers, ObjectWorker, node_of
 from kit.cell import GENERIC, cell_text
 
 ROOT = Path(__file__).parents[2]
@@ -294,9 +291,7 @@ def test_findings_are_those_of_eds_check(tmp_path):
 
 def test_a_book_is_made_once_however_many_ask(nodes, monkeypatch):
     made = []
-    monkeypatch.setattr(
-        dictionary_cache, "book", lambda machine, node: made.append(node) or book(machine, node)
-    )
+    monkeypatch.setattr(dictionary, "book", lambda machine, node: made.append(node) or book(machine, node))
 
     async def ask():
         kept = DictionaryCache(nodes.machine)
@@ -312,7 +307,7 @@ def test_a_book_is_made_once_however_many_ask(nodes, monkeypatch):
 
 @pytest.fixture
 def quickly(monkeypatch):
-    monkeypatch.setattr(throttled_node, "PACE", 0.0)
+    monkeypatch.setattr(verifying, "PACE", 0.0)
 
 
 def test_a_drive_that_bears_its_file_out_and_one_that_does_not(nodes, quickly):

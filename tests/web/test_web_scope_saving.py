@@ -27,8 +27,7 @@ from axisbus.web.access.limits import SAVE_SAMPLES, most_bytes
 from axisbus.web.access.middleware import SESSION
 from axisbus.web.access.tokens import PageSession, Role
 from axisbus.web.scope import saving
-from axisbus.web.scope.routes import ScopeRoutes
-from axisbus.web.scope.saving import mcap, read
+from axisbus.web.scope.saving import ScopeRoutes, mcap, read
 from kit.cell import cell_text
 
 pytest.importorskip("mcap", reason="the extra record is not installed")
@@ -185,7 +184,7 @@ def test_one_file_of_a_browser_is_made_at_a_time_and_errors_are_told(machine, mo
     def full(*_: object) -> bytes:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("axisbus.web.scope.routes.mcap", full)
+    monkeypatch.setattr("axisbus.web.scope.saving.mcap", full)
     (told,) = answered(routes, GOOD)
     assert "No space left" in json.loads(told.body)["error"]["observed"]
 

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from axisbus.motion.states import AxisState
-from axisbus.web.tuning.metrics import FIGURES, told
+from axisbus.web.tuning.outcome import FIGURES, told
 from axisbus.web.tuning.step import TuningStep, TuningStepKind
 from axisbus.web.tuning.trial import DEAF, START, NextAction, TrialPhase, TrialSample, TuningTrial
 

@@ -5,9 +5,17 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 
-from axisbus.web.objects.jobs import ObjectJob, TransferRequest, TransferResult, WriteConfirmation
-from axisbus.web.objects.key import ObjectKey
-from axisbus.web.objects.transfer_queue import PERIOD, QUIET, WAITING, TransferQueue
+from axisbus.web.objects.transfer_queue import (
+    PERIOD,
+    QUIET,
+    WAITING,
+    ObjectJob,
+    ObjectKey,
+    TransferQueue,
+    TransferRequest,
+    TransferResult,
+    WriteConfirmation,
+)
 
 X = [ObjectKey(1, 0x6000 + number, 0) for number in range(100)]
 Y = ObjectKey(2, 0x6064, 0)

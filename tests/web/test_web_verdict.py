@@ -14,7 +14,7 @@ from axisbus.web.access.tokens import Role
 from axisbus.web.commands.authorize import PageAction, decide
 from axisbus.web.commands.request import PageRequest, read
 from axisbus.web.commands.verbs import VERBS, PageVerb
-from axisbus.web.objects.key import ObjectKey
+from axisbus.web.objects.transfer_queue import ObjectKey
 
 AXES = ("x", "y")
 ME, OTHER = Seat(1, "page 1", Role.OPERATOR), Seat(2, "page 2", Role.OPERATOR)

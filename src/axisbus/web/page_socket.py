@@ -14,8 +14,7 @@ from starlette.websockets import WebSocket
 from axisbus.machine.machine import Machine
 from axisbus.web.access.middleware import SESSION
 from axisbus.web.access.tokens import PageSession
-from axisbus.web.commands.clients import PageClient, PageClients
-from axisbus.web.commands.stale_requests import is_ahead
+from axisbus.web.commands.clients import PageClient, PageClients, is_ahead
 from axisbus.web.sockets import GONE, SLOW, end, next_text
 from axisbus.web.view.axes import Values, all_axes
 from axisbus.web.view.cell import whole_cell

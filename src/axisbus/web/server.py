@@ -32,12 +32,11 @@ from axisbus.web.commands.authorize import PageAction
 from axisbus.web.commands.clients import PageClients
 from axisbus.web.commands.verbs import PageVerb
 from axisbus.web.config import routes as config
-from axisbus.web.objects.dictionary_cache import DictionaryCache
+from axisbus.web.objects.dictionary import DictionaryCache
 from axisbus.web.objects.worker import ObjectWorker
-from axisbus.web.page.late_axes import Pages
-from axisbus.web.page.page import add_page
+from axisbus.web.page.page import Pages, add_page
 from axisbus.web.page_socket import PageSocket
-from axisbus.web.scope import routes as scope
+from axisbus.web.scope import saving as scope
 from axisbus.web.scope.hub import Hub
 
 SCOPE, OBJECTS, TRIALS, BACKUP = "/scope", "/objects", "/trials", "/config/backup"

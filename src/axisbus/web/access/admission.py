@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from axisbus.web.access.limits import SOCKETS, SOCKETS_ALWAYS, SOCKETS_OF_BROWSER
-from axisbus.web.access.origin import NOWHERE, Origin
-from axisbus.web.access.tokens import LinkRefusal, PageSession, PageSessions
+from axisbus.web.access.tokens import NOWHERE, LinkRefusal, Origin, PageSession, PageSessions
 from axisbus.wording import counted
 
 ENTER = "/enter"

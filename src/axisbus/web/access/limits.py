@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from typing import Any
+
 MESSAGE = 4096  # bytes of a message to this server
 FOREIGN_MESSAGE = 65_536  # bytes of a message or a request to the page's library
 FILE = 2 * 1024 * 1024  # bytes of a DCF
@@ -24,3 +27,15 @@ CONNECTIONS = 128  # without the sockets of pages
 def most_bytes(path: str) -> int:
     """Return how many bytes a request for this path may have."""
     return LONGER.get(path, FOREIGN_MESSAGE)
+
+
+# -- Decode a message of a browser as a JSON object --------------------------------------------------------------------
+
+
+def as_object(text: str) -> dict[str, Any] | None:
+    """Return the object in a text; None if it is not a JSON object."""
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) else None

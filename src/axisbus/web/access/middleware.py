@@ -11,16 +11,15 @@ from urllib.parse import parse_qs
 
 from axisbus.client_support.rate import Bucket
 from axisbus.web.access.admission import AccessRefused, AdmissionRequest, Entered, ServedOrigin, decide
-from axisbus.web.access.headers import secured
 from axisbus.web.access.limits import FOREIGN_MESSAGE, PAGES, PAGES_AT_ONCE, most_bytes
-from axisbus.web.access.origin import NOWHERE, origin_of
-from axisbus.web.access.tokens import PageSession, PageSessions
+from axisbus.web.access.tokens import NOWHERE, PageSession, PageSessions, origin_of
 
 Message = MutableMapping[str, Any]
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 Application = Callable[[Scope, Receive, Send], Awaitable[None]]
+
 
 SESSION = "axisbus.session"  # the key of the browser's session in a scope
 _POLICY_VIOLATED, _TOO_BIG = 1008, 1009
@@ -183,3 +182,39 @@ def _watched(receive: Receive, send: Send, bucket: Bucket) -> Receive:
         return {"type": "websocket.disconnect", "code": code}
 
     return received
+
+
+# -- The security headers of every response ----------------------------------------------------------------------------
+
+
+# Scripts: the page's library inlines its program and compiles templates, so both keywords are needed (docs/decisions/page.md).
+# Everything else comes from this server.
+_POLICY = {
+    "default-src": "'self'",
+    "script-src": "'self' 'unsafe-inline' 'unsafe-eval'",
+    "style-src": "'self' 'unsafe-inline'",
+    "img-src": "'self' data:",
+    "font-src": "'self'",
+    "connect-src": "'self'",
+    "object-src": "'none'",
+    "frame-src": "'none'",
+    "frame-ancestors": "'none'",
+    "base-uri": "'none'",
+    "form-action": "'self'",
+}
+HEADERS = {
+    "content-security-policy": "; ".join(f"{name} {value}" for name, value in _POLICY.items()),
+    "x-frame-options": "DENY",
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cache-control": "no-store",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), microphone=(), geolocation=(), usb=(), serial=()",
+}
+
+
+def secured(headers: list[tuple[bytes, bytes]]) -> list[tuple[bytes, bytes]]:
+    """Return the headers of a response with the security headers, which replace any of the same name."""
+    kept = [(name, value) for name, value in headers if name.decode("latin-1").lower() not in HEADERS]
+    return [*kept, *((name.encode(), value.encode()) for name, value in HEADERS.items())]

@@ -6,10 +6,9 @@ from axisbus.web.access.lease import Refusal
 from axisbus.web.commands.request import PageRequest
 from axisbus.web.commands.verbs import PageVerb
 from axisbus.web.config import report as config
-from axisbus.web.config.job_runner import Configuring
+from axisbus.web.config.jobs import Configuring
 from axisbus.web.config.report import ConfigJobKind
-from axisbus.web.objects.jobs import ObjectJob, TransferRequest
-from axisbus.web.objects.transfer_queue import WAITING, TransferQueue
+from axisbus.web.objects.transfer_queue import WAITING, ObjectJob, TransferQueue, TransferRequest
 from axisbus.web.objects.verifying import Verifying, VerifyProgress
 from axisbus.web.view.axes import Values
 

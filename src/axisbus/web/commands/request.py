@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from axisbus.web.access.lease import Refusal
-from axisbus.web.access.limits import MESSAGE
-from axisbus.web.access.messages import as_object
+from axisbus.web.access.limits import MESSAGE, as_object
 from axisbus.web.commands.verbs import STOPS, VERBS, PageVerb
-from axisbus.web.objects import key
-from axisbus.web.objects.key import ObjectKey
+from axisbus.web.objects import transfer_queue
+from axisbus.web.objects.transfer_queue import ObjectKey
 
 _LONGEST_NAME, _LONGEST_NUMBER, _LONGEST_TEXT = 64, 200, 1024  # characters
 _MOST_VALUES = 8
@@ -78,7 +77,7 @@ def _objects(named: object, counts: range) -> tuple[ObjectKey, ...] | None:
     """Return the named objects, None if one is invalid, or if there are more or fewer than the verb takes."""
     if not isinstance(named, list) or len(named) not in counts:
         return None
-    found = tuple(each for each in map(key.read, named) if each is not None)
+    found = tuple(each for each in map(transfer_queue.read, named) if each is not None)
     return found if len(found) == len(named) else None
 
 

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
 from axisbus.bus.node.verify import is_domain, may_read
+from axisbus.bus.pdo.plan import PdoChange, PdoPlan
 from axisbus.cell.quantities import Quantities
+from axisbus.client_support.object_access import node_of
 from axisbus.configuration import guarded_write
-from axisbus.eds.model import Object, Variable
-from axisbus.eds.report import wording
+from axisbus.core.node_access_parts import NodeParts
+from axisbus.eds import checking, layout
+from axisbus.eds.layout import PdoLayout, PdoSlot
+from axisbus.eds.model import Eds, EdsFinding, Object, Variable
+from axisbus.eds.report import pdo_text, wording
 from axisbus.eds.report.show import DIRECTIONS
+from axisbus.errors import AxisbusError
+from axisbus.machine.machine import Machine
 from axisbus.machine.machine_node import MachineNode
-from axisbus.web.objects.key import ObjectKey
-from axisbus.web.view.axes import Values
+from axisbus.web.objects.transfer_queue import ObjectKey
+from axisbus.web.view.axes import Values, explained
 
 _MOVES = "can energise or move the drive: only for the commands of its axis"
 _CYCLIC = "is sent by PDO in every cycle"
@@ -64,3 +76,121 @@ def _notes(node: MachineNode, sub: Variable) -> list[str]:
     if sub.writable and guarded_write.moves(node.eds, entry):
         found.append(_MOVES)
     return found
+
+
+# -- The findings of ``axisbus eds check`` for the EDS of a node, as plain values; worst first -------------------------
+
+
+MOST = 300
+
+
+def findings(eds: Eds) -> Values:
+    """Return the findings, their total number, and the error if the file could not be checked; may take a second."""
+    try:
+        found = sorted(checking.check(eds), key=lambda each: each.severity.rank)
+    except AxisbusError as error:
+        return {"all": 0, "shown": [], "error": explained(error)}
+    return {"all": len(found), "shown": [_finding(each) for each in found[:MOST]], "error": None}
+
+
+def _finding(each: EdsFinding) -> Values:
+    where = "" if each.index is None else f"{each.index:04X}"
+    return {
+        "severity": each.severity.value,
+        "rule": each.rule,
+        "line": each.line,
+        "index": where,
+        "message": each.message,
+        "remedy": each.remedy,
+    }
+
+
+# -- The PDOs of a node as layouts of bytes: those in use as configured in the drive, all others as in its EDS ---------
+
+
+_IN_USE = "in use, as mapped in the drive"
+_OFF = "disabled by the core: other PDOs carry the same objects"
+_BY_EDS = "by the EDS: the core does not use it"
+
+
+def layouts(eds: Eds, node_id: int, plans: Iterable[PdoPlan]) -> list[Values]:
+    """Return every PDO that the plans of a node use or its EDS describes, RPDOs first."""
+    found = {(each.receive, each.number): (each, _BY_EDS) for each in layout.layouts(eds, node_id)}
+    planned = [pdo for plan in plans for pdo in plan.pdos]
+    for pdo in sorted(
+        planned, key=lambda pdo: pdo.change is not PdoChange.DISABLE
+    ):  # a PDO that one axis uses is in use
+        source = _OFF if pdo.change is PdoChange.DISABLE else _IN_USE
+        found[pdo.receive, pdo.target.number] = layout.of_pdo(eds, pdo.target, receive=pdo.receive), source
+    return [_pdo(*found[key]) for key in sorted(found, key=lambda key: (not key[0], key[1]))]
+
+
+def _pdo(each: PdoLayout, source: str) -> Values:
+    return {
+        "name": each.name,
+        "source": source,
+        "used": source == _IN_USE,
+        "heading": pdo_text.heading(each),
+        "size": each.size,
+        "slots": [_slot(slot) for slot in each.slots],
+        "notes": list(each.notes),
+    }
+
+
+def _slot(slot: PdoSlot) -> Values:
+    return {
+        "first": slot.first_bit,
+        "bits": slot.bits,
+        "where": slot.where,
+        "address": slot.address,
+        "name": slot.name or "(not described)",
+        "type": pdo_text.kind(slot),
+    }
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The object dictionary of each node from its EDS, as a page fetches it: made once for all pages, without asking the node.
+
+
+class DictionaryCache:
+    """Cache the dictionary of each node for as long as its parts stay the same; used by one event loop."""
+
+    def __init__(self, machine: Machine) -> None:
+        """Make no dictionary before it is requested."""
+        self._machine = machine
+        self._made: dict[int, tuple[NodeParts, bytes]] = {}
+        self._making = asyncio.Lock()
+
+    async def page(self, node_id: int) -> bytes:
+        """Return the dictionary, the PDOs and the findings of a node as JSON, or why there is none."""
+        async with self._making:  # fifty simultaneous requests must make it only once
+            try:
+                return await self._page(node_id)
+            except AxisbusError as error:
+                return json.dumps({"node": node_id, "error": explained(error)}).encode()
+
+    async def _page(self, node_id: int) -> bytes:
+        parts = node_of(self._machine, node_id).access.parts
+        made = self._made.get(node_id)
+        if made is None or made[0] is not parts:  # a node that joined late has new parts
+            told = await asyncio.to_thread(book, self._machine, node_id)
+            self._made[node_id] = made = parts, json.dumps(told).encode()
+        return made[1]
+
+
+def book(machine: Machine, node_id: int) -> Values:
+    """Return the dictionary of a node as plain values; may take a second.
+
+    Raises:
+        StateError: as ``node_of``.
+    """
+    node = node_of(machine, node_id)
+    assert node.eds is not None
+    return {
+        "node": node_id,
+        "file": Path(node.eds.source).name,
+        "objects": tree(node, Quantities(machine.cell)),
+        "pdos": layouts(node.eds, node_id, node.access.plans),
+        "findings": findings(node.eds),
+        "error": None,
+    }

@@ -13,12 +13,12 @@ same result, and the cyclic reads of it pause for ``QUIET``.
 from __future__ import annotations
 
 import math
+import re
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from axisbus.web.objects.jobs import ObjectJob, TransferResult
-from axisbus.web.objects.key import ObjectKey
+from axisbus.web.view.axes import Values
 
 PERIOD = 0.5  # seconds between two cyclic reads of an object
 QUIET = 5.0  # seconds for which a node that does not answer is not read cyclically
@@ -131,3 +131,87 @@ class TransferQueue:
     def _tidy(self) -> None:
         kept = self._kept()
         self._last = {key: last for key, last in self._last.items() if key in kept}
+
+
+# -- An SDO transfer that a page waits for, and its result as sent to the page -----------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class TransferRequest:
+    """A value to write, as typed, and the reasons for a question that the user has confirmed."""
+
+    text: str
+    agreed: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectJob:
+    """One transfer: ``page`` has requested it (0: cyclic read); ``wish`` is None if it reads."""
+
+    key: ObjectKey
+    page: int = 0
+    wish: TransferRequest | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WriteConfirmation:
+    """A question to confirm before an object is written; ``reasons`` say why it is asked, and come back with the confirmation."""
+
+    text: str
+    reasons: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
+class TransferResult:
+    """The result of a transfer at ``stamp`` (s, monotonic).
+
+    ``value`` is the value of the object, None if unknown; ``error`` are the three texts of an error, ``note`` is the result of a
+    write in words. ``silent``: the node did not answer.
+    """
+
+    job: ObjectJob
+    stamp: float
+    value: str | None = None
+    error: Mapping[str, str] = field(default_factory=dict)
+    note: str = ""
+    question: WriteConfirmation | None = None
+    silent: bool = False
+
+    def told(self, now: float) -> Values:
+        """Return the result as plain values, with its age in seconds."""
+        asked = self.question
+        return {
+            "key": str(self.job.key),
+            "wrote": self.job.wish is not None,
+            "age": round(max(0.0, now - self.stamp), 3),
+            "value": self.value,
+            "error": dict(self.error) or None,
+            "note": self.note,
+            "question": None
+            if asked is None
+            else {"text": asked.text, "reasons": " ".join(sorted(asked.reasons))},
+        }
+
+
+# -- The address of an object of a node, written as ``1:6064:00`` between page and server ------------------------------
+
+
+_SPELT = re.compile(r"([0-9]{1,3}):([0-9A-F]{4}):([0-9A-F]{2})", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectKey:
+    """One object of one node."""
+
+    node: int
+    index: int
+    subindex: int
+
+    def __str__(self) -> str:
+        return f"{self.node}:{self.index:04X}:{self.subindex:02X}"
+
+
+def read(text: object) -> ObjectKey | None:
+    """Return the object that a text names; None if the text is invalid."""
+    found = _SPELT.fullmatch(text) if isinstance(text, str) else None
+    return None if found is None else ObjectKey(int(found[1]), int(found[2], 16), int(found[3], 16))

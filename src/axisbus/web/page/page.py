@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
+from urllib.parse import quote
 
 from fastapi import FastAPI
-from nicegui import ui
+from nicegui import Client, ui
 
+from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.version import __version__
-from axisbus.web.page import config_view, objects_view, scope_view, tuning_view
-from axisbus.web.page.late_axes import OpenPage, Pages
+from axisbus.web.page import node_views, scope_view, tuning_view
+from axisbus.web.page.axis_view import axis_view
+from axisbus.web.page.scope_view import axis_choice
 from axisbus.web.page.tags import Tag, button, scrolled
+from axisbus.web.scope.signals import signals_of
 
 _HEAD = (
     '<link rel="stylesheet" href="/own/page.css"><script src="/own/stop.js" defer></script>'
@@ -25,6 +30,7 @@ _ICON = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" rx="3" fill="#0b5cad"/>'
     '<path d="M3 8h10M10 5l3 3l-3 3" fill="none" stroke="#fff" stroke-width="2"/></svg>'
 )
+
 
 _TAKE = "Take control of the machine? The program that has it loses control, and all moving axes halt first."
 
@@ -41,8 +47,8 @@ def add_page(application: FastAPI, machine: Machine, pages: Pages) -> None:
             with Tag("main") as main:
                 _cell_view()
                 signals = scope_view.scope_view(name)
-                objects_view.objects_view(machine)
-                config_view.config_view(machine)
+                node_views.objects_view(machine)
+                node_views.config_view(machine)
                 tuning_view.tuning_view(machine, name)
             pages.opened(OpenPage(ui.context.client, nav, signals, main))
             Tag(
@@ -71,8 +77,8 @@ def _head(name: str) -> Tag:
             Tag("strong", name)
             Tag("a", "Cell", href="#cell")
             Tag("a", "Scope", href=f"#{scope_view.VIEW}")
-            Tag("a", "Objects", href=f"#{objects_view.VIEW}")
-            Tag("a", "Configuration", href=f"#{config_view.VIEW}")
+            Tag("a", "Objects", href=f"#{node_views.VIEW}")
+            Tag("a", "Configuration", href=f"#{node_views.CONFIG_VIEW}")
             Tag("a", "Tuning", href=f"#{tuning_view.VIEW}")
         with Tag("div", classes="controls"):
             Tag("span", "connecting", id="controls")
@@ -123,3 +129,50 @@ def _question() -> None:
         with Tag("div", classes="row"):
             Tag("button", "No", type="button", id="no")
             Tag("button", "Yes", "go", type="button", id="yes")
+
+
+# -- The axes on the open pages: those present when a page is opened, and those that join the machine later ------------
+
+
+@dataclass(frozen=True, slots=True)
+class OpenPage:
+    """A page in a browser: the containers of its links, scope signals and views; holds the axes that it has."""
+
+    client: Client
+    nav: Tag
+    signals: Tag
+    main: Tag
+    shown: set[str] = field(default_factory=set)
+
+    def take_in(self, axis: Axis, machine: Machine) -> None:
+        """Add an axis to the page; a failure is not retried."""
+        number, parameters = len(self.shown), machine.session.axes[axis.name].parameters
+        self.shown.add(axis.name)
+        with self.nav:
+            Tag("a", axis.name, href=f"#axis-{quote(axis.name)}")
+        with self.signals:
+            axis_choice(axis.name, signals_of(axis.name, parameters))
+        with self.main:
+            axis_view(number, axis, machine.cell.axes[axis.name], parameters)
+
+
+class Pages:
+    """Hold the open pages; only for the event loop of the server."""
+
+    def __init__(self, machine: Machine) -> None:
+        """Begin without open pages."""
+        self._machine = machine
+        self._open: list[OpenPage] = []
+
+    def opened(self, page: OpenPage) -> None:
+        """Register a page, and add the axes to it."""
+        self._open.append(page)
+        self.look()
+
+    def look(self) -> None:
+        """Add axes that have joined to the open pages, and forget closed pages."""
+        self._open = [page for page in self._open if not page.client.is_deleted]
+        for page in self._open:
+            for axis in self._machine:
+                if axis.name not in page.shown:
+                    page.take_in(axis, self._machine)

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from axisbus.web.page.tags import Tag, scrolled, select
 from axisbus.web.scope.saving import can_save
-from axisbus.web.scope.signal_request import MOST
-from axisbus.web.scope.signals import ScopeSignal
+from axisbus.web.scope.signals import MOST, ScopeSignal
 
 VIEW = "scope"
 _NEEDS = 'On the computer of the server: pip install "axisbus[record]"'

@@ -5,7 +5,7 @@ from __future__ import annotations
 from axisbus.machine.machine import Machine
 from axisbus.step_response import BAND
 from axisbus.web.page.tags import Tag, scrolled, select
-from axisbus.web.tuning.metrics import FIGURES
+from axisbus.web.tuning.outcome import FIGURES
 
 VIEW = "tuning"
 _GAINS, _ROWS = 6, 20  # the most observed objects, and the most trials that the browser stores

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters
 from axisbus.record.columns import COLUMNS, AxisForm
+from axisbus.web.access.limits import MESSAGE, as_object
 from axisbus.web.scope.cycles import Row, ScopeCycle
 
 NUMBERS = tuple(column for column in COLUMNS if column.type == "number")
@@ -56,3 +58,35 @@ class SignalReader:
 def _number(row: Row | None, place: int) -> float:
     found = None if row is None else row[place]
     return found if isinstance(found, float | int) else math.nan
+
+
+# -- Parse a page's selection of signals for its scope -----------------------------------------------------------------
+
+
+MOST = 10  # signals
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The selected signals, and the number by which the page recognises the batches of this selection."""
+
+    number: int
+    signals: tuple[str, ...]
+
+
+def read(text: str, there: Collection[str]) -> Choice | None:
+    """Return the selection in a message, of the signals in ``there``; None if the message is invalid."""
+    found = as_object(text) if len(text) <= MESSAGE else None
+    if found is None:
+        return None
+    number, names = found.get("choice"), found.get("signals")
+    if (
+        type(number) is not int
+        or not 0 <= number < 1 << 32
+        or not isinstance(names, list)
+        or len(names) > MOST
+    ):
+        return None
+    if not all(isinstance(name, str) and name in there for name in names):
+        return None
+    return Choice(number, tuple(dict.fromkeys(names)))

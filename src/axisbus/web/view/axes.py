@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Callable
+from typing import NamedTuple
+
 from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
+from axisbus.cia402.state import PowerState
 from axisbus.errors import AxisbusError, StaleError, seen_of
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
+from axisbus.motion.modes import FOLLOWED
 from axisbus.motion.parameters import AxisParameters
-from axisbus.web.view.bars import UNKNOWN, marks, number, places
-from axisbus.web.view.error_text import in_page_terms
+from axisbus.motion.snapshot import Snapshot
 
 Values = dict[str, object]
 _OLD = 1.0  # seconds; an older process image does not count as present
@@ -76,3 +82,157 @@ def _value(axis: Axis, name: str, known: bool) -> float | None:
 def _age(seconds: float) -> str:
     seconds = max(0.0, seconds)
     return f"{seconds * 1000:.0f} ms" if seconds < 1.0 else f"{seconds:.1f} s"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The limits of an axis as bars: their range, the position of the present value, and whether it is near or beyond a limit.
+
+
+NEAR = 0.8  # fraction of the distance from the middle to a limit
+UNKNOWN = "unknown"
+_NEAR, _BEYOND = "near its limit", "beyond its limit"
+_NOT_HOMED, _NOT_LED = "applies after homing", "applies while it follows position set-points"
+
+
+Span = tuple[float, float]
+
+
+_DECIMALS = range(3, 7)
+
+
+def places(increment: float) -> int:
+    """Return the number of decimals to show for values with this increment: 3 to 6, so that one increment is visible."""
+    needed = math.ceil(-math.log10(increment)) if increment > 0 else 0
+    return min(max(needed, _DECIMALS[0]), _DECIMALS[-1])
+
+
+def number(value: float, decimals: int) -> str:
+    """Return a value as text with this number of decimals; a value that rounds to 0 has no sign."""
+    return f"{value:z.{decimals}f}"
+
+
+class Bar(NamedTuple):
+    """The description of one bar: the name of the axis's value, and its limits in ``unit``; None if none is known.
+
+    ``slack``: a value beyond a limit by no more than this counts as at the limit. ``decimals``: of the shown value.
+    """
+
+    name: str
+    title: str
+    unit: str
+    span: Span | None
+    slack: float = 0.0
+    decimals: int = _DECIMALS[0]
+
+
+class BarValue(NamedTuple):
+    """The contents of a bar: its value as text, and the positions of the value and of 0 as fractions of its length.
+
+    A position is None if it is unknown. ``told``: a remark in words; ``kind``: the style of the remark.
+    """
+
+    text: str
+    now: float | None = None
+    at: float | None = None
+    zero: float | None = None
+    kind: str = ""
+    told: str = ""
+
+
+def bars_of(parameters: AxisParameters) -> list[Bar]:
+    """Return the bars of an axis; if neither the cell file nor the drive gives a limit, the bar has none."""
+    units, limits = parameters.units, parameters.limits
+    unit, increment = units.position.unit, abs(units.position.to_units(1))
+    torque = "of rated torque" if units.rated_torque is None else "N·m"
+    slack, decimals = parameters.place_window * increment, places(increment)
+    lag = _both(_lag(parameters, increment))
+    return [
+        Bar("position", "Position", unit, limits.position, slack, decimals),
+        Bar("velocity", "Velocity", f"{unit}/s", _both(limits.velocity), decimals=decimals),
+        Bar("torque", "Torque", torque, _both(limits.torque)),
+        Bar("following_error", "Following error", unit, lag, decimals=decimals),
+    ]
+
+
+def mark(bar: Bar, value: float | None, loose: str = "") -> BarValue:
+    """Return the contents of a bar for a value, None if unknown; ``loose``: why its limits do not apply now, empty if they do."""
+    if value is None or bar.span is None:
+        return BarValue(UNKNOWN if value is None else number(value, bar.decimals))
+    low, high = bar.span
+    at, zero = (min(1.0, max(0.0, (each - low) / (high - low))) for each in (value, 0.0))
+    kind, told = ("loose", loose) if loose else _judged(bar.span, bar.slack, value)
+    return BarValue(number(value, bar.decimals), min(high, max(low, value)), at, zero, kind, told)
+
+
+def marks(
+    parameters: AxisParameters, snapshot: Snapshot, read: Callable[[str], float | None]
+) -> dict[str, dict[str, object]]:
+    """Return the contents of each bar of an axis, by name; ``read`` returns a value by name, None if it is unknown."""
+    why = _loose(parameters, snapshot)
+    return {
+        bar.name: mark(bar, read(bar.name), why.get(bar.name, ""))._asdict()
+        for bar in bars_of(parameters)
+        if bar.span is not None
+    }
+
+
+def _loose(parameters: AxisParameters, snapshot: Snapshot) -> dict[str, str]:
+    """Return the limits that are not enforced at present, with the reason."""
+    found = {}
+    if parameters.homing.required and not snapshot.homed:
+        found["position"] = _NOT_HOMED
+    if snapshot.power_state is not PowerState.OPERATION_ENABLED or snapshot.mode not in FOLLOWED:
+        found["following_error"] = _NOT_LED
+    return found
+
+
+def _judged(span: Span, slack: float, value: float) -> tuple[str, str]:
+    middle, half = (span[0] + span[1]) / 2, (span[1] - span[0]) / 2
+    off = abs(value - middle)
+    if off > half + slack:
+        return "beyond", _BEYOND
+    return ("near", _NEAR) if off > NEAR * half else ("", "")
+
+
+def _both(limit: float | None) -> Span | None:
+    return None if not limit else (-limit, limit)
+
+
+def _lag(parameters: AxisParameters, increment: float) -> float | None:
+    """Return the largest following error in units: from the cell file, else from the drive's 6065h; rounded to its resolution."""
+    own = parameters.following_error
+    own = parameters.drive_following_error if own is None else own
+    if own is None:
+        return None
+    return round(own * increment, math.floor(-math.log10(increment))) or own * increment
+
+
+# -- Replace the calls in an error text of the library by the buttons of the page --------------------------------------
+
+
+# Longer patterns first: the shorter ones replace the rest.
+_TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
+    (re.compile(call), words)
+    for call, words in (
+        (r" \(axis\.error\)", ""),
+        (r"; in a program: \S+\(\d+\)\.command\(NmtCommand\.START\)", ""),
+        (
+            r"close the machine,? and open it again",
+            "end the program that runs the machine, and start it again",
+        ),
+        (r"; axis\.snapshot has the last known values, with their time", ""),
+        (r"axis\.enable\(allow_moving=True\) catches it in motion; ", ""),
+        (r"confirm its position \(axis\.set_position\(\.\.\.\)\)", "confirm its position, in a program"),
+        (r"axis\.disable\(coast=True\)\.wait\(\)", "Disable"),
+        (r"at axis\.position", "the position of the axis"),
+        (r"axis\.(?:quick_stop|stop)\(\)", "Quick stop"),
+    )
+)
+_BUTTON = re.compile(r"axis\.(enable|disable|reset|release|home|halt)\(\)")
+
+
+def in_page_terms(text: str) -> str:
+    """Return a text of the library for users of the page."""
+    for call, words in _TABLE:
+        text = call.sub(words, text)
+    return _BUTTON.sub(lambda found: found[1].capitalize(), text)

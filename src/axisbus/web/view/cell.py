@@ -12,9 +12,7 @@ from axisbus.errors import AxisbusError, seen_of
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
 from axisbus.machine.signal_shutdown import ShutdownRequest
-from axisbus.web.view.axes import Values, explained
-from axisbus.web.view.bars import UNKNOWN
-from axisbus.web.view.error_text import in_page_terms
+from axisbus.web.view.axes import UNKNOWN, Values, explained, in_page_terms
 from axisbus.wording import with_subject
 
 _SHOWN = 30  # incidents
