@@ -16,8 +16,8 @@ from axisbus.cli.shared.common import run
 from axisbus.core.inprocess import CommandLog
 from axisbus.errors import AxisbusError, DriveError, NodeError, one_line
 from axisbus.gateway.machine_events import _fault as happening_of_bridge
-from axisbus.gateway.ros.log_thread import RosLogThread
-from axisbus.gateway.zenoh.states import _told as told_by_zenoh
+from axisbus.gateway.ros.node import RosLogThread
+from axisbus.gateway.zenoh.publishing import _told as told_by_zenoh
 from axisbus.ipc.errors import from_fields, to_fields
 from axisbus.machine.handle import NOBODY, Handle, wait
 from axisbus.machine.machine import _add_notes

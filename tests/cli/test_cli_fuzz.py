@@ -22,7 +22,7 @@ from axisbus.cli.shared.common import run
 from axisbus.core import sim_server
 from axisbus.errors import AdapterError
 from axisbus.fleet import network
-from axisbus.gateway.metrics import server as metrics
+from axisbus.gateway import metrics_server as metrics
 from kit import commands
 
 CODES = {0, 1, 2, 3, 130}

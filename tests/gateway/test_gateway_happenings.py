@@ -7,7 +7,7 @@ import pytest
 from axisbus.bus.link.controller import CanErrorState, ControllerEvent
 from axisbus.gateway.machine_events import MachineEventKind, MachineEventSource
 from axisbus.gateway.opcua import event_mapping as opcua
-from axisbus.gateway.zenoh import event_mapping as zenoh
+from axisbus.gateway.zenoh import bridge as zenoh
 from axisbus.machine.machine import Machine
 from axisbus.motion.command_status import Status
 from axisbus.session import CommandSeen

@@ -24,10 +24,9 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from axisbus.bus.link.ownership import command_of, described
 from axisbus.errors import SdoAbort, StateError
-from axisbus.gateway.metrics import server
-from axisbus.gateway.metrics.counters import Growth, MetricCounters
-from axisbus.gateway.metrics.exporter import Exporter
-from axisbus.gateway.metrics.server import MetricsServer
+from axisbus.gateway import metrics_server as server
+from axisbus.gateway.metrics_exporter import Exporter, Growth, MetricCounters
+from axisbus.gateway.metrics_server import MetricsServer
 from axisbus.machine.machine import Machine
 from axisbus.session import LATENESS_BOUNDS
 from kit import commands

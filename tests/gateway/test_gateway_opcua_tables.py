@@ -10,11 +10,11 @@ import pytest
 from axisbus.cell import reader
 from axisbus.errors import ArgumentError, ConfigError, OwnershipError, SetPointError, StateError, Stopped
 from axisbus.gateway.machine_events import MachineEventSource
-from axisbus.gateway.opcua import states, units, users
-from axisbus.gateway.opcua.access import Access, Given, decide
+from axisbus.gateway.opcua import states, users, variables
 from axisbus.gateway.opcua.axis_readings import AxisReadings
 from axisbus.gateway.opcua.event_mapping import told
 from axisbus.gateway.opcua.methods import status_of
+from axisbus.gateway.opcua.server_options import Access, Given, decide
 from axisbus.gateway.opcua.status_code import ImageFreshness, Memory, OpcuaValue, Quality, judged
 from axisbus.gateway.opcua.variables import ROWS
 from axisbus.motion.states import AxisState
@@ -34,13 +34,16 @@ from kit.cell import cell_text
     ],
 )
 def test_a_unit_has_its_number_by_the_letters_of_its_code(unit, position, velocity):
-    assert units.position_unit(unit).number == position
-    assert units.velocity_unit(unit).number == velocity
+    assert variables.position_unit(unit).number == position
+    assert variables.velocity_unit(unit).number == velocity
 
 
 @pytest.mark.parametrize("unit", AXIS_UNITS)
 def test_every_unit_of_an_axis_keeps_its_word_and_one_without_a_code_has_no_number(unit):
-    for found, symbol in ((units.position_unit(unit), unit), (units.velocity_unit(unit), f"{unit}/s")):
+    for found, symbol in (
+        (variables.position_unit(unit), unit),
+        (variables.velocity_unit(unit), f"{unit}/s"),
+    ):
         assert found.symbol == symbol
         assert found.name
         assert (found.number == -1) is (found.code == "")
@@ -48,8 +51,8 @@ def test_every_unit_of_an_axis_keeps_its_word_and_one_without_a_code_has_no_numb
 
 
 def test_a_torque_is_in_newton_metres_only_where_the_rated_torque_is_known():
-    assert units.torque_unit(5.0).symbol == "N·m"
-    assert units.torque_unit(None).name == "part of the rated torque"
+    assert variables.torque_unit(5.0).symbol == "N·m"
+    assert variables.torque_unit(None).name == "part of the rated torque"
 
 
 def test_every_state_and_mode_has_a_number_and_a_name():

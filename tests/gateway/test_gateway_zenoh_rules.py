@@ -22,16 +22,15 @@ from axisbus.fleet.keys import ZenohCellKeys, named
 from axisbus.fleet.messages import CommandAsk, EventsAsk, HistoryAsk
 from axisbus.fleet.network import ZenohNetwork
 from axisbus.gateway.machine_events import MachineEventSource
-from axisbus.gateway.zenoh import redact_process, samples, service
-from axisbus.gateway.zenoh.command_dedup import CLIENTS, CommandDeduplicator, require_id
+from axisbus.gateway.zenoh import execute, samples, service
+from axisbus.gateway.zenoh.bridge import told
 from axisbus.gateway.zenoh.command_table import STOPS, VERBS, act_of
-from axisbus.gateway.zenoh.commands import Commands
-from axisbus.gateway.zenoh.deferred_replies import DeferredReplies
+from axisbus.gateway.zenoh.commands import CLIENTS, CommandDeduplicator, Commands, require_id
 from axisbus.gateway.zenoh.event_log import AT_ONCE, KEPT, BridgeEventLog, Happened
-from axisbus.gateway.zenoh.event_mapping import told
+from axisbus.gateway.zenoh.execute import DeferredReplies
 from axisbus.gateway.zenoh.lease import SECONDS, CellLease, LeasePhase
+from axisbus.gateway.zenoh.publishing import state_of
 from axisbus.gateway.zenoh.query import ZenohQuery
-from axisbus.gateway.zenoh.states import state_of
 from axisbus.machine.axis import Axis
 from axisbus.record.recording_data import Recorded, RecordedSeries
 
@@ -420,13 +419,13 @@ def test_an_endpoint_that_is_taken_is_told():
 
 def test_who_this_process_is_is_nobody_s_matter_there():
     long = f"process {os.getpid()} (python -m axisbus bridge (zenoh) x.toml), which began at 04:37:16"
-    assert redact_process.without(f"x.enable() by {long}: not taken") == "x.enable(): not taken"
-    assert redact_process.without(f"{long}: the lease ran out") == "the lease ran out"
+    assert execute.without(f"x.enable() by {long}: not taken") == "x.enable(): not taken"
+    assert execute.without(f"{long}: the lease ran out") == "the lease ran out"
     other = f"x.halt() by process {os.getpid() + 1} (axisbus halt), which began at 04:37:16"
-    assert redact_process.without(other) == other
+    assert execute.without(other) == other
     error = Stopped(f"x.home() by {long} was stopped", observed=f"{long}: it was told to")
-    assert redact_process.fields_of(error).fields["message"] == "x.home() was stopped"
-    assert redact_process.fields_of(error).fields["observed"] == "it was told to"
+    assert execute.fields_of(error).fields["message"] == "x.home() was stopped"
+    assert execute.fields_of(error).fields["observed"] == "it was told to"
 
 
 def test_an_error_of_ownership_says_how_to_get_it():

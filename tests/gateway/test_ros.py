@@ -15,11 +15,10 @@ from axisbus.cli.bridge.zenoh import ros_of
 from axisbus.errors import ArgumentError, AxisbusError, StateError, UserError
 from axisbus.gateway.ros import messages as m
 from axisbus.gateway.ros import names
-from axisbus.gateway.ros.attachment import Attachment, attachment_of
-from axisbus.gateway.ros.empty_trajectory import names_to_halt
-from axisbus.gateway.ros.message_freshness import Freshness
-from axisbus.gateway.ros.states import states_of
-from axisbus.gateway.ros.trajectory import judged, to_halt
+from axisbus.gateway.ros.messages import Attachment, attachment_of
+from axisbus.gateway.ros.node import states_of
+from axisbus.gateway.ros.trajectory import judged, names_to_halt, to_halt
+from axisbus.gateway.ros.trajectory_executor import Freshness
 from axisbus.gateway.ros.units import JOINT_UNITS, joints_of
 from axisbus.machine.machine import Machine
 from kit import commands

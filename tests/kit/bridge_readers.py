@@ -95,8 +95,8 @@ class _Bridge:
     def there(self) -> Iterator[None]:
         from axisbus.gateway.zenoh import bridge, service
         from axisbus.gateway.zenoh.commands import Commands
-        from axisbus.gateway.zenoh.deferred_replies import DeferredReplies
         from axisbus.gateway.zenoh.event_log import BridgeEventLog, Happened
+        from axisbus.gateway.zenoh.execute import DeferredReplies
         from axisbus.gateway.zenoh.lease import CellLease
         from axisbus.gateway.zenoh.publishing import States
 
@@ -178,7 +178,7 @@ _BRIDGE = _Bridge()
 
 def _trajectories() -> Conversations:
     """Return pairs of a message and its attachment."""
-    from axisbus.gateway.ros.attachment import Attachment
+    from axisbus.gateway.ros.messages import Attachment
     from kit.cdr import joint_trajectory
 
     attached = [Attachment(number, 10**9 * number, b"g" * 16).packed() for number in (1, 2, 3)]
@@ -189,11 +189,9 @@ def _trajectories() -> Conversations:
 
 def _ros(parts: Sequence[bytes]) -> None:
     """Decode and judge each trajectory as a bridge does."""
-    from axisbus.gateway.ros.attachment import attachment_of
-    from axisbus.gateway.ros.empty_trajectory import names_to_halt
-    from axisbus.gateway.ros.message_freshness import Freshness
-    from axisbus.gateway.ros.messages import trajectory_of
-    from axisbus.gateway.ros.trajectory import judged, to_halt
+    from axisbus.gateway.ros.messages import attachment_of, trajectory_of
+    from axisbus.gateway.ros.trajectory import judged, names_to_halt, to_halt
+    from axisbus.gateway.ros.trajectory_executor import Freshness
     from axisbus.gateway.ros.units import joints_of
 
     joints, freshness, taken = joints_of({"x": "deg", "y": "mm"}), Freshness(0.0), 0
@@ -250,8 +248,7 @@ class _Opcua:
     @contextmanager
     def there(self) -> Iterator[None]:
         from axisbus.gateway.opcua import connection, server, session, users
-        from axisbus.gateway.opcua.access import Given, decide
-        from axisbus.gateway.opcua.server_options import ServerOptions
+        from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
         from axisbus.web import address
         from kit.opcua.visiting import Who, visit
 

@@ -17,7 +17,7 @@ from axisbus.machine.machine import Machine
 from axisbus.optional_dependencies import require
 
 if TYPE_CHECKING:
-    from axisbus.gateway.metrics.exporter import Exporter
+    from axisbus.gateway.metrics_exporter import Exporter
 
 _PORT = 9402
 _LOOK = 1.0  # seconds between two updates of the counters
@@ -37,8 +37,8 @@ def command(cell: Path, port: int, listen: str) -> int:
     """
     require("prometheus_client", "metrics need prometheus-client", "metrics")
     checked(cell)
-    from axisbus.gateway.metrics.exporter import Exporter
-    from axisbus.gateway.metrics.server import MetricsServer
+    from axisbus.gateway.metrics_exporter import Exporter
+    from axisbus.gateway.metrics_server import MetricsServer
 
     exporter = Exporter()
     server = MetricsServer(exporter, listen, port)

@@ -19,9 +19,8 @@ from axisbus.errors import StateError
 from axisbus.gateway.machine_events import MachineEventSource
 from axisbus.gateway.machine_follower import Look, MachineFollower
 from axisbus.gateway.opcua import users as known
-from axisbus.gateway.opcua.access import Access, Given, decide
 from axisbus.gateway.opcua.event_mapping import told
-from axisbus.gateway.opcua.server_options import ServerOptions
+from axisbus.gateway.opcua.server_options import Access, Given, ServerOptions, decide
 from axisbus.gateway.opcua.users import line_of
 from axisbus.machine.machine import Machine
 from axisbus.optional_dependencies import require

@@ -6,27 +6,26 @@ import asyncio
 import logging
 import socket
 import threading
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from asyncua import Server, ua
+from asyncua import Node, Server, ua
 
 from axisbus.cell.model import CellConfig
-from axisbus.errors import StateError
-from axisbus.gateway.opcua import decoding
+from axisbus.errors import AxisbusError, StateError, one_line
+from axisbus.gateway.opcua import connection, limits
 from axisbus.gateway.opcua.address_space import URI, AddressSpaceBuilder
 from axisbus.gateway.opcua.axis_readings import TEMPERATURES_EVERY, AxisReadings, measured
-from axisbus.gateway.opcua.calls import OpcuaMethodCalls
 from axisbus.gateway.opcua.connection import GuardedListener
-from axisbus.gateway.opcua.event_mapping import OpcuaEvent
-from axisbus.gateway.opcua.events import OpcuaEventSender
+from axisbus.gateway.opcua.event_mapping import REFUSED, OpcuaEvent
 from axisbus.gateway.opcua.limited_server import GuardedServer, OpcuaUserManager
-from axisbus.gateway.opcua.policies import Rules, guarded
+from axisbus.gateway.opcua.methods import NO_MACHINE, MethodResult, OpcuaMethod, carry_out, status_of
 from axisbus.gateway.opcua.server_options import ServerOptions
-from axisbus.gateway.opcua.trust import Trust, trusted, uri_of
+from axisbus.gateway.opcua.session import CALLER
+from axisbus.gateway.opcua.trust import Rules, Trust, guarded, trusted, uri_of
 from axisbus.gateway.opcua.value_writer import Updater
 from axisbus.machine.machine import Machine
 from axisbus.version import __version__
@@ -72,7 +71,7 @@ class OpcUaServer:
             StateError, ConfigError: the certificate, its key or those of clients cannot be used, or the server does not start.
         """
         quiet()
-        decoding.install()
+        connection.install()
         self._cell, self._name, self._listening, self._keeping = cell, name, listening, keeping
         self._looker = AxisReadings(cell)
         self._events = OpcuaEventSender()
@@ -244,3 +243,94 @@ def _end_all(loop: asyncio.AbstractEventLoop) -> None:
         task.cancel()
     if tasks:
         loop.run_until_complete(asyncio.gather(*tasks, return_exceptions=True))
+
+
+# -- Carry out a method called by a client as one command of each axis; report refusals as events ----------------------
+
+
+async def _nobody_is_told(_: OpcuaEvent) -> None:
+    return None
+
+
+class OpcuaMethodCalls:
+    """Carry out methods on the followed machine; ``refused`` is awaited with each failure."""
+
+    def __init__(self, looker: AxisReadings, cell: CellConfig) -> None:
+        self._looker, self._cell = looker, cell
+        self.refused: Callable[[OpcuaEvent], Awaitable[None]] = _nobody_is_told
+
+    async def call(self, verb: OpcuaMethod, axis: str) -> ua.CallMethodResult:
+        """Carry out a method on an axis, or on all ("").
+
+        By the standard, a call with a bad status has no result, so its text is sent as an event.
+        """
+        ended = await self._carried_out(verb, axis)
+        log.info("OPC UA: %s of %s for %s: %s", verb.value, axis or "all axes", CALLER.get(), ended.status)
+        result = ua.CallMethodResult(StatusCode=ua.StatusCode(getattr(ua.StatusCodes, ended.status)))
+        if ended.status == "Good":
+            result.OutputArguments = [ua.Variant(ended.text, ua.VariantType.String)]
+        else:
+            words = f"{verb.value} of {axis or 'all axes'}, called by {CALLER.get()}, failed"
+            await self.refused(OpcuaEvent(self._looker.now(), REFUSED, words, ended.text, axis=axis))
+        return result
+
+    async def _carried_out(self, verb: OpcuaMethod, axis: str) -> MethodResult:
+        machine = self._looker.machine
+        if machine is None or machine.session.ended:
+            return NO_MACHINE
+        axes = [axis] if axis else list(self._cell.axes)
+        try:
+            if verb is OpcuaMethod.RESET:
+                return await asyncio.to_thread(self._reset, axes)
+            return await carry_out(machine, verb, axes, limits.HALTING)
+        except AxisbusError as error:
+            return MethodResult(status_of(error), one_line(error))
+
+    def _reset(self, axes: list[str]) -> MethodResult:
+        """Take control of the machine for the reset, and release it; blocks.
+
+        Raises:
+            OwnershipError: another program has control. Also the errors of ``Machine.attach``.
+        """
+        with Machine.attach(self._cell.file, command=True) as machine:
+            return asyncio.run(carry_out(machine, OpcuaMethod.RESET, axes, limits.HALTING))
+
+
+# -- Errors and warnings as events of OPC UA, emitted by the server and by the cell's node Incidents -------------------
+
+
+TYPE = "AxisbusIncidentType"
+_FIELDS = ("Cause", "Remedy", "Axis")
+
+
+class OpcuaEventSender:
+    """Send events; holds a generator for each emitting node."""
+
+    def __init__(self) -> None:
+        self._generators: list[Any] = []
+
+    async def build(self, server: Server, index: int, source: Node) -> None:
+        """Create the type of the events, a subtype of BaseEventType with one text each for cause, remedy and axis."""
+        base = server.get_node(ua.NodeId(ua.ObjectIds.BaseEventType))
+        kind = await base.add_object_type(ua.NodeId(TYPE, index), ua.QualifiedName(TYPE, index))
+        for name in _FIELDS:
+            node_id = ua.NodeId(f"{TYPE}/{name}", index)
+            await kind.add_property(node_id, ua.QualifiedName(name, index), "", ua.VariantType.String)
+        for emitting in (server.get_node(ua.NodeId(ua.ObjectIds.Server)), source):
+            generator = await server.get_event_generator(kind, emitting.nodeid)
+            generator.event.SourceNode = source.nodeid
+            generator.event.SourceName = (await source.read_browse_name()).Name
+            self._generators.append(generator)
+
+    async def send(self, timed: Sequence[tuple[OpcuaEvent, datetime]]) -> None:
+        """Send each event with the time at which it happened."""
+        for told, when in timed:
+            for generator in self._generators:
+                await _trigger(generator, told, when)
+
+
+async def _trigger(generator: Any, told: OpcuaEvent, when: datetime) -> None:
+    event = generator.event
+    event.Severity = told.severity
+    event.Cause, event.Remedy, event.Axis = told.cause, told.remedy, told.axis
+    await generator.trigger(when, told.message)

@@ -4,23 +4,34 @@ from __future__ import annotations
 
 import itertools
 import logging
+import math
+import queue
 import threading
 import time
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import NamedTuple
 
 import zenoh
 
-from axisbus.gateway.ros.attachment import Attachment
-from axisbus.gateway.ros.log_thread import RosLogThread
-from axisbus.gateway.ros.messages import JOINT_STATE, JOINT_TRAJECTORY, state_message, too_large, topic_of
+from axisbus.client_support.rate import Bucket
+from axisbus.errors import AxisbusError, said_of
+from axisbus.gateway.ros.messages import (
+    JOINT_STATE,
+    JOINT_TRAJECTORY,
+    Attachment,
+    JointState,
+    state_message,
+    too_large,
+    topic_of,
+)
 from axisbus.gateway.ros.names import PUBLISHER, SUBSCRIPTION, RosNode, Topic, gid_of
-from axisbus.gateway.ros.states import states_of
 from axisbus.gateway.ros.trajectory_executor import Commander
 from axisbus.gateway.ros.units import JointUnit, joints_of
 from axisbus.machine.machine import Machine
+from axisbus.motion.parameters import Units
+from axisbus.motion.snapshot import Snapshot
 
 log = logging.getLogger("axisbus")
 BROADCASTER, CONTROLLER = "joint_state_broadcaster", "joint_trajectory_controller"
@@ -171,3 +182,64 @@ class RosNodes:
                 self._say(
                     f"{axis.name} is not a joint in ROS 2: {axis.unit} is not a unit of an angle or a length"
                 )
+
+
+# -- The joints of a machine by the process image of its last cycle; values that are not fresh are NaN -----------------
+
+
+def states_of(
+    snapshots: Mapping[str, Snapshot], units: Mapping[str, Units], joints: Mapping[str, JointUnit]
+) -> list[JointState]:
+    """Return the present joints; the position of a continuous joint continues beyond one turn."""
+    return [_state(name, snapshots[name], units[name], joint) for name, joint in joints.items()]
+
+
+def _state(name: str, seen: Snapshot, units: Units, joint: JointUnit) -> JointState:
+    position = velocity = effort = math.nan
+    if seen.position is not None:
+        position = units.position.to_units(seen.position - seen.origin) * joint.factor
+    if seen.velocity is not None and units.ratio_known:
+        velocity = units.velocity.to_units(seen.velocity) * joint.factor
+    if seen.torque is not None and units.rated_torque is not None and joint.turns:
+        effort = units.torque(seen.torque)
+    return JointState(name, position, velocity, effort)
+
+
+# -- Report trajectories to people in a thread of its own, so that a blocked terminal does not delay a halt ------------
+
+
+_REFUSALS = 2.0  # lines per second at most about refused trajectories
+_MOST = 64  # the most waiting lines
+_END = 1.0  # seconds for which ``close`` waits for the output
+
+
+class RosLogThread:
+    """Hold the waiting lines; ``tell`` is for any thread."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._bucket = Bucket(_REFUSALS, 2 * _REFUSALS)
+        self._waiting: queue.Queue[str | None] = queue.Queue(_MOST)
+        self._thread = threading.Thread(target=self._run, name="ROS lines", daemon=True)
+        self._thread.start()
+
+    def tell(self, text: str, error: AxisbusError | None) -> None:
+        """Report a line; excess lines are dropped. Does not block."""
+        if error is not None:
+            if not self._bucket.take(time.monotonic()):
+                return
+            text = f"{text}: {said_of(error)}"
+        self._put(f"ROS 2: {text}")
+
+    def close(self) -> None:
+        """Write the waiting lines, and end; blocks briefly."""
+        self._put(None)
+        self._thread.join(_END)
+
+    def _put(self, line: str | None) -> None:
+        with suppress(queue.Full):
+            self._waiting.put_nowait(line)
+
+    def _run(self) -> None:
+        while (line := self._waiting.get()) is not None:
+            self._say(line)

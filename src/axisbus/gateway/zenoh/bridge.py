@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
+import os
 import secrets
 import socket
+import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -15,23 +18,24 @@ import zenoh
 from axisbus.errors import AxisbusError, StateError
 from axisbus.fleet.keys import ZenohCellKeys
 from axisbus.fleet.messages import PROTOCOL, CellInfo, EventsAsk, HistoryAsk
+from axisbus.gateway import machine_events
+from axisbus.gateway.machine_events import MachineEvent, MachineEventSource
 from axisbus.gateway.machine_follower import Look, MachineFollower
 from axisbus.gateway.zenoh.commands import Commands
-from axisbus.gateway.zenoh.deferred_replies import DeferredReplies
-from axisbus.gateway.zenoh.event_log import Happened
+from axisbus.gateway.zenoh.event_log import Happened, Kind
+from axisbus.gateway.zenoh.execute import DeferredReplies, without
 from axisbus.gateway.zenoh.history import RecordingsWorker, refused
 from axisbus.gateway.zenoh.lease_manager import Holding
 from axisbus.gateway.zenoh.objects import TransferWorker
-from axisbus.gateway.zenoh.poller import MachinePoller
-from axisbus.gateway.zenoh.publishing import Counts, EventPublisher, States
+from axisbus.gateway.zenoh.publishing import Counts, EventPublisher, States, info_of
 from axisbus.gateway.zenoh.query import ZenohQuery, heard
 from axisbus.gateway.zenoh.service import ZenohService
-from axisbus.gateway.zenoh.states import info_of
 from axisbus.machine.machine import Machine
 from axisbus.version import __version__
 
 if TYPE_CHECKING:
     from axisbus.gateway.ros.node import RosOptions
+
 
 _LOOK = 0.05  # seconds between two checks whether the machine still runs
 _ROS = "a trajectory of ROS 2"  # the holder of control, for people
@@ -203,3 +207,100 @@ def _history(history: RecordingsWorker, keys: ZenohCellKeys, asked: ZenohQuery) 
         asked.answer(keys.history, refused(error))
         return
     history.put(ask, lambda answer: asked.answer(keys.history, answer))
+
+
+# -- Poll a machine for its events, and for the program that has control -----------------------------------------------
+
+
+log = logging.getLogger("axisbus")
+_EVERY = 0.25  # seconds
+_LEAST = 0.05  # seconds between two polls, even if there is always something new
+_BEGAN = 1e-3  # seconds by which the time stamps of a list may differ
+
+
+class MachinePoller:
+    """Poll in a thread of its own, which may wait for answers of the core; ``wake`` is for any thread."""
+
+    def __init__(self, machine: Machine, holding: Holding, tell: Callable[[Happened], None]) -> None:
+        self._machine = machine
+        self._holding = holding
+        self._tell = tell
+        self._happenings = MachineEventSource(time.monotonic() - _BEGAN, commands=True)
+        self._woken = threading.Event()
+        self._over = False
+        self._commander: str | None = None
+        self._thread = threading.Thread(target=self._run, name="looking", daemon=True)
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Poll now; does not block."""
+        self._woken.set()
+
+    def close(self) -> None:
+        """Poll once more, and end; blocks briefly."""
+        self._over = True
+        self._woken.set()
+        self._thread.join(2.0)
+
+    @property
+    def commander(self) -> str | None:
+        """The program at the machine that has control, other than this one; as of the last poll."""
+        return self._commander
+
+    def _run(self) -> None:
+        while not self._over:
+            self._woken.wait(_EVERY)
+            self._woken.clear()
+            try:
+                self._look()
+            except AxisbusError as error:  # the machine has ended, or is about to
+                log.debug("the machine could not be observed: %s", error)
+            except Exception:
+                log.exception("an observation of the machine failed")
+            time.sleep(_LEAST)
+
+    def _look(self) -> None:
+        for happened in told(self._happenings.look(self._machine, time.monotonic())):
+            self._tell(happened)
+        own = f"process {os.getpid()} "
+        who = next((each.who for each in self._machine.programs if each.commands), None)
+        self._commander = None if who is None or own in who else who
+        guest = self._holding.guest
+        if guest is not None and not guest.has_control:
+            self._holding.lost(f"{who or 'another program'} took control of the machine")
+
+
+# -- Map the events of a machine to events for the network: without the name of this process, and by kind --------------
+
+
+# Other kinds are not reported: of an incident, only its beginning and its end are.
+KINDS: dict[machine_events.MachineEventKind, Kind] = {
+    machine_events.MachineEventKind.COMMAND: "command",
+    machine_events.MachineEventKind.NODE: "node",
+    machine_events.MachineEventKind.BUS: "bus",
+    machine_events.MachineEventKind.LEFT: "machine",
+    machine_events.MachineEventKind.EMCY: "emcy",
+    machine_events.MachineEventKind.INCIDENT: "incident",
+    machine_events.MachineEventKind.OVER: "incident",
+    machine_events.MachineEventKind.FAULT: "incident",
+    machine_events.MachineEventKind.WELL: "incident",
+}
+
+
+def told(found: Iterable[MachineEvent]) -> list[Happened]:
+    """Return the events to report, in their order."""
+    return [
+        Happened(
+            KINDS[one.kind],
+            without(one.text),
+            one.about,
+            one.severity,
+            without("; ".join(one.cause)),
+            one.remedy,
+        )
+        for one in found
+        if one.kind in KINDS
+    ]

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Collection, Hashable
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
 
+from axisbus.client_support.dead_man import SILENCE, DeadMan
 from axisbus.client_support.rate import Bucket
-from axisbus.errors import ArgumentError, AxisbusError, StateError
-from axisbus.fleet.messages import CommandAnswer, CommandAsk
-from axisbus.gateway.zenoh.command_dedup import CommandDeduplicator, require_id
-from axisbus.gateway.zenoh.command_table import JOG, STOPS, act_of
-from axisbus.gateway.zenoh.deferred_replies import DeferredReplies, Reply
-from axisbus.gateway.zenoh.execute import RUNNING, CommandExecutor, failed, perform
-from axisbus.gateway.zenoh.jogs import Jogs
+from axisbus.errors import ArgumentError, AxisbusError, Replaced, StateError
+from axisbus.fleet.messages import TOO_LATE, CommandAnswer, CommandAsk
+from axisbus.gateway.zenoh.command_table import JOG, STOPS, BridgeAction, act_of
+from axisbus.gateway.zenoh.execute import RUNNING, CommandExecutor, DeferredReplies, Reply, failed, perform
 from axisbus.gateway.zenoh.lease_manager import Holding
+from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 
 LONGEST = 64  # characters of a client's name
@@ -121,3 +123,155 @@ def _require_sound(ask: CommandAsk) -> None:
             "a client has no name, or its name is too long",
             remedy=f"at most {LONGEST} characters are allowed",
         )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The commands of each client by their ids: a repeated id is the same command, and an id that comes too late is rejected.
+
+
+KEPT = 256  # commands of a client
+CLIENTS = 64
+Under = TypeVar("Under")  # the state of a given command
+
+
+@dataclass(slots=True)
+class _Client(Generic[Under]):
+    highest: int = 0
+    given: OrderedDict[int, tuple[Hashable, Under]] = field(default_factory=OrderedDict)
+
+
+class CommandDeduplicator(Generic[Under]):
+    """Hold the last commands of the last clients. For one thread at a time.
+
+    Only the holder of the lease enters commands. A client that was forgotten has not had the lease since many others, and its token
+    is void.
+    """
+
+    def __init__(self, kept: int = KEPT, clients: int = CLIENTS) -> None:
+        self._kept = kept
+        self._most = clients
+        self._clients: OrderedDict[str, _Client[Under]] = OrderedDict()
+
+    def again(self, client: str, number: int, what: Hashable) -> Under | None:
+        """Return the command that a client has already given with this id; None if the id is new.
+
+        Raises:
+            StateError: the id is lower than the newest and no longer cached, or it belonged to another command.
+        """
+        known = self._clients.get(client)
+        if known is None or (number not in known.given and number > known.highest):
+            return None
+        if number not in known.given:
+            raise StateError(
+                f"command {number} of {client} {TOO_LATE}",
+                observed=f"command {known.highest} was received before, and this one is no longer stored",
+                remedy="count the ids upwards; a restarted program uses another name",
+            )
+        before, under = known.given[number]
+        if (
+            before != what
+        ):  # also if a program restarts under its old name: it must not get answers of its previous run
+            raise StateError(
+                f"command {number} of {client} was a different command: nothing was done",
+                observed="it had other contents, or belonged to an earlier lease",
+                remedy="give each command its own id; a restarted program uses another name",
+            )
+        return under
+
+    def enter(self, client: str, number: int, what: Hashable, under: Under) -> None:
+        """Note a command that is given now."""
+        known = self._known(client)
+        known.highest = max(known.highest, number)
+        known.given[number] = what, under
+        while len(known.given) > self._kept:
+            known.given.popitem(last=False)
+
+    def passed(self, client: str, number: int) -> bool:
+        """Note an id without storing its command; return whether it is higher than all earlier ids of the client."""
+        known = self._known(client)
+        newer = number > known.highest
+        known.highest = max(known.highest, number)
+        return newer
+
+    def _known(self, client: str) -> _Client[Under]:
+        known = self._clients.setdefault(client, _Client())
+        self._clients.move_to_end(client)
+        while len(self._clients) > self._most:
+            self._clients.popitem(last=False)
+        return known
+
+
+def require_id(number: int) -> None:
+    """Check that a number is valid as the id of a command.
+
+    Raises:
+        ArgumentError: the number is below 1, or above 2^53.
+    """
+    if not 0 < number <= 1 << 53:
+        raise ArgumentError(f"{number} is not the id of a command", remedy="count them from 1")
+
+
+# -- Jogs of a fleet: each lasts 0.2 s from its last query; a press is over after silence, a halt or a late query ------
+
+
+_CLIENTS = 64
+_AGAIN = "release the button, and press it again"
+
+
+class Jogs:
+    """Hold the pressed button of each client, and the handle of its last jog; for one thread at a time."""
+
+    def __init__(self) -> None:
+        self._held: OrderedDict[str, tuple[DeadMan, Handle | None]] = OrderedDict()
+
+    def jog(self, machine: Machine, client: str, act: BridgeAction, now: float) -> None:
+        """Start or continue a jog by one query of a client; ``now`` in s, monotonic. Does not block.
+
+        Raises:
+            StateError: the press is over, or the query comes too late.
+            AxisbusError: the error that ended the jog of this press; or as ``Axis.jog``.
+        """
+        before, last = self._held.get(client, (DeadMan(), None))
+        values, axis = act.values, act.axes[0]
+        direction = math.copysign(1.0, values["velocity"])
+        broken = self._broken(last)
+        same = before.is_held_by(values["press"])
+        deadman = before.ended() if same and broken is not None else before
+        after = deadman.beaten(values["press"], axis, direction, values["sent"], now)
+        over = same and broken is not None
+        if over or not after.held:
+            self._keep(client, after.ended(), None)
+            if before.held and not over:
+                machine[before.axis].halt()
+            raise broken if over and broken is not None else _late()
+        handle = machine[axis].jog(
+            values["velocity"], acceleration=values.get("acceleration"), continue_only=same
+        )
+        look_at_end(handle)
+        self._keep(client, after, handle)
+
+    def stopped(self, axes: Collection[str]) -> None:
+        """Note that axes were halted or stopped: clients that jog one of them must press again."""
+        for client, (deadman, handle) in self._held.items():
+            if deadman.axis in axes:
+                self._held[client] = deadman.ended(), handle
+
+    def _keep(self, client: str, deadman: DeadMan, handle: Handle | None) -> None:
+        self._held[client] = deadman, handle
+        self._held.move_to_end(client)
+        while len(self._held) > _CLIENTS:
+            self._held.popitem(last=False)
+
+    @staticmethod
+    def _broken(handle: Handle | None) -> AxisbusError | None:
+        """Return the error that ended the last jog, unless the next jog of the same press replaced it, or its time ended."""
+        error = None if handle is None or handle.busy else handle.exception()
+        return None if isinstance(error, Replaced) else error
+
+
+def _late() -> StateError:
+    return StateError(
+        "the jog of this press is over",
+        observed=f"a query came more than {SILENCE:g} s late, or the axis was halted meanwhile",
+        remedy=_AGAIN,
+    )

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+import os
+import re
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import msgspec
 
 from axisbus.errors import AxisbusError, CommandError
 from axisbus.fleet.messages import CommandAnswer
 from axisbus.gateway.zenoh.command_table import BridgeAction
-from axisbus.gateway.zenoh.redact_process import fields_of
+from axisbus.ipc.errors import ErrorFields, to_fields
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 
@@ -63,3 +70,89 @@ def perform(machine: Machine, act: BridgeAction) -> CommandExecutor:
 def failed(error: AxisbusError) -> CommandAnswer:
     """Return the answer that reports an error."""
     return CommandAnswer("error", fields_of(error))
+
+
+# -- Remove this process from texts of the core before they are sent: for the network, the holder of the lease counts ----
+
+
+_WHO = rf"process {os.getpid()} \(.*?\), which began at \d+:\d+:\d+"
+_OURS = re.compile(rf" by {_WHO}|{_WHO}: ")
+
+
+def without(text: str) -> str:
+    """Return a text without this process."""
+    return _OURS.sub("", text)
+
+
+def fields_of(error: AxisbusError) -> ErrorFields:
+    """Return an error as plain values, with this process removed from its texts."""
+    found = to_fields(error)
+    told = {name: without(one) if isinstance(one, str) else one for name, one in found.fields.items()}
+    return msgspec.structs.replace(found, fields=told)
+
+
+# -- Answer commands when they end, in one thread, so that no thread of the network waits for a machine ----------------
+
+
+PATIENCE = 2.0  # seconds after which a command that still runs is answered "running"
+_MOST = 256  # the most waiting answers; further commands are answered "running" at once
+_SLICE = 1.0  # seconds, the longest sleep of the thread
+Reply = Callable[[CommandAnswer], None]
+
+
+class _Waiting(NamedTuple):
+    doing: CommandExecutor
+    reply: Reply
+    until: float
+
+
+class DeferredReplies:
+    """Hold the waiting answers; ``put`` is for any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._waiting: list[_Waiting] = []
+        self._news = threading.Event()
+        self._over = False
+        self._thread = threading.Thread(target=self._run, name="answers", daemon=True)
+        self._thread.start()
+
+    def put(self, doing: CommandExecutor, reply: Reply) -> None:
+        """Call ``reply`` when a command has ended, or after ``PATIENCE`` seconds; does not block."""
+        with self._lock:
+            full = len(self._waiting) >= _MOST
+            until = 0.0 if full else time.monotonic() + PATIENCE
+            self._waiting.append(_Waiting(doing, reply, until))
+        for handle in doing.handles:
+            if handle.busy:
+                handle.add_done_callback(self._news.set)
+        self._news.set()
+
+    def close(self) -> None:
+        """Answer the waiting commands, and end; blocks briefly."""
+        self._over = True
+        self._news.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._over:
+            self._news.wait(self._next())
+            self._news.clear()
+            self._look()
+        self._look()
+
+    def _next(self) -> float:
+        with self._lock:
+            due = min((each.until for each in self._waiting), default=None)
+        return _SLICE if due is None else min(_SLICE, max(0.0, due - time.monotonic()))
+
+    def _look(self) -> None:
+        now = time.monotonic()
+        with self._lock:
+            ready = [each for each in self._waiting if self._over or not each.doing.busy or each.until <= now]
+            self._waiting = [each for each in self._waiting if each not in ready]
+        for each in ready:
+            try:
+                each.reply(each.doing.answer if not each.doing.busy else RUNNING)
+            except Exception as error:  # noqa: BLE001  # the client is gone
+                log.debug("an answer could not be sent: %s", error)
