@@ -24,7 +24,7 @@ from axisbus.errors import (
     StaleError,
     StateError,
 )
-from axisbus.fleet import nonblocking_close
+from axisbus.fleet import network
 from axisbus.fleet.messages import PROTOCOL
 from axisbus.motion.states import AxisState
 from kit.fleet.plant import Plant, free_endpoint
@@ -495,7 +495,7 @@ def lingers(ports):
     found = []
     for file in Path("/proc/self/fd").iterdir():
         try:
-            with nonblocking_close._connection(int(file.name)) as one:
+            with network._connection(int(file.name)) as one:
                 if ports & {name[1] for name in (one.getsockname(), one.getpeername())}:
                     found.append(
                         struct.unpack("ii", one.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))[0]

@@ -9,11 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.errors import AxisbusError, CommandError, LimitError, OwnershipError, Stopped
-from axisbus.fleet.cell_state import AXES, FRESH, CellWatch
+from axisbus.fleet.cell_state import AXES, FRESH, KEPT, NEWEST, CellWatch, EventLog
 from axisbus.fleet.command_retry import SILENCE, Again, CommandRetry, Situation, error_of
-from axisbus.fleet.endpoint_status import unreached
-from axisbus.fleet.events import KEPT, NEWEST, EventLog
-from axisbus.fleet.lease import LeaseKeeper
+from axisbus.fleet.fleet import unreached
+from axisbus.fleet.lease_session import LeaseKeeper
 from axisbus.fleet.messages import (
     PROTOCOL,
     AxisInfo,

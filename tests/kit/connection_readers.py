@@ -22,8 +22,8 @@ from axisbus.core.process import listener
 from axisbus.errors import ScanError, StateError, UserError
 from axisbus.fleet import messages as f
 from axisbus.fleet.command_retry import CommandRetry, error_of
-from axisbus.fleet.decode import read
-from axisbus.fleet.lease import LeaseKeeper
+from axisbus.fleet.lease_session import LeaseKeeper
+from axisbus.fleet.messages import read
 from axisbus.fleet.subscriptions import FleetSubscriptions
 from axisbus.ipc import messages as m
 from axisbus.ipc.errors import to_fields

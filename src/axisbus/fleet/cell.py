@@ -12,7 +12,6 @@ from axisbus.fleet.axis import FleetAxis
 from axisbus.fleet.cell_state import LastAxisState
 from axisbus.fleet.command_retry import error_of
 from axisbus.fleet.command_sender import CommandSender
-from axisbus.fleet.decode import read
 from axisbus.fleet.keys import ZenohCellKeys
 from axisbus.fleet.lease_session import CellControl, Leases, no_answer
 from axisbus.fleet.messages import (
@@ -26,6 +25,7 @@ from axisbus.fleet.messages import (
     ObjectWrite,
     RecordingInfo,
     Value,
+    read,
 )
 from axisbus.fleet.subscriptions import FleetSubscriptions
 from axisbus.fleet.zenoh_client import ZenohClient

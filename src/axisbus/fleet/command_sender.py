@@ -15,10 +15,9 @@ import msgspec
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import AxisbusError, StateError
 from axisbus.fleet.command_retry import Again, CommandEnd, CommandRetry
-from axisbus.fleet.decode import read
 from axisbus.fleet.event_loop import EventLoopThread
 from axisbus.fleet.keys import ZenohCellKeys
-from axisbus.fleet.messages import TOO_LATE, CommandAnswer, CommandAsk, Value
+from axisbus.fleet.messages import TOO_LATE, CommandAnswer, CommandAsk, Value, read
 from axisbus.fleet.subscriptions import FleetSubscriptions
 from axisbus.fleet.zenoh_client import ZenohClient
 from axisbus.machine.handle import Handle

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import getpass
+import ipaddress
+import logging
 import os
 import socket
+import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -14,9 +17,7 @@ from axisbus.errors import StateError
 from axisbus.fleet import network
 from axisbus.fleet.cell import FleetCell, Ways
 from axisbus.fleet.command_sender import CommandSender
-from axisbus.fleet.endpoint_status import unreached
 from axisbus.fleet.event_loop import EventLoopThread
-from axisbus.fleet.exit_hook import ENDING
 from axisbus.fleet.keys import ZenohCellKeys, named
 from axisbus.fleet.lease_session import Leases
 from axisbus.fleet.network import ZenohNetwork
@@ -191,3 +192,97 @@ def _who() -> str:
     except (OSError, KeyError):
         user = "somebody"
     return f"{user}@{socket.gethostname()}, process {os.getpid()}"
+
+
+# -- Determine to which of its endpoints a fleet has a connection ------------------------------------------------------
+
+
+def unreached(endpoints: Sequence[str], links: Iterable[str]) -> list[str]:
+    """Return the endpoints without a link; ``links``: the far ends of the present links, as Zenoh writes them.
+
+    An endpoint given by host name counts as reached if there is a link to its port that belongs to no other endpoint.
+    """
+    there = {_place(link) for link in links}
+    left = there - {_place(endpoint) for endpoint in endpoints}
+    missing = []
+    for endpoint in endpoints:
+        place = _place(endpoint)
+        by_name = None if place in there or not _is_name(place) else _same_port(place, left)
+        if by_name is not None:
+            left.discard(by_name)
+        elif place not in there:
+            missing.append(endpoint)
+    return missing
+
+
+def _place(endpoint: str) -> str:
+    """Return an endpoint without the metadata and configuration after its address."""
+    return endpoint.partition("?")[0].partition("#")[0]
+
+
+def _is_name(place: str) -> bool:
+    host = place.partition("/")[2].rpartition(":")[0].strip("[]")
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return True
+    return False
+
+
+def _same_port(place: str, links: Iterable[str]) -> str | None:
+    protocol, _, address = place.partition("/")
+    port = address.rpartition(":")[2]
+    return next(
+        (
+            each
+            for each in sorted(links)
+            if each.startswith(f"{protocol}/") and each.rpartition(":")[2] == port
+        ),
+        None,
+    )
+
+
+# -- Close the fleets that a program has not closed, when its main thread ends -----------------------------------------
+#
+# Otherwise Zenoh's threads would keep the interpreter alive, and the fleet's thread would keep renewing its leases: motion that
+# the program has started would continue although the program seems to be over. Functions registered with ``atexit`` run only
+# after these threads have ended.
+
+
+log = logging.getLogger("axisbus")
+
+
+class ExitHook:
+    """Hold the functions to call once, when the main thread ends."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._calls: dict[int, Callable[[], None]] = {}
+        self._thread: threading.Thread | None = None
+
+    def add(self, call: Callable[[], None]) -> Callable[[], None]:
+        """Register ``call``, run in its own thread at the end; return a function that unregisters it, harmless when repeated."""
+        with self._lock:
+            self._calls[id(call)] = call
+            if (
+                self._thread is None or not self._thread.is_alive()
+            ):  # the thread does not exist in a forked child
+                # no daemon, so that the interpreter waits for it: closing a session while the interpreter ends aborts the process
+                self._thread = threading.Thread(target=self._run, name="axisbus fleet end", daemon=False)
+                self._thread.start()
+        return lambda: self._forget(id(call))
+
+    def _forget(self, key: int) -> None:
+        with self._lock:
+            self._calls.pop(key, None)
+
+    def _run(self) -> None:
+        threading.main_thread().join()
+        for call in list(self._calls.values()):
+            try:
+                call()
+            except Exception:  # the next fleet has to be closed in any case
+                log.exception("a fleet could not be closed")
+
+
+ENDING = ExitHook()

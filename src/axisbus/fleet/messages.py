@@ -19,7 +19,7 @@ is answered at once.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, TypeVar
 
 import msgspec
 
@@ -28,6 +28,7 @@ from axisbus.ipc.register_types import register_message_types
 
 TOO_LATE = "comes too late: nothing was done"  # clients recognise by this text that an id was rejected because newer ids came first
 PROTOCOL = 1  # incremented if an older fleet or bridge would misunderstand a change
+
 
 Value = float | int | bool | str | None
 
@@ -206,4 +207,22 @@ class HistoryAnswer(msgspec.Struct, frozen=True):
 KINDS: tuple[type[msgspec.Struct], ...] = tuple(
     kind for kind in list(globals().values()) if isinstance(kind, type) and issubclass(kind, msgspec.Struct)
 )
+
+
 register_message_types(*KINDS)
+
+
+# -- Decode payloads of the network; an invalid payload gives None -----------------------------------------------------
+
+
+_Message = TypeVar("_Message")
+
+
+def read(payload: bytes | None, kind: type[_Message]) -> _Message | None:
+    """Return a payload decoded as ``kind``; None if there is no payload or it is not a valid message of this kind."""
+    if payload is None:
+        return None
+    try:
+        return msgspec.json.decode(payload, type=kind)
+    except (msgspec.MsgspecError, ValueError, RecursionError):
+        return None

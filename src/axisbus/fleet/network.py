@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import ipaddress
 import json
+import logging
+import os
 import re
+import socket
+import struct
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from axisbus.errors import ArgumentError, StateError
-from axisbus.fleet.nonblocking_close import never_linger
 from axisbus.optional_dependencies import require
 
 if TYPE_CHECKING:
     import zenoh
+
 
 PORT = 7447  # the usual port of Zenoh
 LEASE = 0.8  # seconds without a message after which a connection counts as lost
@@ -180,3 +186,73 @@ def _settings(network: ZenohNetwork) -> Mapping[str, Any]:
 def _short(error: Exception) -> str:
     """Return Zenoh's message without the locations in its source code."""
     return re.sub(r" at /\S+:\d+\.?", "", str(error)).strip()
+
+
+# -- Close connections of Zenoh without waiting, so that a far end that is cut off does not block other connections ----
+#
+# Zenoh sets SO_LINGER: when it closes a TCP connection, the system waits up to 10 s until the far end has taken the data sent. If
+# the far end is cut off, a thread of Zenoh that other connections need blocks meanwhile. New connections are not accepted, and if
+# several far ends are cut off at once, no message of any peer is received. So this module switches lingering off for each new
+# connection. The system still sends the remaining data.
+
+
+log = logging.getLogger("axisbus")
+_FILES = Path("/proc/self/fd")
+_OFF = struct.pack("ii", 0, 0)
+_PROTOCOLS = frozenset({"tcp", "tls"})
+
+
+def never_linger(session: Any) -> None:
+    """Switch lingering off for all present and future connections of a session. Only on Linux does closing wait at all."""
+    import zenoh
+
+    def changed(event: Any) -> None:
+        if event.kind == zenoh.SampleKind.PUT:
+            _unlinger(str(event.link.src), str(event.link.dst))
+
+    if _FILES.is_dir():
+        session.info.declare_link_events_listener(changed, history=True)
+
+
+def _unlinger(near: str, far: str) -> None:
+    try:
+        ends = _end(near), _end(far)
+        if None not in ends:
+            for file in _FILES.iterdir():
+                _switch_off(int(file.name), ends)
+    except Exception:  # a thread of zenoh calls this
+        log.exception("a connection could not be inspected")
+
+
+def _switch_off(number: int, ends: tuple[Any, Any]) -> None:
+    """Switch lingering off for an open file if it is the connection between these two ends."""
+    with suppress(OSError), _connection(number) as one:  # already closed, not a socket, or not connected
+        if one.type == socket.SOCK_STREAM and _ends(one) == ends:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _OFF)
+
+
+def _connection(number: int) -> socket.socket:
+    """Return a duplicate of an open file as a socket: the number may be reused for another file, the duplicate stays valid."""
+    own = os.dup(number)
+    try:
+        return socket.socket(fileno=own)
+    except OSError:
+        os.close(own)
+        raise
+
+
+def _ends(one: socket.socket) -> Any:
+    if one.family not in (socket.AF_INET, socket.AF_INET6):
+        return None
+    return tuple((_address(name[0]), name[1]) for name in (one.getsockname(), one.getpeername()))
+
+
+def _end(place: str) -> tuple[Any, int] | None:
+    """Return the address and port of an end as Zenoh writes it; None if it has another protocol."""
+    protocol, _, rest = place.partition("?")[0].partition("#")[0].partition("/")
+    host, _, port = rest.rpartition(":")
+    return (_address(host.strip("[]")), int(port)) if protocol in _PROTOCOLS else None
+
+
+def _address(host: str) -> Any:
+    return ipaddress.ip_address(host.partition("%")[0])

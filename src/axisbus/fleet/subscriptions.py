@@ -12,10 +12,9 @@ import msgspec
 
 from axisbus.fleet.cell_state import CellWatch
 from axisbus.fleet.command_retry import Situation
-from axisbus.fleet.decode import read
 from axisbus.fleet.event_loop import EventLoopThread
 from axisbus.fleet.keys import ZenohCellKeys, is_name
-from axisbus.fleet.messages import AxisStateMessage, CellInfo, Event, EventsAnswer, EventsAsk
+from axisbus.fleet.messages import AxisStateMessage, CellInfo, Event, EventsAnswer, EventsAsk, read
 from axisbus.fleet.zenoh_client import ZenohClient
 
 _ROUND = 0.25  # seconds between two checks for missing state
