@@ -9,19 +9,25 @@ from axisbus.cli.shared.lazy import LazyGroup
 _HERE = "axisbus.cli.gim6010.modbus"
 COMMANDS = {
     "find": (f"{_HERE}.find", "Ask one node ID after the other; show the state of each module found."),
-    "state": (f"{_HERE}.state", "Show a module: state, errors, modes, position, supply."),
-    "errors": (f"{_HERE}.errors", "Show every error of a module, and what to check; clear them."),
-    "read": (f"{_HERE}.read", "Read registers, and parameters by their names."),
-    "write": (f"{_HERE}.write", "Write settings, each read back; give it another node ID; save."),
-    "move": (f"{_HERE}.move", "Enable a module and move it to a position."),
-    "velocity": (f"{_HERE}.velocity", "Enable a module and turn it at a velocity."),
-    "torque": (f"{_HERE}.torque", "Enable a module and apply a torque."),
-    "zero": (f"{_HERE}.zero", "Set the present position to 0, and save it."),
+    "state": (f"{_HERE}.registers:state_command", "Show a module: state, errors, modes, position, supply."),
+    "errors": (
+        f"{_HERE}.registers:errors_command",
+        "Show every error of a module, and what to check; clear them.",
+    ),
+    "read": (f"{_HERE}.registers:read_command", "Read registers, and parameters by their names."),
+    "write": (
+        f"{_HERE}.registers:write_command",
+        "Write settings, each read back; give it another node ID; save.",
+    ),
+    "move": (f"{_HERE}.motion:move_command", "Enable a module and move it to a position."),
+    "velocity": (f"{_HERE}.motion:velocity_command", "Enable a module and turn it at a velocity."),
+    "torque": (f"{_HERE}.motion:torque_command", "Enable a module and apply a torque."),
+    "zero": (f"{_HERE}.registers:zero_command", "Set the present position to 0, and save it."),
     "calibrate": (
-        f"{_HERE}.calibrate",
+        f"{_HERE}.motion:calibrate_command",
         "Calibrate motor and encoder: the output may turn; asks first.",
     ),
-    "stop": (f"{_HERE}.stop", "Stop a module, whichever master enabled it."),
+    "stop": (f"{_HERE}.motion:stop_command", "Stop a module, whichever master enabled it."),
 }
 
 
