@@ -19,6 +19,31 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a velocity to a limit that an override has lowered on the way, on a drive with a long lag": Script(
+        "stiff",
+        (
+            Event(pause=0.0, what="nudge", axis="a", value=-0.606),
+            Event(pause=0.5, what="move_velocity", axis="a", value=-0.192),
+            Event(pause=0.5, what="set_position", axis="a", value=0.713),
+            Event(pause=0.2, what="axis_override", axis="a", value=-0.395),
+            Event(pause=0.2, what="service", axis="", value=0.0),
+        ),
+        scene="drawn",
+        ending="close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    unit="um",
+                    scale=1.0,
+                    speed=10000.0,
+                    acceleration=40000.0,
+                    limits=(-0.06, 0.24),
+                    lag=0.05,
+                    demand="zero",
+                ),
+            )
+        ),
+    ),
     "a short move that would end beyond the limit which the axis is just passing on its way back": Script(
         "stiff",
         (

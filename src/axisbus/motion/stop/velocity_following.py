@@ -15,17 +15,18 @@ the transfer if the velocity is written by SDO). An axis between both ramps has 
 After an override of 0, or a velocity of 0, the axis settles later than the ramps, by its lag. ``_SETTLED`` seconds after both ramps
 have come to rest, the axis is assumed to be at its commanded position. Any later motion counts.
 
-The following distance of a motor with a constant lag is the lag multiplied by the velocity that the motor itself has gained. Until
-the ramp ends, the motor has gained less velocity than the ramp, by the lag multiplied by the acceleration: in the first five lags,
-by more than a fifth. The difference and the gain decay alike, so their ratio is the lag (a little more if the lag is long). The
-earlier ramp is used, so the ratio includes the time in which the drive accepts a command. The look-ahead of the limits already
-allows ``_TAKEN`` periods for that; only a longer time is the ``lag``. The lag is measured while the velocity changes and shortly
-after. Later the gain has decayed, and a small velocity error would look like a lag. A motion that begins at speed gives no lag: its
-demand at that moment is unknown, and a demand that is ahead looks like an axis without a lag. If a new velocity is given while the
-drive is still on the ramp of the previous command, the demand is known. In this case the computation continues with that ramp
-(``go_on``). The accelerations of the new command are written before its velocity, and most drives use them at once for the velocity
-that they still have. So from the first write on (``expect``) the earlier ramp has the higher of both accelerations, and the later
-ramp has the lower one.
+The following distance of a motor with a constant lag is the lag multiplied by the velocity that the motor itself has gained.
+Until the ramp ends, the motor has gained less velocity than the ramp, by the lag multiplied by the acceleration: in the first
+five lags, by more than a fifth. The difference and the gain decay alike, so their ratio is the lag (a little more if the lag is
+long). The earlier ramp is used, so the ratio includes the time in which the drive accepts a command. The look-ahead of the
+limits already allows ``_TAKEN`` periods for that; only a longer time is the ``lag``. The lag is measured while the velocity
+changes and shortly after. Later the gain has decayed, and a small velocity error would look like a lag. If the velocity has
+risen and fallen, both gains cancel, and what is left of them gives no lag. A motion that begins at speed gives no lag: its
+demand at that moment is unknown, and a demand that is ahead looks like an axis without a lag. If a new velocity is given while
+the drive is still on the ramp of the previous command, the demand is known. In this case the computation continues with that
+ramp (``go_on``). The accelerations of the new command are written before its velocity, and most drives use them at once for the
+velocity that they still have. So from the first write on (``expect``) the earlier ramp has the higher of both accelerations,
+and the later ramp has the lower one.
 """
 
 from __future__ import annotations
@@ -43,23 +44,25 @@ _LONGEST = 60.0  # seconds of memory
 _SETTLED = (
     0.4  # seconds; less than the time for which a commanded speed excuses a lag (``following._SPEED_TIME``)
 )
+_ONE_WAY = 0.75  # share of the changes of velocity by which one direction must prevail
 _TAKEN = 4.0  # scan periods: until the next SYNC, until the drive acts, and until this is seen
 
 
 class _Ramp:
     """One ramp: its velocity, its target, the axis's distance behind it, and the targets that become valid later (time, target).
 
-    ``gained``: the change of its velocity, which decays as ``behind`` does; ``rate``: its last acceleration (per s²).
+    ``gained``: the change of its velocity, which decays as ``behind`` does; ``stirred``: the same without the signs of the changes.
+    ``rate``: its last acceleration (per s²).
     """
 
-    __slots__ = ("_due", "behind", "down", "gained", "rate", "speed", "target", "up")
+    __slots__ = ("_due", "behind", "down", "gained", "rate", "speed", "stirred", "target", "up")
 
     def __init__(self, speed: float, target: float, up: float, down: float) -> None:
         self.speed = speed
         self.target = target
         self.up = up
         self.down = down
-        self.behind = self.gained = self.rate = 0.0
+        self.behind = self.gained = self.stirred = self.rate = 0.0
         self._due: deque[tuple[float, float]] = deque()
 
     def aim(self, target: float, when: float) -> None:
@@ -77,6 +80,7 @@ class _Ramp:
         self.speed = max(before - change, target) if target < before else min(before + change, target)
         self.behind = self.behind * kept + 0.5 * (before + self.speed) * dt - made
         self.gained = self.gained * kept + self.speed - before
+        self.stirred = self.stirred * kept + abs(self.speed - before)
         self.rate = (self.speed - before) / dt
 
 
@@ -209,11 +213,13 @@ class RampedWay:
         elif now >= self._settles_at:
             self._settles_at = math.inf
             for ramp in (self._early, self._late):
-                ramp.behind = ramp.gained = 0.0
+                ramp.behind = ramp.gained = ramp.stirred = 0.0
 
     def _take_lag(self, ramp: _Ramp) -> None:
         if abs(ramp.gained) * _LAG_TIME <= NOISE:
             return  # too slow: an allowed lag would be within the noise
+        if abs(ramp.gained) < _ONE_WAY * ramp.stirred:
+            return
         way = max(0.0, math.copysign(ramp.behind, ramp.behind * ramp.gained) - NOISE)
         lag = way / abs(ramp.gained)
         if ramp.rate * ramp.gained > 0.0:

@@ -193,7 +193,7 @@ def velocity_unit(axis: AxisRecipe) -> float:
     return motor_of(axis.file)[1]
 
 
-def _is_slow(axis: AxisRecipe) -> bool:
+def is_slow(axis: AxisRecipe) -> bool:
     """Whether the velocities of the cell file are those of the recipe: others may be so fast that any lag is a following error."""
     return axis.counted or velocity_unit(axis) >= 1.0
 
@@ -206,7 +206,7 @@ def _devices(recipe: CellRecipe, models: Mapping[str, tuple[str, Eds]]) -> dict[
         motor = replace(
             given,
             start_position=float(axis.start),
-            lag=min(axis.lag, given.lag) if axis.file != GENERIC or not _is_slow(axis) else axis.lag,
+            lag=min(axis.lag, given.lag) if axis.file != GENERIC or not is_slow(axis) else axis.lag,
             rated_acceleration=20.0 * axis.acceleration / (1.0 if axis.counted else velocity_unit(axis)),
             noise=axis.noise,
         )

@@ -11,6 +11,7 @@ from axisbus.errors import (
     AxisbusError,
     CommandError,
     DriveError,
+    FollowingError,
     Interrupted,
     LimitError,
     ModeError,
@@ -21,7 +22,7 @@ from axisbus.errors import (
 from axisbus.motion.states import AxisState
 from kit.campaign.cells import promises
 from kit.campaign.cells.files import BUILTIN, model_of
-from kit.campaign.cells.opening import DrawnCell, velocity_unit
+from kit.campaign.cells.opening import DrawnCell, is_slow, velocity_unit
 from kit.campaign.cells.recipe import NORM
 from kit.campaign.facts import MOVES, TORQUE_MODES, Asked, Facts
 from kit.campaign.orders import OVERRIDES
@@ -206,6 +207,10 @@ class Physics(Travel):
             facts.tally["halts for which a read-only 6084h is too small"] += 1
             return
         if isinstance(error, DriveError) and any(self._has_crept(name) for name in asked.names):
+            return
+        if isinstance(error, FollowingError) and not all(
+            is_slow(self._cell.recipe.axis(name)) for name in asked.names
+        ):
             return
         text = f"{asked.handle.name} ended by {type(error).__name__}: {error}"
         if isinstance(error, ModeError) and not all(map(self._has_all_modes, asked.names)):
