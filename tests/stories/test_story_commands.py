@@ -206,7 +206,9 @@ def test_a_failed_handle_that_nobody_looked_at_is_reported_by_name(story, golden
 def test_a_wait_that_runs_out_leaves_the_motion_alone(story):
     cell = story.simulated("x").enabled()
     handle = cell.x.move_relative(500.0)
-    with pytest.raises(TimeoutError, match=r"x.move_relative\(500 deg\): not ended after 0.5 s; it goes on"):
+    with pytest.raises(
+        TimeoutError, match=r"x.move_relative\(500 deg\): not ended after 0.5 s; it continues"
+    ):
         handle.wait(0.5)
     assert handle.status is Status.ACTIVE
     cell.must_move()

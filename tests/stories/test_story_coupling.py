@@ -408,7 +408,7 @@ def test_a_slave_is_braked_by_itself_when_its_master_is_lost(story, how):
         cell.device("x").dials.dead = True
     cell.until(lambda: cell["y"].error is not None, 1.0)
     assert "its master is lost" in str(cell["y"].error)
-    assert "couple y to it anew" in str(cell["y"].error)
+    assert "couple y to it again" in str(cell["y"].error)
     must_brake(cell, "y")
     assert cell["y"].state is AxisState.ERRORSTOP
 

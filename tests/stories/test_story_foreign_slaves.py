@@ -428,7 +428,7 @@ def test_a_mode_that_the_cell_file_leaves_out_is_refused_and_named(tmp_path):
 UNCLAIMED = {
     "ros2_canopen": (FollowingError, "does not follow"),  # it shows the mode and does not move
     "espp": (StateError, "needs 6041h, 606Ch, 6064h and 60FFh in synchronous PDOs"),
-    "canworks": (ModeError, "does not take mode 9 (csv)"),
+    "canworks": (ModeError, "does not enter mode 9 (csv)"),
 }
 
 

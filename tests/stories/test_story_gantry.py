@@ -350,7 +350,9 @@ def test_a_way_of_a_group_does_not_lead_a_pair_that_is_out_of_square(story):
     pair.gantry.enable(skew=13.0).wait(5)
     pair["z"].enable().wait(5)
     group = pair.machine.group("z", "x", "y")
-    assert "wider bound of 13" in pair.failure_of(group.move_linear((5.0, 5.0, 5.0), velocity=9.0)).message
+    assert (
+        "wider skew limit of 13" in pair.failure_of(group.move_linear((5.0, 5.0, 5.0), velocity=9.0)).message
+    )
     pair.gantry.square(velocity=9.0).wait(9)
     group.move_linear((5.0, 5.0, 5.0), velocity=9.0).wait(9)
 
@@ -536,8 +538,8 @@ def test_the_way_out_of_a_beam_that_was_bent(story):
     with pytest.raises(LimitError, match="not above max_skew"):
         beam.enable(skew=MAX_SKEW)
     beam.enable(skew=40.0).wait(5)
-    assert "wider bound of 40" in pair.failure_of(beam.move_relative(1.0)).message
-    assert "wider bound of 40" in pair.failure_of(beam.resume()).message
+    assert "wider skew limit of 40" in pair.failure_of(beam.move_relative(1.0)).message
+    assert "wider skew limit of 40" in pair.failure_of(beam.resume()).message
     assert isinstance(pair.failure_of(beam.square(distance=-30.0, velocity=5.0)), LimitError)
     beam.square(velocity=5.0).wait(20)
     assert beam.skew == pytest.approx(0.0, abs=NEAR)

@@ -205,7 +205,7 @@ def test_what_the_cell_file_gives_a_whole_output_without_us_stays(story):
         device.read(0x6207, 1) == 0xF7
     )  # by bits: lamp and clamp are the cell's, the others as they were given
     (report,) = [each for each in cell.machine.reports if each.node_id == 5]
-    assert any("what the cell file writes into 6444h:01" in line for line in report.io)
+    assert any("as the cell file writes into 6444h:01" in line for line in report.io)
 
 
 def test_a_module_may_not_stay_operational_without_us(story):

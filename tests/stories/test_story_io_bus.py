@@ -150,7 +150,7 @@ def test_a_module_that_does_not_take_its_error_value_does_not_come_up(tmp_path):
     head, section, tail = eds.partition("[6207sub1]")
     (tmp_path / "module.eds").write_text(head + section + tail.replace("AccessType=rw", "AccessType=ro", 1))
     path.write_text(path.read_text().replace("builtin:generic-cia401", "module.eds"))
-    with pytest.raises(BootError, match=r"6207h:01 does not take 0, so its outputs have no safe state"):
+    with pytest.raises(BootError, match=r"6207h:01 does not accept 0, so its outputs have no safe state"):
         Machine.open(path)
 
 

@@ -338,7 +338,7 @@ def test_random_ways_keep_to_the_tools_path_and_the_axes_limits(story, seed):
             cell.run(rng.uniform(0.05, 0.4))
             xy.halt().wait(5)
             error = cell.end_of(xy.resume(), 90.0)
-            assert error is None or "come to its end" in str(error)
+            assert error is None or "the line has ended" in str(error)
         else:
             assert cell.end_of(path, 90.0) is None
         assert xy.tool_position == pytest.approx(points[-1], abs=NEAR)

@@ -271,7 +271,7 @@ def test_what_is_no_path_is_refused_before_anything_moves(story, ask, error, wor
 def test_a_circle_about_a_centre_is_one_of_two_axes_and_no_path_leads_an_endless_one(story):
     cell = story.simulated("xyz", axis=AXIS)
     cell.enabled()
-    with pytest.raises(ArgumentError, match="one of two axes, these are 3"):
+    with pytest.raises(ArgumentError, match="needs two axes, these are 3"):
         cell.machine.group("x", "y", "z").move_circular((0.0, 0.0, 0.0), centre=(1.0, 1.0, 1.0), velocity=9.0)
     endless = story.simulated("xy", axis=AXIS + "\nmodulo = 360.0")
     with pytest.raises(ArgumentError, match="x is endless"):

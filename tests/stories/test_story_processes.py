@@ -316,7 +316,7 @@ def test_a_program_is_told_how_its_core_died_and_how_its_drives_were_left(tmp_pa
     assert text.startswith("ScanError: x.move_relative(1e+06 deg) was ended")
     assert "it was ended by SIGKILL" in text
     assert re.search(STOPPED, text)
-    assert "ERROR the core was gone: it was ended by SIGKILL; so its drives were stopped\n" in one.journal()
+    assert "ERROR the core had ended: it was ended by SIGKILL; so its drives were stopped\n" in one.journal()
     assert re.search(f"ERROR {STOPPED}", one.journal())
 
 

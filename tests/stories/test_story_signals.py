@@ -126,7 +126,7 @@ with Machine.open({str(tmp_path / "cell.toml")!r}) as machine:
     )
     ended = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
     assert ended.stdout == "True None\n", ended.stderr
-    assert ended.stderr.count("this program ignores Ctrl-C now") == 1
+    assert ended.stderr.count("this program now ignores Ctrl-C") == 1
     assert ended.returncode == 143
 
 

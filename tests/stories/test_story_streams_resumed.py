@@ -153,8 +153,8 @@ def test_a_group_goes_on_to_the_last_point_that_was_taken_and_takes_no_more(stor
     assert min(abs(cell.where("x") - value) for value in (last[0], before[0])) < 0.1
     with pytest.raises(Interrupted):
         points.push(place(points.count * STEP))
-    assert "come to its end" in str(cell.failure_of(points.resume()))
-    assert "come to its end" in str(cell.failure_of(group.resume()))
+    assert "the line has ended" in str(cell.failure_of(points.resume()))
+    assert "the line has ended" in str(cell.failure_of(group.resume()))
     must_be_on_the_line(cell)
     must_not_jolt(cell)
 

@@ -131,17 +131,17 @@ def test_the_tool_goes_softly_under_an_override_and_a_halt(story, what, jerk):
         (
             lambda g: g.move_linear((400.0, 0.0), velocity=50.0, acceleration=500.0),
             LimitError,
-            "does not reach",
+            "leaves the reach of the machine",
         ),
         (
             lambda g: g.move_linear((-200.0, -150.0), velocity=50.0, acceleration=500.0),
             LimitError,
-            "does not reach",
+            "leaves the reach of the machine",
         ),
         (
             lambda g: g.move_circular((200.0, 150.0), centre=(100.0, 75.0), velocity=9.0, acceleration=9.0),
             LimitError,
-            "does not reach",
+            "leaves the reach of the machine",
         ),
         (
             lambda g: g.move_linear((200.0, 100.0), velocity=50.0),
@@ -182,5 +182,5 @@ def test_axes_that_make_no_place_are_told_as_such(story):
     robot = cell.machine.group("x", "y", "z").with_kinematics(Delta(300.0, 40.0, 120.0, 100.0))
     with pytest.raises(LimitError, match="the arms do not meet"):
         _ = robot.tool_position
-    with pytest.raises(LimitError, match="does not reach"):
+    with pytest.raises(LimitError, match="leaves the reach of the machine"):
         robot.move_linear((0.0, 0.0, -100.0), velocity=10.0, acceleration=100.0)
