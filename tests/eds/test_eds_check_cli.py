@@ -235,7 +235,7 @@ def test_a_whole_id_means_that_rule_alone(check: Call) -> None:
 def test_an_unknown_id_is_misuse(check: Call, options: tuple[str, str]) -> None:
     code, out, err = check(write("a.eds"), *options)
     assert (code, out) == (2, "")
-    assert "no rule's id" in err
+    assert "is not the id of a rule" in err
 
 
 @pytest.mark.parametrize(

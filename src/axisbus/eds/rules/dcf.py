@@ -117,20 +117,6 @@ def long_denotations(sheet: RuleContext) -> Iterator[Hit]:
             )
 
 
-LOOKS: Looks = {
-    "K002": no_commissioning,
-    "K004": baud_rate,
-    "K005": read_only_values,
-    "K006": files_of_others,
-    "K007": values_in_an_eds,
-    "K008": lengths,
-    "K009": network_numbers,
-    "K013": long_denotations,
-    "K014": unsupported_baud_rate,
-    "K015": manager_flag,
-}
-
-
 # -- Rules for concise DCFs in 1F22h: complete, and in an order that devices accept (CiA 302-3 4.3) --------------------
 
 
@@ -191,7 +177,17 @@ def _streams(sheet: RuleContext) -> Iterator[tuple[Described, str, bytes]]:
                     yield entry, key, value
 
 
-CONCISE_LOOKS: Looks = {
+LOOKS: Looks = {
+    "K002": no_commissioning,
+    "K004": baud_rate,
+    "K005": read_only_values,
+    "K006": files_of_others,
+    "K007": values_in_an_eds,
+    "K008": lengths,
+    "K009": network_numbers,
+    "K013": long_denotations,
+    "K014": unsupported_baud_rate,
+    "K015": manager_flag,
     "K010": wrong_count,
     "K011": order_of_mapping,
     "K012": verification_last,

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds.io import values as suppress_followups_values
+from axisbus.eds.io import values as entry_values
 from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.io.text import entry_of
 from axisbus.eds.model import EdsFinding, Number, Severity
@@ -54,11 +54,10 @@ _FAMILIES = (
         objects,
         records,
         compactlists,
-        objects,
         pdo,
         pdo_parameters,
     ),
-    *(cia301, services, cia402, modes, dcf, dcf, modules),
+    *(cia301, services, cia402, modes, dcf, modules),
 )
 LOOKS: dict[str, Look] = {rule: look for family in _FAMILIES for rule, look in family.LOOKS.items()}
 
@@ -170,7 +169,7 @@ def _right(sheet: RuleContext, finding: EdsFinding) -> bool:
         return False
     _, text = entry_of(sheet.document.lines[finding.line - 1])
     return finding.rule == _IDENTITY or any(
-        suppress_followups_values.parse(text, kind).value is not None for kind in kinds
+        entry_values.parse(text, kind).value is not None for kind in kinds
     )
 
 
@@ -192,7 +191,7 @@ def _blamed(sheet: RuleContext, finding: EdsFinding) -> EdsFinding:
     entry = sheet.eds.get(finding.index or 0, finding.subindex or 0)
     if section is None or entry is None:
         return finding
-    low = suppress_followups_values.plain(section.entries.get("lowlimit", ""))
+    low = entry_values.plain(section.entries.get("lowlimit", ""))
     default = entry.default.value if isinstance(entry.default, Number) else 0
     if low is None or default < low:
         return finding

@@ -158,22 +158,6 @@ def _all(sheet: RuleContext) -> Iterator[tuple[Section, int, int | None]]:
             yield section, index, subindex
 
 
-LOOKS: Looks = {
-    "O015": long_names,
-    "O016": mapping_flag,
-    "O017": record_keys_on_var,
-    "O018": domain_keys,
-    "O019": letters_of_access,
-    "O020": no_mapping_flag,
-    "O021": empty_names,
-    "O027": shared_names,
-    "O028": unguarded_actions,
-    "O029": unknown_flags,
-    "O031": no_object_type,
-    "O032": unknown_types,
-}
-
-
 # -- Rules for values and limits that need more than a single value (DS 306 4.3) ---------------------------------------
 
 
@@ -285,7 +269,19 @@ def _node_cob_ids(sheet: RuleContext) -> Iterator[tuple[Described, int, Number]]
             yield Described(variable, section), base, variable.default
 
 
-VALUE_LOOKS: Looks = {
+LOOKS: Looks = {
+    "O015": long_names,
+    "O016": mapping_flag,
+    "O017": record_keys_on_var,
+    "O018": domain_keys,
+    "O019": letters_of_access,
+    "O020": no_mapping_flag,
+    "O021": empty_names,
+    "O027": shared_names,
+    "O028": unguarded_actions,
+    "O029": unknown_flags,
+    "O031": no_object_type,
+    "O032": unknown_types,
     "V003": beyond_limits,
     "V007": built_in_node_id,
     "V008": limits_of_texts,
