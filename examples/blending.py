@@ -1,4 +1,4 @@
-"""Lines that pass into the next without a stop, and points that are added to a path while it runs."""
+"""Blend lines into each other without a stop, and add points to a path while the axes move."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
         xy.move_linear((0.0, 0.0), velocity=120.0, buffer="blending_high", blend=3.0),
     ]
     for line in lines:
-        line.wait()  # done when its end has been passed
+        line.wait()  # done when the axes have passed its end
         print(f"{line.name}:", [round(axis.position, 1) for axis in xy])
     handles = [xy.move_path([(30.0, 0.0), (30.0, 30.0)], velocity=90.0, blend=3.0, more=True)]
     for point in [(60.0, 30.0), (60.0, 0.0), (0.0, 0.0)]:

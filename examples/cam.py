@@ -1,4 +1,4 @@
-"""A cam: y goes up and down twice while x turns once; it comes in over the first tenth of a turn, and is halted at the end."""
+"""A cam: per turn of x, y moves out and back twice. y engages within the first 36 degrees of x, and is halted at the end."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     into = y.cam_in(x, LOBES, master_start_distance=36.0)
     turn = x.follow([(0.0, x.position), (1.5, 90.0), (2.5, 180.0)])
     into.wait()
-    print("in step at", round(x.position), "deg of x")
+    print("in step, with x at", round(x.position), "deg")
     turn.wait()
     cell.sleep(0.3)
     print("x at", round(x.position, 1), "and y at", round(y.position, 1), "deg")

@@ -1,15 +1,15 @@
-"""A loop of the program's own leads an axis: it is given what was measured in each cycle, and answers with a velocity."""
+"""A control loop of your own: in each cycle it gets the measured values of the axis, and returns the next velocity."""
 
 import math
 from pathlib import Path
 
 from axisbus import AxisFeedback, Machine
 
-LATE = 25  # cycles for which the last answer holds where this program is kept from answering: a tenth of a second here
+LATE = 25  # further cycles for which the last answer stays valid if this program answers late: 0.1 s here
 
 
 class Swing:
-    """A place that swings, and a loop that follows it: how fast the place goes, and a share of how far the axis is off."""
+    """A position controller with a swinging target: feed-forward of the target velocity, plus gain times position error."""
 
     def __init__(self) -> None:
         self.begin: float | None = None
@@ -30,5 +30,5 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     with x.controller(swing, max_missed_cycles=LATE) as controller:
         for _ in range(4):
             cell.sleep(0.5)
-            print(f"x is at {x.position:.1f} deg, {swing.off:.1f} deg off")
-    print("answered", controller.lateness)
+            print(f"x is at {x.position:.1f} deg, position error {swing.off:.1f} deg")
+    print("answers:", controller.lateness)

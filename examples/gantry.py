@@ -1,4 +1,4 @@
-"""Two axes carry one beam: homed by a switch on each side, made square, moved as one; one alone is not moved."""
+"""A gantry pair: two axes carry one beam. Home it by a switch on each side, square it, and move it as one axis."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from axisbus import Machine
 from axisbus.errors import StateError
 
 with Machine.open(Path(__file__).with_name("gantry.toml")) as cell:
-    # Only in simulation: the switches, and a beam that stands 1.5 mm out of square (in increments of the motors).
+    # Only in simulation: the switches, and a beam that is 1.5 mm out of square (in increments of the motors).
     cell.simulated_node(1).drive().touch_probe.put_mark(1, -200_000, -20_000)
     cell.simulated_node(2).drive().touch_probe.put_mark(1, -200_000, -21_000)
 
@@ -19,9 +19,9 @@ with Machine.open(Path(__file__).with_name("gantry.toml")) as cell:
     move = y.move_absolute(10.0)
     cell.sleep(0.3)
     y.halt().wait()
-    print(f"halted on its way: {[round(axis.position) for axis in y]}")
+    print(f"halted: {[round(axis.position) for axis in y]}")
     y.resume().wait()
-    print(f"gone on with: {[round(axis.position) for axis in y]}")
+    print(f"resumed: {[round(axis.position) for axis in y]}")
 
     try:
         cell["y2"].move_relative(1.0).wait()

@@ -1,4 +1,4 @@
-"""Gears: y goes with x at half its speed, then so that both are at their places at a time; gear_out and a halt end it."""
+"""Gears: y follows x at half its speed, then meets x at a given pair of positions. gear_out or a halt ends a gear."""
 
 from pathlib import Path
 
@@ -9,9 +9,9 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     wait(axis.enable() for axis in (x, y))
     wait(axis.home() for axis in (x, y))
     x.move_velocity(60.0).wait()
-    y.gear_in(x, 0.5).wait()  # takes up its speed, then keeps to x
+    y.gear_in(x, 0.5).wait()  # accelerates to half the speed of x, then follows the position of x
     print("in step:", round(x.velocity), "and", round(y.velocity), "deg/s")
-    y.gear_out().wait()  # goes on with its speed, whatever x does
+    y.gear_out().wait()  # keeps its speed, independent of x
     wait(axis.halt() for axis in (x, y))
     wait(axis.move_absolute(0.0) for axis in (x, y))
     meeting = y.gear_in(x, -0.5, sync_positions=(60.0, 10.0), master_start_distance=40.0)

@@ -1,4 +1,4 @@
-"""Inputs and outputs of an I/O module: an axis waits for a part, a lamp is on while it moves; on the way out all becomes safe."""
+"""I/O module: an axis waits for a part, and a lamp is on while it moves. Closing the machine sets the outputs to safe."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from axisbus import Machine
 
 with Machine.open(Path(__file__).with_name("io.toml")) as cell:
     x, part, lamp = cell["x"], cell.io["part"], cell.io["lamp"]
-    wired = cell.simulated_node(5).device.io  # what is wired to the simulated module
+    wired = cell.simulated_node(5).device.io  # the inputs of the simulated module
     x.enable().wait()
     wired.set_bit(0x6000, 1, 0, True)  # a part arrives
     part.wait(True, timeout=2.0)

@@ -1,4 +1,4 @@
-"""Kinematics of your own: x turns a table, y moves a slide on it; a line, rounded corners and a stream of places in millimetres."""
+"""Kinematics of your own: x turns a table, y moves a slide on it. A line, a rounded corner and a stream, in millimetres."""
 
 import math
 from pathlib import Path
@@ -7,7 +7,7 @@ from axisbus import Machine, wait
 
 
 class Turntable:
-    """The tool is 100 mm outside of the slide's zero."""
+    """Converts joint positions to tool coordinates (mm), and back. If y is at 0, the tool is 100 mm from the centre."""
 
     def forward(self, joints):
         turn, out = math.radians(joints[0]), 100.0 + joints[1]
@@ -15,7 +15,7 @@ class Turntable:
 
     def inverse(self, coordinates, near):
         turn = math.degrees(math.atan2(coordinates[1], coordinates[0]))
-        turn += 360.0 * round((near[0] - turn) / 360.0)  # on, and not back by a turn
+        turn += 360.0 * round((near[0] - turn) / 360.0)  # the solution nearest to the present angle
         return turn, math.hypot(*coordinates) - 100.0
 
 
@@ -27,12 +27,12 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     tool.move_linear((80.0, 60.0), velocity=200.0, acceleration=1500.0).wait()
     tool.move_path([(80.0, 0.0), (120.0, 0.0)], velocity=200.0, acceleration=1500.0, blend=5.0).wait()
     print("tool at", [round(value, 1) for value in tool.tool_position], "mm")
-    with tool.stream(period="10ms") as points:  # once round a circle, from rest to rest
+    with tool.stream(period="10ms") as points:  # one full circle, from rest to rest
         for number in range(101):
             angle = math.pi * (1.0 - math.cos(math.pi * number / 100))
             points.push((110.0 + 10.0 * math.cos(angle), 10.0 * math.sin(angle)))
     print(
-        "and again at",
+        "tool back at",
         [round(value, 1) for value in tool.tool_position],
         "mm: x and y at",
         [round(axis.position, 1) for axis in joints],

@@ -1,4 +1,4 @@
-"""A path under an override: slower, faster, on hold, halted, and on from there to the same end."""
+"""Change the override on a path: slower, faster, 0. Then halt on the path, and resume to the same end."""
 
 from pathlib import Path
 
@@ -18,4 +18,4 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     xy.halt().wait()  # brakes along the path
     print("halted:", path.status.value)
     xy.resume().wait()
-    print("there:", [round(axis.position, 1) for axis in xy])
+    print("at the end:", [round(axis.position, 1) for axis in xy])

@@ -1,4 +1,4 @@
-"""Axes on a path: lines with rounded corners, and circles."""
+"""Move axes on a path: lines with rounded corners, and circles."""
 
 from pathlib import Path
 
@@ -10,10 +10,10 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     xy = cell.group("x", "y")
     xy.enable().wait()
     wait(axis.home() for axis in xy)
-    for blend in (0.0, 3.0):  # it stops at each corner; it cuts them by 3 degrees
+    for blend in (0.0, 3.0):  # 0: stop at each corner; 3: round the corner within 3 degrees of it
         xy.move_path(SQUARE, velocity=120.0, blend=blend).wait()
-        print(f"round the corners, blend {blend:g}:", [round(axis.position, 1) for axis in xy])
+        print(f"path done, blend {blend:g}:", [round(axis.position, 1) for axis in xy])
     xy.move_circular((0.0, 0.0), centre=(30.0, 0.0), velocity=120.0).wait()
-    print("once round:", [round(axis.position, 1) for axis in xy])
+    print("full circle:", [round(axis.position, 1) for axis in xy])
     xy.move_circular((60.0, 0.0), via=(30.0, 30.0), velocity=120.0).wait()
-    print("half round:", [round(axis.position, 1) for axis in xy])
+    print("half circle:", [round(axis.position, 1) for axis in xy])

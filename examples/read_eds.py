@@ -1,4 +1,4 @@
-"""Reading an EDS: no bus, no drive, no other library."""
+"""Read an EDS: objects, COB-IDs and findings. This needs no bus, no drive and no other library."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Recording every cycle of a move, as CSV and as a picture (the picture needs matplotlib: pip install "axisbus[plot]")."""
+"""Record every cycle of a move, as CSV and as a picture (the picture needs matplotlib: pip install "axisbus[plot]")."""
 
 from pathlib import Path
 

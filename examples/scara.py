@@ -1,4 +1,4 @@
-"""The tool of a SCARA arm, whose shoulder is x and whose elbow is y, goes along lines and a circle in millimetres."""
+"""Move the tool of a SCARA arm along a line and a circle, in millimetres. x is the shoulder, y the elbow."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A line of two axes, over which a distance of one of them is laid: it goes on meanwhile, and ends displaced by that."""
+"""Superimpose a distance of y on a line of x and y. The line continues, and its end is displaced by that distance."""
 
 from pathlib import Path
 
@@ -11,6 +11,6 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     line = xy.move_linear((60.0, 30.0), velocity=40.0)
     cell.sleep(0.3)
     cell["y"].move_superimposed(5.0, velocity=15.0, acceleration=100.0).wait()
-    print("laid over:", "the line goes on" if line.busy else "the line is done")
+    print("superimposed:", "the line is still active" if line.busy else "the line is done")
     line.wait()
-    print("there:", [round(axis.position, 1) for axis in xy])
+    print("at the end:", [round(axis.position, 1) for axis in xy])

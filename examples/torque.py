@@ -1,4 +1,4 @@
-"""Profile torque: a torque with a slope, watched by the axis's velocity limit."""
+"""Profile torque: a torque with a slope. The master monitors the velocity limit of the axis meanwhile."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     print(f"torque: {z.torque:.2f} N·m")
     cell.sleep(0.3)
     if z.state is AxisState.ERRORSTOP:
-        print(f"stopped by its limit: {z.error}")
+        print(f"stopped at its limit: {z.error}")
     else:
-        z.halt().wait()  # torque 0, then the drive's quick stop if it does not come to rest in time
+        z.halt().wait()  # torque 0; if the axis does not come to rest in time, the drive's quick stop
         print(f"halted: {z.state.value}")

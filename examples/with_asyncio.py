@@ -1,4 +1,4 @@
-"""The same objects under asyncio: a command can be awaited."""
+"""Use axisbus with asyncio: commands can be awaited."""
 
 import asyncio
 from pathlib import Path
@@ -7,7 +7,7 @@ from axisbus import Machine
 
 
 async def main() -> None:
-    """Home all axes at once, then let two of them run different ways."""
+    """Home all axes at once, then move two of them independently."""
     async with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
         await asyncio.gather(*(axis.enable() for axis in cell))
         await asyncio.gather(*(axis.home() for axis in cell))

@@ -1,10 +1,10 @@
-"""Many CAN frames with one kernel call: ``recvmmsg`` and ``sendmmsg`` of Linux, on a non-blocking socket.
+"""Receive or send many CAN frames in one system call: ``recvmmsg`` and ``sendmmsg`` of Linux, on a non-blocking socket.
 
 Theory of operation
 -------------------
-One Python call for each frame costs a release of the interpreter's lock and, for a received frame, a list of its ancillary data:
-half of a frame's cost. Here the buffers of all frames are prepared once, and each call reuses them. The interpreter's lock is kept
-meanwhile, since neither call waits.
+With one Python call per frame, each call releases the interpreter lock, and each received frame needs a list for its ancillary
+data. Together this is half of the cost of a frame. Here the buffers of all frames are prepared once, and each call reuses them. The
+calls do not release the interpreter lock, because neither of them blocks.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from collections.abc import Sequence
 from functools import cache
 
 FRAME = struct.Struct("=IB3x8s")  # struct can_frame (linux/can.h)
-MOST = 64  # frames of one call
+MOST = 64  # frames per call
 _STAMP = struct.Struct("@Niill")  # struct cmsghdr, with the seconds and nanoseconds of SO_TIMESTAMPNS
-_ROOM = struct.calcsize("@Niill0N")  # CMSG_SPACE of that
+_ROOM = struct.calcsize("@Niill0N")  # CMSG_SPACE of this header
 _LENGTH = struct.Struct("@I")
 
 Received = tuple[int, int, bytes, int, int]
-"""Wire identifier, length, eight bytes, and the seconds and nanoseconds at which it came (0, 0: not told)."""
+"""Wire identifier, length, eight data bytes, and the receive time in seconds and nanoseconds (0, 0: unknown)."""
 
 
 class _IoVec(ctypes.Structure):
@@ -50,19 +50,19 @@ class _Head(ctypes.Structure):  # struct mmsghdr
 
 @cache
 def available() -> bool:
-    """Whether this system has both calls."""
+    """Return whether this system has both calls."""
     if sys.platform != "linux":
         return False
     return all(hasattr(ctypes.PyDLL(None), name) for name in ("recvmmsg", "sendmmsg"))
 
 
 class _Batch:
-    """The buffers of ``MOST`` frames, for one thread at a time; holds state: the result of the last call."""
+    """Buffers for ``MOST`` frames, with the result of the last call. Only one thread at a time may use them."""
 
     def __init__(self, control: int) -> None:
-        """``control``: bytes for the ancillary data of a frame."""
+        """``control``: number of bytes for the ancillary data of each frame."""
         size, heads_size = FRAME.size, ctypes.sizeof(_Head) * MOST
-        # One block: the headers, and after them the ancillary data, so that one copy resets both.
+        # The ancillary data follow the headers in the same block, so that one copy resets both.
         self._heads = ctypes.create_string_buffer(heads_size + control * MOST)
         self._frames = ctypes.create_string_buffer(size * MOST)
         self._vectors = (_IoVec * MOST)()
@@ -75,11 +75,11 @@ class _Batch:
                 message.control = self._at + heads_size + control * number
                 message.control_len = control
         self._came_with = memoryview(self._heads)[heads_size:]
-        self._library = ctypes.PyDLL(None, use_errno=True)  # keeps the interpreter's lock
+        self._library = ctypes.PyDLL(None, use_errno=True)  # PyDLL: calls keep the interpreter lock
 
 
 class ReceiveBatch(_Batch):
-    """Reads the received frames of a socket."""
+    """Buffers that read the received frames of a socket."""
 
     def __init__(self) -> None:
         super().__init__(_ROOM)
@@ -92,7 +92,7 @@ class ReceiveBatch(_Batch):
         """Return the received frames, at most ``MOST``; empty if there are none. Does not block.
 
         Raises:
-            OSError: the socket or its link is gone.
+            OSError: the socket is closed, or its link is down or removed.
         """
         ctypes.memmove(self._at, self._fresh, len(self._fresh))
         count = self._call(line.fileno(), self._at, MOST, socket.MSG_DONTWAIT, None)
@@ -107,7 +107,7 @@ class ReceiveBatch(_Batch):
         return [(*frame, stamp[3], stamp[4]) for frame, stamp in zip(frames, stamps, strict=True)]
 
     def _whole(self, count: int) -> int:
-        """Return how many of the first ``count`` packets precede one that is not a frame: the other end of a pair has gone."""
+        """Return the number of packets before the first one without the size of a frame (the other end of a pair was closed)."""
         size, at = ctypes.sizeof(_Head), _Head.length.offset
         for number in range(count):
             if _LENGTH.unpack_from(self._heads, size * number + at)[0] != FRAME.size:
@@ -116,7 +116,7 @@ class ReceiveBatch(_Batch):
 
 
 class SendBatch(_Batch):
-    """Writes frames to a socket."""
+    """Buffers that write frames to a socket."""
 
     def __init__(self) -> None:
         super().__init__(0)
@@ -124,9 +124,9 @@ class SendBatch(_Batch):
         self._call.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int)
 
     def give(self, line: socket.socket, frames: Sequence[tuple[int, bytes]]) -> int:
-        """Send wire identifiers and data, at most ``MOST``; return how many were accepted before a refusal. Does not block.
+        """Send at most ``MOST`` frames (wire identifier, data). Return the number of frames that were accepted. Does not block.
 
-        The reason of a refusal is reported when the frame is sent again.
+        This method does not report why a frame was refused; sending that frame again shows the reason.
         """
         pack, place, size = FRAME.pack_into, self._frames, FRAME.size
         at = 0
