@@ -293,7 +293,7 @@ def test_where_the_machine_is_not_reached_its_drives_are_stopped_from_beside(axi
         code, out, err = axisbus("stop", asked)
         assert turns(plant) == pytest.approx(0.0, abs=0.1)
         assert code == 0, (out, err)
-        assert re.search(r"x: (stopped, power is off|stands, held|was not energised)", out)
+        assert re.search(r"x: (stopped, power is off|is at standstill, held|was not energised)", out)
         assert f"process {process.pid} " in err or way == "a copy of the cell file"
         assert "next: bring the nodes up again" in out
     finally:

@@ -65,7 +65,7 @@ def test_a_bus_without_modules_is_told_from_a_silent_one(gim):
         code, out, _ = gim("find", channel)
         assert code == 1
         assert "no module was found" in out
-        assert "foreign: 1 identifier belongs to nobody" in out
+        assert "foreign: 1 identifier belongs to no known device" in out
         assert other.heard == []
         assert gim("find", channel, "--ask", "none").code == 1
     with modules_on_bus() as channel:

@@ -337,7 +337,7 @@ def test_nobody_on_the_line_is_told(line, monkeypatch, capsys):
 def test_a_calibration_asks_is_followed_and_judged(line):
     listed = ("--list", "endpoints_0.5.13.json")
     code, out, err = line("calibrate", "full", *listed)
-    assert (code, "--yes" in err, "which moves by itself" in out) == (2, True, True)
+    assert (code, "--yes" in err, "which moves without a command" in out) == (2, True, True)
     assert "a program that is killed" not in out
     code, _, err = line("calibrate", "full", "--yes")
     assert (code, "--list" in err) == (2, True)

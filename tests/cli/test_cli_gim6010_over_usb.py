@@ -90,7 +90,7 @@ def test_a_backup_over_usb_is_one_of_the_whole_serial_number(over, module):
         ("error=0", "not for writing"),
         ("serial_number=1", "not for writing"),
         ("axis0.nothing=1", "there is no parameter"),
-        (f"{LIMIT}=1e39", "beyond what a float holds"),
+        (f"{LIMIT}=1e39", "beyond the range of float"),
     ],
 )
 def test_what_is_not_written_over_can_is_not_written_over_usb_either(over, module, what, why):

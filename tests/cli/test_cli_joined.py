@@ -80,7 +80,7 @@ def test_what_would_command_is_refused_and_says_who_does(axisbus, moving, file, 
     machine, handle = moving
     code, _, err = axisbus(words[0], file, *words[1:])
     assert code == 1
-    assert "has it" in err
+    assert "has control" in err
     assert "--take" in err
     assert handle.active
     assert abs(turns(machine)) == pytest.approx(30.0, abs=1.0)
@@ -172,7 +172,7 @@ def test_a_command_that_took_the_command_tells_what_it_leaves_enabled(opened, fi
         assert line, turning.stderr.read()
     turning.send_signal(signal.SIGINT)
     _, err = turning.communicate(timeout=30)
-    assert re.search(rf"left enabled: y; process {os.getpid()} .* has it", err)
+    assert re.search(rf"left enabled: y; process {os.getpid()} .* has control", err)
     assert opened["y"].state is AxisState.STANDSTILL
     opened["y"].disable().wait(10)
 
@@ -264,7 +264,7 @@ def test_what_would_change_a_node_is_refused_and_says_who_commands(axisbus, movi
     machine, handle = moving
     code, _, err = axisbus(*words, "--cell", file)
     assert code == 1
-    assert "has it" in err
+    assert "has control" in err
     assert handle.active
     assert abs(turns(machine)) == pytest.approx(30.0, abs=1.0)
 

@@ -237,7 +237,7 @@ def test_nobody_is_configured_by_found_where_it_is_not_clear_who(lss, cell, monk
 def test_set_node_id_that_another_node_has(lss, cell):
     code, out, err = lss("set-node-id", 1, cell, *WHO)
     assert (code, out) == (1, "")
-    assert "node-ID 1 is taken" in err
+    assert "node-ID 1 is in use" in err
 
 
 def test_set_node_id_as_json(lss, cell):

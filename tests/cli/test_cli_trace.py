@@ -222,7 +222,7 @@ def test_each_bus_of_a_recording_is_decoded_by_itself(axisbus, tmp_path):
     path.write_text(BUSES)
     code, out, err = axisbus("trace", path, "--errors-only")
     assert (code, out) == (0, "")
-    assert "of 2 buses: can0 (3 frames), can1 (3 frames); --channel NAME takes one" in err
+    assert "has 2 buses: can0 (3 frames), can1 (3 frames); --channel NAME selects one" in err
     _, out, _ = axisbus("trace", path)
     assert [line.split()[0] for line in out.splitlines()[1:]] == ["can1", "can0", "can1", "can0", "can1"]
     found = [json.loads(line) for line in axisbus("trace", path, "--json").out.splitlines()]

@@ -236,7 +236,7 @@ def test_beside_a_program_that_moves_an_axis_a_jog_is_refused_before_it_takes_a_
         handle = under_way(machine["x"])
         terminal = Terminal(path, "y", "--velocity", "30")
         assert terminal.end() == 1
-        assert "has it" in terminal.shown
+        assert "has control" in terminal.shown
         assert "--take" in terminal.shown
         assert handle.active
         assert abs(turns(machine)) == pytest.approx(30.0, abs=1.0)

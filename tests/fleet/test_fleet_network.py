@@ -221,7 +221,7 @@ def test_a_callback_that_would_wait_for_its_own_thread_is_told_so(plant, caplog)
         handle = press["x"].move_absolute(1.0)
         handle.add_done_callback(lambda: press["x"].move_absolute(2.0).wait(1))
         handle.wait(5)
-        until(lambda: "cannot be waited for" in caplog.text)
+        until(lambda: "cannot wait for a command" in caplog.text)
 
 
 def test_every_command_is_sent_with_what_was_given_and_nothing_else(plant):

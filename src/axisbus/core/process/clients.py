@@ -193,7 +193,7 @@ class Clients:
             if desk.leaving is not None:
                 raise StoppedError("control was not granted", observed=desk.leaving)
             if self._holder is not None and not take:
-                raise not_commanding("another program requests control", self.commanded_by, guest=True)
+                raise not_commanding("control is requested", self.commanded_by, guest=True)
             if self._holder is not None:
                 self._holder.warn(f"{desk.name} took control of the machine: moving axes halt")
             self._take_away()
@@ -201,7 +201,7 @@ class Clients:
             self._holder = self._opener if moving else desk
         if moving:
             raise StateError(
-                "control was not granted: an axis does not come to rest",
+                "control was not granted: an axis does not come to standstill",
                 observed="; ".join(moving),
                 remedy="stop the machine: axisbus stop CELL",
             )
