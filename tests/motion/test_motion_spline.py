@@ -21,6 +21,12 @@ def places_of(curve: SplineTrajectory) -> list[float]:
     return [curve.position(curve.duration * step / COUNT) for step in range(COUNT + 1)]
 
 
+def test_the_span_of_a_part_that_is_nearly_a_parabola():
+    curve = SplineTrajectory((0.0, 1.8046875, 3.5546875, 5.359375), (0.0, 1.0, 1.0, 0.0))
+    assert 0.0 < abs(curve._parts[1].twist) < 1e-15
+    assert curve.span[1] == pytest.approx(max(places_of(curve)), abs=1e-6)
+
+
 @SAME
 @given(
     st.lists(st.tuples(st.floats(0.05, 2.0), st.floats(-100.0, 100.0)), min_size=1, max_size=8),

@@ -208,5 +208,6 @@ def _turns(part: SplineSegment) -> tuple[float, ...]:
     inner = b * b - 4.0 * a * c
     if inner < 0.0:
         return ()
-    root = math.sqrt(inner)
-    return (-b - root) / (2.0 * a), (-b + root) / (2.0 * a)
+    # Not by the usual formula: with a small ``a``, the difference of ``b`` and the root would be rounding errors.
+    far = -0.5 * (b + math.copysign(math.sqrt(inner), b))
+    return (far / a, c / far) if far else (0.0,)
