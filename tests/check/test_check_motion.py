@@ -453,9 +453,20 @@ def test_the_deceleration_of_a_halt_is_that_of_a_drive_which_does_not_let_it_be_
     path = cells.write(tmp_path, eds=cells.entry("6084", AccessType="ro", DefaultValue="50000"))
     observed = next(problem.observed for problem in cells.serious(path) if "halt_time" in problem.message)
     assert (
-        "200 mm/s with the deceleration that its drive does not let be written (6084h), 50 mm/s², takes 4 s"
+        "200 mm/s with the read-only deceleration of its drive (6084h), 50 mm/s², takes 4 s"
         in observed
     )
+
+
+def test_a_quick_stop_is_as_slow_as_a_read_only_6085h(tmp_path: Path) -> None:
+    path = cells.write(
+        tmp_path,
+        ("deceleration = 4000.0\n", ""),
+        eds=cells.entry("6085", AccessType="ro", DefaultValue="50000"),
+    )
+    slow = [problem for problem in cells.serious(path) if "too short to brake" in problem.message]
+    assert [problem.message.split()[2] for problem in slow] == ["quick_stop_time"]
+    assert "with the read-only deceleration of its drive (6085h), 50 mm/s²" in slow[0].observed
 
 
 # -- left out --------------------------------------------------------------------------------------------------------
