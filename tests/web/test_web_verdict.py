@@ -75,7 +75,7 @@ def test_a_refusal_says_who_has_the_controls_and_what_to_do():
     ask = PageRequest(PageVerb.DISABLE, "x")
     assert "page 2 has the controls" in decide(ME, PageLease(OTHER), ask, AXES).text
     assert "take them first" in decide(ME, PageLease(), ask, AXES).remedy
-    assert "may halt and stop" in decide(LOOKER, PageLease(), ask, AXES).text
+    assert "may only halt, stop, and read objects" in decide(LOOKER, PageLease(), ask, AXES).text
 
 
 @pytest.mark.parametrize("verb", ["halt", "quick_stop", "enable"])

@@ -171,7 +171,7 @@ def test_no_bytes_do_anything_but_make_a_value_or_be_refused(data):
 def test_two_codecs_know_their_own_classes_alone():
     codec = Codec([TargetReference])
     assert codec.unpack(codec.pack(TargetReference.RELATIVE)) is TargetReference.RELATIVE
-    with pytest.raises(NotForCrossing, match=r"Status does not cross"):
+    with pytest.raises(NotForCrossing, match=r"Status cannot be sent to another process"):
         codec.pack(Status.DONE)
 
 
