@@ -452,10 +452,7 @@ def test_the_deceleration_of_a_halt_is_that_of_a_drive_which_does_not_let_it_be_
 ) -> None:
     path = cells.write(tmp_path, eds=cells.entry("6084", AccessType="ro", DefaultValue="50000"))
     observed = next(problem.observed for problem in cells.serious(path) if "halt_time" in problem.message)
-    assert (
-        "200 mm/s with the read-only deceleration of its drive (6084h), 50 mm/s², takes 4 s"
-        in observed
-    )
+    assert "200 mm/s with the read-only deceleration of its drive (6084h), 50 mm/s², takes 4 s" in observed
 
 
 def test_a_quick_stop_is_as_slow_as_a_read_only_6085h(tmp_path: Path) -> None:
