@@ -97,7 +97,7 @@ def test_where_nothing_goes_wrong_nothing_is_kept(file, monkeypatch, capsys):
         machine["x"].move_absolute(1.0).wait(20)
     assert faults_of(str(file)) == []
     code, out, _ = commands.runner(monkeypatch, capsys)("record", "faults", file)
-    assert (code, out) == (0, f"no fault of {file} has been kept\n")
+    assert (code, out) == (0, f"no fault of {file} has been stored\n")
 
 
 def test_the_newest_are_kept_listed_and_drawn(file, monkeypatch, capsys, tmp_path):

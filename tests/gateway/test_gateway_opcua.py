@@ -308,7 +308,7 @@ def test_without_a_machine_a_method_is_refused_and_says_so_as_an_event(server):
     server.follow(None)
     causes, message = visit(server.url, ask, ANNA)
     assert len(causes) == 1
-    assert "no machine runs" in causes[0]
+    assert "no machine is running" in causes[0]
     assert "anna" in message
 
 
@@ -1111,7 +1111,7 @@ def test_a_client_of_another_stack_hears_what_is_refused(server):
     message, severity, cause, remedy, axis = event
     assert "anna" in message
     assert severity == 500
-    assert "no machine runs" in cause
+    assert "no machine is running" in cause
     assert (remedy, axis) == ("", "x")
     assert all(status.startswith("Bad") for _, status in seen["positions"])
 

@@ -9,7 +9,7 @@ from axisbus.motion import commands as c
 from axisbus.motion.gantry.parameters import GantryParameters
 from axisbus.motion.group.commands import ForEach, GroupContinue, MoveLinear, MovePath
 
-_STOPS = (c.Halt, c.Stop, c.QuickStop, c.Disable)
+_STOPS = (c.Halt, c.HandOver, c.Stop, c.QuickStop, c.Disable)
 # Commands that neither move nor energise anything.
 _HARMLESS = (
     c.ResetCommand,

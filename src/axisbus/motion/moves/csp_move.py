@@ -62,8 +62,11 @@ class PathHandover(Follow):
 
     @property
     def path_velocity(self) -> float:
-        """As ``Follow.path_velocity``, of the path that commands the axis."""
-        return super().path_velocity if self._before is None else self._before.path_velocity
+        """As ``Follow.path_velocity``; until this path takes over, that of the previous one with what is superimposed on it."""
+        before = self._before
+        if before is None:
+            return super().path_velocity
+        return before.path_velocity + before.last_step.velocity - before.path_step.velocity
 
     @property
     def last_step(self) -> PathSample:

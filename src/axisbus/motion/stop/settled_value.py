@@ -14,7 +14,17 @@ class SettledValue:
     Only values received after ``since`` count. A value with the same timestamp as before is not new.
     """
 
-    __slots__ = ("_began", "_first", "_highest", "_lowest", "_stamp", "_tolerance", "_window", "still")
+    __slots__ = (
+        "_began",
+        "_first",
+        "_highest",
+        "_left",
+        "_lowest",
+        "_stamp",
+        "_tolerance",
+        "_window",
+        "still",
+    )
 
     def __init__(self, tolerance: float, window: float, since: float = -math.inf) -> None:
         """``tolerance`` in the value's unit; ``window`` and ``since`` in seconds."""
@@ -22,6 +32,9 @@ class SettledValue:
         self._window = window
         self._first = self._lowest = self._highest = math.nan
         self._began = -math.inf
+        self._left: tuple[float, float] | None = (
+            None  # the first value too far from the first one of the window, and its time
+        )
         self._stamp = since
         self.still = False
 
@@ -36,16 +49,23 @@ class SettledValue:
             self._lowest, self._highest = min(self._lowest, value), max(self._highest, value)
         else:  # also the first value: no comparison with NaN holds
             self._begin(value, stamp)
-        if not self.still and stamp - self._began >= self._window:
-            if abs(value - self._first) <= self._tolerance:
-                self.still = True
-            else:
-                self._begin(value, stamp)
+        if not self.still:
+            self._judge(value, stamp)
         return self.still
+
+    def _judge(self, value: float, stamp: float) -> None:
+        """Decide at the end of the window; if the value has gone too far, the window begins anew where it first had."""
+        if self._left is None and abs(value - self._first) > self._tolerance:
+            self._left = value, stamp
+        if stamp - self._began < self._window:
+            return
+        if self._left is not None and abs(value - self._first) > self._tolerance:
+            (self._first, self._began), self._left = self._left, None
+        self.still = stamp - self._began >= self._window and abs(value - self._first) <= self._tolerance
 
     def _begin(self, value: float, stamp: float) -> None:
         self._first = self._lowest = self._highest = value
-        self._began, self.still = stamp, False
+        self._began, self._left, self.still = stamp, None, False
 
     @property
     def rested_since(self) -> float:
