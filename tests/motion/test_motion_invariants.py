@@ -212,7 +212,8 @@ class AxisUnderFire(RuleBasedStateMachine):
         assert not word & 0b10_0100_0000, "bits 6 and 9 are never used"
         if seen == "unknown":
             assert word & ~0x0100 in (0x02, 0x00), f"controlword 0x{word:04X} into the unknown"
-            assert self.ladder is not None
+            # only a stop, or the power off that was asked for without one
+            assert self.ladder is not None or (not word & ~0x0100 and self.running(c.Disable))
         if word & 0x8F == 0x0F:
             may = seen == "enabled" or (
                 self.running(c.EnableCommand) and seen in ("switched on", "quick stop")

@@ -638,7 +638,9 @@ def test_a_slow_motion_within_the_noise_is_not_still():
     moving = [0, 0, 1, 2, 3, 4, 5, 6, 7]
     assert not any(still.feed(value, 0.125 * number) for number, value in enumerate(moving))
     resting = [still.feed(9.0, 0.125 * number) for number in range(9, 16)]
-    assert resting == [False] * 2 + [True] * 5  # a window after the first value within the tolerance of the last
+    assert (
+        resting == [False] * 4 + [True] * 3
+    )  # a window after the first value within the tolerance of the last
 
 
 def test_still_since_a_moment_asks_for_a_whole_window_after_it():

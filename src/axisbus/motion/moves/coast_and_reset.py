@@ -45,7 +45,7 @@ class Coast(Activity):
             order.goal = PowerState.SWITCH_ON_DISABLED
             return True
         done = self._walk.step(image, order, PowerState.SWITCH_ON_DISABLED)
-        if image.state in ENERGISED:
+        if image.state in ENERGISED or image.state is PowerState.UNKNOWN:  # then it may have power
             order.word = order.stopping(cw.PowerCommand.DISABLE_VOLTAGE, image.state)
         return done
 
