@@ -8,7 +8,7 @@ from fractions import Fraction
 import jsonschema
 import pytest
 
-from axisbus.cell import reader, virtual
+from axisbus.cell import reader, virtual_keys
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.cell.model import AxisConfig
 from axisbus.cell.parameters import homing_required
@@ -111,7 +111,7 @@ def test_a_key_of_a_drive_is_refused_at_its_line(line: str, key: str) -> None:
 def test_each_key_of_an_axis_is_either_its_own_or_refused() -> None:
     from axisbus.cell import schema
 
-    assert {key for _, key in FOREIGN} == set(schema.AXIS) - virtual.KEYS - {virtual.ENCODER}
+    assert {key for _, key in FOREIGN} == set(schema.AXIS) - virtual_keys.KEYS - {virtual_keys.ENCODER}
 
 
 @pytest.mark.parametrize(

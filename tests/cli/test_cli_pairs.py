@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.cell import reader
-from axisbus.cli.shared.axes import as_pairs, sides_of
+from axisbus.cli.shared.axes_and_pairs import as_pairs, sides_of
 from axisbus.cli.shared.common import in_commands
 from axisbus.errors import LimitError, SkewError, StateError
 from axisbus.machine.dry_run import DryRun

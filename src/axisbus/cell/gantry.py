@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from axisbus.cell.model import CellConfig, GantryConfig
 from axisbus.cia402.touch_probe import Edge
@@ -34,35 +34,3 @@ def _search(config: GantryConfig) -> SwitchSearch | None:
         positions=(first, others[0] if others else first + config.offset),
         skew=config.max_skew if homing.skew is None else homing.skew,
     )
-
-
-# -- Find the errors inside one ``[gantries.NAME]`` table --------------------------------------------------------------
-
-
-Wrong = tuple[tuple[str, ...], str, str]  # the key below the table, the error, the remedy
-
-
-def wrong(config: GantryConfig) -> Iterator[Wrong]:
-    """Yield the contradictions between the table's own keys."""
-    name = config.name
-    if config.at.sound("axes") and len(config.axes) != 2:
-        message = f"[gantries.{name}] must name two axes, not {len(config.axes)}"
-        yield ("axes",), message, 'name both that carry the beam: axes = ["y1", "y2"]'
-    homing = config.homing
-    if homing is None:
-        return
-    if homing.at.sound("distance") and homing.distance == 0.0:
-        yield (
-            ("homing", "distance"),
-            f"distance in [gantries.{name}.homing] must not be 0",
-            "give the longest search distance, below 0 towards smaller positions",
-        )
-    wanted = 2 if homing.switches == "each" else 1
-    if homing.at.sound("positions", "switches") and len(homing.positions) != wanted:
-        yield (
-            ("homing", "positions"),
-            f"positions in [gantries.{name}.homing] must be {'two numbers' if wanted == 2 else 'one number'}",
-            "give the position of each axis at its own switch"
-            if wanted == 2
-            else 'give the position of the first axis at its switch; with switches = "first" there is no other',
-        )

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from axisbus.cell import key_descriptions, schema, value_readers, virtual
+from axisbus.cell import key_descriptions, schema, value_readers, virtual_keys
 from axisbus.cell.can_simple.module import WORDS as MODULE_WORDS
 from axisbus.cell.group_kinematics import KINDS
 from axisbus.cell.schema import Keys
@@ -85,21 +85,21 @@ def _axis() -> Json:
     )
     scaled: list[Json] = [{"properties": {"unit": {"const": INCREMENTS}}}, {"required": ["scale"]}]
     axis["required"].remove("node")
-    alone: Json = {"properties": {virtual.VIRTUAL: {"const": True}}, "required": [virtual.VIRTUAL]}
+    alone: Json = {"properties": {virtual_keys.VIRTUAL: {"const": True}}, "required": [virtual_keys.VIRTUAL]}
     led = {"if": alone, "then": _virtual(), "else": {"required": ["node"], "anyOf": scaled}}
-    return {**axis, "if": {"required": [virtual.ENCODER]}, "then": _encoder(scaled), "else": led}
+    return {**axis, "if": {"required": [virtual_keys.ENCODER]}, "then": _encoder(scaled), "else": led}
 
 
 def _encoder(scaled: list[Json]) -> Json:
     """Return the keys that an axis with an encoder may have."""
-    own: Json = dict.fromkeys(virtual.KEYS_OF_ENCODER, True)
+    own: Json = dict.fromkeys(virtual_keys.KEYS_OF_ENCODER, True)
     return {"properties": own, "additionalProperties": False, "anyOf": scaled}
 
 
 def _virtual() -> Json:
     """Return the keys that a virtual axis may have; any other key of it, or of its tables, is refused whatever its value."""
-    own: Json = dict.fromkeys(virtual.KEYS, True)
-    for name, keys in virtual.TABLES.items():
+    own: Json = dict.fromkeys(virtual_keys.KEYS, True)
+    for name, keys in virtual_keys.TABLES.items():
         own[name] = {"propertyNames": {"enum": sorted(keys)}}
     return {"properties": own, "additionalProperties": False}
 

@@ -12,9 +12,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from axisbus.cell import group_kinematics, schema, toml, value_readers, virtual
+from axisbus.cell import group_kinematics, schema, toml, value_readers, virtual_keys
 from axisbus.cell.can_simple.module import SPOKEN, ModuleConfig
-from axisbus.cell.gantry import wrong
+from axisbus.cell.gantry_validation import wrong
 from axisbus.cell.model import (
     INCREMENTS,
     AxisConfig,
@@ -38,7 +38,7 @@ from axisbus.cell.model import (
 from axisbus.cell.problem import CellProblem, errors
 from axisbus.cell.tables import MISSING, NO_AXIS, NO_NAME, TWO_OF_A_NAME, UNREADABLE, Fields, Tables, name_of
 from axisbus.cell.toml import KeyPath, TomlDocument
-from axisbus.cell.virtual import quick_deceleration
+from axisbus.cell.virtual_keys import quick_deceleration
 from axisbus.eds.model import Severity
 from axisbus.errors import ConfigError, EdsError
 from axisbus.wording import counted
@@ -219,7 +219,7 @@ class _Reading(Tables):
         """Whether there is an axis that needs no node."""
         axes = self._document.data.get("axes")
         tables = axes.values() if isinstance(axes, dict) else ()
-        return any(isinstance(table, dict) and virtual.is_virtual(table) for table in tables)
+        return any(isinstance(table, dict) and virtual_keys.is_virtual(table) for table in tables)
 
     def _program(self, path: KeyPath, table: Fields) -> ProgramConfig | None:
         if "program" not in table:
@@ -271,7 +271,7 @@ class _Reading(Tables):
     def _axis(self, name: str, raw: Any) -> AxisConfig:
         path: KeyPath = ("axes", name)
         table = self._table(path, raw)
-        if virtual.is_virtual(table):
+        if virtual_keys.is_virtual(table):
             return self._virtual_axis(name, path, table)
         keys = schema.AXIS
         if table.get("unit") != INCREMENTS:
@@ -290,18 +290,18 @@ class _Reading(Tables):
 
     def _virtual_axis(self, name: str, path: KeyPath, table: Fields) -> AxisConfig:
         """Read an axis without a drive; all keys that need a drive are refused, whatever their values."""
-        found = list(virtual.foreign(table))
+        found = list(virtual_keys.foreign(table))
         for below, remedy in found:
             what, of = name_of(below), name_of(path)
-            kind = "an encoder" if virtual.ENCODER in table else "a virtual axis"
+            kind = "an encoder" if virtual_keys.ENCODER in table else "a virtual axis"
             self._error((*path, *below), f"{what} cannot be in [{of}], {kind}", _ALONE, remedy)
-        table = virtual.without(table, found)
-        own, _ = virtual.keys_of(table)
+        table = virtual_keys.without(table, found)
+        own, _ = virtual_keys.keys_of(table)
         keys = {key: each for key, each in schema.AXIS.items() if key in own}
-        if virtual.ENCODER in table:
+        if virtual_keys.ENCODER in table:
             return self._encoder(name, path, table, keys)
         fields = {
-            "scale": virtual.resolution(table.get("unit")),
+            "scale": virtual_keys.resolution(table.get("unit")),
             **self._fields(path, table, keys, schema.AXIS_TABLES),
         }
         axis = AxisConfig(
@@ -325,7 +325,7 @@ class _Reading(Tables):
             remedy = f"scale = counts per {table.get('unit', 'unit')}; it is never guessed"
             keys = {**keys, "scale": schema.CellKey(value_readers.scale, remedy)}
         fields = self._fields(path, table, keys, schema.AXIS_TABLES)
-        return AxisConfig(name, **{**fields, virtual.VIRTUAL: True})
+        return AxisConfig(name, **{**fields, virtual_keys.VIRTUAL: True})
 
     def _io(self, table: Fields) -> list[IoConfig]:
         named = [(name, raw) for name, raw in table.items() if self._named(("io", name), name)]

@@ -13,7 +13,7 @@ import click
 from axisbus import wait
 from axisbus.check.run import checked
 from axisbus.cli.shared.attach_or_open import take_option
-from axisbus.cli.shared.axes import Mover, all_axes, movers, sides_of
+from axisbus.cli.shared.axes_and_pairs import Mover, all_axes, movers, sides_of
 from axisbus.cli.shared.common import say
 from axisbus.cli.shared.completion import complete_targets
 from axisbus.cli.shared.enabled_axes import commanded, enable, say_position

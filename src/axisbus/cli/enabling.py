@@ -1,4 +1,4 @@
-"""The commands that prepare axes for motion: ``axisbus enable``, ``home`` and ``reset``."""
+"""The commands that enable, home and disable axes, and reset faults."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from axisbus import wait
 from axisbus.check.run import checked
 from axisbus.cli.shared import axes as named
 from axisbus.cli.shared.attach_or_open import machine_of, running, take_option
-from axisbus.cli.shared.axes import all_axes, as_pairs, movers
+from axisbus.cli.shared.axes_and_pairs import all_axes, as_pairs, movers
 from axisbus.cli.shared.common import OK, say, say_next, with_page
 from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.enabled_axes import commanded, enable, say_state
@@ -102,4 +102,24 @@ def reset_command(cell: Path, axes: tuple[str, ...], beside: bool, take: bool) -
         for each in chosen:
             say_state(each)
     say_next(f"axisbus home {cell}, or axisbus move {cell} {names[0]}=...")
+    return OK
+
+
+# -- ``axisbus disable``: stop and disable axes of a running machine ---------------------------------------------------
+
+
+@click.command("disable")
+@click.argument("cell", type=PATH)
+@click.argument("axes", nargs=-1, shell_complete=complete_axes)
+@take_option
+def disable_command(cell: Path, axes: tuple[str, ...], take: bool) -> int:
+    """Stop and disable the axes of CELL, or the named axes, groups or pairs, in the running machine."""
+    config = checked(cell)
+    names = as_pairs(config, named.chosen(config, axes))
+    why, remedy = "happens at the end of every machine", f"stop the drives themselves: axisbus stop {cell}"
+    with running(cell, "disable", why, remedy, command=True, take=take) as machine:
+        chosen = movers(machine, names)
+        wait([each.disable() for each in chosen])
+        for each in chosen:
+            say_state(each)
     return OK

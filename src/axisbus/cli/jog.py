@@ -16,7 +16,7 @@ import click
 
 from axisbus.check.run import checked
 from axisbus.cli.shared.attach_or_open import take_option
-from axisbus.cli.shared.axes import require_no_pair
+from axisbus.cli.shared.axes_and_pairs import require_no_pair
 from axisbus.cli.shared.common import echo
 from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.enabled_axes import commanded, enable, say_position

@@ -66,7 +66,7 @@ COMMANDS = {
         "axisbus.cli.stopping:halt_command",
         "Halt axes of a running machine, whichever program has control.",
     ),
-    "disable": ("axisbus.cli.stopping:disable_command", "Stop and disable axes of a running machine."),
+    "disable": ("axisbus.cli.enabling:disable_command", "Stop and disable axes of a running machine."),
     "stop": ("axisbus.cli.stopping:stop_command", "Stop a cell's drives, even if another master is running."),
     "reset": ("axisbus.cli.enabling:reset_command", "Reset faults; enables nothing."),
 }

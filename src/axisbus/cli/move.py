@@ -10,7 +10,7 @@ import click
 
 from axisbus.check.run import checked
 from axisbus.cli.shared.attach_or_open import take_option
-from axisbus.cli.shared.axes import Mover, has_drive, movers, sides_of
+from axisbus.cli.shared.axes_and_pairs import Mover, has_drive, movers, sides_of
 from axisbus.cli.shared.common import say, say_next
 from axisbus.cli.shared.completion import complete_targets
 from axisbus.cli.shared.enabled_axes import commanded, enable, home, say_position

@@ -1,4 +1,4 @@
-"""The commands that stop axes: ``axisbus halt``, ``disable`` and ``stop``."""
+"""The commands that stop axes from outside: ``axisbus halt`` and ``stop``."""
 
 from __future__ import annotations
 
@@ -7,16 +7,14 @@ from pathlib import Path
 
 import click
 
-from axisbus import wait
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
-from axisbus.check.run import checked
 from axisbus.cli.shared import axes as named
-from axisbus.cli.shared.attach_or_open import no_machine, running, take_option
-from axisbus.cli.shared.axes import as_pairs, movers
+from axisbus.cli.shared.attach_or_open import no_machine
+from axisbus.cli.shared.axes_and_pairs import as_pairs, movers
 from axisbus.cli.shared.common import FAILURE, OK, say_error, say_json, say_next
 from axisbus.cli.shared.completion import complete_axes
-from axisbus.cli.shared.enabled_axes import say_position, say_state, say_stopped
+from axisbus.cli.shared.enabled_axes import say_position, say_stopped
 from axisbus.cli.shared.options import PATH
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
@@ -60,26 +58,6 @@ def _tell_pairs(config: CellConfig, names: list[str]) -> bool:
     except (AxisbusError, ExceptionGroup):
         return False
     return True
-
-
-# -- ``axisbus disable``: stop and disable axes of a running machine ---------------------------------------------------
-
-
-@click.command("disable")
-@click.argument("cell", type=PATH)
-@click.argument("axes", nargs=-1, shell_complete=complete_axes)
-@take_option
-def disable_command(cell: Path, axes: tuple[str, ...], take: bool) -> int:
-    """Stop and disable the axes of CELL, or the named axes, groups or pairs, in the running machine."""
-    config = checked(cell)
-    names = as_pairs(config, named.chosen(config, axes))
-    why, remedy = "happens at the end of every machine", f"stop the drives themselves: axisbus stop {cell}"
-    with running(cell, "disable", why, remedy, command=True, take=take) as machine:
-        chosen = movers(machine, names)
-        wait([each.disable() for each in chosen])
-        for each in chosen:
-            say_state(each)
-    return OK
 
 
 # -- ``axisbus stop``: stop a cell's drives, even while another master runs --------------------------------------------

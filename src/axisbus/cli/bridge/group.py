@@ -10,7 +10,7 @@ COMMANDS = {
     "metrics": ("axisbus.cli.bridge.metrics", "Serve the figures of a running machine for Prometheus."),
     "opcua": ("axisbus.cli.bridge.opcua", "Serve a machine by OPC UA."),
     "opcua-user": (
-        "axisbus.cli.bridge.opcua:opcua_user_command",
+        "axisbus.cli.bridge.opcua_user:opcua_user_command",
         "Make a line for the file of users who may call methods.",
     ),
     "zenoh": ("axisbus.cli.bridge.zenoh", "Join a machine to a Zenoh network, for a fleet."),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -21,7 +20,6 @@ from axisbus.gateway.machine_follower import Look, MachineFollower
 from axisbus.gateway.opcua import users as known
 from axisbus.gateway.opcua.event_mapping import told
 from axisbus.gateway.opcua.server_options import Access, Given, ServerOptions, decide
-from axisbus.gateway.opcua.users import line_of
 from axisbus.machine.machine import Machine
 from axisbus.optional_dependencies import require
 from axisbus.web import address as served
@@ -31,6 +29,8 @@ if TYPE_CHECKING:
 
 
 _PORT = 4840
+
+
 _LOOK = 0.5  # seconds between two checks for events
 
 
@@ -143,25 +143,3 @@ def _devices(machine: Machine) -> tuple[str, ...]:
         f"{report.node_id}: {report.device or 'not identified'}{f' ({report.identity})' if report.identity else ''}"
         for report in machine.reports
     )
-
-
-# -- ``axisbus bridge opcua-user``: print a line for the file of users that may call methods by OPC UA -----------------
-
-
-@click.command("opcua-user")
-@click.argument("name")
-def opcua_user_command(name: str) -> int:
-    """Ask for the password of NAME, twice, and print the line for the file of --users; the line contains a hash of the
-    password.
-
-    If standard input is not a terminal, its first line is the password.
-    """
-    line_of(name, "x")  # report an invalid name before the user types a password
-    say(line_of(name, _password()))
-    return OK
-
-
-def _password() -> str:
-    if sys.stdin is None or not sys.stdin.isatty():
-        return "" if sys.stdin is None else sys.stdin.readline().rstrip("\r\n")
-    return str(click.prompt("password", hide_input=True, confirmation_prompt=True, err=True))

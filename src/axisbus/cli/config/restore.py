@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from axisbus.cia301.datatypes import decode
-from axisbus.cli.config import commands as config_files
+from axisbus.cli.config import files as config_files
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, progress_phases, say, say_error, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
 from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus

@@ -16,18 +16,10 @@ from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import Value
 from axisbus.cli.od import objects as od
 from axisbus.cli.shared.attach_or_open import take_option
+from axisbus.cli.shared.attached_nodes import NodeLookup, joined, open_nodes
 from axisbus.cli.shared.common import FAILURE, OK, progress_bar, say, say_error, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
-from axisbus.cli.shared.nodes import (
-    NodeFiles,
-    NodeLookup,
-    NodeOptions,
-    NodeSession,
-    joined,
-    node_options,
-    open_nodes,
-    require_bus,
-)
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
 from axisbus.cli.shared.options import Seconds
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.configuration import guarded_write, parse_values

@@ -9,7 +9,7 @@ from axisbus.cli.shared.lazy import LazyGroup
 _START = "start"
 COMMANDS = {
     _START: ("axisbus.cli.record.start", "Record the machine of a cell; the word start may be left out."),
-    "faults": ("axisbus.cli.record.files:faults_command", "List the stored faults of a cell."),
+    "faults": ("axisbus.cli.record.faults:faults_command", "List the stored faults of a cell."),
     "export": ("axisbus.cli.record.files:export_command", "Write a recording as CSV or Parquet."),
     "diff": ("axisbus.cli.record.files:diff_command", "Compare two recordings of the same job."),
 }

@@ -9,7 +9,7 @@ from pathlib import Path
 from axisbus import wait
 from axisbus.cia402.state import PowerState
 from axisbus.cli.shared.attach_or_open import machine_of
-from axisbus.cli.shared.axes import Mover, all_axes, axes_of
+from axisbus.cli.shared.axes_and_pairs import Mover, all_axes, axes_of
 from axisbus.cli.shared.common import echo, say
 from axisbus.cli.shared.progress import MoverProgress, follow
 from axisbus.errors import (

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import click
 
 from axisbus import wait
-from axisbus.cli.shared.axes import Mover, axes_of
+from axisbus.cli.shared.axes_and_pairs import Mover, axes_of
 from axisbus.errors import StaleError
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
