@@ -76,5 +76,5 @@ def test_a_terminal_that_is_gone_quits(ends):
 
 def test_without_a_terminal_there_are_no_keys(monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.StringIO("q"))
-    with pytest.raises(StateError, match="no terminal"), keyboard():
+    with pytest.raises(StateError, match="standard input is not a terminal"), keyboard():
         pass

@@ -67,7 +67,7 @@ def test_opening_finds_the_cells_that_are_there_with_what_they_are(plant):
         assert press["x"].age < 1.0
         with pytest.raises(StateError, match="no axis 'q'"):
             press["q"]
-        with pytest.raises(StateError, match="no cell 'mill'"):
+        with pytest.raises(StateError, match="cell 'mill' was not found"):
             fleet["mill"]
 
 
@@ -178,7 +178,7 @@ def test_without_the_command_nothing_is_sent_but_stops(plant):
     with fleet_of(plant) as fleet:
         axis = fleet["press"]["x"]
         for call in (axis.enable, axis.home, axis.reset, axis.disable, lambda: axis.move_absolute(1.0)):
-            with pytest.raises(OwnershipError, match="has not the command"):
+            with pytest.raises(OwnershipError, match="does not have control"):
                 call()
         wait(axis.halt(), axis.quick_stop(), fleet.halt(), fleet["press"].quick_stop(), timeout=5)
         assert dict(cell.stopped) == {"halt": 1, "quick_stop": 1, "halt_all": 1, "quick_stop_all": 1}
@@ -377,7 +377,7 @@ def test_a_command_under_way_ends_as_unknown_once_its_cell_is_gone(plant):
             assert "gone" in caught.value.observed
             with pytest.raises(StateError, match="nothing was sent"):
                 press["x"].move_absolute(6.0).wait(1)
-        with pytest.raises(StateError, match="no answer"), fleet["press"].command():
+        with pytest.raises(StateError, match="did not answer"), fleet["press"].command():
             pass
 
 
