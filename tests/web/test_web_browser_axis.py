@@ -97,7 +97,7 @@ def test_a_torque_asks_first_and_the_space_bar_ends_it(x):
     x.page.type("slope", "50")
     button = x.page.one("[data-do=torque_control]")
     button.click()
-    assert "press with 0,3 N·m?" in x.page.text("#asked")
+    assert "Apply 0,3 N·m to x?" in x.page.text("#asked")
     x.page.pictures("question")
     x.page.key(ENTER)  # the focus is on No
     time.sleep(0.3)
@@ -125,7 +125,7 @@ def test_the_command_that_another_program_took_is_taken_back(scene, x):
         assert "control of the machine belongs to process" in x.page.text("#commanded")
         x.page.type("velocity", "50")
         x.page.press("move_velocity")
-        until(lambda: "has not the command" in x.page.text("#told"))
+        until(lambda: "control" in x.page.text("#told"))
         x.page.pictures("command")
         moving = other["x"].move_velocity(60.0)
         until(lambda: x.speed() > 55.0)

@@ -205,7 +205,7 @@ def test_a_node_that_is_lost_in_the_middle_is_said(at):
     until(lambda: float(page.run("return document.querySelector('#config-bar').value")) > 5)
     at.machine.simulated_node(1).device.dials.sdo_silent = True
     until(lambda: "no answer" in page.text("#config-error"), 20.0)
-    assert "has not come to its end" in page.text("#config-state")
+    assert "was not completed" in page.text("#config-state")
 
 
 def test_by_the_keyboard_alone_and_the_space_bar_stops(at):

@@ -42,7 +42,7 @@ def _look(page: Page, at: Served) -> None:
     os.kill(at.machine._core.process, signal.SIGKILL)
     until(lambda: page.one("#dead").is_displayed())
     said = page.text("#dead")
-    assert "gone" in said or "failed" in said
+    assert "has ended" in said or "failed" in said
     assert "look at the machine" in said
     assert not page.one("#gone").is_displayed()  # the connection is not
     until(lambda: page.text('[data-view="axis-x"] [data-value=position]') in ("unknown", ""))

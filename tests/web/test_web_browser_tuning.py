@@ -168,7 +168,7 @@ def test_a_yes_is_to_the_step_that_the_question_says(at):
         "press.click(); field.value = '-5'; press.click();"
     )
     until(lambda: page.one("#question").is_displayed())
-    assert "move by -5 deg" in page.text("#asked")
+    assert "Move x by -5 deg" in page.text("#asked")
     page.one("#yes").click()
     until(lambda: abs(x.position - before + 5.0) < 0.1)
     until(lambda: state(page) == "Measured.", 6.0)

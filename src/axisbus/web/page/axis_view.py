@@ -20,7 +20,7 @@ _PRESS = (
     "Apply {{torque}} N·m to {0}? If no load holds the axis, it accelerates up to its limits. The torque remains until the "
     "axis is halted."
 )
-_SLOPE = "Slope in N·m/s (empty: as in the cell file, otherwise the drive's value)"
+_SLOPE = "Slope in N·m/s (empty: as in the cell file, else that of the drive)"
 
 
 def axis_view(number: int, axis: Axis, config: AxisConfig, parameters: AxisParameters) -> None:
@@ -80,7 +80,7 @@ def _power(name: str) -> None:
 def _motion(axis: Axis, config: AxisConfig) -> None:
     unit, defaults = axis.unit, config.defaults
     with Tag("fieldset", data_values="ramps"):
-        Tag("legend", "Velocity and acceleration (empty: as in the cell file)")
+        Tag("legend", "Profile (empty: as in the cell file)")
         _field("velocity", f"Velocity in {unit}/s", _shown(defaults.velocity))
         _field("acceleration", f"Acceleration in {unit}/s²", _shown(defaults.acceleration))
     with Tag("fieldset"):

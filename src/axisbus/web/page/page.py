@@ -85,10 +85,10 @@ def _head(name: str) -> Tag:
             button("Take the controls", "take", data_shown="free")
             button("Take over", "take_over", data_shown="others")
             button("Give back", "give_back", data_shown="mine")
-            button("Link for an observer", "link", data_shown="operator")
+            button("Observer link", "link", data_shown="operator")
         with Tag("div", classes="command", id="command", hidden="hidden"):
             Tag("span", id="commanded")
-            button("Take control of the machine", "take_command", data_question=_TAKE, data_shown="lost")
+            button("Take control", "take_command", data_question=_TAKE, data_shown="lost")
         with Tag("div", classes="stops"):
             button("Halt all", "halt_all", "halt")
             button("Quick stop (space)", "quick_stop_all", "stop")
