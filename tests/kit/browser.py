@@ -73,9 +73,9 @@ def _all_addresses() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-# The elements that make a page wider than the window.
-_BEYOND = """return [...document.querySelectorAll("body *")].filter(one => !one.children.length && one.scrollWidth && one.getBoundingClientRect().right > arguments[0] + 1)
-  .map(one => `${one.tagName} ${one.className} in ${one.closest("table, p, div").innerText.slice(0, 200)}`).slice(-4).join("; ")"""
+# The innermost elements of which the content is wider than they are.
+_BEYOND = """return [...document.querySelectorAll("body *")].filter(one => one.clientWidth && one.scrollWidth > one.clientWidth + 1)
+  .map(one => `${one.tagName} ${one.id} ${one.className} ${one.scrollWidth}`).slice(-6).join("; ")"""
 
 
 class Page:
@@ -183,7 +183,7 @@ class Page:
         for width in (1280, 390):
             for scheme in ("light", "dark"):
                 self.drawn(str(PICTURES / f"{view}-{width}-{scheme}.png"), width, scheme)
-                assert self.run("return document.documentElement.scrollWidth") <= width, self.run(_BEYOND, width)
+                assert self.run("return document.documentElement.scrollWidth") <= width, self.run(_BEYOND)
                 assert all(
                     self.one(f"header [data-do={do}]").is_displayed() for do in ("quick_stop_all", "halt_all")
                 )

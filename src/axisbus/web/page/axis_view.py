@@ -20,7 +20,7 @@ _PRESS = (
     "Apply {{torque}} N·m to {0}? If no load holds the axis, it accelerates up to its limits. The torque remains until the "
     "axis is halted."
 )
-_SLOPE = "Slope in N·m/s (empty: as in the cell file, else that of the drive)"
+_SLOPE = "Slope in N·m/s (empty: as in the cell file)"
 
 
 def axis_view(number: int, axis: Axis, config: AxisConfig, parameters: AxisParameters) -> None:
