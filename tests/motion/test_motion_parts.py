@@ -741,6 +741,19 @@ def test_a_ramp_goes_up_by_the_acceleration_and_down_by_the_deceleration():
         assert turns.speed == pytest.approx(expected)
 
 
+def test_after_a_lost_position_a_ramp_has_the_accelerations_of_the_last_command():
+    drive = Drive()
+    way = ramped(drive, 100)
+    way.go_on(200, 1280.0, 320.0)
+    drive.image.position = None
+    way.step(drive.image)
+    assert way.behind is None
+    for _ in range(3):
+        drive.cycle(statusword=0x0237, position=0, velocity=0)
+        way.step(drive.image)
+    assert way.speed == pytest.approx(2 * 1280.0 * T)  # two cycles after it has begun anew
+
+
 def test_a_ramp_begins_at_the_speed_of_the_positions_where_the_last_velocity_is_older_than_they_are():
     drive = Drive(ages={"position": 10.0, "velocity": 10.0})
     drive.cycle(position=0, velocity=-100)

@@ -93,7 +93,6 @@ class RampedWay:
     __slots__ = (
         "_changed",
         "_delay",
-        "_down",
         "_early",
         "_from_rest",
         "_late",
@@ -103,7 +102,6 @@ class RampedWay:
         "_settles_at",
         "_stamp",
         "_target",
-        "_up",
         "_window",
         "behind",
         "lag",
@@ -128,8 +126,6 @@ class RampedWay:
         """
         self._target = target * per_velocity
         self._per_velocity = per_velocity
-        self._up = up
-        self._down = down
         self._window = window
         self._delay = delay
         self._position = 0
@@ -138,7 +134,7 @@ class RampedWay:
         self._settles_at = math.inf
         self._from_rest = False
         self._on_ramp = on_ramp
-        self._early = self._late = _Ramp(0.0, self._target, up, down)
+        self._early, self._late = (_Ramp(0.0, self._target, up, down) for _ in range(2))
         self.behind: float | None = None
         self.lag: float | None = None
 
@@ -178,7 +174,11 @@ class RampedWay:
             speed = image.speed(self._per_velocity)
             if speed is None:
                 return
-            self._early, self._late = (_Ramp(speed, speed, self._up, self._down) for _ in range(2))
+            ramps = (
+                self._early,
+                self._late,
+            )  # they know the accelerations, of a command that is just coming as well
+            self._early, self._late = (_Ramp(speed, speed, ramp.up, ramp.down) for ramp in ramps)
             self._from_rest = image.standstill and not self._on_ramp
             self.behind, self._position, self._stamp = 0.0, position, stamp
             self._aim(image)
