@@ -11,7 +11,7 @@ from axisbus.cell.quantities import units_of
 from axisbus.check.context import Check, CheckContext, Problems, own_title
 from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import objects, options
-from axisbus.cia402.options import OptionCode
+from axisbus.cia402.options import OptionCode, Ramp
 from axisbus.eds.model import Eds
 from axisbus.motion.parameters import StopTimes
 
@@ -27,7 +27,6 @@ _REACTIONS: tuple[tuple[OptionCode, frozenset[int], str], ...] = (
 _SETTABLE = (options.HALT, options.QUICK_STOP, options.DISABLE, options.FAULT)
 # Values that brake on the quick-stop ramp, 6085h.
 _QUICK_STOPS_ON_IT = frozenset({2, 6})
-_HALTS_ON_QUICK_RAMP = 2
 _ON_QUICK_RAMP: tuple[tuple[OptionCode, frozenset[int]], ...] = (
     (options.QUICK_STOP, _QUICK_STOPS_ON_IT),
     (options.HALT, frozenset({2})),
@@ -180,7 +179,8 @@ def ladder_times(case: CheckContext) -> Problems:
         quick = _fixed(drive, objects.QUICK_STOP_DECELERATION) or _Deceleration(
             stop.deceleration, "the quick-stop deceleration"
         )
-        halts_quickly = drive is not None and drive.number(options.HALT.index) == _HALTS_ON_QUICK_RAMP
+        halt = None if drive is None else drive.number(options.HALT.index)
+        halts_quickly = halt is not None and options.HALT_RAMPS.get(halt) is Ramp.QUICK
         for key, default, ramp in (
             ("halt_time", times.halt, quick if halts_quickly else slow),
             ("quick_stop_time", times.quick_stop, quick),

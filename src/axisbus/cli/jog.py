@@ -131,7 +131,7 @@ def keyboard() -> Iterator[Keyboard]:
         termios.tcsetattr(terminal, termios.TCSADRAIN, before)
 
 
-# -- jog ---------------------------------------------------------------------------------------------------------------
+# -- The command -------------------------------------------------------------------------------------------------------
 
 
 _SIGN = {TerminalKey.FORWARD: 1.0, TerminalKey.BACK: -1.0}

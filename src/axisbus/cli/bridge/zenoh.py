@@ -90,7 +90,7 @@ def ros_of(
     return RosOptions(ros_domain or 0, namespace, 50.0 if ros_rate is None else ros_rate, ros_command)
 
 
-# -- zenoh -------------------------------------------------------------------------------------------------------------
+# -- The command -------------------------------------------------------------------------------------------------------
 
 
 @click.command("zenoh")

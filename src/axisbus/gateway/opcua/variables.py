@@ -90,7 +90,7 @@ def torque_unit(rated_torque: float | None) -> Unit:
     return PART_OF_RATED if rated_torque is None else TORQUE
 
 
-# -- variables ---------------------------------------------------------------------------------------------------------
+# -- The variables -----------------------------------------------------------------------------------------------------
 
 
 class Type(Enum):

@@ -64,7 +64,7 @@ def is_within(position: float, window: Window | None, modulo: float | None) -> b
     return (position - low) % modulo <= (high - low) % modulo
 
 
-# -- arming ------------------------------------------------------------------------------------------------------------
+# -- The steps of one input --------------------------------------------------------------------------------------------
 
 
 class ArmingStep(Enum):
@@ -359,7 +359,7 @@ class ProbeFunction:
         return self.word
 
 
-# -- arming ------------------------------------------------------------------------------------------------------------
+# -- What each step does -----------------------------------------------------------------------------------------------
 
 
 _TAKE: dict[ArmingStep, Callable[[Arming, int, AxisImage], None]] = {

@@ -32,9 +32,8 @@ class SettledValue:
         self._window = window
         self._first = self._lowest = self._highest = math.nan
         self._began = -math.inf
-        self._left: tuple[float, float] | None = (
-            None  # the first value too far from the first one of the window, and its time
-        )
+        # The first value that is too far from the first one of the window, and its time.
+        self._left: tuple[float, float] | None = None
         self._stamp = since
         self.still = False
 

@@ -80,7 +80,7 @@ def _user_of(client: tuple[str, int], server: tuple[str, int]) -> int | None:
     return int(_FACTS.unpack_from(answer, _BEFORE)[3])
 
 
-# -- tokens ------------------------------------------------------------------------------------------------------------
+# -- The tokens and their roles ----------------------------------------------------------------------------------------
 
 
 class Role(Enum):

@@ -75,7 +75,7 @@ class Unexpected:
         return f"{where}: {self.reason.value}{more}"
 
 
-# -- codec -------------------------------------------------------------------------------------------------------------
+# -- Decode and encode frames ------------------------------------------------------------------------------------------
 
 
 Outcome = DecodedMessage | MessageRequest | Unexpected

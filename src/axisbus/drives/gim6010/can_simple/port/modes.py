@@ -83,7 +83,7 @@ class ModuleProfile:
         return round(current * torque.constant / torque.rated * 1000.0)
 
 
-# -- modes -------------------------------------------------------------------------------------------------------------
+# -- The targets of a mode, as frames ----------------------------------------------------------------------------------
 
 
 @dataclass(slots=True)
