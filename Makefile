@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems ask Python to keep nothing compiled: then each of the many processes that tests start would compile all of it again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo quick test test-web test-socketcan check bench stories bench-cycle bench-core bench-guests bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
+.PHONY: demo quick test test-web test-socketcan check bench scenarios bench-cycle bench-core bench-guests bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -26,9 +26,9 @@ test-web: $(READY)        ## the page in a real Chromium, where there is one; pi
 	AXISBUS_BROWSER=1 $(BIN)/python -m pytest tests/web/test_web_browser*.py || \
 	{ test $$? = 1 && AXISBUS_BROWSER=1 $(BIN)/python -m pytest --alone --last-failed --last-failed-no-failures none; }
 
-stories: $(READY)         ## the stories in both modes: the core in a thread of its program, and in a process of its own
+scenarios: $(READY)         ## the scenarios in both modes: the core in a thread of its program, and in a process of its own
 	for mode in thread own; do \
-		AXISBUS_PROCESS=$$mode $(BIN)/python -m pytest tests/stories -n 2 --dist loadfile || { test $$? = 1 && \
+		AXISBUS_PROCESS=$$mode $(BIN)/python -m pytest tests/scenarios -n 2 --dist loadfile || { test $$? = 1 && \
 		AXISBUS_PROCESS=$$mode $(BIN)/python -m pytest --alone --last-failed --last-failed-no-failures none; } || exit 1; \
 	done
 

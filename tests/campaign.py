@@ -2,8 +2,8 @@
 
 ``python tests/campaign.py [--scenarios 10000] [--first SEED] [--jobs N] [--scene NAME]``: fresh scripts in each run unless the
 first seed is given. Every second seed draws its cell as well (all do with ``--scene drawn``); the others play on fixed scenes.
-What fails is shrunk and printed as a script that can be pasted into ``tests/stories/test_story_random.py``. Exit code 1 where a
-rule did not hold, or where one of the rules of drawn cells was never exercised.
+What fails is shrunk and printed as a script that can be pasted into ``tests/scenarios/test_scenario_random.py``. Exit code 1
+where a rule did not hold, or where one of the rules of drawn cells was never exercised.
 
 ``--mutant NAME`` (or ``all``) is the self-test: the product is changed while it runs (``kit.campaign.mutants``), and the exit
 code is 1 where that is not noticed within ``--scenarios`` (500) drawn cells. What fails without the change as well does not count.

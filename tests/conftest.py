@@ -111,16 +111,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any, error: object) -> None:
-    """Collect from each process which golden messages its stories have used."""
+    """Collect from each process which golden messages its scenarios have used."""
     used, kept = getattr(node, "workeroutput", {}).get("golden", ((), ()))
     _used.update(used)
     _kept.update(kept)
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
-    """Fail where all stories have passed and golden messages are left over."""
+    """Fail where all scenarios have passed and golden messages are left over."""
     if _kept - _used and exitstatus == 0:
-        print(f"\nno story uses these golden messages: {', '.join(sorted(_kept - _used))}")
+        print(f"\nno scenario uses these golden messages: {', '.join(sorted(_kept - _used))}")
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 

@@ -41,7 +41,7 @@ MAP = ROOT / ".mutants-map" / "map.json"
 EQUIVALENT = ROOT / "tests" / "mutation" / "equivalent.toml"
 NOT_FOR_THESE = {"eds", "sim", "socketcan", "mutation"}  # folders whose tests say nothing of what is tried
 # Minutes of matrices and of processes that are killed: they come last for every line, and never within the time of a mutant.
-TOO_LONG = {"test_story_plants.py", "test_story_killed.py", "test_story_zz_golden.py"}
+TOO_LONG = {"test_scenario_plants.py", "test_scenario_killed.py", "test_scenario_zz_golden.py"}
 ENOUGH_KILLED = 0.9
 
 

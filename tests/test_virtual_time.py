@@ -11,7 +11,7 @@ from pathlib import Path
 import can
 import pytest
 
-from kit.stories.bus import Line, turning
+from kit.scenarios.bus import Line, turning
 from kit.virtual_time import Deadlock, virtual_time
 
 HOUR = 3600.0
@@ -99,6 +99,6 @@ def test_the_same_scenario_sends_the_same_frames_at_the_same_times(tmp_path: Pat
     once, again = frames_of(tmp_path / "once"), frames_of(tmp_path / "again")
     assert len(once) > 500
     assert [frame[1:] for frame in once] == [frame[1:] for frame in again]
-    since = [[at - story[0][0] for at, *_ in story] for story in (once, again)]
+    since = [[at - scenario[0][0] for at, *_ in scenario] for scenario in (once, again)]
     # Cached results read the clock less often, and each reading takes 1 µs.
     assert since[0] == pytest.approx(since[1], abs=1e-4)

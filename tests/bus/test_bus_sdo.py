@@ -1,4 +1,4 @@
-"""The SDO client against a slave written frame by frame: each trap of the protocol is one story."""
+"""The SDO client against a slave written frame by frame: each trap of the protocol is one scenario."""
 
 from __future__ import annotations
 

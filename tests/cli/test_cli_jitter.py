@@ -11,7 +11,7 @@ import pytest
 from axisbus.machine.machine import Machine
 from kit import commands
 from kit.cell import cell_text
-from kit.stories.own import own_cell, turns, under_way
+from kit.scenarios.own import own_cell, turns, under_way
 
 pytestmark = [pytest.mark.timeout(120)]
 

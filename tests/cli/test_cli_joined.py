@@ -19,7 +19,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit import commands
 from kit.cell import cell_text
-from kit.stories.own import enabled, own_cell, turns, under_way
+from kit.scenarios.own import enabled, own_cell, turns, under_way
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),

@@ -18,7 +18,7 @@ from axisbus.motion.states import AxisState
 from kit import commands
 from kit.cell import cell_text
 from kit.gantry.pair import HOMING
-from kit.stories.own import own_cell
+from kit.scenarios.own import own_cell
 
 pytestmark = [pytest.mark.timeout(120)]
 TABLE = '[groups.all]\naxes = ["z", "x", "y"]\n[gantries.b]\naxes = ["x", "y"]\nmax_skew = 8.0\n' + HOMING

@@ -16,7 +16,7 @@ from axisbus.machine.machine import Machine
 from axisbus.record.load import load
 from kit import commands
 from kit.cell import cell_text
-from kit.stories.own import own_cell, turns, under_way
+from kit.scenarios.own import own_cell, turns, under_way
 
 pytest.importorskip("mcap")
 pytestmark = [pytest.mark.timeout(120)]

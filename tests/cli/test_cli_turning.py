@@ -16,7 +16,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit import commands
 from kit.cell import MODULE, cell_text
-from kit.stories.own import own_cell, turns, under_way
+from kit.scenarios.own import own_cell, turns, under_way
 
 pytestmark = [pytest.mark.timeout(120)]
 

@@ -17,7 +17,7 @@ from axisbus.machine.machine import Machine
 from axisbus.record.fault_file import MAGIC
 from axisbus.record.load import load
 from kit import commands
-from kit.stories.own import own_cell
+from kit.scenarios.own import own_cell
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),

@@ -22,7 +22,7 @@ from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.record.recorder import Recorder
 from kit.attacks import ATTACKS
 from kit.crowd import Crowd
-from kit.stories.own import enabled, own_cell, turns, under_way
+from kit.scenarios.own import enabled, own_cell, turns, under_way
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),

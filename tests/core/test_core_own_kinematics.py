@@ -9,7 +9,7 @@ import pytest
 
 from axisbus.errors import Interrupted
 from axisbus.machine.machine import Machine
-from kit.stories.own import own_cell
+from kit.scenarios.own import own_cell
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),

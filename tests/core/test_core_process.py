@@ -20,8 +20,8 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.record.recorder import Recorder
 from kit.cell import SCALE, cell_text
+from kit.scenarios.own import enabled, own_cell
 from kit.stopped import STOPPED
-from kit.stories.own import enabled, own_cell
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),

@@ -230,7 +230,7 @@ def test_the_story_of_a_fault_under_way_ends_too():
     move = r.axis.move_absolute(100.0)
     r.run(0.2)
     r.drive.fault(0x2310)
-    while r.core._story is None:
+    while r.core._fault_diagnosis is None:
         r.run(PERIOD)
     assert move.busy
     r.scan.end()

@@ -19,7 +19,7 @@ from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 from kit import fuzz_frames as fuzz
 from kit.mad_node import MadNode, close
-from kit.stories.bus import Line, enable, turning, until
+from kit.scenarios.bus import Line, enable, turning, until
 
 MAD = 2  # the node of y
 APART = '[groups.one]\naxes = ["x"]\n[groups.two]\naxes = ["y"]\n'

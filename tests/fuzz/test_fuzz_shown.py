@@ -11,7 +11,7 @@ from axisbus.cia301.dropped_frames import DropNews, DropReason, Drops, words
 from axisbus.cli.monitor import axes as monitor
 from kit import commands
 from kit.mad_node import MadNode, close
-from kit.stories.bus import Line, until
+from kit.scenarios.bus import Line, until
 
 
 def test_the_same_reason_and_node_are_told_once_in_a_second():

@@ -32,7 +32,7 @@ from axisbus.session import LATENESS_BOUNDS
 from kit import commands
 from kit.connections import closed
 from kit.crowd import Crowd
-from kit.stories.own import own_cell
+from kit.scenarios.own import own_cell
 
 DASHBOARD = Path(__file__).parents[2] / "examples" / "dashboard.json"
 

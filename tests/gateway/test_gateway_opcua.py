@@ -47,7 +47,7 @@ from kit import commands
 from kit.cell import cell_text
 from kit.connections import closed
 from kit.opcua.visiting import Visit, Who, come_in, papers, visit
-from kit.stories.own import own_cell, under_way
+from kit.scenarios.own import own_cell, under_way
 
 CLIENT = Path(__file__).parents[1] / "kit" / "opcua" / "client.js"
 X, Y = "/Axes/x", "/Axes/y"

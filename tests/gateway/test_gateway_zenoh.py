@@ -20,7 +20,7 @@ from axisbus.fleet import messages as m
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.crowd import Crowd
-from kit.stories.own import own_cell, recover, turns
+from kit.scenarios.own import own_cell, recover, turns
 from kit.zenoh_cell import KEYS, BridgeProcess, Client, Wire, holder, until
 
 pytestmark = [

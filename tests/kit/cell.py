@@ -88,7 +88,7 @@ def cell_text(
             "halt",
             "disable",
             "fault",
-        ):  # a line of the story's own replaces the usual one
+        ):  # a line of the scenario's own replaces the usual one
             if f"\n{key} =" in f"\n{stop}":
                 text = _without_first(text, key)
     return text + more
@@ -272,7 +272,7 @@ class Stage:
                 EXIT.part(machine.session)
                 machine._core.scan.ended = True
             else:
-                with suppress(Exception):  # a story has told what becomes of it
+                with suppress(Exception):  # a scenario has told what becomes of it
                     machine.close()
 
     def file(self, text: str) -> Path:

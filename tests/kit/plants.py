@@ -1,4 +1,4 @@
-"""Plants that resist, by name: what a story hangs behind the drives of its cell, and how it brings them into motion."""
+"""Plants that resist, by name: what a scenario hangs behind the drives of its cell, and how it brings them into motion."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Plant:
 
     ``objects`` that the drive has otherwise, its ``dials``, and those that are turned ``on_jam``; ``window``: the standstill window
     in deg, by which a standing axis may be pulled. ``loaded``: somebody must hold it until it is enabled. ``jams``: so many seconds
-    before the stop (after it, where that is negative) the story jams it.
+    before the stop (after it, where that is negative) the scenario jams it.
     """
 
     motor: Mapping[str, float] = field(default_factory=dict)

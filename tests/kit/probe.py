@@ -36,7 +36,7 @@ _TIME = attrgetter("time")
 
 
 class PlantMoves(AssertionError):
-    """The plant did not come to rest as the story promises; raised by nothing but the look at the plant itself."""
+    """The plant did not come to rest as the scenario promises; raised by nothing but the look at the plant itself."""
 
 
 class PlantSample(NamedTuple):
@@ -204,10 +204,10 @@ class PlantProbe(ABC):
             self.drive(name).dials.blocked = False
         return moment
 
-    # -- what stories assert ---------------------------------------------------------------------------------------------
+    # -- what scenarios assert ---------------------------------------------------------------------------------------------
 
     def must_move(self, name: str = "x", faster_than: float = 20.0) -> None:
-        """Make sure that the story begins (or goes on) in motion."""
+        """Make sure that the scenario begins (or goes on) in motion."""
         assert self.speed(name) > faster_than, f"{name} does not move: {self.speed(name):g} deg/s"
 
     def must_stand(

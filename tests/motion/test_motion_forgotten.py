@@ -151,7 +151,7 @@ KEPT = {
             "_keeps_target",
             "_needs_homing",
             "_stopped_for_sure",
-            "_story",
+            "_fault_diagnosis",
         ),
         *(
             "_was_calm",

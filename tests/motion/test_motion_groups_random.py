@@ -80,7 +80,7 @@ class Chaos:
         name = self.random.choice("xyz")
         what = self.random.choice([*OF_A_GROUP, *OF_AN_AXIS, *self.hard])
         if what in PROFILED and self._any_on_a_path():
-            return  # what a drive does when a profile mode takes over from a cyclic one is another story
+            return  # what a drive does when a profile mode takes over from a cyclic one is another scenario
         of_axis = what not in OF_A_GROUP or self.random.random() < 0.3
         since = {axis: self.cell.moment(axis) for axis in "xyz"}
         self.told.append(f"{self.cell.now:.2f} {what} {name if of_axis else ''}")

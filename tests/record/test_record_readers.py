@@ -10,7 +10,7 @@ import pytest
 from axisbus import Machine
 from kit.cell import cell_text
 from kit.modules import LEVEL, MODULE
-from kit.stories.bus import until
+from kit.scenarios.bus import until
 
 mcap_reader = pytest.importorskip("mcap.reader")
 OBJECTS = {

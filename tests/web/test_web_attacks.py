@@ -22,8 +22,8 @@ from websockets.sync.client import ClientConnection
 
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
+from kit.scenarios.own import own_cell, turns
 from kit.served_page import served, until
-from kit.stories.own import own_cell, turns
 from kit.web_client import Client
 
 pytestmark = [

@@ -20,8 +20,8 @@ pytest.importorskip("selenium", reason="the browser is driven by selenium")
 
 from axisbus.motion.states import AxisState
 from kit.browser import ENTER, ESCAPE, MARKS, SPACE, Page, chromium
+from kit.scenarios.own import turns
 from kit.served_page import served, until
-from kit.stories.own import turns
 
 pytestmark = MARKS
 FAST = 25.0  # deg/s, less than a jog has

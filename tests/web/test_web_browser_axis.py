@@ -21,9 +21,9 @@ from axisbus.web import address
 from axisbus.web.access.tokens import Role
 from axisbus.web.server import PageServer
 from kit.browser import ENTER, MARKS, SPACE, TAB, Page, chromium
+from kit.scenarios.bus import Line
+from kit.scenarios.own import turns
 from kit.served_page import served, until
-from kit.stories.bus import Line
-from kit.stories.own import turns
 
 pytestmark = MARKS
 LIMITED = "max_torque = 5.0\nposition_limits = [-20000.0, 20000.0]\nfollowing_error = 100.0"

@@ -20,9 +20,9 @@ pytest.importorskip("selenium", reason="the browser is driven by selenium")
 from axisbus.errors import ScanError
 from axisbus.motion.states import AxisState
 from kit.browser import MARKS, SPACE, Page, chromium
+from kit.scenarios.own import turns
 from kit.served_page import Served, served, until
 from kit.stalling import Stalling
-from kit.stories.own import turns
 
 pytestmark = MARKS
 

@@ -15,8 +15,8 @@ pytest.importorskip("nicegui", reason="the page needs nicegui")
 from axisbus.errors import OwnershipError, StateError
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text
+from kit.scenarios.own import own_cell
 from kit.served_page import until
-from kit.stories.own import own_cell
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),

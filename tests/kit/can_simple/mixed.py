@@ -15,10 +15,10 @@ from axisbus.cell import reader
 from axisbus.core.sim_server import Served
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.socketcand_server import Server
-from kit.stories.program import TESTS
+from kit.scenarios.program import TESTS
 
 MODULE = 16  # with CANopen nodes from 32 on, by the manual's table (4.1.4)
-CUTTING = TESTS / "kit" / "stories" / "cutting"
+CUTTING = TESTS / "kit" / "scenarios" / "cutting"
 SPEED = 90.0  # deg/s of the output: two turns/s of the rotor
 TURNS = 2.0
 RESTS = 0.02  # turns/s

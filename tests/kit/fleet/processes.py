@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from kit.fleet.plant import free_endpoint
-from kit.stories.own import own_cell
+from kit.scenarios.own import own_cell
 
 
 def tree(pid):

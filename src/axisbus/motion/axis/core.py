@@ -125,7 +125,7 @@ class AxisCore:
         self.last_target: int | None = None
         self.halted = False
         self._broken: AxisbusError | None = None  # the reason for a failure between two cycles
-        self._story: FaultDiagnosis | None = None
+        self._fault_diagnosis: FaultDiagnosis | None = None
         self._arrival = ArrivalCheck(parameters)
         self._aftermath = FaultReaction(parameters)
         self.rest_waits = StandstillWaiters(parameters)
@@ -246,7 +246,7 @@ class AxisCore:
             and self.order.goal is _ENABLED
             and self.tripped is None
             and self._broken is None
-            and self._story is None
+            and self._fault_diagnosis is None
             and not self.probes.requests
         )
 
@@ -264,7 +264,7 @@ class AxisCore:
             and not (image.lost_count or image.emcy or self.rest_waits.waiting or self.stopping.has_resets)
             and self.tripped is None
             and self._broken is None
-            and self._story is None
+            and self._fault_diagnosis is None
         )
 
     def _watch_motion(self, image: AxisImage) -> None:
@@ -292,8 +292,8 @@ class AxisCore:
         # Otherwise the drive is in its requested state.
         if image.state is not _ENABLED or order.goal is not _ENABLED:
             self._let_go(image)
-        if self._story is not None:
-            self._step_story(self._story, image, order)
+        if self._fault_diagnosis is not None:
+            self._step_fault_diagnosis(self._fault_diagnosis, image, order)
         if self.rest_waits.waiting and self.led_along is None:
             self.rest_waits.step(image, self.finish)
         if self.stopping.has_resets and self.ladder is None:
@@ -335,8 +335,8 @@ class AxisCore:
         tickets = self.stopping.drop() + self.stopping.drop_resets()
         tickets += self.rest_waits.drop()
         tickets += self.probes.drop()
-        if self._story is not None:
-            tickets += self._story.tickets
+        if self._fault_diagnosis is not None:
+            tickets += self._fault_diagnosis.tickets
         tickets += [each for each in (self.running.ticket, self.running.addition_ticket) if each is not None]
         self.queue.drop(self._doing, None)
         for ticket in tickets:
@@ -358,7 +358,7 @@ class AxisCore:
             self.homed = False
         finding = supervision.node(image)
         if finding is None and image.state in _FAULTS:
-            if self._story is None and self.state is not _ERRORSTOP:
+            if self._fault_diagnosis is None and self.state is not _ERRORSTOP:
                 self._fault(image)
             self._look_after_fault(image)
             return
@@ -477,32 +477,32 @@ class AxisCore:
 
     def _fault(self, image: AxisImage) -> None:
         """React to a fault of the drive: request nothing more, diagnose the fault, then report it."""
-        story = FaultDiagnosis(self.parameters, image.now)
+        diagnosis = FaultDiagnosis(self.parameters, image.now)
         doing, ticket, addition = self._doing, self.running.drop(self.order), self.running.take_addition()
         self._drop_waiting(doing, None)
         if addition is not None:
-            story.tickets.append(addition)
+            diagnosis.tickets.append(addition)
         if ticket is not None:
-            story.doing = f" during {ticket.name}" if ticket.busy else ""
-            story.tickets.append(ticket)
-        story.tickets += self.stopping.drop_resets()
-        self._story = story
+            diagnosis.doing = f" during {ticket.name}" if ticket.busy else ""
+            diagnosis.tickets.append(ticket)
+        diagnosis.tickets += self.stopping.drop_resets()
+        self._fault_diagnosis = diagnosis
         # It came from an earlier stop sequence: the drive itself brakes now, or coasts.
         self._stopped_for_sure = False
-        self._trip(story.tell(image, self.history))
-        story.tickets += self.stopping.drop()
+        self._trip(diagnosis.tell(image, self.history))
+        diagnosis.tickets += self.stopping.drop()
         self.powered = False
         if self.touched:
             self.order.goal = PowerState.SWITCH_ON_DISABLED
 
-    def _step_story(self, story: FaultDiagnosis, image: AxisImage, order: CycleOutputs) -> None:
-        if not story.step(image, order):
+    def _step_fault_diagnosis(self, diagnosis: FaultDiagnosis, image: AxisImage, order: CycleOutputs) -> None:
+        if not diagnosis.step(image, order):
             return
-        error = story.tell(image, self.history)
-        self._story = None
+        error = diagnosis.tell(image, self.history)
+        self._fault_diagnosis = None
         if self.state is AxisState.ERRORSTOP:
             self.error = error
-        for ticket in story.tickets:
+        for ticket in diagnosis.tickets:
             self.finish(ticket, error)
 
     # -- commands and their ends -------------------------------------------------------------------------------------

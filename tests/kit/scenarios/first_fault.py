@@ -1,0 +1,66 @@
+"""A program of its own in which everything goes wrong for the first time, under a watch over what its scan's threads open.
+
+``python -m kit.scenarios.first_fault FOLDER``: prints each error as it came, then what was opened.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+from axisbus.errors import AxisbusError
+from axisbus.machine.machine import Machine
+from kit import undisturbed
+from kit.scenarios.bus import Line, enable, until
+
+
+def told(machine: Machine) -> None:
+    """Wait for the first axis's error and print it."""
+    until(lambda: machine["x"].error is not None)
+    print(machine["x"].error)
+
+
+def drives_fault(folder: Path) -> None:
+    with Line(folder, "xy", eds="builtin:gim6010-8") as line, line.open() as machine:
+        for axis in machine:
+            enable(axis)
+        with line.lock:
+            line.drive("x").fault(0xFF00, maker_bits=1 << 4)
+        told(machine)
+
+
+def node_is_lost(folder: Path) -> None:
+    with Line(folder, "xy") as line, line.open() as machine:
+        for axis in machine:
+            enable(axis)
+            axis.move_velocity(90.0)
+        line.devices["x"].dials.dead = True
+        told(machine)
+        line.devices["x"].dials.dead = False
+        time.sleep(1.0)  # it is heard again
+
+
+def drive_refuses(folder: Path) -> None:
+    with Line(folder) as line, line.open() as machine:
+        enable(machine["x"])
+        line.drive().dials.modes_refused = frozenset({3})
+        try:
+            machine["x"].move_velocity(90.0).wait(20)
+        except AxisbusError as error:
+            print(error)
+
+
+def main() -> None:
+    folder = Path(sys.argv[1])
+    undisturbed.begin()
+    for scene in (drives_fault, node_is_lost, drive_refuses):
+        try:
+            scene(folder)
+        except AxisbusError as error:
+            print(error)
+    print("opened:", undisturbed.taken())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,290 @@
+"""Two CANopen axes and a module that speaks CAN Simple in one machine: they move together, and none goes on whatever happens.
+
+Whoever dies, the module is judged by its own shaft: it turns by a velocity, with which it would go on for ever, since nothing on it
+notices a dead master. Where the net is cut that a scenario relies on, it must be found turning.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+
+import pytest
+
+from axisbus.cell import reader
+from axisbus.cia301.nmt import NmtState
+from axisbus.core.can_simple import simulated_modules
+from axisbus.errors import AxisbusError, ScanError, StateError
+from axisbus.machine.machine import Machine
+from axisbus.machine.node_access import NodeAccess
+from axisbus.machine.stop_external import stop_beside
+from axisbus.motion.states import AxisState
+from kit.can_simple.mixed import MODULE, RESTS, TURNS, Doomed, served, stay, write
+from kit.scenarios.bus import enable, until
+
+pytestmark = pytest.mark.timeout(120)
+BOTH = pytest.mark.parametrize(
+    "process",
+    [
+        "thread",
+        pytest.param(
+            "own", marks=pytest.mark.skipif(sys.platform != "linux", reason="only there it has its own")
+        ),
+    ],
+)
+
+
+class Cell:
+    """The machine, and the plants behind it; velocities in turns/s of the rotor."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine = machine
+        self.module = machine.simulated_node(MODULE).module
+        self.group = machine.group("all")
+
+    @property
+    def speeds(self) -> list[float]:
+        drives = (self.machine.simulated_node(node).drive() for node in (40, 41))
+        return [self.module.shaft.speed, *(drive.axis.motor.velocity / 16384 for drive in drives)]
+
+    def up(self) -> None:
+        for axis in self.machine:
+            enable(axis)
+            axis.home().wait(5)
+
+    def line(self, factor: float):
+        """Begin a long straight line of all three, and wait until they are on it."""
+        handle = self.group.move_linear((400.0 * factor, -200.0 * factor, 300.0 * factor), velocity=60.0)
+        until(lambda: min(map(abs, self.speeds)) > 0.15)
+        return handle
+
+    def rests(self, seconds: float = 3.0) -> bool:
+        return stay(lambda: max(map(abs, self.speeds)) < RESTS, seconds)
+
+
+def _has_been_on(monkeypatch) -> None:
+    """Let the module in this process have counted for a while: a gap in a young count may be a restart, on a busy computer too."""
+    made = simulated_modules._module
+
+    def older(cell, node_id):
+        module = made(cell, node_id)
+        module._talk._life = 100
+        return module
+
+    monkeypatch.setattr(simulated_modules, "_module", older)
+
+
+@pytest.fixture
+def cell(tmp_path, process, monkeypatch) -> Iterator[Cell]:
+    _has_been_on(monkeypatch)
+    machine = Machine.open(write(tmp_path, f'interface = "sim"\nprocess = "{process}"'))
+    try:
+        yield Cell(machine)
+    finally:
+        with suppress(AxisbusError, ExceptionGroup):  # some scenarios leave it with a node that is lost
+            machine.close()
+
+
+@BOTH
+def test_they_move_as_one_and_a_fault_of_the_module_stops_all_and_can_be_reset(cell):
+    assert cell.machine.node(MODULE).events == []
+    cell.up()
+    cell.group.move_linear((40.0, -20.0, 60.0), velocity=60.0).wait(10)
+    assert cell.module.position * 45.0 == pytest.approx(60.0, abs=0.1)
+    handle = cell.line(1)
+    cell.machine.simulated_node(MODULE).fault(0x20000)
+    with pytest.raises((AxisbusError, ExceptionGroup)):
+        handle.wait(5)
+    assert cell.rests()
+    assert not cell.module.energised
+    m, node = cell.machine["m"], cell.machine.node(MODULE)
+    until(lambda: m.state is AxisState.ERRORSTOP and m.error is not None)
+    assert "MOTOR_THERMISTOR_OVER_TEMP" in str(m.error)  # manual v2.2: bit 17 of the motor's word
+    assert "let it cool down" in str(m.error)
+    until(lambda: bool(node.incidents))
+    assert node.incidents[0].ended is None
+    cell.machine.simulated_node(MODULE).module.dials.motor_error = 0
+    for axis in cell.machine:
+        axis.reset().wait(5)
+        enable(axis)
+    until(lambda: node.incidents[0].ended is not None)
+    cell.group.move_direct((0.0, 0.0, 0.0)).wait(15)
+    assert cell.module.position * 45.0 == pytest.approx(0.0, abs=0.1)
+    _has_no_objects(node)
+
+
+def _has_no_objects(node: NodeAccess) -> None:
+    assert node.nmt is NmtState.OPERATIONAL
+    for look in (
+        lambda: node.sdo[0x1018, 1],
+        lambda: node.sdo["Profile velocity"],
+        lambda: node.measure("voltage"),
+        lambda: node.canopen,
+    ):
+        with pytest.raises(StateError, match="uses CAN Simple"):
+            look()
+    assert node.error_history() is None
+    assert node.pdos() == []
+
+
+@BOTH
+def test_a_module_that_restarts_in_motion_is_a_lost_node_and_the_others_stop(cell):
+    cell.up()
+    handle = cell.line(1)
+    cell.module.restart()
+    with pytest.raises((AxisbusError, ExceptionGroup)):
+        handle.wait(5)
+    assert cell.rests()
+    m = cell.machine["m"]
+    until(lambda: m.state is AxisState.ERRORSTOP)
+    node = cell.machine.node(MODULE)
+    until(lambda: node.nmt is NmtState.PRE_OPERATIONAL)
+    assert any("has restarted" in str(event) for event in node.events)
+    with pytest.raises(AxisbusError):  # its limits and its home are gone: the machine has to be opened again
+        m.reset().wait(5)
+        m.enable().wait(5)
+    assert not cell.module.energised
+
+
+@BOTH
+def test_a_module_that_is_not_heard_any_more_stops_the_others_and_closing_says_what_it_is(cell):
+    cell.up()
+    handle = cell.line(1)
+    cell.module.dials.dead = True
+    with pytest.raises((AxisbusError, ExceptionGroup)):
+        handle.wait(5)
+    until(lambda: max(map(abs, cell.speeds[1:])) < RESTS)
+    node = cell.machine.node(MODULE)
+    until(lambda: any("is lost" in str(event) for event in node.events))
+    with pytest.raises((AxisbusError, ExceptionGroup)) as caught:
+        cell.machine.close()
+    assert "m" in str(caught.value)
+
+
+def test_a_scan_that_fails_leaves_it_at_rest_and_closing_says_how(tmp_path, monkeypatch):
+    _has_been_on(monkeypatch)
+    machine = Machine.open(write(tmp_path, 'interface = "sim"\nprocess = "thread"'))
+    cell = Cell(machine)
+    cell.up()
+    machine["m"].move_velocity(90.0).wait(5)
+    sender = machine._core.runtime.link._modules._senders[MODULE]
+    sender.port.read = None  # whatever a bug may be: the next cycle raises
+    assert cell.rests()
+    assert stay(lambda: not cell.module.energised, 3.0)
+    with pytest.raises(ScanError) as caught:
+        machine.close()
+    assert "m: stands, without power" in str(caught.value)
+    assert not cell.module.energised
+
+
+# -- whoever dies ----------------------------------------------------------------------------------------------------
+
+
+NO_PROGRAM, NO_WARDEN = "the core's eye on its program", "the core's eye on its warden"
+# Who is struck, by what, and the net without which the module goes on.
+DEATHS = {
+    "the program is killed": ("program", signal.SIGKILL, NO_PROGRAM),
+    "the core is killed": ("core", signal.SIGKILL, "the rescue"),
+    "the core hangs": ("core", signal.SIGSTOP, "the warden's patience"),
+    "the warden is killed": ("warden", signal.SIGKILL, NO_WARDEN),
+}
+own = pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+
+
+@own
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+@pytest.mark.parametrize("death", DEATHS)
+def test_the_module_stops_whoever_dies(tmp_path, death, whole):
+    who, number, net = DEATHS[death]
+    with served(tmp_path) as plants, Doomed(tmp_path, "sleeping", "" if whole else net) as one:
+        assert plants.turn()
+        one.strike(who, number)
+        module = plants.module.shaft
+        assert plants.rest(6.0 if whole else 1.5, lambda: [module.speed]) is whole
+        if whole:
+            assert plants.rest(3.0)
+            assert stay(lambda: not plants.module.energised, 3.0)
+        else:
+            assert module.speed == pytest.approx(TURNS, abs=0.1)
+
+
+@own
+def test_an_armed_break_timeout_stops_the_module_of_a_dead_core_that_nobody_rescues(tmp_path):
+    with served(tmp_path) as plants:
+        (tmp_path / "endpoints_0.5.13.json").write_text(json.dumps(plants.module.json()))
+        listed = '[nodes.16.can_simple]\nendpoints = "endpoints_0.5.13.json"\n'
+        plants.file.write_text(plants.file.read_text().replace("[nodes.16.can_simple]\n", listed))
+        plants.module.usb_write("can.config.break_timeout", 1000)
+        with Doomed(tmp_path, "sleeping", "the rescue") as one:
+            time.sleep(3.0)
+            assert plants.turn()
+            one.strike("core", signal.SIGKILL)
+            assert plants.rest(4.0, lambda: [plants.module.shaft.speed])
+            assert not plants.module.energised
+            assert plants.module.axis.error == 0x00100000  # CAN_BUS_FAILED
+
+
+@pytest.mark.parametrize(
+    ("process", "number"),
+    [
+        ("thread", signal.SIGINT),
+        ("thread", signal.SIGTERM),
+        pytest.param("own", signal.SIGINT, marks=own),
+        pytest.param("own", signal.SIGTERM, marks=own),
+    ],
+)
+def test_a_signal_stops_it(tmp_path, process, number):
+    with served(tmp_path, process) as plants, Doomed(tmp_path, "sleeping") as one:
+        assert plants.turn()
+        one.strike("program", number)
+        assert plants.rest(6.0), one.errors
+        assert one.process.wait(20) in (-signal.SIGINT, 128 + signal.SIGINT, 128 + signal.SIGTERM)
+        assert not plants.module.energised
+
+
+@pytest.mark.parametrize(
+    ("process", "scene", "code"),
+    [("thread", "raising", 1), ("thread", "returning", 0), pytest.param("own", "closing", 0, marks=own)],
+)
+def test_a_program_that_ends_by_itself_leaves_it_at_rest_and_off(tmp_path, process, scene, code):
+    with served(tmp_path, process) as plants, Doomed(tmp_path, scene) as one:
+        assert one.process.wait(30) == code, one.errors
+        assert max(map(abs, plants.speeds)) < RESTS
+        assert not plants.module.energised
+
+
+def test_beside_a_program_that_is_killed_with_its_core_it_goes_on_as_boot_says_until_it_is_stopped(tmp_path):
+    """A core that is a thread of its program has nobody who would stop a module; ``axisbus stop`` does."""
+    with served(tmp_path, "thread") as plants, Doomed(tmp_path, "sleeping") as one:
+        one.strike("program", signal.SIGKILL)
+        time.sleep(0.7)
+        assert plants.module.shaft.speed == pytest.approx(TURNS, abs=0.1)
+        found = {each.axis: each for each in stop_beside(reader.load(plants.file))}
+        assert plants.rest(1.0)
+        assert all(each.ok for each in found.values()), found
+        assert found["m"].text == "stands, without power"
+        assert not plants.module.energised
+
+
+@pytest.mark.parametrize("stop", ['quick_stop = "ramp"', 'quick_stop = "ramp-hold"'])
+def test_a_stop_beside_a_master_that_is_alive_stays_one(tmp_path, stop, monkeypatch):
+    _has_been_on(monkeypatch)
+    with served(tmp_path, "thread", stop) as plants, Machine.open(plants.file) as machine:
+        for axis in machine:
+            enable(axis)
+        machine["x"].move_relative(1e5, velocity=90.0)
+        machine["m"].move_velocity(90.0).wait(10)
+        found = {each.axis: each for each in stop_beside(reader.load(plants.file))}
+        assert all(each.ok for each in found.values()), found
+        assert plants.rest(1.0)
+        until(lambda: machine["x"].state is AxisState.ERRORSTOP)
+        assert plants.rest(1.0)
+        held = "hold" in stop
+        assert held or not plants.module.energised
+        assert ("can move it again" in found["m"].text) is held
+        with suppress(AxisbusError, ExceptionGroup):  # what it says of nodes that were stopped
+            machine.close()

@@ -1,0 +1,354 @@
+"""Nobody's death moves an axis: program, core and warden are killed, stopped or told to end while a motor turns.
+
+The plant is read from a history that the simulated drives write by themselves, in a process that nobody harms. Each scenario runs
+once more with the net cut that it relies on, and must then find the motor turning.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from kit.cell import SCALE, cell_text
+from kit.probe import ENABLED, OFF, QUICK_STOP
+from kit.scenarios.doomed import LOSSES
+from kit.scenarios.program import TESTS
+from kit.stopped import STOPPED
+
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
+    pytest.mark.timeout(120),
+]
+CUTTING = Path(__file__).parents[1] / "kit" / "scenarios" / "cutting"
+# Long heartbeats: the drives' own watch over them is another net, which would hide that one of these is missing.
+HEARTBEAT = "1s"  # the drives wait for three of them
+STOPS_WITHIN = (
+    2.5  # seconds on a busy computer; the ramps take a tenth, a hung core is found after half a second
+)
+SPEED = 90.0  # deg/s
+
+
+BEAM = '[gantries.b]\naxes = ["x", "y"]\nmax_skew = 8.0\n'
+
+
+class Row(NamedTuple):
+    """One motor at a time: deg/s, and the number of its power stage."""
+
+    time: float
+    velocity: float
+    stage: int
+
+
+class Doomed:
+    """A program with its core and warden, whose axes turn; kills what is left of them at the end."""
+
+    def __init__(self, folder: Path, scene: str, cut: str, axes: str, more: str = "") -> None:
+        self.folder = folder
+        text = cell_text(
+            axes, heartbeat=HEARTBEAT, bus='process = "own"\noptions = { history = "plant.csv" }', more=more
+        )
+        (folder / "cell.toml").write_text(text, encoding="utf-8")
+        path = os.pathsep.join([str(CUTTING), str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])])
+        errors = (folder / "errors.txt").open("w")
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "kit.scenarios.doomed", str(folder), scene],
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+            env={**os.environ, "PYTHONPATH": path, "AXISBUS_CUT": cut, "XDG_STATE_HOME": str(folder)},
+        )
+        errors.close()
+        assert self.process.stdout is not None
+        with self.process.stdout as out:
+            words = out.readline().split()
+        assert words[:1] == ["ready"], (folder / "errors.txt").read_text()
+        self.program, self.warden, self.core = map(int, words[1:])
+
+    def strike(self, who: str, number: int) -> float:
+        """Send a signal to one of them; return when, by the clock of the plant."""
+        at = time.monotonic()
+        os.kill(getattr(self, who), number)
+        return at
+
+    def plant(self) -> list[Row]:
+        """What the motors have done so far."""
+        with (self.folder / "plant.csv").open(encoding="utf-8") as file:
+            whole = [row for row in csv.DictReader(file) if row["stage"]]
+        return [Row(float(row["time"]), float(row["velocity"]) / SCALE, int(row["stage"])) for row in whole]
+
+    def places(self) -> list[float]:
+        """Where each motor was last, in deg, in the order of their nodes."""
+        with (self.folder / "plant.csv").open(encoding="utf-8") as file:
+            last = {
+                row["node"]: float(row["position"]) / SCALE for row in csv.DictReader(file) if row["stage"]
+            }
+        return [last[node] for node in sorted(last)]
+
+    def journal(self) -> str:
+        """What core and warden have written down."""
+        (file,) = (self.folder / "axisbus").glob("cell-*.log")
+        return file.read_text(encoding="utf-8")
+
+    def turns(self, at: float) -> bool:
+        """Whether the motors turned just before a time, as they were told to."""
+        before = [row for row in self.plant() if at - 0.1 <= row.time <= at]
+        return bool(before) and all(abs(row.velocity - SPEED) < 1.0 for row in before)
+
+    def moves(self, at: float) -> bool:
+        """Whether the motors moved just before a time, at whatever speed."""
+        before = [row for row in self.plant() if at - 0.1 <= row.time <= at]
+        return bool(before) and all(row.velocity > 0.3 * SPEED for row in before)
+
+    def stands_after(self, at: float, stages: tuple[int, ...], within: float = STOPS_WITHIN) -> float | None:
+        """Return how many seconds after a time all motors stood for good in these stages; None if they do not in time."""
+        until = time.monotonic() + within
+        while time.monotonic() < until:
+            time.sleep(0.1)
+            rows = self.plant()
+            still = [row.time for row in rows if abs(row.velocity) > 0.05 or row.stage not in stages]
+            if still and rows[-1].time - still[-1] > 0.3:
+                return still[-1] - at
+        return None
+
+    def ends(self, who: str, within: float) -> bool:
+        """Whether one of them ends in time."""
+        until = time.monotonic() + within
+        while time.monotonic() < until:
+            if not _lives(getattr(self, who)):
+                return True
+            time.sleep(0.02)
+        return False
+
+
+def _lives(process: int) -> bool:
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+@contextmanager
+def doomed(folder: Path, scene: str, cut: str = "", axes: str = "x", more: str = "") -> Iterator[Doomed]:
+    """Let a program play its scene."""
+    one = Doomed(folder, scene, cut, axes, more)
+    try:
+        yield one
+    finally:
+        for process in (one.program, one.warden, one.core):
+            with suppress(OSError):
+                os.kill(process, signal.SIGKILL)
+        one.process.wait()
+
+
+REST = (*OFF, QUICK_STOP)
+NO_PROGRAM, NO_WARDEN = "the core's eye on its program", "the core's eye on its warden"
+
+# The scene, who is struck, by what, and the net that is cut in the second run.
+DEATHS = {
+    "the program is killed": ("sleeping", "program", signal.SIGKILL, NO_PROGRAM),
+    "the program is killed, and a child that it has forked lives on": (
+        "forking",
+        "program",
+        signal.SIGKILL,
+        NO_PROGRAM,
+    ),
+    "the program is killed, and another has its descriptors": (
+        "hoarding",
+        "program",
+        signal.SIGKILL,
+        "the core's eye on the process of its program",
+    ),
+    "the program's terminal is gone": ("sleeping", "program", signal.SIGHUP, NO_PROGRAM),
+    "the core is killed": ("sleeping", "core", signal.SIGKILL, "the rescue"),
+    "the core crashes": ("sleeping", "core", signal.SIGSEGV, "the rescue"),
+    "the core is killed while the program computes": ("computing", "core", signal.SIGKILL, "the rescue"),
+    "the core hangs": ("sleeping", "core", signal.SIGSTOP, "the warden's patience"),
+    "the core is told to end": ("sleeping", "core", signal.SIGTERM, NO_PROGRAM),
+    "Ctrl-C while the program computes": (
+        "computing",
+        "program",
+        signal.SIGINT,
+        "the core's ear for its program",
+    ),
+    "the program is told to end while it computes": (
+        "computing",
+        "program",
+        signal.SIGTERM,
+        "the core's ear for its program",
+    ),
+    "the core's terminal is gone": ("sleeping", "core", signal.SIGHUP, NO_PROGRAM),
+    "the warden is killed": ("sleeping", "warden", signal.SIGKILL, NO_WARDEN),
+    "the warden is stopped": ("sleeping", "warden", signal.SIGSTOP, NO_WARDEN),
+}
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+@pytest.mark.parametrize("death", DEATHS)
+def test_a_motor_stops_whoever_dies(tmp_path, death, whole):
+    scene, who, number, net = DEATHS[death]
+    with doomed(tmp_path, scene, "" if whole else net) as one:
+        time.sleep(0.3)
+        at = one.strike(who, number)
+        took = one.stands_after(at, REST, STOPS_WITHIN if whole else 2.0)
+        assert one.turns(at)
+        assert (took is not None) is whole, took
+
+
+LOST = "the eyes on the program's descriptors"
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+@pytest.mark.parametrize("loss", [loss for loss in LOSSES if loss != "closing-in-a-child"])
+def test_a_motor_stops_when_its_program_has_lost_the_descriptor_to_the_core(tmp_path, loss, whole):
+    with doomed(tmp_path, loss, "" if whole else LOST) as one:
+        at = one.strike("program", signal.SIGUSR1)
+        took = one.stands_after(at, REST, STOPS_WITHIN if whole else 2.0)
+        assert one.turns(at)
+        assert (took is not None) is whole, took
+
+
+def test_descriptors_that_a_forked_child_closes_are_its_own_affair(tmp_path):
+    with doomed(tmp_path, "closing-in-a-child") as one:
+        at = one.strike("program", signal.SIGUSR1)
+        time.sleep(1.5)
+        assert one.turns(at + 1.4)
+
+
+@pytest.mark.parametrize(
+    ("who", "number"),
+    [
+        ("program", signal.SIGKILL),
+        ("core", signal.SIGKILL),
+        ("core", signal.SIGSTOP),
+        ("warden", signal.SIGKILL),
+        ("program", signal.SIGINT),
+    ],
+)
+def test_both_motors_of_a_beam_stop_beside_each_other_whoever_dies(tmp_path, who, number):
+    with doomed(tmp_path, "carrying", axes="xy", more=BEAM) as one:
+        at = one.strike(who, number)
+        took = one.stands_after(at, REST)
+        assert one.moves(at)
+        assert took is not None
+        x, y = one.places()
+        assert x > 20.0
+        assert abs(x - y) < 1.0
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_the_motors_of_a_core_with_many_axes_stop_as_soon(tmp_path, number):
+    with doomed(tmp_path, "sleeping", axes="abcdefghijkl") as one:
+        at = one.strike("core", number)
+        took = one.stands_after(at, REST)
+        assert one.turns(at)
+        assert took is not None
+
+
+@pytest.mark.parametrize(("scene", "code"), [("returning", 0), ("raising", 1)])
+def test_a_program_that_ends_by_itself_leaves_a_motor_at_rest_and_off(tmp_path, scene, code):
+    with doomed(tmp_path, scene) as one:
+        assert one.process.wait(30) == code
+        rows = one.plant()
+        assert max(row.velocity for row in rows) > SPEED - 1.0
+        assert abs(rows[-1].velocity) < 0.05
+        assert rows[-1].stage in OFF
+        assert one.ends("core", 2.0)
+
+
+def test_a_program_that_is_stopped_ends_nothing_and_its_motor_goes_on(tmp_path):
+    with doomed(tmp_path, "waiting") as one:
+        at = one.strike("program", signal.SIGSTOP)
+        time.sleep(2.0)
+        assert one.turns(at + 1.9)
+        one.strike("program", signal.SIGCONT)
+        time.sleep(0.5)
+        assert one.process.poll() is None
+        at = one.strike("program", signal.SIGINT)
+        assert one.stands_after(at, REST) is not None
+
+
+def test_a_program_that_is_stopped_lets_its_stream_of_points_run_out_and_goes_on_with_it(tmp_path):
+    with doomed(tmp_path, "streaming", axes="xy") as one:
+        at = one.strike("program", signal.SIGSTOP)
+        took = one.stands_after(at, (ENABLED,))
+        assert one.moves(at)
+        assert took is not None
+        assert took > 0.2  # there were points ahead
+        at = one.strike("program", signal.SIGCONT)
+        time.sleep(1.5)
+        assert one.moves(at + 1.0)
+        at = one.strike("program", signal.SIGINT)
+        assert one.stands_after(at, REST) is not None
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+def test_the_motors_of_a_stream_stop_and_are_off_when_its_program_is_killed(tmp_path, whole):
+    with doomed(tmp_path, "streaming", "" if whole else NO_PROGRAM, axes="xy") as one:
+        at = one.strike("program", signal.SIGKILL)
+        took = one.stands_after(at, REST, STOPS_WITHIN if whole else 1.5)
+        assert one.moves(at)
+        assert (took is not None) is whole, took
+        if not whole:  # its points have run out all the same, and they are held there
+            assert one.stands_after(at, (ENABLED,)) is not None
+
+
+def test_a_program_is_told_how_its_core_died_and_how_its_drives_were_left(tmp_path):
+    with doomed(tmp_path, "waiting") as one:
+        one.strike("core", signal.SIGKILL)
+        told = tmp_path / "told.txt"
+        until = time.monotonic() + 10.0
+        while not told.exists() and time.monotonic() < until:
+            time.sleep(0.05)
+        text = told.read_text(encoding="utf-8")
+        assert one.ends("warden", 2.0)
+    assert text.startswith("ScanError: x.move_relative(1e+06 deg) was ended")
+    assert "it was ended by SIGKILL" in text
+    assert re.search(STOPPED, text)
+    assert "ERROR the core had ended: it was ended by SIGKILL; so its drives were stopped\n" in one.journal()
+    assert re.search(f"ERROR {STOPPED}", one.journal())
+
+
+def test_a_warden_that_was_stopped_is_told_of_and_all_processes_end(tmp_path):
+    with doomed(tmp_path, "waiting") as one:
+        at = one.strike("warden", signal.SIGSTOP)
+        assert one.stands_after(at, REST) is not None
+        told = tmp_path / "told.txt"
+        assert one.ends("core", 6.0)
+        assert one.ends("warden", 2.0)
+        assert "the watchdog process of the core has not answered for 0." in told.read_text(encoding="utf-8")
+        assert one.process.wait(10) == 0
+    assert "INFO leaving: the watchdog process of the core has not answered for 0." in one.journal()
+
+
+def test_a_warden_that_is_stopped_for_a_moment_is_no_reason(tmp_path):
+    with doomed(tmp_path, "sleeping") as one:
+        for _ in range(5):
+            one.strike("warden", signal.SIGSTOP)
+            time.sleep(0.2)
+            at = one.strike("warden", signal.SIGCONT)
+            time.sleep(0.3)
+        assert one.turns(at + 0.2)
+
+
+def test_when_the_program_is_killed_all_of_its_processes_end(tmp_path):
+    with doomed(tmp_path, "sleeping") as one:
+        one.strike("program", signal.SIGKILL)
+        assert one.ends("core", 6.0)
+        assert one.ends("warden", 2.0)
+    rows = one.plant()
+    assert rows[-1].stage in OFF
+    told = one.journal()
+    assert f"for process {one.program}\n" in told
+    assert told.index("INFO leaving: the program has ended\n") < told.index("INFO the core ended\n")

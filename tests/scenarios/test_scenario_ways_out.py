@@ -1,0 +1,483 @@
+"""The odd ways out: from a callback, from two threads, by several machines, with children that were forked, during a fault."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from contextlib import suppress
+
+import pytest
+
+from axisbus.cia301.nmt import NmtState
+from axisbus.cpu_starvation import REMEDY
+from axisbus.errors import (
+    AdapterError,
+    AxisbusError,
+    DriveError,
+    DriveFault,
+    ScanError,
+    StaleError,
+    StateError,
+)
+from axisbus.machine.machine import Machine
+from axisbus.machine.signal_shutdown import EXIT
+from kit.cell import cell_text
+from kit.probe import ENABLED, FAULT, OFF, SWITCH_ON_DISABLED, PlantMoves
+from kit.scenarios.bus import STOP, Line, enable, turning, until
+from kit.scenarios.program import Program
+
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and forks are those of POSIX")
+
+
+def ours() -> list[str]:
+    """The threads of axisbus that run."""
+    return [thread.name for thread in threading.enumerate() if thread.name.startswith("axisbus ")]
+
+
+def let_go(line: Line, name: str) -> None:
+    """Make sure that a node was let go."""
+    assert line.devices[name].read(0x1016, 1) == 0
+    assert line.devices[name].nmt is NmtState.PRE_OPERATIONAL
+
+
+# -- from a callback --------------------------------------------------------------------------------------------------------
+
+
+def test_close_in_a_callback_begins_the_stop_and_the_block_waits_for_it(tmp_path):
+    """It runs in the scan's thread, which is what stops the axes."""
+    took = []
+
+    def close(machine: Machine) -> None:
+        began = time.monotonic()
+        machine.close()
+        took.append(time.monotonic() - began)
+
+    with Line(tmp_path, "xy") as line:
+        with line.open() as machine:
+            turning(machine, line)
+            end = machine["y"].halt()
+            end.add_done_callback(lambda: close(machine))
+            line.must_stand("x", stages=SWITCH_ON_DISABLED)
+        for name in "xy":
+            line.must_stand(name, stages=SWITCH_ON_DISABLED, within=0.1)
+            let_go(line, name)
+            assert not line.devices[name].errors.entries
+    assert took[0] < 0.2
+    assert ours() == []
+
+
+def test_a_block_that_ends_just_after_a_callback_has_closed_waits_until_all_stands(tmp_path):
+    with Line(tmp_path) as line:
+        with line.open() as machine:
+            turning(machine, line)
+            closed = threading.Event()
+
+            def observe(*_: object) -> None:
+                machine.close()
+                closed.set()
+
+            machine._core.scan.observers.append(observe)
+            assert closed.wait(STOP)
+        line.must_stand(stages=SWITCH_ON_DISABLED, within=0.0)
+        let_go(line, "x")
+
+
+@pytest.mark.nets("the stop ladder")
+def test_close_in_a_callback_in_virtual_time(scenario):
+    cell = scenario.simulated("xy")
+    cell.turning()
+    end = cell["y"].halt()
+    end.add_done_callback(cell.machine.close)
+    cell.run(3.0)
+    for name in "xy":
+        cell.must_stand(name, within=0.01, stages=SWITCH_ON_DISABLED)
+    assert not cell.scan_lives
+    assert cell.device("x").nmt is NmtState.PRE_OPERATIONAL
+    cell.machine.close()
+
+
+def test_what_a_close_in_a_callback_came_to_is_raised_by_the_next_close(scenario):
+    cell = scenario.simulated("x", stop='halt_time = "300ms"')
+    cell.travelling()
+    cell.drive().dials.ignore_halt = True
+    cell.each_cycle(lambda *_: cell.machine.close())
+    cell.run(3.0)
+    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    with pytest.raises(DriveError, match="harder stop"):
+        cell.machine.close()
+    cell.machine.close()  # told once
+
+
+# -- from two threads -------------------------------------------------------------------------------------------------------
+
+
+def test_the_end_of_the_block_waits_for_the_close_of_another_thread(tmp_path):
+    with Line(tmp_path) as line:
+        with line.open() as machine:
+            turning(machine, line, 300.0)
+            closer = threading.Thread(target=machine.close)
+            closer.start()
+            time.sleep(0.02)
+        line.must_stand(stages=SWITCH_ON_DISABLED, within=0.0)
+        let_go(line, "x")
+        closer.join(STOP)
+
+
+def test_all_who_close_at_once_are_told_the_same(tmp_path):
+    with Line(tmp_path, stop='halt_time = "300ms"') as line:
+        machine = line.open()
+        enable(machine["x"])
+        machine["x"].move_relative(1e5, velocity=90.0)
+        until(lambda: line.speed() > 80.0)
+        line.drive().dials.ignore_halt = True
+        told: list[AxisbusError | None] = []
+
+        def close() -> None:
+            try:
+                machine.close()
+            except AxisbusError as error:
+                told.append(error)
+            else:
+                told.append(None)
+            line.must_be(SWITCH_ON_DISABLED)
+
+        closers = [threading.Thread(target=close) for _ in range(5)]
+        for closer in closers:
+            closer.start()
+        for closer in closers:
+            closer.join(STOP)
+        assert len(told) == 5
+        assert all(error is told[0] for error in told)
+        assert isinstance(told[0], DriveError)
+
+
+@POSIX
+def test_a_signal_while_another_thread_closes_ends_what_the_main_thread_does(tmp_path):
+    """It is not kept for the end of the block, which may be far away."""
+    with Line(tmp_path) as line:
+        with pytest.raises(KeyboardInterrupt), line.open() as machine:
+            turning(machine, line, 300.0)
+            closer = threading.Thread(target=machine.close)
+            closer.start()
+            time.sleep(0.02)
+            began = time.monotonic()
+            signal.raise_signal(signal.SIGINT)
+            time.sleep(20.0)
+        assert time.monotonic() - began < 10.0
+        line.must_stand(stages=SWITCH_ON_DISABLED, within=0.0)
+        closer.join(STOP)
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    assert not EXIT.listens
+
+
+@POSIX
+def test_a_handler_of_the_users_own_cannot_break_the_stop_off(scenario):
+    cell = scenario.simulated("x")
+    cell.turning()
+
+    def raises(*_: object) -> None:
+        raise ZeroDivisionError
+
+    before = signal.signal(signal.SIGUSR1, raises)
+    pump, cycles = cell.machine._core._pump.pump, itertools.count(1)
+
+    def pumped() -> None:
+        pump()
+        if next(cycles) == 3:
+            signal.raise_signal(signal.SIGUSR1)
+
+    cell.machine._core._pump.pump = pumped
+    try:
+        with pytest.raises(ZeroDivisionError):
+            cell.machine.close()
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+
+
+# -- during a fault -----------------------------------------------------------------------------------------------------------
+
+
+def fault_while_closing(cell, code: int = 0x7305) -> None:
+    """Let the drive of x fall into fault in the third cycle of the way out."""
+    count = []
+
+    def observe(*_: object) -> None:
+        if cell.machine._closing.begun:
+            count.append(1)
+            if len(count) == 3:
+                cell.drive().fault(code)
+
+    cell.each_cycle(observe)
+
+
+def test_a_fault_at_speed_while_closing_is_awaited(scenario):
+    cell = scenario.simulated("x")
+    cell.turning(360.0)
+    fault_while_closing(cell)
+    with pytest.raises(DriveFault) as caught:
+        cell.machine.close()
+    cell.must_stand(within=0.0, stages=FAULT)
+    assert "TREAT" not in caught.value.remedy
+
+
+@pytest.mark.parametrize("cycles", [0, 1, 5, 20])
+def test_closing_in_the_midst_of_a_fault_reaction_waits_for_its_end(scenario, cycles):
+    cell = scenario.simulated("x")
+    cell.turning(360.0)
+    cell.drive().fault(0x7305)
+    cell.run(0.01 * cycles)
+    cell.must_move()
+    with suppress(DriveFault):  # told to the command that it ended, or to closing
+        cell.machine.close()
+    cell.must_stand(within=0.0, stages=FAULT)
+
+
+COASTS = 'fault = "coast"'
+
+
+def test_a_drive_that_coasts_in_fault_while_closing_is_awaited(scenario):
+    """It is off, and turns: off is not stopped."""
+    cell = scenario.simulated("x", stop=COASTS)
+    cell.turning(360.0)
+    fault_while_closing(cell)
+    with pytest.raises(DriveFault):
+        cell.machine.close()
+    cell.must_stand(within=0.0, stages=FAULT)
+
+
+def test_a_drive_that_coasts_for_longer_than_its_ladder_has_is_told_as_moving(scenario, golden):
+    times = 'halt_time = "100ms"\nquick_stop_time = "100ms"\ndisable_time = "100ms"\n'
+    cell = scenario.simulated("x", stop=times + COASTS)
+    cell.turning(360.0)
+    fault_while_closing(cell)
+    with pytest.raises(DriveError) as caught:
+        cell.machine.close()
+    cell.must_move()
+    golden("coasts_while_closing", caught.value)
+
+
+def test_a_drive_that_goes_on_braking_in_its_fault_reaction_is_told_as_moving(scenario):
+    times = 'halt_time = "100ms"\nquick_stop_time = "100ms"\ndisable_time = "100ms"\n'
+    cell = scenario.simulated("x", stop=times, more="")
+    cell.turning(360.0)
+    cell.device().write(0x6085, 0, 2_000)  # 20 deg/s²
+    fault_while_closing(cell)
+    with pytest.raises(DriveError) as caught:
+        cell.machine.close()
+    cell.must_move()
+    assert caught.value.remedy.startswith("TREAT THE AXIS AS MOVING")
+    assert "went into fault" in caught.value.observed
+
+
+# -- commands that wait when the signal comes ---------------------------------------------------------------------------
+
+
+@POSIX
+def test_an_enable_that_waits_when_ctrl_c_comes_is_not_taken_after_it(scenario):
+    cell = scenario.simulated("xy")
+    cell["x"].enable().wait(3)
+    moment = cell.moment("y")
+    with pytest.raises(KeyboardInterrupt):
+        handle = cell["y"].enable()
+        signal.raise_signal(signal.SIGINT)
+    cell.run(2.0)
+    later = cell["x"].enable()
+    cell.run(2.0)
+    assert not cell.was_energised("y", since=moment)
+    cell.must_be(SWITCH_ON_DISABLED, "x")
+    assert isinstance(handle.exception(), StateError)
+    assert isinstance(later.exception(), StateError)
+    assert "Ctrl-C" in handle.exception().observed
+
+
+@POSIX
+def test_a_thread_that_goes_on_commanding_after_a_signal_moves_nothing(tmp_path):
+    """The main thread may be long in leaving."""
+    with Line(tmp_path) as line:
+        over = threading.Event()
+
+        def command(machine: Machine) -> None:
+            while not over.is_set():
+                machine["x"].enable().exception()
+                machine["x"].move_velocity(90.0).exception()
+                time.sleep(0.01)
+
+        with pytest.raises(SystemExit), line.open() as machine:
+            turning(machine, line)
+            worker = threading.Thread(target=command, args=(machine,))
+            worker.start()
+            try:
+                signal.raise_signal(signal.SIGTERM)
+            finally:
+                line.must_stand(stages=SWITCH_ON_DISABLED, for_good=1.0)
+                over.set()
+                worker.join(STOP)
+
+
+# -- several machines, and forked children ---------------------------------------------------------------------------
+
+
+class Scene:
+    """What the processes of a scene have written down."""
+
+    def __init__(self, folder, name: str) -> None:
+        self._lines: list[dict] = []
+        for _ in range(3):
+            if not self._play(folder, name):
+                break
+
+    def _play(self, folder, name: str) -> bool:
+        """Play it; return whether the computer was too busy for it."""
+        path = folder / "seen.jsonl"
+        path.unlink(missing_ok=True)
+        (folder / "cell.toml").write_text(cell_text("xy", period="20ms", heartbeat="400ms"), encoding="utf-8")
+        with Program("ways", str(folder), name) as program:
+            self.code, self.errors = program.end()
+        assert path.exists(), self.errors
+        self._lines = [json.loads(line) for line in path.read_text().splitlines()]
+        return REMEDY in self.errors
+
+    def all(self, who: str) -> list[dict]:
+        """What one of them has written."""
+        return [line for line in self._lines if line["who"] == who]
+
+    def one(self, who: str) -> dict:
+        """The only thing that one of them has written."""
+        (line,) = self.all(who)
+        return line
+
+    def must_turn(self, speed: float, who: str = "end") -> None:
+        """Make sure that the parent's motor went on, watched."""
+        seen = self.one(who)
+        assert abs(seen["velocity"] - speed) < 5.0, seen
+        assert seen["stage"] == ENABLED
+        assert seen["watch"] != 0
+
+    def must_have_sent_nothing(self) -> None:
+        """Make sure that no child has sent a frame."""
+        assert self.all("sent") == []
+
+
+def must_stand(plant: dict) -> None:
+    """Make sure that a motor stands and is off."""
+    if plant["velocity"] or plant["stage"] not in OFF:
+        raise PlantMoves(str(plant))
+
+
+@POSIX
+def test_a_machine_that_is_closed_leaves_the_signals_to_the_others(tmp_path):
+    scene = Scene(tmp_path, "first_closed_first")
+    must_stand(scene.one("end"))
+    assert scene.code == 143
+
+
+@POSIX
+def test_after_the_last_machine_the_process_is_as_before_in_any_order(tmp_path):
+    scene = Scene(tmp_path, "both_closed")
+    assert scene.code == 0, scene.errors
+    assert [end["same"] for end in scene.all("end")] == [True, True], scene.all("end")
+
+
+@POSIX
+def test_a_signal_stops_all_machines(tmp_path):
+    scene = Scene(tmp_path, "signal_stops_both")
+    assert scene.code == 0, scene.errors
+    must_stand(scene.one("end")["first"])
+    must_stand(scene.one("end")["second"])
+
+
+@POSIX
+def test_a_forked_child_can_neither_command_nor_close_its_parents_machine(tmp_path):
+    scene = Scene(tmp_path, "child_exits")
+    assert scene.code == 0, scene.errors
+    scene.must_turn(80.0)
+    scene.must_have_sent_nothing()
+    child = scene.one("child")
+    for what in ("command", "wait"):
+        assert child[what].startswith("StateError: "), child
+        assert "belongs to the process that opened it" in child[what]
+    for what in ("position", "state"):
+        assert child[what].startswith("StaleError: ")
+    assert "forked" in child["error"]
+    for what in ("sdo", "nmt"):
+        kind = "StateError" if os.environ.get("AXISBUS_PROCESS") == "own" else "AdapterError"
+        assert child[what].startswith(f"{kind}: "), child
+    assert child["close"] == child["leave"] == "nothing"
+    assert child["terminated"] == repr(signal.SIG_DFL)
+    assert abs(child["interval"] - 0.005) < 1e-6
+    assert scene.one("end")["code"] == 0
+    assert scene.one("child gone")["after"] < 5.0
+    assert [end["pid"] for end in scene.all("ended")] == [False, True]
+
+
+@POSIX
+def test_a_forked_child_that_leaves_the_block_by_an_exception_stops_nothing(tmp_path):
+    scene = Scene(tmp_path, "child_leaves_by_exception")
+    assert scene.code == 0, scene.errors
+    scene.must_turn(90.0)
+    scene.must_have_sent_nothing()
+
+
+@POSIX
+def test_a_worker_process_that_is_terminated_does_not_stop_its_parent(tmp_path):
+    scene = Scene(tmp_path, "worker_terminated")
+    assert scene.code == 0, scene.errors
+    scene.must_turn(90.0)
+    codes = scene.one("end")["codes"]
+    assert codes[0] == -signal.SIGTERM
+    assert codes[1] != 0
+    assert scene.one("end")["state"] == "ContinuousMotion"
+
+
+@POSIX
+def test_spawned_workers_and_other_programs_leave_the_machine_alone(tmp_path):
+    scene = Scene(tmp_path, "other_processes")
+    assert scene.code == 0, scene.errors
+    scene.must_turn(90.0)
+    scene.must_have_sent_nothing()
+    assert scene.one("end")["squares"] == [1, 2, 3]
+
+
+@POSIX
+def test_a_forked_child_may_have_a_machine_of_its_own(tmp_path):
+    scene = Scene(tmp_path, "machine_in_child")
+    assert scene.code == 0, scene.errors
+    must_stand(scene.one("child"))
+    scene.must_turn(90.0)
+    assert scene.one("end")["code"] == 143
+
+
+# -- after the scan's death -------------------------------------------------------------------------------------------------
+
+
+def test_after_the_scans_death_nothing_of_an_axis_is_passed_off_as_known(scenario, golden):
+    cell = scenario.simulated("x")
+    cell.turning()
+    x = cell.x
+    cell.cycle.dials.commit = AdapterError("the CAN adapter can0 failed while sending")
+    cell.run(0.05)
+    for look in (lambda: x.state, lambda: x.homed, lambda: x.position, lambda: x.velocity):
+        with pytest.raises(StaleError, match="is unknown"):
+            look()
+    assert isinstance(x.error, StaleError)
+    assert "unknown" in repr(x)
+    golden("state_after_the_scan_died", x.error)
+    with pytest.raises(ScanError):
+        cell.machine.close()
+
+
+def test_after_a_good_close_an_axis_shows_how_it_was_left(scenario):
+    cell = scenario.simulated("x")
+    cell.turning()
+    cell.machine.close()
+    cell.must_stand(within=0.0, stages=SWITCH_ON_DISABLED)
+    assert cell.x.state.value == "Disabled"
+    assert cell.x.error is None
+    with pytest.raises(StaleError, match="closed"):
+        _ = cell.x.position

@@ -1,0 +1,26 @@
+"""The golden messages as a whole: none is left over, and each says what to do."""
+
+from __future__ import annotations
+
+import pytest
+
+from kit.scenarios import golden as scenario_golden
+
+# What ends a command as its user wanted it, or names the reason and the remedy beside it.
+NEEDS_NO_REMEDY = {"replaced"}
+
+
+def test_no_golden_message_is_left_over(request):
+    """Only a run of all scenarios can tell; where several processes share them, ``tests/conftest.py`` asks at the end."""
+    if hasattr(request.config, "workerinput"):
+        assert scenario_golden.FOLDER.is_dir()
+        return
+    if not scenario_golden.whole(request.session) or request.session.testsfailed:
+        pytest.skip("not all scenarios have run")
+    assert scenario_golden.kept() == scenario_golden.USED
+
+
+@pytest.mark.parametrize("path", sorted(scenario_golden.FOLDER.glob("*.txt")), ids=lambda path: path.stem)
+def test_a_message_tells_what_to_do(path):
+    text = path.read_text(encoding="utf-8")
+    assert ("remedy:" in text) != (path.stem in NEEDS_NO_REMEDY)
