@@ -15,7 +15,7 @@ from axisbus.cli.main import COMMANDS, cli
 _ABOUT = """# Commands
 
 `axisbus COMMAND --help` prints the same in the terminal. What holds for all of them (which bus is meant, exit codes,
-colours, completion) stands in [commissioning](../../commissioning.md#what-holds-for-every-command).
+colours, completion) stands in [commissioning](../../commissioning.md#rules-for-all-commands).
 """
 
 

@@ -62,7 +62,7 @@ SYMPTOMS = (
         ),
         errors=("SecondMasterError",),
         faults=("8150",),
-        read_on=("commissioning.md#what-holds-for-every-command", "programs.md"),
+        read_on=("commissioning.md#rules-for-all-commands", "programs.md"),
     ),
     Symptom(
         name="no-answer",
@@ -83,7 +83,7 @@ SYMPTOMS = (
         errors=("NodeTimeout", "SdoTimeout"),
         letters="B",
         aborts=(0x05030000, 0x05040000, 0x05040001, 0x05040002, 0x05040003, 0x05040004),
-        read_on=("commissioning.md#3-who-is-there", "gim6010-8.md#finding-modules"),
+        read_on=("commissioning.md#3-nodes-on-the-bus", "gim6010-8.md#finding-modules"),
     ),
     Symptom(
         name="node-lost",
@@ -109,7 +109,7 @@ SYMPTOMS = (
         errors=("NodeError", "NodeStateError"),
         letters="EFK",
         faults=("8130",),
-        read_on=("stopping.md#who-else-stops", "stopping.md#when-the-master-dies"),
+        read_on=("stopping.md#which-other-axes-stop", "stopping.md#when-the-master-dies"),
     ),
     Symptom(
         name="duplicate-node-id",
@@ -128,7 +128,7 @@ SYMPTOMS = (
             "Then boot the cell again.",
         ),
         errors=("DuplicateNodeError",),
-        read_on=("stopping.md#what-each-stop-reaches", "commissioning.md#3-who-is-there"),
+        read_on=("stopping.md#how-a-stop-reaches-the-drive", "commissioning.md#3-nodes-on-the-bus"),
     ),
     Symptom(
         name="not-operational",
@@ -144,7 +144,7 @@ SYMPTOMS = (
             "Reset the node. This restarts it: `axisbus nmt reset-node NODE --cell CELL`.",
         ),
         errors=("NodeRefused",),
-        read_on=("commissioning.md#while-it-runs",),
+        read_on=("commissioning.md#during-operation",),
     ),
     Symptom(
         name="no-sync",
@@ -194,7 +194,7 @@ SYMPTOMS = (
             "program that uses all processors. No program can delay a core that has a process of its own (`process`).",
         ),
         faults=("825x", "8700"),
-        read_on=("stopping.md#a-core-in-a-process-of-its-own", "decisions/cycle.md"),
+        read_on=("stopping.md#the-core-process", "decisions/cycle.md"),
     ),
     Symptom(
         name="scan-ended",
@@ -210,6 +210,6 @@ SYMPTOMS = (
             "Remove the cause, then open the machine again. This enables no axis.",
         ),
         errors=("ScanError", "BusError"),
-        read_on=("stopping.md#what-axisbus-stops-by-itself", "stopping.md#a-core-in-a-process-of-its-own"),
+        read_on=("stopping.md#automatic-stops", "stopping.md#the-core-process"),
     ),
 )

@@ -8,7 +8,7 @@ _TELLS = (
     "`axisbus monitor CELL` shows the fault in words, with the emergency messages that came with it. "
     "`axisbus reset CELL` shows the fault and resets it."
 )
-_MANUAL = ("gim6010-8.md#error-bits", "stopping.md#what-axisbus-stops-by-itself")
+_MANUAL = ("gim6010-8.md#error-bits", "stopping.md#automatic-stops")
 
 SYMPTOMS = (
     Symptom(
@@ -50,7 +50,7 @@ SYMPTOMS = (
             "The drive does not answer requests for its objects: `axisbus load CELL` shows the load of the bus.",
         ),
         errors=("DriveError",),
-        read_on=("stopping.md#the-stop-sequence", "stopping.md#what-axisbus-stops-by-itself"),
+        read_on=("stopping.md#the-stop-sequence", "stopping.md#automatic-stops"),
     ),
     Symptom(
         name="mode-not-taken",
@@ -71,8 +71,8 @@ SYMPTOMS = (
         errors=("ModeError",),
         read_on=(
             "cell-file.md#axesname",
-            "motion.md#a-drive-without-csp",
-            "stopping.md#what-each-reaction-means",
+            "motion.md#drives-without-csp",
+            "stopping.md#stop-reactions-of-the-drive",
         ),
     ),
     Symptom(

@@ -40,7 +40,7 @@ SYMPTOMS = (
         ),
         errors=("MotionTimeout",),
         faults=("7121", "8312"),
-        read_on=("stopping.md#standing-is-seen-never-inferred", "cell-file.md#axesname"),
+        read_on=("stopping.md#how-standstill-is-detected", "cell-file.md#axesname"),
     ),
     Symptom(
         name="set-point-not-taken",
@@ -76,7 +76,7 @@ SYMPTOMS = (
         ),
         errors=("FollowingError",),
         faults=("84xx", "85xx", "86xx"),
-        read_on=("stopping.md#what-axisbus-stops-by-itself", "motion.md#feed-forward"),
+        read_on=("stopping.md#automatic-stops", "motion.md#feed-forward"),
     ),
     Symptom(
         name="moves-by-itself",
@@ -95,7 +95,7 @@ SYMPTOMS = (
             "`[axes.NAME]` define what counts as standstill.",
         ),
         errors=("UncommandedMotion",),
-        read_on=("stopping.md#standing-is-seen-never-inferred", "cell-file.md#axesname"),
+        read_on=("stopping.md#how-standstill-is-detected", "cell-file.md#axesname"),
     ),
     Symptom(
         name="homing-failed",
@@ -165,7 +165,7 @@ SYMPTOMS = (
             "Then home the pair.",
         ),
         errors=("SkewError",),
-        read_on=("motion.md#gantry-pairs", "motion.md#when-it-is-not-square"),
+        read_on=("motion.md#gantry-pairs", "motion.md#skew-monitoring"),
     ),
     Symptom(
         name="stale-values",
@@ -182,6 +182,6 @@ SYMPTOMS = (
             "A value that is requested by SDO arrives less often than a mapped one: map the object into a TPDO.",
         ),
         errors=("StaleError",),
-        read_on=("stopping.md#standing-is-seen-never-inferred",),
+        read_on=("stopping.md#how-standstill-is-detected",),
     ),
 )

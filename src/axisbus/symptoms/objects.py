@@ -76,7 +76,7 @@ SYMPTOMS = (
             *(0x05040005, 0x06010000, 0x06010001, 0x06010002, 0x06040047, 0x06060000, 0x060A0023, 0x08000000),
             *(0x08000020, 0x08000021, 0x08000022, 0x08000024),
         ),
-        read_on=("commissioning.md#while-it-runs",),
+        read_on=("commissioning.md#during-operation",),
     ),
     Symptom(
         name="object-missing",
@@ -92,7 +92,7 @@ SYMPTOMS = (
             "automatically.",
         ),
         aborts=(0x06020000, 0x06090011, 0x08000023),
-        read_on=("eds-workbench.md#against-the-live-drive",),
+        read_on=("eds-workbench.md#compare-with-the-connected-drive",),
     ),
     Symptom(
         name="value-refused",

@@ -19,7 +19,7 @@ SYMPTOMS = (
             "A jog ends if the program does not renew it in time.",
         ),
         errors=("Interrupted", "Stopped", "Replaced"),
-        read_on=("stopping.md#the-ways-out", "programs.md#one-commands-all-may-stop"),
+        read_on=("stopping.md#end-of-the-program-and-signals", "programs.md#control-of-the-machine"),
     ),
     Symptom(
         name="command-broke-off",
@@ -33,7 +33,7 @@ SYMPTOMS = (
             "`axisbus jitter CELL --for 10s` shows whether the computer can keep its cycle.",
         ),
         errors=("CommandError",),
-        read_on=("motion.md#streams-of-points", "motion.md#a-loop-of-your-own"),
+        read_on=("motion.md#streams-of-points", "motion.md#user-defined-control-loops"),
     ),
     Symptom(
         name="input-does-not-come",
@@ -62,7 +62,7 @@ SYMPTOMS = (
             "notified.",
         ),
         errors=("OwnershipError",),
-        read_on=("programs.md#one-commands-all-may-stop",),
+        read_on=("programs.md#control-of-the-machine",),
     ),
     Symptom(
         name="not-in-this-state",
@@ -106,6 +106,6 @@ SYMPTOMS = (
             "Not homed: `axisbus home CELL AXIS`, or `--home` of a move.",
         ),
         errors=("AxisbusError", "UserError", "ArgumentError"),
-        read_on=("api/errors.md", "commissioning.md#what-holds-for-every-command"),
+        read_on=("api/errors.md", "commissioning.md#rules-for-all-commands"),
     ),
 )
