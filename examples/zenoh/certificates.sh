@@ -1,9 +1,10 @@
 #!/bin/sh
-# Makes the certificates of a plant, with openssl: sh certificates.sh FOLDER NAME=ADDRESS ... NAME ...
+# Makes the certificates of a plant with openssl: sh certificates.sh FOLDER NAME=ADDRESS ... NAME ...
 #
-# A NAME with an ADDRESS (a host's name or its IP address) is a cell that others connect to; one without is an operator or viewer.
-# The NAME stands in the certificate as its common name, by which cell.json5 says who may do what. Made once: the authority (ca.pem,
-# and ca.key, which is to be kept where no machine is). Run it again for further names; DAYS (365) says how long they are valid.
+# A NAME with an ADDRESS (a host name or an IP address) is a cell to which clients connect; a NAME without one is an operator or a
+# viewer. The NAME becomes the common name of the certificate; cell.json5 assigns permissions to common names. The first run also
+# makes the authority: ca.pem, and ca.key, which must not be stored on a computer of a machine. Run the script again for further
+# names. DAYS sets how long a certificate is valid (365).
 set -eu
 folder=$1
 shift
