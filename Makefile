@@ -75,7 +75,7 @@ explore: $(READY)         ## the tests of properties with fresh examples, others
 	AXISBUS_EXAMPLES=fresh $(BIN)/python -m pytest -n 4 --dist loadfile -m hypothesis
 	AXISBUS_EXAMPLES=fresh $(BIN)/python -m pytest tests/sim/test_sim_sdo_sweep.py
 
-pictures: $(READY)        ## those of docs/motion.md, drawn anew
+pictures: $(READY)        ## draws the pictures of docs/motion.md again
 	$(BIN)/python tests/pictures.py
 
 mutants: $(READY)         ## small wrong changes of the source: at least 90 % must be noticed by a test

@@ -28,11 +28,11 @@ ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "pictures"
 SQUARE = [(60.0, 0.0), (60.0, 40.0), (0.0, 40.0), (0.0, 0.0)]
 COLOURS = ("#1f5fa8", "#c2571a", "#3b8a3e")
-OVER = 5  # cycles that a speed is taken over
+OVER = 5  # cycles from which a speed is calculated
 
 
 class Trace(NamedTuple):
-    """Where two axes were, cycle by cycle: seconds from the beginning, and places in their units."""
+    """The positions of two axes, cycle by cycle: seconds from the beginning, and positions in their units."""
 
     times: list[float]
     x: list[float]
@@ -47,7 +47,7 @@ class Trace(NamedTuple):
 
 
 def traced(what: Callable[[Machine, Group], None], column: str = "position") -> Trace:
-    """Return what two simulated axes do, or are asked for (``demand``)."""
+    """Return the positions of two simulated axes, or their demand (``demand``)."""
     with Machine.simulated(ROOT / "examples" / "cell.toml") as cell:
         group = cell.group("x", "y")
         group.enable().wait()
@@ -62,19 +62,19 @@ def traced(what: Callable[[Machine, Group], None], column: str = "position") -> 
 
 
 def two_views(traces: dict[str, Trace]) -> tuple[Any, Any]:
-    """Draw where the axes went, and how fast; return what can be drawn into."""
+    """Draw the path and the speed of the axes; return the figure and the speed diagram."""
     figure, (path, speed) = plt.subplots(1, 2, figsize=(10, 3.8), width_ratios=(1, 1.3), layout="constrained")
     for (name, trace), colour in zip(traces.items(), COLOURS, strict=False):
         path.plot(trace.x, trace.y, color=colour, linewidth=1.3, label=name)
         speed.plot(trace.times, trace.speeds, color=colour, linewidth=1.3, label=name)
-    path.set(xlabel="x in deg", ylabel="y in deg", aspect="equal", title="where the axes were")
+    path.set(xlabel="x in deg", ylabel="y in deg", aspect="equal", title="path of the axes")
     speed.set(xlabel="s", ylabel="deg/s", title="speed along the path")
     speed.set_ylim(bottom=0.0)
     return figure, speed
 
 
 def save(figure: Any, file: str) -> None:
-    """Write a picture, with what all of them have."""
+    """Write a picture, with the grid and the title of all pictures."""
     for axes in figure.axes:
         axes.grid(alpha=0.3)
     figure.suptitle("simulated drives", fontsize=9, color="#666666", x=0.99, ha="right")
@@ -95,7 +95,7 @@ def corners() -> None:
 
 
 def override() -> None:
-    """One path, slowed down, held, sped up, halted and gone on with."""
+    """One path: slowed down, held, sped up, halted and resumed."""
     marks: list[tuple[float, str]] = []
 
     def run(cell: Machine, xy: Group) -> None:
@@ -145,7 +145,10 @@ def override_axis() -> None:
     trace = traced(run)
     figure, (place, speed) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
     for name, values, colour in zip(
-        ("x: a move of its drive (pp)", "y: a trajectory (csp)"), (trace.x, trace.y), COLOURS, strict=False
+        ("x: a move that the drive plans (pp)", "y: a trajectory (csp)"),
+        (trace.x, trace.y),
+        COLOURS,
+        strict=False,
     ):
         step = trace.times[1] - trace.times[0]
         speeds = [(b - a) / step / OVER for a, b in zip(values, values[OVER:], strict=False)]
@@ -155,14 +158,14 @@ def override_axis() -> None:
     for time, text in marks:
         speed.axvline(time, color="#999999", linewidth=0.8, linestyle=":")
         speed.text(time + 0.02, top * 0.97, text, fontsize=8, color="#444444", va="top")
-    place.set(xlabel="s", ylabel="deg", title="where the axes were")
-    speed.set(xlabel="s", ylabel="deg/s", title="how fast, and the override of the cell")
+    place.set(xlabel="s", ylabel="deg", title="positions")
+    speed.set(xlabel="s", ylabel="deg/s", title="velocities, and the override of the cell")
     place.legend(fontsize=8)
     save(figure, "override-axis.png")
 
 
 def superimposed() -> None:
-    """A distance laid over a line, and one over an axis that is nearly as fast as it may be."""
+    """A distance added to a line, and one added to an axis that is nearly at max_velocity."""
 
     def over_line(cell: Machine, xy: Group) -> None:
         line = xy.move_linear((60.0, 30.0), velocity=60.0, acceleration=300.0)
@@ -179,9 +182,9 @@ def superimposed() -> None:
 
     figure, (path, speed) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
     trace = traced(over_line)
-    path.plot(trace.x, trace.y, color=COLOURS[0], linewidth=1.3, label="led")
-    path.plot([0.0, 60.0], [0.0, 30.0], color="#999999", linewidth=1.0, linestyle=":", label="the line")
-    for name, distance, colour in (("sum", 50.0, COLOURS[0]), ("what is below", 0.0, COLOURS[1])):
+    path.plot(trace.x, trace.y, color=COLOURS[0], linewidth=1.3, label="path of the axes")
+    path.plot([0.0, 60.0], [0.0, 30.0], color="#999999", linewidth=1.0, linestyle=":", label="the line alone")
+    for name, distance, colour in (("sum", 50.0, COLOURS[0]), ("underlying motion", 0.0, COLOURS[1])):
         trace = traced(partial(near_limit, distance=distance))
         step = OVER * (trace.times[1] - trace.times[0])
         rates = [(b - a) / step for a, b in zip(trace.x, trace.x[OVER:], strict=False)]
@@ -193,15 +196,15 @@ def superimposed() -> None:
         times = [time - trace.times[begin] for time in trace.times[begin + OVER :]]
         speed.plot(times, rates[begin:], color=colour, linewidth=1.3, label=name)
     speed.axhline(360.0, color="#999999", linewidth=0.8, linestyle=":")
-    path.set(xlabel="x in deg", ylabel="y in deg", title="8 deg laid over y")
-    speed.set(xlabel="s", ylabel="deg/s", title="50 deg laid over x: held to max_velocity")
+    path.set(xlabel="x in deg", ylabel="y in deg", title="8 deg added to y")
+    speed.set(xlabel="s", ylabel="deg/s", title="50 deg added to x: limited to max_velocity")
     path.legend(fontsize=8)
     speed.legend(fontsize=8)
     save(figure, "superimposed.png")
 
 
 def blending() -> None:
-    """Two moves of one axis in the four modes, led by the master and by the drive, and corners of a group's lines."""
+    """Two moves of one axis in the four modes, controlled by the master and by the drive, and corners of a group's lines."""
 
     def moves(cell: Machine, _: Group, speeds: tuple[float, float], mode: str, led: bool) -> None:
         x, buffer = cell["x"], f"blending_{mode}"
@@ -242,25 +245,25 @@ def blending() -> None:
 
 
 def feed_forward() -> None:
-    """What a motor is behind its demand on the same way, without and with feed-forward: one that lags, and one on a spring."""
+    """The lag of a motor in the same move, without and with feed-forward: a motor that lags, and one with a load on a spring."""
     lagging = {"lag": 0.02}
     sprung = {"stiffness": 4.0, "damping": 0.5, "rated_acceleration": 2.0e5, "friction": 0.0}
     figure, panels = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
     told = (
-        ("a motor that lags by 20 ms", lagging, "velocity = true\n", "its velocity (60B1h)"),
-        ("a load on a spring", sprung, "inertia = 0.005\n", "its torque (60B2h)"),
+        ("a motor that lags by 20 ms", lagging, "velocity = true\n", "velocity feed-forward (60B1h)"),
+        ("a load on a spring", sprung, "inertia = 0.005\n", "torque feed-forward (60B2h)"),
     )
     for panel, (title, motor, keys, what) in zip(panels, told, strict=True):
         for name, more, colour in (("without", "", COLOURS[1]), (f"with {what}", keys, COLOURS[0])):
             times, behind = _behind(motor, more)
             panel.plot(times, behind, color=colour, linewidth=1.3, label=name)
-        panel.set(xlabel="s", ylabel="deg behind", title=title)
+        panel.set(xlabel="s", ylabel="lag in deg", title=title)
         panel.legend(fontsize=8)
     save(figure, "feed-forward.png")
 
 
 def _behind(motor: dict[str, float], keys: str) -> tuple[list[float], list[float]]:
-    """Return how far the motor is behind its demand on a way of 60 deg, step by step."""
+    """Return the lag of the motor behind its demand in a move of 60 deg, step by step."""
     axis = "rated_torque = 10.0\nposition_limits = [-90.0, 90.0]\n"
     more = f"[axes.x.feed_forward]\n{keys}" if keys else ""
     with tempfile.TemporaryDirectory() as folder, Stage(Path(folder)) as stage:
@@ -279,10 +282,10 @@ def _behind(motor: dict[str, float], keys: str) -> tuple[list[float], list[float
 
 
 def jerk() -> None:
-    """One line at once and softly."""
+    """One line without and with a jerk limit."""
     figure, (speed, rate) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
     for (name, limit), colour in zip(
-        (("at once", None), ("jerk = 8000 deg/s³", 8000.0)), COLOURS, strict=False
+        (("without jerk limit", None), ("jerk = 8000 deg/s³", 8000.0)), COLOURS, strict=False
     ):
 
         def run(_: Machine, xy: Group, limit: float | None = limit) -> None:
@@ -301,11 +304,11 @@ def jerk() -> None:
 
 
 def jerk_path() -> None:
-    """The same corners at once and softly, by differences of what both axes are asked for."""
+    """The same corners without and with a jerk limit, from differences of the commanded positions."""
     figure, rows = plt.subplots(1, 3, figsize=(12, 3.4), layout="constrained")
     corners = [(60.0, 0.0), (60.0, 40.0), (0.0, 40.0)]
     for (name, limit), colour in zip(
-        (("at once", None), ("jerk = 8000 deg/s³", 8000.0)), COLOURS, strict=False
+        (("without jerk limit", None), ("jerk = 8000 deg/s³", 8000.0)), COLOURS, strict=False
     ):
 
         def run(_: Machine, xy: Group, limit: float | None = limit) -> None:
@@ -323,7 +326,7 @@ def jerk_path() -> None:
             panel.plot(trace.times[order * OVER :], sizes, color=colour, linewidth=1.2, label=name)
     rows[0].set(xlabel="s", ylabel="deg/s", title="speed")
     rows[1].set(xlabel="s", ylabel="deg/s²", title="acceleration, in any direction")
-    rows[2].set(xlabel="s", ylabel="deg/s³", title="its change, by whole increments")
+    rows[2].set(xlabel="s", ylabel="deg/s³", title="jerk, from positions in whole increments")
     rows[2].axhline(8000.0, color="#666666", linewidth=0.8, linestyle="--")
     rows[2].set_ylim(0.0, 24000.0)
     rows[0].legend(fontsize=8)
@@ -331,7 +334,7 @@ def jerk_path() -> None:
 
 
 def coupled(what: Callable[[Machine], None]) -> tuple[Trace, tuple[float, ...], list[float], list[float]]:
-    """Return what two axes that are led by one another do: their trace, and their speeds."""
+    """Return the motion of two coupled axes: their trace, and their speeds."""
     trace = traced(lambda cell, _: what(cell))
     step = OVER * (trace.times[1] - trace.times[0])
     both = [
@@ -342,7 +345,7 @@ def coupled(what: Callable[[Machine], None]) -> tuple[Trace, tuple[float, ...], 
 
 
 def controller() -> None:
-    """A loop that follows a place which jumps, and one that fails on its way."""
+    """A loop whose target position jumps, and one that raises an exception during the motion."""
 
     def measured(fails: float) -> Any:
         begin: list[float] = []
@@ -362,23 +365,23 @@ def controller() -> None:
         return trace.times, trace.x, trace.speeds
 
     figure, (place, speed) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
-    for fails, name, colour in ((9.0, "answers", COLOURS[0]), (1.3, "raises at 1.3 s", COLOURS[1])):
+    for fails, name, colour in ((9.0, "answers", COLOURS[0]), (1.3, "exception at 1.3 s", COLOURS[1])):
         times, places, speeds = measured(fails)
         place.plot(times, places, color=colour, linewidth=1.3, label=name)
         speed.plot(times, speeds, color=colour, linewidth=1.3, label=name)
-    place.set(xlabel="s", ylabel="deg", title="x is to be at 40 deg and at 10 deg in turn")
-    speed.set(xlabel="s", ylabel="deg/s", title="its speed, on the ramps of the axis")
+    place.set(xlabel="s", ylabel="deg", title="position; its target alternates: 40 deg, 10 deg")
+    speed.set(xlabel="s", ylabel="deg/s", title="speed, with the ramps of the axis")
     place.legend(fontsize=8)
     save(figure, "controller.png")
 
 
 def jerk_axis() -> None:
-    """One move at once and softly, by a drive that limits its jerk and by the master."""
+    """One move without and with a jerk limit, by a drive that limits its jerk and by the master."""
     figure, (speed, rate) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
     ways = (
-        ("at once", "builtin:generic-cia402", math.inf, "-"),
+        ("without jerk limit", "builtin:generic-cia402", math.inf, "-"),
         ("by the drive (60A4h)", "builtin:generic-cia402", 5000.0, "-"),
-        ("led by the master", "builtin:gim6010-8", 5000.0, "--"),
+        ("by the master (csp)", "builtin:gim6010-8", 5000.0, "--"),
     )
     for (name, file, limit, line), colour in zip(ways, COLOURS, strict=True):
         times, places = _moved(
@@ -389,16 +392,16 @@ def jerk_axis() -> None:
         rates = [(b - a) / step / OVER for a, b in zip(speeds, speeds[OVER:], strict=False)]
         speed.plot(times[OVER:], speeds, line, color=colour, linewidth=1.3, label=name)
         rate.plot(times[2 * OVER :], rates, line, color=colour, linewidth=1.3, label=name)
-    speed.set(xlabel="s", ylabel="deg/s", title="how fast the axis is led")
-    rate.set(xlabel="s", ylabel="deg/s²", title="its acceleration; jerk = 5000 deg/s³")
+    speed.set(xlabel="s", ylabel="deg/s", title="commanded velocity")
+    rate.set(xlabel="s", ylabel="deg/s²", title="commanded acceleration; jerk = 5000 deg/s³")
     speed.legend(fontsize=8)
     save(figure, "jerk-axis.png")
 
 
 def jerk_velocity() -> None:
-    """One velocity after the other, a move and a halt out of it, at once and softly."""
+    """Several velocities, a move and a halt, without and with a jerk limit."""
     figure, (speed, rate) = plt.subplots(2, 1, figsize=(10, 5.2), sharex=True, layout="constrained")
-    ways = (("at once, by the drive", math.inf), ("led by the master, jerk = 4000 deg/s³", 4000.0))
+    ways = (("without jerk limit, by the drive", math.inf), ("by the master, jerk = 4000 deg/s³", 4000.0))
 
     def turn(cell: Machine, limit: float) -> None:
         x = cell["x"]
@@ -420,13 +423,13 @@ def jerk_velocity() -> None:
         speed.plot(times[OVER:], speeds, color=colour, linewidth=1.3, label=name)
         rate.plot(times[2 * OVER :], rates, color=colour, linewidth=1.3, label=name)
     speed.set(ylabel="deg/s", title="120, 40, then -100 deg/s; a move to 30 deg; 100 deg/s, and a halt")
-    rate.set(xlabel="s", ylabel="deg/s²", title="the acceleration")
+    rate.set(xlabel="s", ylabel="deg/s²", title="acceleration")
     speed.legend(fontsize=8)
     save(figure, "jerk-velocity.png")
 
 
 def _moved(file: str, what: Callable[[Machine], object]) -> tuple[list[float], list[float]]:
-    """Return where a drive leads its axis meanwhile."""
+    """Return the demand of the drive (6062h) during ``what``."""
     text = (
         f'[bus]\ninterface = "sim"\nscan_period = "4ms"\n[nodes.1]\neds = "{file}"\n[axes.x]\nnode = 1\nunit = "deg"\n'
         "scale = 364.0\nmax_velocity = 400.0\n[axes.x.defaults]\nvelocity = 100.0\nacceleration = 500.0\n"
@@ -447,7 +450,7 @@ def _moved(file: str, what: Callable[[Machine], object]) -> tuple[list[float], l
 
 
 def gear() -> None:
-    """A gear that takes up its speed, and one that meets its master at a place."""
+    """A gear without ``sync_positions``, and one with them."""
 
     def at_speed(cell: Machine) -> None:
         cell["x"].move_velocity(60.0, acceleration=200.0)
@@ -470,16 +473,16 @@ def gear() -> None:
     place.plot(trace.x, trace.y, color=COLOURS[1], linewidth=1.3)
     place.plot([60.0], [10.0], "o", color="#444444", markersize=4)
     place.axvspan(20.0, 60.0, color="#dddddd", alpha=0.5)
-    place.text(21.0, 10.4, "over = 40 deg", fontsize=8, color="#444444")
-    place.annotate("at = (60, 10)", (60.0, 10.0), (63.0, 10.4), fontsize=8, color="#444444")
-    speed.set(xlabel="s", ylabel="deg/s", title="gear_in(x, 0.5): y takes up its speed")
-    place.set(xlabel="x in deg", ylabel="y in deg", title="gear_in(x, -0.5, at, over): both there at a time")
+    place.text(21.0, -4.6, "master_start_distance = 40 deg", fontsize=8, color="#444444")
+    place.annotate("sync_positions\n= (60, 10)", (60.0, 10.0), (63.0, 10.4), fontsize=8, color="#444444")
+    speed.set(xlabel="s", ylabel="deg/s", title="gear_in(x, 0.5): y reaches half the speed of x")
+    place.set(xlabel="x in deg", ylabel="y in deg", title="gear_in(x, -0.5, sync_positions=(60, 10), ...)")
     speed.legend(fontsize=8)
     save(figure, "gear.png")
 
 
 def phase() -> None:
-    """A slave that sees its master farther on, and back again, while both go on."""
+    """A phase shift of a slave axis, forward and back, while both axes move."""
 
     def run(cell: Machine) -> None:
         x, y = cell["x"], cell["y"]
@@ -504,14 +507,14 @@ def phase() -> None:
     off = [2.0 * y - x for x, y in zip(trace.x[step:], trace.y[step:], strict=True)]
     ahead.plot(shown[step - begin :], [one - off[0] for one in off], color=COLOURS[2], linewidth=1.3)
     ahead.sharex(speed)
-    speed.set(xlabel="s", ylabel="deg/s", title="y.gear_in(x, 0.5), and twice phasing_relative")
-    ahead.set(xlabel="s", ylabel="deg of x", title="how much farther on y has x than it is")
+    speed.set(xlabel="s", ylabel="deg/s", title="y.gear_in(x, 0.5), and phasing_relative twice")
+    ahead.set(xlabel="s", ylabel="deg of x", title="phase shift, from the positions of x and y")
     speed.legend(fontsize=8)
     save(figure, "phase.png")
 
 
 def interpolated() -> None:
-    """A trajectory of a drive without csp, and a move of its own behind it: what it is sent and what it tells."""
+    """A trajectory on a drive without csp, then a move that the drive plans: the values sent and the values received."""
     rows: list[tuple[float, ...]] = []
     with tempfile.TemporaryDirectory() as folder, Stage(Path(folder)) as stage:
         cell = stage.simulated("x", eds=write_eds(stage.folder), axis="max_acceleration = 2000.0")
@@ -537,7 +540,7 @@ def interpolated() -> None:
     figure, (place, bits) = plt.subplots(
         2, 1, figsize=(8, 4.6), sharex=True, height_ratios=(1.4, 1), layout="constrained"
     )
-    place.plot(times, where, color=COLOURS[0], linewidth=1.3, label="where the axis is")
+    place.plot(times, where, color=COLOURS[0], linewidth=1.3, label="actual position")
     led = [number for number, value in enumerate(mode) if value == 7]
     points = [times[number] for number in led], [target[number] for number in led]
     place.plot(*points, "--", color=COLOURS[1], linewidth=1.0, label="60C1h:01, the set-point of each cycle")
@@ -561,7 +564,7 @@ def interpolated() -> None:
 
 
 def cam() -> None:
-    """A cam that is come into from elsewhere."""
+    """A cam that the slave axis joins from another position."""
     lobes = Cam([(0.0, 0.0), (90.0, 20.0), (180.0, 0.0), (270.0, 20.0), (360.0, 0.0)], periodic=True)
 
     def run(cell: Machine) -> None:
@@ -582,14 +585,14 @@ def cam() -> None:
     )
     place.plot(trace.x, trace.y, color=COLOURS[1], linewidth=1.3, label="y")
     place.axvspan(0.0, 60.0, color="#dddddd", alpha=0.5)
-    place.text(1.0, 18.5, "over = 60 deg", fontsize=8, color="#444444")
-    place.set(xlabel="x in deg", ylabel="y in deg", title="where y was for each place of x")
+    place.text(1.0, 18.5, "master_start_distance = 60 deg", fontsize=8, color="#444444")
+    place.set(xlabel="x in deg", ylabel="y in deg", title="position of y over the position of x")
     place.legend(fontsize=8)
     save(figure, "cam.png")
 
 
 def stream() -> None:
-    """Points that a program gives at its own pace, of which some come too late."""
+    """Points that a program pushes at its own pace; some come too late."""
 
     def run(cell: Machine, xy: Group) -> None:
         def give(last: int) -> None:
@@ -608,12 +611,12 @@ def stream() -> None:
     first = next(n for n, x in enumerate(trace.x) if x > 19.99)
     trace = Trace(*(row[first:] for row in trace))
     figure, speed = two_views({"a stream": trace})
-    speed.set(title="speed along the path: points run out, and come again")
+    speed.set(title="speed along the path: the points come late once")
     save(figure, "stream.png")
 
 
 def workspace() -> None:
-    """A straight line of an arm's tool, beside what the joints make where each goes straight."""
+    """A straight line of the tool of an arm, and the path of the tool if the joints move on a straight line."""
     machine = Scara(200.0, 150.0)
     start, goal = (0.0, 40.0), machine.inverse((-30.0, 327.0))
 
@@ -650,15 +653,15 @@ def workspace() -> None:
         speed.plot(
             [t - arm.times[0] for t in arm.times[OVER:]], rates, color=colour, linewidth=1.3, label=name
         )
-    place.set(xlabel="x in mm", ylabel="y in mm", aspect="equal", title="where the tool was")
-    speed.set(xlabel="s", ylabel="deg/s", title="the joints, on the line of the tool")
+    place.set(xlabel="x in mm", ylabel="y in mm", aspect="equal", title="path of the tool")
+    speed.set(xlabel="s", ylabel="deg/s", title="joint velocities on the line of the tool")
     place.legend(fontsize=8)
     speed.legend(fontsize=8)
     save(figure, "workspace.png")
 
 
 def beam(what: Callable[[Machine], None], x: float, y: float) -> tuple[list[float], list[float], list[float]]:
-    """Return when, and where both motors of examples/gantry.toml were, with switches at x and y (mm of the motors)."""
+    """Return the times and the positions of both motors of examples/gantry.toml, with switches at x and y (mm of the motors)."""
     seen: tuple[list[float], list[float], list[float]] = ([], [], [])
     with Machine.simulated(ROOT / "examples" / "gantry.toml") as cell:
         drives = [cell.simulated_node(node).drive() for node in (1, 2)]
@@ -680,7 +683,7 @@ def beam(what: Callable[[Machine], None], x: float, y: float) -> tuple[list[floa
 
 
 def gantry() -> None:
-    """A pair is homed by two switches; and one side of it jams."""
+    """A pair homed by two switches, and one side that jams."""
     switches = (-20.0, -22.0)
 
     def home(cell: Machine) -> None:
@@ -717,7 +720,7 @@ def gantry() -> None:
         )
         for edge in (bound, -bound):
             skew.axhline(edge, color="#888888", linewidth=0.8, linestyle=":")
-        skew.set(xlabel="s", ylabel="out of square, mm")
+        skew.set(xlabel="s", ylabel="skew in mm")
     for at, colour, name in zip(switches, COLOURS, ("y1", "y2"), strict=False):
         rows[0][0].axhline(at, color=colour, linewidth=0.7, linestyle=":")
         rows[0][0].annotate(f"switch of {name}", (0.02, at), fontsize=7, color=colour, va="bottom")

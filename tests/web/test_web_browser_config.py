@@ -143,7 +143,7 @@ def test_what_a_restore_would_write_is_told_and_nothing_is_written(at):
     device.write(*ACCELERATION, 99)
     device.write(0x6081, 0, 98)
     device.write(0x6067, 0, 97)  # what the machine goes by
-    assert "3 of another value; nothing was written" in done(page, "#would-restore")
+    assert "3 have another value; nothing was written" in done(page, "#would-restore")
     assert page.text("#config-refusal").startswith("node 1 is operational")
     assert page.text("#config-command").startswith("axisbus config restore node-1")
     assert device.read(*ACCELERATION) == 99

@@ -71,7 +71,7 @@ def at(scene: SimpleNamespace) -> SimpleNamespace:
     page.press("enable")
     until(lambda: x.state is AxisState.STANDSTILL)
     page.view("tuning")
-    while away := page.driver.find_elements(By.XPATH, "//ul[@id='gains']//button[text()='Away']"):
+    while away := page.driver.find_elements(By.XPATH, "//ul[@id='gains']//button[text()='Remove']"):
         press(page, away[0])
     page.told()
     return scene

@@ -89,8 +89,8 @@ def compared(comparison: Comparison) -> str:
 def would(differing: Sequence[Item], selection: Selection) -> str:
     """Return the number of values that a restore would write."""
     return (
-        f"the file has {counted(len(selection.items), 'object')} for it, {len(differing)} of another value; "
-        "nothing was written"
+        f"the file has {counted(len(selection.items), 'object')} for it; "
+        f"{counted(len(differing), 'has another value', 'have another value')}; nothing was written"
     )
 
 

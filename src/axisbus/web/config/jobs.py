@@ -123,7 +123,7 @@ def would_restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> C
     return ConfigReport(
         report_text.would(differing, chosen.whole),
         tuple(f"a restore would skip {line}" for line in report_text.skipped(chosen.whole.skipped)),
-        (_OBJECT, _NAME, "It has", "It would get", "By this page"),
+        (_OBJECT, _NAME, "Present value", "Value in the file", "Restored here"),
         rows,
         {} if all_here else explained(refusal(machine.node(node.node_id), node)),
         _command(machine, node, file),
@@ -148,7 +148,7 @@ def restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> ConfigR
     return ConfigReport(
         report_text.restored(found) + (_IN_RAM if found.writes else ""),
         tuple(f"skipped {line}" for line in report_text.skipped(found.skipped)),
-        (_OBJECT, _NAME, "It had", "It has", "Result"),
+        (_OBJECT, _NAME, "Previous value", "Present value", "Result"),
         rows,
         explained(refusal(machine.node(node.node_id), node)),
         _command(machine, node, file),

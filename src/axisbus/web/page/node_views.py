@@ -56,7 +56,7 @@ def _dictionary() -> None:
             Tag("input", type="checkbox", id="in-pdos")
             Tag("span", "only objects that a PDO may carry")
     with Tag("div", id="kept", classes="scroll"):
-        Tag("h2", "Kept reading")
+        Tag("h2", "Repeated reading")
         with Tag("table"):
             Tag("tbody", id="kept-rows")
     Tag("ul", id="tree", classes="plain tree")

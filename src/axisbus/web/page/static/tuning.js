@@ -204,7 +204,7 @@
       const read = () => objects.read([gain.key]);
       head.append(make("code", spelt(gain.key)), make("span", gain.name, "name"), value, age);
       hand.append(field, button("Write", `Write ${gain.name}`, write), button("Read", `Read ${gain.name}`, read));
-      hand.append(button("Away", `Look at ${gain.name} no more`, () => away(gain.key)));
+      hand.append(button("Remove", `Remove ${gain.name} from the list`, () => away(gain.key)));
       item.append(head, hand, said);
       return item;
     }));
