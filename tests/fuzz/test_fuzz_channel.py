@@ -213,7 +213,7 @@ def test_a_client_ends_whatever_the_server_says_and_the_next_call_is_a_new_one(s
 def test_more_than_an_object_can_have_is_not_taken_but_a_type_that_is_asked_for_counts():
     with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         fake.peers.append(Slave(ID, {(0x1018, 1): b"x" * 300}))
-        with pytest.raises(SdoError, match="300 bytes announced, 256 are taken at most"):
+        with pytest.raises(SdoError, match="300 bytes announced, at most 256 are accepted"):
             node.sdo.read(0x1018, 1)
         assert node.sdo.read(0x1018, 1, data_type=DataType.VISIBLE_STRING) == "x" * 300
         assert node.sdo.upload(0x1018, 1, most=300) == b"x" * 300

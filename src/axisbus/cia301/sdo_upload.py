@@ -215,14 +215,14 @@ class Upload(SdoTransferAttempt):
         self.size = int.from_bytes(frame[4:8], "little") if sized else None
         if self.size is not None and self.size > self._most:
             raise Garbled(
-                f"{counted(self.size, 'byte', 'bytes')} announced, {self._most} are taken at most",
+                f"{counted(self.size, 'byte', 'bytes')} announced, at most {self._most} are accepted",
                 codes.OUT_OF_MEMORY,
             )
 
     def _check_not_more(self, padding: int) -> None:
         if len(self._buffer) > self._most + padding:
             raise Garbled(
-                f"more than {counted(self._most, 'byte')} came, which is the most that is taken",
+                f"more than {counted(self._most, 'byte')} were received; no more are accepted",
                 codes.OUT_OF_MEMORY,
             )
         if self.size is not None and len(self._buffer) > self.size + padding:

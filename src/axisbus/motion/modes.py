@@ -20,7 +20,7 @@ class ControlledQuantity(Enum):
 
 
 class AfterHalt(Enum):
-    """What a halted drive has left of its motion: it would continue with this when its halt bit falls."""
+    """The rest of the motion of a halted drive, with which the drive would continue when its halt bit falls."""
 
     TARGET = "the target of the mode, which the master holds at standstill"
     SET_POINT = "the last set-point that the drive has taken"

@@ -193,7 +193,7 @@ class PointStream:
 
     @property
     def buffered_seconds(self) -> float:
-        """Seconds of the stream that are ahead of the axes. The part of the last point is known only when the next point comes."""
+        """Seconds of the stream ahead of the axes; the segment to the last point is unknown until the next point comes."""
         return max(0.0, self._known - self._passed)
 
     @property

@@ -2,15 +2,15 @@
 
 Theory of operation
 -------------------
-Some drives ignore 6060h while the halt bit is set. When the bit falls, a drive continues with what it has left of the motion that
-the halt interrupted. So the bit falls only if nothing is left that moves the axis, and the axis was seen at standstill:
+Some drives ignore 6060h while the halt bit is set. When the bit falls, a drive continues with the rest of the motion that the halt
+interrupted. So the bit falls only if nothing is left that moves the axis, and the axis was seen at standstill:
 
 1. WITHDRAW: the requested mode is withdrawn. The drive must show its present mode as the answer to 6060h, because bit 4 has another
    meaning in another mode.
-2. REPLACE: what is left is replaced, by the mode (``AfterHalt``). In pp the drive gets its present position as a set-point
-   (``HoldSetPoint``), under halt. Bit 4 has been low for ``acknowledge`` seconds before, so that no acknowledge of an earlier
-   set-point is still to come. The handshake is made twice: if a later acknowledge does come, it ends the first handshake, and only
-   the acknowledge of the first edge can end the second one.
+2. REPLACE: the rest of the motion is replaced, by the mode (``AfterHalt``). In pp the drive gets its present position as a
+   set-point (``HoldSetPoint``), under halt. Bit 4 has been low for ``acknowledge`` seconds before, so that no acknowledge of an
+   earlier set-point is still to come. The handshake is made twice: if a later acknowledge does come, it ends the first
+   handshake, and only the acknowledge of the first edge can end the second one.
 3. STAND: the axis is seen at standstill, and nothing pulls it.
 4. RELEASE: the halt bit falls. From now on, the position is monitored: an axis that moves is stopped by a quick stop.
 
@@ -180,7 +180,7 @@ class HaltRelease:
 
 
 def after_halt(image: AxisImage, parameters: AxisParameters) -> AfterHalt | None:
-    """Return what a halted drive has left of its motion; None if this is not known, or cannot be replaced during the halt."""
+    """Return the motion with which a halted drive would continue; None if it is unknown, or cannot be replaced during the halt."""
     if image.mode is None or _is_loaded(image, parameters):
         return None
     conduct = CONDUCT.get(ModeOfOperation(image.mode))

@@ -89,7 +89,7 @@ class Supervision:
         self.lost = False
 
     def node(self, image: AxisImage) -> StopDemand | None:
-        """Return, once, that the node is lost, until ``lost`` is reset. Must be called in every cycle."""
+        """Return the stop for a lost node, once until ``lost`` is reset. Must be called in every cycle."""
         self.guard.look(image)
         if image.gap > self.longest_gap:
             self._excused_until = image.now + 2 * self.longest_gap

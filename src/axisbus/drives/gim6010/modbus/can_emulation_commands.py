@@ -32,10 +32,10 @@ class RegisterCommandKind(Enum):
     """Execution of a command; stops come before all others, and cancel waiting commands."""
 
     STOP = "written at once, whether it is answered or not"
-    MODES = "written in idle alone, and read back"
+    MODES = "written in idle only, and read back"
     VALUES = "written and read back"
-    ACT = "written once more where no answer came"
-    POWER = "written once, in idle alone"
+    ACT = "written once more if no answer came"
+    POWER = "written once, in idle only"
 
 
 @dataclass(frozen=True, slots=True)

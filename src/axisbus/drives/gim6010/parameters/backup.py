@@ -51,9 +51,13 @@ def read(text: str, source: str) -> ParameterBackup:
     try:
         found = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise ArgumentError(f"{source}: no JSON: {error}", remedy="give a file of params backup") from None
+        raise ArgumentError(
+            f"{source}: not JSON: {error}", remedy="give a file that params backup has written"
+        ) from None
     if not isinstance(found, dict) or found.get("kind") != _KIND or not found.keys() >= _KEYS:
-        raise ArgumentError(f"{source}: no backup of a GIM6010-8", remedy="give a file of params backup")
+        raise ArgumentError(
+            f"{source}: not a backup of a GIM6010-8", remedy="give a file that params backup has written"
+        )
     if found["version"] != _VERSION or not isinstance(found["values"], dict):
         raise ArgumentError(
             f"{source}: a backup of version {found['version']!r}", remedy=f"give one of version {_VERSION}"

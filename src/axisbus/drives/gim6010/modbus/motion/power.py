@@ -30,7 +30,7 @@ from axisbus.errors import CommandError, StateError, TransitionError, Uncommande
 
 DEAD_MASTER = (
     "nothing in this module is known to notice a dead master over Modbus: where nobody commands it any more, a velocity or a "
-    "torque goes on and a position is held; have an emergency stop at hand"
+    "torque continues and a position is held; have an emergency stop at hand"
 )
 TRIES = 2  # of a question under way
 PLACE = 0.25  # turns of the rotor that a held position may be off
