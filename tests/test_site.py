@@ -47,10 +47,15 @@ def test_a_site_that_is_whole_is_taken(tmp_path):
         ("", '<a href="#gone">x</a>', "", "there is no such anchor"),
         ("", '<a href="a">x</a>', "", "there is no such file"),
         ("", '<img src="gone.png">', "", "there is no such file"),
-        ("", '<img src="//example.org/x.png">', "", "it is fetched from elsewhere"),
-        ('<script src="https://example.org/x.js"></script>', "", "", "it is fetched from elsewhere"),
-        ('<link rel="stylesheet" href="https://example.org/x.css">', "", "", "it is fetched from elsewhere"),
-        ("", "", "@font-face { src: url(https://example.org/x.woff2) }", "style.css: it fetches something"),
+        ("", '<img src="//example.org/x.png">', "", "it is loaded from another host"),
+        ('<script src="https://example.org/x.js"></script>', "", "", "it is loaded from another host"),
+        (
+            '<link rel="stylesheet" href="https://example.org/x.css">',
+            "",
+            "",
+            "it is loaded from another host",
+        ),
+        ("", "", "@font-face { src: url(https://example.org/x.woff2) }", "style.css: it loads something"),
     ],
 )
 def test_what_is_broken_is_told(tmp_path, head, body, css, told):

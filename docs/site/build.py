@@ -1,4 +1,4 @@
-"""Make the site: ``python docs/site/build.py [FOLDER]``; a warning of Sphinx, and a link that leads nowhere, are errors."""
+"""Build the site: ``python docs/site/build.py [FOLDER]``; a warning of Sphinx and a broken link are errors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FOLDER = staging.ROOT / "build" / "docs"
 
 
 def main(folder: Path) -> int:
-    """Return 0 where the site is whole."""
+    """Build the site; return 0 if it has no errors."""
     source, html = folder / "source", folder / "html"
     staging.stage(source)
     options = [
@@ -32,7 +32,7 @@ def main(folder: Path) -> int:
     if code:
         return code
     broken = links.report(html)
-    print(f"the site: {html / 'index.html'}" if not broken else "the site is not whole")
+    print(f"the site: {html / 'index.html'}" if not broken else "the site has broken links")
     return int(broken)
 
 

@@ -1,4 +1,4 @@
-"""The reference of cell.toml, made of the schema that editors complete by."""
+"""The reference of cell.toml, generated from the schema for editors."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from axisbus.cell.json_schema import schema_of_cells
 
 _ABOUT = """# Every key of `cell.toml`
 
-All tables and keys, made of the schema that the reader itself works by; `axisbus check --schema` prints it for an editor.
-What the keys mean together, and examples, stand in [the cell file](../cell-file.md).
+All tables and keys, generated from the schema that axisbus uses to read cell files; `axisbus check --schema` prints the schema for
+an editor. [The cell file](../cell-file.md) explains how the keys work together, with examples.
 """
 _NAMES = {"nodes": "N", "axes": "NAME", "groups": "NAME", "gantries": "NAME", "io": "NAME", "pdo": "NAME"}
 
@@ -27,7 +27,7 @@ def pages() -> Mapping[str, str]:
 
 
 def _tables(name: str, schema: Mapping[str, Any]) -> Iterator[str]:
-    """A table and those within it; one whose names the user chooses is named by what stands for them."""
+    """Yield a table and its subtables; a table whose names the user chooses is shown with a placeholder."""
     if "patternProperties" in schema:
         (inner,) = schema["patternProperties"].values()
         yield from _table(f"{name}.{_NAMES[name.rpartition('.')[2]]}", inner, schema.get("description", ""))
@@ -44,7 +44,7 @@ def _table(name: str, schema: Mapping[str, Any], about: str) -> Iterator[str]:
     ]
     yield f"## `[{name}]`\n\n{plain(about)}\n"
     if rows:
-        yield table(("key", "value", "what it is"), rows)
+        yield table(("key", "value", "meaning"), rows)
     for key, each in keys.items():
         if _is_table(each):
             yield from _tables(f"{name}.{key}", each)
@@ -59,7 +59,7 @@ def _required(key: str, schema: Mapping[str, Any]) -> str:
 
 
 def _kind(schema: Mapping[str, Any]) -> str:
-    """What a value may be, in a few words."""
+    """Return the permitted values as a short text."""
     if "enum" in schema:
         return ", ".join(code(_toml(each)) for each in schema["enum"])
     if "const" in schema:

@@ -1,4 +1,4 @@
-"""The codes of the standards, each with the page of its symptom, made of the tables that the messages are made of."""
+"""The codes of the standards, each with the page of its symptom, generated from the tables of the messages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.symptoms.lookup import page_of_abort, page_of_fault, page_of_letter
 
 _ABOUT = """# Codes
 
-What nodes and drives tell by numbers, with the page of the symptom that each leads to. `axisbus explain 0x06020000` and
+The codes that nodes and drives report, each with the page of its symptom. `axisbus explain 0x06020000` and
 `axisbus explain 8611h` print that page in the terminal.
 """
 
@@ -69,7 +69,7 @@ def _module() -> str:
         )
         for each in FAULTS
     ]
-    about = "The bits of each part begin anew; [the page of the module](../gim6010-8.md#error-bits) says where they are read."
+    about = "Each part has its own error word; [the page of the module](../gim6010-8.md#error-bits) says how to read it."
     return (
         f"## Faults of the GIM6010-8\n\n{about}\n\n{table(('part', 'bit', 'name', 'meaning', 'to do'), rows)}"
     )

@@ -1,4 +1,4 @@
-"""The reference of the command line, made of the commands themselves."""
+"""The reference of the command line, generated from the commands."""
 
 from __future__ import annotations
 
@@ -14,19 +14,17 @@ from axisbus.cli.main import COMMANDS, cli
 
 _ABOUT = """# Commands
 
-`axisbus COMMAND --help` prints the same in the terminal. What holds for all of them (which bus is meant, exit codes,
-colours, completion) stands in [commissioning](../../commissioning.md#rules-for-all-commands).
+`axisbus COMMAND --help` prints the same in the terminal. The rules for all commands (selection of the bus, exit codes,
+colours, completion) are in [commissioning](../../commissioning.md#rules-for-all-commands).
 """
 
 
 def pages() -> Mapping[str, str]:
-    """Return a page for each command, and one that lists them."""
+    """Return a page for each command, and a page that lists them."""
     context = click.Context(cli, info_name="axisbus")
     rows = [(f"[`axisbus {name}`]({name}.md)", plain(about)) for name, (_, about) in COMMANDS.items()]
     names = "\n".join(COMMANDS)
-    index = (
-        f"{_ABOUT}\n{table(('command', 'what it does'), rows)}\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
-    )
+    index = f"{_ABOUT}\n{table(('command', 'effect'), rows)}\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
     each = {f"reference/cli/{name}": "\n".join(_described(context, name, 1)) for name in COMMANDS}
     return {"reference/cli/index": index, **each}
 
@@ -42,7 +40,7 @@ def _described(parent: click.Context, name: str, level: int) -> Iterator[str]:
     yield from _help(command)
     options = [*_options(command, context)]
     if options:
-        yield table(("option", "what it does"), options)
+        yield table(("option", "effect"), options)
     if isinstance(command, click.Group):
         for each in command.list_commands(context):
             yield from _described(context, each, level + 1)

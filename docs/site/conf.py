@@ -1,4 +1,4 @@
-"""Sphinx's settings of the site, which ``make docs`` makes; its sources are put together by ``build.py``."""
+"""Sphinx's settings for the site that ``make docs`` builds; ``staging.py`` collects its sources."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ copyright = "the authors of axisbus"  # noqa: A001  # Sphinx's name
 extensions = ["myst_nb", "sphinx.ext.autodoc"]
 root_doc = "index"
 nitpicky = True
-# Types in signatures are those of the code, of which many are not public; links between pages are checked all the same.
+# Many types in signatures are not public, so missing references to them are ignored; links between pages are checked by links.py.
 nitpick_ignore_regex = [("py:.*", ".*")]
 
 myst_heading_anchors = 6  # as code hosts make them
@@ -28,7 +28,7 @@ nb_execution_timeout = 120
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 nb_merge_streams = True
-nb_ipywidgets_js = {}  # none is used, and nothing is to be fetched
+nb_ipywidgets_js = {}  # no widget is used, and nothing may be loaded from another host
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
@@ -43,32 +43,32 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sourcelink = False
-smartquotes = False  # of two hyphens before an option it would make a dash
+smartquotes = False  # it would turn the two hyphens of an option into a dash
 highlight_language = "text"
 pygments_style = "tango"
 pygments_dark_style = "github-dark"
 html_theme_options = {"navigation_with_keys": True}
 
-# What a machine hands out: nobody calls these, so that what they take is nobody's concern.
+# Classes whose objects axisbus creates: users do not call these classes, so their signatures are not shown.
 GIVEN = {
     *(
         "Axis",
         "Gantry",
         "Group",
         "Handle",
-        "Io",
-        "Measured",
+        "AxisFeedback",
+        "InputsOutputs",
         "PointStream",
         "ProbeHandle",
-        "Probed",
+        "ProbeResult",
         "Signal",
     ),
-    *("Difference", "Eds", "Finding", "Number", "Object", "Variable"),
+    *("Eds", "EdsDifference", "EdsFinding", "Number", "Object", "Variable"),
 }
 
 
 def _sections(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Read "Raises:" and the like; a property is read as a method, of whose first line nothing is taken for a type."""
+    """Parse sections such as "Raises:"; a property is parsed as a method, so that no part of its first line counts as a type."""
     kind = "method" if what == "property" else what
     lines[:] = GoogleDocstring(lines, Config(napoleon_use_ivar=True), app, kind, name, obj, options).lines()
 
@@ -78,14 +78,14 @@ def _signature(app: Sphinx, what: str, name: str, *rest: Any) -> tuple[str, str]
 
 
 def _dashes(app: Sphinx, doctree: nodes.document) -> None:  # noqa: ARG001  # Sphinx's shape
-    """Put a dash where Sphinx writes two hyphens between a name and what is said of it."""
+    """Replace the two hyphens that Sphinx writes between a name and its description by a dash."""
     for text in list(doctree.findall(nodes.Text)):
         if text == " -- ":
             text.parent.replace(text, nodes.Text(" – "))
 
 
 def setup(app: Sphinx) -> None:
-    """Connect what is ours."""
+    """Connect the functions of this file."""
     app.connect("autodoc-process-docstring", _sections)
     app.connect("doctree-read", _dashes)
     app.connect("autodoc-process-signature", _signature)

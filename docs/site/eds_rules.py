@@ -1,4 +1,4 @@
-"""The rules for EDS and DCF files, and the checks of cell files, made of the tables that the checks themselves read."""
+"""The rules for EDS and DCF files, and the checks of cell files, generated from the tables of the checks."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from axisbus.eds.rules.table import Rule, rules
 
 _ABOUT = """# Rules for EDS and DCF files
 
-What `axisbus eds check` looks for: {count} rules, of DS 306, CiA 301, CiA 402 and experience.
-`axisbus eds check --explain D002` prints one of them in the terminal. The severity is the worst that a breach can be.
+`axisbus eds check` applies {count} rules, from DS 306, CiA 301, CiA 402 and experience.
+`axisbus eds check --explain D002` prints one of them in the terminal. The severity is the highest one that a violation can have.
 """
 _FAMILIES = {
     "S": "Text",
@@ -33,10 +33,10 @@ _FAMILIES = {
 
 _ABOUT_CELLS = """# Checks of cell files
 
-What `axisbus check` looks for in a cell file: {count} checks. Each finding ends with the id of its check, such as [C019].
+`axisbus check` applies {count} checks to a cell file. Each finding ends with the id of its check, such as [C019].
 `axisbus check --explain C019` prints one of them in the terminal, and `axisbus check cell.toml --ignore C019` leaves out its
-warnings and notes; errors are always shown. The severity is the worst that a finding can be. The rules for EDS files have ids of
-their own: `axisbus eds check` prints those.
+warnings and notes; errors are always shown. The severity is the highest one that a finding can have. The rules for EDS files
+have ids of their own: `axisbus eds check` prints those.
 """
 
 

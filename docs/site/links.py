@@ -1,4 +1,4 @@
-"""Whether every link of a site leads somewhere within it, and nothing is fetched from elsewhere: ``python links.py FOLDER``."""
+"""Check that each link of a site has a target in it, and that it loads nothing from another host: ``python links.py FOLDER``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-# Attributes by which a browser fetches something when the page is shown; a link is followed by hand alone.
+# Attributes from which a browser loads something when it shows the page; links are only followed by the user.
 _FETCHED = {
     ("script", "src"),
     ("img", "src"),
@@ -22,15 +22,15 @@ _NOT_FETCHED = {"canonical", "next", "prev", "search", "index", "genindex", "aut
 
 
 class _Page(HTMLParser):
-    """Collects the anchors of a page, and what it leads to."""
+    """Collects the anchors and the links of a page."""
 
     def __init__(self) -> None:
         super().__init__()
         self.anchors: set[str] = set()
-        self.leads: list[tuple[str, bool]] = []  # where to, and whether it is fetched
+        self.leads: list[tuple[str, bool]] = []  # target, and whether it is loaded
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Take one tag."""
+        """Store the anchor and the links of a tag."""
         given = dict(attrs)
         self.anchors |= {value for key in ("id", "name") if (value := given.get(key))}
         for key, value in attrs:
@@ -46,7 +46,7 @@ def _read(path: Path) -> _Page:
 
 
 def broken(folder: Path) -> Iterator[str]:
-    """Yield what is wrong, with its page: a file or an anchor that is not there, or something that is fetched from elsewhere."""
+    """Yield each error with its page: a missing file, a missing anchor, or a resource on another host."""
     pages = {path: _read(path) for path in sorted(folder.resolve().rglob("*.html"))}
     if not pages:
         yield f"{folder}: there is no page"
@@ -63,7 +63,7 @@ def _wrong(path: Path, lead: str, fetched: bool, pages: dict[Path, _Page]) -> st
     if parts.scheme == "data":
         return ""
     if parts.scheme or parts.netloc:
-        return "it is fetched from elsewhere" if fetched else ""
+        return "it is loaded from another host" if fetched else ""
     target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
     if not target.is_file():
         return "there is no such file"
@@ -74,18 +74,18 @@ def _wrong(path: Path, lead: str, fetched: bool, pages: dict[Path, _Page]) -> st
 
 
 def _imports(folder: Path) -> Iterator[str]:
-    """Style sheets that fetch something from elsewhere."""
+    """Yield the style sheets that load something from another host."""
     for path in sorted(folder.rglob("*.css")):
         text = path.read_text(encoding="utf-8")
         if any(
             each in text
             for each in ("url(http", "url('http", 'url("http', "url(//", '@import "http', "@import 'http")
         ):
-            yield f"{path.relative_to(folder)}: it fetches something from elsewhere"
+            yield f"{path.relative_to(folder)}: it loads something from another host"
 
 
 def report(folder: Path) -> bool:
-    """Print what is wrong; return whether anything is."""
+    """Print the errors; return whether there are any."""
     found = list(broken(folder))
     for line in found:
         print(line, file=sys.stderr)

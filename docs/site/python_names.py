@@ -1,4 +1,4 @@
-"""The reference of the library, made of the docstrings of what is public."""
+"""The reference of the library, generated from the docstrings of the public names."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _MODULES = {
 Members = Mapping[str, str]
 _ABOUT = """# The library, by its docstrings
 
-What is public, with units, ranges, and what is raised. [`axisbus`](../../api/axisbus.md), [`axisbus.eds`](../../api/eds.md) and
-[`axisbus.errors`](../../api/errors.md) tell the same in tables, with examples.
+All public names, with units, ranges and errors. [`axisbus`](../../api/axisbus.md), [`axisbus.eds`](../../api/eds.md) and
+[`axisbus.errors`](../../api/errors.md) contain the same in tables, with examples.
 
 ```{toctree}
 axisbus
@@ -50,7 +50,7 @@ def _page(module: str, about: str) -> str:
 
 
 def _public(page: Path) -> Mapping[str, Members]:
-    """Return the members of each class that a page of docs/api/ names, with what it says of them."""
+    """Return the members of each class on a page of docs/api/, with their descriptions."""
     found: dict[str, dict[str, str]] = {}
     name = ""
     for line in page.read_text(encoding="utf-8").splitlines():
@@ -76,5 +76,5 @@ def _directive(module: str, name: str, what: object, members: Members) -> str:
 
 
 def _is_known(what: type, name: str) -> bool:
-    """Whether a class itself tells of a member; what only its objects have is described by the page of docs/api/."""
+    """Whether a class itself has a member; the page of docs/api/ describes attributes that only its objects have."""
     return hasattr(what, name) or any(name in getattr(each, "__annotations__", {}) for each in what.__mro__)

@@ -1,4 +1,4 @@
-"""The sources of the site, put together in one folder: the pages of docs/, notebooks, and what is made of the code's own tables."""
+"""Collect the sources of the site in one folder: the pages of docs/, notebooks, and pages generated from tables of the code."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import symptoms
 ROOT = Path(__file__).parents[2]
 HERE = Path(__file__).parent
 
-# What stands in the navigation, in its order; a page of docs/ that is named nowhere comes under the last caption but one.
+# The navigation in its order; a page of docs/ that is not listed here is added under the last caption but one.
 NAVIGATION: Mapping[str, tuple[str, ...]] = {
     "Guide": ("guide", "commissioning", "symptoms/index"),
     "Using it": ("motion", "stopping", "programs", "io", "recordings", "web"),
@@ -32,7 +32,7 @@ NAVIGATION: Mapping[str, tuple[str, ...]] = {
     "How it is built": ("architecture", "decisions/*", "glossary"),
 }
 REST = "Further"
-# What the navigation calls a page whose own title says too little among others.
+# Titles in the navigation, for pages whose own title is not clear among others.
 TITLES = {
     "api/axisbus": "The library: machines and axes",
     "api/eds": "The library: EDS files",
@@ -50,7 +50,7 @@ _GENERATED: tuple[Callable[[], Pages], ...] = (
 
 
 def stage(source: Path) -> None:
-    """Make the folder of sources anew."""
+    """Replace the folder of sources."""
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(ROOT / "docs", source, ignore=shutil.ignore_patterns("site", "__pycache__"))
     for path in sorted((ROOT / "examples").glob("*.ipynb")):
@@ -78,7 +78,7 @@ def _write(source: Path, pages: Pages) -> None:
 
 
 def _title(path: Path, anchor: str) -> str:
-    """Return the title of a page, or the heading that an anchor means, as code hosts and MyST make them."""
+    """Return the title of a page, or the heading of an anchor, by the rule of code hosts and MyST."""
     headings = [
         line.lstrip("#").strip()
         for line in path.read_text(encoding="utf-8").splitlines()
@@ -86,7 +86,7 @@ def _title(path: Path, anchor: str) -> str:
     ]
     found = [each.replace("`", "") for each in headings if anchor in ("", _slug(each))]
     if not found:
-        raise LookupError(f"{path.name} has no heading {anchor!r}, at which a symptom says to read on")
+        raise LookupError(f"{path.name} has no heading {anchor!r}, to which a symptom refers")
     return found[0]
 
 
@@ -95,7 +95,7 @@ def _slug(heading: str) -> str:
 
 
 def toctrees(source: Path) -> str:
-    """Return the navigation: each page of the sources stands in it once, also one that nobody has thought of here."""
+    """Return the navigation: it contains each page of the sources once, including pages that are not listed here."""
     chosen = {caption: [*_expanded(source, names)] for caption, names in NAVIGATION.items()}
     named = {name for names in chosen.values() for name in names}
     top = sorted(path.stem for path in source.glob("*.md") if path.stem != "index")

@@ -1,4 +1,4 @@
-"""The pages of the symptoms: those that ``axisbus explain`` prints, with links."""
+"""The pages of the symptoms, as ``axisbus explain`` prints them, with links."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from axisbus.symptoms.symptom import Symptom
 
 _ABOUT = """# Symptoms
 
-What is seen when something is wrong, what it may come of, and what to check first. A command names the page of an error below
-its message, and so does the traceback of a program, which has it as `error.page`: `axisbus explain NAME` prints it in the terminal,
-without a network. CELL stands for your cell file, AXIS and NODE for an axis and a node-ID, FILE for an EDS.
+Each page describes a symptom, its possible causes, and what to check first. Commands and tracebacks name the page of an error below
+its message; a program finds it in `error.page`. `axisbus explain NAME` prints the page in the terminal, without a network. CELL is
+your cell file, AXIS and NODE are an axis and a node-ID, FILE is an EDS.
 """
 
 
@@ -22,7 +22,7 @@ Title = Callable[[str, str], str]  # of a page of docs/, or of the heading that 
 
 
 def pages(*, title_of: Title) -> Mapping[str, str]:
-    """Return a page for each symptom, and one that lists them."""
+    """Return a page for each symptom, and a page that lists them."""
     each = {
         f"symptoms/{symptom.name}": _page(symptom, title_of)
         for family in FAMILIES.values()
@@ -56,7 +56,7 @@ def _link(page: str, title_of: Title) -> str:
 
 
 def linked(text: str) -> str:
-    """Return a page in which commands and errors lead to where they are described."""
+    """Return a page with links from commands and errors to their descriptions."""
     text = re.sub(r"`axisbus explain ([a-z][a-z-]+)`", _other, text)
     text = re.sub(r"`axisbus ([a-z0-9]+)( [^`]*)?`", _command, text)
     return re.sub(r"^- `([A-Z]\w+)`:", r"- [`\1`](#axisbus.errors.\1):", text, flags=re.MULTILINE)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 
 def plain(text: str) -> str:
-    """Return a text in which nothing is Markdown, but code in single or double backquotes."""
+    """Escape a text for Markdown; only code in single or double backquotes stays markup."""
     parts = re.split(r"(``?[^`]+``?)", text)
     return "".join(
         f"`{part.strip('`')}`" if number % 2 else re.sub(r"([\\*_{}\[\]<>#|~$`])", r"\\\1", part)
@@ -16,7 +16,7 @@ def plain(text: str) -> str:
 
 
 def code(text: str) -> str:
-    """Return a text as code, in a table too."""
+    """Return a text as code, also for the cell of a table."""
     return f"`` {text} ``".replace("|", "\\|") if "`" in text else f"`{text}`".replace("|", "\\|")
 
 
