@@ -1,5 +1,5 @@
-"""The rules of the house that no linter keeps: folders that can be taken in, no empty rooms, no circles, pages that are true,
-and tests that stand by themselves."""
+"""Rules of the package structure that no linter checks: every package has a docstring and is not empty, no imports form a circle,
+the pages name what exists, and no test imports another."""
 
 import ast
 import importlib
