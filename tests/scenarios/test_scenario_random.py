@@ -19,6 +19,23 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a node that is lost beyond the end of its count": Script(
+        "stiff",
+        (
+            Event(pause=1.0, what="move_velocity", axis="a", value=-0.046),
+            Event(pause=1.0, what="move_velocity", axis="a", value=-0.491),
+            Event(pause=0.5, what="pre_operational", axis="a", value=0.227),
+        ),
+        scene="drawn",
+        ending="ctrl-c",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    unit="increments", scale=1.0, speed=10000.0, acceleration=20000.0, start=-2147481648
+                ),
+            )
+        ),
+    ),
     "a velocity to a limit that an override has lowered on the way, on a drive with a long lag": Script(
         "stiff",
         (

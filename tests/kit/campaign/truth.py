@@ -12,6 +12,7 @@ _LATEST = 20.0  # s after which no command may be under way
 _LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
 _STEP = 10.0  # increments by which it has gone on, however slowly
 _HALF_WAY = 2**30  # increments: of the half of INTEGER32
+_HALF_COUNT = 2**31  # increments: half the span of INTEGER32
 _FARTHEST = 600.0  # s, the same where it moves: a drive that leapt to an old target may be tens of thousands of degrees away
 _ARRIVES = 3.0  # s that a command may take when its axes have come to rest
 _BLIND_FOR = 6.0  # s for which a node may be silent after what made it so
@@ -114,7 +115,10 @@ class Truth:
         position = facts.core[name].image.position
         if position is None:
             return
-        away = facts.turned(name) * (facts.place(name) - position) / facts.scale[name]
+        off = facts.place(name) - position
+        if self._may_have_restarted(name):
+            off = (off + _HALF_COUNT) % (2 * _HALF_COUNT) - _HALF_COUNT
+        away = facts.turned(name) * off / facts.scale[name]
         here = facts.where(name) - away
         near = max(_NEAR, _COUNTS / abs(facts.scale[name]))
         if abs(here - facts.where(name)) < near or self._counts_anew(name):
@@ -139,6 +143,14 @@ class Truth:
         recent = self._facts.now - 0.5
         homes = [asked for asked in self._facts.asked if asked.what == "home" and name in asked.names]
         return any(asked.ended is None or asked.ended > recent for asked in homes)
+
+    def _may_have_restarted(self, name: str) -> bool:
+        """Whether the node was once lost, which may have been a restart.
+
+        The master then begins again with the drive's own value. If the axis had moved past the end of INTEGER32, that value
+        differs from the unwrapped position of the plant by the whole span.
+        """
+        return any(trouble.what in _BLIND for trouble in self._facts.troubles[name])
 
     # -- causes ----------------------------------------------------------------------------------------------------------
 
