@@ -19,6 +19,21 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a velocity of an unknown unit that is more than the drive has": Script(
+        "stiff",
+        (Event(pause=1.0, what="move_velocity", axis="c", value=-0.681),),
+        scene="drawn",
+        ending="close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(scale=66.6667, speed=4000.0, acceleration=4000.0),
+                AxisRecipe(scale=66.6667, speed=4000.0, acceleration=4000.0),
+                AxisRecipe(
+                    rpm=0, unit="increments", scale=1.0, scaled=False, speed=10000.0, acceleration=40000.0
+                ),
+            )
+        ),
+    ),
     "a node that is lost beyond the end of its count": Script(
         "stiff",
         (

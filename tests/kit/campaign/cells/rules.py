@@ -208,6 +208,9 @@ class Physics(Travel):
             return
         if isinstance(error, DriveError) and any(self._has_crept(name) for name in asked.names):
             return
+        if isinstance(error, MotionTimeout) and any(map(self._is_limited_by_drive, asked.names)):
+            facts.tally["velocities without a known unit that the drive does not reach"] += 1
+            return
         if isinstance(error, FollowingError) and not all(
             is_slow(self._cell.recipe.axis(name)) for name in asked.names
         ):
@@ -261,6 +264,17 @@ class Physics(Travel):
             return False
         needs = axis.speed * velocity_unit(axis) / max(own.default.value, 1)
         return needs > self._facts.core[name].parameters.stop_times.halt
+
+    def _is_limited_by_drive(self, name: str) -> bool:
+        """Whether the drive limits the axis by 6080h to less than max_velocity, which nobody has told the master.
+
+        Without a scale max_velocity is a number in the drive's own unit, here revolutions per minute: it may be more than the
+        drive has. The master then says that the velocity was not reached. With a scale the recipe's max_velocity is below 6080h.
+        """
+        axis = self._cell.recipe.axis(name)
+        if axis.counted:
+            return False
+        return self._facts.drive[name].axis.speed_limit < axis.speed / velocity_unit(axis)
 
     def _has_crept(self, name: str) -> bool:
         """Whether the motor has left the demand (6062h) that its drive keeps on in csv: what it crept stays between them."""
