@@ -601,6 +601,29 @@ def test_a_drive_that_stops_short_of_the_configured_window_has_not_arrived():
     assert "position_window" in caught.value.remedy
 
 
+@pytest.mark.parametrize("demand", [DemandUse.AUTO, DemandUse.IGNORE])
+def test_a_gentle_move_within_the_position_window_is_not_done_before_it_has_moved(demand):
+    """Bit 10 is set from the start on, and the first increments cannot be told from standstill."""
+    r = rig(position_window=2_000, demand=demand).enabled()
+    r.device.write(0x6067, 0, 2_000)
+    r.axis.move_absolute(1.0, acceleration=0.5, deceleration=0.5).wait(10)
+    assert r.now == pytest.approx(2.0 * math.sqrt(1.0 / 0.5), abs=0.6)
+    assert abs(r.drive.axis.motor.position - 1_000) <= 2
+    assert abs(r.drive.axis.motor.velocity) < 50.0
+
+
+def test_an_axis_that_is_held_within_the_position_window_ends_its_move_after_the_time_of_the_move():
+    r = rig(position_window=2_000, following_error=BLIND, demand=DemandUse.IGNORE).enabled()
+    r.device.write(0x6067, 0, 2_000)
+    r.device.write(0x6065, 0, 0xFFFFFFFF)
+    began = r.now
+    handle = r.axis.move_absolute(1.0, velocity=1.0, acceleration=100.0)
+    r.until(lambda: r.drive.position > 500)
+    r.drive.dials.blocked = True
+    handle.wait(5)
+    assert r.now - began == pytest.approx(1.0, abs=0.3)
+
+
 def test_a_drive_without_a_window_of_its_own_arrives():
     r = rig().enabled()
     r.device.write(0x6067, 0, 0xFFFFFFFF)  # off: bit 10 when the demand is there

@@ -19,6 +19,25 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a gentle move that begins within the position window of its drive": Script(
+        "stiff",
+        (Event(pause=0.5, what="move_absolute", axis="a", value=0.038),),
+        scene="drawn",
+        ending="close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    fixed=((24707, 2),),
+                    unit="increments",
+                    scale=1.0,
+                    speed=4000.0,
+                    acceleration=4000.0,
+                    limits=(-1.5, 1.5),
+                    jerk=5.0,
+                ),
+            )
+        ),
+    ),
     "a velocity of an unknown unit that is more than the drive has": Script(
         "stiff",
         (Event(pause=1.0, what="move_velocity", axis="c", value=-0.681),),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
@@ -56,6 +58,7 @@ class PositionMove(Prepared):
         self._before = before
         self._start: int | None = None
         self._window = parameters.position_window
+        self._earliest_end = -math.inf  # see ``_duration_within_window``
         self._is_taken = False
         self._watch = _ArrivalWatch(target, profile, parameters)
         self._passing: PpBlending | None = None  # set once moves have joined it
@@ -104,6 +107,7 @@ class PositionMove(Prepared):
         if not self._is_taken:
             self._is_taken = self.in_effect = True
             self.rests_from = image.now
+            self._earliest_end = image.now + self._duration_within_window(image)
             if self._passing is not None and self.set_point.target == self._target:
                 self._passing.taken(image.now)
         if self._obeyed is not None:
@@ -185,6 +189,21 @@ class PositionMove(Prepared):
         here = image.position if image.position is not None else target
         self._watch.begin(image, abs(target - here))
 
+    def _duration_within_window(self, image: AxisImage) -> float:
+        """Return the seconds that the rest of the move takes from standstill if the axis is within the window already.
+
+        Then bit 10 may stay set during the whole motion, and an axis that begins gently cannot yet be told from one at standstill.
+        0 if the axis is still outside the window, or if a value is not known.
+        """
+        profile, window = self._profile, self._window
+        if image.position is None or window is None or not profile.speed or not profile.ramp:
+            return 0.0
+        distance = abs(self.set_point.target - image.position)
+        if distance > window:
+            return 0.0
+        soft = profile.soft_seconds(abs(self._parameters.units.position.factor))
+        return duration(distance, profile.speed, profile.ramp) + soft
+
     def _arrived(self, image: AxisImage) -> bool:
         """Whether bit 10 is set, and (if 6064h is fresh) the axis is within the window: bit 10 may be from the previous move."""
         if image.statusword is None or not image.statusword & sw.TARGET_REACHED:
@@ -196,7 +215,11 @@ class PositionMove(Prepared):
         if image.position is None:
             return True
         assert self._window is not None
-        return abs(image.position - self.set_point.target) <= self._window
+        distance = abs(image.position - self.set_point.target)
+        if image.now < self._earliest_end and distance > self._parameters.standstill_tolerance:
+            self.rests_from = image.now
+            return False
+        return distance <= self._window
 
 
 class _ArrivalWatch:
