@@ -209,6 +209,25 @@ def test_until_weaker_ramps_are_written_an_axis_speeds_up_by_those_that_it_has()
 
 
 @pytest.mark.parametrize("sign", [1, -1])
+def test_until_weaker_ramps_are_written_an_axis_speeds_up_to_its_commanded_velocity(sign):
+    axis = Bounded(sign * 1000).to(50_000 + sign * 40_000)
+    before = CommandedMotion(speed=sign * 100_000.0, up=DOWN, down=2 * DOWN)
+    outside = {1: 100.0, -1: 0.0}[sign]
+    assert axis.guard.overrun(axis.drive.image, DOWN) is None
+    assert axis.guard.overrun(axis.drive.image, DOWN, before) == pytest.approx(outside + sign * 11.875)
+    # at the velocity that was commanded it keeps that: 4000 until a stop acts, and 3200 to brake
+    for speed, at in ((64_000.0, 92_800), (1_000.0, 92_800)):
+        reached = before._replace(speed=sign * speed)
+        axis = Bounded(sign * 1000).to(50_000 + sign * (at - 50_000))
+        assert axis.guard.overrun(axis.drive.image, DOWN, reached) is None
+        axis.to(50_000 + sign * (at - 50_000 + 1))
+        assert axis.guard.overrun(axis.drive.image, DOWN, reached) == pytest.approx(outside + sign * 0.001)
+    axis = Bounded(sign * 1000).to(50_000 + sign * 40_000)
+    back = before._replace(speed=-sign * 100_000.0)
+    assert axis.guard.overrun(axis.drive.image, DOWN, back) == pytest.approx(outside + sign * 2.2)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("late", "found_at"), [(1, 90), (4, 86), (8, 81)])
 def test_a_demand_that_comes_seldom_gives_the_lag_alone(sign, late, found_at):
     """The axis gets faster all the time, and its demand, which comes with every 8th position, is some cycles ahead of it."""

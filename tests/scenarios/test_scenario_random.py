@@ -19,6 +19,32 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a move back with a weaker deceleration while the axis gets faster": Script(
+        "stiff",
+        (
+            Event(pause=0.0, what="move_velocity", axis="a", value=0.678),
+            Event(pause=0.05, what="service", axis="", value=0.0),
+            Event(pause=0.0, what="move_additive", axis="a", value=0.615),
+            Event(pause=2.0, what="move_velocity", axis="a", value=0.747),
+        ),
+        scene="drawn",
+        ending="close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    unit="mm",
+                    scale=26214.4,
+                    speed=10000.0,
+                    acceleration=20000.0,
+                    words=("slow-ramp", "slow-ramp"),
+                    limits=(-0.2, 0.8),
+                    jerk=5.0,
+                    lag=0.05,
+                    demand="zero",
+                ),
+            )
+        ),
+    ),
     "a gentle move that begins within the position window of its drive": Script(
         "stiff",
         (Event(pause=0.5, what="move_absolute", axis="a", value=0.038),),

@@ -278,6 +278,10 @@ def _ramped(core: AxisCore) -> RampedWay | None:
 
 
 def _soft(core: AxisCore, profile: MoveProfile) -> float:
+    """Return the seconds by which a jerk limit prolongs the change from the acceleration of the axis to that of the command."""
+    before = _course(core)
+    if before is not None and before.up is not None and profile.up is not None:
+        profile = profile._replace(up=max(profile.up, before.up))
     return profile.soft_seconds(abs(core.parameters.units.position.factor))
 
 

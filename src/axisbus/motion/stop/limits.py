@@ -182,12 +182,12 @@ class LimitMonitor:
         if before is not None and before.by_torque:
             return self._stop(image, CommandedMotion(by_torque=True), down)
         course = CommandedMotion(speed=velocity, up=0.0, soft=soft)
-        if before is not None and before.by_target and before.speed is not None and before.up is not None:
-            # In a move that the drive plans, the axis may accelerate until the drive has the next ramps and the next set-point.
-            late = 2.0 * _PREPARES * self._parameters.scan_period
-            course = CommandedMotion(
-                speed=math.copysign(before.speed, velocity), up=before.up, soft=late + soft
-            )
+        if before is not None and before.speed is not None and before.up is not None:
+            # The axis may accelerate until the drive has the next ramps, and the next set-point or velocity.
+            speed = math.copysign(before.speed, velocity) if before.by_target else before.speed
+            if before.by_target or abs(speed) > _OVERSPEED * abs(velocity):
+                soft += 2.0 * _PREPARES * self._parameters.scan_period
+            course = CommandedMotion(speed=speed, up=before.up, soft=soft)
         return self._stop(image, course, down)
 
     def _overshoots(self, image: AxisImage, course: CommandedMotion) -> LimitError | None:
