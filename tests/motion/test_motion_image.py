@@ -118,6 +118,45 @@ def test_creeping_is_not_standing():
         assert not img.standstill
 
 
+def slowly_sampled(positions, period: float, age: float = 1.0) -> AxisImage:
+    """An image whose velocity (606Ch) came once, before all of these positions."""
+    img = AxisImage(Capabilities({}, {}, True, {"velocity": age}), period, 2.0, 0.05, DemandUse.USE)
+    velocity = Sample(77, 0.0)
+    for number, position in enumerate(positions, start=1):
+        now = number * period
+        img.update(Inputs(now, True, None, None, Sample(position, now), velocity, None, None))
+    return img
+
+
+def test_noise_at_standstill_is_no_velocity():
+    positions = [(0, 2, -2, 1, -1)[number % 5] for number in range(48)]
+    assert slowly_sampled(positions, 0.002).standstill
+    assert slowly_sampled(positions, 0.002).speed(1.0) == 0.0
+    assert slowly_sampled(positions[:20], 0.002).speed(1.0) != 77.0  # before that is known
+
+
+@pytest.mark.parametrize("count", [30, 31, 32, 33, 34])
+def test_a_velocity_by_positions_has_a_base_in_which_noise_is_little(count):
+    """10 increments in each 2 ms, and ±2 of noise: 4 increments in 2 ms would be 2000 per s, in 8 ms they are 500."""
+    positions = [10 * number + (0, 2, -2, 1, -1)[number % 5] for number in range(count)]
+    assert slowly_sampled(positions, 0.002).speed(1.0) == pytest.approx(5000.0, abs=500.0)
+
+
+def test_a_velocity_by_positions_is_that_of_the_last_two_if_they_are_far_enough_apart():
+    positions = [number * number for number in range(20)]
+    assert slowly_sampled(positions, 0.01).speed(1.0) == pytest.approx((19 * 19 - 18 * 18) / 0.01)
+    assert slowly_sampled([0, 5], 0.01).speed(1.0) == pytest.approx(500.0)
+
+
+def test_a_new_count_begins_a_new_base():
+    img = slowly_sampled([100 * number for number in range(10)], 0.002)
+    img.recount()
+    for number, position in enumerate((5000, 5020, 5040), start=10):
+        now = number * 0.002 + 0.002
+        img.update(Inputs(now, True, None, None, Sample(position, now), Sample(77, 0.0), None, None))
+    assert img.speed(1.0) == pytest.approx(10_000.0)
+
+
 def test_a_position_that_was_received_once_is_no_standstill():
     img = fresh_image()
     sample = Sample(100, 0.0)

@@ -19,6 +19,29 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a velocity that begins at rest, by the noise of an encoder that is sampled fast": Script(
+        "stiff",
+        (Event(pause=0.01, what="move_velocity", axis="b", value=-0.378),),
+        scene="drawn",
+        ending="busy-close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(unit="increments", scale=1.0, speed=8190.0, acceleration=8190.0),
+                AxisRecipe(
+                    unit="mm",
+                    scale=400.0,
+                    speed=10000.0,
+                    acceleration=20000.0,
+                    ease=(1.0, 0.1),
+                    limits=(-0.3, 0.0),
+                    noise=2.0,
+                    polled=("velocity", "torque", "demand"),
+                    start=-1771,
+                ),
+            ),
+            period=2,
+        ),
+    ),
     "a move back with a weaker deceleration while the axis gets faster": Script(
         "stiff",
         (

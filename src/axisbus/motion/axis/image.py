@@ -19,6 +19,8 @@ _HALF = float(INT32_HALF)  # one type for all values compared in every cycle
 _ENABLED = PowerState.OPERATION_ENABLED
 _SLOWEST_DEMAND = 0.5  # seconds: a demand that is sent on change arrives within this time if it moves
 _SLOWEST = 1.0  # seconds: positions farther apart give no velocity
+# Seconds between two positions that are enough for a velocity: the noise of an encoder would be a high one in a shorter time.
+_VELOCITY_BASE = 0.008
 _TRANSFER = 0.25  # seconds that an SDO may wait for others, and take
 # Seconds by which the sampling times of two values from different sources may differ from their stamps.
 _DELAY = 0.005
@@ -42,8 +44,12 @@ class AxisImage:
     __slots__ = (
         "_before",
         "_before_stamp",
+        "_checkpoint",
+        "_checkpoint_stamp",
         "_demand_spacing",
         "_demands_with_positions",
+        "_earlier",
+        "_earlier_stamp",
         "_period",
         "_raw_position",
         "bus",
@@ -166,6 +172,9 @@ class AxisImage:
         self.lead_stamp = -math.inf  # when the two values compared by ``lead`` were sampled
         self._before = 0  # the position before the last one
         self._before_stamp = -math.inf
+        # The base of a velocity: an earlier position, and the one that is the next base once it is old enough.
+        self._earlier = self._checkpoint = 0
+        self._earlier_stamp = self._checkpoint_stamp = -math.inf
         self.starvation = Starvation()
         self.replies: dict[int, SdoReply] = {}
         self.emcy: tuple[Emcy, ...] = ()
@@ -237,6 +246,9 @@ class AxisImage:
             self._before, self._before_stamp = self.last_position, self.position_stamp
             self.position_stamp = stamp
             self.still.feed(raw, stamp)
+            if stamp - self._checkpoint_stamp >= _VELOCITY_BASE:
+                self._earlier, self._earlier_stamp = self._checkpoint, self._checkpoint_stamp
+                self._checkpoint, self._checkpoint_stamp = raw, stamp
         self._raw_position = self.position = self.last_position = raw
 
     def rebase(self) -> None:
@@ -250,12 +262,13 @@ class AxisImage:
         self.still.forget()
         self.still_demand.forget()
         self.shown_demand = self.demand = self.lead = None
-        self._before_stamp = -math.inf
+        self._before_stamp = self._earlier_stamp = self._checkpoint_stamp = -math.inf
         self.led.recount(self.now)
 
     def restart(self) -> None:
         """Begin again with the drive's next own value: its count has another origin now."""
         self._raw_position = None
+        self._earlier_stamp = self._checkpoint_stamp = -math.inf
 
     @property
     def standstill(self) -> bool:
@@ -263,14 +276,19 @@ class AxisImage:
         return self.still.still
 
     def speed(self, per_velocity: float) -> float | None:
-        """Return the speed in increments/s: 606Ch, or that of the last two positions if they are newer; None if unknown.
+        """Return the velocity in increments/s: 606Ch, or that of the last positions if they are newer; None if unknown.
 
         ``per_velocity``: increments/s of one velocity increment of the drive.
         """
         if self.velocity is None:
             return None
         if self.velocity_stamp < self._before_stamp < self.position_stamp and self.position is not None:
-            return (self.position - self._before) / (self.position_stamp - self._before_stamp)
+            if self.still.still:
+                return 0.0
+            before, stamp = self._before, self._before_stamp
+            if self._earlier_stamp > -math.inf:
+                before, stamp = self._earlier, self._earlier_stamp
+            return (self.position - before) / (self.position_stamp - stamp)
         return self.velocity * per_velocity
 
     @property
@@ -320,6 +338,9 @@ class AxisImage:
             self._before, self._before_stamp = self.last_position, self.position_stamp
             self.position_stamp = stamp
             self.still.feed(position, stamp)
+            if stamp - self._checkpoint_stamp >= _VELOCITY_BASE:
+                self._earlier, self._earlier_stamp = self._checkpoint, self._checkpoint_stamp
+                self._checkpoint, self._checkpoint_stamp = position, stamp
         self.position = self.last_position = position
 
     def _enter(self, state: PowerState) -> None:
