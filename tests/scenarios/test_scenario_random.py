@@ -19,6 +19,25 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "an acceleration that is more than a maker's file permits": Script(
+        "stiff",
+        (Event(pause=0.0, what="move_velocity", axis="b", value=0.517),),
+        scene="drawn",
+        ending="close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(unit="mm", scale=26214.4, speed=200000.0, acceleration=200000.0),
+                AxisRecipe(
+                    file="faulhaber__mcbl300...co_example__kitmedical-kacanopen.eds",
+                    unit="mm",
+                    scale=60.0,
+                    speed=18000.0,
+                    acceleration=36000.0,
+                    stop=0.7,
+                ),
+            )
+        ),
+    ),
     "a velocity that begins at rest, by the noise of an encoder that is sampled fast": Script(
         "stiff",
         (Event(pause=0.01, what="move_velocity", axis="b", value=-0.378),),

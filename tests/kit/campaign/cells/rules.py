@@ -527,6 +527,9 @@ class Physics(Travel):
             return not self._has_all_modes(name)
         if isinstance(error, StaleError):
             return "never received" in str(error)  # a maker's file whose 6064h cannot be mapped
+        # The acceleration of the cell file is more than the maker's file permits: the drive has said so.
+        if isinstance(error, DriveError) and self._is_too_much(name, error):
+            return True
         # How it brakes is not known, so that a quick stop past its last target may be a pull.
         if isinstance(error, DriveError) and not self._cell.recipe.axis(name).counted:
             return True
