@@ -19,6 +19,40 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a fault of one side of a beam while it brakes to a limit": Script(
+        "stiff",
+        (
+            Event(pause=1.0, what="pair_move_relative", axis="a", value=0.854),
+            Event(pause=0.2, what="service", axis="", value=0.0),
+            Event(pause=0.2, what="pair_move_velocity", axis="a", value=-0.614),
+            Event(pause=0.5, what="pair_resume", axis="a", value=-0.172),
+            Event(pause=0.2, what="fault", axis="b", value=0.304),
+        ),
+        scene="drawn",
+        ending="exception",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    unit="mm",
+                    scale=1000.0,
+                    acceleration=400000.0,
+                    ease=(1.0, 1.0),
+                    limits=(-0.2, 0.8),
+                    start=6497,
+                ),
+                AxisRecipe(
+                    unit="mm",
+                    scale=1000.0,
+                    acceleration=400000.0,
+                    ease=(1.0, 1.0),
+                    limits=(-0.2, 0.8),
+                    start=6497,
+                ),
+            ),
+            period=25,
+            gantry=True,
+        ),
+    ),
     "an acceleration that is more than a maker's file permits": Script(
         "stiff",
         (Event(pause=0.0, what="move_velocity", axis="b", value=0.517),),

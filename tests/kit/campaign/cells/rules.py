@@ -27,7 +27,7 @@ from kit.campaign.cells.recipe import NORM
 from kit.campaign.facts import MOVES, TORQUE_MODES, Asked, Facts
 from kit.campaign.orders import OVERRIDES
 from kit.campaign.travel import Travel
-from kit.probe import ENABLED, OFF, QUICK_STOP
+from kit.probe import ENABLED, OFF, QUICK_STOP, REACTION
 
 _BEYOND = 0.5  # norm degrees beyond a limit: what roundings and windows may add up to
 _WINDOW = 25.0  # increments, the same
@@ -104,6 +104,7 @@ class Physics(Travel):
         self._allowed_beyond: dict[str, float | None] = dict.fromkeys(facts.names)
         self._origins: dict[str, float] = {}
         self._turned_to: dict[str, tuple[int, bool]] = {}  # the drive's mode, and whether it came in motion
+        self._enabled_speed: dict[str, float] = {}  # in csp, in norm degrees per s, when it was last enabled
         self._rolled: dict[str, float] = {}  # when the motor moved last, by the time of the cycle
         self._led: dict[tuple[str, int], float] = {}  # for how long a demand has led the axis in a mode
         self._targets: dict[str, deque[tuple[float, int]]] = {
@@ -375,6 +376,7 @@ class Physics(Travel):
             + self.reaction(name)
             - 0.5
             + unseen
+            + self._step_of_set_points(name)
         )
         text = f"{facts.cell.told(name)}, {beyond:g} norm deg beyond {edges}, {allowed:g} before"
         facts.must(beyond <= allowed + tolerance, "never beyond a limit", text)
@@ -393,6 +395,17 @@ class Physics(Travel):
         weak = drive.axis.braking(drive.power.effort) < self._cell.recipe.axis(name).acceleration
         return facts.stage(name) == QUICK_STOP and asked and weak
 
+    def _step_of_set_points(self, name: str) -> float:
+        """Return by how many norm degrees a fault reaction may go beyond the end of a path that brakes as hard as it does.
+
+        Derivation. From set-point to set-point the drive moves evenly, and its velocity falls in steps. A path that brakes evenly
+        with ``d`` has ``v²/2d`` left at a set-point, where ``v`` is its own velocity. The drive has the mean velocity of the period
+        ``T`` before that, which is ``v + dT/2``. The drive's own reaction begins with it, and needs ``vT/2 + dT²/8`` more: less
+        than half of that velocity times ``T``. No command of the master can change this.
+        """
+        reacts = self._facts.stage(name) == REACTION
+        return 0.5 * self._enabled_speed.get(name, 0.0) * self._period if reacts else 0.0
+
     def _unseen_lag(self, name: str) -> float:
         """Return by how many norm degrees an invisible demand may be ahead: the lag of the motor at max_velocity.
 
@@ -410,8 +423,11 @@ class Physics(Travel):
         return NORM * axis.lag if in_motion and not self._is_led(name, mode) else 0.0
 
     def _see_motion(self, name: str) -> None:
-        """Note when the motor moved, and for how long a demand that is one has led it."""
+        """Note how fast it was while it was enabled, when the motor moved, and for how long a demand that is one has led it."""
         facts, drive = self._facts, self._facts.drive[name]
+        if facts.stage(name) == ENABLED:
+            speed = abs(drive.axis.motor.velocity / facts.scale[name])
+            self._enabled_speed[name] = speed if drive.mode_display == _CSP else 0.0
         if not facts.moves(name):
             return
         self._rolled[name] = facts.now
