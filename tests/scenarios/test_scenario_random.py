@@ -19,6 +19,30 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a move of the drive given while a path of the master still gets faster towards a limit": Script(
+        "stiff",
+        (
+            Event(pause=0.0, what="follow", axis="a", value=-0.928),
+            Event(pause=2.0, what="move_led", axis="a", value=-0.096),
+            Event(pause=0.1, what="home", axis="a", value=-0.069),
+            Event(pause=0.2, what="move_absolute", axis="a", value=0.088),
+        ),
+        scene="drawn",
+        ending="close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    unit="mm",
+                    scale=400.0,
+                    speed=4000.0,
+                    acceleration=80000.0,
+                    limits=(-0.06, 0.24),
+                    jerk=20.0,
+                ),
+            ),
+            period=50,
+        ),
+    ),
     "a fault of one side of a beam while it brakes to a limit": Script(
         "stiff",
         (

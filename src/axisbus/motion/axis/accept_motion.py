@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -26,6 +27,7 @@ from axisbus.motion.moves.continuous_motion import Jog, TorqueMove, VelocityMove
 from axisbus.motion.moves.csp_move import CspMove
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.homing import HomingRun
+from axisbus.motion.moves.mode_exit import PathExit, velocity_exit
 from axisbus.motion.moves.mode_switch import Lead, ModeSwitch
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import Prepare, RampTransfers, expected, profile_writes, slow_ramp_writes
@@ -82,6 +84,7 @@ def move(core: AxisCore, command: c.Move, ticket: CommandStatus, gate: StartBarr
         profile_writes(given, core.parameters, _M.PROFILE_POSITION),
         gate,
         profile.jerk,
+        _exit_for(core, profile),
     )
     core.begin(
         PositionMove(target, profile, core.parameters, prepare, core.running.in_flight, factor),
@@ -453,12 +456,32 @@ def _prepare(
     writes: list[tuple[int, int, int | None]],
     gate: StartBarrier,
     jerk: int | None = None,
+    may_leave: Callable[[AxisImage], bool] | None = None,
 ) -> Prepare:
     leading, before = core.led_along, leaving_switch(core)
     lead = None if leading is None or before is not None else _lead(core, leading)
     ramps = RampTransfers(writes, core.parameters)
     transfers = JerkProfileWritten(ramps, jerk, core.profile_type, core.parameters)
-    return Prepare(ModeSwitch(mode, core.parameters, lead), transfers, ramps, gate, leading, before)
+    return Prepare(
+        ModeSwitch(mode, core.parameters, lead), transfers, ramps, gate, leading, before, may_leave
+    )
+
+
+def _exit_for(core: AxisCore, profile: MoveProfile) -> Callable[[AxisImage], bool] | None:
+    """Return whether the axis may leave the set-points of the master for a move with ``profile``; None: at any time."""
+    leading, down, soft = core.led_along, profile.down, _soft(core, profile)
+    if leading is None or not down:
+        return None
+    if isinstance(leading, VelocityRamp):
+        before, guard = _course(core), core.supervision.guard
+        weaker = (
+            _weaker(down, None if before is None else before.down) or down
+        )  # until it leaves, it brakes as before
+        return (
+            velocity_exit(leading, partial(guard.overrun, down=weaker, soft=soft)) if core.bounded else None
+        )
+    increment = 1.0 / abs(core.parameters.units.position.factor)
+    return PathExit(leading, down * increment, 0.5 * soft, core.parameters.scan_period, increment)
 
 
 def _lead(core: AxisCore, leading: Follow | VelocityRamp) -> Lead:

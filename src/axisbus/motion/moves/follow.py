@@ -288,6 +288,11 @@ class Follow(Activity):
         return self._step
 
     @property
+    def room(self) -> Room:
+        """The permitted range of its positions, in units."""
+        return self._limits or UNLIMITED
+
+    @property
     def path_step(self) -> PathSample:
         """The position and velocity of the path itself in the last cycle, without the superimposed distance."""
         rate = 0.0 if self._addition is None else self._addition.rate

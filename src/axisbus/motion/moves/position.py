@@ -51,7 +51,9 @@ class PositionMove(Prepared):
         profile = self._anew.profile
         self.set_point = set_point(target, parameters)
         self._proof = proof_of(self.set_point, profile, parameters)
-        self.course = CommandedMotion(profile.speed, profile.up, profile.down, by_target=True)
+        # Until the axis leaves a path of the master, it does not move by these ramps.
+        if prepare.leading is None or prepare.leaving is not None:
+            self.course = CommandedMotion(profile.speed, profile.up, profile.down, by_target=True)
         self._profile = profile
         self._parameters = parameters
         self._prepare = prepare

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from axisbus.cia301 import abort
 from axisbus.cia402 import objects
@@ -161,7 +161,7 @@ class Prepare:
     """
 
     __slots__ = (
-        "_before", "_changes", "_gate", "_leading", "_mode", "_prepared", "_reading", "_transfers", "ramps",
+        "_before", "_changes", "_gate", "_leading", "_may_leave", "_mode", "_prepared", "_reading", "_transfers", "ramps",
     )  # fmt: skip
 
     def __init__(
@@ -172,6 +172,7 @@ class Prepare:
         gate: StartBarrier,
         leading: Leading | None = None,
         before: ModeSwitch | None = None,
+        may_leave: Callable[[AxisImage], bool] | None = None,
     ) -> None:
         """``transfers``: all transfers, including ``ramps``.
 
@@ -179,9 +180,13 @@ class Prepare:
 
         ``before``: the change of mode out of that trajectory that another command has begun. The drive may have taken it already,
         and a return to the old mode for one cycle would cause a jolt. So this change is completed.
+
+        ``may_leave``: whether the drive could brake within the position limits if it left that trajectory now. Until then the
+        trajectory brakes. To be called in every cycle.
         """
         self._leading = leading
         self._before = before
+        self._may_leave = may_leave
         self._mode = mode
         self._transfers = transfers
         self.ramps = ramps
@@ -224,12 +229,18 @@ class Prepare:
 
     def _makes_ready(self, image: AxisImage, order: CycleOutputs) -> bool:
         written = self._transfers.step(image, order)
-        if written or self._leading is None:
+        if self._leading is None or (self._leaves(self._leading, image) and written):
             shown = self._mode.step(image, order)
             self._changes = self._changes or not shown
             return shown and written
         self._mode.lead(image, order)
         return False
+
+    def _leaves(self, leading: Leading, image: AxisImage) -> bool:
+        """Whether the mode may be requested; if the drive could not stop in time by then, the trajectory brakes."""
+        if self._may_leave is None or self._mode.under_way or self._may_leave(image):
+            return True
+        return not leading.begin_braking()
 
     def _has_read(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether the ramps are known after a change of mode.
