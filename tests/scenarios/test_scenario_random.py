@@ -19,6 +19,32 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a slow axis whose encoder noise hides that it still brakes": Script(
+        "stiff",
+        (
+            Event(pause=2.0, what="gear", axis="a", value=-0.646),
+            Event(pause=0.5, what="move_velocity", axis="a", value=-0.002),
+            Event(pause=0.0, what="axis_override", axis="a", value=0.742),
+            Event(pause=0.5, what="enable", axis="a", value=-0.982),
+            Event(pause=0.5, what="halt", axis="a", value=-0.279),
+        ),
+        scene="drawn",
+        ending="exception",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    rpm=-3,
+                    unit="increments",
+                    scale=1.0,
+                    scaled=False,
+                    speed=4000.0,
+                    acceleration=4000.0,
+                    noise=2.0,
+                    demand="target",
+                ),
+            )
+        ),
+    ),
     "a move of the drive given while a path of the master still gets faster towards a limit": Script(
         "stiff",
         (

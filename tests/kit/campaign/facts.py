@@ -212,9 +212,10 @@ class Facts:
         return any(word in line for line in lines for word in HONEST)
 
     def moves(self, name: str) -> bool:
-        parameters = self.core[name].parameters
-        # A position that changes by the tolerance and a part of an increment is within it.
-        unseen = (parameters.standstill_tolerance + 1.0) / parameters.timing.standstill_time
+        parameters, noise = self.core[name].parameters, self.drive[name].params.noise
+        # A position that changes by the tolerance and a part of an increment is within it. So is one that changes by as much more
+        # as the noise of the first and of the last value can hide.
+        unseen = (parameters.standstill_tolerance + 1.0 + 2.0 * noise) / parameters.timing.standstill_time
         return abs(self.drive[name].axis.motor.velocity) > max(MOVES * abs(self.scale[name]), unseen)
 
     def stops_in(self, name: str) -> float:
