@@ -19,6 +19,26 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a stream of points that sways out of a limit at which it begins": Script(
+        "stiff",
+        (
+            Event(pause=0.0, what="follow", axis="a", value=-0.455),
+            Event(pause=1.0, what="move_linear", axis="", value=0.578),
+            Event(pause=0.5, what="service", axis="", value=0.0),
+            Event(pause=0.01, what="stream", axis="", value=0.934),
+        ),
+        scene="drawn",
+        ending="ctrl-c",
+        cell=CellRecipe(
+            (
+                AxisRecipe(unit="um", scale=9830.0, speed=98300.0, acceleration=983000.0),
+                AxisRecipe(
+                    unit="mm", scale=400.0, speed=4000.0, acceleration=4000.0, limits=(-0.0, 1.0), noise=2.0
+                ),
+            ),
+            beside="virtual",
+        ),
+    ),
     "a slow axis whose encoder noise hides that it still brakes": Script(
         "stiff",
         (

@@ -113,6 +113,11 @@ class Args:
         self.direction = 0.0 if self.recipe.endless else math.copysign(1.0, target - self.here)
         return target
 
+    def is_beyond(self, place: float) -> bool:
+        """Whether a position is outside the limits."""
+        edges = self.recipe.edges
+        return edges is not None and not edges[0] <= place <= edges[1]
+
     def turn(self) -> float:
         """A signed velocity."""
         self.direction = math.copysign(1.0, self.value)
@@ -502,6 +507,9 @@ def _stream(args: GroupArgs) -> Handle:
         if args.cell.recipe.kinematics
         else [0.02 * one.recipe.velocity * one.value for one in args.args]
     )
+    if not args.cell.recipe.kinematics:  # from near a limit it may sway beyond that
+        ends = [start + 2.0 * size for start, size in zip(starts, sizes, strict=True)]
+        args.outside = any(one.is_beyond(end) for one, end in zip(args.args, ends, strict=True))
     step = max(0.02, args.cell.recipe.period / 1000.0)
     points = args.group.stream(period=step, buffer=0.5, on_underrun="error" if args.value < -0.5 else "hold")
     ended = args.value >= -0.5  # who holds at its end waits for more points, or for its end
