@@ -19,6 +19,17 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a halt of a move that an extreme override makes too slow to be seen": Script(
+        "stiff",
+        (
+            Event(pause=1.0, what="extreme", axis="a", value=0.196),
+            Event(pause=0.0, what="move_absolute", axis="a", value=0.993),
+            Event(pause=0.5, what="halt", axis="a", value=0.55),
+        ),
+        scene="drawn",
+        ending="busy-close",
+        cell=CellRecipe((AxisRecipe(unit="rev", scale=4096.0, speed=200000.0, acceleration=800000.0),)),
+    ),
     "a stream of points that sways out of a limit at which it begins": Script(
         "stiff",
         (

@@ -211,12 +211,18 @@ class Facts:
         lines += [part for part in text.split("\0") if f"{name}: " in part or f"[{name}]" in part]
         return any(word in line for line in lines for word in HONEST)
 
-    def moves(self, name: str) -> bool:
+    def unseen_speed(self, name: str) -> float:
+        """Return the highest speed in increments per s that may look like standstill.
+
+        A position that changes by the tolerance and a part of an increment is within it. So is one that changes by as much more as
+        the noise of the first and of the last value can hide.
+        """
         parameters, noise = self.core[name].parameters, self.drive[name].params.noise
-        # A position that changes by the tolerance and a part of an increment is within it. So is one that changes by as much more
-        # as the noise of the first and of the last value can hide.
-        unseen = (parameters.standstill_tolerance + 1.0 + 2.0 * noise) / parameters.timing.standstill_time
-        return abs(self.drive[name].axis.motor.velocity) > max(MOVES * abs(self.scale[name]), unseen)
+        return (parameters.standstill_tolerance + 1.0 + 2.0 * noise) / parameters.timing.standstill_time
+
+    def moves(self, name: str) -> bool:
+        moving = max(MOVES * abs(self.scale[name]), self.unseen_speed(name))
+        return abs(self.drive[name].axis.motor.velocity) > moving
 
     def stops_in(self, name: str) -> float:
         """Return how long a stop may take that goes through all its steps, in s: the times of the cell file, and a little more."""

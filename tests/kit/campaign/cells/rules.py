@@ -48,6 +48,7 @@ _COUNTED = 10.0  # s for which an axis may turn on before it comes to the end of
 _SETTLED = 4  # cycles in csp before its targets are looked at
 _REFUSED = (CommandError, StateError)
 _TOO_HIGH = "0x06090031"  # the abort code of a value that is too high
+_BLOCKED = "was blocked during a move"
 _HARDER = "stopped only by a harder stop"
 # Errors that a healthy axis gets only by a mistake of the master.
 _FALSE = (
@@ -209,6 +210,9 @@ class Physics(Travel):
             return
         if isinstance(error, DriveError) and any(self._has_crept(name) for name in asked.names):
             return
+        if isinstance(error, DriveError) and any(self._crawls(name, error) for name in asked.names):
+            facts.tally["halts of moves too slow to be told from a blocked axis"] += 1
+            return
         if isinstance(error, MotionTimeout) and any(map(self._is_limited_by_drive, asked.names)):
             facts.tally["velocities without a known unit that the drive does not reach"] += 1
             return
@@ -265,6 +269,16 @@ class Physics(Travel):
             return False
         needs = axis.speed * velocity_unit(axis) / max(own.default.value, 1)
         return needs > self._facts.core[name].parameters.stop_times.halt
+
+    def _crawls(self, name: str, error: DriveError) -> bool:
+        """Whether a move was so slow (by an extreme override) that the master cannot know that nothing holds the axis.
+
+        Without a demand that has been seen to lead the axis, it then takes the power as a precaution.
+        """
+        drive, image = self._facts.drive[name], self._facts.core[name].image
+        if _BLOCKED not in error.message or image.demand is not None or drive.mode_display != _PP:
+            return False
+        return drive.axis.speed(drive.settings.profile_velocity) < self._facts.unseen_speed(name)
 
     def _is_limited_by_drive(self, name: str) -> bool:
         """Whether the drive limits the axis by 6080h to less than max_velocity, which nobody has told the master.
@@ -543,8 +557,8 @@ class Physics(Travel):
             return not self._has_all_modes(name)
         if isinstance(error, StaleError):
             return "never received" in str(error)  # a maker's file whose 6064h cannot be mapped
-        # The acceleration of the cell file is more than the maker's file permits: the drive has said so.
-        if isinstance(error, DriveError) and self._is_too_much(name, error):
+        # The acceleration of the cell file is more than the maker's file permits, and the drive has said so; or it may be blocked.
+        if isinstance(error, DriveError) and (self._is_too_much(name, error) or self._crawls(name, error)):
             return True
         # How it brakes is not known, so that a quick stop past its last target may be a pull.
         if isinstance(error, DriveError) and not self._cell.recipe.axis(name).counted:
