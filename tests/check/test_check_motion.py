@@ -518,6 +518,30 @@ def test_an_axis_in_increments_is_told_how_its_deadlines_are_made(tmp_path: Path
     assert cells.note(path, "axis x: without velocity_scale").line == cells.line_of(path, '"increments"')
 
 
+@pytest.mark.parametrize("scale", ["0.15", "0.3", "0.299"])
+def test_an_axis_with_few_increments_is_warned_of_the_slow_motions_that_its_positions_cannot_show(
+    tmp_path: Path, scale: str
+) -> None:
+    """At 200 mm/s; 0.3 makes exactly 60 increments per second."""
+    path = cells.write(tmp_path, ("scale = 1000", f"scale = {scale}"))
+    found = [each for each in cells.serious(path) if "cannot show a slow motion" in each.message]
+    assert len(found) == (float(scale) < 0.3)
+    if scale == "0.15":
+        # 3 increments, 20 mm, in 0.3 s
+        assert found[0].line == cells.line_of(path, "max_velocity = 200.0")
+        assert found[0].severity.value == "warning"
+        assert "at 200 mm/s its position changes by 30 increments per second" in found[0].observed
+        assert "up to 66.7 mm/s look like standstill" in found[0].observed
+
+
+def test_without_max_velocity_the_default_velocity_says_how_slow_a_motion_positions_can_show(
+    tmp_path: Path,
+) -> None:
+    path = cells.write(tmp_path, ("scale = 1000", "scale = 0.1"), ("max_velocity = 200.0\n", ""))
+    found = [each for each in cells.serious(path) if "cannot show a slow motion" in each.message]
+    assert [each.line for each in found] == [cells.line_of(path, "velocity = 100.0")]
+
+
 def test_limits_in_drive_says_what_it_cannot_leave_there(tmp_path: Path) -> None:
     given = "max_torque = 4.0", "max_torque = 4.0\nlimits_in_drive = true"
     path = cells.write(tmp_path, given, eds=cells.without("607F"))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from axisbus.cell.drive_limits import KEY, left_out
 from axisbus.cell.model import AxisConfig, SourceLocation
-from axisbus.cell.parameters import axis_parameters
+from axisbus.cell.parameters import axis_parameters, highest_speed
 from axisbus.check.context import Check, CheckContext, Problems, own_title, titles
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import homing, objects
@@ -231,6 +231,9 @@ _WITHOUT_DEMAND = (
     "in pp an axis that does not follow is detected by the drive's own monitoring, or by the time limit of its move; at "
     "standstill its position is monitored"
 )
+# Increments per second at the highest speed. Positions are compared for at most 0.3 s, in which noise hides a change of less than 3
+# increments. So with fewer increments more than a sixth of the highest speed may look like standstill.
+_COARSE = 60.0
 _STAYS = (
     "position limits, standstill, set-points streamed by the master and the drive's own following error (6065h, 6066h) are "
     "still monitored"
@@ -277,6 +280,28 @@ def _why(axis: AxisConfig) -> str:
         "neither standstill_window nor position_window nor max_velocity is set: the distance of 10 ms at the default "
         "velocity"
     )
+
+
+def coarse_positions(case: CheckContext) -> Problems:
+    """Warn of an axis whose positions have too few increments to show a slow motion."""
+    for drive in case.drives:
+        axis = drive.axis
+        if not axis.at.sound("unit", "scale", "velocity_scale", "max_velocity"):
+            continue
+        parameters = axis_parameters(case.cell, axis.name, case.eds[axis.node])
+        speed, unit = highest_speed(axis, parameters.units), abs(parameters.units.position.factor)
+        if not parameters.units.ratio_known or not 0.0 < speed < _COARSE:
+            continue
+        unseen = (parameters.standstill_tolerance + 1.0) / parameters.timing.standstill_time / unit
+        line = axis.defaults.at.of("velocity") if axis.max_velocity is None else axis.at.of("max_velocity")
+        yield case.warning(
+            line,
+            f"axis {axis.name}: its positions cannot show a slow motion",
+            f"at {speed / unit:g} {axis.unit}/s its position changes by {speed:g} increments per second, and up to {unseen:.3g} "
+            f"{axis.unit}/s look like standstill",
+            "use an encoder with more increments, or mount it before the gear; check scale. Otherwise expect that a stop of this "
+            "axis is reported while it still moves slowly",
+        )
 
 
 def by_sight(case: CheckContext) -> Problems:
@@ -330,4 +355,4 @@ def demands(case: CheckContext) -> Problems:
             )
 
 
-WINDOW_CHECKS: tuple[Check, ...] = (allowances, by_sight, demands)
+WINDOW_CHECKS: tuple[Check, ...] = (allowances, coarse_positions, by_sight, demands)
