@@ -69,6 +69,42 @@ def test_until_it_begins_the_trajectory_before_leads():
     assert last == 60_000
 
 
+def test_while_it_waits_the_path_before_does_not_get_too_far_for_its_deceleration():
+    """From 20 deg/s it needs 100 deg to brake with 2 deg/s²; the axis had room for that when it was commanded."""
+    drive, before = led(limits=AxisLimits(position=(-10.0, 400.0), velocity=400.0))
+    gate = StartBarrier()
+    move = going_on(drive, before, 399_000, gate, ramp=2_000.0, down=2_000.0)
+    move.require_room(0)
+    while not before.clock.braking:
+        targets = [step(drive, move)]
+        assert targets[0] < 310_000
+    assert targets[0] == pytest.approx(300_000, abs=400)
+    targets += [step(drive, move) for _ in range(300)]
+    steps = [b - a for a, b in pairwise(targets)]
+    assert max(abs(b - a) for a, b in pairwise(steps)) <= 55  # 500 deg/s²
+    assert before.at_rest
+    gate.update(0)
+    while targets[-1] != 399_000:
+        targets.append(step(drive, move))
+        assert len(targets) < 20_000
+    assert max(targets) <= 400_000
+
+
+def test_a_path_that_brakes_because_it_got_too_fast_goes_on_as_the_move_once_that_has_room():
+    drive, before = led(limits=AxisLimits(position=(-10.0, 400.0), velocity=400.0))
+    gate = StartBarrier()
+    move = going_on(drive, before, 399_000, gate, ramp=2_000.0, down=2_000.0)
+    while not before.clock.braking:
+        assert step(drive, move) < 310_000
+    gate.update(0)
+    targets = [step(drive, move) for _ in range(2000)]
+    steps = [b - a for a, b in pairwise(targets)]
+    assert max(abs(b - a) for a, b in pairwise(steps)) <= 55
+    assert min(steps[:20]) > 100  # it need not come to rest before
+    assert targets[-1] <= 400_000
+    assert not before.at_rest
+
+
 def test_one_that_replaces_another_before_that_begins_is_led_by_what_led_it():
     drive, before = led()
     replaced = going_on(drive, before)

@@ -19,6 +19,37 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a group that gets too fast for a move to which its axes wait for each other": Script(
+        "stiff",
+        (
+            Event(pause=0.5, what="move_linear", axis="", value=-0.977),
+            Event(pause=0.5, what="move_direct", axis="", value=-0.176),
+        ),
+        scene="drawn",
+        ending="close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    unit="rad",
+                    scale=5729.578,
+                    invert="drive",
+                    acceleration=40000.0,
+                    ease=(0.5, 0.1),
+                    limits=(-0.2, 0.8),
+                    start=25941,
+                    homed=False,
+                ),
+                AxisRecipe(
+                    unit="increments",
+                    scale=1.0,
+                    speed=12000.0,
+                    acceleration=24000.0,
+                    limits=(-0.0, 1.0),
+                    jerk=5.0,
+                ),
+            )
+        ),
+    ),
     "a halt of a move that an extreme override makes too slow to be seen": Script(
         "stiff",
         (

@@ -8,7 +8,8 @@ master cannot know it. In cyclic synchronous position mode the master generates 
 master plans the rest of the path from the last target and its velocity. No object is written; only the path changes. The next move
 that begins at standstill uses profile position mode, as usual.
 
-While a group's axes wait for each other, the previous trajectory continues.
+While a group's axes wait for each other, the previous trajectory continues. If it gets too fast for the move's deceleration, it
+brakes until the move can begin.
 """
 
 from __future__ import annotations
@@ -191,6 +192,7 @@ class CspMove(PathHandover):
         if self._before is not None:
             if (
                 self._is_given_up
+                or self._must_slow_down(self._before, image)
                 or not self._may_follow(self._before, image)
                 or not self._gate.pass_through(self)
             ):
@@ -201,6 +203,18 @@ class CspMove(PathHandover):
 
     def _go_ahead(self, image: AxisImage) -> None:
         """Advance a profile ahead of the axis by one cycle; this class has none."""
+
+    def _must_slow_down(self, before: Follow, image: AxisImage) -> bool:
+        """Whether the axis has become too fast to brake within its position limits; if so, the previous path brakes.
+
+        The axis had room when the move was commanded. But while the axes of a group wait for each other, that path goes on.
+        """
+        if not before.is_under_way:
+            return False
+        (low, high), span = before.room, self.plan(image.origin).span
+        if low <= span[0] + before.shifted and span[1] + before.shifted <= high:
+            return False
+        return before.begin_braking()
 
     def _may_follow(self, _before: Follow, _image: AxisImage) -> bool:
         """Whether it can take over from the command that commands the axis now."""
