@@ -19,6 +19,36 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a halt while late feedback repeats a position, and the demand comes seldom": Script(
+        "stiff",
+        (
+            Event(pause=0.0, what="nudge", axis="a", value=-0.332),
+            Event(pause=0.0, what="stop", axis="a", value=0.806),
+            Event(pause=1.0, what="service", axis="", value=0.0),
+            Event(pause=2.0, what="move_waiting", axis="a", value=0.171),
+            Event(pause=0.05, what="controller", axis="a", value=0.624),
+            Event(pause=0.5, what="late_feedback", axis="a", value=-0.797),
+            Event(pause=0.0, what="halt", axis="a", value=0.717),
+        ),
+        scene="drawn",
+        ending="close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    unit="increments",
+                    scale=1.0,
+                    speed=200000.0,
+                    acceleration=200000.0,
+                    ease=(0.1, 0.1),
+                    limits=(-0.15, 0.15),
+                    slow=(("velocity", 5), ("torque", 5), ("demand", 25)),
+                    start=-2329,
+                ),
+            ),
+            period=4,
+            beside="virtual",
+        ),
+    ),
     "a group that gets too fast for a move to which its axes wait for each other": Script(
         "stiff",
         (

@@ -143,10 +143,17 @@ class Facts:
         Where it lied while the motor ran down, what it shows later may be a motor that is turned by hand.
         """
         dials = self.drive[name].dials
-        demanded = self.core[name].image.demand is not None and not dials.demand_frozen
+        demanded = self._shows_demand(name) and not dials.demand_frozen
         lies = dials.encoder_frozen or self._begins_to_lag(name)
         blind = lies and (self.stage(name) in OFF or not demanded)
         return blind or name in self._lost_sight
+
+    def _shows_demand(self, name: str) -> bool:
+        """Whether a demand is known, and comes so often that it shows a motion within the time in which positions are compared."""
+        core = self.core[name]
+        shortest = core.parameters.timing.standstill_time + 4.0 * self.scene.period
+        seldom = core.capabilities.max_age.get("demand", 0.0) > max(0.1, shortest)
+        return core.image.demand is not None and not seldom
 
     def is_caught_unseen(self, name: str, stop: Asked) -> bool:
         """Whether something caught the axis while it was being stopped, or just before, and no value tells by what it is led."""
