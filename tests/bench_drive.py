@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 
-from axisbus.cia402.port import Outputs
+from axisbus.machine.machine import Machine
 from axisbus.sim.device import Device
-from axisbus.sim.direct import DirectCycle, DirectPort
 from axisbus.sim.drive import Drive
 from axisbus.sim.node.slave import Slave
+from kit.cell import cell_text
 from kit.sim.eds import drive_eds
 
 PERIOD = 0.01
@@ -59,26 +61,16 @@ def main() -> None:
     slave.on_frame(0, b"\1\0", clock[0])
     print(f"Slave.step with two event TPDOs  {microseconds(step):7.2f} µs")
 
-    ports = [DirectPort(Device(drive_eds(), number)) for number in (1, 2, 3)]
-    cycle = DirectCycle(ports)
-    outputs = [Outputs(15, 1, 2_000_000_000)]
-
-    def once(_: float = 0.0) -> None:
-        cycle.wait_until(cycle.now() + PERIOD)
-        now = cycle.now()
-        for port in ports:
-            port.read(now)
-            port.write(outputs[0])
-        cycle.commit()
-        cycle.sync()
-        cycle.heartbeat()
-
-    for word in (6, 7, 15, 0x1F, 0x0F):
-        outputs[0] = Outputs(word, 1, 2_000_000_000)
-        for _ in range(5):
-            once()
-    cost = microseconds(once)
-    print(f"one cycle of three direct ports  {cost:7.2f} µs; an hour at 10 ms {cost * 0.36:.1f} s")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "cell.toml"
+        file.write_text(cell_text("xyz"), encoding="utf-8")
+        with Machine.simulated(file) as machine:
+            for axis in machine:
+                axis.enable().wait(5)
+                axis.move_velocity(50.0).wait(5)
+            cost = microseconds(lambda: machine.sleep(PERIOD), 2000)
+    print(f"a cycle of three axes, simulated {cost:7.2f} µs")
+    print(f"an hour of three axes at 10 ms   {cost * 3600 / PERIOD * 1e-6:7.1f} s")
 
 
 if __name__ == "__main__":

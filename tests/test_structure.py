@@ -49,6 +49,95 @@ def test_no_module_imports_itself_by_way_of_others():
     assert circles == []
 
 
+# -- time ----------------------------------------------------------------------------------------------------------------
+
+# What waits or runs in real time, whatever the clock of a channel is: those modules of these packages that may do so.
+IN_CLOCKED_PACKAGES = ("bus", "boot", "configuration", "core", "sim")
+REAL_NAMES = {
+    "time": {"monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns", "sleep"},
+    "threading": {"Barrier", "BoundedSemaphore", "Condition", "Event", "Semaphore", "Thread", "Timer"},
+    "queue": {"LifoQueue", "PriorityQueue", "Queue", "SimpleQueue"},
+    "axisbus.clock": {"REAL", "SystemClock"},
+}
+ADAPTER = "reads an adapter of the computer, in whose driver it blocks"
+SCAN = "the scan in real time: its thread, what watches over it, and how a program waits for it"
+PROCESS = "a core in a process of its own: the programs that speak with it, and its other processes, live in real time"
+SERVES = "simulated drives in real time, for programs that reach them through a bus or a port of the computer"
+REAL_BY_NATURE = {
+    "bus.link.channel": f"{ADAPTER}; its clock is the real one if none is given",
+    "bus.link.listen": ADAPTER,
+    "bus.link.modbus_bus": f"{ADAPTER}: a serial port",
+    "bus.link.ownership": "two programs that take an adapter at the same time give way to each other",
+    "bus.link.raw_sockets": "the stamps of the kernel are in the time of the computer",
+    "bus.link.socketpair_bus": ADAPTER,
+    "core.realtime_setup": SCAN,
+    "core.scan_thread": SCAN,
+    "core.waiting": SCAN,
+    "core.sim_server": SERVES,
+    "core.process.client": PROCESS,
+    "core.process.client_handler": PROCESS,
+    "core.process.clients": PROCESS,
+    "core.process.listener": PROCESS,
+    "core.process.persistence.faults": f"{PROCESS}; files are written beside the scan",
+    "core.process.persistence.journal": f"{PROCESS}; files are written beside the scan",
+    "core.process.persistence.plant_log": f"{PROCESS}; simulated drives there",
+    "core.process.rescue": PROCESS,
+    "core.process.rpc_client": PROCESS,
+    "core.process.server": PROCESS,
+    "core.process.session": PROCESS,
+    "core.process.simulated_drives": PROCESS,
+    "core.process.trajectory_feeder": f"{PROCESS}; a program's own code is called beside it",
+    "core.process.watchdog_process": PROCESS,
+    "sim.modbus.terminal": SERVES,
+    "sim.node.network": SERVES,
+    "sim.socketcand_server": SERVES,
+}
+
+
+def real_names(tree):
+    """What a module uses of REAL_NAMES, under whatever name it was imported."""
+    modules, found = {}, set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            modules |= {each.asname or each.name: each.name for each in node.names if each.name in REAL_NAMES}
+        elif isinstance(node, ast.ImportFrom):
+            taken = REAL_NAMES.get(node.module, set())
+            found |= {f"{node.module}.{each.name}" for each in node.names if each.name in taken}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            module = modules.get(node.value.id)
+            if module is not None and node.attr in REAL_NAMES[module]:
+                found.add(f"{module}.{node.attr}")
+    return found
+
+
+def test_only_what_is_real_by_nature_passes_over_the_clock_of_its_channel():
+    """All others run in virtual time too: a wait in real time would keep the one thread that runs there."""
+    paths = [path for package in IN_CLOCKED_PACKAGES for path in (SOURCE / package).rglob("*.py")]
+    found = {
+        ".".join(path.relative_to(SOURCE).with_suffix("").parts): names
+        for path in paths
+        if (names := real_names(ast.parse(path.read_text(encoding="utf-8"))))
+    }
+    assert {name: names for name, names in found.items() if name not in REAL_BY_NATURE} == {}
+    assert REAL_BY_NATURE.keys() - found.keys() == set()  # and who does so no more is not on the list
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("import time\ntime.sleep(1)", {"time.sleep"}),
+        ("import time as t\nasked = t.monotonic", {"time.monotonic"}),
+        ("from time import perf_counter as now", {"time.perf_counter"}),
+        ("import threading\nthreading.Timer(1, print)", {"threading.Timer"}),
+        ("from axisbus.clock import REAL, Clock", {"axisbus.clock.REAL"}),
+        ("import time, threading\ntime.time()\nthreading.Lock()\nclock.sleep(1)", set()),
+    ],
+)
+def test_what_passes_over_the_clock(text, names):
+    assert real_names(ast.parse(text)) == names
+
+
 # -- pages ----------------------------------------------------------------------------------------------------------------------
 
 each_page = pytest.mark.parametrize("page", ALL_PAGES, ids=name_of)
@@ -101,7 +190,7 @@ def test_the_readme_is_short():
 API = {
     name: ROOT / "docs" / "api" / f"{name.rpartition('.')[2]}.md"
     for name in ("axisbus", "axisbus.eds", "axisbus.errors")
-}
+} | {"axisbus.testing": ROOT / "docs" / "testing.md"}
 # What public classes have beside what is for users: name, and what it is there for.
 BETWEEN_ROOMS = {
     "Machine.disown": "a forked child gives its parent's machine up",

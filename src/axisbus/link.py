@@ -4,8 +4,8 @@ Theory of operation
 -------------------
 The maker of a link opens it. It is then used in this order: ``boot`` for each node, ``begin`` once, ``cycle`` and ``ports`` by the
 scan; ``parts`` for everything outside the scan; ``rescue`` only if the scan has failed; ``leave``, and ``close`` at the end. A node
-that was absent may be booted later, while the scan runs: the cycle includes it from then on. ``core.canlink`` is CAN with CANopen;
-``core.direct`` is simulated drives in virtual time, without a bus.
+that was absent may be booted later, while the scan runs: the cycle includes it from then on. ``core.canlink`` is CAN with CANopen,
+on an adapter or on a simulated wire in virtual time.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia401.port import IoPort
 from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.port import BusCycle, Port
+from axisbus.clock import Clock
 from axisbus.errors import SecondMasterError
 
 Booted = TypeVar("Booted", covariant=True)  # the result of booting a node
@@ -71,8 +72,8 @@ class CellConnection(Protocol[Booted, Parts, Incident, Event]):
     """An opened connection to the nodes of a cell, identified by their node-IDs."""
 
     @property
-    def in_threads(self) -> bool:
-        """Whether several nodes may be booted at the same time, each in a thread."""
+    def clock(self) -> Clock:
+        """The clock in which everything blocks; nodes are booted at the same time, each in a thread of this clock."""
 
     def boot(self, node_id: int) -> Booted:
         """Boot and configure a node, and return the result, an error included; blocks."""

@@ -214,7 +214,7 @@ class MachineSession(AxisSession, Protocol):
 
     @property
     def bus_events(self) -> list[ControllerEvent]:
-        """The events of the CAN controller, oldest first; empty without a bus."""
+        """The events of the CAN controller, oldest first."""
 
     @property
     def commands(self) -> list[CommandSeen]:
@@ -222,15 +222,15 @@ class MachineSession(AxisSession, Protocol):
 
     @property
     def drops(self) -> tuple[Drop, ...]:
-        """Dropped frames, counted by reason and node; empty without a bus."""
+        """Dropped frames, counted by reason and node."""
 
     @property
     def sdo_counts(self) -> tuple[SdoCount, ...]:
-        """The results of the SDO transfers so far, by node; empty without a bus."""
+        """The results of the SDO transfers so far, by node."""
 
     @property
     def carried(self) -> BusTraffic | None:
-        """The traffic of the bus so far, in both directions; None without a bus."""
+        """The traffic of the bus so far, in both directions; None before the first cycle."""
 
     @property
     def programs(self) -> tuple[ClientProgram, ...]:

@@ -200,14 +200,14 @@ def test_a_drive_that_has_the_configuration_of_this_date_is_not_asked_for_the_va
     path = cell()
     made = device_from_eds(_with_1020(path, tmp_path), 3)
     transfers = []
-    for name in ("upload", "download", "read", "write"):
-        done = getattr(made, name)
+    for name in ("upload", "download"):
+        done = getattr(made.dictionary, name)
 
         def counted(index, sub=0, *rest, done=done):
             transfers.append((index, sub))
             return done(index, sub, *rest)
 
-        monkeypatch.setattr(made, name, counted)
+        monkeypatch.setattr(made.dictionary, name, counted)
     of_the_dcf = {(0x6083, 0), (0x6098, 0), (0x607D, 1)}  # nothing else at boot reads these
 
     _booted(path, made)

@@ -17,6 +17,7 @@ from axisbus.cia305.dialogue import LssTiming
 from axisbus.cia305.services import LssAddress
 from axisbus.errors import AdapterError, LssTimeout
 from kit.bus.peer import FakeBus, Frame
+from kit.clock import HandClock
 from kit.lss_line import HandSlave
 
 ONE, OTHER = LssAddress(0xC0B00, 8, 1, 1), LssAddress(0xC0B00, 8, 1, 2)
@@ -149,22 +150,18 @@ def test_one_that_is_silent_is_asked_until_five_seconds_are_over(
 ) -> None:
     """With a pause between the questions, of which each takes 0.3 s here."""
     monkeypatch.setattr(bitrate_change, "ANSWER_TIME", 5.0)
-    clock = SimpleNamespace(now=1000.0, pauses=[], asked=[])
-
-    def sleep(seconds: float) -> None:
-        clock.pauses.append(seconds)
-        clock.now += seconds
+    clock, questions = HandClock(1000.0), list[LssAddress]()
 
     def inquire(address: LssAddress) -> None:
-        clock.asked.append(address)
-        begin, clock.now = clock.now, clock.now + 0.3
+        questions.append(address)
+        begin, clock.time = clock.time, clock.time + 0.3
         if begin - 1000.0 < answers_after:
             raise LssTimeout("nobody answers", service="inquire")
 
-    monkeypatch.setattr(bitrate_change, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep))
-    assert bitrate_change._answers(SimpleNamespace(inquire=inquire), ONE) is (answers_after < 5.0)
-    assert clock.asked == [ONE] * asked
-    assert clock.pauses == [0.2] * (asked - 1)
+    master = SimpleNamespace(inquire=inquire, channel=SimpleNamespace(clock=clock))
+    assert bitrate_change._answers(master, ONE) is (answers_after < 5.0)
+    assert questions == [ONE] * asked
+    assert clock.slept == [0.2] * (asked - 1)
 
 
 def test_one_that_has_not_come_along_is_named(desk) -> None:

@@ -5,34 +5,48 @@ from __future__ import annotations
 import struct
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import can
 import pytest
 
-from axisbus.bus.cycle import CanCycle
+from axisbus.bus.cycle import BootHeartbeat, CanCycle
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.port import CanPort
 from axisbus.cia402.port import Outputs
+from axisbus.clock import SystemClock, VirtualClock
 from axisbus.errors import AdapterError, TransmitQueueFull
+from axisbus.sim.virtual_can import VirtualWire
 from kit.bus.peer import FakeBus, eventually
 from kit.bus.ports import port_of, slave_of
+from kit.clock import HandClock
 
 
-class Time:
-    """A clock that only moves when somebody sleeps, and then a little too long, as a real one does."""
+class Imprecise(HandClock):
+    """A clock whose sleeps end a little too late or too early, as those of a real one do."""
 
-    def __init__(self, overshoot: float = 0.0) -> None:
-        self.now = 100.0
-        self.overshoot = overshoot
-        self.slept: list[float] = []
-
-    def clock(self) -> float:
-        return self.now
+    def __init__(self, overshoot: float = 0.0, share: float = 1.0) -> None:
+        super().__init__(100.0)
+        self.overshoot, self.share = overshoot, share
 
     def sleep(self, seconds: float) -> None:
-        self.slept.append(seconds)
-        self.now += seconds + self.overshoot
+        super().sleep(seconds if self.share == 1.0 else max(seconds * self.share, 0.0001))
+        self.time += self.overshoot
+
+
+class Watched(HandClock):
+    """A clock at which each look of the scan takes some time."""
+
+    def __init__(self) -> None:
+        super().__init__(100.0)
+        self.looks: list[float] = []
+
+    def now(self) -> float:
+        if threading.current_thread() is threading.main_thread():
+            self.looks.append(self.time)
+            self.time += 0.00001
+            return self.looks[-1]
+        return self.time
 
 
 @pytest.fixture
@@ -60,8 +74,8 @@ def sdo_stop(node_id: int) -> tuple[int, bytes]:
 
 
 def test_the_grid_does_not_drift(channel: Channel) -> None:
-    clock = Time(overshoot=0.0003)
-    cycle = CanCycle(channel, [], clock=clock.clock, sleep=clock.sleep)
+    channel.clock = Imprecise(overshoot=0.0003)
+    cycle = CanCycle(channel, [])
     begun = []
     for number in range(1, 101):
         cycle.wait_until(100.0 + number * 0.004)
@@ -70,36 +84,28 @@ def test_the_grid_does_not_drift(channel: Channel) -> None:
 
 
 def test_a_late_cycle_is_not_waited_for(channel: Channel) -> None:
-    clock = Time()
-    cycle = CanCycle(channel, [], clock=clock.clock, sleep=clock.sleep)
+    clock = channel.clock = HandClock(100.0)
+    cycle = CanCycle(channel, [])
     cycle.wait_until(99.99)
     assert clock.slept == []
     assert cycle.now() == 100.0
 
 
 def test_a_sleep_that_ends_early_is_continued(channel: Channel) -> None:
-    clock = Time()
-    cycle = CanCycle(
-        channel, [], clock=clock.clock, sleep=lambda seconds: clock.sleep(max(seconds / 2, 0.0001))
-    )
+    clock = channel.clock = Imprecise(share=0.5)
+    cycle = CanCycle(channel, [])
     cycle.wait_until(100.004)
-    assert clock.now >= 100.004
+    assert clock.time >= 100.004
     assert len(clock.slept) > 1
 
 
 def test_the_end_of_a_wait_is_watched_and_not_slept_through(channel: Channel) -> None:
-    clock, looks = Time(), []
-
-    def look() -> float:
-        looks.append(clock.now)
-        clock.now += 0.00001  # what a look takes
-        return looks[-1]
-
-    cycle = CanCycle(channel, [], clock=look, sleep=clock.sleep, spin=0.0001)
+    clock = channel.clock = Watched()
+    cycle = CanCycle(channel, [], spin=0.0001)
     cycle.wait_until(100.004)
     assert clock.slept == pytest.approx([0.0039])
-    assert looks[-1] == pytest.approx(100.004, abs=0.00002)
-    assert looks[-1] >= 100.004
+    assert clock.looks[-1] == pytest.approx(100.004, abs=0.00002)
+    assert clock.looks[-1] >= 100.004
 
 
 def test_real_time_never_comes_back_too_early(channel: Channel) -> None:
@@ -136,16 +142,41 @@ def test_a_bus_without_sync_and_heartbeat_gets_none(channel: Channel, fake: Fake
 
 
 def test_our_heartbeat_keeps_its_period(channel: Channel, fake: FakeBus) -> None:
-    clock = Time()
-    cycle = CanCycle(channel, [], master_id=127, heartbeat=0.1, clock=clock.clock, sleep=clock.sleep)
+    clock = channel.clock = HandClock(100.0)
+    cycle = CanCycle(channel, [], master_id=127, heartbeat=0.1)
     for number in range(251):  # one second in cycles of 4 ms
         cycle.wait_until(100.0 + number * 0.004)
         cycle.heartbeat()
     assert 10 <= len(fake.frames(0x77F)) <= 11
-    clock.now += 5.0  # after a suspension one is sent, not fifty
+    clock.time += 5.0  # after a suspension one is sent, not fifty
     cycle.heartbeat()
     cycle.heartbeat()
     assert len(fake.frames(0x77F)) <= 12
+
+
+@pytest.mark.timeout(60)
+def test_our_first_heartbeat_may_wait_for_a_full_queue_in_virtual_time() -> None:
+    """The thread of another node that wants it too waits in virtual time as well, and does not keep the turn."""
+    clock = VirtualClock()
+    wire = VirtualWire(clock, ())
+    adapter = wire.connect()
+    adapter.full = True
+    with Channel(adapter, "simulated", clock=clock) as channel:
+        heard: list[tuple[float, int]] = []
+        other = Channel(wire.connect(), "simulated", clock=clock)
+        other.subscribe(0x77F, lambda data, stamp: heard.append((round(stamp, 3), data[0])))
+        heartbeat = BootHeartbeat(channel, 127, 0.1)
+        threads = [clock.thread(heartbeat.begin, f"axisbus node {number}") for number in (1, 2)]
+        for thread in threads:
+            thread.start()
+        clock.sleep(0.002)
+        adapter.full = False
+        clock.sleep(0.25)
+        assert not any(thread.is_alive() for thread in threads)
+        heartbeat.end()
+        clock.sleep(1.0)
+        assert heard == [(0.002, 5), (0.102, 5), (0.202, 5)]
+    clock.close()
 
 
 def test_a_deaf_master_sends_no_more_set_points(
@@ -351,7 +382,7 @@ def test_a_quick_stop_passes_the_scan_thread_that_is_stuck_in_send(
 
 
 def test_a_quick_stop_comes_back_from_a_driver_that_does_not(
-    channel: Channel, fake: FakeBus, ports: list[CanPort], monkeypatch: pytest.MonkeyPatch
+    channel: Channel, fake: FakeBus, ports: list[CanPort]
 ) -> None:
     cycle = CanCycle(channel, ports)
     commanded(cycle, fake, ports)
@@ -366,8 +397,12 @@ def test_a_quick_stop_comes_back_from_a_driver_that_does_not(
             patience.append(timeout)
             super().join(timeout)
 
+    class Noting(SystemClock):
+        def thread(self, run: Callable[[], object], name: str) -> Waited:
+            return Waited(target=run, name=name, daemon=True)
+
     patience: list[float | None] = []
-    monkeypatch.setattr("axisbus.bus.cycle.threading.Thread", Waited)
+    channel.clock = Noting()
     fake.peers.append(block)
     begin = time.monotonic()
     assert not cycle.quick_stop_all()

@@ -19,7 +19,7 @@ from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
 from kit.finding import search
 from kit.sim.module import SAVE, gim_eds
-from kit.virtual_channel import Killed, virtual_channel
+from kit.virtual_channel import Killed, KilledChannel
 
 EDS = gim_eds()
 
@@ -32,7 +32,7 @@ def parameters(channel, act):
     line = SimpleLine(channel, 5)
     found = CanSimpleParameters(line)
     with line:
-        found.open(parse(json.dumps(channel.wire.modules[0].json()), "a list"), Firmware(0, 5, 13))
+        found.open(parse(json.dumps(channel.modules[0].json()), "a list"), Firmware(0, 5, 13))
         act(found)
 
 
@@ -62,12 +62,11 @@ PLAYS = {
 }
 
 
-def played(monkeypatch, name, killed_at=None):
+def played(name, killed_at=None):
     module = Module(5, eds=EDS, dials=ModuleDials(line_bitrate=500_000, restart_time=0.7))
-    channel = virtual_channel(monkeypatch, module, killed_at=killed_at)
-    with suppress(Killed):
+    channel = KilledChannel(module, killed_at=killed_at)
+    with suppress(Killed), channel:
         PLAYS[name][0](channel)
-    monkeypatch.undo()
     return module, channel
 
 
@@ -84,14 +83,14 @@ def explained(module, rate, since, ask=ProbeScope.HEARD):
 
 
 @pytest.mark.parametrize("name", PLAYS)
-def test_how_many_frames_there_are_and_what_it_comes_to(monkeypatch, name):
-    module, channel = played(monkeypatch, name)
+def test_how_many_frames_there_are_and_what_it_comes_to(name):
+    module, channel = played(name)
     _, after, frames = PLAYS[name]
     assert len(channel.sent) == frames
     assert [number for number, (can_id, _) in enumerate(channel.sent) if can_id & 0x1F == SAVE] == [
         frames - 1
     ]
-    assert explained(module, after[2], channel.wire.now, ProbeScope.ALL) == [after]
+    assert explained(module, after[2], channel.clock.now(), ProbeScope.ALL) == [after]
 
 
 @pytest.mark.parametrize(
@@ -102,13 +101,13 @@ def test_how_many_frames_there_are_and_what_it_comes_to(monkeypatch, name):
         for at in sorted({0, *range(max(0, frames - 3), frames)})
     ],
 )
-def test_killed_before_any_frame_it_is_where_it_was_after_a_start(monkeypatch, name, killed_at):
-    module, channel = played(monkeypatch, name, killed_at)
+def test_killed_before_any_frame_it_is_where_it_was_after_a_start(name, killed_at):
+    module, channel = played(name, killed_at)
     assert len(channel.sent) == killed_at
     in_ram = ("CAN Simple", module.node_id, 500_000)
-    assert explained(module, 500_000, channel.wire.now) == [in_ram]
+    assert explained(module, 500_000, channel.clock.now()) == [in_ram]
     assert in_ram == OLD or (name, killed_at) == ("set-id", 1)  # the new ID holds at once, and unsaved
     module.dials.restart_time = 0.0
     module.restart()
-    assert explained(module, 500_000, channel.wire.now + 10.0) == [OLD]
+    assert explained(module, 500_000, channel.clock.now() + 10.0) == [OLD]
     assert not module.energised

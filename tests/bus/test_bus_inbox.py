@@ -15,6 +15,7 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.frame_queue import UnboundedQueue
 from axisbus.bus.lss import LssMaster
 from axisbus.bus.sdo.transfer import SdoConnection
+from axisbus.clock import REAL
 from kit.bus.peer import FakeBus
 
 WAITS = 100_000
@@ -45,16 +46,16 @@ def within_watchdog(work: Callable[[], None]) -> None:
 
 def test_a_hundred_thousand_waits_of_a_few_microseconds_all_end() -> None:
     def work() -> None:
-        old: UnboundedQueue[int] = UnboundedQueue()
+        old: UnboundedQueue[int] = UnboundedQueue(REAL)
         for number in range(WAITS):
-            inbox = UnboundedQueue() if number % 2 else old  # a new one's lock has never been taken
+            inbox = UnboundedQueue(REAL) if number % 2 else old  # a new one's lock has never been taken
             assert inbox.take(time.monotonic() + SHORT[number % len(SHORT)]) is None
 
     within_watchdog(work)
 
 
 def test_short_waits_end_while_others_put_and_take() -> None:
-    inbox: UnboundedQueue[int] = UnboundedQueue()
+    inbox: UnboundedQueue[int] = UnboundedQueue(REAL)
     over = threading.Event()
 
     def putting() -> None:
@@ -91,7 +92,7 @@ def test_the_waits_of_sdo_and_lss_end_however_short(channel: Channel, fake: Fake
 
 
 def test_a_wait_that_has_passed_takes_what_is_there_and_does_not_block() -> None:
-    inbox: UnboundedQueue[int] = UnboundedQueue()
+    inbox: UnboundedQueue[int] = UnboundedQueue(REAL)
     assert inbox.take(time.monotonic() - 1.0) is None
     inbox.put(1)
     inbox.put(2)
@@ -100,13 +101,13 @@ def test_a_wait_that_has_passed_takes_what_is_there_and_does_not_block() -> None
 
 @pytest.mark.parametrize("empty", [b"", 0])
 def test_an_item_that_counts_as_false_is_an_item(empty: object) -> None:
-    inbox: UnboundedQueue[object] = UnboundedQueue()
+    inbox: UnboundedQueue[object] = UnboundedQueue(REAL)
     inbox.put(empty)
     assert inbox.take(0.0) == empty
 
 
 def test_what_is_put_wakes_one_who_waits_long() -> None:
-    inbox: UnboundedQueue[str] = UnboundedQueue()
+    inbox: UnboundedQueue[str] = UnboundedQueue(REAL)
     threading.Timer(0.05, inbox.put, ["woken"]).start()
     began = time.monotonic()
     assert inbox.take(began + 30.0) == "woken"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -24,6 +23,7 @@ from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import StateError
 from kit.bus.plan import CIA402, objects, rpdo, tpdo
+from kit.clock import HandClock
 
 INPUTS = ("statusword", "mode", "position", "velocity", "torque", "demand")
 OUTPUTS = ("controlword", "mode", "target_position", "target_velocity", "target_torque")
@@ -206,6 +206,7 @@ def test_a_feed_that_nobody_reads_keeps_the_newest_64_and_counts_the_others():
 
 class Worker:
     def __init__(self) -> None:
+        self.clock = HandClock()
         self.jobs = []
         self.began = 0.0  # when the job that has ended was
 
@@ -253,7 +254,7 @@ def test_an_answer_that_a_newer_pdo_has_overtaken_does_not_count():
     poller.read_into(samples)
     assert samples["mode"].value == 2  # the PDO was of before the poll
     poller.poll(1.0)
-    samples["mode"] = Sample(3, time.monotonic() + 1000.0)  # it came while the poll was under way
+    samples["mode"] = Sample(3, worker.clock.now() + 1000.0)  # it came while the poll was under way
     worker.jobs[1].done(2, None)
     poller.read_into(samples)
     assert samples["mode"].value == 3
@@ -552,19 +553,19 @@ def test_only_a_value_that_is_new_is_written_by_sdo():
     assert [job.value for job in worker.jobs] == [1, 0, 7]
 
 
-def test_a_value_that_was_refused_is_tried_again_after_a_while(monkeypatch):
-    clock = SimpleNamespace(now=5.0)
-    monkeypatch.setattr(sdo_exchange, "time", SimpleNamespace(monotonic=lambda: clock.now))
+def test_a_value_that_was_refused_is_tried_again_after_a_while():
     worker, outputs = by_sdo("mode")
+    clock = worker.clock
+    clock.time = 5.0
     outputs.take({"mode": 1}, None)
     worker.jobs[0].done(None, 0x06090030)
-    clock.now += sdo_exchange.RETRY - 0.125
+    clock.time += sdo_exchange.RETRY - 0.125
     outputs.take({"mode": 1}, None)
     assert len(worker.jobs) == 1
     outputs.take({"mode": 2}, None)
     assert len(worker.jobs) == 2
     worker.jobs[1].done(None, 0x06090030)
-    clock.now += sdo_exchange.RETRY
+    clock.time += sdo_exchange.RETRY
     outputs.take({"mode": 2}, None)
     assert len(worker.jobs) == 3
     outputs.take({"mode": 3}, None)

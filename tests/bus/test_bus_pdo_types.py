@@ -24,6 +24,7 @@ from axisbus.cia402.port import Outputs, ValueTransport
 from axisbus.errors import BootError
 from kit.bus.peer import FakeBus, Slave, eventually, pdo_objects
 from kit.bus.plan import objects, rpdo, tpdo
+from kit.clock import HandClock
 
 NODE = 5
 NO_RTR = 1 << 30
@@ -210,16 +211,16 @@ def operational(node: CanopenNode, fake: FakeBus) -> None:
 def test_a_tpdo_is_asked_for_at_its_period_with_its_length(
     channel: Channel, node: CanopenNode, fake: FakeBus, port: CanPort
 ) -> None:
-    now = [100.0]
-    cycle = CanCycle(channel, [port], clock=lambda: now[0])
+    clock = channel.clock = HandClock(100.0)
+    cycle = CanCycle(channel, [port])
     cycle.commit()
     assert fake.remote == []  # the node is not operational: nobody would answer
     operational(node, fake)
     for _ in range(21):  # 0.2 s
         cycle.commit()
-        now[0] += 0.01
+        clock.time += 0.01
     assert fake.remote == [0x185] * 3
-    assert port.take_requests(now[0] + 1.0) == [(0x185, 2)]
+    assert port.take_requests(clock.time + 1.0) == [(0x185, 2)]
 
 
 def test_nobody_is_asked_otherwise(channel: Channel, node: CanopenNode, fake: FakeBus) -> None:

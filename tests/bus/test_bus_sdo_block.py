@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import random
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator
-from types import SimpleNamespace
 
 import pytest
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.sdo import transfer
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.sdo import SdoTransferType
+from axisbus.clock import SystemClock
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
 from axisbus.errors import Interrupted, SdoError, SdoTimeout
 from axisbus.sim.device import Device
@@ -107,23 +105,27 @@ def test_many_bytes_travel_in_blocks_and_few_do_not(sdo: SdoClient, fake: FakeBu
     assert asked(fake) == ["21", "40"]
 
 
-def pausing(monkeypatch: pytest.MonkeyPatch, pause: Callable[[], object]) -> None:
-    """Have ``pause`` called where a transfer pauses between two frames."""
-    clock = SimpleNamespace(monotonic=time.monotonic, sleep=lambda _: pause())
-    monkeypatch.setattr(transfer, "time", clock)
+class Pausing(SystemClock):
+    """The clock of a channel that calls ``pause`` where a transfer pauses between two frames."""
+
+    def __init__(self, pause: Callable[[], object]) -> None:
+        self._pause = pause
+
+    def sleep(self, seconds: float) -> None:
+        self._pause()
 
 
 @pytest.mark.parametrize(("segments", "pauses"), [(1, []), (4, []), (5, [4]), (8, [4]), (9, [4, 8])])
 def test_segments_leave_in_groups_of_four_with_room_for_the_scan_s_frames_between(
+    channel: Channel,
     sdo: SdoClient,
     fake: FakeBus,
     stand_in: StandIn,
-    monkeypatch: pytest.MonkeyPatch,
     segments: int,
     pauses: list[int],
 ) -> None:
     seen: list[int] = []
-    pausing(monkeypatch, lambda: seen.append(len(fake.frames(0x605)) - 1))  # less the one that begins
+    channel.clock = Pausing(lambda: seen.append(len(fake.frames(0x605)) - 1))  # less the one that begins
     data = DATA[: 7 * segments]
     sdo.download(FILE, 0, data, way=SdoTransferType.BLOCK)
     assert stand_in.content == data
@@ -131,9 +133,9 @@ def test_segments_leave_in_groups_of_four_with_room_for_the_scan_s_frames_betwee
 
 
 def test_a_transfer_that_is_not_wanted_any_more_ends_between_two_groups(
-    sdo: SdoClient, fake: FakeBus, stand_in: StandIn, monkeypatch: pytest.MonkeyPatch
+    channel: Channel, sdo: SdoClient, fake: FakeBus, stand_in: StandIn
 ) -> None:
-    pausing(monkeypatch, sdo.cancel)
+    channel.clock = Pausing(sdo.cancel)
     with pytest.raises(Interrupted):
         sdo.download(FILE, 0, DATA, way=SdoTransferType.BLOCK)
     assert len(fake.frames(0x605)) == 1 + 4 + 1

@@ -19,10 +19,11 @@ from axisbus.bus.sync_and_time import SyncConsumer, TimeConsumer, TimeProducer
 from axisbus.cia301.dropped_frames import Drops
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sync import SyncTimes
+from axisbus.clock import SystemClock
 from axisbus.core.lateness import Lateness
 from axisbus.core.scan import Scan
 from axisbus.errors import BusOff, SdoTimeout, SyncError
-from kit.bus.clock import SleepingClock as Clock
+from kit.clock import HandClock
 
 OPERATIONAL, STOPPED, UNKNOWN = NmtState.OPERATIONAL, NmtState.STOPPED, NmtState.UNKNOWN
 UTC = timezone.utc  # noqa: UP017 - one name for what is compared
@@ -206,6 +207,22 @@ def test_which_events_are_bad_and_how_many_are_kept():
 # SYNC of another device.
 
 
+class WireClock(SystemClock):
+    """The clock of a ``Wire``."""
+
+    def __init__(self, wire: Wire) -> None:
+        self._wire = wire
+
+    def now(self) -> float:
+        return self._wire.now
+
+    def sleep(self, seconds: float) -> None:
+        self._wire.now += seconds
+
+    def condition(self) -> Changed:
+        return Changed(self._wire)
+
+
 class Wire:
     """A channel without a bus, with a clock that goes on while somebody waits; ``coming`` are the stamps of SYNC."""
 
@@ -217,6 +234,7 @@ class Wire:
         self.late: dict[int, float] = {}
         self.waits = 0
         self.fails = False
+        self.clock = WireClock(self)
         self.drops = Drops()
         self.syncs = SyncTimes()
 
@@ -247,9 +265,6 @@ class Wire:
         self.check()
         self.sent.append((self.now, can_id, length))
 
-    def clock(self) -> float:
-        return self.now
-
     def deliver(self) -> None:
         while self.coming and self.coming[0] <= self.now and self.receiver is not None:
             self.receiver(b"", self.coming.pop(0))
@@ -278,9 +293,7 @@ class Changed:
 
 
 def consumer(wire: Wire, period: float = 0.125, patience: float | None = 0.5) -> SyncConsumer:
-    made = SyncConsumer(wire, 0x80, period, patience, wire.clock)
-    made._changed = Changed(wire)
-    return made
+    return SyncConsumer(wire, 0x80, period, patience)
 
 
 def test_each_sync_begins_one_cycle_with_its_own_time():
@@ -412,7 +425,7 @@ def test_a_steady_sync_is_measured_and_one_of_another_period_refused():
 
 
 def due(wire: Wire, times: list[float], **options) -> list[tuple[float, int, bytes | int]]:
-    cycle = CanCycle(wire, [], clock=wire.clock, **options)
+    cycle = CanCycle(wire, [], **options)
     for now in times:
         wire.now = now
         cycle.heartbeat()
@@ -456,7 +469,7 @@ def test_nodes_without_heartbeat_are_asked_each_in_its_period():
 
 def test_a_node_that_joins_is_asked_and_looked_at_too():
     wire = Wire()
-    cycle = CanCycle(wire, [], clock=wire.clock)
+    cycle = CanCycle(wire, [])
     looked = []
     cycle.add([], Asked(wire, 7), SimpleNamespace(look=looked.append), 0.5)
     cycle.add([], Asked(wire, 8), SimpleNamespace(look=looked.append))
@@ -473,7 +486,7 @@ def test_a_node_that_joins_is_asked_and_looked_at_too():
 )
 def test_sync_counts_from_1_to_its_overflow(counter, data):
     wire = Wire()
-    cycle = CanCycle(wire, [], sync_counter=counter, clock=wire.clock)
+    cycle = CanCycle(wire, [], sync_counter=counter)
     for _ in data:
         cycle.sync()
     assert [sent for _, _, sent in wire.sent] == data
@@ -496,7 +509,7 @@ def test_simulated_drives_are_looked_at_before_they_get_more():
     """Whether they are behind is told of what the cycle before has sent, not of its own SYNC, which nobody can have taken yet."""
     wire = Wire()
     wire.drain = lambda: None
-    cycle = CanCycle(wire, [], clock=wire.clock)
+    cycle = CanCycle(wire, [])
     cycle.wait_until(0.0)
     assert not cycle.receive()
     wire.behind = lambda: not wire.sent
@@ -515,8 +528,6 @@ def test_a_bus_off_ends_no_cycle():
         master_id=127,
         heartbeat=0.5,
         guarded={Asked(wire, 5): 0.5},
-        clock=wire.clock,
-        sleep=lambda _: None,
     )
     wire.fails = True
     cycle.sync()
@@ -559,7 +570,7 @@ class Port:
 def test_the_frames_of_all_ports_go_out_and_what_they_ask_for():
     wire = Wire()
     ports = [Port(5, [(0x205, b"a"), (0x305, b"b")]), Port(6, [(0x206, b"c")])]
-    cycle = CanCycle(wire, ports, clock=wire.clock)
+    cycle = CanCycle(wire, ports)
     wire.now = 9.0
     cycle.commit()
     assert [(can_id, data) for _, can_id, data in wire.sent] == [
@@ -582,7 +593,7 @@ def test_nothing_more_goes_out_after_a_quick_stop_that_came_in_between():
         wire = Wire()
         ports = [Port(5, [(0x205, b"a"), (0x305, b"b")]), Port(6, [(0x206, b"c")])]
         ports.append(Port(7))
-        cycle = CanCycle(wire, ports, clock=wire.clock)
+        cycle = CanCycle(wire, ports)
         send = wire.send
 
         def stuck(can_id: int, data: bytes, send=send, stop_at=stop_at, cycle=cycle) -> None:
@@ -611,7 +622,7 @@ def test_a_quick_stop_is_every_port_s_frames_with_one_sync_between(taken, well):
 
     wire.send_urgent, wire.counters = urgent, SimpleNamespace(errors=[])
     ports = [Port(5, stops=(((0x205, b"q"),), ((0x605, b"s"),))), Port(6, stops=((), ((0x606, b"t"),)))]
-    cycle = CanCycle(wire, ports, clock=wire.clock)
+    cycle = CanCycle(wire, ports)
     assert cycle.quick_stop_all() is well
     assert sent == [(0x205, b"q"), (0x80, b""), (0x605, b"s"), (0x606, b"t")]
 
@@ -624,11 +635,11 @@ def test_a_port_that_fails_keeps_no_other_from_being_stopped():
         SimpleNamespace(errors=[]),
     )
     ports = [Port(5, error=RuntimeError("no")), Port(6, stops=((), ((0x606, b"t"),)))]
-    assert not CanCycle(wire, ports, clock=wire.clock).quick_stop_all()
+    assert not CanCycle(wire, ports).quick_stop_all()
     assert sent == [(0x606, b"t")]
     assert wire.counters.errors == ["stop frames of node 5: no"]
-    assert CanCycle(wire, [], clock=wire.clock).quick_stop_all()
-    assert not CanCycle(wire, ports[:1], clock=wire.clock).quick_stop_all()
+    assert CanCycle(wire, []).quick_stop_all()
+    assert not CanCycle(wire, ports[:1]).quick_stop_all()
 
 
 # TIME.
@@ -658,10 +669,8 @@ def test_time_is_sent_in_its_period_and_heard_with_what_has_passed_since():
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    made = Clock()
-    monkeypatch.setattr(nmt_commands, "time", made)
-    return made
+def clock() -> HandClock:
+    return HandClock()
 
 
 class Named:
@@ -669,7 +678,7 @@ class Named:
 
     def __init__(
         self,
-        clock: Clock,
+        clock: HandClock,
         node_id: int = 5,
         numbers: dict[int, int] | None = None,
         answers: NmtState | None = None,
@@ -680,7 +689,7 @@ class Named:
         self.nmt.wait_state = self._wait_state
         self.nmt.assume = lambda state: setattr(self.nmt, "assumed", state)
         self.channel = SimpleNamespace(
-            send_remote=self._asked, send=lambda can_id, data: self.sent.append((can_id, data))
+            clock=clock, send_remote=self._asked, send=lambda can_id, data: self.sent.append((can_id, data))
         )
         self.sdo = self
         self.sent: list = []
@@ -703,7 +712,7 @@ class Named:
         return self.numbers[index].to_bytes(2, "little")
 
     def answers_sdo(self, _: float) -> bool:
-        return self.serves_from <= self.clock.now < self.serves_until
+        return self.serves_from <= self.clock.time < self.serves_until
 
 
 @pytest.mark.parametrize(
@@ -723,14 +732,14 @@ class Named:
 )
 def test_how_a_silent_node_can_show_its_state(clock, numbers, answers, way):
     assert nmt_commands.ways([Named(clock, 5, numbers, answers)]) == {5: way}
-    assert clock.now == pytest.approx(1.2, abs=0.03)
+    assert clock.time == pytest.approx(1.2, abs=0.03)
 
 
 def test_one_that_is_heard_already_is_not_listened_for(clock):
     node = Named(clock, 6, {0x1017: 200})
     node.nmt.reports, node.nmt.state = 1, OPERATIONAL
     assert nmt_commands.ways([node]) == {6: NmtConfirmation(Confirmation.HEARTBEAT, OPERATIONAL, 0.2)}
-    assert clock.now == 0.0
+    assert clock.time == 0.0
     assert nmt_commands.ways([]) == {}
 
 
@@ -860,7 +869,7 @@ def test_a_channel_is_opened_as_it_was_before():
 
 def test_where_another_device_sends_sync_the_cycle_begins_with_it():
     wire = Wire()
-    cycle = CanCycle(wire, [], sync_consumer=SimpleNamespace(wait=lambda: 7.5), clock=wire.clock)
+    cycle = CanCycle(wire, [], sync_consumer=SimpleNamespace(wait=lambda: 7.5))
     wire.now = 7.75
     assert cycle.wait_until(100.0) == 7.5
     counted = lateness_of(cycle, due=100.0)

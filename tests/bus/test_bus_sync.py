@@ -18,6 +18,7 @@ from axisbus.core.scan import Scan
 from axisbus.errors import SyncError
 from kit.bus.peer import FakeBus, Slave, eventually
 from kit.bus.ports import port_of, slave_of
+from kit.clock import HandClock
 
 PERIOD = 0.004
 
@@ -142,26 +143,16 @@ def test_a_producer_with_another_period_is_refused_before_anything_moves(
     assert "scan_period = " in raised.value.remedy
 
 
-class Clock:
-    """A clock that another hand moves."""
-
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
 def heard(consumer: SyncConsumer, stamp: float) -> None:
     consumer._on_frame(b"", stamp)
 
 
 def test_a_missing_sync_is_an_error_after_one_and_a_half_periods(channel: Channel) -> None:
-    clock = Clock()
-    consumer = SyncConsumer(channel, 0x80, PERIOD, clock=clock)
+    clock = channel.clock = HandClock(100.0)
+    consumer = SyncConsumer(channel, 0x80, PERIOD)
     heard(consumer, 100.0)
     assert consumer.wait() == 100.0
-    clock.now = 100.0061
+    clock.time = 100.0061
     with pytest.raises(SyncError, match="SYNC of the other producer is missing") as raised:
         consumer.wait()
     assert "none on 080h for 6.1 ms, expected within 6 ms" in raised.value.observed
@@ -169,11 +160,11 @@ def test_a_missing_sync_is_an_error_after_one_and_a_half_periods(channel: Channe
 
 def test_our_own_lateness_is_not_taken_for_a_missing_sync(channel: Channel) -> None:
     """Half a second in which the process stood still: what came meanwhile still waits to be read."""
-    clock = Clock()
-    consumer = SyncConsumer(channel, 0x80, PERIOD, clock=clock)
+    clock = channel.clock = HandClock(100.0)
+    consumer = SyncConsumer(channel, 0x80, PERIOD)
     heard(consumer, 100.0)
     consumer.wait()
-    clock.now = 100.5
+    clock.time = 100.5
     late = threading.Timer(0.0, heard, (consumer, 100.5))
     consumer._take = _before(consumer._take, late.start, late.join)  # type: ignore[method-assign]
     assert consumer.wait() == 100.5
@@ -195,21 +186,21 @@ def _before(take, *works):  # type: ignore[no-untyped-def]
 
 
 def test_silence_after_our_own_lateness_is_missing_all_the_same(channel: Channel) -> None:
-    clock = Clock()
-    consumer = SyncConsumer(channel, 0x80, PERIOD, clock=clock)
+    clock = channel.clock = HandClock(100.0)
+    consumer = SyncConsumer(channel, 0x80, PERIOD)
     heard(consumer, 100.0)
     consumer.wait()
-    clock.now = 100.5
+    clock.time = 100.5
     with pytest.raises(SyncError):
         consumer.wait()
 
 
 def test_when_sync_is_gone_the_drives_are_stopped_by_sdo_without_it(channel: Channel, fake: FakeBus) -> None:
     """Their RPDOs wait for a SYNC that does not come; the SDO does not. And we send no SYNC: it is not ours."""
+    clock = channel.clock = HandClock(100.0)
     slave: Slave = slave_of(fake, 5)
     port = port_of(channel, 5)
-    clock = Clock()
-    consumer = SyncConsumer(channel, 0x80, PERIOD, clock=clock)
+    consumer = SyncConsumer(channel, 0x80, PERIOD)
     cycle = CanCycle(channel, [port], sync_cob_id=None, sync_consumer=consumer)
     scan = Scan(cycle, {}, {}, PERIOD)
     heard(consumer, 100.0)
@@ -217,7 +208,7 @@ def test_when_sync_is_gone_the_drives_are_stopped_by_sdo_without_it(channel: Cha
     port.write(Outputs(controlword=0x0F, target_position=0))
     cycle.commit()
     fake.sent.clear()
-    clock.now = 100.007
+    clock.time = 100.007
     scan.run()
     assert isinstance(scan.failure, SyncError)
     eventually(lambda: (0x6040, 0, b"\x02\0") in slave.writes)
@@ -234,13 +225,11 @@ NOON = datetime(2000, 1, 1, 12, tzinfo=UTC)
 
 def test_time_is_sent_at_its_period(channel: Channel, fake: FakeBus) -> None:
     """Noon is 43200000 ms, 02932E00h; 1 January 2000 is day 5844, 16D4h."""
-    now = [50.0]
-    cycle = CanCycle(
-        channel, [], clock=lambda: now[0], time_producer=TimeProducer(channel, 1.0, wall_clock=lambda: NOON)
-    )
+    clock = channel.clock = HandClock(50.0)
+    cycle = CanCycle(channel, [], time_producer=TimeProducer(channel, 1.0, wall_clock=lambda: NOON))
     for _ in range(26):  # 2.5 s
         cycle.heartbeat()
-        now[0] += 0.1
+        clock.time += 0.1
     assert fake.sent == [(0x100, bytes.fromhex("00 2e 93 02 d4 16"))] * 3
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -78,6 +80,18 @@ def test_what_fails_comes_back_as_an_abort_code(worker: SdoWorker, slave: Slave)
         ("no number", None, 0x0607_0010),
         ("fine", None, None),
     ]
+
+
+def test_limits_of_an_eds_keep_nothing_from_the_drive(worker: SdoWorker, slave: Slave) -> None:
+    """They are often wrong, and a stop must go out in any case; the drive itself refuses what it does not take."""
+    dictionary = worker._sdo.dictionary
+    limited = replace(dictionary.entry(0x6040), low=0, high=1)
+    worker._sdo.dictionary = SimpleNamespace(entry=lambda *_: limited)  # type: ignore[assignment]
+    ends = Ends()
+    worker.urgent(ends.job("stop", 0x6040, 2))
+    eventually(lambda: len(ends.all) == 1)
+    assert ends.all == [("stop", None, None)]
+    assert slave.objects[0x6040, 0] == b"\x02\x00"
 
 
 def test_a_quick_stop_never_waits_behind_sdo(worker: SdoWorker, slave: Slave) -> None:

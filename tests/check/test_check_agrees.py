@@ -168,7 +168,9 @@ def test_check_and_machine_agree_on_the_files_that_come_with_axisbus(tmp_path: P
 @pytest.mark.parametrize("index", ["607A", "6081", "6083", "60FF", "6087", "6071", "6098", "6099", "6064"])
 def test_check_and_machine_agree_on_a_drive_that_lacks_an_object(tmp_path: Path, index: str) -> None:
     file = tmp_path / "drive.eds"
-    file.write_text(cells.without(index)(cells.DRIVE), encoding="ascii")
+    # It sends none of it either: what a drive maps exists, though its file forgot it.
+    text = cells.without(index)(cells.DRIVE).replace("=0x60640020", "=0x606C0020")
+    file.write_text(text, encoding="ascii")
     seen: Counter[str] = Counter()
     assert disagreements(tmp_path, file, seen) == []
     assert seen["no machine"] == 0

@@ -20,7 +20,7 @@ CALLS = re.compile(
     r"\b(?:axis|machine|cell|Machine|handle)\.(?!toml)\w+(?:\(|\b)|\bthe call\b|(?:open|close) the machine"
 )
 # Layers whose texts a command never shows, or shows as a program's own.
-ELSEWHERE = {"cli/shared/common.py", "core/simulated_nodes.py", "eds/report/codegen.py"}
+ELSEWHERE = {"cli/shared/common.py", "core/simulated_nodes.py", "eds/report/codegen.py", "testing.py"}
 
 
 def texts() -> Iterator[tuple[str, str]]:

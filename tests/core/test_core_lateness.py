@@ -110,7 +110,7 @@ def test_a_cell_tells_of_a_send_that_blocked(tmp_path):
         cell = stage.simulated()
         cell.run(0.5)
         assert cell.machine.cycle_jitter.skipped == 0
-        cell.cycle.dials.send_blocks = 0.05
+        cell.faults.send_blocks = 0.05
         cell.run(0.5)
         report = cell.machine.cycle_jitter
         assert set(report.causes) == {"a send that blocked"}

@@ -30,6 +30,7 @@ from axisbus.gateway.metrics_server import MetricsServer
 from axisbus.machine.machine import Machine
 from axisbus.session import LATENESS_BOUNDS
 from kit import commands
+from kit.cell import Cell
 from kit.connections import closed
 from kit.crowd import Crowd
 from kit.scenarios.own import own_cell
@@ -92,9 +93,10 @@ def test_what_a_machine_has_is_told_in_its_units(exporter, url, machine):
 
 def test_late_cycles_stand_in_the_histogram_where_they_belong(exporter, url, machine):
     exporter.machine = machine
+    faults = Cell(machine).faults
     machine.sleep(0.5)
     for _ in range(3):
-        machine._core.scan.cycle.dials.send_blocks = 0.05
+        faults.send_blocks = 0.05
         machine.sleep(0.2)
     samples, report = read(url), machine.cycle_jitter
     name = "axisbus_cycle_lateness_seconds"

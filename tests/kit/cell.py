@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, ExitStack, suppress
-from functools import partial
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
-from unittest.mock import patch
+from typing import Any
 
-from axisbus.cell.model import AxisConfig
-from axisbus.core.direct import link as direct
+from axisbus.bus.cycle import CanCycle
+from axisbus.bus.port import CanPort
+from axisbus.cia301.nmt import NmtCommand
+from axisbus.clock import Clock, VirtualClock
 from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
@@ -18,9 +19,11 @@ from axisbus.machine.machine import Machine
 from axisbus.machine.signal_shutdown import EXIT
 from axisbus.motion.axis.core import AxisCore
 from axisbus.sim.device import Device
-from axisbus.sim.direct import DirectCycle, DirectPort
 from axisbus.sim.drive import Drive
+from axisbus.sim.virtual_can import VirtualWire
+from kit.bus_faults import BusFaults
 from kit.probe import PlantProbe
+from kit.transport import Travels, transported
 
 SCALE = 100  # increments per degree
 GENERIC, MODULE = "builtin:generic-cia402", "builtin:gim6010-8"
@@ -107,7 +110,8 @@ class Cell(PlantProbe):
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
-        self.is_virtual = isinstance(machine._core.scan.cycle, DirectCycle)
+        self.is_virtual = not machine._core.realtime
+        self._faults: BusFaults | None = None
         for name, axis in machine.cell.driven.items():
             module = (
                 machine.cell.nodes[axis.node].module is not None
@@ -116,11 +120,34 @@ class Cell(PlantProbe):
                 self.record(name)
 
     @property
-    def cycle(self) -> DirectCycle:
-        """The bus of a cell in virtual time, with its dials."""
+    def cycle(self) -> CanCycle:
+        """The master's bus."""
         cycle = self.machine._core.scan.cycle
-        assert isinstance(cycle, DirectCycle)
+        assert isinstance(cycle, CanCycle)
         return cycle
+
+    @property
+    def clock(self) -> Clock:
+        """What the time is read from."""
+        return self.machine._core.runtime.link.clock
+
+    @property
+    def wire(self) -> VirtualWire:
+        """The simulated wire of a cell in virtual time."""
+        wire = self.cycle._channel.bus.wire  # type: ignore[union-attr]
+        assert isinstance(wire, VirtualWire)
+        return wire
+
+    @property
+    def faults(self) -> BusFaults:
+        """The faults of the bus of a cell in virtual time."""
+        if self._faults is None:
+            self._faults = BusFaults(self.cycle, self.clock, self.wire)
+        return self._faults
+
+    def nmt(self, command: NmtCommand, node_id: int) -> None:
+        """Let a node execute an NMT command that no frame has brought."""
+        self.machine.simulated_node(node_id).device.nmt_command(command)
 
     @property
     def x(self) -> Axis:
@@ -141,9 +168,25 @@ class Cell(PlantProbe):
         """What the master thinks of an axis."""
         return self.machine._core.scan.axes[name]
 
-    def port(self, name: str = "x") -> DirectPort:
+    def port(self, name: str = "x") -> CanPort:
         """How an axis reaches its drive."""
-        return next(port for port in self.cycle.ports if port.drive is self.drive(name))
+        node = self.machine.cell.axes[name].node
+        port = self.machine._core.runtime.link.ports(node)[name]
+        assert isinstance(port, CanPort)
+        return port
+
+    def hold_back(self, *values: str, name: str = "x") -> None:
+        """Let the master get no newer ones of these values of an axis (names of ``Inputs``)."""
+        port: Any = self.port(name)
+        read = port.read
+        last = {value: getattr(read(self.now), value) for value in values}
+        port.read = lambda now: read(now)._replace(**last)
+
+    def lose(self, *values: str, name: str = "x") -> None:
+        """Let the master know these values of an axis no more (names of ``Inputs``)."""
+        port: Any = self.port(name)
+        read = port.read
+        port.read = lambda now: read(now)._replace(**dict.fromkeys(values))
 
     def scale_of(self, name: str) -> float:
         """Increments per unit of an axis."""
@@ -157,7 +200,7 @@ class Cell(PlantProbe):
     @property
     def now(self) -> float:
         """Virtual seconds, or those of the monotonic clock."""
-        return self.cycle.now() if self.is_virtual else time.monotonic()
+        return self.clock.now()
 
     @property
     def scan_lives(self) -> bool:
@@ -185,8 +228,7 @@ class Cell(PlantProbe):
         end = self.now + seconds
         while self.now < end - 1e-9:
             if self.machine._core.scan.ended:
-                self.cycle.dials.wait = None
-                self.cycle.wait_until(min(end, self.now + 0.01))
+                self.clock.sleep(min(end - self.now, 0.01))
             else:
                 self.machine.sleep(0.0101)
 
@@ -252,10 +294,6 @@ class Cell(PlantProbe):
         return handles
 
 
-def _port_with(options: Mapping[str, object], axis: AxisConfig, device: Device) -> DirectPort:
-    return DirectPort(device, axis.drive_axis - 1, **options)  # type: ignore[arg-type]
-
-
 class Stage:
     """Makes cells in a folder; lets them all go at its end."""
 
@@ -268,9 +306,12 @@ class Stage:
 
     def __exit__(self, *_: object) -> None:
         for machine in self._cells:
-            if isinstance(machine._core.scan.cycle, DirectCycle):
+            if not machine._core.realtime:
                 EXIT.part(machine.session)
                 machine._core.scan.ended = True
+                clock = machine._core.runtime.link.clock
+                assert isinstance(clock, VirtualClock)
+                clock.close()
             else:
                 with suppress(Exception):  # a scenario has told what becomes of it
                     machine.close()
@@ -285,20 +326,17 @@ class Stage:
         self,
         names: str = "x",
         *,
-        port: Mapping[str, object] | Callable[[AxisConfig, Device], DirectPort] | None = None,
+        port: Travels | None = None,
         devices: Callable[[], Mapping[int, Device]] | None = None,
         text: str | None = None,
         **changes: str,
     ) -> Cell:
         """Open a simulated cell; ``changes``: see ``cell_text``.
 
-        ``port``: options of ``DirectPort``, or what makes that of each axis.
+        ``port``: how values travel, as ``kit.transport``.
         """
         path = self.file(text if text is not None else cell_text(names, **changes))
-        with ExitStack() as stack:
-            if port:
-                make = port if callable(port) else partial(_port_with, port)
-                stack.enter_context(patch.object(direct, "_port", lambda _, axis, device: make(axis, device)))
+        with transported(port or {}):
             machine = Machine.simulated(path, devices() if devices else None)
         self._cells.append(machine)
         return Cell(machine)

@@ -92,8 +92,8 @@ def cell_on(
 ) -> Cell:
     """Open a simulated cell on plants of this kind, enabled; the dials of the first are turned.
 
-    ``search``: its homing goes for a switch. ``limits``: the line of the axes' position limits. ``port``: options of
-    ``DirectPort``. ``modules``: the nodes of ``more`` that are I/O modules.
+    ``search``: its homing goes for a switch. ``limits``: the line of the axes' position limits. ``port``: as in
+    ``Stage.simulated``. ``modules``: the nodes of ``more`` that are I/O modules.
     """
     axis = (
         "rated_torque = 10.0",

@@ -32,11 +32,7 @@ from unittest import mock
 
 import can.bus
 
-from axisbus.boot.can_simple.module import ModuleBoot
-from axisbus.boot.requests import Answerer
-from axisbus.bus.cycle import CanCycle
-from axisbus.bus.sync_and_time import SyncConsumer
-from axisbus.core.can_simple.modules import CanSimpleModules
+from axisbus import clock
 
 _START = "_start_new_thread" if hasattr(threading, "_start_new_thread") else "_start_joinable_thread"
 _allocate = _thread.allocate_lock
@@ -339,20 +335,11 @@ def _when_ready(scheduler: Scheduler, name: str) -> Callable[..., Any]:
     return does
 
 
-def _defaults(scheduler: Scheduler) -> Iterator[tuple[Any, str, Any]]:
-    """Yield the replaced default arguments of constructors whose ``clock`` and ``sleep`` default to the real ones."""
-    virtual = {_monotonic: scheduler.monotonic, _sleep: scheduler.sleep}
-
-    def replaced(value: Any) -> Any:
-        return virtual.get(value, value) if callable(value) else value
-
-    for owner in (CanCycle, SyncConsumer, Answerer, ModuleBoot, CanSimpleModules):
-        function: Any = owner.__init__
-        if function.__defaults__:
-            yield function, "__defaults__", tuple(map(replaced, function.__defaults__))
-        if function.__kwdefaults__:
-            named = {name: replaced(value) for name, value in function.__kwdefaults__.items()}
-            yield function, "__kwdefaults__", named
+def _held(scheduler: Scheduler) -> Lock:
+    """Replaces ``axisbus.clock._held_lock``."""
+    lock = Lock(scheduler)
+    lock.acquire()
+    return lock
 
 
 @contextmanager
@@ -402,6 +389,7 @@ def virtual_time() -> Iterator[Scheduler]:
         (threading, "excepthook", excepthook),
         (threading.Thread, "join", join),
         (threading.Thread, "is_alive", is_alive),
+        (clock, "_held_lock", lambda: _held(scheduler)),
         (queue, "time", scheduler.monotonic),
         (can.bus, "time", scheduler.time),
         (queue, "SimpleQueue", queue._PySimpleQueue),  # type: ignore[attr-defined]
@@ -413,7 +401,6 @@ def virtual_time() -> Iterator[Scheduler]:
             (socket.socket, name, _when_ready(scheduler, name))
             for name in ("recv", "recv_into", "recvmsg", "accept")
         ),
-        *_defaults(scheduler),
     ]
     with ExitStack() as stack:
         for owner, name, replacement in changes:

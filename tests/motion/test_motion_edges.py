@@ -13,7 +13,6 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import PowerState
 from axisbus.core.lateness import Lateness
 from axisbus.core.scan import Scan
-from axisbus.core.waiting import PumpWaiter
 from axisbus.errors import DriveError, LimitError, StateError
 from axisbus.machine import handle as handles
 from axisbus.machine.handle import Handle
@@ -32,6 +31,7 @@ from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel
 from axisbus.motion.stop.velocity_following import RampedWay
 from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 from axisbus.motion.velocity_estimator import VelocityEstimator
+from kit.direct.waiting import PumpWaiter
 from kit.motion.rig import GENERIC, dictionary_of, parameters, rig
 from kit.motion.steps import Drive, T
 

@@ -53,6 +53,8 @@ FORGOTTEN = {
         "image.demand": (500, None),
         "image.lead": (500.0, None),
         "image._before_stamp": (1.0, -INF),
+        "image._earlier_stamp": (1.0, -INF),
+        "image._checkpoint_stamp": (1.0, -INF),
     },
 }
 # Begun again by a method of their own, or with other values than a fixed one (tested below).
@@ -98,6 +100,8 @@ SHOWN = {
         "demand_stamp",
         "lead_stamp",
         "_before",
+        "_checkpoint",
+        "_earlier",
         "_demand_spacing",
     ),
 }

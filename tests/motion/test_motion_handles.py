@@ -12,10 +12,11 @@ import pytest
 
 from axisbus.cia402.port import Waiter
 from axisbus.core.scan import Scan
-from axisbus.core.waiting import PumpWaiter, ThreadWaiter
+from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import DriveError, HomingError, MotionTimeout, Replaced, StateError, Stopped
 from axisbus.machine.handle import NOBODY, Handle, wait
 from axisbus.motion.command_status import Status, end_as
+from kit.direct.waiting import PumpWaiter
 from kit.motion.rig import PERIOD, rig
 
 

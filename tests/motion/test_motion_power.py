@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from axisbus.cia402.port import ValueTransport
+from axisbus.cia402.port import Sample, ValueTransport
 from axisbus.errors import DriveError, DriveFault, ModeError, StaleError, StateError, Stopped, TransitionError
 from axisbus.motion.command_status import Status
 from axisbus.motion.states import AxisState
@@ -299,6 +299,31 @@ def test_enable_needs_to_know_where_the_axis_is():
     with pytest.raises(StaleError, match="6064h"):
         r.axis.enable().wait(3)
     assert r.drive.power.stage == DISABLED
+
+
+def test_an_axis_that_is_enabled_holds_the_target_that_it_was_enabled_with():
+    """Once its targets went on following the position, late by the bus: a soft load swung up to 160 deg/s by that."""
+    r = rig(port={"inputs": {"demand": ValueTransport.NONE}})
+    r.run(0.2)
+    port, targets, sign = r.ports["x"], [], 1
+    read = port.read
+
+    def swinging(now: float):
+        nonlocal sign
+        inputs, sign = read(now), -sign
+        if r.drive.power.stage != ENABLED or r.now > 1.5:
+            return inputs
+        return inputs._replace(position=Sample(inputs.position.value + 3 * sign, inputs.position.stamp))
+
+    port.read = swinging
+    handle = r.axis.enable()
+    while handle.busy and r.now < 5.0:
+        r.run(PERIOD)
+        if r.drive.power.stage == ENABLED:
+            targets.append(r.drive.target_position)
+    handle.wait(1)
+    assert len(targets) > 5
+    assert len(set(targets[3:])) == 1, targets
 
 
 @pytest.mark.parametrize("blind_from", range(0, 14, 2))

@@ -59,7 +59,9 @@ ACTIVITY = SimpleNamespace(
 
 def ready() -> SimpleNamespace:
     """What a move waits for first, done at once; notes whether it was taken back."""
-    made = SimpleNamespace(cancelled=0, done=True, ramps=RampTransfers((), Drive().parameters))
+    made = SimpleNamespace(
+        cancelled=0, done=True, ramps=RampTransfers((), Drive().parameters), leading=None, leaving=None
+    )
 
     def cancel(_) -> None:
         made.cancelled += 1
@@ -1096,7 +1098,7 @@ def test_a_drive_that_does_not_explain_its_fault_has_its_time():
     began = drive.now
     while not silent.step(*drive.cycle(statusword=FAULT)):
         assert drive.now < began + 2.0
-    assert drive.now - began == 26 * T  # the first cycle after 0.4 s
+    assert drive.now - began == 45 * T  # the first cycle after 0.7 s
     assert drive.order.cancel
     assert "no error code could be read (603Fh)" in silent.tell(drive.image, DriveHistory()).observed
     refused = FaultDiagnosis(drive.parameters, drive.now)

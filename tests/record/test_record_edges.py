@@ -84,10 +84,10 @@ def test_an_input_that_comes_back_with_another_value_has_no_edge(cell, tmp_path)
     machine = cell.machine
     with machine.capture(tmp_path / "moment.mcap", "part = true", after=0.1) as capture:
         machine.sleep(0.1)
-        cell.cycle.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 5)
+        cell.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 5)
         machine.sleep(0.5)
         wired(cell).set_bit(0x6000, 1, 2, True)
-        cell.cycle.nmt(NmtCommand.START, 5)
+        cell.nmt(NmtCommand.START, 5)
         machine.sleep(0.5)
         assert machine.io["part"].value is True
         assert not capture.fired

@@ -138,30 +138,43 @@ def test_another_reader_finds_channels_with_schemas_and_units(made):
     assert told["axis/x"] == told["axis/y"] == told["axis/z"] > 300
 
 
-def test_objects_are_recorded_in_virtual_time_too_in_each_cycle(tmp_path):
+def test_objects_are_recorded_in_virtual_time_too_and_delay_no_cycle(tmp_path):
+    """Those of x travel by SDO in turn, each with 260 bits at 5 % of 1 Mbit/s: every 5.2 ms. All at once would fill a cycle."""
     path = tmp_path / "objects.mcap"
-    wanted = ["lamp", "part", "pressure", "x:6098"]
+    carried = ["lamp", "part", "pressure"]
+    asked = [
+        f"x:{index:04X}"
+        for index in (*range(0x605A, 0x605F), *range(0x6065, 0x6068), *range(0x6083, 0x6087), 0x6098)
+    ]
     with (
         Machine.simulated(ROOT / "examples" / "io.toml") as cell,
-        cell.recording(path, objects=wanted) as made,
+        cell.recording(path, objects=[*carried, *asked]) as made,
     ):
+        began = cell.session.snapshots["x"].now
         cell.sleep(0.2)
         cell.io["lamp"].set(True).wait()
         cell.simulated_node(5).device.io.set_bit(0x6000, 1, 0, True)
         cell.sleep(0.2)
-    assert made.reads == dict.fromkeys(wanted, made.cycles)
+        seconds = cell.session.snapshots["x"].now - began
+        made.close()
+        assert (cell.cycle_jitter.worst, cell.cycle_jitter.skipped) == (0.0, 0)
+    assert made.cycles == pytest.approx(seconds / 0.004, abs=1)
+    reads = made.reads
+    assert reads["part"] == reads["pressure"] == pytest.approx(made.cycles, abs=1)
+    assert sum(reads[each] for each in asked) == pytest.approx(seconds / 0.0052, abs=2)
+    assert max(reads[each] for each in asked) - min(reads[each] for each in asked) <= 1
     with path.open("rb") as file:
         found: dict[str, list[object]] = {}
         for _, channel, message in mcap_reader.make_reader(file).iter_messages():
             if channel.topic.startswith("object/"):
                 found.setdefault(channel.topic, []).append(json.loads(message.data)["value"])
     assert {topic: len(values) for topic, values in found.items()} == {
-        f"object/{each}": made.cycles for each in wanted
+        f"object/{each}": count for each, count in reads.items()
     }
-    for name in ("lamp", "part"):
-        values = found[f"object/{name}"]
-        assert (values[0], values[-1]) == (False, True)
-        assert sorted(values) == values  # it changes once
+    assert set(found["object/lamp"]) == {True}  # its RPDO is not sent before
+    values = found["object/part"]
+    assert (values[0], values[-1]) == (False, True)
+    assert sorted(values) == values  # it changes once
 
 
 def test_only_the_axes_that_are_named_are_recorded(tmp_path):

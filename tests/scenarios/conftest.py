@@ -50,7 +50,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     """Tell the process that shares the tests out which golden messages this one has used."""
     output = getattr(session.config, "workeroutput", None)
     if output is not None:
-        whole = scenario_golden.whole(session)
+        whole = scenario_golden.whole(session) or scenario_golden.half(session)
         output["golden"] = sorted(scenario_golden.USED), sorted(scenario_golden.kept()) if whole else []
 
 

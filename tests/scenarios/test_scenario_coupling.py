@@ -580,9 +580,9 @@ def test_late_cycles_of_a_drive_that_leads_itself_do_not_shake_its_slave(scenari
     away, targets = cell.where("y") - 1.5 * cell.where("x"), targets_of(cell, "y")
     for _ in range(200):
         late = rng.uniform(0.0, 0.4) if lateness == "a little" else rng.choice([0.0] * 20 + [0.7, 1.2, 4.0])
-        cell.cycle.dials.wait_late = late * CYCLE
+        cell.faults.wait_late = late * CYCLE
         cell.run(CYCLE)
-    cell.cycle.dials.wait_late = 0.0
+    cell.faults.wait_late = 0.0
     assert y.state is AxisState.SYNCHRONIZED_MOTION
     cell.run(5.0)
     assert cell.where("y") - 1.5 * cell.where("x") == pytest.approx(away, abs=0.1)

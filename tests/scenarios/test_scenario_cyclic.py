@@ -26,7 +26,7 @@ RAMP = 500.0  # deg/s², the default
 JOLT = 1.05 * RAMP
 
 
-def turning(scenario, velocity: float = 100.0, **changes: str) -> Cell:
+def turning(scenario, velocity: float = 100.0, **changes) -> Cell:
     """A cell whose axis is led at a velocity."""
     cell = scenario.simulated("x", **changes).enabled()
     cell.x.cyclic_velocity(velocity).wait(5)
@@ -297,11 +297,8 @@ def vars_of(params) -> dict[str, object]:
 
 def lose_the_targets(cell: Cell) -> None:
     """The RPDO of velocity and torque does not arrive any more."""
-    port = cell.port()
-    apply = port._apply
-    port._apply = lambda name, value: (
-        None if name in ("target_velocity", "target_torque") else apply(name, value)
-    )
+    (pdo,) = (pdo for pdo in cell.port().plan.active if "target_velocity" in pdo.values)
+    cell.faults.lose(pdo.target.cob_id)
 
 
 def test_a_lost_target_pdo_is_found_while_the_velocity_changes(scenario):
@@ -375,7 +372,7 @@ def test_a_quick_stop_is_the_drives_own(scenario):
 def test_a_program_that_did_not_run_for_a_while_ramps_the_axis_down(scenario, seconds):
     cell = turning(scenario)
     moment = cell.moment()
-    cell.cycle.wait_until(cell.now + seconds)
+    cell.faults.stall(seconds)
     cell.run(0.05)
     cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
     assert cell.hardest_change(since=moment) <= 2.2 * RAMP  # at worst the drive's own quick stop
@@ -389,16 +386,16 @@ def test_a_drive_that_leaves_the_mode_by_itself_is_stopped(scenario):
 
 
 def test_feedback_that_stops_coming_stops_the_axis(scenario):
-    cell = turning(scenario, axis="position_limits = [-3000.0, 3000.0]")
-    cell.port()._synchronous.remove(2)
+    cell = turning(scenario, axis="position_limits = [-3000.0, 3000.0]", port={"apart": ("position",)})
+    cell.device().dials.tpdos_stop = frozenset({2})
     cell.must_stand(within=4.0, stages=(ENABLED, *OFF))
     assert cell.x.state is AxisState.ERRORSTOP
 
 
 def test_a_mode_display_that_is_lost_while_it_brakes_is_no_jolt(scenario):
-    cell = turning(scenario)
+    cell = turning(scenario, port={"apart": ("mode",)})
     moment = cell.moment()
-    cell.port()._synchronous.remove(1)
+    cell.device().dials.tpdos_stop = frozenset({2})
     halt = cell.x.halt()
     cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
     cell.end_of(halt)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 import pytest
 
 from axisbus.errors import AdapterError, ScanError
+from kit.cell import Cell
 from kit.probe import OFF, SWITCH_ON_DISABLED
 
 NETS = pytest.mark.nets("the quick stop of a dead scan", "the drive's watchdog")
-PLACES = ("read", "write", "commit", "sync", "heartbeat", "wait")
+PLACES = ("receive", "read", "write", "commit", "sync", "heartbeat", "wait")
 
 
 def unplugged() -> AdapterError:
@@ -17,12 +20,24 @@ def unplugged() -> AdapterError:
     )
 
 
+def fail(cell: Cell, place: str) -> None:
+    """Let a call of the cycle fail, or of the port of the second axis."""
+    if place not in ("read", "write"):
+        setattr(cell.faults, place, unplugged())
+        return
+
+    def broken(_: object) -> NoReturn:
+        raise unplugged()
+
+    setattr(cell.port("y"), place, broken)
+
+
 @pytest.mark.parametrize("place", PLACES)
 @NETS
 def test_a_scan_that_dies_stops_every_drive_and_ends_every_handle(scenario, golden, place):
     cell = scenario.simulated("xy")
     handles = cell.travelling()
-    setattr(cell.cycle.dials, place, unplugged())
+    fail(cell, place)
     cell.run(0.2)
     for name in "xy":
         cell.must_stand(name, within=1.0, stages=SWITCH_ON_DISABLED)
@@ -55,7 +70,7 @@ def test_a_group_whose_scan_dies_ends_its_handle_and_stands(scenario):
     line = cell.machine.group("x", "y").move_linear((500.0, 300.0), velocity=100.0)
     cell.run(1.0)
     cell.must_move("x")
-    cell.cycle.dials.commit = unplugged()
+    cell.faults.commit = unplugged()
     cell.run(0.05)
     for name in "xy":
         cell.must_stand(name, within=1.0, stages=SWITCH_ON_DISABLED)
@@ -67,8 +82,7 @@ def test_where_even_the_quick_stop_cannot_be_sent_the_drives_own_watchdog_is_lef
     """The adapter was pulled out: nothing that we send arrives, and closing must not pretend otherwise."""
     cell = scenario.simulated("x")
     cell.turning()
-    cell.cycle.quick_stop_all = lambda: None
-    cell.cycle.dials.commit = unplugged()
+    cell.wire.masters[0].unplug()
     cell.run(0.05)
     cell.must_move()
     with pytest.raises(ScanError):
@@ -79,7 +93,7 @@ def test_where_even_the_quick_stop_cannot_be_sent_the_drives_own_watchdog_is_lef
 def test_closing_after_the_scan_has_died_tells_it_and_what_is_not_known(scenario, golden):
     cell = scenario.simulated("x")
     cell.turning()
-    cell.cycle.dials.commit = unplugged()
+    cell.faults.commit = unplugged()
     cell.run(0.05)
     with pytest.raises(ScanError) as caught:
         cell.machine.close()
@@ -92,7 +106,7 @@ def test_an_exception_in_the_with_block_carries_the_scans_death(scenario, golden
         cell.enabled()
         handle = cell.x.move_relative(500.0)
         cell.run(0.3)
-        cell.cycle.dials.sync = unplugged()
+        cell.faults.sync = unplugged()
         handle.wait(5)
     golden("with_block_of_a_dead_scan", caught.value)
 

@@ -96,10 +96,8 @@ def test_a_place_of_it_is_met(scenario):
     cell.run(0.5)
     path = cell.core("x").leading_path
     assert path is not None
-    sampled = (
-        belt.place - belt.speed * cell.machine.cell.bus.scan_period
-    )  # SYNC comes before the belt's next step
-    assert path.last_step.position - 20.0 == pytest.approx(sampled - at, abs=2 / COUNTS)
+    # The target takes effect with the next SYNC, with which the counter is sampled as it is now.
+    assert path.last_step.position - 20.0 == pytest.approx(belt.place - at, abs=2 / COUNTS)
 
 
 @pytest.mark.parametrize("how", ["dead", "nmt"])

@@ -5,10 +5,12 @@ from __future__ import annotations
 import signal
 import threading
 import time
+from typing import Any
 
 import pytest
 
 from axisbus.cia301.nmt import NmtState
+from axisbus.cia402.port import Outputs
 from axisbus.core.core import Core
 from axisbus.errors import DriveFault, NodeError, ScanError, StateError
 from axisbus.machine.machine import Machine
@@ -224,13 +226,14 @@ def test_an_axis_that_was_never_commanded_is_not_touched_on_the_way_out(scenario
     cell = scenario.simulated("xy")
     cell["y"].enable().wait(3)
     sent = []
-    commit = cell.port("x").commit
+    port: Any = cell.port("x")
+    write = port.write
 
-    def watched(now: float) -> None:
-        sent.append(cell.port("x")._pending.controlword)
-        commit(now)
+    def watched(outputs: Outputs) -> None:
+        sent.append(outputs.controlword)
+        write(outputs)
 
-    cell.port("x").commit = watched
+    port.write = watched
     cell.machine.close()
     assert set(sent) == {None}
     let_go(cell, "x")

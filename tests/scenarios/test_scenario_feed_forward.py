@@ -294,7 +294,7 @@ def test_the_scan_that_dies_sends_0(scenario):
     follow(cell, 300.0, 6.0)
     cell.run(2.0)
     assert witness.held[-1].velocity_offset > 1000
-    cell.cycle.dials.commit = AdapterError("the adapter is gone")
+    cell.faults.commit = AdapterError("the adapter is gone")
     with suppress(AxisbusError):
         cell.run(0.05)
     assert not cell.scan_lives
@@ -423,4 +423,4 @@ def test_a_drive_without_the_object_is_refused_at_boot(scenario):
     other = device_from_eds(eds.load(scenario.folder / "other.eds"), 1)
     with pytest.raises(BootError, match="60B1h") as caught:
         scenario.simulated("x", axis=RATED, more=forward(), devices=lambda: {1: other})
-    assert "the drive does not have it" in caught.value.observed
+    assert "none of its RPDOs contains it" in caught.value.observed

@@ -49,14 +49,14 @@ def controlwords(cell) -> list[int]:
     """Everything that was sent to 6040h since the machine was opened."""
     seen = []
     port = cell.port()
-    commit = port.commit
+    write = port.write
 
-    def watched(now: float) -> None:
-        if port._pending.controlword is not None:
-            seen.append(port._pending.controlword)
-        commit(now)
+    def watched(outputs) -> None:
+        if outputs.controlword is not None:
+            seen.append(outputs.controlword)
+        write(outputs)
 
-    port.commit = watched
+    port.write = watched
     return seen
 
 

@@ -663,7 +663,7 @@ def _mishap(pair, rng):
     elif kind == "dead":
         device.dead = True
     elif kind == "late":
-        pair.cycle.dials.wait_late = 0.004
+        pair.faults.wait_late = 0.004
     elif kind == "sticks":
         dials.sticks = 5000.0
     else:
@@ -671,7 +671,7 @@ def _mishap(pair, rng):
 
     def end():
         dials.blocked = dials.encoder_frozen = device.dead = False
-        dials.sticks = pair.cycle.dials.wait_late = 0.0
+        dials.sticks = pair.faults.wait_late = 0.0
 
     return kind, end
 

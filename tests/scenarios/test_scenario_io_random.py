@@ -30,10 +30,10 @@ class Game:
             self.given.append(self.outputs.ask(name, value))
 
     def nmt(self, command: NmtCommand) -> Callable[[], None]:
-        return lambda: self.cell.cycle.nmt(command, 5)
+        return lambda: self.cell.nmt(command, 5)
 
     def turn(self, of: str, dial: str, value: object) -> Callable[[], None]:
-        dials = self.device.dials if of == "node" else self.cell.cycle.dials
+        dials = self.device.dials if of == "node" else self.cell.faults
         return lambda: setattr(dials, dial, value)
 
     @property
@@ -62,7 +62,7 @@ class Game:
             self.cell.run(self.dice.choice((0.02, 0.6)))
             end()
             self.cell.run(self.dice.choice((0.0, 0.5)))
-        self.cell.cycle.nmt(NmtCommand.START, 5)  # where its own watch has led it to pre-operational
+        self.cell.nmt(NmtCommand.START, 5)  # where its own watch has led it to pre-operational
         self.cell.run(1.0)
 
     def settled(self) -> None:
@@ -81,4 +81,5 @@ def test_no_output_has_what_nobody_asked_for(scenario, seed):
     game.play()
     game.settled()
     game.cell.ctrl_c(5.0)
+    game.cell.run(0.05)  # the frames are still on their way
     assert game.outputs.unsafe() == []

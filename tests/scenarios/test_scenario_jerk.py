@@ -11,7 +11,7 @@ from axisbus.eds.builtin import resolve
 from axisbus.errors import ArgumentError, DriveError, Interrupted, LimitError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
-from axisbus.sim.device import Device
+from axisbus.sim.dictionary import Dictionary
 from kit.cell import GENERIC, MODULE, cell_text
 from kit.scenarios.softly import JERK, NEAR, Demand, Led, soft
 from kit.virtual import virtual
@@ -87,8 +87,13 @@ def test_a_drive_that_refuses_both_is_told_with_its_abort_code_and_does_not_move
 @pytest.mark.parametrize("index", [TYPE, LIMIT])
 def test_a_drive_that_does_not_keep_what_was_written_is_told_and_does_not_move(scenario, monkeypatch, index):
     cell = scenario.simulated("x").enabled()
-    plain = Device.read
-    monkeypatch.setattr(Device, "read", lambda self, at, *sub: 0 if at == index else plain(self, at, *sub))
+    plain = Dictionary.upload
+
+    def upload(self, at: int, sub: int) -> bytes:
+        data = plain(self, at, sub)
+        return bytes(len(data)) if at == index else data
+
+    monkeypatch.setattr(Dictionary, "upload", upload)
     error = cell.failure_of(cell.x.move_absolute(10.0, jerk=JERK))
     assert isinstance(error, DriveError)
     assert "it is 0 after" in str(error)

@@ -458,6 +458,8 @@ def test_limits_in_the_drive_hold_without_a_master(scenario):
     assert [device.read(0x607D, sub) for sub in (1, 2)] == [-9005, 9000]
     assert (device.read(0x607F, 0), device.read(0x6072, 0)) == (40_000, 500)
     cell.machine._core.scan.ended = True
+    cell.run(0.02)  # what is on the wire arrives
+    device.write(0x1400, 5, 0)  # the deadline of its RPDO, which would notice
     drive.mode, drive.target_position, drive.controlword = 1, 20_000, 0x0F
     device.write(0x6081, 0, 100_000)
     device.write(0x6083, 0, 200_000)

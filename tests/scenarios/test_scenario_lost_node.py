@@ -52,7 +52,7 @@ def test_when_a_node_restarts_in_mid_move_the_others_stop(scenario, golden):
     cell = scenario.simulated("xy")
     lost, _ = cell.travelling()
     cell["x"].set_position(0.0)
-    cell.cycle.nmt(NmtCommand.RESET_NODE, 1)
+    cell.nmt(NmtCommand.RESET_NODE, 1)
     cell.must_stand("y", within=1.0, stages=ENABLED)
     cell.must_stand("x", within=8.0, stages=OFF)  # its power went with the restart: it coasts
     golden("node_restarts", cell.failure_of(lost))
@@ -62,7 +62,7 @@ def test_when_a_node_restarts_in_mid_move_the_others_stop(scenario, golden):
 def test_a_restarted_node_cannot_be_reset_into_service(scenario, golden):
     cell = scenario.simulated("x")
     (lost,) = cell.travelling()
-    cell.cycle.nmt(NmtCommand.RESET_NODE, 1)
+    cell.nmt(NmtCommand.RESET_NODE, 1)
     cell.failure_of(lost)
     cell.run(2.0)
     refused = cell.failure_of(cell.x.reset())
@@ -89,7 +89,7 @@ def test_a_reset_of_an_axis_whose_node_is_silent_says_what_to_do(scenario, golde
 
 def test_a_reset_of_an_axis_whose_node_fell_silent_in_pre_operational_says_that_it_is_silent(scenario):
     cell = scenario.simulated("x")
-    cell.cycle.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
+    cell.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
     cell.run(1.0)
     assert "node 1 is present, but not operational" in str(cell.failure_of(cell.x.reset()))
     cell.device().dials.dead = True
@@ -101,7 +101,7 @@ def test_a_reset_of_an_axis_whose_node_fell_silent_in_pre_operational_says_that_
 def test_a_node_that_somebody_sends_to_pre_operational_is_stopped_by_sdo(scenario, golden):
     cell = scenario.simulated("xy")
     cell.turning()
-    cell.cycle.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)  # the drive itself would go on turning
+    cell.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)  # the drive itself would go on turning
     cell.must_stand("x", within=1.0, stages=OFF)
     cell.must_stand("y", within=1.0, stages=ENABLED)
     golden("node_pre_operational", cell["x"].error)
@@ -112,7 +112,7 @@ def test_a_node_that_somebody_sends_to_pre_operational_is_stopped_by_sdo(scenari
 def test_when_somebody_stops_a_node_the_others_stop(scenario, golden):
     cell = scenario.simulated("xy")
     cell.turning()
-    cell.cycle.nmt(NmtCommand.STOP, 1)
+    cell.nmt(NmtCommand.STOP, 1)
     cell.must_stand("x", within=1.0, stages=OFF)  # by its 6007h
     cell.must_stand("y", within=1.0, stages=ENABLED)
     golden("node_stopped", cell["x"].error)
@@ -121,9 +121,9 @@ def test_when_somebody_stops_a_node_the_others_stop(scenario, golden):
 def test_a_node_that_came_back_without_a_restart_serves_again_after_a_reset(scenario):
     cell = scenario.simulated("x")
     cell.turning()
-    cell.cycle.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
+    cell.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
     cell.must_stand(within=1.0, stages=OFF)
-    cell.cycle.nmt(NmtCommand.START, 1)
+    cell.nmt(NmtCommand.START, 1)
     cell.run(0.5)
     assert cell.stage() in OFF  # being back does not enable it
     assert cell.x.state is AxisState.ERRORSTOP
@@ -136,14 +136,14 @@ def test_a_node_that_came_back_without_a_restart_serves_again_after_a_reset(scen
 def test_a_node_that_came_back_in_fault_and_was_reset_is_told_when_it_is_lost_again(scenario):
     cell = scenario.simulated("x")
     cell.turning()
-    cell.cycle.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
+    cell.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
     cell.must_stand(within=1.0, stages=OFF)
     cell.drive().fault(0x8130)
-    cell.cycle.nmt(NmtCommand.START, 1)
+    cell.nmt(NmtCommand.START, 1)
     cell.run(1.0)
     cell.x.reset().wait(2)
     cell.x.enable().wait(2)
-    cell.cycle.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
+    cell.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
     cell.run(0.1)
     assert isinstance(cell.x.error, NodeError)
     assert "NMT state is pre-operational" in str(cell.x.error)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
+from axisbus import eds
 from axisbus.cia402.port import ValueTransport
+from axisbus.eds.builtin import resolve
 from axisbus.errors import DriveError, LimitError, ModeError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
-from kit.cell import SCALE
+from axisbus.sim.build import device_from_eds
+from kit.cell import GENERIC, SCALE
 from kit.probe import ENABLED, OFF, QUICK_STOP
 
 PP, PV, HM, CSP = 1, 3, 6, 8  # values of 6060h (CiA 402-2 8.4.9)
@@ -34,12 +39,22 @@ def following(scenario, names: str = "x", **changes):
     return cell, handles
 
 
+APART = {"apart": ("position",)}  # the position has a TPDO of its own,
+POSITION = frozenset({2})  # which may fail
+
+
+def left_in_homing():
+    """A drive in the mode in which a commissioning tool left it."""
+    device = device_from_eds(eds.load(resolve(GENERIC, Path())), 1, seed=1)
+    device.drive.mode = device.drive.mode_display = 6
+    return {1: device}
+
+
 # -- 6061h does not follow -----------------------------------------------------------------------------------------------
 
 
 def test_no_resting_mode_at_enable_leaves_the_drive_off(scenario, golden):
-    cell = scenario.simulated("x")
-    cell.drive().mode = cell.drive().mode_display = 6  # where a commissioning tool left it
+    cell = scenario.simulated("x", devices=left_in_homing)
     cell.drive().dials.modes_refused = frozenset({1, 3, 4, 8, 9})
     failed = cell.failure_of(cell.x.enable())
     assert isinstance(failed, ModeError)
@@ -48,8 +63,7 @@ def test_no_resting_mode_at_enable_leaves_the_drive_off(scenario, golden):
 
 
 def test_a_resting_mode_that_is_refused_is_replaced_by_the_next(scenario):
-    cell = scenario.simulated("x")
-    cell.drive().mode = cell.drive().mode_display = 6
+    cell = scenario.simulated("x", devices=left_in_homing)
     cell.drive().dials.modes_refused = frozenset({PP})
     cell.x.enable().wait(5)
     assert cell.drive().mode_display == CSP
@@ -191,9 +205,8 @@ def test_a_trajectory_that_is_known_to_leave_the_limits_is_refused_at_the_call(s
 
 @pytest.mark.nets("the stop ladder")
 def test_csp_without_feedback_is_stopped(scenario, golden):
-    cell, (handle, other) = following(scenario, "xy")
-    port = cell.port("x")
-    port._synchronous.remove(2)  # 6064h is not sampled any more: its TPDO has failed
+    cell, (handle, other) = following(scenario, "xy", port=APART)
+    cell.device("x").dials.tpdos_stop = POSITION
     cell.must_stand("x", within=1.5, stages=OFF)
     cell.must_stand("y", within=1.5, stages=ENABLED)
     golden("csp_feedback_lost", cell.failure_of(handle))
@@ -204,7 +217,7 @@ def test_csp_without_feedback_is_stopped(scenario, golden):
 def test_a_turning_axis_that_sync_no_longer_reaches_is_stopped_by_sdo(scenario, golden):
     cell = scenario.simulated("x")
     cell.turning()
-    cell.cycle.dials.sync_lost = True
+    cell.faults.sync_lost = True
     cell.must_stand(within=1.5, stages=OFF)
     golden("sync_lost_turning", cell.x.error)
     assert "TREAT" not in str(cell.x.error)
@@ -212,7 +225,7 @@ def test_a_turning_axis_that_sync_no_longer_reaches_is_stopped_by_sdo(scenario, 
 
 def test_a_following_axis_that_sync_no_longer_reaches_stops_at_its_last_target(scenario, golden):
     cell, (handle,) = following(scenario)
-    cell.cycle.dials.sync_lost = True
+    cell.faults.sync_lost = True
     cell.must_stand(within=1.5, stages=OFF)
     golden("sync_lost_following", cell.failure_of(handle))
 
@@ -233,11 +246,11 @@ def test_a_halt_brakes_along_the_trajectory(scenario, hears_halt):
 
 @pytest.mark.nets("the stop ladder")
 def test_a_halt_whose_path_breaks_while_it_brakes_ends_in_the_drives_own_halt(scenario):
-    cell, _ = following(scenario)
+    cell, _ = following(scenario, port=APART)
     start = cell.where()
     halt = cell.x.halt()
     cell.run(0.05)
-    cell.port()._synchronous.remove(2)  # and now the feedback goes, too
+    cell.device().dials.tpdos_stop = POSITION  # and now the feedback goes, too
     cell.must_stand(within=2.5, stages=(ENABLED, QUICK_STOP, *OFF))
     cell.must_have_come("x", start, (8.0, 13.0))
     assert cell.scan_lives

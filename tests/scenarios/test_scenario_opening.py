@@ -142,14 +142,13 @@ def test_a_node_that_comes_up_while_it_is_awaited_is_booted(tmp_path):
 def test_heartbeats_that_are_late_but_not_too_late_disturb_nobody(tmp_path):
     with Line(tmp_path, heartbeat="400ms") as line, line.open() as machine:
         enable(machine["x"])
-        monitor = machine.node(1)._require_bus().nmt
+        monitor = machine.node(1)._node.nmt
         handle = machine["x"].move_relative(150.0)
         for _ in range(2):
             assert monitor.wait_report(monitor.reports, 5.0)
             line.devices["x"].dials.heartbeat_stops = True
-            time.sleep(
-                0.5
-            )  # the beat after 400 ms is left out; the one after 800 ms is in time, the limit is 1.2 s
+            # The beat after 400 ms is left out; the one after 800 ms is in time, the limit is 1.2 s.
+            time.sleep(0.5)
             line.devices["x"].dials.heartbeat_stops = False
         handle.wait(10)
 

@@ -275,7 +275,7 @@ def test_what_another_tool_arms_in_between_stays_armed(scenario):
 def test_a_position_that_cannot_be_placed_is_not_told(scenario):
     cell = scenario.simulated().enabled()
     probe = armed(cell)
-    cell.port()._synchronous = []  # no TPDO comes any more
+    cell.device().dials.tpdos_stop = frozenset({1, 2, 3, 4})
     cell.run(1.0)
     flank(cell, True)
     error = cell.failure_of(probe)
@@ -437,7 +437,7 @@ def test_a_node_that_is_lost_ends_it(scenario, golden):
 def test_a_drive_that_restarts_ends_it(scenario):
     cell = scenario.simulated("xy")
     probe, other = armed(cell), cell["y"].probe()
-    cell.cycle.nmt(NmtCommand.RESET_NODE, 1)
+    cell.nmt(NmtCommand.RESET_NODE, 1)
     assert isinstance(cell.failure_of(probe), NodeError)
     assert not other.wait_armed(1).captures
 
@@ -446,7 +446,7 @@ def test_a_drive_that_restarts_ends_it(scenario):
 def test_a_scan_that_dies_ends_it(scenario, place):
     cell = scenario.simulated()
     probe = armed(cell)
-    setattr(cell.cycle.dials, place, OSError("gone"))
+    setattr(cell.faults, place, OSError("gone"))
     with pytest.raises(OSError, match="gone"):
         cell.run(0.2)
     assert isinstance(probe.exception(), ScanError)
@@ -506,7 +506,7 @@ def test_late_cycles_change_nothing_of_the_position(scenario):
     mark(cell, 12.34, 50.0)
     probe = armed(cell)
     move = cell.x.move_absolute(45.0)
-    cell.cycle.dials.wait_late = 0.004
+    cell.faults.wait_late = 0.004
     assert probe.wait(3).position == pytest.approx(12.34)
     move.wait(5)
 

@@ -19,6 +19,77 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "slow SDO answers that look like a slow link where SYNC counts no TPDO": Script(
+        "lagging",
+        (
+            Event(pause=0.2, what="sdo_late", axis="x", value=0.1),
+            Event(pause=1.5, what="stop", axis="x", value=-0.22),
+        ),
+        scene="free-running",
+        ending="exception",
+    ),
+    "a torque away from the limits, with a quick stop on the slow-down ramp": Script(
+        "stiff",
+        (
+            Event(pause=0.05, what="move_chain", axis="d", value=-0.397),
+            Event(pause=0.5, what="jog", axis="d", value=-0.26),
+            Event(pause=0.0, what="torque", axis="d", value=-0.871),
+        ),
+        scene="drawn",
+        ending="ctrl-c",
+        cell=CellRecipe(
+            (
+                AxisRecipe(unit="increments", scale=1.0, speed=200000.0, acceleration=400000.0, start=159269),
+                AxisRecipe(unit="increments", scale=1.0, speed=200000.0, acceleration=400000.0, start=159269),
+                AxisRecipe(scale=364.0888888888889, speed=4000.0, acceleration=8000.0),
+                AxisRecipe(
+                    unit="mm",
+                    scale=1000.0,
+                    speed=10000.0,
+                    acceleration=200000.0,
+                    ease=(1.0, 0.1),
+                    words=("slow-ramp", "slow-ramp"),
+                    limits=(-0.5, 0.5),
+                    start=-9048,
+                ),
+            ),
+            gantry=True,
+        ),
+    ),
+    "targets that follow the position of a soft load that is enabled again out of a quick stop": Script(
+        "compliant",
+        (
+            Event(pause=0.02, what="stream", axis="", value=-0.22),
+            Event(pause=0.5, what="halt", axis="x", value=0.0),
+            Event(pause=0.05, what="group_quick_stop", axis="", value=1.0),
+            Event(pause=0.5, what="enable", axis="x", value=0.0),
+            Event(pause=0.0, what="enable", axis="y", value=0.0),
+        ),
+        scene="held-by-torque",
+        ending="ctrl-c",
+    ),
+    "an interpolation time that a wrong limit of the EDS forbids": Script(
+        "stiff",
+        (Event(pause=0.01, what="gear", axis="f", value=-0.26),),
+        scene="drawn",
+        ending="closed-twice",
+        cell=CellRecipe(
+            (
+                AxisRecipe(unit="rev", scale=91.0, speed=8190.0, acceleration=8190.0),
+                AxisRecipe(unit="rad", scale=10000.0, speed=4000.0, acceleration=40000.0),
+                AxisRecipe(unit="um", scale=0.5, acceleration=400000.0),
+                AxisRecipe(unit="mm", scale=400.0, speed=200000.0, acceleration=4000000.0),
+                AxisRecipe(unit="rad", scale=10000.0, acceleration=80000.0),
+                AxisRecipe(
+                    file="maxon-motor-ag__epos2-70-10_maxonepos2__pejman712-crf.eds",
+                    unit="increments",
+                    scale=1.0,
+                    speed=8190.0,
+                    acceleration=8190.0,
+                ),
+            )
+        ),
+    ),
     "a halt while late feedback repeats a position, and the demand comes seldom": Script(
         "stiff",
         (

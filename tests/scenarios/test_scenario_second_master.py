@@ -15,6 +15,7 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.master_detection import ExpectedMasters, MasterDetector
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
+from axisbus.clock import REAL
 from axisbus.core import canlink
 from axisbus.core.master_detection import LONGEST, listening_time
 from axisbus.errors import BusError, SecondMasterError
@@ -371,7 +372,7 @@ def test_ctrl_c_while_it_listens_leaves_nothing_behind(tmp_path, monkeypatch):
     before = set(threading.enumerate())
     with Line(tmp_path, "x", present="") as line, Ear(line.channel) as ear:
         with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-            patched.setattr(detect_other_master.time, "sleep", interrupted)
+            patched.setattr(REAL, "sleep", interrupted)
             line.open()
         ear.take()
         assert ear.heard == []

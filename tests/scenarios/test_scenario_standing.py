@@ -22,14 +22,12 @@ from kit.probe import ENABLED, OFF, QUICK_STOP, SWITCH_ON_DISABLED
 FILE = Path(__file__).parents[2] / "eds" / "generic-cia402.eds"
 
 PP, PV, TQ, CSP = 1, 3, 4, 8  # values of 6060h (CiA 402-2 8.4.9)
-ALL_MODES = frozenset(range(1, 11))
 
 
 def slip(cell, mode: int) -> float:
     """Let the drive leave its mode by itself, and not take it back; return the moment."""
     moment = cell.moment()
-    cell.drive().mode = mode
-    cell.drive().dials.modes_refused = ALL_MODES - {mode}
+    cell.drive().dials.spontaneous_mode = mode
     return moment
 
 
@@ -50,22 +48,10 @@ def going(cell, what: str, velocity: float = 60.0):
     return handle
 
 
-def without(port, *samples: int) -> None:
-    """Let the port have these of its values no more."""
-    advance = port.advance
-
-    def less(now: float, messages: tuple) -> None:
-        advance(now, messages)
-        for number in samples:
-            port._samples[number] = None
-
-    port.advance = less
-
-
 @pytest.mark.parametrize("creep", [15.0, -15.0])
 def test_an_axis_at_rest_that_creeps_is_told_and_stopped_where_only_its_velocity_is_known(scenario, creep):
     cell = scenario.simulated("x").enabled()
-    without(cell.port(), 2, 5)
+    cell.lose("position", "demand")
     cell.run(1.0)
     cell.drive().dials.drift_velocity = creep * cell.scale_of("x")
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 0.8)
@@ -185,12 +171,12 @@ def test_a_reset_after_a_jam_leaves_nothing_that_pulls(scenario):
     cell.must_not_leap(since=moment)
 
 
-@pytest.mark.parametrize("unseen", [(5,), (2, 5)], ids=["demand", "position and demand"])
+@pytest.mark.parametrize("unseen", [("demand",), ("position", "demand")], ids=" and ".join)
 @pytest.mark.parametrize("way", ["stop", "halt"])
 def test_a_jam_at_a_velocity_that_nobody_sees_pull_ends_without_power(scenario, way, unseen):
     """Halted in profile velocity mode, a drive may brake along a position, which then pulls on whatever holds the axis."""
     cell = scenario.simulated("x", axis="following_error = 1000.0").enabled()
-    without(cell.port(), *unseen)
+    cell.lose(*unseen)
     going(cell, "pv", 300.0)
     cell.jam()
     cell.run(0.6)
@@ -204,7 +190,7 @@ def test_a_jam_at_a_velocity_that_nobody_sees_pull_ends_without_power(scenario, 
 
 def test_a_jam_of_a_jog_that_nobody_sees_pull_ends_without_power(scenario):
     cell = scenario.simulated("x", axis="following_error = 1000.0").enabled()
-    without(cell.port(), 5)
+    cell.lose("demand")
     for number in range(12):
         cell.x.jog(300.0)
         cell.run(0.1)
@@ -485,17 +471,17 @@ def test_a_position_from_before_the_stop_does_not_count(scenario, timer):
 
 def silence(cell, timer: float) -> None:
     """Let the position be sent by its timer alone, and wait until it has just been."""
-    port, number = cell.port(), 2
-    last = {"at": cell.now, "sample": port._samples[number]}
-    advance = port.advance
+    port = cell.port()
+    read = port.read
+    last = {"at": cell.now, "sample": read(cell.now).position}
 
-    def slow(now: float, messages: tuple) -> None:
-        advance(now, messages)
+    def slow(now: float):
+        inputs = read(now)
         if now - last["at"] >= timer - 1e-9:
-            last.update(at=now, sample=port._samples[number])
-        port._samples[number] = last["sample"]
+            last.update(at=now, sample=inputs.position)
+        return inputs._replace(position=last["sample"])
 
-    port.advance = slow
+    port.read = slow
     cell.until(lambda: cell.now - last["at"] < 0.011)
     cell.run(2 * timer)
 
@@ -503,7 +489,7 @@ def silence(cell, timer: float) -> None:
 def test_what_less_than_a_position_saw_the_stop_is_said(scenario):
     cell = scenario.simulated("x").enabled()
     cell.x.move_velocity(50.0).wait(5)
-    without(cell.port(), 2, 5)
+    cell.lose("position", "demand")
     handle = cell.x.halt().wait(5)
     assert "velocity (606Ch) is 0" in handle.note
     assert "not known" in repr(handle)

@@ -53,7 +53,7 @@ def must_name_us_first(error: BaseException | None) -> None:
 def late(cell, times: int = 3, seconds: float = 0.15) -> None:
     """Let the scan be late some times: each for less than what counts as a suspension."""
     for _ in range(times):
-        cell.cycle.dials.send_blocks = seconds
+        cell.faults.send_blocks = seconds
         cell.run(0.2)
 
 

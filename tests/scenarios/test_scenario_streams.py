@@ -249,7 +249,7 @@ def test_cycles_that_are_late_make_it_late_and_nothing_else(scenario):
     feed(cell, points, 0.6)
     skipped = cell.machine.cycle_jitter.skipped
     for blocks in (0.018, 0.0, 0.025, 0.0):
-        cell.cycle.dials.send_blocks = blocks
+        cell.faults.send_blocks = blocks
         feed(cell, points, 0.2)
     assert cell.machine.cycle_jitter.skipped > skipped
     assert cell.end_of(points.finish()) is None

@@ -201,7 +201,7 @@ def test_cycles_that_come_late_make_an_addition_late_and_no_jump(scenario):
     targets = Targets(cell)
     over = cell.x.move_superimposed(30.0, velocity=40.0, acceleration=300.0)
     for late in (0.0, 0.02, 0.0, 0.02, 0.0):
-        cell.cycle.dials.wait_late = late
+        cell.faults.wait_late = late
         cell.run(0.1)
     assert cell.end_of(over) is None
     assert cell.end_of(below) is None

@@ -16,7 +16,7 @@ def cell_of(scenario):
 
 def test_both_axes_move_each_by_its_own_objects(scenario):
     cell = cell_of(scenario).enabled()
-    assert [len(cell.machine), len(cell.cycle.devices)] == [2, 1]
+    assert [len(cell.machine), len(cell.wire.nodes)] == [2, 1]
     cell["x"].move_absolute(30.0).wait(5)
     cell.run(0.3)
     assert abs(cell.where("x") - 30.0) < 0.02

@@ -127,9 +127,9 @@ def test_a_late_scan_makes_it_late_and_it_neither_jumps_nor_counts_as_held(scena
     cell.run(0.2)
     start, cycles = v.position, len(trail.positions)
     for late in (0.2, 0.12, 0.2, 0.2, 0.05, 0.2, 0.2):  # a busy computer, for more than a second
-        cell.cycle.dials.wait_late = late
+        cell.faults.wait_late = late
         cell.machine.sleep(0.01)
-        cell.cycle.dials.wait_late = 0.0
+        cell.faults.wait_late = 0.0
         cell.machine.sleep(0.02)
     cell.run(0.5)
     assert v.velocity == 300.0
@@ -260,12 +260,12 @@ def test_a_dead_scan_leaves_nothing_of_it_to_be_rescued(scenario):
     cell, v, _ = beside(scenario)
     v.move_velocity(50.0).wait(5)
     cell["x"].move_velocity(50.0).wait(5)
-    cell.cycle.dials.wait = RuntimeError("planted")
+    cell.faults.wait = RuntimeError("planted")
     with pytest.raises(RuntimeError):
         cell.machine.sleep(0.1)
     with pytest.raises(AxisbusError, match="scan") as told:
         cell.machine.close()
-    assert "x: NOT CONFIRMED" in str(told.value)
+    assert "x: stopped, power is off" in str(told.value)
     assert "v: " not in str(told.value)  # what the scan alone has moved stands with it
 
 

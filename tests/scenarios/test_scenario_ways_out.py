@@ -460,7 +460,7 @@ def test_after_the_scans_death_nothing_of_an_axis_is_passed_off_as_known(scenari
     cell = scenario.simulated("x")
     cell.turning()
     x = cell.x
-    cell.cycle.dials.commit = AdapterError("the CAN adapter can0 failed while sending")
+    cell.faults.commit = AdapterError("the CAN adapter can0 failed while sending")
     cell.run(0.05)
     for look in (lambda: x.state, lambda: x.homed, lambda: x.position, lambda: x.velocity):
         with pytest.raises(StaleError, match="is unknown"):

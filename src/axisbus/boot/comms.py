@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -43,6 +42,7 @@ class CanComms:
     ) -> None:
         """``find_time``: seconds allowed for the node's first answer; ``begin_heartbeat`` starts the master's heartbeat."""
         self.begin_heartbeat = begin_heartbeat
+        self.clock = node.channel.clock
         self._cell = cell
         self._config = cell.nodes[node.node_id]
         self._tables = self._config.pdos
@@ -81,7 +81,7 @@ class CanComms:
 
     def pause(self, seconds: float) -> None:
         """Wait for ``seconds``; blocks."""
-        time.sleep(seconds)
+        self.clock.sleep(seconds)
 
     @contextmanager
     def trying(self, tries: int, deadline: float) -> Iterator[None]:
@@ -97,7 +97,7 @@ class CanComms:
     def last_emcy(self) -> tuple[Emcy, float] | None:
         """The node's last emergency message and its age in seconds; None if none has come."""
         history = self._node.emcy.history
-        return (history[-1], time.monotonic() - history[-1].stamp) if history else None
+        return (history[-1], self.clock.now() - history[-1].stamp) if history else None
 
     def restarts(self) -> int:
         """The number of boot-up messages received from the node."""
@@ -107,7 +107,7 @@ class CanComms:
         """Return the error of a node that does not answer, with the known state of the node and of the bus."""
         channel = self._node.channel
         health = channel.health() or f"nothing is wrong with the channel {channel.name} itself"
-        seen = self._node.nmt.describe(time.monotonic())
+        seen = self._node.nmt.describe(self.clock.now())
         return NodeTimeout(
             f"node {self._node.node_id} does not answer",
             node=self._node.node_id,

@@ -9,8 +9,8 @@ Two rules:
    an unconfigured one), and the report says so. ``axis.enable()`` takes control of it, ``axis.disable()`` switches it off.
 
 ``cia302.bootup`` defines the order of the steps, their tries and their letters. This module adds the needs of a drive: reading the
-state of its power stage before anything is written, the watchdogs, the PDOs, and the report. The steps are the same for a node on
-a bus and for a simulated node without a bus; ``Comms`` contains the services that only a bus provides.
+state of its power stage before anything is written, the watchdogs, the PDOs, and the report. ``Comms`` contains
+the services of the bus that it uses beside SDO.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ _T = TypeVar("_T")
 
 
 class Comms(Nmt, Protocol):
-    """The bus services that boot-up needs beside SDO; a simulated node without a bus provides a replacement."""
+    """The services of the bus that boot-up needs beside SDO."""
 
     @property
     def find_tries(self) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Generator, Mapping
 from contextlib import AbstractContextManager
 from typing import Protocol
@@ -11,11 +10,16 @@ from axisbus.boot.objects import NodeObjects, Progress
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia302 import types as b
+from axisbus.clock import Clock
 from axisbus.errors import AxisbusError, NodeRefused, NodeTimeout, SdoAbort, SdoError
 
 
 class Nmt(Protocol):
     """The services of a node that boot-up needs beside SDO."""
+
+    @property
+    def clock(self) -> Clock:
+        """The clock in which they block."""
 
     def command(self, command: NmtCommand, deadline: float) -> NmtState:
         """Send an NMT command and return the confirmed state; raises ``NodeTimeout``."""
@@ -45,7 +49,6 @@ class Answerer:
         nmt: Nmt,
         local: Locals,
         progress: Progress | None = None,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """``local`` are the application's own steps; the result of ``LOOK`` says whether the node may be configured.
 
@@ -55,7 +58,7 @@ class Answerer:
         self._nmt = nmt
         self._local = local
         self._progress = progress
-        self._clock = clock
+        self._now = nmt.clock.now
         self.error: AxisbusError | None = None
 
     def run(self, machine: Generator[b.Request, b.Answer, b.BootOutcome]) -> b.BootOutcome:
@@ -70,15 +73,13 @@ class Answerer:
 
     def answer(self, request: b.Request) -> b.Answer:
         """Make one request, once; blocks for about its deadline at most."""
-        start = self._clock()
+        start = self._now()
         try:
             value = self._do(request)
         except AxisbusError as error:
             self.error = error
-            return _bad_answer(request, error, self._clock() - start)
-        elapsed = self._clock() - start
-        if isinstance(request, b.Pause):
-            elapsed = max(elapsed, request.seconds)  # in virtual time the clock has not moved
+            return _bad_answer(request, error, self._now() - start)
+        elapsed = self._now() - start
         if value is None and isinstance(request, (b.Listen, b.GuardRequest)):
             return b.NoReply(elapsed)
         return b.Got(value, elapsed)

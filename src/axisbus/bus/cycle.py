@@ -23,9 +23,7 @@ of that cycle, because the values in the drives are those from before.
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from typing import Protocol
 
@@ -94,8 +92,8 @@ class BootHeartbeat:
         self._channel = channel
         self._can_id = cob.HEARTBEAT + master_id
         self._period = period
-        self._over = threading.Event()
-        self._lock = threading.Lock()
+        self._over = channel.clock.event()
+        self._lock = channel.clock.lock()
         self._begun = False
 
     def begin(self) -> None:
@@ -109,7 +107,7 @@ class BootHeartbeat:
                 return
             self._channel.send(self._can_id, _OUR_STATE)
             self._begun = True
-            threading.Thread(target=self._run, name="axisbus heartbeat", daemon=True).start()
+            self._channel.clock.thread(self._run, "axisbus heartbeat").start()
 
     def end(self) -> None:
         """Stop sending; does not block."""
@@ -142,8 +140,6 @@ class CanCycle:
         guarded: Mapping[GuardedNode, float] | None = None,
         events: Sequence[NodeEvents] = (),
         owns_channel: bool = False,
-        clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
         spin: float = 0.0,
     ) -> None:
         """Serve ``ports`` on ``channel``.
@@ -159,8 +155,6 @@ class CanCycle:
             guarded: nodes without heartbeat that are monitored by node guarding, each with its period in seconds.
             events: detectors of error control events, called in each commit.
             owns_channel: whether ``close`` closes the channel too.
-            clock: the time in seconds, which must be the clock of the channel's stamps.
-            sleep: how to wait for a number of seconds.
             spin: maximum seconds before a cycle is due in which the clock is polled instead of sleeping: a sleep may end late,
                 polling does not.
         """
@@ -179,8 +173,8 @@ class CanCycle:
         self._guarding_due = dict.fromkeys(self._guarding, float("-inf"))
         self._events = tuple(events)
         self._owns_channel = owns_channel
-        self._clock = clock
-        self._sleep = sleep
+        self._clock = channel.clock.now
+        self._sleep = channel.clock.sleep
         self._waking = Waking(spin)
         self._stopped = False
         self._behind = False
@@ -202,7 +196,7 @@ class CanCycle:
         self._ports = (*self._ports, *ports)
 
     def now(self) -> float:
-        """Return the monotonic time in seconds."""
+        """Return the time of the channel's clock in seconds."""
         return self._clock()
 
     def wait_until(self, t: float) -> float | None:
@@ -429,7 +423,7 @@ def send_bounded(channel: Channel, frames: Sequence[Frame]) -> int:
     def send() -> None:
         taken.append(channel.send_urgent(frames))
 
-    thread = threading.Thread(target=send, name="axisbus quick stop", daemon=True)
+    thread = channel.clock.thread(send, "axisbus quick stop")
     try:
         thread.start()
     except RuntimeError:  # the interpreter is ending and starts no more threads
@@ -446,14 +440,14 @@ def sending_again(channel: Channel, frames: Sequence[Frame], period: float = _SE
     A stop by synchronous RPDO takes effect with SYNC, and a single frame may be lost: so both are repeated until the stop is
     confirmed.
     """
-    over = threading.Event()
+    over = channel.clock.event()
 
     def send() -> None:
         while frames and not over.is_set():
             channel.send_urgent(frames)
             over.wait(period)
 
-    thread = threading.Thread(target=send, name="axisbus stop frames", daemon=True)
+    thread = channel.clock.thread(send, "axisbus stop frames")
     try:
         thread.start()
     except RuntimeError:  # the interpreter is ending and starts no more threads

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
@@ -128,7 +127,9 @@ class CanIoPort:
         for place, address in enumerate(self.inputs):
             if self.max_age[place] == math.inf:  # for other inputs, the first TPDO will come soon
                 with suppress(SdoAbort):
-                    self._samples[place] = Sample(int(self.node.sdo.read(*address)), time.monotonic())
+                    self._samples[place] = Sample(
+                        int(self.node.sdo.read(*address)), self.node.channel.clock.now()
+                    )
 
     def read(self, now: float) -> IoInputs:
         """Return the newest values; does not block."""

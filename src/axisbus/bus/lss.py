@@ -10,7 +10,6 @@ its delay is passed on, so that the waits grow. However a dialogue ends, every s
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
@@ -77,7 +76,7 @@ class LssMaster:
         self._channel = channel
         self._on_progress = on_progress
         self._quiet = beside_operation
-        self._inbox: UnboundedQueue[tuple[bytes, float]] = UnboundedQueue()
+        self._inbox: UnboundedQueue[tuple[bytes, float]] = UnboundedQueue(channel.clock)
         self._next: tuple[bytes, float] | None = None  # taken from the inbox, but not evaluated yet
         self._asked = (0, 0.0)  # the last service with an answer, and the time of the request
 
@@ -162,16 +161,17 @@ class LssMaster:
             LssTimeout: a slave in ``addresses`` does not answer; nothing was activated.
         """
         sent = self.start_activation(addresses, delay)
-        time.sleep(max(0.0, sent + 2 * delay - time.monotonic()))
+        clock = self._channel.clock
+        clock.sleep(max(0.0, sent + 2 * delay - clock.now()))
 
     def start_activation(self, addresses: Sequence[LssAddress] | None, delay: float) -> float:
-        """Do as ``activate``, but without waiting; return when the command was passed to the adapter (monotonic clock, s).
+        """Do as ``activate``, but without waiting; return when the command was passed to the adapter (clock, s).
 
         From then on the slaves use the old rate for ``delay`` s, change the rate, and are silent for another ``delay`` s.
         """
         _require_some(addresses)
         self.run(master.activate(self.pace, addresses, delay), leave=False)
-        return time.monotonic()
+        return self._channel.clock.now()
 
     @property
     def channel(self) -> Channel:
@@ -236,10 +236,10 @@ class LssMaster:
 
     def _exchange(self, ask: LssRequest) -> LssReplies:
         late: list[float] = []
-        before = time.monotonic()
+        before = self._channel.clock.now()
         while (item := self._take(before)) is not None:
             self._note_late(item, late)
-        sent = time.monotonic()
+        sent = self._channel.clock.now()
         self._channel.send(cob.LSS_RX, ask.frame, _SEND_PATIENCE)
         answers: list[LssReply] = []
         until = sent + ask.wait
@@ -275,7 +275,7 @@ class LssMaster:
         """
         while True:
             self._channel.check()
-            now = time.monotonic()
+            now = self._channel.clock.now()
             item = self._next = self._next or self._inbox.take(min(until, now + _SLICE))
             if item is not None and item[1] <= until:
                 self._next = None

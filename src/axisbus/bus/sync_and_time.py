@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
@@ -33,14 +31,13 @@ class SyncConsumer:
         cob_id: int,
         period: float,
         patience: float | None = None,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Listen; ``period`` and ``patience`` in seconds, see ``SyncWatch``. ``clock`` is that of the channel's stamps."""
+        """Listen; ``period`` and ``patience`` in seconds, see ``SyncWatch``."""
         self.cob_id = cob_id
         self._watch = SyncWatch(period, patience)
         self._channel = channel
-        self._clock = clock
-        self._changed = threading.Condition()
+        self._clock = channel.clock.now
+        self._changed = channel.clock.condition()
         self._stamps: list[float] = []  # of the SYNCs not yet used
         self._starvation = Starvation()
         channel.subscribe(cob_id, self._on_frame)

@@ -14,7 +14,6 @@ Two rules, in this order:
 from __future__ import annotations
 
 import math
-import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -234,7 +233,7 @@ def _traffic(node: CanopenNode, *, heartbeats: bool) -> Counter[str]:
             hear = partial(_count, heard, title)
             node.channel.subscribe(identifier, hear)
             stack.callback(node.channel.unsubscribe, identifier, hear)
-        time.sleep(LISTEN)
+        node.channel.clock.sleep(LISTEN)
     return heard
 
 

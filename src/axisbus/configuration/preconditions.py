@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -10,6 +9,7 @@ from axisbus.bus.node.node import CanopenNode, NodeIdentity
 from axisbus.bus.sdo.access import ByObjects
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.clock import Clock
 from axisbus.configuration import guarded_write
 from axisbus.eds.model import Eds
 from axisbus.errors import SdoAbort, StateError, UserError
@@ -146,9 +146,8 @@ def require_pre_operational(node_id: int, state: NmtState) -> None:
 def _state(node: CanopenNode) -> NmtState | None:
     """Return the NMT state from the node's heartbeat; None if the node sends none."""
     period = _heartbeat(node)
-    deadline = time.monotonic() + max(LISTEN, 2.5 * period)
     if period:
-        _until(lambda: node.nmt.reports > 0, deadline)
+        _until(node.channel.clock, lambda: node.nmt.reports > 0, max(LISTEN, 2.5 * period))
     return node.nmt.state if node.nmt.reports else None
 
 
@@ -159,6 +158,7 @@ def _heartbeat(node: CanopenNode) -> float:
         return 0.0
 
 
-def _until(done: Callable[[], bool], deadline: float) -> None:
-    while not done() and time.monotonic() < deadline:
-        time.sleep(_SLICE)
+def _until(clock: Clock, done: Callable[[], bool], seconds: float) -> None:
+    deadline = clock.now() + seconds
+    while not done() and clock.now() < deadline:
+        clock.sleep(_SLICE)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -128,7 +127,8 @@ def store(node: CanopenNode, make: Make) -> Stored:
         raise StateError(
             f"node {node.node_id} cannot store its parameters: {why_not}", remedy="leave --store out"
         )
-    begin, boots = time.monotonic(), node.nmt.bootups
+    clock = node.channel.clock
+    begin, boots = clock.now(), node.nmt.bootups
     silent: SdoTimeout | None = None
     try:
         # Only one try: a drive that restarts before it answers must not get the command again.
@@ -139,23 +139,25 @@ def store(node: CanopenNode, make: Make) -> Stored:
     if silent is not None and not restarted:
         raise silent
     _wait_for(node, begin)
-    return Stored(restarted, time.monotonic() - begin)
+    return Stored(restarted, clock.now() - begin)
 
 
 def _restarts(node: CanopenNode, boots: int, make: Make) -> bool:
-    deadline = time.monotonic() + (RESTART_TIME if make.store_restarts else RESTART_SEEN)
-    while node.nmt.bootups == boots and time.monotonic() < deadline:
-        time.sleep(_SLICE)
+    clock = node.channel.clock
+    deadline = clock.now() + (RESTART_TIME if make.store_restarts else RESTART_SEEN)
+    while node.nmt.bootups == boots and clock.now() < deadline:
+        clock.sleep(_SLICE)
     return node.nmt.bootups != boots
 
 
 def _wait_for(node: CanopenNode, begin: float) -> None:
-    deadline = time.monotonic() + RESTART_TIME
+    clock = node.channel.clock
+    deadline = clock.now() + RESTART_TIME
     while not node.answers_sdo():
-        if time.monotonic() > deadline:
+        if clock.now() > deadline:
             raise NodeTimeout(
                 f"node {node.node_id} has not answered since the command to store its parameters",
                 node=node.node_id,
-                observed=f"{time.monotonic() - begin:.0f} s without an answer; {node.nmt.describe(time.monotonic())}",
+                observed=f"{clock.now() - begin:.0f} s without an answer; {node.nmt.describe(clock.now())}",
                 remedy="look for it with axisbus scan: with the stored parameters it may have another node-ID or bit rate",
             )

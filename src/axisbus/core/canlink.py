@@ -6,7 +6,7 @@ import itertools
 import logging
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from datetime import datetime
 from functools import partial
 
@@ -33,6 +33,7 @@ from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia401.port import IoPort
 from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.port import Port
+from axisbus.clock import VirtualClock
 from axisbus.core.can_simple.modules import CanSimpleModules
 from axisbus.core.can_simple.simulated_modules import modules, stand_ins_of
 from axisbus.core.can_simple.stop import stop_drives
@@ -45,7 +46,9 @@ from axisbus.core.simulated_nodes import SimulatedNode, devices
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError
 from axisbus.link import NodeShutdown, StopResult, Unsafe
+from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns
+from axisbus.sim.virtual_can import BITRATE, VirtualSyncProducer, VirtualWire
 
 log = logging.getLogger("axisbus")
 FIND_TIME = 3.0  # seconds for the first answer of a node
@@ -56,19 +59,19 @@ OnProgram = Callable[[int, int, int | None], None]
 class CanLink:
     """A ``CellConnection`` over a CAN bus with CANopen nodes and CAN Simple modules; holds the channel and the boot results."""
 
-    in_threads = True
-
     def __init__(
         self,
         cell: CellConfig,
         dictionaries: Mapping[int, Eds],
         on_program: OnProgram | None = None,
         channel: Channel | None = None,
+        stand_ins: Mapping[int, SimulatedNode] | None = None,
+        wire: VirtualWire | None = None,
     ) -> None:
         """Open the bus; if another master is heard on it, nothing is sent.
 
-        ``channel``: the connection to simulated drives in another process. ``on_program`` is called in the thread that boots a
-        node, with its ID and the received and the total bytes of its program.
+        ``channel``: an open connection to simulated drives; ``stand_ins`` and ``wire``: as from ``simulated_channel``.
+        ``on_program`` is called in the thread that boots a node, with its ID and the received and the total bytes of its program.
 
         Raises:
             AdapterError: the channel cannot be opened.
@@ -83,14 +86,18 @@ class CanLink:
         self._cycle: CanCycle | None = None
         self._consumer: SyncConsumer | None = None
         with ExitStack() as stack:
-            self.stand_ins: dict[int, SimulatedNode] = {}
+            self.stand_ins = dict(stand_ins or {})
+            self.wire = wire
+            private = (
+                channel is not None or cell.bus.interface == SIMULATED
+            )  # only simulated drives are on it
             if channel is None:
                 _own(cell, stack)
                 channel, self.stand_ins = open_channel(cell, dictionaries, stack)
             else:
                 stack.enter_context(channel)
             self._channel = channel
-            private = cell.bus.interface == SIMULATED  # only our simulated drives are on it
+            self.clock = channel.clock
             if not private and not cell.bus.beside:
                 require_alone(self._channel, cast_of(cell, dictionaries), listening_time(cell.bus))
             self._watch = MasterWatch(self._channel, stops=not cell.bus.beside)
@@ -151,7 +158,7 @@ class CanLink:
                 if one.guarding is not None
             },
             events=[*events.values(), *self._modules.events],
-            spin=SPIN,
+            spin=SPIN if self.clock.realtime else 0.0,
         )
         self._stack.callback(self._cycle.close)
         self._parts = {node_id: self._make_parts(node_id, events.get(node_id)) for node_id in self._nodes}
@@ -195,12 +202,14 @@ class CanLink:
 
     def make_safe(self, points: Collection[IoPoint]) -> list[Unsafe]:
         """As ``CellConnection.make_safe``, by SDO."""
-        return make_safe({node_id: node.sdo for node_id, node in self._nodes.items()}, points)
+        return make_safe(self.clock, {node_id: node.sdo for node_id, node in self._nodes.items()}, points)
 
     def leave(self, how: Mapping[int, NodeShutdown]) -> None:
         """As ``CellConnection.leave``."""
         in_parallel(  # a module needs no release: it does not monitor the master
-            lambda node_id: _let_go(self._nodes[node_id], self._booted[node_id], how[node_id]), self._booted
+            self.clock,
+            lambda node_id: _let_go(self._nodes[node_id], self._booted[node_id], how[node_id]),
+            self._booted,
         )
 
     def close(self) -> None:
@@ -272,7 +281,7 @@ class CanLink:
         plans = tuple(port.plan for port in ports)
         io = self._comms[node_id].io
         plans = plans if io is None else (*plans, io.plan)
-        return NodeParts(node_id, self._dictionaries[node_id], node.sdo, node, plans, events)
+        return NodeParts(node_id, self._dictionaries[node_id], node.sdo, node, self.clock, plans, events)
 
 
 def _own(cell: CellConfig, stack: ExitStack) -> None:
@@ -315,6 +324,28 @@ def open_channel(
     channel = stack.enter_context(Channel.open("virtual", name))
     channel.behind = network.behind
     return channel, stand_ins
+
+
+def simulated_channel(
+    cell: CellConfig, dictionaries: Mapping[int, Eds], given: Mapping[int, Device] | None = None
+) -> tuple[Channel, dict[int, SimulatedNode], VirtualWire]:
+    """Return a channel on a simulated wire in virtual time, with all nodes of a cell on it, and the user's access to the nodes.
+
+    ``given`` replaces simulated drives, by node-ID. A wire without a bit rate in the cell file has 1 Mbit/s. If another device
+    shall send SYNC, and none of the nodes does, it is simulated as well.
+
+    Raises:
+        ConfigError: the options of the simulation are wrong.
+    """
+    clock = VirtualClock()
+    made, guests = devices(cell, dictionaries) | dict(given or {}), modules(cell)
+    wire = VirtualWire(clock, list(made.values()), list(guests.values()), bitrate=cell.bus.bitrate or BITRATE)
+    bus = cell.bus
+    if bus.hears_sync and not any(device.produces_sync for device in made.values()):
+        VirtualSyncProducer(wire, clock, bus.sync_cob_id, bus.scan_period, bus.sync_counter)
+    stand_ins = {node_id: SimulatedNode(device, nullcontext()) for node_id, device in made.items()}
+    stand_ins |= stand_ins_of(guests, nullcontext())
+    return Channel(wire.connect(), "virtual time", clock=clock), stand_ins, wire
 
 
 def _let_go(node: CanopenNode, booted: Booted, how: NodeShutdown) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
@@ -15,6 +14,7 @@ from axisbus.cell.model import CellConfig
 from axisbus.cia401.port import SignalValidity
 from axisbus.cia402.ip_as_csp import as_csp_capable
 from axisbus.cia402.port import Port, Waiter
+from axisbus.clock import Clock, VirtualClock
 from axisbus.core.inprocess import InProcess
 from axisbus.core.io import IoScan, add_io, confirm_safe_outputs, not_safe, unconfirmed
 from axisbus.core.late_boot import LateBoot
@@ -25,7 +25,7 @@ from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
 from axisbus.core.scan_thread import ScanThread
 from axisbus.core.virtual_axes import virtual_axes
-from axisbus.core.waiting import PumpWaiter, ThreadWaiter
+from axisbus.core.waiting import ThreadWaiter, VirtualWaiter
 from axisbus.errors import AxisbusError, SecondMasterError
 from axisbus.link import StopResult, Unsafe
 from axisbus.motion.axis.core import AxisCore
@@ -72,6 +72,10 @@ class CoreInterface(Protocol):
         """Whether it runs in threads of its own, in real time."""
 
     @property
+    def clock(self) -> Clock:
+        """The clock of its cycles and of what waits for them."""
+
+    @property
     def apart(self) -> bool:
         """Whether it continues when this process ends."""
 
@@ -115,16 +119,17 @@ def _needs_rescue(core: AxisCore) -> bool:
 class Rescue:
     """The stop of the axes without the scan, done once: when the scan has failed, otherwise when its result is needed."""
 
-    def __init__(self, stop: Callable[[], list[StopResult]]) -> None:
+    def __init__(self, clock: Clock, stop: Callable[[], list[StopResult]]) -> None:
         """``stop`` stops the axes and returns the result of each; it blocks."""
         self._stop = stop
         self._stopped: list[StopResult] | None = None
-        self._lock = threading.Lock()
+        self._clock = clock
+        self._lock = clock.lock()
 
     def begin(self) -> None:
         """Begin in a thread of its own; does not block. While the interpreter ends, no thread can be started."""
         with suppress(RuntimeError):
-            threading.Thread(target=self.result, name="axisbus rescue", daemon=True).start()
+            self._clock.thread(self.result, "axisbus rescue").start()
 
     def result(self) -> list[StopResult]:
         """Return the result of each axis; blocks until the stop has ended."""
@@ -147,8 +152,8 @@ class Core:
     joined = apart = False
     commanded_by = ""
 
-    def __init__(self, cell: CellConfig, runtime: Runtime, realtime: bool) -> None:
-        """``realtime``: it runs in threads of its own."""
+    def __init__(self, cell: CellConfig, runtime: Runtime) -> None:
+        """In real time the scan gets a thread of its own, in virtual time it runs while the program waits."""
         self.cell = cell
         self.runtime = runtime
         self._joined: Joined = lambda _: None
@@ -174,12 +179,15 @@ class Core:
             board,
             gantries_of(cell),
         )
-        self._pickup = LateBoot(runtime.late, self._join)
-        self._pump = None if realtime else PumpWaiter(self.scan, self._between_cycles)
+        self._pickup = LateBoot(runtime.link.clock, runtime.late, self._join)
+        clock = runtime.link.clock
+        self._pump: VirtualWaiter | None = None
+        if isinstance(clock, VirtualClock):
+            self._pump = VirtualWaiter(self.scan, clock, lambda: self._after_cycle())
         self._threads = ThreadWaiter()
         self._waiter: Waiter = self._threads if self._pump is None else self._pump
         self._thread: ScanThread | None = None
-        self._rescue = Rescue(self._stop_without_scan)
+        self._rescue = Rescue(runtime.link.clock, self._stop_without_scan)
         self.session = InProcess(self.scan, self._waiter, runtime)
         for node_id in runtime.nodes:
             self._watch_node(node_id)
@@ -189,6 +197,11 @@ class Core:
     def realtime(self) -> bool:
         """Whether it runs in threads of its own, in real time."""
         return self._pump is None
+
+    @property
+    def clock(self) -> Clock:
+        """The clock of its cycles and of what waits for them."""
+        return self.runtime.link.clock
 
     @property
     def in_cycle(self) -> Callable[[], bool] | None:
@@ -222,7 +235,8 @@ class Core:
         """
         self._joined, self._after_cycle = joined, after_cycle
         if self._pump is not None:
-            self._pump.pump()
+            self._pump.begin()
+            self._pickup.start()
             return
         self.scan.on_failure = self._rescue.begin
         self._thread = ScanThread(self.scan, self._threads, self.cell.bus.sync_timeout)
@@ -311,11 +325,6 @@ class Core:
             self._thread.stop()
         elif self._pump is not None and not self.scan.ended:
             self.scan.end()
-
-    def _between_cycles(self, now: float) -> None:
-        """Do in virtual time the work that threads do in real time."""
-        self._pickup.look(now)
-        self._after_cycle()
 
     def _join(self, node_id: int, booted: Booted, ports: Mapping[str, Port]) -> None:
         """Add an optional node that has come up late; ``booted`` is its boot result. Blocks for a cycle."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import datetime
 
@@ -125,7 +124,7 @@ class InProcess:
     @property
     def bus_time(self) -> datetime | None:
         """As ``MachineSession.bus_time``."""
-        return self._runtime.link.bus_time(time.monotonic())
+        return self._runtime.link.bus_time(self._runtime.link.clock.now())
 
     @property
     def carried(self) -> BusTraffic | None:

@@ -13,6 +13,7 @@ from axisbus.cell.model import CellConfig
 from axisbus.cia401.port import IoPort
 from axisbus.cia401.signal import Address, IoPoint
 from axisbus.cia402.port import ValueTransport
+from axisbus.clock import Clock
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, NodeError, SdoTimeout, StateError, Stopped, one_line
@@ -188,11 +189,11 @@ def not_safe(unsafe: Unsafe) -> NodeError:
 # An output is changed within the present value of its object, so that other bits stay as they are.
 
 
-def make_safe(objects: Mapping[int, NodeObjects], points: Collection[IoPoint]) -> list[Unsafe]:
+def make_safe(clock: Clock, objects: Mapping[int, NodeObjects], points: Collection[IoPoint]) -> list[Unsafe]:
     """Set ``points`` to their safe states, all nodes at the same time; return those not confirmed. Raises no bus error; blocks."""
     nodes = sorted({point.node for point in points})
     own = [[point for point in points if point.node == node] for node in nodes]
-    found = in_parallel(lambda node, mine: _of_node(objects[node], mine), nodes, own)
+    found = in_parallel(clock, lambda node, mine: _of_node(objects[node], mine), nodes, own)
     return [unsafe for each in found for unsafe in each]
 
 

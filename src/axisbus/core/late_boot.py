@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from axisbus.cia402.port import Port
+from axisbus.clock import Clock
 from axisbus.errors import AxisbusError, BusOff, StateError, TransmitQueueFull
 
 if TYPE_CHECKING:
@@ -30,36 +30,24 @@ class LateNode:
 
 
 class LateBoot:
-    """Waits for late nodes, in a thread of its own or in virtual time; holds the nodes that are still absent."""
+    """Waits for late nodes in a thread of its own; holds the nodes that are still absent."""
 
     def __init__(
-        self, nodes: Mapping[int, LateNode], join: Callable[[int, Booted, Mapping[str, Port]], None]
+        self,
+        clock: Clock,
+        nodes: Mapping[int, LateNode],
+        join: Callable[[int, Booted, Mapping[str, Port]], None],
     ) -> None:
         """``join`` adds a node after its boot-up, successful or not; it runs in the polling thread."""
         self._nodes = dict(nodes)
         self._join = join
-        self._stop = threading.Event()
-        self._next: float | None = None  # time of the next poll, in virtual time
-        self._looking = False
-        self._thread = threading.Thread(target=self._run, name="axisbus optional nodes", daemon=True)
+        self._stop = clock.event()
+        self._thread = clock.thread(self._run, "axisbus optional nodes")
 
     def start(self) -> None:
         """Begin to poll, if any node is absent."""
         if self._nodes:
             self._thread.start()
-
-    def look(self, now: float) -> None:
-        """Poll in virtual time, in the caller's thread, if a second has passed by ``now``; blocks for a boot-up."""
-        if not self._nodes or self._stop.is_set() or self._looking:
-            return
-        if self._next is None or now < self._next:
-            self._next = now + ASK_EVERY if self._next is None else self._next
-            return
-        self._next, self._looking = now + ASK_EVERY, True
-        try:
-            self._ask_all()
-        finally:
-            self._looking = False
 
     def stop(self) -> None:
         """End polling; blocks until a boot-up in progress has ended, at most some seconds."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -10,6 +9,7 @@ from typing import Any, Protocol
 from axisbus.boot.objects import NodeObjects
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.plan import PdoPlan
+from axisbus.clock import Clock
 from axisbus.eds.model import Eds
 
 
@@ -26,7 +26,7 @@ class NodeEventSource(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NodeParts:
-    """``node`` is a ``CanopenNode``, or a ``DirectNode`` if there is no bus; ``clock`` (s) is that of its messages.
+    """``node`` is a ``CanopenNode``; ``clock`` is that of its messages.
 
     ``plans`` are its PDOs, axis by axis; ``events`` is None if the node did not come up. ``has_objects``: whether it has an object
     dictionary, which ``eds`` describes. If it has none, ``eds`` describes its axis.
@@ -36,7 +36,7 @@ class NodeParts:
     eds: Eds
     objects: NodeObjects
     node: Any
+    clock: Clock
     plans: tuple[PdoPlan, ...] = ()
     events: NodeEventSource | None = None
-    clock: Callable[[], float] = time.monotonic
     has_objects: bool = True

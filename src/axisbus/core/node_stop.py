@@ -17,7 +17,6 @@ answers, two devices have the node-ID, and the answers may come from the one tha
 
 from __future__ import annotations
 
-import time
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 
@@ -36,6 +35,7 @@ from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import own_index
 from axisbus.cia402.controlword import PowerCommand
 from axisbus.cia402.state import ENERGISED, PowerState, decode
+from axisbus.clock import Clock
 from axisbus.errors import AdapterError, BusError, BusOff, SdoAbort
 from axisbus.link import StopResult
 from axisbus.motion.parameters import NOISE, DemandUse, pull_window, standstill_time
@@ -50,11 +50,13 @@ _POLL = 0.02
 _DOWNLOAD_2_BYTES = 0x2B  # SDO, expedited (CiA 301 7.2.4.3.3)
 
 
-def stop_nodes(cell: CellConfig, nodes: Iterable[CanopenNode], names: Collection[str]) -> list[StopResult]:
+def stop_nodes(
+    clock: Clock, cell: CellConfig, nodes: Iterable[CanopenNode], names: Collection[str]
+) -> list[StopResult]:
     """Stop the axes of these names, all nodes at the same time, and return the result of each; blocks as ``NodeStop.run``."""
     nodes = list(nodes)
     axes = [[axis for axis in cell.axes_of(node.node_id) if axis.name in names] for node in nodes]
-    results = in_parallel(lambda node, own: NodeStop(node, own).run(), nodes, axes)
+    results = in_parallel(clock, lambda node, own: NodeStop(node, own).run(), nodes, axes)
     return [result for node in results for result in node]
 
 
@@ -64,7 +66,8 @@ class NodeStop:
     def __init__(self, node: CanopenNode, axes: Sequence[AxisConfig]) -> None:
         """``axes``: the axes of the node to be stopped."""
         self._node = node
-        self._axes = [_AxisStop(axis) for axis in axes]
+        self._clock = node.channel.clock
+        self._axes = [_AxisStop(axis, self._clock.now()) for axis in axes]
         self._cut_off = False
         self._silent = ""  # why the node is unknown, by the last request
         self._channel_failed = False
@@ -76,12 +79,12 @@ class NodeStop:
             axis.found_off = _is_off(self._state(axis, _FIRST_LOOK))
         for axis in self._axes:
             self._order_at_once(axis)
-        deadline = time.monotonic() + _LONGEST
-        while (left := [axis for axis in self._axes if axis.result is None]) and time.monotonic() < deadline:
+        deadline = self._clock.now() + _LONGEST
+        while (left := [axis for axis in self._axes if axis.result is None]) and self._clock.now() < deadline:
             self._look_at(left)
             if self._channel_failed:
                 break  # it brings no more answers
-            time.sleep(_POLL)
+            self._clock.sleep(_POLL)
         if any(axis.result is None for axis in self._axes):
             self._stop_node()
         return [axis.result or self._not_confirmed(axis) for axis in self._axes]
@@ -103,14 +106,14 @@ class NodeStop:
 
     def _step(self, axis: _AxisStop) -> StopResult | None:
         """Check one axis, repeat the stop if needed, and return its result when it is known."""
-        now, state = time.monotonic(), self._state(axis)
+        now, state = self._clock.now(), self._state(axis)
         if axis.disable_at <= now and state in ENERGISED and axis.word is not PowerCommand.DISABLE_VOLTAGE:
             axis.word = PowerCommand.DISABLE_VOLTAGE
             self._order(axis)
         elif state is PowerState.OPERATION_ENABLED:
             self._enabled_again(axis)
         position = self._read(axis, o.POSITION_ACTUAL, 4, signed=True)
-        stands = axis.look.note(position, time.monotonic())
+        stands = axis.look.note(position, self._clock.now())
         if self._silent:
             return None
         if _is_off(state):
@@ -125,14 +128,14 @@ class NodeStop:
     ) -> StopResult | None:
         """Return the result of an axis with power off. The motor may turn without power until 6064h shows standstill."""
         said = "was not energised" if axis.found_off else "stopped, power is off"
-        axis.off_since = axis.off_since or time.monotonic()
+        axis.off_since = axis.off_since or self._clock.now()
         if position is None:
             return self._seen(
                 axis, f"{said} ({state.value}); it has no position value, so standstill cannot be observed"
             )
         if stands:
             return self._seen(axis, f"{said} ({state.value})")
-        if time.monotonic() - axis.off_since > _COASTS:
+        if self._clock.now() - axis.off_since > _COASTS:
             text = f"its power is off ({state.value}), and it still moves{axis.look.text}"
             return StopResult(axis.config.name, False, f"NOT CONFIRMED as stopped: {text}")
         return None
@@ -223,12 +226,12 @@ def _is_off(state: PowerState) -> bool:
 class _AxisStop:
     """The stop of one axis; holds its controlword, the last values, and its ``result``."""
 
-    def __init__(self, config: AxisConfig) -> None:
+    def __init__(self, config: AxisConfig, now: float) -> None:
         self.config = config
         self.look = _Look(config)
         self.word = PowerCommand.QUICK_STOP
         may_drop = config.holds_load is None
-        self.disable_at = time.monotonic() + stop_times(config).quick_stop if may_drop else float("inf")
+        self.disable_at = now + stop_times(config).quick_stop if may_drop else float("inf")
         self.found_off = False  # before the stop was sent
         self.off_since: float | None = None
         self.state = PowerState.UNKNOWN

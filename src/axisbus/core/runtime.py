@@ -102,7 +102,7 @@ class Runtime:
                 on_report(booted)
             return booted
 
-        results = in_parallel(boot, nodes) if self.link.in_threads else [boot(node_id) for node_id in nodes]
+        results = in_parallel(self.link.clock, boot, nodes)
         return dict(zip(nodes, results, strict=True))
 
     def _boot_late(self, node_id: int) -> tuple[Booted, Mapping[str, Port]]:

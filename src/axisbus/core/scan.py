@@ -17,7 +17,7 @@ heartbeat.
 - **A command fails alone.** An exception while a command is taken, planned or stepped ends it and stops its axes.
 - **Its end is never silent.** Whatever ends the loop ends every command with a reason, after a quick stop of all drives.
 
-In virtual time the waiting program calls the same ``once`` (``waiting.PumpWaiter``); in real time ``run`` does it in a thread.
+In real time ``run`` calls ``once`` in a thread. In virtual time it is called while the program waits (``waiting.VirtualWaiter``).
 """
 
 from __future__ import annotations
@@ -177,6 +177,11 @@ class Scan:
 
     def _group_core(self, members: Sequence[str]) -> GroupCore:
         return GroupCore({axis: self.axes[axis] for axis in members}, self.period)
+
+    @property
+    def due(self) -> float:
+        """Time of the next cycle, by the cycle's clock."""
+        return self.cycle.now() if self._next is None else self._next
 
     def request_stop(self, reason: str, quick: bool = False) -> None:
         """Request the stop of all axes that this program has commanded; safe in a signal handler. Does not block.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from axisbus.clock import VirtualClock
 from axisbus.errors import AxisbusError, StateError
 from axisbus.interrupt_guard import sheltered
 
@@ -64,16 +66,27 @@ class ThreadWaiter:
             self._condition.notify_all()
 
 
-class PumpWaiter:
-    """Waiting in virtual time: the waiting thread executes the scan's cycles."""
+class VirtualWaiter:
+    """Waiting in virtual time: the cycles of the scan are events of the clock, executed by whichever thread of the program waits.
+
+    So the scan goes on while the program waits for something else, such as an SDO transfer.
+    """
 
     realtime = False
 
-    def __init__(self, scan: Scan, then: Callable[[float], None] | None = None) -> None:
-        """``then`` is called with the virtual time after each cycle; it may wait itself."""
+    def __init__(self, scan: Scan, clock: VirtualClock, then: Callable[[], None] | None = None) -> None:
+        """``clock`` is that of the scan's cycle. ``then`` is called between the cycles of ``wait`` and ``pump``, and may wait."""
         self._scan = scan
+        self._clock = clock
         self._then = then
         self._pumping: int | None = None
+        self._cycles = 0
+        self._error: BaseException | None = None  # of a cycle, not yet raised
+
+    def begin(self) -> None:
+        """Execute the first cycle, and further ones whenever the program waits."""
+        self._clock.add(self)
+        self.pump()
 
     def is_pumping(self) -> bool:
         """Whether the caller runs within a cycle, as a handle's callback does."""
@@ -81,31 +94,53 @@ class PumpWaiter:
 
     def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
         """Execute cycles until ``done()`` or until ``timeout`` seconds of virtual time have passed; see ``Waiter``."""
-        until = None if timeout is None else self._scan.cycle.now() + timeout
-        while not done() and not self._scan.ended:
-            if until is not None and self._scan.cycle.now() >= until:
+        clock, scan = self._clock, self._scan
+        until = None if timeout is None else clock.now() + timeout
+        while not done() and not scan.ended:
+            if until is not None and clock.now() >= until:
                 break
-            self.pump()
+            if clock.current is None:
+                self.pump()
+            else:  # a thread of the clock, which runs while the program waits
+                clock.sleep(scan.period)
         return done()
 
     @sheltered  # an interrupt within a cycle would end the scan
     def pump(self) -> None:
-        """Execute one cycle; a failing scan ends every handle. An error other than an AxisbusError is also raised here."""
-        scan = self._scan
-        if scan.ended:
-            return
-        outer, self._pumping = self._pumping, threading.get_ident()
-        try:
-            scan.once()
-        except BaseException as error:
-            scan.fail(error)
-            if not isinstance(error, AxisbusError):
-                raise
-            return
-        finally:
-            self._pumping = outer
+        """Let time pass until one cycle has been executed; an error of it other than an AxisbusError is raised here."""
+        cycles = self._cycles
+        while self._cycles == cycles and not self._scan.ended:
+            self._clock.sleep(max(0.0, self._scan.due - self._clock.now()))
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
         if self._then is not None:
-            self._then(scan.cycle.now())
+            self._then()
+
+    # -- an event source of the clock --------------------------------------------------------------------------------
+
+    @property
+    def due(self) -> float:
+        """Time of the next cycle."""
+        return math.inf if self._scan.ended or self._pumping is not None else self._scan.due
+
+    @sheltered
+    def run(self, now: float, until: float) -> None:  # noqa: ARG002  # one cycle at a time
+        """Execute one cycle; a failing scan ends every handle."""
+        self._clock.catch_up()
+        self._pumping = threading.get_ident()
+        try:
+            self._scan.once()
+        except BaseException as error:  # noqa: BLE001  # a scan that ends must stop the drives, whatever ended it
+            self._scan.fail(error)
+            if not isinstance(error, AxisbusError):
+                self._error = error
+        finally:
+            self._cycles += 1
+            self._pumping = None
+
+    def catch_up(self, now: float) -> None:
+        """As ``EventSource.catch_up``: it has no plant."""
 
 
 # -- The error of a forked child that uses its parent's machine --------------------------------------------------------

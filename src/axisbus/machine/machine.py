@@ -133,7 +133,7 @@ class Machine:
 
     @classmethod
     def simulated(cls, path: str | Path, devices: Mapping[int, Device] | None = None) -> Machine:
-        """Run the same cell on simulated drives without a bus, in virtual time: time passes only while the program waits.
+        """Run the same cell on simulated drives and a simulated wire, in virtual time: time passes only while the program waits.
 
         ``devices`` replaces simulated drives, by node-ID. Raises as ``open``.
         """
@@ -365,7 +365,7 @@ class Machine:
 
     @property
     def bus_traffic(self) -> BusTraffic | None:
-        """The numbers of frames and octets that the bus has carried up to a ``time``, in both directions; None without a bus.
+        """The numbers of frames and octets that the bus has carried up to a ``time``, both ways; None before the first cycle.
 
         ``later.load(before, bitrate)`` returns the bus load between two of these values: without stuff bits, and with the maximum
         number of them.
@@ -417,7 +417,7 @@ class Machine:
         """The events of the CAN controller: error warning, passive, bus-off, restarted; at most the last 64, oldest first.
 
         During bus-off nothing is sent; every axis is in ErrorStop, and stays there after the restart until it is reset.
-        Empty without a bus, and with adapters that report nothing.
+        Empty with adapters that report nothing.
         """
         return self.session.bus_events
 
@@ -426,17 +426,14 @@ class Machine:
         """Dropped frames of this cell's nodes, and of no node, since the machine was opened, counted by reason and node.
 
         Examples are PDOs too short for their mapping, answers to no request, and malformed messages. Frames of a node that the cell
-        does not use, such as PDOs that are not configured, are included. Empty without a bus.
+        does not use, such as PDOs that are not configured, are included.
         """
         drops = self.session.drops
         return tuple(drop for drop in drops if drop.node is None or drop.node in self.cell.nodes)
 
     @property
     def sdo_counts(self) -> tuple[SdoCount, ...]:
-        """The numbers of SDO transfers with this cell's nodes since the machine was opened, by node and result, and of retries.
-
-        Empty without a bus.
-        """
+        """The numbers of SDO transfers with this cell's nodes since the machine was opened, by node and result, and of retries."""
         return tuple(count for count in self.session.sdo_counts if count.node in self.cell.nodes)
 
     @property
@@ -475,7 +472,7 @@ class Machine:
         """
         from axisbus.record.recording import Recording
 
-        made = Recording(self, path, axes=axes, objects=objects, realtime=self._core.realtime)
+        made = Recording(self, path, axes=axes, objects=objects, clock=self._core.clock)
         self._recordings.append(made)
         return made
 
@@ -600,12 +597,12 @@ class Machine:
 
     def _begin(self) -> None:
         core = self._core
+        disown_in_children(self)
         if not core.realtime:
             core.begin(self._joined, self._closing.finish)
             core.await_values()
             EXIT.join(self.session, listen=False)
             return
-        disown_in_children(self)
         core.begin(self._joined)
         atexit.register(self._at_exit)
         EXIT.join(self.session, listen=True, alone=not core.apart)

@@ -19,7 +19,6 @@ from axisbus.cia301.incident import EmcyLog, Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.pdo import PdoLocation
 from axisbus.cia402.axes import own_index
-from axisbus.core.direct.node import DirectNode
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.drives.emcy_text import history_words, incident_words
 from axisbus.drives.make import STANDARD_MEASURED, Make, MeasuredObject
@@ -148,7 +147,7 @@ class NodeAccess:
 
     def _errors(self) -> str:
         last = self.emcy[-1] if self.emcy else None
-        ago = 0.0 if last is None else self._clock() - last.stamp
+        ago = 0.0 if last is None else self._clock.now() - last.stamp
         return error_state.read(self._objects, last, ago).words(self._make)
 
     @property
@@ -179,16 +178,12 @@ class NodeAccess:
 
     def format_incident(self, incident: Incident) -> list[str]:
         """Return an incident as lines of text, according to CiA 301, CiA 402 and the drive plug-in's table."""
-        return incident_words(incident, self._make, self._clock())
+        return incident_words(incident, self._make, self._clock.now())
 
     @property
     def pdo_events(self) -> tuple[PdoEvent, ...]:
-        """The last 64 times that a TPDO timed out or returned, oldest first.
-
-        Raises:
-            StateError: the node is simulated without a bus, where no PDO can time out; the values still have their ages.
-        """
-        return tuple(self._require_bus().pdo_events)
+        """The last 64 times that a TPDO timed out or returned, oldest first; empty for a node with CAN Simple."""
+        return tuple(self._node.pdo_events)
 
     def error_history(self) -> tuple[ErrorEntry, ...] | None:
         """Read the node's own list of its errors (1003h), newest first; None if it has none. Blocks for a few transfers.
@@ -214,14 +209,14 @@ class NodeAccess:
         The library loads the EDS for it, which may take a second, once per file.
 
         Raises:
-            StateError: there is no bus, or it belongs to another process; or the node uses CAN Simple.
+            StateError: the bus belongs to another process; or the node uses CAN Simple.
         """
         if not self.parts.has_objects:
             raise no_objects(self.node_id, "it is not a node of CANopen")
         from axisbus.bus.node.node import CanopenNode
         from axisbus.bus.node.remote import remote_node
 
-        node = self._require_bus()
+        node = self._node
         if not isinstance(node, CanopenNode):
             raise StateError(
                 f"node {self.node_id}: its bus belongs to the core in its own process",
@@ -242,14 +237,6 @@ class NodeAccess:
         from axisbus.bus.pdo.plantext import describe
 
         return [line for plan in self.plans for line in describe(plan).splitlines()]
-
-    def _require_bus(self) -> Any:
-        if isinstance(self._node, DirectNode):
-            raise StateError(
-                f"node {self.node_id} is simulated without a bus",
-                remedy='open the machine with Machine.open and interface = "sim" instead of Machine.simulated',
-            )
-        return self._node
 
 
 def _cyclic(plans: tuple[PdoPlan, ...]) -> frozenset[tuple[int, int]]:

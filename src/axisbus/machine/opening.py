@@ -96,7 +96,7 @@ def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[C
     """Return a cell and its core in virtual time; as ``Machine.simulated``."""
     from axisbus.cell.can_simple.modules import is_line
     from axisbus.check.run import checked
-    from axisbus.core.direct.link import DirectLink
+    from axisbus.core.canlink import CanLink, simulated_channel
     from axisbus.core.files import load_dictionaries
     from axisbus.core.runtime import Runtime
 
@@ -106,8 +106,10 @@ def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[C
             f"{cell.file} is of a serial line, which does not run in virtual time",
             remedy="axisbus sim --modbus 1 serves a simulated module on a port, which it prints: write that into [bus]",
         )
-    link = DirectLink(cell, load_dictionaries(cell), devices)
-    return cell, _core(cell, Runtime(link, sorted(cell.nodes), link.stand_ins), realtime=False)
+    dictionaries = load_dictionaries(cell)
+    channel, stand_ins, wire = simulated_channel(cell, dictionaries, devices)
+    link = CanLink(cell, dictionaries, channel=channel, stand_ins=stand_ins, wire=wire)
+    return cell, _core(cell, Runtime(link, sorted(cell.nodes), link.stand_ins))
 
 
 def boot(
@@ -175,10 +177,10 @@ def _here(cell: CellConfig) -> Core:
     dictionaries = load_dictionaries(cell)
     gc.collect()  # now, because after boot-up the drives and the master monitor each other's heartbeats
     link = CanLink(cell, dictionaries)
-    return _core(cell, Runtime(link, sorted(cell.nodes), link.stand_ins), realtime=True)
+    return _core(cell, Runtime(link, sorted(cell.nodes), link.stand_ins))
 
 
-def _core(cell: CellConfig, runtime: Runtime, realtime: bool) -> Core:
+def _core(cell: CellConfig, runtime: Runtime) -> Core:
     from axisbus.core.core import Core
 
-    return runtime.use(lambda booted: Core(cell, booted, realtime))
+    return runtime.use(lambda booted: Core(cell, booted))

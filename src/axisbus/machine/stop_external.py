@@ -147,7 +147,9 @@ def stop_beside(cell: CellConfig, names: Collection[str] | None = None) -> list[
         stops = [
             partial(_stop, cell, node, wanted) for node in nodes if names is None or _has(cell, node, wanted)
         ]
-        results = in_parallel(lambda stop: stop(), [*stops, partial(_stop_modules, cell, channel, wanted)])
+        results = in_parallel(
+            channel.clock, lambda stop: stop(), [*stops, partial(_stop_modules, cell, channel, wanted)]
+        )
     return [result for each in results for result in each]
 
 

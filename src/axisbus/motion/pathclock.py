@@ -13,7 +13,7 @@ _ROUNDS = 30
 _CLOSE = 1e-6  # of the wanted value
 
 
-class Clock(Protocol):
+class PathParameter(Protocol):
     """The parameter of a path: time, the path position of a group, or nothing if the path has no parameter of its own."""
 
     t: float
@@ -30,7 +30,7 @@ class Clock(Protocol):
         """Advance by one cycle of ``period`` seconds."""
 
 
-class Guided(Clock, Protocol):
+class Guided(PathParameter, Protocol):
     """A clock that can brake without further data."""
 
     def brake(self) -> None:

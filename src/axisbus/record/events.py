@@ -7,7 +7,6 @@ from typing import Any, Protocol
 
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.incident import Incident
-from axisbus.errors import AxisbusError
 from axisbus.motion.command_status import Status
 from axisbus.record.recording_data import RecordedEvent
 from axisbus.session import CommandSeen, MachineSession
@@ -95,9 +94,5 @@ def _of_node(node_id: int, node: OfNode) -> Iterator[RecordedEvent]:
         yield RecordedEvent(incident.began, "emcy", where, words[0] if words else "")
         if incident.ended is not None:
             yield RecordedEvent(incident.ended, "emcy", where, f"incident {incident.number} is over")
-    try:
-        events = node.pdo_events
-    except AxisbusError:  # without a bus there are no PDO events
-        return
-    for event in events:
+    for event in node.pdo_events:
         yield RecordedEvent(event.stamp, "pdo", where, str(event))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.pdo import PdoLocation
 from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.axes import own_index
+from axisbus.clock import Clock
 from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import ArgumentError, SdoError, UnknownNameError
 from axisbus.record.events import Watched
@@ -28,8 +28,9 @@ _SLOWEST = 125_000  # bit/s, if the cell file has no bit rate
 class ObjectReads:
     """Read the requested objects in turn; holds the number of reads of each, and when the next is due. For one thread."""
 
-    def __init__(self, machine: Watched, wanted: Sequence[WantedObject]) -> None:
+    def __init__(self, machine: Watched, wanted: Sequence[WantedObject], clock: Clock) -> None:
         self._machine = machine
+        self._clock = clock
         self._wanted = list(wanted)
         self._counts = {one.label: 0 for one in wanted}
         self._interval = _BITS / (machine.cell.bus.bitrate or _SLOWEST) / _SHARE
@@ -38,21 +39,16 @@ class ObjectReads:
 
     def wait(self, most: float) -> float:
         """Return the seconds until the next read, at most ``most``."""
-        return most if not self._wanted else min(most, max(0.0, self._due - time.monotonic()))
+        return most if not self._wanted else min(most, max(0.0, self._due - self._clock.now()))
 
     def read_next(self) -> tuple[str, Value | None] | None:
         """Read the object that is due and return its label and value (None: no answer); None if none is due. Blocks."""
-        if not self._wanted or time.monotonic() < self._due:
+        if not self._wanted or self._clock.now() < self._due:
             return None
         one = self._wanted[self._next]
         self._next = (self._next + 1) % len(self._wanted)
-        self._due = time.monotonic() + self._interval
+        self._due = self._clock.now() + self._interval
         return one.label, self._read(one)
-
-    def read_all(self) -> Iterator[tuple[str, Value | None]]:
-        """Read all objects now: in virtual time, a read takes no time and sends no frames."""
-        for one in self._wanted:
-            yield one.label, self._read(one)
 
     def _read(self, one: WantedObject) -> Value | None:
         try:

@@ -5,26 +5,24 @@ Theory of operation
 The cycle only packs a row, unless a core has already packed it. A thread takes the rows, converts them to units and writes them;
 periodically it asks the machine for events, and reads the requested objects. Rows that this thread cannot process in time are
 dropped, counted and reported, so that memory is bounded. If the file cannot be written, the recording ends, but never the motion.
-In virtual time there is no thread: the caller that advances time writes, one second at a time.
+In virtual time it is a thread of the machine's clock.
 """
 
 from __future__ import annotations
 
 import logging
-import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
 
+from axisbus.clock import REAL, Clock
 from axisbus.errors import one_line
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.events import Watched
 from axisbus.record.mcap_writer import ToldObject
 from axisbus.record.objects import MappedObjects, MappedSignal, ObjectReads, WantedObject, wanted_object
 from axisbus.record.output_file import McapFile, Row, texts_of
-from axisbus.session import AxisSession
 from axisbus.wording import counted
 
 log = logging.getLogger("axisbus")
@@ -45,9 +43,9 @@ class Recording:
         *,
         axes: Iterable[str] | None = None,
         objects: Iterable[str] = (),
-        realtime: bool = True,
+        clock: Clock = REAL,
     ) -> None:
-        """Record ``machine`` to ``path``; see ``Machine.recording``."""
+        """Record ``machine`` to ``path``; see ``Machine.recording``. ``clock`` is that of the machine."""
         self._session = machine.session
         self._period = machine.cell.bus.scan_period
         self._target = McapFile(machine, path, axes)
@@ -55,20 +53,20 @@ class Recording:
         has_frames = self._session.carried is not None
         self._mapped = MappedObjects(self._session, _places(machine, wanted) if has_frames else [])
         carried = {place.label: place.carried.pdo for place in self._mapped.places}
-        self._objects = ObjectReads(machine, [one for one in wanted if one.label not in carried])
+        self._objects = ObjectReads(machine, [one for one in wanted if one.label not in carried], clock)
         self._told = {
             one.label: ToldObject(
                 one.name,
-                carried.get(one.label, "by SDO, in turn" if realtime else "in each cycle, in virtual time"),
+                carried.get(one.label, "by SDO, in turn"),
                 one.json_type(carried=one.label in carried),
             )
             for one in wanted
         }
         self._rows: deque[Row] = deque()
-        self._realtime = realtime
+        self._clock = clock
         self._lost = self._told_lost = 0
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
+        self._over = clock.event()
+        self._thread = clock.thread(self._run, "recording")
         self._looked = self._due = self._seen = 0.0
         self._ended = False
         self.failed = ""  # why writing has ended, for people
@@ -81,12 +79,12 @@ class Recording:
         Raises:
             UserError: the package mcap is not installed, or the file cannot be written.
         """
-        self._looked = clock_of(self._session)
+        snapshots = self._session.snapshots.values()
+        self._looked = max((snapshot.now for snapshot in snapshots), default=self._clock.now())
         self._target.begin(self._looked, self._told)
         self._session.observe(self._observe)
         self._mapped.begin()
-        if self._realtime:
-            self._thread.start()
+        self._thread.start()
         return self
 
     def __exit__(
@@ -105,9 +103,6 @@ class Recording:
         self._session.forget(self._observe)
         self._mapped.end()
         self._over.set()
-        if not self._realtime:
-            self._finish()
-            return
         self._thread.join(_PATIENCE)
         if self._thread.is_alive():
             log.warning("the recording %s is not written to its end yet: its disk is slow", self.path)
@@ -115,9 +110,9 @@ class Recording:
     def _await_newest(self) -> None:
         """Wait for the row of the newest cycle that the program has seen: rows arrive in groups."""
         newest = max((snapshot.now for snapshot in self._session.snapshots.values()), default=0.0)
-        until = time.monotonic() + _ON_THEIR_WAY
-        while self._realtime and self._seen < newest and time.monotonic() < until:
-            time.sleep(0.005)
+        until = self._clock.now() + _ON_THEIR_WAY
+        while self._clock.realtime and self._seen < newest and self._clock.now() < until:
+            self._clock.sleep(0.005)
 
     # -- progress ------------------------------------------------------------------------------------------------------
 
@@ -164,15 +159,6 @@ class Recording:
             self._lost += 1
             return
         self._rows.append(self._target.pack(now, snapshots))
-        if self._realtime:
-            return
-        self._guarded(lambda: self._write_objects(now))
-        if now - self._looked >= _LOOK:
-            self._guarded(self._write_all)
-
-    def _write_objects(self, now: float) -> None:
-        for label, value in self._objects.read_all():
-            self._target.write_object(label, now, value)
 
     # -- in the recording's thread -------------------------------------------------------------------------------------
 
@@ -183,7 +169,7 @@ class Recording:
 
     def _step(self) -> None:
         read = self._objects.read_next()
-        now = time.monotonic()
+        now = self._clock.now()
         if read is not None:
             label, value = read
             self._target.write_object(label, now, value)
@@ -224,11 +210,6 @@ class Recording:
     def _write_happenings(self) -> None:
         self._looked = self._target.newest
         self._target.write_happenings()
-
-
-def clock_of(session: AxisSession) -> float:
-    """Return the time of the last cycle, in seconds of the clock of the machine."""
-    return max((snapshot.now for snapshot in session.snapshots.values()), default=time.monotonic())
 
 
 def _places(machine: Watched, wanted: Iterable[WantedObject]) -> list[MappedSignal]:

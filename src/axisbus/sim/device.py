@@ -98,6 +98,11 @@ class Device:
         return self.drives[0]
 
     @property
+    def produces_sync(self) -> bool:
+        """Whether its objects make it the producer of SYNC (1005h bit 30, 1006h)."""
+        return bool(self.dictionary.get_int(0x1005) & 1 << 30 and self.dictionary.get_int(0x1006))
+
+    @property
     def operational(self) -> bool:
         """Whether PDOs are exchanged."""
         return self.nmt is _OPERATIONAL
@@ -113,8 +118,9 @@ class Device:
         self.time += dt
         for tie in self.ties:
             tie()
-        for drive in self.drives:
-            drive.step(dt)
+        if dt > 0.0:
+            for drive in self.drives:
+                drive.step(dt)
         if self.node_id == NO_NODE_ID:
             return  # it stays initialising until it gets a node-ID by LSS
         if self.nmt is _INITIALISING:

@@ -204,8 +204,11 @@ class Dictionary:
         """Write an integer as an RPDO does; False (and nothing changed) if the value is rejected."""
         entry = self.entries[key]
         try:
-            self.check(key, entry, value)
-            self.set(key, value)
+            if entry.high is not None or entry.low is not None or key in self.checks:
+                self.check(key, entry, value)
+            self.values[key] = value
+            for hook in self.hooks.get(key, ()):
+                hook(value)
         except Refused:
             return False
         return True

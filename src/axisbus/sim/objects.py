@@ -80,8 +80,9 @@ MAKER_SHOWN: dict[int, Callable[[Drive], int]] = {
 
 
 def _controlword(drive: Drive, value: int) -> None:
-    drive.controlword = value & 0xFFFF
-    drive.hear()
+    if value & 0xFFFF != drive.controlword:
+        drive.controlword = value & 0xFFFF
+        drive.hear()
 
 
 def _mode(drive: Drive, value: int) -> None:

@@ -194,6 +194,10 @@ class PowerStage:
             self._look()
             guard -= 1
 
+    def send_no_more(self) -> None:
+        """Note that the node sends no TPDOs any more: the drive does not wait for them."""
+        self.to_be_sent, self._unsent = {}, {}
+
     def sent(self, tpdo: int) -> None:
         """Note that a TPDO has transmitted the state."""
         if self._unsent.get(tpdo):

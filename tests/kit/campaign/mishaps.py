@@ -59,7 +59,7 @@ def _node_dial(**values: Any) -> Doing:
 def _wire_dial(**values: Any) -> Doing:
     def turn(site: Site, axis: str, _: float) -> None:
         for name, value in values.items():
-            setattr(site.wires[axis], name, value)
+            site.wires[axis].turn(name, value)
 
     return turn
 
@@ -67,13 +67,13 @@ def _wire_dial(**values: Any) -> Doing:
 def _bus_dial(**values: Any) -> Doing:
     def turn(site: Site, _axis: str, _: float) -> None:
         for name, value in values.items():
-            setattr(site.cell.cycle.dials, name, value)
+            setattr(site.cell.faults, name, value)
 
     return turn
 
 
 def _nmt(command: NmtCommand) -> Doing:
-    return lambda site, axis, _: site.cell.cycle.nmt(command, site.cell.device(axis).node_id)
+    return lambda site, axis, _: site.cell.nmt(command, site.cell.device(axis).node_id)
 
 
 def _other(name: str) -> Doing:

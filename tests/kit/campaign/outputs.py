@@ -36,6 +36,9 @@ class Outputs:
             name: {0, safe} for name, (*_, safe) in OUTPUTS.items()
         }  # a module may be safe by itself
         self._before = {name: self.shown(name) for name in OUTPUTS}
+        self._unknown_since: dict[str, float] = {}
+        # Of a value that was sent in the cycle before: the node takes it at the SYNC after.
+        self._on_its_way = 1.5 * cell.machine.cell.bus.scan_period
         cell.each_cycle(lambda now, _: self._look(now))
 
     def shown(self, name: str) -> int:
@@ -67,9 +70,13 @@ class Outputs:
             if shown not in self._allowed[name]:
                 self.wrong.append(f"{name} is {shown} at {now:.3f} s")
             if self.knows(name) is None:  # what it has is left to the module, and then is safe
-                self._allowed[name] = {OUTPUTS[name][3], shown}
-            elif leaving and shown != before and shown == OUTPUTS[name][3]:
-                self.early |= set(self._energised())
+                since = self._unknown_since.setdefault(name, now)
+                if now - since > self._on_its_way:
+                    self._allowed[name] = {OUTPUTS[name][3], shown}
+            else:
+                self._unknown_since.pop(name, None)
+                if leaving and shown != before and shown == OUTPUTS[name][3]:
+                    self.early |= set(self._energised())
             self._before[name] = shown
 
     def _energised(self) -> Sequence[str]:

@@ -56,7 +56,7 @@ def run(made: Script, folder: Path) -> Played:
             cell = scene.open(stage, plant_of(made.plant))
         except Violation as violation:
             return Played(violation, 0, 0.0, 0.0, Counter())
-        wires = {name: Wire(cell.port(name), number, scene.period) for number, name in enumerate(scene.names)}
+        wires = {name: Wire(cell, name, scene.period) for name in scene.names}
         judge = Judge(Facts(Site(cell, wires), scene))
         try:
             _run(made, judge)

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 from axisbus.errors import AxisbusError
 from axisbus.motion.states import AxisState
+from axisbus.sim.power import Effort
 from kit.campaign.facts import TORQUE_MODES, Asked, Facts, Trouble
 from kit.campaign.orders import OVERRIDES, PATHS
 from kit.probe import ENABLED, OFF, PlantSample
@@ -18,6 +19,7 @@ _STOPPED = frozenset({"other_shuts_down", "other_quick_stops"})
 _WINDOW = 20.0  # increments within which a place is reached
 _OVERSPEED = 1.1  # what the master takes for noise
 _CYCLES = 5.0  # scan periods in which a guard can do nothing: the way back, its look, the SYNC after it, the drive's own step
+_ON_SLOW_RAMP = (1, 5)  # 605Ah: a quick stop on the slow-down ramp
 _ROUNDING = 0.5  # deg: windows, and what a drive's own profile rounds
 _CALM = 2.0  # s after a trouble for which nothing is judged by its smoothness, or by where it went
 _SWINGS = 0.5  # s within which an axis that swings is fast again
@@ -164,12 +166,15 @@ class Travel:
         that is led is known ahead, speed and acceleration: nothing remains but rounding, and the lag of the motor, which trails
         behind a demand that stops before the limit. Under torque the acceleration is not known before it is seen: from rest,
         ``a T²/2`` until the stop acts, at the speed ``a T``, which takes ``(a T)² / 2 d`` to brake with the deceleration ``d``
-        of the quick stop. ``a`` is the torque that is commanded, less friction, times what one torque accelerates.
+        of the quick stop. ``a`` is the torque that is commanded, less friction, times what one torque accelerates. A quick stop on
+        the slow-down ramp (605Ah) has the deceleration 6084h, any other 6085h.
         """
         drive, facts = self._facts.drive[name], self._facts
         speed, time = self._blind_speed(name), _CYCLES * facts.scene.period
         unit = drive.params.acceleration_unit * abs(facts.scale[name])
         braking = drive.settings.quick_stop_deceleration / unit
+        if drive.settings.quick_stop_option in _ON_SLOW_RAMP:
+            braking = drive.axis.braking(Effort.SLOW) / abs(facts.scale[name])
         return _ROUNDING + speed * time / 2 + speed * speed / (2 * max(braking, 1.0))
 
     # -- jolts -----------------------------------------------------------------------------------------------------------

@@ -21,6 +21,8 @@ _NEAR = 1.5  # deg by which a position that is shown may be off
 _COUNTS = 1.5  # increments, the same: of a coarse encoder
 _USUAL_AGE = 1.2  # s: what is sent on change only, or polled, counts so long
 _REFUSED = (CommandError, StateError, LimitError)  # what was asked cannot be done; nothing has gone wrong
+_TOO_LATE = "come too late"  # of process data that the master takes for delayed
+_COUNTED = range(1, 241)  # transmission types of a TPDO that answers SYNC
 # What the master says of a command of its own user, without any mishap.
 _OWN = (
     "limit",
@@ -130,7 +132,9 @@ class Truth:
         if lies or self._late_until.get(name, 0.0) > facts.now:
             return
         blind = any(trouble.what in _BLIND for trouble in facts.troubled(name, _BLIND_FOR))
-        age = _USUAL_AGE if blind or _polled(facts, name) else 0.1 + 5 * facts.scene.period
+        longest = facts.core[name].capabilities.max_age.get("position", 0.1)  # as it travels
+        known_for = max(0.1, longest) + 5 * facts.scene.period
+        age = _USUAL_AGE if blind or _polled(facts, name) else known_for
         positions = facts.cell.positions(name, facts.cell.moment(name) - blocked - age)
         low, high = min(positions) - near, max(positions) + near
         told = f"shown at {here:g} deg (of its plant), which was between {low:g} and {high:g} for {age:g} s"
@@ -176,9 +180,20 @@ class Truth:
             )
         if any(word in text for trouble in troubles for word in trouble.kind.says):
             return True
+        if _TOO_LATE in text and not self._are_tpdos_counted(name):
+            return any(trouble.what == "sdo_late" for trouble in troubles)
         if has_bent(self._facts, error, name):
             return True
         return any(word in text for word in _OWN)
+
+    def _are_tpdos_counted(self, name: str) -> bool:
+        """Whether each TPDO of the drive answers every n-th SYNC of the master.
+
+        Otherwise only the SDO answers show a delay of the link: a drive that answers late looks as one behind a slow gateway. The
+        master stops then, by design (``bus.pdo.freshness``).
+        """
+        tpdos = (pdo for pdo in self._facts.cell.port(name).plan.active if not pdo.receive)
+        return all(pdo.target.transmission_type in _COUNTED for pdo in tpdos)
 
     def _troubles(self, name: str) -> list[Trouble]:
         """What has happened of late, or led to the error in which the axis is still."""

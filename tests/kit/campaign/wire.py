@@ -1,67 +1,41 @@
-"""Frames of one axis that are lost, or come late, in both directions; and another master on the same bus."""
+"""PDOs of one axis that are lost, or come late, in both directions; and another master on the same bus."""
 
 from __future__ import annotations
 
-import random
-from collections import deque
 from collections.abc import Callable, Mapping
 
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.cia402.port import INPUT_OBJECTS, Inputs, Sample
-from axisbus.sim.direct import DirectPort
+from axisbus.sim.virtual_can import FrameFaults
+from axisbus.testing import Simulation
 from kit.cell import Cell
-
-_FIELDS = tuple(INPUT_OBJECTS)
 
 
 class Wire:
-    """What lies between a port and its drive; holds the frames that are under way. Its fields are dials.
+    """The PDOs of one axis on the wire. Its fields are dials.
 
     ``inputs_lost``, ``outputs_lost``: the share of frames that never arrive. ``late``: cycles by which both come later.
     """
 
-    def __init__(self, port: DirectPort, seed: int, period: float) -> None:
-        self.inputs_lost = self.outputs_lost = 0.0
-        self.late = 0
-        self._chance = random.Random(seed)
+    def __init__(self, cell: Cell, name: str, period: float) -> None:
+        plan = cell.port(name).plan.active
+        self._inputs = {pdo.target.cob_id: FrameFaults() for pdo in plan if not pdo.receive}
+        self._outputs = {pdo.target.cob_id: FrameFaults() for pdo in plan if pdo.receive}
+        self._by_id = cell.wire.faults.by_id
         self._period = period
-        self._port = port
-        self._in: deque[Inputs] = deque()
-        self._out: deque[dict[str, int]] = deque()
-        self._sample, self._latch, self._read = port.sample, port.latch, port.read
-        port.sample, port.latch, port.read = self.sample, self.latch, self.read  # type: ignore[method-assign]
 
-    def sample(self, now: float) -> None:
-        """The drive's synchronous frame: it arrives, or not."""
-        if not self.inputs_lost or self._chance.random() >= self.inputs_lost:
-            self._sample(now)
-
-    def latch(self) -> None:
-        """Our synchronous frame: it arrives now, some cycles later, or not."""
-        frame = self._port._latched
-        if self.outputs_lost and frame and self._chance.random() < self.outputs_lost:
-            frame = {}
-        self._out.append(frame)
-        self._port._latched = {}
-        while len(self._out) > self.late:
-            self._port._latched = self._out.popleft()
-            self._latch()
-
-    def read(self, now: float) -> Inputs:
-        """What the master reads: the values of some cycles ago, which have only just come."""
-        self._in.append(self._read(now))
-        while len(self._in) > self.late + 1:
-            self._in.popleft()
-        newest, shown = self._in[-1], self._in[0]
-        if newest is shown:
-            return newest
-        delay = newest.now - shown.now
-        values = {name: _later(getattr(shown, name), delay) for name in _FIELDS}
-        return newest._replace(**values)
-
-
-def _later(sample: Sample | None, delay: float) -> Sample | None:
-    return None if sample is None else Sample(sample.value, sample.stamp + delay)
+    def turn(self, dial: str, value: float) -> None:
+        """Turn a dial."""
+        whose = {
+            "inputs_lost": self._inputs,
+            "outputs_lost": self._outputs,
+            "late": self._inputs | self._outputs,
+        }
+        for faults in whose[dial].values():
+            if dial == "late":
+                faults.delay = value * self._period
+            else:
+                faults.loss = value
+        self._by_id.update(self._inputs | self._outputs)
 
 
 # -- another master: what it does to a drive ------------------------------------------------------------------------------
@@ -85,10 +59,23 @@ def _velocity(cell: Cell, name: str, value: float) -> None:
     drive.mode, drive.target_velocity = 3, round(60.0 * value * cell.scale_of(name))
 
 
+def _enable(cell: Cell, name: str) -> None:
+    """Send controlwords until the drive has power, between two cycles of ours: its transitions take 2 ms each."""
+
+    def send(*words: int) -> None:
+        cell.wire.catch_up(cell.clock.now())
+        _words(cell, name, *words)
+
+    simulation = Simulation(cell.machine)
+    simulation.after(0.001, lambda: send(0x06, 0x07, 0x0F))
+    simulation.after(0.004, lambda: send(0x0F))
+    simulation.after(0.007, lambda: send(0x0F))
+
+
 OTHER_MASTER: Mapping[str, Callable[[Cell, str, float], object]] = {
     "other_shuts_down": lambda cell, name, _: _words(cell, name, 0x06),
     "other_quick_stops": lambda cell, name, _: _words(cell, name, 0x0B),
-    "other_enables": lambda cell, name, _: _words(cell, name, 0x06, 0x07, 0x0F),
+    "other_enables": lambda cell, name, _: _enable(cell, name),
     "other_sets_point": _set_point,
     "other_takes_velocity": _velocity,
     "other_stops_node": lambda cell, name, _: cell.device(name).nmt_command(NmtCommand.STOP),

@@ -11,7 +11,6 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.core.inprocess import InProcess
 from axisbus.core.scan import Scan
-from axisbus.core.waiting import PumpWaiter
 from axisbus.drives.gim6010.can_simple.port import error_words
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings, TorqueSettings
@@ -22,8 +21,9 @@ from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisLimits, AxisParameters, Defaults, HomingParameters, Units
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.device import Device
-from axisbus.sim.direct import DirectCycle, DirectPort
 from axisbus.units import Scale
+from kit.direct.cycle import DirectCycle, DirectPort
+from kit.direct.waiting import PumpWaiter
 from kit.motion.rig import GENERIC, dictionary_of
 from kit.motion.rig import parameters as canopen_parameters
 

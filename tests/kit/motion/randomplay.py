@@ -17,7 +17,7 @@ from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.parameters import AxisLimits, HomingParameters
 from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 from axisbus.sim.device import Device
-from axisbus.sim.direct import DirectCycle, DirectPort
+from kit.direct.cycle import DirectCycle, DirectPort
 from kit.motion.rig import GENERIC, PERIOD, SCALE, dictionary_of, parameters
 
 EVERY = 30  # cycles between two commands, on average

@@ -11,16 +11,16 @@ from axisbus import eds
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.core.inprocess import InProcess
 from axisbus.core.scan import Scan
-from axisbus.core.waiting import PumpWaiter
 from axisbus.machine.axis import Axis
 from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.groups import Group
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisLimits, AxisParameters, Defaults, HomingParameters, Units
 from axisbus.sim.device import Device
-from axisbus.sim.direct import DirectCycle, DirectPort
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
+from kit.direct.cycle import DirectCycle, DirectPort
+from kit.direct.waiting import PumpWaiter
 
 GENERIC = Path(__file__).parents[3] / "eds" / "generic-cia402.eds"
 SCALE = 1000.0  # increments per degree

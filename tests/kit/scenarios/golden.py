@@ -62,6 +62,15 @@ def kept() -> set[str]:
 def whole(session: pytest.Session) -> bool:
     """Whether all scenarios are in this run."""
     here = {item.path for item in session.items if item.path.parent == FOLDER.parent}
-    chosen = session.config.getoption("keyword") or session.config.getoption("markexpr")
-    chosen = chosen or any("::" in name for name in session.config.args)
-    return here == set(FOLDER.parent.glob("test_*.py")) and not chosen
+    chosen = session.config.getoption("keyword") or any("::" in name for name in session.config.args)
+    return here == set(FOLDER.parent.glob("test_*.py")) and not chosen and not half(session)
+
+
+HALVES = ("not real_time", "real_time")  # the choices of ``make test`` and ``make test-real``
+
+
+def half(session: pytest.Session) -> str:
+    """The choice of a run of half of the tests; empty if it has another choice or none."""
+    choice = str(session.config.getoption("markexpr"))
+    folders = all((session.config.invocation_params.dir / name).is_dir() for name in session.config.args)
+    return choice if choice in HALVES and folders and not session.config.getoption("keyword") else ""

@@ -13,7 +13,6 @@ from axisbus.core.node_stop import NodeStop
 from axisbus.core.scan_thread import Supervisor
 from axisbus.motion.stop.shutdown_stop import AxisLeaving
 from axisbus.motion.stop.stop_sequence import StopSequence
-from axisbus.sim.direct import DirectCycle
 
 
 def _says_it_stands(ladder: StopSequence, *_: object) -> bool:
@@ -37,7 +36,6 @@ NETS: dict[str, tuple[tuple[type, str, object], ...]] = {
         (AxisLeaving, "_seen_at_rest", True),
     ),
     "the quick stop of a dead scan": (
-        (DirectCycle, "quick_stop_all", _nothing),
         (CanCycle, "quick_stop_all", _nothing),
         (CanCycle, "keep_stopping", lambda _: nullcontext()),
         *_RESCUE,

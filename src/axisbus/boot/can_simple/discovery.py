@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager
@@ -14,6 +13,7 @@ from typing import Protocol, TypeVar, cast
 from axisbus.bus.gim6010.run import Sends, send
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import CanFrame
+from axisbus.clock import Clock
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.discovery.protocol_29bit import is_beat
@@ -27,7 +27,11 @@ _KEPT = 1000  # frames stored until they are evaluated
 
 
 class BootChannel(Sends, Protocol):
-    """The channel to the module: a ``bus.link.channel.Channel``, or its replacement in virtual time."""
+    """The channel to the module: a ``bus.link.channel.Channel``."""
+
+    @property
+    def clock(self) -> Clock:
+        """The clock of the frames' stamps."""
 
     @property
     def name(self) -> str:
@@ -45,15 +49,13 @@ class BootChannel(Sends, Protocol):
 
 @dataclass(slots=True)
 class NodeListener:
-    """The frames received from one node ID; holds state. ``clock`` and ``sleep`` use the time base of the frames' stamps (s).
+    """The frames received from one node ID; holds state.
 
     ``canopen`` counts the heartbeats of a CANopen node of this ID, ``extended`` counts the heartbeats of the 29-bit protocol.
     """
 
     channel: BootChannel
     node: int
-    clock: Callable[[], float] = time.monotonic
-    sleep: Callable[[float], None] = time.sleep
     answer: float = _ANSWER  # s allowed for one answer
     beats: Heartbeats = field(default_factory=Heartbeats)
     stamps: list[tuple[float, bytes]] = field(default_factory=list)
@@ -70,10 +72,10 @@ class NodeListener:
 
         Raises AdapterError if the channel has failed.
         """
-        end = self.clock() + seconds
-        while not until() and self.clock() < end:
+        end = self.channel.clock.now() + seconds
+        while not until() and self.channel.clock.now() < end:
             self._take_all()
-            self.sleep(_TICK)
+            self.channel.clock.sleep(_TICK)
         self.channel.check()
         return until()
 
@@ -95,12 +97,12 @@ class NodeListener:
     def _answer(self, question: ProbeFrame) -> CanFrame | None:
         self._take_all()
         send(self.channel, question.frame)
-        end = self.clock() + self.answer
-        while self.clock() < end:
+        end = self.channel.clock.now() + self.answer
+        while self.channel.clock.now() < end:
             for frame in self._take_all():
                 if question.answered_by(frame):
                     return frame
-            self.sleep(_TICK)
+            self.channel.clock.sleep(_TICK)
         return None
 
     def _take_all(self) -> list[CanFrame]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
 
 from axisbus.boot.can_simple import identity
 from axisbus.boot.can_simple.discovery import BootChannel, NodeListener
@@ -55,14 +53,8 @@ class ModuleBoot:
         objects: ModuleObjects,
         channel: BootChannel,
         find_time: float,
-        *,
-        clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """``objects`` are those of the module's port and take the cell file's writes; ``find_time`` (s) limits the first heartbeat.
-
-        ``clock`` and ``sleep`` use the time base of the channel's stamps, in s.
-        """
+        """``objects`` are those of the module's port, for the cell file's writes; ``find_time`` (s) limits the first heartbeat."""
         self._cell = cell
         self._node = cell.nodes[settings.node]
         self._settings = settings
@@ -70,7 +62,7 @@ class ModuleBoot:
         self._channel = channel
         self._find_time = find_time
         self._report = NodeReport(settings.node)
-        self._listening = NodeListener(channel, settings.node, clock, sleep, settings.fresh)
+        self._listening = NodeListener(channel, settings.node, settings.fresh)
         self._facts = SimpleFacts()
         self._armed = Armed()
         self.feed_within = 0.0

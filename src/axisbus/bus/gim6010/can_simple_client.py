@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from types import TracebackType
@@ -34,10 +32,11 @@ class SimpleLine:
             ArgumentError: it is not.
         """
         self.channel = channel
+        self.clock = channel.clock
         self.node = node
         self.beats = Heartbeats()
         self._stamps: deque[tuple[float, bytes]] = deque(maxlen=_KEPT)
-        self._came = threading.Condition()
+        self._came = channel.clock.condition()
         self._ears: list[tuple[int, Receiver]] = [(can_id(node, COMMAND), self._beat)]
         self._expected = Heartbeats()  # as it was at the last ``listen``
 
@@ -64,7 +63,7 @@ class SimpleLine:
             AdapterError: the channel failed. StateError: called in the receive thread.
         """
         require_other_thread(self.channel, "listening to a module")
-        time.sleep(seconds)
+        self.clock.sleep(seconds)
         self.channel.check()
         if count_senders(list(self._stamps)) > 1:
             raise several(self.node)
@@ -77,7 +76,7 @@ class SimpleLine:
 
     @property
     def last_beat(self) -> float | None:
-        """Time of the last heartbeat (s, monotonic)."""
+        """Time of the last heartbeat (seconds of the clock)."""
         return self._stamps[-1][0] if self._stamps else None
 
     def require_there(self) -> None:
@@ -97,7 +96,7 @@ class SimpleLine:
             raise NodeError(
                 f"module {self.node} no longer sends heartbeats",
                 node=self.node,
-                observed=f"the last one came {time.monotonic() - self._stamps[-1][0]:.1f} s ago",
+                observed=f"the last one came {self.clock.now() - self._stamps[-1][0]:.1f} s ago",
                 remedy="check its supply and cable; axisbus gim6010 find searches for it",
             )
 
@@ -109,7 +108,13 @@ class SimpleLine:
         """Wait up to ``seconds`` until ``there()`` is true, checked after each received frame; return whether it is."""
         require_other_thread(self.channel, "waiting for a module")
         with self._came:
-            return self._came.wait_for(there, seconds)
+            until = self.clock.now() + seconds
+            while not there():
+                left = until - self.clock.now()
+                if left <= 0.0:
+                    return False
+                self._came.wait(left)
+            return True
 
     def notify(self) -> None:
         """Wake the waiting thread; receivers call it after they have stored a frame."""
@@ -119,9 +124,9 @@ class SimpleLine:
     def _late(self) -> bool:
         stamps = [stamp for stamp, _ in self._stamps]
         if len(stamps) < 2:
-            return not stamps or time.monotonic() - stamps[-1] > 2 * LISTEN
+            return not stamps or self.clock.now() - stamps[-1] > 2 * LISTEN
         usual = (stamps[-1] - stamps[0]) / (len(stamps) - 1)
-        return time.monotonic() - stamps[-1] > max(_GONE, _PERIODS * usual)
+        return self.clock.now() - stamps[-1] > max(_GONE, _PERIODS * usual)
 
     def _beat(self, data: bytes, stamp: float) -> None:
         seen = self.beats.after(self.node, data)

@@ -14,7 +14,6 @@ module.
 
 from __future__ import annotations
 
-import time
 from collections import Counter, deque
 
 from axisbus.bus.gim6010.can_simple_client import PACE, SimpleLine, several
@@ -100,7 +99,7 @@ class CanSimpleParameters:
         self.require_idle()
         self._require_alone()
         self.line.send(frame)
-        time.sleep(PACE)
+        self.line.clock.sleep(PACE)
         held = self.read(path)
         if not values.same(held, value):
             raise NodeError(
@@ -134,7 +133,7 @@ class CanSimpleParameters:
         """Save and wait until the module begins to restart; return when the save was requested (s, monotonic)."""
         self.require_idle()
         self._require_alone()
-        began = time.monotonic()
+        began = self.line.clock.now()
         restarts = self.line.beats.restarts
         self.line.send(encode(self.line.node, _SAVE))
         self._wait_for_restart(restarts, began)
@@ -184,7 +183,7 @@ class CanSimpleParameters:
             number = int.from_bytes(frame.data[1:3], "little")
             found.append(int.from_bytes(self._ask(frame, number, "its version").data, "little"))
             if again:
-                time.sleep(_SECOND)
+                self.line.clock.sleep(_SECOND)
                 self._require_alone()
         return found
 
@@ -202,14 +201,14 @@ class CanSimpleParameters:
 
     def _ask(self, frame: Outgoing, number: int, what: str) -> EndpointAnswer:
         if self._asked[number]:  # a late answer must not be taken for the answer to this request
-            time.sleep(TIMEOUT)
+            self.line.clock.sleep(TIMEOUT)
             self._asked[number] = 0
         self._answers.clear()
         for _ in range(_TRIES):
             self._asked[number] += 1
             self.line.send(frame)
             if self.line.wait(lambda: self._answered(number), TIMEOUT):
-                time.sleep(PACE)
+                self.line.clock.sleep(PACE)
                 return self._answers.popleft()
         self.line.require_there()
         raise NodeTimeout(
@@ -253,10 +252,10 @@ class CanSimpleParameters:
     def _wait_for_restart(self, restarts: int, began: float) -> None:
         """Wait until the heartbeats stop or restart; if the module sends none, until it does not answer."""
         end = began + _RESTARTS
-        while time.monotonic() < end:
+        while self.line.clock.now() < end:
             if self.line.beats.restarts > restarts or self._is_silent():
                 return
-            time.sleep(_LOOK)
+            self.line.clock.sleep(_LOOK)
         raise NodeError(
             f"module {self.line.node} got the command to save, and does not restart",
             node=self.line.node,
@@ -276,7 +275,7 @@ class CanSimpleParameters:
     def _come_back(self, began: float) -> None:
         """Wait until the module answers as before, and prove the list again."""
         seen = ""
-        while time.monotonic() < began + _BACK:
+        while self.line.clock.now() < began + _BACK:
             try:
                 self.line.listen(_LISTEN)
                 if self._version() == self.firmware:

@@ -7,7 +7,6 @@ save, the module has the new ID until it is switched off, and the old one after 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from contextlib import ExitStack
 
@@ -62,32 +61,32 @@ def _taken(before: SimpleLine, after: SimpleLine) -> None:
             remedy="set it over USB: odrv0.axis0.config.can.node_id, then save",
         )
     changed = after.last_beat or 0.0
-    time.sleep(_QUIET)
+    before.clock.sleep(_QUIET)
     if (before.last_beat or 0.0) > changed:
         raise several(before.node)
 
 
 def _save(before: SimpleLine, after: SimpleLine) -> None:
-    restarts, told = after.beats.restarts, time.monotonic()
+    restarts, told = after.beats.restarts, after.clock.now()
     if after.state != IDLE:
         raise StateError(
             f"module {after.node} is no longer idle, and is not saved", remedy="stop and disable it"
         )
     after.send(encode(after.node, _SAVE))
     while after.beats.restarts == restarts and after.state is not None:
-        if time.monotonic() > told + _RESTARTS:
+        if after.clock.now() > told + _RESTARTS:
             raise NodeError(
                 f"module {after.node} got the command to save, and does not restart",
                 node=after.node,
                 remedy="its node ID is in RAM only: save it over USB, or it has the old one after its next start",
             )
-        time.sleep(_LOOK)
-    _back(before, after, time.monotonic())
+        after.clock.sleep(_LOOK)
+    _back(before, after, after.clock.now())
 
 
 def _back(before: SimpleLine, after: SimpleLine, gone: float) -> None:
     """Wait for the first heartbeat after the restart, under either ID."""
-    while time.monotonic() < gone + _BACK:
+    while after.clock.now() < gone + _BACK:
         if (before.last_beat or 0.0) > gone:
             raise NodeError(
                 f"the module came back with the node ID {before.node}: the new one was not saved",
@@ -96,7 +95,7 @@ def _back(before: SimpleLine, after: SimpleLine, gone: float) -> None:
             )
         if (after.last_beat or 0.0) > gone:
             return
-        time.sleep(_LOOK)
+        after.clock.sleep(_LOOK)
     raise NodeTimeout(
         f"module {after.node} does not come back after saving",
         node=after.node,

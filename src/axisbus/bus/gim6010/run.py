@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -21,7 +20,7 @@ _NO_ACKNOWLEDGE = "no acknowledge"  # as ``errorframe`` describes it
 
 
 class ModuleProcedure(Protocol):
-    """A dialogue; its times are those of ``time.monotonic()``, in s."""
+    """A dialogue; its times are those of the channel's clock, in s."""
 
     @property
     def done(self) -> bool:
@@ -54,9 +53,9 @@ def run(channel: Channel, dialogue: ModuleProcedure) -> None:
             sign = watch.sign()
             if sign:
                 dialogue.trouble(sign)
-            request = dialogue.step(time.monotonic())
+            request = dialogue.step(channel.clock.now())
             if request is None:
-                time.sleep(_TICK)
+                channel.clock.sleep(_TICK)
             else:
                 watch.sent = True
                 _send(channel, dialogue, request)

@@ -14,7 +14,6 @@ its slaves are requested without re-opening.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -25,6 +24,7 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
 from axisbus.bus.node import discover
 from axisbus.cia305.services import LssAddress
+from axisbus.clock import Clock
 from axisbus.errors import AdapterError, LssError, one_line
 
 ANSWER_TIME = 5.0  # seconds that a slave may take to answer at the new rate; some restart for it
@@ -108,13 +108,13 @@ def change_over(
         master.activate(addresses, delay)
         return ChangedOver(bitrate, own, asked=False, commands=_commands(opening, bitrate))
     sent = master.start_activation(addresses, delay)
-    _sleep_until(sent + delay)
     channel = master.channel
+    _sleep_until(channel.clock, sent + delay)
     try:
         if own is OwnRate.REOPENED:
             channel.close()
             channel = stack.enter_context(open_again(opening, bitrate))
-        _sleep_until(sent + 2 * delay)
+        _sleep_until(channel.clock, sent + 2 * delay)
         return _ask(channel, master, addresses, bitrate, own)
     except AdapterError as error:
         raise _half_changed(opening, bitrate, error) from error
@@ -154,17 +154,18 @@ def _ask(
 
 
 def _answers(master: LssMaster, address: LssAddress) -> bool:
-    deadline = time.monotonic() + ANSWER_TIME
+    clock = master.channel.clock
+    deadline = clock.now() + ANSWER_TIME
     while True:
         try:
             master.inquire(address)
         except LssError:  # silent, or another slave answers: it is not known to be there
-            if time.monotonic() > deadline:
+            if clock.now() > deadline:
                 return False
-            time.sleep(_PAUSE)
+            clock.sleep(_PAUSE)
         else:
             return True
 
 
-def _sleep_until(when: float) -> None:
-    time.sleep(max(0.0, when - time.monotonic()))
+def _sleep_until(clock: Clock, when: float) -> None:
+    clock.sleep(max(0.0, when - clock.now()))

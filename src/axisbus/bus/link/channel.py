@@ -29,12 +29,11 @@ import copy
 import errno
 import math
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import can
 
@@ -43,12 +42,13 @@ from axisbus.bus.link.controller import CanController, CanErrorState, Controller
 from axisbus.bus.link.fork_guard import disown_in_children
 from axisbus.bus.link.frame_files import of_message
 from axisbus.bus.link.network import CanopenNetwork
-from axisbus.bus.link.raw_sockets import CyclicSocket, cyclic_socket, intake_of, line_of
+from axisbus.bus.link.raw_sockets import CyclicSocket, FrameTransmitter, cyclic_socket, intake_of, line_of
 from axisbus.cia301 import cob
 from axisbus.cia301.dropped_frames import DropReason, Drops
 from axisbus.cia301.frame import BusTraffic, CanFrame
 from axisbus.cia301.sdo_counts import SdoCounts
 from axisbus.cia301.sync import SyncTimes
+from axisbus.clock import REAL, Clock
 from axisbus.errors import AdapterError, BusError, BusOff, StateError, TransmitQueueFull
 
 Receiver = Callable[[bytes, float], None]
@@ -84,6 +84,24 @@ class Counters:
     errors: deque[str] = field(default_factory=lambda: deque(maxlen=16))
 
 
+class CallingBus(FrameTransmitter, Protocol):
+    """A bus that passes each received frame to its channel by a call, without a receive thread: a simulated wire."""
+
+    @property
+    def state(self) -> can.BusState:
+        """The state of its controller."""
+
+    @property
+    def calling(self) -> bool:
+        """Whether the caller runs within such a call."""
+
+    def attach(self, taker: Channel) -> None:
+        """Call ``take_frame``, ``take_message`` and ``take_failure`` of ``taker`` from now on."""
+
+    def shutdown(self) -> None:
+        """Release it."""
+
+
 class Channel:
     """One CAN channel; holds state: the adapter, the receive thread, the receivers by COB-ID, the counters and the failure.
 
@@ -92,17 +110,20 @@ class Channel:
 
     def __init__(
         self,
-        bus: can.BusABC,
+        bus: can.BusABC | CallingBus,
         name: str,
         *,
         send_timeout: float | None = None,
         cyclic: CyclicSocket | None = None,
+        clock: Clock = REAL,
     ) -> None:
         """Take over an open python-can bus and start to receive.
 
-        ``send_timeout``: see ``adapter.send_timeout``; ``cyclic``: the source of the frames for ``drain``.
+        ``send_timeout``: see ``adapter.send_timeout``; ``cyclic``: the source of the frames for ``drain``; ``clock``: the time of
+        this channel and of everything that waits for its frames.
         """
         self.bus = bus
+        self.clock = clock
         self.name = name
         self.counters = Counters()
         self.drops = Drops(threading.Lock())
@@ -113,12 +134,17 @@ class Channel:
         self._receivers: dict[int, tuple[Receiver, ...]] = {}
         self._ears: tuple[Ear, ...] = ()
         self._taps: tuple[Ear, ...] = ()
-        self._line, self._intake = line_of(bus, send_timeout), intake_of(bus)
+        self._calling: CallingBus | None = None
+        if isinstance(bus, can.BusABC):
+            self._line: FrameTransmitter = line_of(bus, send_timeout)
+        else:
+            self._line = self._calling = bus
         self._freely = self._line.for_all  # without a lock
         self._cyclic = cyclic
         self._cyclic_ids: frozenset[int] = frozenset()
         self._socketcan = name.startswith("socketcan:")
-        self._linux_classes = name.partition(":")[0] in controller.LINUX_CLASSES
+        simulated = not isinstance(bus, can.BusABC)
+        self._linux_classes = simulated or name.partition(":")[0] in controller.LINUX_CLASSES
         self.controller = CanController(name)
         self.last_off: BusOff | None = None
         self.offs = 0
@@ -132,8 +158,13 @@ class Channel:
         self.network = CanopenNetwork(self)
         # For simulated drives: returns whether they have not yet received all sent frames.
         self.behind: Callable[[], bool] | None = None
-        self._thread = threading.Thread(target=self._receive, name=f"axisbus receive {name}", daemon=True)
-        self._thread.start()
+        self._thread: threading.Thread | None = None
+        if not isinstance(bus, can.BusABC):
+            bus.attach(self)
+        else:
+            self._intake = intake_of(bus)
+            self._thread = threading.Thread(target=self._receive, name=f"axisbus receive {name}", daemon=True)
+            self._thread.start()
         disown_in_children(self)
 
     @classmethod
@@ -164,11 +195,13 @@ class Channel:
     def carried(self) -> BusTraffic:
         """The traffic so far, sent and received; with simultaneous sending and receiving a frame may be missing from the count."""
         counters = self.counters
-        return BusTraffic(time.monotonic(), counters.sent + counters.received, counters.octets)
+        return BusTraffic(self.clock.now(), counters.sent + counters.received, counters.octets)
 
     @property
     def in_receive_thread(self) -> bool:
-        """Whether the caller runs in the receive thread, which must not wait for a frame."""
+        """Whether the caller runs in the receive thread, or is called by the bus instead, and must not wait for a frame."""
+        if self._calling is not None:
+            return self._calling.calling
         return threading.current_thread() is self._thread
 
     def check(self) -> None:
@@ -191,7 +224,7 @@ class Channel:
     def subscribe(self, can_id: int, receiver: Receiver) -> None:
         """Call ``receiver(data, stamp)`` in the receive thread for each frame of this COB-ID; the receiver must not block.
 
-        ``stamp`` is ``time.monotonic()`` at reception.
+        ``stamp`` is the time of the clock at reception.
         """
         with self._state_lock:
             receivers = dict(self._receivers)
@@ -249,7 +282,7 @@ class Channel:
     def overheard(self, ear: Ear) -> Iterator[None]:
         """Call ``ear(frame)`` in the receive thread for every received frame, remote frames included, within the block.
 
-        ``ear`` must not block. The frame's time is ``time.monotonic()`` at reception. Error frames go to ``controller``.
+        ``ear`` must not block. The frame's time is that of the clock at reception. Error frames go to ``controller``.
         """
         with self._state_lock:
             self._ears = (*self._ears, ear)
@@ -324,13 +357,13 @@ class Channel:
         """
         if self._inherited:
             return 0
-        deadline = time.monotonic() + URGENT_TOTAL
+        deadline = self.clock.now() + URGENT_TOTAL
         locked = self._send_lock.acquire(timeout=URGENT_LOCK)
         try:
             left = list(frames)
             count = len(left)
-            while (left := self._try_urgent(left)) and time.monotonic() < deadline:
-                time.sleep(SEND_PAUSE)
+            while (left := self._try_urgent(left)) and self.clock.now() < deadline:
+                self.clock.sleep(SEND_PAUSE)
             return count - len(self._try_urgent(left, in_order=False))
         finally:
             if locked:
@@ -365,7 +398,7 @@ class Channel:
             first, self._closing = not self._closing, True
         if not first:
             return
-        if not self.in_receive_thread:
+        if self._thread is not None and not self.in_receive_thread:
             self._thread.join(CLOSE_PATIENCE)
         if self._cyclic is not None:
             self._cyclic.close()
@@ -379,7 +412,8 @@ class Channel:
         self._closing = self._inherited = True
         self._send_lock, self._state_lock = threading.Lock(), threading.Lock()
         self._failure = failures.inherited(self.name)
-        self.bus._is_shutdown = True  # else python-can would shut the adapter down when the child ends
+        if isinstance(self.bus, can.BusABC):
+            self.bus._is_shutdown = True  # else python-can would shut the adapter down when the child ends
 
     def __enter__(self) -> Channel:
         return self
@@ -405,7 +439,7 @@ class Channel:
         """Pass a sent frame to the taps; a number: a remote frame."""
         data = what if isinstance(what, bytes) else b""
         extended, remote = can_id > cob.ID_MASK_11, data is not what
-        self._tell_all(self._taps, CanFrame(time.monotonic(), can_id, data, extended, remote))
+        self._tell_all(self._taps, CanFrame(self.clock.now(), can_id, data, extended, remote))
 
     def _insist(
         self, give: Callable[[int, _T], None], can_id: int, what: _T, patience: float, error: Exception | None
@@ -417,11 +451,11 @@ class Channel:
                 self.fail(failures.link_gone(self.name, error))
                 self.check()
             self.counters.full += 1
-            now = time.monotonic()
+            now = self.clock.now()
             deadline = min(deadline, now + patience)
             if now >= deadline:
                 raise failures.refused(self.name, can_id, patience, error) from error
-            time.sleep(SEND_PAUSE)
+            self.clock.sleep(SEND_PAUSE)
             self.check()
             error = self._attempt(give, can_id, what)
 
@@ -441,10 +475,10 @@ class Channel:
 
         If it does not return, the time that this thread ran shows whether the driver is stuck.
         """
-        began = before = time.monotonic()
+        began = before = self.clock.now()
         ran = 0.0
         while not self._send_lock.acquire(timeout=STUCK_SLICE):
-            now = time.monotonic()
+            now = self.clock.now()
             ran += min(now - before, 2 * STUCK_SLICE)
             before = now
             if ran >= STUCK or now - began >= STARVED:
@@ -484,11 +518,35 @@ class Channel:
 
     # -- receiving ----------------------------------------------------------------------------------------------------------------
 
+    def take_frame(self, can_id: int, data: bytes) -> None:
+        """Take a data frame with an 11-bit identifier from a ``CallingBus``."""
+        stamp = self.clock.now()
+        receivers = self._receivers.get(can_id)
+        if receivers is None or self._ears or self._taps or can_id in self.network.subscribers:
+            self._take(can_id, data, stamp, stamp)
+            return
+        self.counters.received += 1
+        self.counters.octets += len(data)
+        for receiver in receivers:
+            try:
+                receiver(data, stamp)
+            except Exception as error:  # noqa: BLE001 - as ``_hand_over``, without a call more for each frame
+                self.fail(failures.receiver_failed(can_id, data, error))
+
+    def take_message(self, message: can.Message) -> None:
+        """Take any other frame from a ``CallingBus``."""
+        self._dispatch(message, self.clock.now())
+
+    def take_failure(self, error: Exception) -> None:
+        """Take the failure of a ``CallingBus``, which receives nothing any more."""
+        if not self._closing:
+            self.fail(failures.deaf(self.name, error))
+
     def _receive(self) -> None:
         while not self._closing:
             try:
                 taken = self._intake.take(RECEIVE_SLICE)
-                now = time.monotonic()
+                now = self.clock.now()
                 for one in taken:
                     if isinstance(one, tuple):
                         self._take(*one, now)

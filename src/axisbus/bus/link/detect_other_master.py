@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable
 
 from axisbus.bus.link.channel import Channel, Receiver, require_other_thread
@@ -29,9 +28,9 @@ def require_alone(channel: Channel, cast: ExpectedMasters, seconds: float) -> No
     """
     require_other_thread(channel, "listening to the bus")
     signs = MasterDetector(cast)
-    begin = time.monotonic()
+    begin = channel.clock.now()
     with channel.overheard(signs.note):
-        time.sleep(seconds)
+        channel.clock.sleep(seconds)
     channel.check()
     if signs.heard:
         raise refusal(channel.name, signs.heard, begin, seconds)
@@ -94,10 +93,10 @@ def bus_activity(channel: Channel, listen: float) -> list[str]:
     for can_id, receiver in ears:
         channel.subscribe(can_id, receiver)
     try:
-        end = time.monotonic() + listen
-        while not seen and (left := end - time.monotonic()) > 0.0:
+        end = channel.clock.now() + listen
+        while not seen and (left := end - channel.clock.now()) > 0.0:
             channel.check()
-            time.sleep(min(left, _SLICE))
+            channel.clock.sleep(min(left, _SLICE))
     finally:
         for can_id, receiver in ears:
             channel.unsubscribe(can_id, receiver)

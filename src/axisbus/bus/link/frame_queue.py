@@ -6,10 +6,10 @@ becomes negative, which the lock takes for "without end". A wait of a few micros
 
 from __future__ import annotations
 
-import threading
-import time
 from collections import deque
 from typing import Generic, TypeVar
+
+from axisbus.clock import Clock
 
 T = TypeVar("T")
 
@@ -17,11 +17,12 @@ T = TypeVar("T")
 class UnboundedQueue(Generic[T]):
     """First in, first out, without a bound; holds state: the items not yet taken. May be used from any thread."""
 
-    __slots__ = ("_arrived", "_items")
+    __slots__ = ("_arrived", "_clock", "_items")
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Clock) -> None:
         self._items: deque[T] = deque()
-        self._arrived = threading.Condition()
+        self._clock = clock
+        self._arrived = clock.condition()
 
     def __len__(self) -> int:
         """Return the number of items not yet taken."""
@@ -34,13 +35,13 @@ class UnboundedQueue(Generic[T]):
             self._arrived.notify()
 
     def take(self, until: float) -> T | None:
-        """Return the oldest item; blocks until there is one, at the latest until ``until`` (monotonic clock, s), then returns None.
+        """Return the oldest item; blocks until there is one, at the latest until ``until`` (clock, s), then returns None.
 
         An available item is returned even if ``until`` has passed.
         """
         with self._arrived:
             while not self._items:
-                left = until - time.monotonic()
+                left = until - self._clock.now()
                 if left <= 0.0:
                     return None
                 self._arrived.wait(left)

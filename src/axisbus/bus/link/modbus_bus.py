@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import can
 
 from axisbus.bus.link.frame_queue import UnboundedQueue
+from axisbus.clock import REAL
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware
 from axisbus.drives.gim6010.modbus.can_emulation import Relay
 from axisbus.drives.gim6010.modbus.registers import FACTORY_RATE
@@ -44,7 +45,7 @@ class RelayedBus(can.BusABC):
             raise ValueError(f"parity {parity!r}: give none, even or odd") from None
         self._wire = SerialWire(channel, rate=bitrate, parity=bits, timeout=_TIMEOUT)
         self._relay = Relay(self._wire, modules or {})
-        self._told: UnboundedQueue[can.Message | Exception] = UnboundedQueue()
+        self._told: UnboundedQueue[can.Message | Exception] = UnboundedQueue(REAL)
         self._gone: Exception | None = None
         self._failed = False
         self._closing = threading.Event()

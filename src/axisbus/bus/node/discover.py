@@ -12,9 +12,8 @@ request to CANopen node 2 is an emergency stop, and the request to node 7 a new 
 
 from __future__ import annotations
 
-import time
+from collections import deque
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -25,8 +24,9 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.device_type import device_kind
+from axisbus.clock import Clock
 from axisbus.drives.gim6010.factory_protocols import Protocol, ProtocolListener, simple_node
-from axisbus.errors import SdoError
+from axisbus.errors import AxisbusError, SdoError
 
 PACE = 0.0015  # seconds between two frames
 LISTEN = 1.4  # seconds to listen in total: long enough for the usual heartbeat period of 1 s
@@ -92,13 +92,14 @@ def scan(
 
 
 def _ask(ears: _Ears, others: ProtocolListener, listen: float) -> None:
-    begin = time.monotonic()
+    clock = ears.clock
+    begin = clock.now()
     quiet = listen * _QUIET
-    _pause_until(begin + quiet)
+    _pause_until(clock, begin + quiet)
     ears.ask(_safe(ears.ids, others))
-    _pause_until(begin + (quiet + listen) / 2)
+    _pause_until(clock, begin + (quiet + listen) / 2)
     ears.ask(_safe((node_id for node_id in ears.ids if node_id not in ears.answers), others))
-    _pause_until(begin + listen)
+    _pause_until(clock, begin + listen)
 
 
 def _safe(ids: Iterable[int], others: ProtocolListener) -> list[int]:
@@ -114,6 +115,7 @@ class _Ears:
         self.ids = ids
         self.answers: dict[int, bytes] = {}
         self.states: dict[int, NmtState] = {}
+        self.clock = channel.clock
         self._channel = channel
         self._subscriptions: list[tuple[int, Receiver]] = []
         for node_id in ids:
@@ -129,7 +131,7 @@ class _Ears:
         request = bytes((0x40, o.DEVICE_TYPE & 0xFF, o.DEVICE_TYPE >> 8, 0, 0, 0, 0, 0))
         for node_id in ids:
             self._channel.send(cob.SDO_RX + node_id, request, _SEND_PATIENCE)
-            time.sleep(PACE)
+            self.clock.sleep(PACE)
 
     def close(self) -> None:
         for can_id, receiver in self._subscriptions:
@@ -154,10 +156,10 @@ class _Ears:
         return receive
 
 
-def _pause_until(t: float) -> None:
-    left = t - time.monotonic()
+def _pause_until(clock: Clock, t: float) -> None:
+    left = t - clock.now()
     if left > 0:
-        time.sleep(left)
+        clock.sleep(left)
 
 
 def _details(channel: Channel, ids: list[int]) -> dict[int, NodeIdentity]:
@@ -173,12 +175,27 @@ def _details(channel: Channel, ids: list[int]) -> dict[int, NodeIdentity]:
         with suppress(SdoError):
             found[node_id] = read_identity(clients[node_id])
 
-    pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="axisbus details")
+    waiting = deque(ids)
+
+    def work() -> None:
+        with suppress(
+            IndexError, AxisbusError
+        ):  # none is left; or the channel has failed, which is checked later
+            while True:
+                read(waiting.popleft())
+
+    clock = channel.clock
+    threads = [clock.thread(work, f"axisbus details {number}") for number in range(min(_THREADS, len(ids)))]
+    until = clock.now() + _DETAIL_TOTAL
     try:
-        wait([pool.submit(read, node_id) for node_id in ids], timeout=_DETAIL_TOTAL)
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(max(0.0, until - clock.now()))
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+        waiting.clear()
         for client in clients.values():
             client.close()
-        pool.shutdown(wait=True)
+        for thread in threads:
+            thread.join()
     return found

@@ -71,7 +71,7 @@ class NodeEvent:
 
 
 class Monitored(Protocol):
-    """A node as known by its heartbeats: a ``NodeMonitor``, or an equivalent without a bus. Times in seconds."""
+    """A node as known by its heartbeats. Times in seconds."""
 
     @property
     def node_id(self) -> int:

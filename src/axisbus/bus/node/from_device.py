@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -192,12 +191,15 @@ class _Asking:
 
         1000h and 1001h have the usual time limit, because ``try_upload`` checks the device with them.
         """
-        begun = time.monotonic()
-        if self._limit is not None and index not in _MANDATORY and isinstance(self.sdo, SdoClient):
-            data = self.sdo.upload(index, subindex, timeout=self._limit, tries=_SHORT_TRIES)
+        sdo = self.sdo
+        if not isinstance(sdo, SdoClient):
+            return sdo.upload(index, subindex)
+        begun = sdo.clock.now()
+        if self._limit is not None and index not in _MANDATORY:
+            data = sdo.upload(index, subindex, timeout=self._limit, tries=_SHORT_TRIES)
         else:
-            data = self.sdo.upload(index, subindex)
-        self._slowest = max(self._slowest, time.monotonic() - begun)
+            data = sdo.upload(index, subindex)
+        self._slowest = max(self._slowest, sdo.clock.now() - begun)
         return data
 
     def find(self, index: int, subindex: int) -> bytes | SdoError:

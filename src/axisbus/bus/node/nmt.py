@@ -9,8 +9,6 @@ would start the node's life guarding, and the missing requests afterwards would 
 from __future__ import annotations
 
 import math
-import threading
-import time
 from collections.abc import Callable
 from enum import Enum
 
@@ -43,7 +41,7 @@ class Confirmation(Enum):
 class NodeMonitor:
     """State that a node reports; holds state: last NMT state with its time, latched boot-ups, heartbeat monitoring.
 
-    Boot-ups are counted, so that none is lost between two checks. Times are seconds of ``time.monotonic()``. ``deadline`` is the
+    Boot-ups are counted, so that none is lost between two checks. Times are seconds of the channel's clock. ``deadline`` is the
     time at which the next heartbeat or answer is overdue (infinity: none is expected). An answer is expected only while a guarding
     request is unanswered. May be used from any thread, except that the waiting calls must not be made in the receive thread.
     """
@@ -66,7 +64,7 @@ class NodeMonitor:
         self._toggle: int | None = None  # of the last answer to a guarding request
         self._heartbeats = 0
         self._channel = channel
-        self._changed = threading.Condition()
+        self._changed = channel.clock.condition()
         self._watch: float | None = None
         self._watched_since = 0.0
         self._guard_period = 0.0  # seconds between two guarding requests
@@ -80,7 +78,7 @@ class NodeMonitor:
     def watch(self, timeout: float | None) -> None:
         """Expect a heartbeat every ``timeout`` seconds from now on (None: expect none)."""
         with self._changed:
-            self._watched_since = time.monotonic()
+            self._watched_since = self._channel.clock.now()
             self._watch = timeout
             self._expect()
 
@@ -175,7 +173,7 @@ class NodeMonitor:
         raise NodeTimeout(
             f"node {self.node_id} {said} no boot-up message within {timeout:g} s",
             node=self.node_id,
-            observed=self.describe(time.monotonic()),
+            observed=self.describe(self._channel.clock.now()),
             remedy="check its power, node ID and bitrate; some drives need seconds to restart",
         )
 
@@ -188,11 +186,12 @@ class NodeMonitor:
 
     def _wait(self, done: Callable[[], bool], timeout: float) -> bool:
         require_other_thread(self._channel, "waiting for a node")
-        deadline = time.monotonic() + timeout
+        clock = self._channel.clock
+        deadline = clock.now() + timeout
         with self._changed:
             while not done():
                 self._channel.check()
-                left = deadline - time.monotonic()
+                left = deadline - clock.now()
                 if left <= 0:
                     return False
                 self._changed.wait(left)
@@ -306,7 +305,7 @@ def command(
         send(channel, wanted, monitor.node_id)
         monitor.assume(state)
         return Confirmation.SDO
-    seen = f"expected {state.text}; {monitor.describe(time.monotonic())}"
+    seen = f"expected {state.text}; {monitor.describe(channel.clock.now())}"
     # The node may have sent the first report before it received the command.
     if monitor.reports > reports + 1:
         raise not_obeyed(monitor.node_id, wanted, monitor.state, seen)
@@ -325,11 +324,11 @@ def _reported(channel: Channel, monitor: NodeMonitor, wanted: NmtCommand, timeou
 
 def _guarded(channel: Channel, monitor: NodeMonitor, state: NmtState, timeout: float) -> bool:
     """Send remote frames until the node reports ``state``; give up early if it does not answer at all."""
-    deadline = time.monotonic() + timeout
+    deadline = channel.clock.now() + timeout
     unanswered = 0
     monitor.asking = True
     try:
-        while time.monotonic() < deadline and unanswered < _GUARD_TRIES:
+        while channel.clock.now() < deadline and unanswered < _GUARD_TRIES:
             asked = monitor.reports
             channel.send_remote(cob.HEARTBEAT + monitor.node_id)
             if monitor.wait_state(state, _GUARD_WAIT, after=asked):

@@ -10,7 +10,6 @@ confirmed only by the boot-up message. Then the command is sent once, and all no
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -94,10 +93,13 @@ def ways(nodes: Iterable[CanopenNode]) -> dict[int, NmtConfirmation]:
         AdapterError: the channel failed.
     """
     listed = list(nodes)
-    end = time.monotonic() + LISTEN
-    while any(node.nmt.reports == 0 for node in listed) and time.monotonic() < end:
-        time.sleep(_SLICE)
-    return dict(zip((node.node_id for node in listed), in_parallel(_way, listed), strict=True))
+    if not listed:
+        return {}
+    clock = listed[0].channel.clock
+    end = clock.now() + LISTEN
+    while any(node.nmt.reports == 0 for node in listed) and clock.now() < end:
+        clock.sleep(_SLICE)
+    return dict(zip((node.node_id for node in listed), in_parallel(clock, _way, listed), strict=True))
 
 
 def command(
@@ -116,14 +118,14 @@ def command(
         AdapterError: the channel failed.
     """
     marks = {node.node_id: (node.nmt.reports, node.nmt.bootups) for node in nodes}
-    begin = time.monotonic()
+    begin = channel.clock.now()
     for node_id in (0,) if everybody else tuple(marks):
         nmt.send(channel, wanted, node_id)
 
     def look(node: CanopenNode) -> NodeReaction:
         return _look(node, wanted, found[node.node_id], marks[node.node_id], begin)
 
-    return in_parallel(look, nodes)
+    return in_parallel(channel.clock, look, nodes)
 
 
 def _way(node: CanopenNode) -> NmtConfirmation:
@@ -153,21 +155,21 @@ def _look(
     reports, bootups = marks
     if wanted in _RESETS:
         way = replace(way, by=Confirmation.BOOT_UP)
-        ok = _until(lambda: node.nmt.bootups > bootups, begin + BOOT_PATIENCE)
+        ok = _until(node, lambda: node.nmt.bootups > bootups, begin + BOOT_PATIENCE)
     else:
         ok = _reaches(node, RESULT[wanted], way, reports, begin)
     state = node.nmt.state if node.nmt.reports > reports or (ok and node.nmt.assumed) else None
-    return NodeReaction(node.node_id, ok, way, state, time.monotonic() - begin)
+    return NodeReaction(node.node_id, ok, way, state, node.channel.clock.now() - begin)
 
 
 def _reaches(node: CanopenNode, state: NmtState, way: NmtConfirmation, reports: int, begin: float) -> bool:
     deadline = begin + max(PATIENCE, 2.5 * way.period)
     if way.by is Confirmation.HEARTBEAT:
-        return node.nmt.wait_state(state, max(0.0, deadline - time.monotonic()), after=reports)
+        return node.nmt.wait_state(state, max(0.0, deadline - node.channel.clock.now()), after=reports)
     if way.by is Confirmation.GUARDING:
-        return _until(lambda: _guarded(node) is state, deadline)
+        return _until(node, lambda: _guarded(node) is state, deadline)
     serves = state is not NmtState.STOPPED
-    if _until(lambda: node.answers_sdo(_SDO_TIMEOUT) is serves, deadline):
+    if _until(node, lambda: node.answers_sdo(_SDO_TIMEOUT) is serves, deadline):
         node.nmt.assume(state)
         return True
     return False
@@ -180,9 +182,10 @@ def _guarded(node: CanopenNode) -> NmtState | None:
     return node.nmt.state if node.nmt.wait_report(asked, _GUARD_WAIT) else None
 
 
-def _until(done: Callable[[], bool], deadline: float) -> bool:
+def _until(node: CanopenNode, done: Callable[[], bool], deadline: float) -> bool:
+    clock = node.channel.clock
     while not done():
-        if time.monotonic() >= deadline:
+        if clock.now() >= deadline:
             return False
-        time.sleep(_SLICE)
+        clock.sleep(_SLICE)
     return True

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 
 from axisbus.bus.pdo.plan import PdoPlan
@@ -13,6 +12,7 @@ from axisbus.bus.sdo.worker import SdoJob, SdoWorker
 from axisbus.cia301.pdo import MappedObject
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.port import ALL_OUTPUTS, INPUT_OBJECTS, OFFSET_OBJECTS, Sample, ValueTransport
+from axisbus.clock import Clock
 from axisbus.errors import BootError, SdoError
 
 RETRY = 0.25  # seconds after a refusal before the same value is written again
@@ -43,13 +43,13 @@ class _Output:
         self.refused: int | None = None
         self.refused_at = float("-inf")
 
-    def wants(self, value: int) -> bool:
-        """Whether ``value`` must be written now: it is new, or it failed some time ago."""
+    def wants(self, value: int, now: float) -> bool:
+        """Whether ``value`` must be written at ``now``: it is new, or it failed some time ago."""
         if value == self.written:
             return False
-        return value != self.refused or time.monotonic() - self.refused_at >= RETRY
+        return value != self.refused or now - self.refused_at >= RETRY
 
-    def job(self, owner: object, value: int) -> SdoJob:
+    def job(self, owner: object, value: int, clock: Clock) -> SdoJob:
         """Return the write of ``value``, which counts as written unless it fails."""
         self.written = value
         token = object()
@@ -59,7 +59,7 @@ class _Output:
             self.pending.discard(token)
             if abort is not None and self.written == value:
                 self.written = None
-                self.refused, self.refused_at = value, time.monotonic()
+                self.refused, self.refused_at = value, clock.now()
 
         return SdoJob((owner, self.index), self.index, 0, value, done)
 
@@ -93,8 +93,8 @@ class SdoOutputs:
         """Write the changed outputs; return the controlword for the RPDOs (None if it is written by SDO)."""
         for name, value in given.items():
             output = self._outputs.get(name)
-            if output is not None and output.wants(value):
-                self._worker.submit(output.job(self, value))
+            if output is not None and output.wants(value, self._worker.clock.now()):
+                self._worker.submit(output.job(self, value, self._worker.clock))
         if self._controlword is None:
             return controlword
         if controlword is not None and self._wants_controlword(self._controlword, controlword):
@@ -103,12 +103,14 @@ class SdoOutputs:
 
     def _wants_controlword(self, output: _Output, controlword: int) -> bool:
         """Whether the controlword must be written; a stop that failed is repeated at once."""
-        return output.wants(controlword) or (is_stop(controlword) and controlword != output.written)
+        return output.wants(controlword, self._worker.clock.now()) or (
+            is_stop(controlword) and controlword != output.written
+        )
 
     def _write_controlword(self, output: _Output, controlword: int) -> None:
         """Queue the controlword after the targets, or write it before all others if it stops the drive."""
         self.commanded = True
-        job = output.job(self, controlword)
+        job = output.job(self, controlword, self._worker.clock)
         if is_stop(controlword):
             self._worker.urgent(job)
         else:
@@ -156,7 +158,7 @@ class Poller:
                 samples[name] = sample
 
     def _job(self, name: str) -> SdoJob:
-        began = time.monotonic()
+        began = self._worker.clock.now()
 
         def done(value: int | None, abort: int | None) -> None:
             if abort is None and value is not None:
@@ -190,7 +192,7 @@ def prime_inputs(sdo: SdoClient, plan: PdoPlan, index_of: Callable[[int], int]) 
             require_answering(sdo, error)
             continue
         if isinstance(value, int):
-            samples[name] = Sample(value, time.monotonic())
+            samples[name] = Sample(value, sdo.clock.now())
     return samples
 
 

@@ -10,8 +10,6 @@ client remembers the object that may still be answered, and whether the server h
 from __future__ import annotations
 
 import contextlib
-import threading
-import time
 from collections.abc import Iterator
 
 from axisbus.bus.link.channel import Channel, require_other_thread
@@ -68,9 +66,10 @@ class SdoClient:
         self.dictionary = Dictionary(eds, node_id)
         self.timeout = timeout
         self.tries = tries
+        self.clock = channel.clock
         self._channel = channel
         self._line = SdoConnection(channel, node_id, *(cob_ids or (None, None)))
-        self._lock = threading.Lock()
+        self._lock = self.clock.lock()
         self._calls: list[Call] = []
         self._late: tuple[int, int] | None = None  # the object of a request that may still be answered
         self._no_block = False  # whether the server has shown that it does not support block transfers
@@ -247,8 +246,8 @@ class SdoClient:
             self._calls.remove(call)
 
     def _take_lock_from_others(self) -> bool:
-        deadline = time.monotonic() + URGENT_LOCK
-        while time.monotonic() < deadline:
+        deadline = self.clock.now() + URGENT_LOCK
+        while self.clock.now() < deadline:
             self.cancel()
             if self._lock.acquire(timeout=_URGENT_TURN):
                 return True

@@ -11,7 +11,6 @@ elapsed time, so that a delayed process takes the answer instead of giving up.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 
 from axisbus.bus.link.channel import Channel
@@ -50,7 +49,7 @@ class SdoConnection:
         self.channel = channel
         self.request_id = cob.SDO_RX + node_id if request_id is None else request_id
         self.answer_id = cob.SDO_TX + node_id if answer_id is None else answer_id
-        self.inbox: UnboundedQueue[bytes] = UnboundedQueue()
+        self.inbox: UnboundedQueue[bytes] = UnboundedQueue(channel.clock)
         self.trips = RoundTrips()
         self.heard = 0.0  # time of the newest answer
         self._node_id = node_id
@@ -64,7 +63,7 @@ class SdoConnection:
 
     def receive(self, patience: float) -> bytes | None:
         """Return the next frame, ``WAKE``, or None after ``patience`` seconds."""
-        return self.inbox.take(time.monotonic() + patience)
+        return self.inbox.take(self.channel.clock.now() + patience)
 
     def open(self) -> None:
         """Accept answers from now on; frames left by the transfer before are dropped and counted."""
@@ -79,7 +78,7 @@ class SdoConnection:
 
     def drop(self, data: bytes, count: int = 1) -> None:
         """Count unexpected answers; ``data`` is that of the newest."""
-        drops, now = self.channel.drops, time.monotonic()
+        drops, now = self.channel.drops, self.channel.clock.now()
         drops.note(DropReason.SDO, self._node_id, now, self.answer_id, data, count)
 
     def wake(self) -> None:
@@ -136,14 +135,15 @@ def carry_out(line: SdoConnection, call: Call, session: SdoSession, progress: Pr
 
 
 def _converse(line: SdoConnection, call: Call, session: SdoSession, progress: Progress | None) -> None:
+    clock = line.channel.clock
     _check_wanted(line, call)
-    asked = time.monotonic()
+    asked = clock.now()
     _send(line, call, session.start())
-    then, told = time.monotonic(), None
+    then, told = clock.now(), None
     clear = session.late is None  # else the next answer may belong to an earlier request
     while not session.done:
         frame = line.receive(session.remaining)
-        now = time.monotonic()
+        now = clock.now()
         unfit = session.unfit
         answer = session.receive(frame, now - then) if frame else session.elapse(now - then)
         if frame and clear and session.unfit == unfit:
@@ -153,7 +153,7 @@ def _converse(line: SdoConnection, call: Call, session: SdoSession, progress: Pr
         if answer:
             asked = then
             _send(line, call, answer)
-            then = time.monotonic()
+            then = clock.now()
             clear = session.late is None
         if progress is not None and told != session.progress:
             told = session.progress
@@ -163,7 +163,7 @@ def _converse(line: SdoConnection, call: Call, session: SdoSession, progress: Pr
 def _send(line: SdoConnection, call: Call, frames: Frames) -> None:
     for number, frame in enumerate(frames):
         if number and number % GROUP == 0:
-            time.sleep(PAUSE)
+            line.channel.clock.sleep(PAUSE)
             _check_wanted(line, call)
         line.send(frame)
 

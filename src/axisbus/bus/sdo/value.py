@@ -12,8 +12,10 @@ _REALS = (DataType.REAL32, DataType.REAL64)
 _REAL32_MAX = 3.4028234663852886e38
 
 
-def checked_bytes(entry: DictionaryEntry, value: Value, data_type: DataType | None = None) -> bytes:
-    """Return ``value`` as the object's bytes, if the type and the limits allow it.
+def checked_bytes(
+    entry: DictionaryEntry, value: Value, data_type: DataType | None = None, *, limits: bool = True
+) -> bytes:
+    """Return ``value`` as the object's bytes, if the type allows it, and with ``limits`` also LowLimit and HighLimit of the EDS.
 
     Raises:
         ArgumentError: wrong kind, or no type known.
@@ -29,7 +31,9 @@ def checked_bytes(entry: DictionaryEntry, value: Value, data_type: DataType | No
         )
     _check_kind(entry, value, known)
     if isinstance(value, (int, float)):
-        _check_limits(entry, value, known)
+        _check_range(entry, value, known)
+        if limits:
+            _check_limits(entry, value)
     return encode(value, known, str(entry))
 
 
@@ -54,11 +58,14 @@ def _is_finite(value: float) -> bool:
         return False
 
 
-def _check_limits(entry: DictionaryEntry, value: float, data_type: DataType) -> None:
+def _check_range(entry: DictionaryEntry, value: float, data_type: DataType) -> None:
     if data_type.integer:
         check_range(int(value), data_type, str(entry))
     if data_type is DataType.REAL32 and abs(value) > _REAL32_MAX:
         raise LimitError(f"{entry}: {value} does not fit REAL32")
+
+
+def _check_limits(entry: DictionaryEntry, value: float) -> None:
     low, high = entry.low, entry.high
     if (low is None or value >= low) and (high is None or value <= high):
         return

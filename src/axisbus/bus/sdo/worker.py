@@ -10,8 +10,6 @@ cancelled.
 
 from __future__ import annotations
 
-import threading
-import time
 from collections import deque
 from collections.abc import Callable, Hashable
 from typing import NamedTuple
@@ -21,6 +19,7 @@ from axisbus.bus.sdo.client import SdoClient
 from axisbus.bus.sdo.transfer import Call
 from axisbus.bus.sdo.value import checked_bytes
 from axisbus.cia301 import abort
+from axisbus.clock import ClockThread
 from axisbus.errors import ArgumentError, BusError, Interrupted, LimitError, SdoAbort
 
 QUEUE_LIMIT = 256
@@ -45,6 +44,7 @@ class SdoWorker:
     """Executes jobs; holds state: the queue, the running job, and the thread (a daemon, started with the first job)."""
 
     def __init__(self, channel: Channel, sdo: SdoClient) -> None:
+        self.clock = channel.clock
         self._channel = channel
         self._sdo = sdo
         self._queue: deque[SdoJob] = deque()
@@ -53,9 +53,9 @@ class SdoWorker:
         self.began = 0.0  # start time of the running transfer, or of the last one
         self._forgotten = False  # whether the running job's callback is no longer wanted
         self._urgent: deque[SdoJob] = deque()
-        self._wanted = threading.Condition()
+        self._wanted = self.clock.condition()
         self._closing = False
-        self._thread: threading.Thread | None = None
+        self._thread: ClockThread | None = None
 
     @property
     def idle(self) -> bool:
@@ -114,7 +114,7 @@ class SdoWorker:
             self._cancel_running()
         for job in dropped:
             job.done(None, abort.TIMED_OUT)
-        if self._thread is not None and self._thread is not threading.current_thread():
+        if self._thread is not None and not self.clock.is_current(self._thread):
             self._thread.join(CLOSE_PATIENCE)
 
     # -- the thread ---------------------------------------------------------------------------------------------------------------
@@ -122,7 +122,7 @@ class SdoWorker:
     def _start(self) -> None:
         if self._thread is None:
             name = f"axisbus SDO node {self._sdo.node_id}"
-            self._thread = threading.Thread(target=self._work, name=name, daemon=True)
+            self._thread = self.clock.thread(self._work, name)
             self._thread.start()
 
     def _cancel_running(self) -> None:
@@ -135,7 +135,7 @@ class SdoWorker:
             job, call = self._next()
             if job is None:
                 return
-            self.began = time.monotonic()
+            self.began = self.clock.now()
             value, code = self._carry_out(job, call)
             with self._wanted:
                 done = _forget if self._forgotten else job.done
@@ -179,7 +179,8 @@ class SdoWorker:
             if not isinstance(value, (int, float)):
                 raise ArgumentError(f"{self._sdo.describe(job.index, job.subindex)} is not a number")
             return int(value)
-        data = checked_bytes(self._sdo.dictionary.entry(job.index, job.subindex), job.value)
+        # The limits of an EDS are often wrong, and must not keep a stop from the drive. It refuses by itself what it does not take.
+        data = checked_bytes(self._sdo.dictionary.entry(job.index, job.subindex), job.value, limits=False)
         if call.urgent:
             self._sdo.download_urgent(job.index, job.subindex, data)
         else:

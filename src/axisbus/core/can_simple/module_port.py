@@ -31,7 +31,7 @@ _Stop = tuple[tuple[tuple[int, bytes], ...], tuple[tuple[int, bytes], ...]]
 
 
 class ModuleFrameSource(Protocol):
-    """The source of the modules' frames: a ``Channel``, or its equivalent in virtual time."""
+    """The source of the modules' frames: a ``Channel``."""
 
     @property
     def offs(self) -> int:

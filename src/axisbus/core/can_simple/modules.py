@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from typing import Protocol
 
 from axisbus.boot.can_simple.discovery import BootChannel
@@ -19,7 +17,7 @@ from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
 
 
 class ModuleChannel(BootChannel, ModuleFrameSource, Protocol):
-    """The channel of the modules, from their boot on: a ``bus.link.channel.Channel``, or its equivalent in virtual time."""
+    """The channel of the modules, from their boot on: a ``bus.link.channel.Channel``."""
 
 
 class CanSimpleModules:
@@ -29,15 +27,10 @@ class CanSimpleModules:
         self,
         cell: CellConfig,
         channel: ModuleChannel,
-        *,
-        clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """Begin to listen; nothing is sent. ``clock`` and ``sleep`` are those of the channel's stamps, in s."""
+        """Begin to listen; nothing is sent."""
         self._cell = cell
         self._channel = channel
-        self._clock = clock
-        self._sleep = sleep
         self._senders = {
             node_id: ModuleSender(channel, settings_of(cell, node_id)) for node_id in modules_of(cell)
         }
@@ -57,8 +50,6 @@ class CanSimpleModules:
             port.objects,
             self._channel,
             find_time,
-            clock=self._clock,
-            sleep=self._sleep,
         )
         booted = boot.run()
         port.feed_within(boot.feed_within)
@@ -93,8 +84,8 @@ class CanSimpleModules:
             description(sender.port.settings),
             NoObjects(node_id),
             sender.node,
+            self._channel.clock,
             events=self._events.get(node_id),
-            clock=self._clock,
             has_objects=False,
         )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
@@ -34,8 +33,8 @@ def stop_drives(
     """
     modules = settings_by_axis(cell, names)
     works = [partial(stop_modules, channel, modules)] if modules else []
-    works.append(partial(stop_nodes, cell, list(nodes), names))
-    return [stopped for each in in_parallel(lambda work: work(), works) for stopped in each]
+    works.append(partial(stop_nodes, channel.clock, cell, list(nodes), names))
+    return [stopped for each in in_parallel(channel.clock, lambda work: work(), works) for stopped in each]
 
 
 def stop_modules(channel: Channel, modules: Mapping[str, ModuleSettings]) -> list[StopResult]:
@@ -52,7 +51,7 @@ def stop_modules(channel: Channel, modules: Mapping[str, ModuleSettings]) -> lis
     try:
         while not all(each.text for each in rescues.values()):
             _step(channel, heard, rescues)
-            time.sleep(_POLL)
+            channel.clock.sleep(_POLL)
     finally:
         for can_id, ear in ears.items():
             channel.unsubscribe(can_id, ear)
@@ -65,7 +64,7 @@ def _step(channel: Channel, heard: deque[CanFrame], rescues: Mapping[str, Module
         for each in rescues.values():
             each.receive(frame, frame.time)
     for each in rescues.values():
-        for order in each.step(time.monotonic()) if not each.text else ():
+        for order in each.step(channel.clock.now()) if not each.text else ():
             with suppress(BusError):  # a frame that is not accepted now is sent again
                 send(channel, order)
 

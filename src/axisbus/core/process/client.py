@@ -22,6 +22,7 @@ from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.incident import Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo import SdoTransferType
+from axisbus.clock import REAL, Clock
 from axisbus.core.files import load_dictionaries
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.process.launch import Processes
@@ -54,6 +55,7 @@ class RemoteCore:
     """Holds the process, the connection to it, and the facts about its nodes."""
 
     realtime = apart = True
+    clock: Clock = REAL
     degree = ""
     process = 0  # the core's ID
     commanded_by = ""  # the program with control when this program joined
@@ -195,6 +197,7 @@ class RemoteCore:
             self._dictionaries[node_id],
             objects,
             node,
+            REAL,
             facts.plans,
             events,
             has_objects=self._cell.nodes[node_id].module is None,

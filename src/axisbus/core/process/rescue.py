@@ -157,7 +157,7 @@ def _stop_by_sdo(
             stack.enter_context(CanopenNode(channel, node_id, eds)) for node_id, eds in dictionaries.items()
         ]
         stopped = stop_drives(cell, channel, nodes, names)
-        return stopped, make_safe({node.node_id: node.sdo for node in nodes}, outputs)
+        return stopped, make_safe(channel.clock, {node.node_id: node.sdo for node in nodes}, outputs)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from axisbus.bus.link.frame_queue import UnboundedQueue
+from axisbus.clock import REAL
 from axisbus.core.waiting import inherited
 from axisbus.errors import ScanError, one_line
 from axisbus.interrupt_guard import sheltered
@@ -44,7 +45,7 @@ class RpcClient:
         self._soon: dict[type, Take] = {m.CoreReply: self._answered, m.Logged: _log, **soon}
         self._later = dict(later)
         self._gone = gone
-        self._told: UnboundedQueue[object] = UnboundedQueue()
+        self._told: UnboundedQueue[object] = UnboundedQueue(REAL)
         self._numbers = itertools.count(1)
         self._waiting: dict[int, tuple[threading.Event, list[m.CoreReply]]] = {}
         self.last: dict[tuple[int, str], Any] = {}  # answers of a core that has left

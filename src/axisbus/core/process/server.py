@@ -166,7 +166,7 @@ class CoreServer:
         gc.collect()  # now, because after boot-up the drives and the master monitor each other's heartbeats
         link = CanLink(cell, dictionaries, channel=reach(cell, self._drives))
         runtime = Runtime(link, sorted(cell.nodes), link.stand_ins)
-        core = runtime.use(lambda booted: Core(cell, booted, realtime=True))
+        core = runtime.use(lambda booted: Core(cell, booted))
         names = tuple(cell.axes)
         self._core, outlet = core, Publisher(self._memory, names)
         self._clients = Clients(core, outlet, self._asked)

@@ -32,7 +32,8 @@ class _EnableStep(Enum):
 class EnableActivity(Activity):
     """MC_Power(TRUE): choose a resting mode, preload every target, and bring the power stage to *operation enabled*.
 
-    The targets follow the actual position until the drive is enabled, so that nothing jumps, whatever the drive's mode.
+    The targets follow the actual position until the drive is enabled, so that nothing jumps, whatever the drive's mode. Then they
+    stay: a target that goes on following the position excites a soft load through the delay of the bus.
     """
 
     def __init__(
@@ -52,6 +53,8 @@ class EnableActivity(Activity):
         self._takeover = takeover
         self._taken_over = takeover is None
         self._left = False  # the mode in which it was found
+        self._moving = moving
+        self._target: int | None = None  # as preloaded last
         self._choose(candidates)
         self._rest = EnableRest(parameters, moving)
         self._walk = StateWalk(parameters)
@@ -167,12 +170,20 @@ class EnableActivity(Activity):
             assert self._takeover is not None
             self._takeover.hold(image, order)
         elif image.state in ENERGISED:
-            preload(order, image.reference)
+            if not self._keeps_target(image):
+                self._target = image.reference
+            preload(order, self._target)
         elif self._needs_position:
-            preload(order, require_position(image, self._parameters.name, "enabling"))
+            self._target = require_position(image, self._parameters.name, "enabling")
+            preload(order, self._target)
         else:
             preload(order, None)
         order.mode = self._mode
+
+    def _keeps_target(self, image: AxisImage) -> bool:
+        """Whether the drive holds the preloaded target; one found enabled or in motion is braked first, and 6062h is exact."""
+        holds = image.state is PowerState.OPERATION_ENABLED and not self._found_enabled and not self._moving
+        return holds and self._target is not None and image.demand is None
 
     def _is_held(self, image: AxisImage) -> bool:
         """Whether the drive is still in the mode in which it was found, and its targets have an effect."""

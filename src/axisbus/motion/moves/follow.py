@@ -33,7 +33,7 @@ from axisbus.motion.path_limit_check import (
     brakes_smoothly,
     pace_of,
 )
-from axisbus.motion.pathclock import Clock, Guided, PathClock
+from axisbus.motion.pathclock import Guided, PathClock, PathParameter
 from axisbus.motion.position_limits import (
     UNLIMITED,
     Excess,
@@ -97,7 +97,7 @@ class Follow(Activity):
         self._travel: Guided | None = travel
         self._own_clock = travel is None
         self._time = PathClock()
-        self.clock: Clock = travel or self._time
+        self.clock: PathParameter = travel or self._time
         self._mode = ModeSwitch(ModeOfOperation.CYCLIC_SYNC_POSITION, parameters)
         self._setup = CyclicSetup(parameters)
         self._prepared = False

@@ -47,6 +47,7 @@ _ERRORSTOP, _STOPPING = AxisState.ERRORSTOP, AxisState.STOPPING
 POWERED = MOVING | {AxisState.STANDSTILL, AxisState.STOPPING}
 # Seconds for which a word of this master that has not taken effect yet may keep a drive enabled.
 _FLICKER = 0.25
+_NEVER = 1e6  # seconds; an older value has never been received
 _LEAST_GAP = 0.25  # seconds: shorter gaps are normal on a busy computer
 # After one of these states a node may have lost its position: it has restarted, or another master is about to configure it.
 _RESTARTED = frozenset({NmtState.INITIALISING, NmtState.PRE_OPERATIONAL})
@@ -333,7 +334,7 @@ def silence(parameters: AxisParameters, image: AxisImage) -> AxisbusError:
     name, node = parameters.name, parameters.node
     age = image.now - image.statusword_stamp
     never = "it was never received (a TPDO that is shorter than its mapping is dropped: axisbus monitor counts those)"
-    seen = never if age > 1e6 else f"the last one is {age:.3g} s old"
+    seen = never if age > _NEVER else f"the last one is {age:.3g} s old"
     starved = image.starvation.text(image.now)
     if starved:
         return StaleError(
@@ -342,11 +343,11 @@ def silence(parameters: AxisParameters, image: AxisImage) -> AxisbusError:
             observed=f"statusword (6041h): {seen}; whether the node is still present is not known",
             remedy=join_remedies(REMEDY, f"if it is silent: {remedy_for_silence(node)}"),
         )
-    if image.lag > 0:
+    if image.lag > 0 and (image.lag > age / 2 or age > _NEVER):  # the frames still come
         return StaleError(
             f"{name}: the process data of node {node} come too late",
             axis=name,
-            observed=f"{min(image.lag, age):.3g} s late, although none is missing; statusword (6041h): {seen}",
+            observed=f"{image.lag:.3g} s late, although none is missing; statusword (6041h): {seen}",
             remedy="look for a queue that grows between this program and the drive: a gateway or adapter that is too slow for the "
             "bus load (axisbus load), a network or serial line behind it; the axis was stopped",
         )

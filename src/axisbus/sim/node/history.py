@@ -77,6 +77,11 @@ class ErrorHistory:
         self._active.clear()
         self._queue.clear()
 
+    @property
+    def queued(self) -> bool:
+        """Whether messages wait to be sent."""
+        return bool(self._queue)
+
     def take(self) -> list[tuple[int, int, bytes]]:
         """Return the queued messages (code, register, five bytes), and clear the queue."""
         queue, self._queue = self._queue, []

@@ -81,6 +81,11 @@ class LssSlave:
                 delay += self.dials.store_time
             self._answers.append((now + delay, answer.ljust(8, b"\0")))
 
+    @property
+    def busy(self) -> bool:
+        """Whether answers or a change of the bit rate are due later."""
+        return bool(self._answers) or self._change is not None
+
     def take_answers(self, now: float) -> list[bytes]:
         """Return the answers that are due, and change the bit rate if that is due."""
         if self._change is not None and now >= self._change[0]:

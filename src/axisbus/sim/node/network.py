@@ -277,10 +277,11 @@ class StandIns:
 class StandInNode(canopen.LocalNode):
     """One device on a ``canopen.Network``; ``lock`` protects the device against the thread that steps it."""
 
-    def __init__(self, device: Device, lock: RLock) -> None:
+    def __init__(self, device: Device, lock: RLock, slave: Slave | None = None) -> None:
+        """``slave``: its communication, if that exists already."""
         super().__init__(device.node_id, object_dictionary(device.eds, device.node_id))
         self.device = device
-        self.slave = Slave(device)
+        self.slave = slave or Slave(device)
         self._lock = lock
 
     def associate_network(self, network: canopen.Network) -> None:

@@ -74,6 +74,8 @@ class Pdo:
         self.sync_start = 0  # value of the SYNC counter, 0: begin with any
         self.rtr = False
         self.fields: list[Field] = []
+        self._used: list[tuple[int, int, int, int]] = []  # those with an entry
+        self._by_kind: dict[bool, list[tuple[int, int, int, int]]] = {}  # by whether it is a controlword
         self.size = 0
         self._predefine()
         self._watch()
@@ -92,10 +94,13 @@ class Pdo:
     def pack(self) -> bytes:
         """Return the data for the present values of the objects."""
         raw = 0
-        encoded = self._dictionary.encoded_int
-        for key, shift, mask, _ in self.fields:
-            if key is not None:
-                raw |= (encoded(key) & mask) << shift
+        live, values = self._dictionary.live, self._dictionary.values
+        for key, shift, mask, _ in self._used:
+            get = live.get(key)
+            value = values[key] if get is None else get()
+            if not isinstance(value, int):
+                value = self._dictionary.encoded_int(key)
+            raw |= (value & mask) << shift
         return raw.to_bytes(self.size, "little")
 
     def unpack(self, data: bytes, *, commands: bool | None) -> None:
@@ -104,10 +109,10 @@ class Pdo:
         A value that the drive does not accept is dropped; ``data`` has at least ``size`` bytes.
         """
         raw = int.from_bytes(data[: self.size], "little")
-        for key, shift, mask, half in self.fields:
-            if key is not None and (commands is None or _is_controlword(key) is commands):
-                value = raw >> shift & mask
-                self._dictionary.write_mapped(key, value - (half << 1) if value & half else value)
+        write = self._dictionary.write_mapped
+        for key, shift, mask, half in self._used if commands is None else self._by_kind[commands]:
+            value = raw >> shift & mask
+            write(key, value - (half << 1) if value & half else value)
 
     def reload(self, _value: int = 0) -> None:
         """Read the parameters from the dictionary."""
@@ -121,6 +126,11 @@ class Pdo:
         self.sync_start = get(self._comm, 6)
         self.rtr = self.transmit and self._dials.rtr and not cob & _NO_RTR
         self.fields = self._fields(get(self._map, 0))
+        self._used = [(field.key, *field[1:]) for field in self.fields if field.key is not None]
+        self._by_kind = {
+            kind: [field for field in self._used if _is_controlword(field[0]) is kind]
+            for kind in (False, True)
+        }
         self._changed()
 
     def _predefine(self) -> None:
@@ -229,14 +239,14 @@ class Pdo:
 
 
 class PdoTable:
-    """All PDOs with communication parameters; ``version`` increases with every change of one, or of 1005h, 1006h and 1012h."""
+    """All PDOs with communication parameters; ``version`` increases with each change of one, or of 1005h, 1006h, 1012h, 1019h."""
 
     def __init__(self, dictionary: Dictionary, dials: NodeFaults) -> None:
         self.version = 0
         receive, transmit = _numbers(dictionary, 0x1400), _numbers(dictionary, 0x1800)
         self.receive = [Pdo(dictionary, n, False, dials, self._count) for n in receive]
         self.transmit = [Pdo(dictionary, n, True, dials, self._count) for n in transmit]
-        for index in (0x1005, 0x1006, 0x1012):
+        for index in (0x1005, 0x1006, 0x1012, 0x1019):
             dictionary.on_write(index << 8, lambda _: self._count())
 
     def _count(self) -> None:

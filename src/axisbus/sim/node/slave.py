@@ -24,6 +24,8 @@ from axisbus.sim.settings import AXIS_SPAN, place
 
 Frame = tuple[int, bytes]
 _HEARTBEAT = 0x700
+_OPERATIONAL, _PRE_OPERATIONAL = NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL  # compared for each frame
+_HEARTBEAT_KEY = 0x1017_00
 _LSS_REQUEST, _LSS_ANSWER = 0x7E5, 0x7E4
 _SHORT_PDO = 0x8210
 _NO_CHANNEL = 1 << 31
@@ -52,6 +54,7 @@ class Slave:
         self._servers = {
             number: SdoServer(device.dictionary, device.dials) for number in _sdo_channels(device)
         }
+        self.on_routes: Callable[[], None] | None = None  # called when it listens to other identifiers
         self._frames: list[Frame] = []
         self._requests: deque[tuple[float, int, bytes]] = deque()  # when due, SDO channel, frame
         self._pending: dict[int, tuple[Pdo, bytes]] = {}  # RPDOs that wait for SYNC
@@ -59,6 +62,7 @@ class Slave:
         self._heard: dict[int, float] = {}  # RPDO number: time of receipt
         self._late: set[int] = set()
         self._routes: dict[int, Callable[[bytes, float], None]] = {}
+        self._timed: list[Pdo] = []  # RPDOs with a deadline
         self._cyclic: list[Pdo] = []  # valid TPDOs by how they are sent
         self._events: list[Pdo] = []
         self._requested: list[Pdo] = []
@@ -84,6 +88,11 @@ class Slave:
         known = can_id in self._routes or can_id in self._answering
         return known or _HEARTBEAT < can_id <= _HEARTBEAT + 127 or can_id == _LSS_REQUEST
 
+    @property
+    def has_frames(self) -> bool:
+        """Whether ``take_frames`` returns any."""
+        return bool(self._frames)
+
     def take_frames(self) -> list[Frame]:
         """Return the frames to be sent, as (identifier, data), and clear them."""
         frames, self._frames = self._frames, []
@@ -94,6 +103,18 @@ class Slave:
         device = self.device
         if device.dials.dead:
             return
+        if device.nmt is _OPERATIONAL and not remote:
+            handler = self._routes.get(can_id)
+            if handler is not None and can_id != _LSS_REQUEST:
+                handler(data, now)
+                if (
+                    self._events
+                    or device.nmt is not self._nmt
+                    or device.pdos.version != self._version
+                    or device.errors.queued
+                ):
+                    self._after(now)
+                return
         if can_id == _LSS_REQUEST and not remote and device.hears_lss:
             device.lss_request(bytes(data), now)
             self._answer_lss(now)
@@ -120,15 +141,23 @@ class Slave:
         device.step(max(0.0, dt))
         if device.dials.dead:
             device.errors.take()
+            for drive in device.drives:
+                drive.power.send_no_more()
+            self._version = -1  # so that the drives wait for their TPDOs again when it is back
             return
-        self._answer_lss(now)
-        self._announce_boot(now)
+        if device.lss.busy:
+            self._answer_lss(now)
+        if self._boot_ups < device.boot_ups:
+            self._announce_boot(now)
         if device.nmt is NmtState.INITIALISING:
             return
-        self.serve(now)
+        if self._requests:
+            self.serve(now)
         self._beat(now)
-        self._watch_deadlines(now)
-        self._produce_sync(now)
+        if self._timed:
+            self._watch_deadlines(now)
+        if self.sync.enabled:
+            self._produce_sync(now)
         self._after(now)
 
     def _after(self, now: float) -> None:
@@ -138,9 +167,10 @@ class Slave:
             self._on_nmt_change()
         if device.pdos.version != self._version:
             self._index_routes()
-        if device.nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL):
+        nmt = device.nmt
+        if device.errors.queued and (nmt is _OPERATIONAL or nmt is _PRE_OPERATIONAL):
             self._send_emergencies()
-        if device.nmt is NmtState.OPERATIONAL:
+        if self._events and nmt is _OPERATIONAL:
             self._send_events(now)
 
     def _on_nmt_change(self) -> None:
@@ -169,11 +199,14 @@ class Slave:
             if pdo.valid:
                 routes.setdefault(pdo.cob_id, self._rpdo_handler(pdo))
         self._routes = routes
+        self._timed = [pdo for pdo in device.pdos.receive if pdo.event_timer > 0.0]
         sent = [pdo for pdo in device.pdos.transmit if pdo.valid and pdo.fields]
         self._cyclic = [pdo for pdo in sent if pdo.synchronous]
         self._events = [pdo for pdo in sent if not pdo.synchronous and not pdo.on_request]
         self._requested = [pdo for pdo in sent if pdo.on_request]
         self._answering = {pdo.cob_id: pdo for pdo in sent if pdo.rtr}
+        if self.on_routes is not None:
+            self.on_routes()
         self._index_statuswords(sent)
 
     def _index_statuswords(self, sent: list[Pdo]) -> None:
@@ -181,7 +214,7 @@ class Slave:
         self._showing = {pdo.number: [] for pdo in sent}
         for drive in self.device.drives:
             key = place(self.device.dictionary, 0x6041 + drive.axis_number * AXIS_SPAN)
-            drive.power.to_be_sent = {}
+            drive.power.send_no_more()
             for pdo in sent:
                 if not any(field.key == key for field in pdo.fields):
                     continue
@@ -205,7 +238,8 @@ class Slave:
 
     @property
     def _heartbeat_time(self) -> float:
-        return self.device.dictionary.get_int(0x1017) / 1000.0
+        value = self.device.dictionary.values.get(_HEARTBEAT_KEY)
+        return value / 1000.0 if isinstance(value, int) else 0.0
 
     def _beat(self, now: float) -> None:
         device = self.device
@@ -237,6 +271,11 @@ class Slave:
         self._frames += [(_LSS_ANSWER, answer) for answer in self.device.lss.take_answers(now)]
 
     # SDO.
+
+    @property
+    def waits(self) -> bool:
+        """Whether SDO requests wait for their answers."""
+        return bool(self._requests)
 
     @property
     def next_answer(self) -> float | None:
@@ -332,7 +371,11 @@ class Slave:
 
     def _sample(self, pdo: Pdo, now: float, counter: int) -> None:
         """Send a synchronous TPDO: type 0 when it has changed, type n with every n-th SYNC."""
-        state = self._sent.setdefault(pdo.number, TransmitState())
+        state = self._sent.get(pdo.number) or self._sent.setdefault(pdo.number, TransmitState())
+        if pdo.transmission_type == 1 and (state.begun or not (counter and pdo.sync_start)):
+            state.begun = True
+            self._send(pdo, state, pdo.pack(), now)
+            return
         if pdo.transmission_type == 0:
             data = pdo.pack()
             if data != state.last:
@@ -359,7 +402,7 @@ class Slave:
 
     def _send(self, pdo: Pdo, state: TransmitState, data: bytes, now: float) -> None:
         state.last, state.stamp = data, now
-        for drive in self._showing.get(pdo.number, ()):
+        for drive in self._showing[pdo.number]:
             drive.power.sent(pdo.number)
         if pdo.number + 1 not in self.device.dials.tpdos_stop:
             self._frames.append((pdo.cob_id, data))
@@ -368,9 +411,9 @@ class Slave:
         """Supervise 14xxh:05: an RPDO received once must be received again in time."""
         if not self.device.operational:
             return
-        for pdo in self.device.pdos.receive:
+        for pdo in self._timed:
             stamp = self._heard.get(pdo.number)
-            if stamp is None or pdo.event_timer <= 0.0 or pdo.number in self._late:
+            if stamp is None or pdo.number in self._late:
                 continue
             if now - stamp > pdo.event_timer:
                 self._late.add(pdo.number)

@@ -18,15 +18,24 @@ class SyncService:
         self._next = 0.0
         self._count = 0
         self._odd = False
+        self._has_overflow, self._overflow = False, 0  # of the counter (1019h)
         self.cob_id = 0x80
         self.reload()
 
     def reload(self) -> None:
-        """Read 1005h and 1006h."""
+        """Read 1005h, 1006h and 1019h."""
         get = self._device.dictionary.get_int
         value = get(0x1005, 0, 0x80)
         self.cob_id = value & 0x7FF
         self._period = get(0x1006) / 1e6 if value & _PRODUCER else 0.0
+        if not self.enabled:
+            self._count = 0
+        self._has_overflow, self._overflow = self._device.dictionary.has(0x1019), get(0x1019)
+
+    @property
+    def enabled(self) -> bool:
+        """Whether it produces SYNC in some NMT states."""
+        return self._period > 0.0
 
     @property
     def produces(self) -> bool:
@@ -41,8 +50,9 @@ class SyncService:
             return None
         if now < self._next - 1e-9:
             return None
-        self._next = max(self._next + self._period, now)
-        overflow = self._device.dictionary.get_int(0x1019)
+        following = self._next + self._period
+        self._next = following if following > now else now + self._period
+        overflow = self._overflow
         if not overflow:
             return b""
         self._count = self._count % overflow + 1
@@ -50,9 +60,8 @@ class SyncService:
 
     def counter(self, data: bytes) -> int:
         """Return the counter of a SYNC, 0 if the node uses none; a length that contradicts 1019h is reported once."""
-        dictionary = self._device.dictionary
-        overflow = dictionary.get_int(0x1019)
-        odd = dictionary.has(0x1019) and len(data) != (1 if overflow else 0)
+        overflow = self._overflow
+        odd = self._has_overflow and len(data) != (1 if overflow else 0)
         if odd and not self._odd:
             self._device.errors.report(-1, _WRONG_LENGTH)
         self._odd = odd

@@ -65,16 +65,23 @@ def variant(without: tuple[int, ...], fixed: tuple[tuple[int, int], ...], modes:
     return text
 
 
-def _changed(text: str, index: int, key: str, value: str) -> str:
-    section = re.compile(rf"(?im)(^\[{index:04X}\]\n(?:[^\[\n].*\n|\n)*?{key}=)[^\n]*")
+def _changed(text: str, index: int | str, key: str, value: str) -> str:
+    title = index if isinstance(index, str) else f"{index:04X}"
+    section = re.compile(rf"(?im)(^\[{title}\]\n(?:[^\[\n].*\n|\n)*?{key}=)[^\n]*")
     changed, count = section.subn(rf"\g<1>{value}", text)
-    assert count == 1, (f"{index:04X}", key)
+    assert count == 1, (title, key)
     return changed
 
 
 def _without(text: str, index: int) -> str:
     """Take an object out of its section, its sub-indices and the list that has it."""
     text = re.sub(rf"(?im)^\[{index:04X}(?:sub[0-9A-F]+)?\]\n(?:[^\[\n].*\n|\n)*", "", text)
+    for mapping in re.findall(
+        rf"(?im)^\[(1[6A][0-9A-F]{{2}})sub[0-9A-F]+\]\n(?:[^\[\n].*\n)*?DefaultValue=0x{index:04X}", text
+    ):
+        text = _changed(
+            text, f"{mapping}sub0", "DefaultValue", "0"
+        )  # a drive maps nothing that it does not have
     blocks = re.split(r"(?m)^(?=\[)", text)
     return "".join(_unlisted(block, index) for block in blocks)
 

@@ -7,9 +7,9 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from axisbus import eds
-from axisbus.cell.model import AxisConfig
 from axisbus.cia402.port import ValueTransport
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, DriveError, ModeError, SdoAbort
@@ -17,7 +17,6 @@ from axisbus.machine.machine import Machine
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.control_bits import as_int32
 from axisbus.sim.device import Device
-from axisbus.sim.direct_port import DirectPort
 from axisbus.sim.drive import Drive
 from kit.campaign import beside, outputs
 from kit.campaign.cells.files import BUILTIN, GENERIC, model_of, motor_of, path_of, variant
@@ -31,7 +30,6 @@ PAIR = "beam"
 ENCODER, VIRTUAL = "belt", "clock"
 _PP = 1
 _SOFT_BEAM = 0.02  # ‰ of rated torque per increment of the usual motor
-_POLL = 0.15  # s between two reads of a value by SDO
 # A following error of the drive's own that never trips, and no limits of a maker's, which may be narrower than the cell file.
 _WIDE = ((0x6065, 0, 0xFFFF_FFFF), (0x607D, 1, 0), (0x607D, 2, 0), (0x607F, 0, 0))
 _OBJECTS = {"quick_stop": 0x605A, "halt": 0x605D, "disable": 0x605C, "fault": 0x605E, "deceleration": 0x6085}
@@ -69,30 +67,6 @@ class DrawnCell(Cell):
         return -axis.scale if axis.invert == "master" else axis.scale
 
 
-class SlowPort(DirectPort):
-    """A port that samples some values with every n-th SYNC only; counts the SYNCs."""
-
-    def __init__(self, device: Device, axis: int, slow: Mapping[str, int], **options: object) -> None:
-        """``slow``: how many SYNCs there are for each sample of a value."""
-        super().__init__(device, axis, **options)  # type: ignore[arg-type]
-        names = list(self.capabilities.inputs)
-        self._every = {
-            names.index(name): (every, number) for number, (name, every) in enumerate(slow.items())
-        }
-        self._count = 0
-
-    def sample(self, now: float) -> None:
-        """As before, without those values that are not due."""
-        super().sample(now)
-        self._count += 1
-        every = self._every
-        self._under_way = [
-            (number, sample)
-            for number, sample in self._under_way
-            if number not in every or (self._count + every[number][1]) % every[number][0] == 1
-        ]
-
-
 def open_cell(stage: Stage, recipe: CellRecipe) -> DrawnCell:
     """Open the cell, enable its axes, and home those that need it at their present position.
 
@@ -103,7 +77,7 @@ def open_cell(stage: Stage, recipe: CellRecipe) -> DrawnCell:
     devices = _devices(recipe, models)
     try:
         opened = stage.simulated(
-            text=cell_text(recipe, models), devices=lambda: devices, port=partial(_port, recipe, devices)
+            text=cell_text(recipe, models), devices=lambda: devices, port=partial(_travels, recipe, devices)
         )
     except (AxisbusError, ExceptionGroup) as error:
         raise Refused(f"{type(error).__name__}: {str(error).splitlines()[0]}") from error
@@ -222,16 +196,14 @@ def _cia401() -> Path:
     return resolve("builtin:generic-cia401", Path())
 
 
-def _port(recipe: CellRecipe, devices: Mapping[int, Device], axis: AxisConfig, device: Device) -> DirectPort:
-    made = recipe.axes[axis.node - FIRST_NODE]
-    has = device.dictionary.has
+def _travels(recipe: CellRecipe, devices: Mapping[int, Device], node: int, _axis: int) -> Mapping[str, Any]:
+    """Return how the values of an axis travel, as ``kit.transport``; empty if as usual."""
+    made = recipe.axes[node - FIRST_NODE]
+    has = devices[node].dictionary.has
     objects = {"velocity": 0x606C, "torque": 0x6077, "demand": 0x6062}
     polled = {name: ValueTransport.SDO for name in made.polled if has(objects[name])}
-    period = recipe.period / 1000.0
     slow = {name: every for name, every in made.slow if has(objects[name]) and name not in polled}
-    ages = dict.fromkeys(("statusword", "mode", "position"), max(0.1, 4.0 * period))
-    ages |= {name: max(0.1, (every + 4) * period) for name, every in slow.items()}
-    return SlowPort(device, 0, slow, inputs=polled, max_age=ages, sdo_poll=_POLL, node_heartbeat=0.1)
+    return {"inputs": polled, "every": slow} if polled or slow else {}
 
 
 def _misbehave(cell: DrawnCell, recipe: CellRecipe, name: str) -> None:

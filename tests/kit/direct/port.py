@@ -19,9 +19,9 @@ from axisbus.cia402.port import (
 from axisbus.errors import SdoTimeout
 from axisbus.sim.control_bits import CW_ENABLE_VOLTAGE, CW_FAULT_RESET, CW_QUICK_STOP_LOW
 from axisbus.sim.device import Device
-from axisbus.sim.fault_injection import CycleDials
-from axisbus.sim.node.direct_sdo import SdoQueue, shifted
 from axisbus.sim.settings import AXIS_SPAN
+from kit.direct.dials import CycleDials
+from kit.direct.sdo import SdoQueue, shifted
 
 # Looked at in every cycle.
 _OPERATIONAL, _INITIALISING = NmtState.OPERATIONAL, NmtState.INITIALISING

@@ -17,9 +17,9 @@ from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.errors import AdapterError
 from axisbus.sim.device import Device
-from axisbus.sim.direct_io import DirectIoPort
-from axisbus.sim.direct_port import DirectPort
-from axisbus.sim.fault_injection import CycleDials
+from kit.direct.dials import CycleDials
+from kit.direct.io import DirectIoPort
+from kit.direct.port import DirectPort
 
 __all__ = ["CycleDials", "DirectCycle", "DirectPort"]
 

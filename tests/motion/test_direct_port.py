@@ -10,7 +10,7 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import BusCycle, Outputs, Port, SdoReply, SdoRequest, ValueTransport
 from axisbus.errors import AdapterError, SdoAbort, SdoTimeout
 from axisbus.sim.device import Device
-from axisbus.sim.direct import CycleDials, DirectCycle, DirectPort
+from kit.direct.cycle import CycleDials, DirectCycle, DirectPort
 from kit.sim.eds import drive_eds, two_axes, without
 from kit.sim.rig import state
 

@@ -1,0 +1,3 @@
+"""The fixtures of axisbus for the tests in this folder."""
+
+pytest_plugins = ["axisbus.testing"]

@@ -1,1 +1,0 @@
-"""A cell in virtual time: simulated drives without a bus."""
