@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems tell Python not to write bytecode. Then each of the many processes that the tests start would compile all modules.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo quick test test-web test-socketcan check bench scenarios bench-cycle bench-core bench-guests bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
+.PHONY: demo quick test test-real test-web test-socketcan check bench scenarios bench-cycle bench-core bench-guests bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
 
 demo: $(READY)            ## run the demo on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -14,11 +14,14 @@ demo: $(READY)            ## run the demo on the simulated cell; writes demo-out
 quick: $(READY)           ## run the quick tests in two processes, after each edit
 	$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile
 
-# A busy computer can delay a test in real time so that it fails: at most 24 such tests run once more, with no other test at the same time.
-test: $(READY)            ## run all tests in three processes (many wait for drives in real time); in a new tree, compile them first
+test: $(READY)            ## run all tests whose result does not depend on the load of the computer, in two processes
 	test -d tests/__pycache__ || $(BIN)/python -m pytest --collect-only -qq > /dev/null || true
-	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder || \
-	{ test $$? = 1 && $(BIN)/python -m pytest --alone --last-failed --last-failed-no-failures none; }
+	$(BIN)/python -m pytest -m "not real_time" -n 2 --dist loadfile --no-loadscope-reorder
+
+# A busy computer can delay a test in real time so that it fails: at most 24 such tests run once more, with no other test at the same time.
+test-real: $(READY)       ## run the tests that need real processes, sockets, a browser or the kernel
+	$(BIN)/python -m pytest -m real_time -n 3 --dist loadfile --no-loadscope-reorder || \
+	{ test $$? = 1 && $(BIN)/python -m pytest -m real_time --alone --last-failed --last-failed-no-failures none; }
 	$(MAKE) test-web
 
 # The tests of the browser run alone: a browser and its page need the whole computer.
