@@ -4,11 +4,13 @@ import itertools
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from axisbus import Machine, Recorder, eds
 from axisbus.boot.configure import DriveMonitoringSetup
+from axisbus.boot.node import NodeBoot
 from axisbus.boot.stop_report import NO_WATCHDOG, Watchdog, stop_ladder
 from axisbus.cell.reader import load as load_cell
 from axisbus.cell.scale_proposal import compare
@@ -251,6 +253,20 @@ def test_a_value_that_the_drive_refuses_names_the_abort_code(tmp_path):
         simulated(cell(tmp_path), made)
     assert "0x08000022, Data cannot be transferred" in caught.value.observed
     assert "pre-operational" in caught.value.remedy
+
+
+def test_an_error_of_a_boot_step_is_not_its_own_cause():
+    """A program that follows the causes of an error comes to an end."""
+    boot, error = NodeBoot.__new__(NodeBoot), BootError("refused", node=3, step="configuration")
+    boot._objects = SimpleNamespace(node_id=3)
+
+    def fails() -> None:
+        raise error
+
+    with pytest.raises(BootError) as caught:
+        boot._step("configuration", fails)
+    assert caught.value is error
+    assert error.__cause__ is None
 
 
 def test_a_drive_of_another_vendor_is_refused(tmp_path):

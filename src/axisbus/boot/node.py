@@ -53,7 +53,7 @@ from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
-from axisbus.errors import AxisbusError, ConfigError, NodeError, NodeTimeout
+from axisbus.errors import AxisbusError, BootError, ConfigError, NodeError, NodeTimeout
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.promises import promises
 from axisbus.wording import counted
@@ -198,6 +198,8 @@ class NodeBoot:
     def _step(self, name: str, work: Callable[[], _T]) -> _T:
         try:
             return work()
+        except BootError:
+            raise
         except AxisbusError as error:
             raise at_step(self._objects.node_id, name, error) from error
 
