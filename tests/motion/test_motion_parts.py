@@ -1058,6 +1058,26 @@ def test_a_position_that_is_needed_and_not_known_is_refused_with_its_age():
         require_position(drive.image, "x", "enabling")
     assert "0.203 s old" in caught.value.observed
     assert "check cable" in caught.value.remedy
+    drive.image.lag = 0.1
+    with pytest.raises(StaleError) as caught:
+        require_position(drive.image, "x", "enabling")
+    assert "check cable" in caught.value.remedy
+
+
+def test_a_position_that_is_unknown_because_the_link_is_slow_names_the_delay():
+    """Cable and TPDO are well then."""
+    drive = Drive(ages={"position": 0.1})
+    drive.cycle(position=7)
+    for _ in range(13):
+        drive.cycle()
+    drive.image.lag = 0.3
+    with pytest.raises(StaleError, match="enabling needs it: the process data come too late") as caught:
+        require_position(drive.image, "x", "enabling")
+    assert caught.value.observed.startswith(
+        "0.3 s late, although none is missing; position: the last one is 0.2"
+    )
+    assert "gateway" in caught.value.remedy
+    assert "check cable" not in caught.value.remedy
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,11 @@ if TYPE_CHECKING:
 
 # Abort codes of a drive that only lists an object, or has it read-only.
 _DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.READ_ONLY})
+NEVER = 1e6  # seconds; an older value has never been received
+LATE_REMEDY = (
+    "look for a queue that grows between this program and the drive: a gateway or adapter that is too slow for the bus load "
+    "(axisbus load), a network or serial line behind it"
+)
 
 
 class Activity(ABC):
@@ -224,6 +229,16 @@ def age_text(age: float) -> str:
     return f"the last one is {age:.3g} s old" if math.isfinite(age) else "it was never received"
 
 
+def comes_too_late(image: AxisImage, age: float) -> bool:
+    """Return whether a value is unknown because the frames are delayed, not missing; ``age`` in seconds (infinite: never known)."""
+    return image.lag > 0 and (image.lag > age / 2 or age > NEVER)
+
+
+def lateness_text(image: AxisImage) -> str:
+    """Return the delay of the process data as text."""
+    return f"{image.lag:.3g} s late, although none is missing"
+
+
 def where_text(image: AxisImage, parameters: AxisParameters) -> str:
     """Return the position of the axis as text for the user, such as ``12.5 deg``."""
     units = parameters.units.position
@@ -243,6 +258,19 @@ def timed_out(target: int, timeout: float, image: AxisImage, parameters: AxisPar
     )
 
 
+def unknown_position(image: AxisImage, name: str, text: str, remedy: str) -> StaleError:
+    """Return the error ``text`` of axis ``name``, whose position is unknown; ``remedy`` is that for missing frames."""
+    age = image.now - image.position_stamp
+    if not comes_too_late(image, age):
+        return StaleError(text, axis=name, observed=age_text(age), remedy=remedy)
+    return StaleError(
+        f"{text}: the process data come too late",
+        axis=name,
+        observed=f"{lateness_text(image)}; position: {age_text(age)}",
+        remedy=LATE_REMEDY,
+    )
+
+
 def require_position(image: AxisImage, name: str, why: str) -> int:
     """Return the unwrapped actual position.
 
@@ -250,13 +278,12 @@ def require_position(image: AxisImage, name: str, why: str) -> int:
         StaleError: the position is unknown.
     """
     if image.position is None:
-        raise StaleError(
-            f"{name}: the actual position (6064h) is unknown, and {why} needs it",
-            axis=name,
-            observed=age_text(image.now - image.position_stamp),
-            remedy="map 6064h into a TPDO, and check that the drive sends it (axisbus boot shows its TPDO); a TPDO that is "
+        remedy = (
+            "map 6064h into a TPDO, and check that the drive sends it (axisbus boot shows its TPDO); a TPDO that is "
             "shorter than its mapping is dropped (axisbus monitor counts those)"
             if image.position_stamp == -math.inf
-            else "check cable and bus load, and that the drive still sends the TPDO that contains it (axisbus monitor)",
+            else "check cable and bus load, and that the drive still sends the TPDO that contains it (axisbus monitor)"
         )
+        text = f"{name}: the actual position (6064h) is unknown, and {why} needs it"
+        raise unknown_position(image, name, text, remedy)
     return image.position

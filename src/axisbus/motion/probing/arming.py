@@ -39,7 +39,7 @@ from axisbus.errors import ProbeError, StaleError
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.commands import Probe
-from axisbus.motion.moves.activity import age_text
+from axisbus.motion.moves.activity import unknown_position
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.probing.capture import ProbeCapture
 from axisbus.motion.probing.sdo_sequence import Exchange
@@ -263,12 +263,12 @@ class Arming:
 
     def _unknown_place(self, image: AxisImage) -> StaleError:
         name = self._parameters.name
-        return StaleError(
+        return unknown_position(
+            image,
+            name,
             f"{name}: touch probe {self._number} has latched a position, which cannot be used: the actual position (6064h) "
             "is unknown",
-            axis=name,
-            observed=age_text(image.now - image.position_stamp),
-            remedy="check cable and bus load, and that the drive still sends the TPDO that contains 6064h (axisbus monitor)",
+            "check cable and bus load, and that the drive still sends the TPDO that contains 6064h (axisbus monitor)",
         )
 
 

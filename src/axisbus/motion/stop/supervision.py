@@ -22,7 +22,7 @@ from axisbus.errors import (
 )
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.modes import TORQUE_MODES
-from axisbus.motion.moves.activity import Activity
+from axisbus.motion.moves.activity import LATE_REMEDY, NEVER, Activity, comes_too_late, lateness_text
 from axisbus.motion.moves.modewatch import ModeWatch
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.states import MOVING, AxisState
@@ -47,7 +47,6 @@ _ERRORSTOP, _STOPPING = AxisState.ERRORSTOP, AxisState.STOPPING
 POWERED = MOVING | {AxisState.STANDSTILL, AxisState.STOPPING}
 # Seconds for which a word of this master that has not taken effect yet may keep a drive enabled.
 _FLICKER = 0.25
-_NEVER = 1e6  # seconds; an older value has never been received
 _LEAST_GAP = 0.25  # seconds: shorter gaps are normal on a busy computer
 # After one of these states a node may have lost its position: it has restarted, or another master is about to configure it.
 _RESTARTED = frozenset({NmtState.INITIALISING, NmtState.PRE_OPERATIONAL})
@@ -334,7 +333,7 @@ def silence(parameters: AxisParameters, image: AxisImage) -> AxisbusError:
     name, node = parameters.name, parameters.node
     age = image.now - image.statusword_stamp
     never = "it was never received (a TPDO that is shorter than its mapping is dropped: axisbus monitor counts those)"
-    seen = never if age > _NEVER else f"the last one is {age:.3g} s old"
+    seen = never if age > NEVER else f"the last one is {age:.3g} s old"
     starved = image.starvation.text(image.now)
     if starved:
         return StaleError(
@@ -343,13 +342,12 @@ def silence(parameters: AxisParameters, image: AxisImage) -> AxisbusError:
             observed=f"statusword (6041h): {seen}; whether the node is still present is not known",
             remedy=join_remedies(REMEDY, f"if it is silent: {remedy_for_silence(node)}"),
         )
-    if image.lag > 0 and (image.lag > age / 2 or age > _NEVER):  # the frames still come
+    if comes_too_late(image, age):
         return StaleError(
             f"{name}: the process data of node {node} come too late",
             axis=name,
-            observed=f"{image.lag:.3g} s late, although none is missing; statusword (6041h): {seen}",
-            remedy="look for a queue that grows between this program and the drive: a gateway or adapter that is too slow for the "
-            "bus load (axisbus load), a network or serial line behind it; the axis was stopped",
+            observed=f"{lateness_text(image)}; statusword (6041h): {seen}",
+            remedy=f"{LATE_REMEDY}; the axis was stopped",
         )
     if image.position is None and image.velocity is None:
         return NodeError(
