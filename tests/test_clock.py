@@ -69,6 +69,27 @@ def test_a_wait_ends_at_its_time_out(clock: Clock) -> None:
     assert clock.now() - began >= 0.04
 
 
+def test_a_lock_is_held_by_one_of_many_threads_of_the_program(clock: Clock) -> None:
+    if isinstance(clock, VirtualClock):
+        clock.add(Ticks(clock, 0.001, count=10**9))
+    lock, count = clock.lock(), 0
+
+    def add() -> None:
+        nonlocal count
+        for _ in range(300):
+            with lock:
+                before = count
+                time.sleep(0)  # another thread may run here
+                count = before + 1
+
+    threads = [threading.Thread(target=add) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert count == 1200
+
+
 def test_a_condition_wakes_one_or_all(clock: Clock) -> None:
     condition, woken = clock.condition(), list[int]()
 

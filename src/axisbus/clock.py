@@ -490,27 +490,36 @@ class VirtualLock:
         self._clock = clock
         self._held = False
         self._waits: deque[_Wait] = deque()
+        self._guard = threading.Lock()  # of both, against threads that are not of this clock
 
     def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
         """As ``ClockLock.acquire``."""
         until = math.inf if timeout < 0 else self._clock.now() + timeout
-        while self._held:
-            if not blocking:
-                return False
+        while True:
             wait = _Wait()
-            self._waits.append(wait)
-            if not self._clock.block(wait, until):
-                self._waits.remove(wait)
-                if self._held:
+            with self._guard:
+                if not self._held:
+                    self._held = True
+                    return True
+                if not blocking:
                     return False
-        self._held = True
-        return True
+                self._waits.append(wait)
+            if not self._clock.block(wait, until):
+                return self._give_up(wait)
+
+    def _give_up(self, wait: _Wait) -> bool:
+        """End a wait whose time is over; return whether the lock was free at that time, and is held now."""
+        with self._guard:
+            if wait in self._waits:
+                self._waits.remove(wait)
+        return self.acquire(blocking=False)
 
     def release(self) -> None:
         """As ``ClockLock.release``."""
-        self._held = False
-        if self._waits:
-            self._clock.wake(self._waits.popleft())
+        with self._guard:
+            self._held = False
+            if self._waits:
+                self._clock.wake(self._waits.popleft())
 
     def __enter__(self) -> bool:
         return self.acquire()
