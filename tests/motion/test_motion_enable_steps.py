@@ -358,6 +358,21 @@ def test_a_walk_without_a_statusword_sends_nothing_and_says_so():
     assert "2 s" in caught.value.observed
 
 
+def test_a_walk_whose_statusword_comes_too_late_names_the_delay_of_the_link():
+    drive = Drive()
+    walk = StateWalk(drive.parameters)
+    walk.step(*drive.cycle(statusword=None), PowerState.SWITCHED_ON)
+    drive.later(2.0)
+    image, order = drive.cycle()
+    image.lag = 0.3
+    with pytest.raises(StaleError, match="is unknown: the process data come too late") as caught:
+        walk.step(image, order, PowerState.SWITCHED_ON)
+    assert caught.value.observed.startswith(
+        "0.3 s late, although none is missing; no fresh statusword for 2 s"
+    )
+    assert "gateway" in caught.value.remedy
+
+
 def test_a_drive_found_moving_is_halted_and_given_up_after_the_time_of_a_halt():
     drive = Drive(stop_times=StopTimes(halt=1.0))
     activity, position, halted = enable(drive), 0, 0

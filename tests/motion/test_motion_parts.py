@@ -1073,9 +1073,7 @@ def test_a_position_that_is_unknown_because_the_link_is_slow_names_the_delay():
     drive.image.lag = 0.3
     with pytest.raises(StaleError, match="enabling needs it: the process data come too late") as caught:
         require_position(drive.image, "x", "enabling")
-    assert caught.value.observed.startswith(
-        "0.3 s late, although none is missing; position: the last one is 0.2"
-    )
+    assert caught.value.observed.startswith("0.3 s late, although none is missing; the last one is 0.2")
     assert "gateway" in caught.value.remedy
     assert "check cable" not in caught.value.remedy
 

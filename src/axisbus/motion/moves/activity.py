@@ -258,17 +258,29 @@ def timed_out(target: int, timeout: float, image: AxisImage, parameters: AxisPar
     )
 
 
-def unknown_position(image: AxisImage, name: str, text: str, remedy: str) -> StaleError:
-    """Return the error ``text`` of axis ``name``, whose position is unknown; ``remedy`` is that for missing frames."""
-    age = image.now - image.position_stamp
+def unknown_value(
+    image: AxisImage, age: float, text: str, observed: str, name: str, remedy: str
+) -> StaleError:
+    """Return the error ``text`` of axis ``name`` that a value of this ``age`` is unknown; ``remedy`` is that for missing frames."""
     if not comes_too_late(image, age):
-        return StaleError(text, axis=name, observed=age_text(age), remedy=remedy)
+        return StaleError(text, axis=name, observed=observed, remedy=remedy)
     return StaleError(
         f"{text}: the process data come too late",
         axis=name,
-        observed=f"{lateness_text(image)}; position: {age_text(age)}",
+        observed=f"{lateness_text(image)}; {observed}",
         remedy=LATE_REMEDY,
     )
+
+
+def unknown_position(image: AxisImage, name: str, text: str, remedy: str) -> StaleError:
+    """Return the error ``text`` of axis ``name``, whose position is unknown; ``remedy`` is that for missing frames."""
+    age = image.now - image.position_stamp
+    return unknown_value(image, age, text, age_text(age), name, remedy)
+
+
+def unknown_statusword(image: AxisImage, name: str, text: str, observed: str, remedy: str) -> StaleError:
+    """Return the error ``text`` of axis ``name``, whose statusword is unknown; ``remedy`` is that for missing frames."""
+    return unknown_value(image, image.now - image.statusword_stamp, text, observed, name, remedy)
 
 
 def require_position(image: AxisImage, name: str, why: str) -> int:

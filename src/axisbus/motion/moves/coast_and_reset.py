@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.state import ENERGISED, PowerState
-from axisbus.errors import DriveError, StaleError, TransitionError
+from axisbus.errors import DriveError, TransitionError
 from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
-from axisbus.motion.moves.activity import Activity
+from axisbus.motion.moves.activity import Activity, age_text, unknown_statusword
 from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.power_transition import StateWalk, word_text
 from axisbus.motion.parameters import AxisParameters
@@ -103,11 +103,12 @@ class ResetActivity(Activity):
     def _failed(self, image: AxisImage) -> DriveError:
         name = self._parameters.name
         if image.state is PowerState.UNKNOWN:
-            return StaleError(
+            return unknown_statusword(
+                image,
+                name,
                 f"{name}: the axis cannot be reset, its statusword is unknown",
-                axis=name,
-                observed="no fresh 6041h",
-                remedy="check the cable and that the node is operational (axisbus scan)",
+                f"statusword (6041h): {age_text(image.now - image.statusword_stamp)}",
+                "check the cable and that the node is operational (axisbus scan)",
             )
         return TransitionError(
             f"{name}: the drive does not clear the fault",

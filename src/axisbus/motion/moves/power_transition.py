@@ -8,6 +8,7 @@ from axisbus.cia402.state import PowerState
 from axisbus.errors import DriveError, StaleError, TransitionError
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.moves.activity import unknown_statusword
 from axisbus.motion.parameters import AxisParameters
 
 
@@ -49,7 +50,7 @@ class StateWalk:
 
     def _stuck(self, image: AxisImage, order: CycleOutputs, goal: PowerState) -> DriveError:
         if image.statusword is None:
-            return _blind(self._parameters, goal)
+            return _blind(image, self._parameters, goal)
         name, word = self._parameters.name, image.statusword
         sent = order.controlword(image.state)
         command = (
@@ -66,12 +67,13 @@ class StateWalk:
         )
 
 
-def _blind(parameters: AxisParameters, goal: PowerState) -> StaleError:
-    return StaleError(
+def _blind(image: AxisImage, parameters: AxisParameters, goal: PowerState) -> StaleError:
+    return unknown_statusword(
+        image,
+        parameters.name,
         f"{parameters.name}: the drive cannot be brought to {goal.value!r}: its statusword (6041h) is unknown",
-        axis=parameters.name,
-        observed=f"no fresh statusword for {parameters.timing.transition:g} s, so nothing was sent",
-        remedy=f"check the cable, and that node {parameters.node} is operational and sends its TPDO (axisbus monitor)",
+        f"no fresh statusword for {parameters.timing.transition:g} s, so nothing was sent",
+        f"check the cable, and that node {parameters.node} is operational and sends its TPDO (axisbus monitor)",
     )
 
 
