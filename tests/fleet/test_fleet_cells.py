@@ -131,7 +131,11 @@ with Fleet("hall", connect=sys.argv[1:]) as fleet:
             press["x"].move_relative(5.0).wait(20)
         except Exception as error:
             print(type(error).__name__, flush=True)
-        while not press.last_state("x").fresh:
+        # States that were queued while this program was stopped are taken first.
+        end = time.monotonic() + 10.0
+        while not (press.last_state("x").fresh and press["x"].state.value == "Standstill"):
+            if time.monotonic() > end:
+                break
             time.sleep(0.05)
         print(press["x"].state.value, flush=True)
 """
