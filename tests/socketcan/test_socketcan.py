@@ -73,7 +73,7 @@ def test_warnings_of_the_controller_are_counted_and_stop_nothing(stage):
     with stage.open() as machine:
         stage.travelling(machine)
         put_error_frame(CAN_ERR_CRTL, bytes([0, 0x08, 0, 0, 0, 0, 0, 0]))
-        counters = machine.node(1)._require_bus().channel.counters
+        counters = machine.node(1)._node.channel.counters
         until(lambda: counters.error_frames == 1, 5)
         assert "transmit errors (warning)" in counters.errors[-1]
         assert min(stage.speeds()) > 1000
