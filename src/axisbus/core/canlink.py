@@ -341,7 +341,7 @@ def simulated_channel(
     made, guests = devices(cell, dictionaries) | dict(given or {}), modules(cell)
     wire = VirtualWire(clock, list(made.values()), list(guests.values()), bitrate=cell.bus.bitrate or BITRATE)
     bus = cell.bus
-    if bus.hears_sync and not any(device.produces_sync for device in made.values()):
+    if bus.hears_sync and not wire.has_sync_producer:
         VirtualSyncProducer(wire, clock, bus.sync_cob_id, bus.scan_period, bus.sync_counter)
     stand_ins = {node_id: SimulatedNode(device, nullcontext()) for node_id, device in made.items()}
     stand_ins |= stand_ins_of(guests, nullcontext())

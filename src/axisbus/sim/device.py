@@ -98,11 +98,6 @@ class Device:
         return self.drives[0]
 
     @property
-    def produces_sync(self) -> bool:
-        """Whether its objects make it the producer of SYNC (1005h bit 30, 1006h)."""
-        return bool(self.dictionary.get_int(0x1005) & 1 << 30 and self.dictionary.get_int(0x1006))
-
-    @property
     def operational(self) -> bool:
         """Whether PDOs are exchanged."""
         return self.nmt is _OPERATIONAL

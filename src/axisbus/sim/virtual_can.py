@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import RLock
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 import can
 
@@ -188,24 +188,17 @@ class VirtualAdapter(_Sender):
             raise can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS)
 
 
-class _Node(_Sender):
-    """A simulated CANopen node on the wire."""
+_Kind = TypeVar("_Kind", Slave, Guest)
 
-    __slots__ = ("slave",)
 
-    def __init__(self, slave: Slave) -> None:
+class _Node(_Sender, Generic[_Kind]):
+    """A simulated node on the wire: ``frames`` is its communication, that of CANopen (``Slave``) or of another protocol."""
+
+    __slots__ = ("frames",)
+
+    def __init__(self, frames: _Kind) -> None:
         super().__init__()
-        self.slave = slave
-
-
-class _GuestNode(_Sender):
-    """A simulated node of another protocol on the wire."""
-
-    __slots__ = ("guest",)
-
-    def __init__(self, guest: Guest) -> None:
-        super().__init__()
-        self.guest = guest
+        self.frames: _Kind = frames
 
 
 class VirtualWire:
@@ -229,14 +222,15 @@ class VirtualWire:
         self._bit = 1.0 / bitrate
         self._random = random.Random(seed)
         self._nodes = [_Node(Slave(device)) for device in devices]
-        self._guests = [_GuestNode(guest) for guest in guests]
-        self._listeners: dict[int, list[_Node]] = {}  # of the identifiers so far
+        self._guests = [_Node(guest) for guest in guests]
+        self._all: list[_Node[Slave] | _Node[Guest]] = [*self._nodes, *self._guests]
+        self._listeners: dict[int, list[_Node[Slave]]] = {}  # of the identifiers so far
         for node in self._nodes:
-            node.slave.on_routes = self._listeners.clear
+            node.frames.on_routes = self._listeners.clear
         self._adapters: list[VirtualAdapter] = []
         self._late: deque[tuple[float, VirtualAdapter, Frame]] = deque()  # frames to masters behind a gateway
         self._going: deque[tuple[float, VirtualAdapter, Frame]] = deque()  # and from them
-        self._senders: list[_Sender] = [*self._nodes, *self._guests]
+        self._senders: list[_Sender] = [*self._all]
         self._waiting = 0
         self._held: list[tuple[float, int, _Sender, Frame]] = []  # late by a fault of their identifier
         self._lossy = False  # whether some frames of masters are lost
@@ -253,7 +247,7 @@ class VirtualWire:
     @cached_property
     def nodes(self) -> list[StandInNode]:
         """The nodes as ``canopen.LocalNode``, for local access to their objects by ``node.sdo``."""
-        return [StandInNode(node.slave.device, RLock(), node.slave) for node in self._nodes]
+        return [StandInNode(node.frames.device, RLock(), node.frames) for node in self._nodes]
 
     def connect(self) -> VirtualAdapter:
         """Return a new adapter on this wire."""
@@ -261,6 +255,11 @@ class VirtualWire:
         self._adapters.append(adapter)
         self._senders.append(adapter)
         return adapter
+
+    @property
+    def has_sync_producer(self) -> bool:
+        """Whether a node sends SYNC by its objects (1005h, 1006h)."""
+        return any(node.frames.sync.enabled for node in self._nodes)
 
     @property
     def masters(self) -> list[VirtualAdapter]:
@@ -351,34 +350,22 @@ class VirtualWire:
     def _answer(self, now: float) -> float:
         """Let the nodes send the SDO answers that are due; return when the next is."""
         due, self._answers = math.inf, False
-        for node in self._nodes:
-            answer = node.slave.next_answer
+        for node in self._all:
+            answer = node.frames.next_answer
             if answer is not None and answer <= now:
-                node.slave.serve(now)
+                node.frames.serve(now)
                 self._collect(node)
-                answer = node.slave.next_answer
-            if answer is not None:
-                due, self._answers = min(due, answer), True
-        for guest in self._guests:
-            answer = guest.guest.next_answer
-            if answer is not None and answer <= now:
-                guest.guest.serve(now)
-                self._collect_guest(guest)
-                answer = guest.guest.next_answer
+                answer = node.frames.next_answer
             if answer is not None:
                 due, self._answers = min(due, answer), True
         return due
 
     def _step(self, now: float) -> None:
         self._stepped, self._step_due = now, now + self._longest_step
-        for node in self._nodes:
-            node.slave.step(now)
+        for node in self._all:
+            node.frames.step(now)
             self._collect(node)
-            self._answers = self._answers or node.slave.next_answer is not None
-        for guest in self._guests:
-            guest.guest.step(now)
-            self._collect_guest(guest)
-            self._answers = self._answers or guest.guest.next_answer is not None
+            self._answers = self._answers or node.frames.next_answer is not None
 
     # -- frames --------------------------------------------------------------------------------------------------------
 
@@ -462,12 +449,12 @@ class VirtualWire:
             return
         listeners = self._listeners.get(can_id)
         if listeners is None:
-            listeners = [node for node in self._nodes if node.slave.listens_to(can_id)]
+            listeners = [node for node in self._nodes if node.frames.listens_to(can_id)]
             self._listeners[can_id] = listeners
         for node in listeners:
             if node is sender:
                 continue
-            slave = node.slave
+            slave = node.frames
             if can_id == slave.sync.cob_id and now - self._stepped > _FRESH:
                 self._step(now)
             slave.on_frame(can_id, data, now, remote=remote)
@@ -476,26 +463,22 @@ class VirtualWire:
             if slave.waits:
                 self._answers = True
         for guest in self._guests:
-            same = isinstance(sender, _GuestNode) and sender.guest.node_id == guest.guest.node_id
-            if guest is not sender and not same:
-                guest.guest.on_frame(can_id, data, now, remote=remote)
-                self._collect_guest(guest)
-                self._answers = self._answers or guest.guest.next_answer is not None
+            if sender in self._guests and sender.frames.node_id == guest.frames.node_id:
+                continue
+            guest.frames.on_frame(can_id, data, now, remote=remote)
+            self._collect(guest)
+            self._answers = self._answers or guest.frames.next_answer is not None
 
     def _is_lost(self, can_id: int) -> bool:
         """Whether a fault keeps a master's frame from the nodes."""
         faults = self.faults
         if faults.heartbeat_lost and can_id >> 7 == _HEARTBEAT:
             return True
-        return faults.sync_lost and any(can_id == node.slave.sync.cob_id for node in self._nodes)
+        return faults.sync_lost and any(can_id == node.frames.sync.cob_id for node in self._nodes)
 
-    def _collect(self, node: _Node) -> None:
-        for can_id, data in node.slave.take_frames():
-            self._queue(node, (can_id, data, False))
-
-    def _collect_guest(self, guest: _GuestNode) -> None:
-        for can_id, data in guest.guest.take_frames():
-            self._queue(guest, (can_id, bytes(data), False))
+    def _collect(self, node: _Node[Slave] | _Node[Guest]) -> None:
+        for can_id, data in node.frames.take_frames():
+            self._queue(node, (can_id, bytes(data), False))
 
     def _corrupted(self, frame: Frame) -> Frame:
         data = bytearray(frame[1])
