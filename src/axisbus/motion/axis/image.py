@@ -243,13 +243,17 @@ class AxisImage:
         self.mode_stamp = mode.stamp
         raw, stamp = position
         if stamp != self.position_stamp:
-            self._before, self._before_stamp = self.last_position, self.position_stamp
-            self.position_stamp = stamp
-            self.still.feed(raw, stamp)
-            if stamp - self._checkpoint_stamp >= _VELOCITY_BASE:
-                self._earlier, self._earlier_stamp = self._checkpoint, self._checkpoint_stamp
-                self._checkpoint, self._checkpoint_stamp = raw, stamp
+            self._renew_position(raw, stamp)
         self._raw_position = self.position = self.last_position = raw
+
+    def _renew_position(self, position: int, stamp: float) -> None:
+        """Take a newer position, before it becomes the last one."""
+        self._before, self._before_stamp = self.last_position, self.position_stamp
+        self.position_stamp = stamp
+        self.still.feed(position, stamp)
+        if stamp - self._checkpoint_stamp >= _VELOCITY_BASE:
+            self._earlier, self._earlier_stamp = self._checkpoint, self._checkpoint_stamp
+            self._checkpoint, self._checkpoint_stamp = position, stamp
 
     def rebase(self) -> None:
         """Count from the drive's own value again: after homing, when the drive's position jumps."""
@@ -335,12 +339,7 @@ class AxisImage:
                 position = unwrap(self.last_position, raw)
         self._raw_position = raw
         if stamp != self.position_stamp:
-            self._before, self._before_stamp = self.last_position, self.position_stamp
-            self.position_stamp = stamp
-            self.still.feed(position, stamp)
-            if stamp - self._checkpoint_stamp >= _VELOCITY_BASE:
-                self._earlier, self._earlier_stamp = self._checkpoint, self._checkpoint_stamp
-                self._checkpoint, self._checkpoint_stamp = position, stamp
+            self._renew_position(position, stamp)
         self.position = self.last_position = position
 
     def _enter(self, state: PowerState) -> None:
