@@ -134,17 +134,13 @@ class Channel:
         self._receivers: dict[int, tuple[Receiver, ...]] = {}
         self._ears: tuple[Ear, ...] = ()
         self._taps: tuple[Ear, ...] = ()
-        self._calling: CallingBus | None = None
-        if isinstance(bus, can.BusABC):
-            self._line: FrameTransmitter = line_of(bus, send_timeout)
-        else:
-            self._line = self._calling = bus
+        self._calling = None if isinstance(bus, can.BusABC) else bus
+        self._line: FrameTransmitter = line_of(bus, send_timeout) if isinstance(bus, can.BusABC) else bus
         self._freely = self._line.for_all  # without a lock
         self._cyclic = cyclic
         self._cyclic_ids: frozenset[int] = frozenset()
         self._socketcan = name.startswith("socketcan:")
-        simulated = not isinstance(bus, can.BusABC)
-        self._linux_classes = simulated or name.partition(":")[0] in controller.LINUX_CLASSES
+        self._linux_classes = self._calling is not None or name.partition(":")[0] in controller.LINUX_CLASSES
         self.controller = CanController(name)
         self.last_off: BusOff | None = None
         self.offs = 0
