@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from axisbus.clock import REAL, Clock, VirtualClock
+from axisbus.clock import REAL, Clock, VirtualClock, poll_until, sleep_until
 from axisbus.errors import StateError
 
 HOUR = 3600.0
@@ -89,6 +89,40 @@ def test_a_lock_is_held_by_one_of_many_threads_of_the_program(clock: Clock) -> N
     for thread in threads:
         thread.join()
     assert count == 1200
+
+
+def test_a_condition_is_waited_for_until_something_holds(clock: Clock) -> None:
+    condition, items = clock.condition(), list[int]()
+
+    def add() -> None:
+        for number in range(3):
+            clock.sleep(0.01)
+            with condition:
+                items.append(number)
+                condition.notify_all()
+
+    clock.thread(add, "axisbus test").start()
+    with condition:
+        assert condition.wait_for(lambda: len(items) == 3, 5.0)
+        began = clock.now()
+        assert not condition.wait_for(lambda: len(items) == 4, 0.02)
+    assert clock.now() - began >= 0.02
+
+
+def test_polling_ends_when_it_is_done_or_its_time_is_over(clock: Clock) -> None:
+    asked = list[float]()
+
+    def done() -> bool:
+        asked.append(clock.now())
+        return len(asked) == 3
+
+    begin = clock.now()
+    assert poll_until(clock, done, begin + 10.0, 0.005)
+    assert not poll_until(clock, lambda: False, clock.now() + 0.02, 0.005)
+    assert clock.now() - begin >= 0.03
+    sleep_until(clock, begin)  # which has passed
+    sleep_until(clock, begin + 0.05)
+    assert clock.now() >= begin + 0.05
 
 
 def test_a_condition_wakes_one_or_all(clock: Clock) -> None:

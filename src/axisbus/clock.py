@@ -42,6 +42,9 @@ class ClockCondition(Protocol):
     def wait(self, timeout: float | None = None) -> bool:
         """Release the lock, wait at most ``timeout`` seconds for a notification, and take the lock again."""
 
+    def wait_for(self, predicate: Callable[[], bool], timeout: float | None = None) -> bool:
+        """Wait as ``wait`` until ``predicate()``, at most ``timeout`` seconds in all; return whether it is true."""
+
     def notify(self, n: int = 1) -> None:
         """Wake ``n`` waiting threads."""
 
@@ -116,6 +119,20 @@ class Clock(Protocol):
 
     def is_current(self, thread: ClockThread | None) -> bool:
         """Whether the caller runs in ``thread``."""
+
+
+def sleep_until(clock: Clock, when: float) -> None:
+    """Block until the time ``when`` of the clock, in seconds; not at all if it has passed."""
+    clock.sleep(max(0.0, when - clock.now()))
+
+
+def poll_until(clock: Clock, done: Callable[[], bool], deadline: float, period: float) -> bool:
+    """Block until ``done()``, asked every ``period`` seconds, or until ``deadline``, in seconds; return whether it is done."""
+    while not done():
+        if clock.now() >= deadline:
+            return False
+        clock.sleep(period)
+    return True
 
 
 class SystemClock:
@@ -449,6 +466,16 @@ class VirtualCondition:
             self._lock.acquire()
             if wait in self._waits:
                 self._waits.remove(wait)
+
+    def wait_for(self, predicate: Callable[[], bool], timeout: float | None = None) -> bool:
+        """As ``ClockCondition.wait_for``."""
+        until = math.inf if timeout is None else self._clock.now() + timeout
+        while not predicate():
+            left = until - self._clock.now()
+            if left <= 0.0:
+                return False
+            self.wait(None if timeout is None else left)
+        return True
 
     def notify(self, n: int = 1) -> None:
         """As ``ClockCondition.notify``."""

@@ -128,7 +128,7 @@ def test_the_second_question_comes_in_the_middle_of_the_time_after_the_first(
 ) -> None:
     """Whoever is slow has as long to answer the one as the other."""
     until: list[float] = []
-    monkeypatch.setattr(discover, "_pause_until", lambda _clock, t: until.append(t))
+    monkeypatch.setattr(discover, "sleep_until", lambda _clock, t: until.append(t))
     asked: list[int] = []
     fake.peers.append(lambda *_: asked.append(len(until)) or [])
     assert scan(channel, ids=(3,), listen=9.0) == []

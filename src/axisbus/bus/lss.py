@@ -36,6 +36,7 @@ from axisbus.cia305.services import (
     require_node_id,
     switch_global,
 )
+from axisbus.clock import sleep_until
 from axisbus.errors import ArgumentError, BusError, NodeTimeout, StateError
 
 T = TypeVar("T")
@@ -161,8 +162,7 @@ class LssMaster:
             LssTimeout: a slave in ``addresses`` does not answer; nothing was activated.
         """
         sent = self.start_activation(addresses, delay)
-        clock = self._channel.clock
-        clock.sleep(max(0.0, sent + 2 * delay - clock.now()))
+        sleep_until(self._channel.clock, sent + 2 * delay)
 
     def start_activation(self, addresses: Sequence[LssAddress] | None, delay: float) -> float:
         """Do as ``activate``, but without waiting; return when the command was passed to the adapter (clock, s).

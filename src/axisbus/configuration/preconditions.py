@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from axisbus.bus.node.node import CanopenNode, NodeIdentity
 from axisbus.bus.sdo.access import ByObjects
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.clock import Clock
+from axisbus.clock import poll_until
 from axisbus.configuration import guarded_write
 from axisbus.eds.model import Eds
 from axisbus.errors import SdoAbort, StateError, UserError
@@ -147,7 +146,8 @@ def _state(node: CanopenNode) -> NmtState | None:
     """Return the NMT state from the node's heartbeat; None if the node sends none."""
     period = _heartbeat(node)
     if period:
-        _until(node.channel.clock, lambda: node.nmt.reports > 0, max(LISTEN, 2.5 * period))
+        clock = node.channel.clock
+        poll_until(clock, lambda: node.nmt.reports > 0, clock.now() + max(LISTEN, 2.5 * period), _SLICE)
     return node.nmt.state if node.nmt.reports else None
 
 
@@ -156,9 +156,3 @@ def _heartbeat(node: CanopenNode) -> float:
         return int.from_bytes(node.sdo.upload(o.PRODUCER_HEARTBEAT), "little") / 1000
     except SdoAbort:
         return 0.0
-
-
-def _until(clock: Clock, done: Callable[[], bool], seconds: float) -> None:
-    deadline = clock.now() + seconds
-    while not done() and clock.now() < deadline:
-        clock.sleep(_SLICE)

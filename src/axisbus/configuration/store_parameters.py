@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from axisbus.bus.node.node import CanopenNode
 from axisbus.cia301 import objects as o
+from axisbus.clock import poll_until
 from axisbus.configuration import compare, guarded_write
 from axisbus.drives import registry
 from axisbus.drives.make import Make
@@ -145,9 +146,7 @@ def store(node: CanopenNode, make: Make) -> Stored:
 def _restarts(node: CanopenNode, boots: int, make: Make) -> bool:
     clock = node.channel.clock
     deadline = clock.now() + (RESTART_TIME if make.store_restarts else RESTART_SEEN)
-    while node.nmt.bootups == boots and clock.now() < deadline:
-        clock.sleep(_SLICE)
-    return node.nmt.bootups != boots
+    return poll_until(clock, lambda: node.nmt.bootups != boots, deadline, _SLICE)
 
 
 def _wait_for(node: CanopenNode, begin: float) -> None:

@@ -108,13 +108,7 @@ class SimpleLine:
         """Wait up to ``seconds`` until ``there()`` is true, checked after each received frame; return whether it is."""
         require_other_thread(self.channel, "waiting for a module")
         with self._came:
-            until = self.clock.now() + seconds
-            while not there():
-                left = until - self.clock.now()
-                if left <= 0.0:
-                    return False
-                self._came.wait(left)
-            return True
+            return self._came.wait_for(there, seconds)
 
     def notify(self) -> None:
         """Wake the waiting thread; receivers call it after they have stored a frame."""

@@ -24,7 +24,7 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
 from axisbus.bus.node import discover
 from axisbus.cia305.services import LssAddress
-from axisbus.clock import Clock
+from axisbus.clock import sleep_until
 from axisbus.errors import AdapterError, LssError, one_line
 
 ANSWER_TIME = 5.0  # seconds that a slave may take to answer at the new rate; some restart for it
@@ -109,12 +109,12 @@ def change_over(
         return ChangedOver(bitrate, own, asked=False, commands=_commands(opening, bitrate))
     sent = master.start_activation(addresses, delay)
     channel = master.channel
-    _sleep_until(channel.clock, sent + delay)
+    sleep_until(channel.clock, sent + delay)
     try:
         if own is OwnRate.REOPENED:
             channel.close()
             channel = stack.enter_context(open_again(opening, bitrate))
-        _sleep_until(channel.clock, sent + 2 * delay)
+        sleep_until(channel.clock, sent + 2 * delay)
         return _ask(channel, master, addresses, bitrate, own)
     except AdapterError as error:
         raise _half_changed(opening, bitrate, error) from error
@@ -165,7 +165,3 @@ def _answers(master: LssMaster, address: LssAddress) -> bool:
             clock.sleep(_PAUSE)
         else:
             return True
-
-
-def _sleep_until(clock: Clock, when: float) -> None:
-    clock.sleep(max(0.0, when - clock.now()))

@@ -24,7 +24,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.device_type import device_kind
-from axisbus.clock import Clock
+from axisbus.clock import sleep_until
 from axisbus.drives.gim6010.factory_protocols import Protocol, ProtocolListener, simple_node
 from axisbus.errors import AxisbusError, SdoError
 
@@ -95,11 +95,11 @@ def _ask(ears: _Ears, others: ProtocolListener, listen: float) -> None:
     clock = ears.clock
     begin = clock.now()
     quiet = listen * _QUIET
-    _pause_until(clock, begin + quiet)
+    sleep_until(clock, begin + quiet)
     ears.ask(_safe(ears.ids, others))
-    _pause_until(clock, begin + (quiet + listen) / 2)
+    sleep_until(clock, begin + (quiet + listen) / 2)
     ears.ask(_safe((node_id for node_id in ears.ids if node_id not in ears.answers), others))
-    _pause_until(clock, begin + listen)
+    sleep_until(clock, begin + listen)
 
 
 def _safe(ids: Iterable[int], others: ProtocolListener) -> list[int]:
@@ -154,12 +154,6 @@ class _Ears:
                 self.states[node_id] = NmtState(data[0] & 0x7F)
 
         return receive
-
-
-def _pause_until(clock: Clock, t: float) -> None:
-    left = t - clock.now()
-    if left > 0:
-        clock.sleep(left)
 
 
 def _details(channel: Channel, ids: list[int]) -> dict[int, NodeIdentity]:

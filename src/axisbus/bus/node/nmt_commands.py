@@ -10,7 +10,7 @@ confirmed only by the boot-up message. Then the command is sent once, and all no
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from axisbus.bus.link.channel import Channel
@@ -21,6 +21,7 @@ from axisbus.bus.parallel import in_parallel
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
+from axisbus.clock import poll_until
 from axisbus.errors import SdoError
 
 LISTEN = 1.2  # seconds: long enough for the usual heartbeat period of 1 s
@@ -96,9 +97,7 @@ def ways(nodes: Iterable[CanopenNode]) -> dict[int, NmtConfirmation]:
     if not listed:
         return {}
     clock = listed[0].channel.clock
-    end = clock.now() + LISTEN
-    while any(node.nmt.reports == 0 for node in listed) and clock.now() < end:
-        clock.sleep(_SLICE)
+    poll_until(clock, lambda: all(node.nmt.reports > 0 for node in listed), clock.now() + LISTEN, _SLICE)
     return dict(zip((node.node_id for node in listed), in_parallel(clock, _way, listed), strict=True))
 
 
@@ -155,7 +154,7 @@ def _look(
     reports, bootups = marks
     if wanted in _RESETS:
         way = replace(way, by=Confirmation.BOOT_UP)
-        ok = _until(node, lambda: node.nmt.bootups > bootups, begin + BOOT_PATIENCE)
+        ok = poll_until(node.channel.clock, lambda: node.nmt.bootups > bootups, begin + BOOT_PATIENCE, _SLICE)
     else:
         ok = _reaches(node, RESULT[wanted], way, reports, begin)
     state = node.nmt.state if node.nmt.reports > reports or (ok and node.nmt.assumed) else None
@@ -163,13 +162,13 @@ def _look(
 
 
 def _reaches(node: CanopenNode, state: NmtState, way: NmtConfirmation, reports: int, begin: float) -> bool:
-    deadline = begin + max(PATIENCE, 2.5 * way.period)
+    clock, deadline = node.channel.clock, begin + max(PATIENCE, 2.5 * way.period)
     if way.by is Confirmation.HEARTBEAT:
-        return node.nmt.wait_state(state, max(0.0, deadline - node.channel.clock.now()), after=reports)
+        return node.nmt.wait_state(state, max(0.0, deadline - clock.now()), after=reports)
     if way.by is Confirmation.GUARDING:
-        return _until(node, lambda: _guarded(node) is state, deadline)
+        return poll_until(clock, lambda: _guarded(node) is state, deadline, _SLICE)
     serves = state is not NmtState.STOPPED
-    if _until(node, lambda: node.answers_sdo(_SDO_TIMEOUT) is serves, deadline):
+    if poll_until(clock, lambda: node.answers_sdo(_SDO_TIMEOUT) is serves, deadline, _SLICE):
         node.nmt.assume(state)
         return True
     return False
@@ -180,12 +179,3 @@ def _guarded(node: CanopenNode) -> NmtState | None:
     asked = node.nmt.reports
     node.channel.send_remote(cob.HEARTBEAT + node.node_id)
     return node.nmt.state if node.nmt.wait_report(asked, _GUARD_WAIT) else None
-
-
-def _until(node: CanopenNode, done: Callable[[], bool], deadline: float) -> bool:
-    clock = node.channel.clock
-    while not done():
-        if clock.now() >= deadline:
-            return False
-        clock.sleep(_SLICE)
-    return True
