@@ -227,9 +227,7 @@ class VirtualClock:
         self._ready: deque[VirtualThread] = deque()
         self._threads: dict[int, VirtualThread] = {}  # by their identifiers
         self._lead = threading.RLock()  # held by the thread that lets time pass
-        self._back = threading.Semaphore(
-            0
-        )  # released by a thread of this clock that waits again, or has ended
+        self._back = threading.Semaphore(0)  # released by a thread of this clock that waits again, or ends
         self._closed = False
         self.news = False  # a wait has ended: a thread, or the leading one, can continue
 

@@ -19,6 +19,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from axisbus.clock import VirtualClock
+from axisbus.core.canlink import CanLink
+from axisbus.core.core import Core
 from axisbus.errors import ArgumentError, StateError
 from axisbus.machine.machine import Machine
 
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from axisbus.sim.device import Device
     from axisbus.sim.drive import Drive
     from axisbus.sim.fault_injection import DriveFaults, NodeFaults
-    from axisbus.sim.virtual_can import VirtualAdapter, VirtualWire, WireFaults
+    from axisbus.sim.virtual_can import VirtualAdapter, WireFaults
 
 __all__ = ["Simulation", "simulate"]
 
@@ -42,17 +44,14 @@ class Simulation:
     def __init__(self, machine: Machine) -> None:
         """Use ``simulate`` or the fixtures."""
         core = machine._core
-        link = getattr(core.runtime, "link", None) if hasattr(core, "runtime") else None
-        wire = getattr(link, "wire", None)
-        clock = getattr(link, "clock", None)
-        if wire is None or not isinstance(clock, VirtualClock):
+        link = core.runtime.link if isinstance(core, Core) else None
+        if not isinstance(link, CanLink) or link.wire is None or not isinstance(link.clock, VirtualClock):
             raise StateError(
                 "this machine is not simulated in virtual time", remedy="open it with Machine.simulated"
             )
         self.machine = machine
-        self._wire: VirtualWire = wire
-        self._clock: VirtualClock = clock
-        self._plan = _Plan(clock)
+        self._wire, self._clock = link.wire, link.clock
+        self._plan = _Plan(self._clock)
 
     # -- drives ------------------------------------------------------------------------------------------------------
 

@@ -9,8 +9,8 @@ Two rules:
    an unconfigured one), and the report says so. ``axis.enable()`` takes control of it, ``axis.disable()`` switches it off.
 
 ``cia302.bootup`` defines the order of the steps, their tries and their letters. This module adds the needs of a drive: reading the
-state of its power stage before anything is written, the watchdogs, the PDOs, and the report. ``Comms`` contains
-the services of the bus that it uses beside SDO.
+state of its power stage before anything is written, the watchdogs, the PDOs, and the report. ``Comms`` contains the services of the
+bus that it uses beside SDO.
 """
 
 from __future__ import annotations

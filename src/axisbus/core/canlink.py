@@ -88,9 +88,8 @@ class CanLink:
         with ExitStack() as stack:
             self.stand_ins = dict(stand_ins or {})
             self.wire = wire
-            private = (
-                channel is not None or cell.bus.interface == SIMULATED
-            )  # only simulated drives are on it
+            # Only simulated drives are on it.
+            private = channel is not None or cell.bus.interface == SIMULATED
             if channel is None:
                 _own(cell, stack)
                 channel, self.stand_ins = open_channel(cell, dictionaries, stack)

@@ -179,15 +179,15 @@ class Core:
             board,
             gantries_of(cell),
         )
-        self._pickup = LateBoot(runtime.link.clock, runtime.late, self._join)
         clock = runtime.link.clock
+        self._pickup = LateBoot(clock, runtime.late, self._join)
         self._pump: VirtualWaiter | None = None
         if isinstance(clock, VirtualClock):
             self._pump = VirtualWaiter(self.scan, clock, lambda: self._after_cycle())
         self._threads = ThreadWaiter()
         self._waiter: Waiter = self._threads if self._pump is None else self._pump
         self._thread: ScanThread | None = None
-        self._rescue = Rescue(runtime.link.clock, self._stop_without_scan)
+        self._rescue = Rescue(clock, self._stop_without_scan)
         self.session = InProcess(self.scan, self._waiter, runtime)
         for node_id in runtime.nodes:
             self._watch_node(node_id)

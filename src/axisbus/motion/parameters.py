@@ -135,9 +135,8 @@ class DriveTimeouts:
     settle: float = 0.1  # bits of a previous homing may still be set
     standstill_time: float = 0.05  # length of the interval in which positions are compared
     jog: float = 0.2
-    diagnosis: float = (
-        0.7  # to read 603Fh and the vendor's bits after a fault; a lost SDO request is repeated after 0.5 s
-    )
+    # To read 603Fh and the vendor's bits after a fault; a lost SDO request is repeated after 0.5 s.
+    diagnosis: float = 0.7
 
 
 _PROFILE_DECELERATION = 0x6084

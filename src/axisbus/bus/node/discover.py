@@ -172,9 +172,8 @@ def _details(channel: Channel, ids: list[int]) -> dict[int, NodeIdentity]:
     waiting = deque(ids)
 
     def work() -> None:
-        with suppress(
-            IndexError, AxisbusError
-        ):  # none is left; or the channel has failed, which is checked later
+        # None is left; or the channel has failed, which is checked later.
+        with suppress(IndexError, AxisbusError):
             while True:
                 read(waiting.popleft())
 

@@ -474,9 +474,8 @@ def _exit_for(core: AxisCore, profile: MoveProfile) -> Callable[[AxisImage], boo
         return None
     if isinstance(leading, VelocityRamp):
         before, guard = _course(core), core.supervision.guard
-        weaker = (
-            _weaker(down, None if before is None else before.down) or down
-        )  # until it leaves, it brakes as before
+        # Until it leaves, it brakes as before.
+        weaker = _weaker(down, None if before is None else before.down) or down
         return (
             velocity_exit(leading, partial(guard.overrun, down=weaker, soft=soft)) if core.bounded else None
         )

@@ -174,10 +174,8 @@ class RampedWay:
             speed = image.speed(self._per_velocity)
             if speed is None:
                 return
-            ramps = (
-                self._early,
-                self._late,
-            )  # they know the accelerations, of a command that is just coming as well
+            # With the accelerations that apply now, which are those of a new command already.
+            ramps = (self._early, self._late)
             self._early, self._late = (_Ramp(speed, speed, ramp.up, ramp.down) for ramp in ramps)
             self._from_rest = image.standstill and not self._on_ramp
             self.behind, self._position, self._stamp = 0.0, position, stamp
