@@ -103,18 +103,6 @@ class Slave:
         device = self.device
         if device.dials.dead:
             return
-        if device.nmt is _OPERATIONAL and not remote:
-            handler = self._routes.get(can_id)
-            if handler is not None and can_id != _LSS_REQUEST:
-                handler(data, now)
-                if (
-                    self._events
-                    or device.nmt is not self._nmt
-                    or device.pdos.version != self._version
-                    or device.errors.queued
-                ):
-                    self._after(now)
-                return
         if can_id == _LSS_REQUEST and not remote and device.hears_lss:
             device.lss_request(bytes(data), now)
             self._answer_lss(now)
@@ -372,10 +360,6 @@ class Slave:
     def _sample(self, pdo: Pdo, now: float, counter: int) -> None:
         """Send a synchronous TPDO: type 0 when it has changed, type n with every n-th SYNC."""
         state = self._sent.get(pdo.number) or self._sent.setdefault(pdo.number, TransmitState())
-        if pdo.transmission_type == 1 and (state.begun or not (counter and pdo.sync_start)):
-            state.begun = True
-            self._send(pdo, state, pdo.pack(), now)
-            return
         if pdo.transmission_type == 0:
             data = pdo.pack()
             if data != state.last:
