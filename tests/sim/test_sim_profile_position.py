@@ -382,3 +382,10 @@ def test_positions_run_on_across_the_wrap_of_integer32():
     rig.run(0.2)
     assert rig.drive.position == -(2**31) + 1_000
     assert rig.drive.axis.motor.position == pytest.approx(2**31 + 1_000)
+
+
+def test_a_drive_whose_count_does_not_wrap_goes_the_long_way_round():
+    rig = Rig(params=MotorParams(start_position=2**31 - 1_000, wraps=False)).enable(PP)
+    rig.present(-(2**31) + 1_000)
+    rig.run(0.5)
+    assert rig.drive.axis.motor.position < 2**31 - 1_500

@@ -73,10 +73,10 @@ class Axis:
     # Units and limits.
 
     def to_motor(self, target: int) -> float:
-        """Return the motor position of a user position (INTEGER32): the one nearest to the demand, if counts have wrapped."""
-        here = self._sign * self.position + self.offset
-        base = round(here)
-        return self._sign * (base + as_int32(target - base) - self.offset)
+        """Return the motor position of a user position (INTEGER32), by the shorter way if the drive's count wraps."""
+        base = round(self._sign * self.position + self.offset)
+        way = as_int32(target - base) if self.params.wraps else target - as_int32(base)
+        return self._sign * (base + way - self.offset)
 
     def to_user(self, position: float) -> float:
         """Return the user position of a motor position, unwrapped."""

@@ -35,6 +35,7 @@ class MotorParams:
     home switch is active between its two positions, limit switches from theirs outwards. ``noise`` is added to the measured
     position, evenly distributed in ±noise. ``stiffness`` (‰ of rated torque per increment) makes it a motor on a spring that rings
     with ``damping`` (share of the critical damping, below 1); 0: the controller leaves no error at rest, independent of the load.
+    ``wraps``: whether the drive takes the shorter way to a target past the end of its INTEGER32 count; some go the long way round.
     """
 
     increments_per_turn: int = 16384
@@ -57,6 +58,7 @@ class MotorParams:
     noise: float = 0.0
     stiffness: float = 0.0
     damping: float = 0.2
+    wraps: bool = True
 
 
 class Motor:

@@ -29,6 +29,9 @@ from kit.gantry.beam import tied
 PAIR = "beam"
 ENCODER, VIRTUAL = "belt", "clock"
 _PP = 1
+_FAR = (
+    2**30
+)  # increments; drives that start farther away go the long way round to a target past the end of their count
 _SOFT_BEAM = 0.02  # ‰ of rated torque per increment of the usual motor
 # A following error of the drive's own that never trips, and no limits of a maker's, which may be narrower than the cell file.
 _WIDE = ((0x6065, 0, 0xFFFF_FFFF), (0x607D, 1, 0), (0x607D, 2, 0), (0x607F, 0, 0))
@@ -183,6 +186,7 @@ def _devices(recipe: CellRecipe, models: Mapping[str, tuple[str, Eds]]) -> dict[
             lag=min(axis.lag, given.lag) if axis.file != GENERIC or not is_slow(axis) else axis.lag,
             rated_acceleration=20.0 * axis.acceleration / (1.0 if axis.counted else velocity_unit(axis)),
             noise=axis.noise,
+            wraps=abs(axis.start) < _FAR,
         )
         made[FIRST_NODE + number] = device_from_eds(model, FIRST_NODE + number, motor, seed=number)
     if recipe.beside in ("io", "encoder"):

@@ -45,6 +45,8 @@ _SELDOM = 1.0  # s between two samples of a value that tells no maximum age
 _SLOPE = 1.01  # of max_acceleration
 _ROUNDING = 3.0  # increments that the second difference of positions may be off
 _COUNTED = 10.0  # s for which an axis may turn on before it comes to the end of its count
+_ACTS = 6.0  # periods until a stop acts, from when the master has to think of it
+_LAG_UNKNOWN = 0.02  # s, which the master reckons with where it does not know the lag
 _SETTLED = 4  # cycles in csp before its targets are looked at
 _REFUSED = (CommandError, StateError)
 _TOO_HIGH = "0x06090031"  # the abort code of a value that is too high
@@ -196,6 +198,7 @@ class Physics(Travel):
         ):
             return
         if asked.kind == "turn" and any(self._cell.recipe.axis(name).limits for name in asked.names):
+            self._turns_back(asked, error)
             return  # it goes to the limit, and that is an error
         if isinstance(error, (*_REFUSED, Interrupted)) or self._disturbed(asked):
             if isinstance(error, _REFUSED) and not self._disturbed(asked):
@@ -230,6 +233,25 @@ class Physics(Travel):
                 facts.must(error is None, "back from beyond a limit", text, error)
             if name in self._was_reset and asked.since - self._was_reset[name] < 5.0:
                 facts.must(error is None, "usable after a reset", text, error)
+
+    def _turns_back(self, asked: Asked, error: AxisbusError | None) -> None:
+        """Check that a velocity command from beyond a limit, or from near it, back into the limits is not ended by that limit."""
+        name, facts = asked.names[0], self._facts
+        axis = self._cell.recipe.axis(name)
+        if axis.edges is None or not asked.direction or len(asked.names) > 1 or self._disturbed(asked):
+            return
+        low, high = (asked.direction * edge for edge in axis.edges[:: 1 if asked.direction > 0.0 else -1])
+        place = asked.direction * self._units(name)
+        start = place - asked.direction * (facts.where(name) - asked.starts[name]) * self._unit(name)
+        near = _WINDOW / axis.scale
+        ramp, acts = axis.acceleration / axis.scale, _ACTS * self._period + axis.lag + _LAG_UNKNOWN
+        speed = min(axis.velocity, math.sqrt(2.0 * ramp * max(0.0, place - start)) + ramp * acts)
+        weakest = min(0.2, axis.ease[1]) * ramp / _slowness(axis.fixed)
+        brakes = speed * acts + 0.5 * speed * speed / weakest
+        if low - near <= start <= low + near and place < high - brakes:
+            stopped = isinstance(error, LimitError)
+            text = f"{asked.handle.name} ended by {error}"
+            facts.must(not stopped, "back from beyond a limit", text, error if stopped else None)
 
     def _leaves_count(self, asked: Asked, name: str) -> bool:
         """Whether the goal is beyond what 607Ah holds, of an axis that has no modulo; or it turns on near that end of its count.
@@ -321,10 +343,12 @@ class Physics(Travel):
         if axis.edges is None or name not in asked.goals:
             return False
         start = asked.starts[name] - self._facts.where(name)
-        units = (self._facts.place(name) - self._facts.origin(name)) / self._cell.factor(
-            name
-        ) + start * self._unit(name)
+        units = self._units(name) + start * self._unit(name)
         return not axis.edges[0] <= units <= axis.edges[1]
+
+    def _units(self, name: str) -> float:
+        """Where the motor is, in units of the axis."""
+        return (self._facts.place(name) - self._facts.origin(name)) / self._cell.factor(name)
 
     def _unit(self, name: str) -> float:
         """Units per norm degree of the motor, with the sign of its direction."""
