@@ -13,7 +13,9 @@ from axisbus.bus.cycle import CycleSender
 from axisbus.bus.io_port import CanIoPort
 from axisbus.bus.node.nmt import guarding_answer
 from axisbus.bus.node.node import CanopenNode
-from axisbus.bus.pdo.configure import configure, configure_io, set_pdo
+from axisbus.bus.pdo.cob_id_conflicts import CobIdUses, uses_of
+from axisbus.bus.pdo.cob_id_conflicts import error as conflict
+from axisbus.bus.pdo.configure import configure, configure_io, set_pdo, switch_off
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.bus.pdo.plan import PdoRequirements
 from axisbus.bus.pdo.read import read_number
@@ -31,16 +33,24 @@ from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
 from axisbus.cia302.types import DEADLINE, LEAST_CONSUMER
 from axisbus.cia401.signal import IoPoint, addresses
 from axisbus.cia402.port import Capabilities
-from axisbus.errors import NodeTimeout
+from axisbus.errors import NodeTimeout, SdoAbort
 
 
 class CanComms:
     """The bus services that the boot-up of one node needs; holds the ports that it has made."""
 
     def __init__(
-        self, cell: CellConfig, node: CanopenNode, find_time: float, begin_heartbeat: Callable[[], None]
+        self,
+        cell: CellConfig,
+        node: CanopenNode,
+        find_time: float,
+        begin_heartbeat: Callable[[], None],
+        cob_ids: CobIdUses,
     ) -> None:
-        """``find_time``: seconds allowed for the node's first answer; ``begin_heartbeat`` starts the master's heartbeat."""
+        """``find_time``: seconds allowed for the node's first answer; ``begin_heartbeat`` starts the master's heartbeat.
+
+        ``cob_ids``: the PDOs of all nodes of the cell.
+        """
         self.begin_heartbeat = begin_heartbeat
         self.clock = node.channel.clock
         self._cell = cell
@@ -48,6 +58,7 @@ class CanComms:
         self._tables = self._config.pdos
         self._node = node
         self._find_time = find_time
+        self._cob_ids = cob_ids
         self.ports: dict[str, CanPort] = {}
         self.io: CanIoPort | None = None
         self.guarding: float | None = None
@@ -171,6 +182,28 @@ class CanComms:
         )
         self.io.prime()
         return "; ".join(f"{pdo.name}: {', '.join(filter(None, pdo.values))}" for pdo in plan.active)
+
+    def separate_cob_ids(self, disturb: bool) -> list[str]:
+        """Switch off unused PDOs that have a COB-ID of another node; return which, as texts. Blocks for a few transfers.
+
+        Raises:
+            BootError: a PDO in use has such a COB-ID, or one that is set by the cell file; or the drive refuses to switch it off,
+                or nothing may be changed (``disturb``).
+        """
+        plans = [port.plan for port in self.ports.values()]
+        plans += [] if self.io is None else [self.io.plan]
+        own = {(table.receive, table.number) for table in self._config.pdos}
+        texts = []
+        for use, other in self._cob_ids.conflicts(self._node.node_id, uses_of(plans)):
+            if use.used or not disturb or (use.receive, use.number) in own:
+                raise conflict(use, other)
+            try:
+                switch_off(self._node.sdo, use.receive, use.number)
+            except SdoAbort as error:
+                raise conflict(use, other) from error
+            self._cob_ids.drop(use)
+            texts.append(f"{use.name} switched off: it has the COB-ID {use.cob_id:03X}h of {other.name}")
+        return texts
 
     def event_timers(self, axis: AxisConfig) -> tuple[EventTimer, ...]:
         """Return the event timers that ``connect`` had to change, with the result of each change."""

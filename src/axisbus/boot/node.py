@@ -84,6 +84,9 @@ class Comms(Nmt, Protocol):
     def connect_io(self, points: Sequence[IoPoint]) -> str:
         """Plan and set the PDOs of the node's inputs and outputs; return how they are transferred, as text."""
 
+    def separate_cob_ids(self, disturb: bool) -> list[str]:
+        """Switch off unused PDOs that have a COB-ID of another node; return which, as texts."""
+
     def event_timers(self, axis: AxisConfig) -> tuple[EventTimer, ...]:
         """Return the event timers of the axis's TPDOs that had to be changed, with the result of each change."""
 
@@ -253,6 +256,7 @@ class NodeBoot:
         for axis in self._axes:
             self._parameters[axis.name] = self._step(f"axis {axis.name}", partial(self._axis, axis))
         self._step("inputs and outputs", self._io)
+        self._report.warnings += self._step("PDO configuration", self._separate_cob_ids)
         self._step("configuration", self._look_at_window)
         self._step("watchdog", self._arm_deadlines)
         self._add_unread_watchdog()
@@ -271,6 +275,9 @@ class NodeBoot:
         given = [write.address for write in node_writes(self._node, dictionary)]
         told = io.prepare(self._objects, points, alone=not self._axes, given=given)
         self._report.io = (f"transmitted by {self._comms.connect_io(points)}", *told)
+
+    def _separate_cob_ids(self) -> list[str]:
+        return self._comms.separate_cob_ids(disturb=not self.found_enabled)
 
     def _look_at_window(self) -> None:
         if not any(axis.in_one_sync for axis in self._report.axes):

@@ -123,7 +123,7 @@ def _emergency(case: CheckContext, node: NodeConfig) -> Iterator[Use]:
         yield Use(cob_id, f"EMCY of node {node.node_id}", node.at.line, remedy, doubt)
 
 
-_MOVED = "by the EDS; boot gives them separate COB-IDs, but until then a running drive disturbs the other"
+_MOVED = "by the EDS; boot gives them separate COB-IDs (it fails if a drive refuses); until then a running drive disturbs the other"
 
 
 def _pdo_uses(node: NodeConfig, eds: Eds) -> Iterator[Use]:

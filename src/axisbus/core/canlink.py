@@ -23,6 +23,7 @@ from axisbus.bus.node.events import NodeEvent, NodeEvents
 from axisbus.bus.node.master_watch import Echoes, MasterWatch, OnCommand
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.parallel import in_parallel
+from axisbus.bus.pdo.cob_id_conflicts import CobIdUses
 from axisbus.bus.port import CanPort
 from axisbus.bus.sync_and_time import SyncConsumer, TimeConsumer, TimeProducer
 from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
@@ -81,6 +82,7 @@ class CanLink:
         self._dictionaries = dictionaries
         self._on_program = on_program
         self._comms: dict[int, CanComms] = {}
+        self._cob_ids = CobIdUses(dictionaries)
         self._booted: dict[int, Booted] = {}
         self._parts: dict[int, NodeParts] = {}
         self._cycle: CanCycle | None = None
@@ -118,7 +120,7 @@ class CanLink:
         if node_id in self._modules:
             return self._modules.boot(node_id, FIND_TIME)
         node, late = self._nodes[node_id], self._cycle is not None
-        comms = CanComms(self._cell, node, FIND_TIME, self._heartbeat.begin)
+        comms = CanComms(self._cell, node, FIND_TIME, self._heartbeat.begin, self._cob_ids)
         progress = None if self._on_program is None else partial(self._on_program, node_id)
         booted = NodeBoot(
             self._cell, node_id, self._dictionaries[node_id], node.sdo, comms, progress, late=late
@@ -326,9 +328,12 @@ def open_channel(
 
 
 def simulated_channel(
-    cell: CellConfig, dictionaries: Mapping[int, Eds], given: Mapping[int, Device] | None = None
+    cell: CellConfig,
+    dictionaries: Mapping[int, Eds],
+    clock: VirtualClock,
+    given: Mapping[int, Device] | None = None,
 ) -> tuple[Channel, dict[int, SimulatedNode], VirtualWire]:
-    """Return a channel on a simulated wire in virtual time, with all nodes of a cell on it, and the user's access to the nodes.
+    """Return a channel on a simulated wire in the time of ``clock``, with all nodes of a cell, and the user's access to the nodes.
 
     ``given`` replaces simulated drives, by node-ID. A wire without a bit rate in the cell file has 1 Mbit/s. If another device
     shall send SYNC, and none of the nodes does, it is simulated as well.
@@ -336,7 +341,6 @@ def simulated_channel(
     Raises:
         ConfigError: the options of the simulation are wrong.
     """
-    clock = VirtualClock()
     made, guests = devices(cell, dictionaries) | dict(given or {}), modules(cell)
     wire = VirtualWire(clock, list(made.values()), list(guests.values()), bitrate=cell.bus.bitrate or BITRATE)
     bus = cell.bus

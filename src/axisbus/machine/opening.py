@@ -11,6 +11,7 @@ import itertools
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -96,6 +97,7 @@ def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[C
     """Return a cell and its core in virtual time; as ``Machine.simulated``."""
     from axisbus.cell.can_simple.modules import is_line
     from axisbus.check.run import checked
+    from axisbus.clock import VirtualClock
     from axisbus.core.canlink import CanLink, simulated_channel
     from axisbus.core.files import load_dictionaries
     from axisbus.core.runtime import Runtime
@@ -107,9 +109,14 @@ def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[C
             remedy="axisbus sim --modbus 1 serves a simulated module on a port, which it prints: write that into [bus]",
         )
     dictionaries = load_dictionaries(cell)
-    channel, stand_ins, wire = simulated_channel(cell, dictionaries, devices)
-    link = CanLink(cell, dictionaries, channel=channel, stand_ins=stand_ins, wire=wire)
-    return cell, _core(cell, Runtime(link, sorted(cell.nodes), link.stand_ins))
+    clock = VirtualClock()
+    with ExitStack() as on_failure:
+        on_failure.callback(clock.close)
+        channel, stand_ins, wire = simulated_channel(cell, dictionaries, clock, devices)
+        link = CanLink(cell, dictionaries, channel=channel, stand_ins=stand_ins, wire=wire)
+        core = _core(cell, Runtime(link, sorted(cell.nodes), link.stand_ins))
+        on_failure.pop_all()
+    return cell, core
 
 
 def boot(

@@ -150,6 +150,18 @@ def set_pdo(
     return plan.pdos[0].target
 
 
+def switch_off(sdo: SdoClient, receive: bool, number: int) -> None:
+    """Set bit 31 of a PDO's COB-ID (CiA 301 7.5.2.36), so that it is neither sent nor received. Blocks.
+
+    Raises:
+        SdoAbort: the drive refuses.
+        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+    """
+    at = Indices.of(receive, number)
+    value = (read_number(sdo, at.communication, o.PDO_COB_ID) or 0) | cob.INVALID
+    sdo.download(at.communication, o.PDO_COB_ID, value.to_bytes(4, "little"))
+
+
 def _less(sdo: SdoClient, policy: Policy, refusal: _Refusal) -> Policy:
     """Return the policy for the next attempt after a refusal."""
     about_object = refusal.abort.code in _OBJECT_REFUSED and refusal.index not in policy.refused

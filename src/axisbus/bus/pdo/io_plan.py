@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from axisbus.bus.pdo.choose import CobIds
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry, map_entry_of
-from axisbus.bus.pdo.plan import DirectionPlan, PdoPlan, PlannedPdo, Policy
+from axisbus.bus.pdo.plan import DirectionPlan, PdoPlan, PlannedPdo, Policy, unused
 from axisbus.cia301.pdo import PdoConfiguration
 from axisbus.cia401.signal import Address
 from axisbus.cia402.axes import first_axis
@@ -68,7 +68,9 @@ def make_io_plan(
         for name, source in found.items()
         if source not in (ValueTransport.SYNC_PDO, ValueTransport.EVENT_PDO)
     )
-    return PdoPlan(node_id, 0, (*plans[0], *plans[1]), sources[1], sources[0], impossible=impossible)
+    pdos = (*plans[0], *plans[1])
+    beside = unused(device, pdos)
+    return PdoPlan(node_id, 0, pdos, sources[1], sources[0], impossible=impossible, unused=beside)
 
 
 def _of(device: DevicePdos, used: Used) -> list[tuple[bool, PdoConfiguration]]:

@@ -130,7 +130,10 @@ class PlannedPdo:
 
 @dataclass(frozen=True, slots=True)
 class PdoPlan:
-    """The plan of one axis: its PDOs, the transport of each value, the reasons for SDO, and unmet requirements."""
+    """The plan of one axis: its PDOs, the transport of each value, the reasons for SDO, and unmet requirements.
+
+    ``unused``: the other PDOs of the device that are switched on, and whether each is an RPDO.
+    """
 
     node_id: int
     axis: int
@@ -139,6 +142,7 @@ class PdoPlan:
     outputs: dict[str, ValueTransport]
     notes: tuple[str, ...] = ()
     impossible: tuple[str, ...] = ()
+    unused: tuple[tuple[bool, PdoConfiguration], ...] = ()
 
     @property
     def active(self) -> tuple[PlannedPdo, ...]:
@@ -209,6 +213,16 @@ def make_plan(
             *_not_synchronous(wanted.synchronous_outputs, sources_out, policy),
             *_not_synchronous(wanted.synchronous_inputs, sources_in, policy),
         ),
+        unused=unused(device, pdos),
+    )
+
+
+def unused(device: DevicePdos, planned: Sequence[PlannedPdo]) -> tuple[tuple[bool, PdoConfiguration], ...]:
+    """Return the PDOs of a device that are on and that a plan neither uses nor changes, each with whether it is an RPDO."""
+    numbers = {(pdo.receive, pdo.target.number) for pdo in planned}
+    rows = [*((True, pdo) for pdo in device.rpdos), *((False, pdo) for pdo in device.tpdos)]
+    return tuple(
+        (receive, pdo) for receive, pdo in rows if pdo.valid and (receive, pdo.number) not in numbers
     )
 
 
