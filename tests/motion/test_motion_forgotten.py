@@ -110,6 +110,7 @@ FOR_GOOD = {
         "max_age",
         "_period",
         "statusword_by_event",
+        "statusword_by_sdo",
         "edge_delay",
         "fastest",
         "demand_repeats",

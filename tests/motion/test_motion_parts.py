@@ -32,7 +32,7 @@ from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.prepare import Prepare, RampTransfers, profile_writes, slow_ramp_writes
 from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.moves.setpoint import HandshakePhase, SetPoint
-from axisbus.motion.parameters import AxisLimits, Defaults, HoldsLoad, pull_window
+from axisbus.motion.parameters import NOISE, AxisLimits, Defaults, HoldsLoad, pull_window
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.stop.diagnosis import THEN, chained
 from axisbus.motion.stop.sdo_path import SdoPath
@@ -700,6 +700,14 @@ def test_speed_and_acceleration_are_medians_of_the_newer_and_the_older_three():
     assert squares.motion == (22.0, 8.0)
     assert (squares.mean, squares.spacing) == (16.0, 0.5)
     assert track(*((0.5 * k, k * k) for k in range(6))).motion == (14.0, 0.0)
+
+
+def test_the_lowest_speed_allows_for_noise_and_for_stamps_that_are_not_exact():
+    even = track(*((0.004 * k, 400 * k) for k in range(7)))
+    assert even.least == pytest.approx((1200 - NOISE) / 0.012)
+    late = track(*((0.004 * k + 0.0004 * (k == 3), 400 * k) for k in range(7)))  # 96.7 % of the speed
+    assert late.motion[0] == pytest.approx(100_000)
+    assert late.least == pytest.approx((1200 - NOISE) / (0.012 - 0.0004 + 2 * 0.0004))
 
 
 def test_an_unknown_value_ends_the_track():

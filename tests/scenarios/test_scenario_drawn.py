@@ -21,8 +21,8 @@ from kit.campaign.violation import Violation
 
 # Cells of no maker's file, whose scenarios are short; the campaign plays the others.
 SEEDS = (
-    6, 11, 12, 14, 16, 18, 35, 41, 44, 49, 50, 53, 133, 135, 138, 141, 142, 147, 149, 154, 161, 163, 164, 165, 172,
-    176, 184, 187, 188, 189, 190, 193, 196)  # fmt: skip
+    1, 3, 8, 12, 14, 16, 17, 18, 24, 27, 31, 32, 33, 45, 47, 49, 50, 51, 53, 55, 58, 59, 60, 64, 66, 68, 70, 72, 73, 75,
+    76, 81, 82)  # fmt: skip
 # Scripts in which a mutant violates a rule of the campaign that holds without the mutant.
 NOTICED = {
     "no-look-ahead": Script(
@@ -45,6 +45,18 @@ NOTICED = {
         (Event(0.2, "move_velocity", "a", 0.5), Event(1.0, "fault", "b"), Event(8.0, "probe", "a")),
         "drawn",
         cell=CellRecipe((AxisRecipe(), AxisRecipe(unit="mm", scale=1000.0)), group=2),
+    ),
+    "endless-count": Script(
+        "stiff",
+        (Event(0.2, "move_relative", "a", 0.2), Event(1.0, "probe", "a")),
+        "drawn",
+        cell=CellRecipe((AxisRecipe(start=2**31 - 8000, homed=False),)),
+    ),
+    "no-window": Script(
+        "stiff",
+        (Event(0.2, "nudge", "a", 0.5), Event(0.2, "move_velocity", "a", -0.3), Event(0.3, "halt", "a")),
+        "drawn",
+        cell=CellRecipe((AxisRecipe(limits=(-0.5, 0.5), noise=2.0),)),
     ),
 }
 

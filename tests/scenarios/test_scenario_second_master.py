@@ -13,12 +13,13 @@ from axisbus.bus.node.events import NodeEvent, NodeEventKind
 from axisbus.cell.model import BusConfig
 from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.master_detection import ExpectedMasters, MasterDetector
+from axisbus.cia301.nmt import NmtState
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
 from axisbus.clock import REAL
 from axisbus.core import canlink
 from axisbus.core.master_detection import LONGEST, listening_time
-from axisbus.errors import BusError, SecondMasterError
+from axisbus.errors import BusError, LimitError, SecondMasterError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.cell import cell_text
@@ -209,6 +210,20 @@ def test_axes_that_another_master_commands_are_stopped_and_it_is_an_event(tmp_pa
         assert words in str(first)
         assert "stopped" in str(first)
         assert first.node == (0 if names == "xy" else "xy".index(names) + 1)
+
+
+def test_an_axis_that_holds_its_power_after_an_error_is_stopped_by_a_quick_stop_first(scenario):
+    cell = scenario.simulated("x", axis="position_limits = [-90.0, 90.0]").enabled()
+    cell.x.move_velocity(100.0)
+    cell.run(3.0)
+    assert isinstance(cell.x.error, LimitError)
+    assert cell.stage("x") == ENABLED
+    adapter = cell.wire.connect()
+    adapter.send(0x201, b"\x0f\x00")
+    cell.run(1.0)
+    assert cell.stage("x") in OFF
+    assert cell.device("x").nmt is NmtState.OPERATIONAL
+    assert "another master" in str(cell.x.error)
 
 
 @pytest.mark.parametrize("what", others.ASIDE)

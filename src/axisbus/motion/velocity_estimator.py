@@ -67,10 +67,16 @@ class VelocityEstimator:
 
     @property
     def least(self) -> float:
-        """The lowest speed (per s) over the last three differences, if the count is noisy by ``NOISE``."""
+        """The lowest possible speed (per s) over the last three differences: the count has ``NOISE``, and its stamps are not exact.
+
+        A frame that waits for others on the bus has a late stamp: two stamps may each be off by as much as one spacing differs from
+        the mean.
+        """
         samples = self._samples
         first = samples[-min(len(samples), 4)]
-        seconds = samples[-1][0] - first[0]
+        spacing = self.spacing
+        off = max(abs(after - before - spacing) for (before, _), (after, _) in pairwise(samples))
+        seconds = samples[-1][0] - first[0] + 2.0 * off
         return max(0.0, min(abs(self.motion[0]), (abs(samples[-1][1] - first[1]) - NOISE) / seconds))
 
     @property

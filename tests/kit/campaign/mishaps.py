@@ -10,6 +10,7 @@ from typing import Any
 
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.errors import AxisbusError
+from axisbus.sim.virtual_can import VirtualAdapter
 from kit.campaign.wire import OTHER_MASTER, Wire
 from kit.cell import Cell
 
@@ -70,6 +71,18 @@ def _bus_dial(**values: Any) -> Doing:
             setattr(site.cell.faults, name, value)
 
     return turn
+
+
+def _fault_of_wire(**values: Any) -> Doing:
+    def turn(site: Site, _axis: str, _: float) -> None:
+        for name, value in values.items():
+            setattr(site.cell.wire.faults, name, value)
+
+    return turn
+
+
+def _adapter(change: Callable[[VirtualAdapter], object]) -> Doing:
+    return lambda site, _axis, _: change(site.cell.wire.masters[0])
 
 
 def _nmt(command: NmtCommand) -> Doing:
@@ -141,6 +154,7 @@ _UNSEEN = (
 _BY_ITSELF = ("without a command", "not by this program", "another master")
 _MODE = ("mode", "Mode", "6060h", "6061h")
 _NO_STOP = ("harder", "halt", "quick stop", "switched off", "stop")
+_NO_FRAMES = (*_UNSEEN, *_STANDS, "8130", *_BY_ITSELF, "bus-off", "queue", "come too late")
 _SDO = ("SDO", "answer", "6060h", "not written", "cannot be", "mode")
 
 MISHAPS: Mapping[str, Mishap] = {
@@ -197,6 +211,34 @@ MISHAPS: Mapping[str, Mishap] = {
         _bus_dial(send_blocks=0.7), ("did not run", *_UNSEEN, "8130", *_BY_ITSELF), deaf=True, shared=True
     ),
     "stutters": Mishap(_bus_dial(send_blocks=0.04), shared=True),
+    # What happens on the wire happens to all frames of all nodes, in both directions.
+    "wire_loses": Mishap(
+        _fault_of_wire(loss=0.05), (*_NO_FRAMES, *_SDO), "wire_carries", deaf=True, shared=True
+    ),
+    "wire_doubles": Mishap(_fault_of_wire(duplication=0.3), (), "wire_carries", shared=True),
+    "wire_jitters": Mishap(
+        _fault_of_wire(jitter=0.004), (*_STANDS, "come too late"), "wire_carries", shared=True
+    ),
+    "wire_delays": Mishap(
+        _fault_of_wire(delay=0.03), (*_STANDS, "come too late"), "wire_carries", shared=True
+    ),
+    "wire_cut": Mishap(
+        _fault_of_wire(cut=True), (*_NO_FRAMES, *_SDO), "wire_carries", deaf=True, shared=True
+    ),
+    "bus_off": Mishap(
+        _adapter(lambda adapter: adapter.go_off(True)),
+        (*_NO_FRAMES, *_SDO),
+        "bus_on",
+        deaf=True,
+        shared=True,
+    ),
+    "queue_full": Mishap(
+        _adapter(lambda adapter: setattr(adapter, "full", True)),
+        (*_NO_FRAMES, *_SDO),
+        "queue_free",
+        deaf=True,
+        shared=True,
+    ),
     "forks": Mishap(_fork),
     "other_shuts_down": Mishap(_other("other_shuts_down"), _BY_ITSELF),
     "other_quick_stops": Mishap(_other("other_quick_stops"), _BY_ITSELF),
@@ -205,6 +247,7 @@ MISHAPS: Mapping[str, Mishap] = {
     "other_takes_velocity": Mishap(
         _other("other_takes_velocity"), (*_BY_ITSELF, *_MODE, *_STANDS), moves=True
     ),
+    "other_program": Mishap(_other("other_program"), (*_BY_ITSELF, *_MODE, *_STANDS), moves=True),
     "other_stops_node": Mishap(_other("other_stops_node"), (*_UNSEEN, "went into fault"), "start", deaf=True),
     "reboots": Mishap(_other("reboots"), _UNSEEN, "start", deaf=True),
 }
@@ -236,4 +279,7 @@ ENDS: Mapping[str, Doing] = {
     "frames_prompt": _wire_dial(late=0),
     "sync_comes": _bus_dial(sync_lost=False),
     "heartbeat_comes": _bus_dial(heartbeat_lost=False),
+    "wire_carries": _fault_of_wire(loss=0.0, duplication=0.0, jitter=0.0, delay=0.0, cut=False),
+    "bus_on": _adapter(lambda adapter: adapter.go_off(False) if adapter.off else None),
+    "queue_free": _adapter(lambda adapter: setattr(adapter, "full", False)),
 }

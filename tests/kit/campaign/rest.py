@@ -17,9 +17,15 @@ UNCONFIRMED = (
 )
 ENABLE_LATE = 1.0  # s: a transition that was under way when its enable ended
 _STANDS = "is at standstill"  # what an error says of a stop that came otherwise than it was asked for
-_BY_OTHERS = ("other_enables", "other_shuts_down", "other_sets_point")  # its word is that of an enabled drive
+_BY_OTHERS = (
+    "other_enables",
+    "other_shuts_down",
+    "other_sets_point",
+    "other_program",
+)  # its word is that of an enabled drive
 _TAKES_POWER = frozenset(
     {"fault", "drops_power", "other_shuts_down", "other_quick_stops", "heartbeat_lost", "stalls", "reboots"}
+    | {"wire_cut", "bus_off", "queue_full"}
 )
 _AT_REST = ("jam", "resumes")  # by these nothing moves that was at rest with nothing to pull it
 _JUST = 0.5  # s within which the master may not have told yet that an axis moves by itself

@@ -11,7 +11,10 @@ from kit.campaign.facts import TORQUE_MODES, Asked, Facts, Trouble
 from kit.campaign.orders import OVERRIDES, PATHS
 from kit.probe import ENABLED, OFF, PlantSample
 
-_LATE = frozenset({"frames_late", "late_feedback", "inputs_lost", "outputs_lost", "stutters", "demand_stuck"})
+_LATE = frozenset(
+    {"frames_late", "late_feedback", "inputs_lost", "outputs_lost", "stutters", "demand_stuck"}
+    | {"wire_loses", "wire_jitters", "wire_delays"}
+)
 # Another master leads the axis: its motion goes on for as long as that may take.
 _FOREIGN = frozenset({"other_sets_point", "other_takes_velocity"})
 # It stops the axis: the motor brakes as hard as it can, and swings.

@@ -210,8 +210,12 @@ class Truth:
 
 _BLIND = frozenset(
     {"dead", "pre_operational", "sync_lost", "other_stops_node", "reboots", "stalls", "inputs_lost"}
+    | {"wire_loses", "wire_cut", "bus_off", "queue_full"}
 )
-_LIES = frozenset({"encoder_frozen", "encoder_jumps", "late_feedback", "frames_late", "stalls", "jam"})
+_LIES = frozenset(
+    {"encoder_frozen", "encoder_jumps", "late_feedback", "frames_late", "stalls", "jam"}
+    | {"wire_jitters", "wire_delays"}
+)
 
 
 def _polled(facts: Facts, name: str) -> bool:

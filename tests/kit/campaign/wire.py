@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.sim.virtual_can import FrameFaults
@@ -72,12 +73,34 @@ def _enable(cell: Cell, name: str) -> None:
     simulation.after(0.007, lambda: send(0x0F))
 
 
+def _program(cell: Cell, name: str) -> None:
+    """Send RPDOs of its own for 0.1 s, 200 per second: the drive's present mode and target, and the word of an enabled drive."""
+    drive, adapter, simulation = cell.drive(name), cell.wire.connect(), Simulation(cell.machine)
+    values = {
+        "controlword": 0x0F,
+        "mode": drive.mode_display,
+        "target_position": drive.target_position,
+        "target_velocity": drive.target_velocity,
+    }
+    for pdo in cell.port(name).plan.active:
+        if not pdo.receive or "controlword" not in pdo.values:
+            continue
+        data = b"".join(
+            (values.get(value or "", 0) & ((1 << mapped.bits) - 1)).to_bytes(mapped.bits // 8, "little")
+            for value, mapped in zip(pdo.values, pdo.target.mapping, strict=True)
+        )
+        for number in range(20):
+            simulation.after(0.005 * number, partial(adapter.send, pdo.target.cob_id, data))
+    simulation.after(0.11, adapter.shutdown)
+
+
 OTHER_MASTER: Mapping[str, Callable[[Cell, str, float], object]] = {
     "other_shuts_down": lambda cell, name, _: _words(cell, name, 0x06),
     "other_quick_stops": lambda cell, name, _: _words(cell, name, 0x0B),
     "other_enables": lambda cell, name, _: _enable(cell, name),
     "other_sets_point": _set_point,
     "other_takes_velocity": _velocity,
+    "other_program": lambda cell, name, _: _program(cell, name),
     "other_stops_node": lambda cell, name, _: cell.device(name).nmt_command(NmtCommand.STOP),
     "reboots": lambda cell, name, _: cell.device(name).nmt_command(NmtCommand.RESET_NODE),
 }

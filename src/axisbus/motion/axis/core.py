@@ -437,16 +437,18 @@ class AxisCore:
     def intruded(self, error: SecondMasterError) -> None:
         """Stop the drive because another master commands it (found between two cycles), if this master has ever commanded it.
 
-        If the other master enables the drive again after the stop, the drive must take no RPDO from any master. So its node leaves
-        operational, unless a load may hang on the motor.
+        If the drive has power that this master has not asked for, the other master has enabled it again: the drive must take no
+        RPDO from any master. So its node leaves operational, unless a load may hang on the motor.
         """
         if not self.touched:
             return
-        if self.state is not _ERRORSTOP or (
-            self.ladder is not None and self.ladder.rung < StopLevel.QUICK_STOP
-        ):
+        if self.ladder is not None and self.state is _ERRORSTOP:
+            if self.ladder.rung >= StopLevel.QUICK_STOP:
+                return
             rung = StopLevel.QUICK_STOP
-        elif self.ladder is None and self.image.state is _ENABLED:
+        elif self.state is not _ERRORSTOP or self.powered:
+            rung = StopLevel.QUICK_STOP
+        elif self.image.state is _ENABLED:
             rung = StopLevel.NMT_STOP if self.parameters.holds_load is HoldsLoad.NO else StopLevel.QUICK_STOP
         else:
             return

@@ -90,6 +90,7 @@ class AxisImage:
         "state",
         "statusword",
         "statusword_by_event",
+        "statusword_by_sdo",
         "statusword_stamp",
         "still",
         "still_demand",
@@ -123,6 +124,7 @@ class AxisImage:
         self.still_demand = SettledValue(tolerance, window)
         # In this case silence means that the statusword has not changed.
         self.statusword_by_event = capabilities.inputs.get("statusword") is ValueTransport.EVENT_PDO
+        self.statusword_by_sdo = capabilities.inputs.get("statusword") is ValueTransport.SDO
         self.edge_delay = capabilities.edge_delay
         self.guarded = capabilities.guarded
         by_sdo = capabilities.outputs.get("target_velocity") is ValueTransport.SDO

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from axisbus import eds
-from axisbus.cia402.port import ValueTransport
+from axisbus.cia402.port import INPUT_OBJECTS, ValueTransport
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, DriveError, ModeError, SdoAbort
 from axisbus.machine.machine import Machine
@@ -204,10 +204,20 @@ def _travels(recipe: CellRecipe, devices: Mapping[int, Device], node: int, _axis
     """Return how the values of an axis travel, as ``kit.transport``; empty if as usual."""
     made = recipe.axes[node - FIRST_NODE]
     has = devices[node].dictionary.has
-    objects = {"velocity": 0x606C, "torque": 0x6077, "demand": 0x6062}
-    polled = {name: ValueTransport.SDO for name in made.polled if has(objects[name])}
-    slow = {name: every for name, every in made.slow if has(objects[name]) and name not in polled}
-    return {"inputs": polled, "every": slow} if polled or slow else {}
+    inputs = dict.fromkeys(INPUT_OBJECTS, ValueTransport.EVENT_PDO) if made.event_timer else {}
+    inputs |= {name: ValueTransport.SDO for name in made.polled if has(INPUT_OBJECTS[name])}
+    options = {
+        "inputs": {name: how for name, how in inputs.items() if has(INPUT_OBJECTS[name])},
+        "every": {
+            name: every for name, every in made.slow if name not in inputs and has(INPUT_OBJECTS[name])
+        },
+        "apart": tuple(name for name in made.apart if has(INPUT_OBJECTS[name])),
+        "outputs": dict.fromkeys(made.written, ValueTransport.SDO),
+        "controlword_first": made.word_first,
+    }
+    if not any(options.values()):
+        return {}
+    return options | {"event_timer": made.event_timer / 1000.0}
 
 
 def _misbehave(cell: DrawnCell, recipe: CellRecipe, name: str) -> None:

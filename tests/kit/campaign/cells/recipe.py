@@ -48,6 +48,7 @@ FIXED = (0x6084, 0x6083, 0x60C5, 0x6085, 0x605A, 0x6065)
 _PERIODS = (2, 4, 5, 10, 10, 20, 25, 50)  # ms
 _NO_HOMING = 0x38D  # 6502h without bit 5
 _VALUES = ("velocity", "torque", "demand")
+_WRITTEN = ("mode", "target_velocity", "target_torque")
 
 
 class AxisRecipe(NamedTuple):
@@ -58,7 +59,9 @@ class AxisRecipe(NamedTuple):
     power of ten. ``scaled``: the cell file has velocity_scale and acceleration_scale. ``ease``: default velocity and acceleration
     as shares of the maxima; ``stop``: that of the quick stop's deceleration. ``limits``: from and to, in s at max_velocity.
     ``demand``: what 6062h shows: ``real``, ``zero`` or ``target``. ``slow``: values that come with every n-th SYNC; ``polled``:
-    those that are read by SDO. ``start``: where the motor stands on power-up; ``homed``: whether it is homed where it stands,
+    those that are read by SDO; ``apart``: those with a TPDO of their own. ``event_timer``: that of all TPDOs in ms, which are then
+    event-driven; 0: they answer SYNC. ``written``: outputs that are written by SDO. ``word_first``: the controlword comes in an
+    RPDO before that of the target. ``start``: where the motor stands on power-up; ``homed``: whether it is homed where it stands,
     or is where its drive says.
     """
 
@@ -84,6 +87,10 @@ class AxisRecipe(NamedTuple):
     demand: str = "real"
     slow: tuple[tuple[str, int], ...] = ()
     polled: tuple[str, ...] = ()
+    apart: tuple[str, ...] = ()
+    event_timer: int = 0
+    written: tuple[str, ...] = ()
+    word_first: bool = False
     start: int = 0
     homed: bool = True
 
@@ -248,13 +255,25 @@ def _values(chance: random.Random, axis: AxisRecipe) -> AxisRecipe:
     """How the values of the drive travel, and what 6062h is good for."""
     if 0x6062 not in axis.without and chance.random() < 0.25:
         axis = axis._replace(demand=chance.choice(("zero", "target")))
+    if axis.file not in (GENERIC, GIM) and chance.random() < 0.7:
+        return axis  # as its maker has arranged it: many of these drives accept no other arrangement
     if chance.random() < 0.25:
         axis = axis._replace(
             slow=tuple((name, chance.choice((5, 25))) for name in _VALUES if chance.random() < 0.6)
         )
     if chance.random() < 0.25:
         axis = axis._replace(polled=tuple(name for name in _VALUES if chance.random() < 0.6))
-    return axis
+    return axis if chance.random() < 0.7 else _mapped(chance, axis)
+
+
+def _mapped(chance: random.Random, axis: AxisRecipe) -> AxisRecipe:
+    """Draw another arrangement of the PDOs than that of boot."""
+    return axis._replace(
+        apart=tuple(name for name in _VALUES if chance.random() < 0.5),
+        event_timer=chance.choice((0, 0, 5, 10, 20)),
+        written=tuple(name for name in _WRITTEN if chance.random() < 0.3),
+        word_first=chance.random() < 0.3,
+    )
 
 
 def with_usual(cell: CellRecipe, fields: Collection[str]) -> CellRecipe:

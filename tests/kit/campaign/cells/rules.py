@@ -320,7 +320,7 @@ class Physics(Travel):
     def _has_all_modes(self, name: str) -> bool:
         """Whether the drive of an axis has each mode whose objects it has, so that no command is to end for want of one."""
         axis = self._cell.recipe.axis(name)
-        return axis.file in BUILTIN and not axis.modes
+        return axis.file in BUILTIN and not axis.modes and not axis.written
 
     def _disturbed(self, asked: Asked) -> bool:
         """Whether something went wrong meanwhile, or another command was given to one of its axes."""

@@ -16,6 +16,7 @@ _ENDINGS = ("close", "close", "close", "with", "exception", "ctrl-c", "closed-tw
 _MISHAPS = (
     *(what for what in MISHAPS if what not in ("pushed", "forks")),
     *["fault", "jam", "dead", "outputs_lost"] * 4,
+    *["wire_loses", "wire_doubles", "wire_jitters", "wire_delays", "wire_cut", "bus_off", "queue_full"] * 2,
 )
 _TROUBLED = 0.3  # share of episodes in which something goes wrong
 _AT_ONCE = (150.0, 500.0)  # axis cycles per second up to which there are three episodes, and two

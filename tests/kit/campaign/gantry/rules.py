@@ -32,10 +32,12 @@ _UNSEEN = frozenset(
         "stalls",
     }
     | {"pre_operational", "other_stops_node", "reboots", "stutters", "demand_stuck"}
+    | {"wire_loses", "wire_jitters", "wire_delays", "wire_cut", "bus_off", "queue_full"}
 )
 # By these the place of a side is unknown for a while, or another one.
 _FORGETS = frozenset(
     {"dead", "pre_operational", "other_stops_node", "reboots", "sync_lost", "encoder_jumps", "stalls"}
+    | {"wire_loses", "wire_cut", "bus_off"}
 )
 _RESTARTS = frozenset({"reboots"})
 _ELSEWHERE = frozenset(
