@@ -113,7 +113,7 @@ def test_an_input_that_would_never_come_is_refused(tmp_path, more):
 
 @pytest.mark.parametrize(
     ("first", "module", "bus", "node"),
-    [('on_lost = "tell"', "", "", 1), ("", 'on_lost = "stop"', 'on_lost_node = "report"', 5)],
+    [('on_lost = "report"', "", "", 1), ("", 'on_lost = "stop"', 'on_lost_node = "report"', 5)],
 )
 def test_an_on_lost_that_decides_nothing_is_told(tmp_path, first, module, bus, node):
     path = tmp_path / "cell.toml"

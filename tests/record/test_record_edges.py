@@ -24,7 +24,7 @@ PERIOD = 0.01
 @pytest.fixture
 def cell(tmp_path):
     with Stage(tmp_path) as stage:
-        yield stage.simulated(text=cell_text("x", more=MODULE.format(node='on_lost = "tell"') + LEVEL))
+        yield stage.simulated(text=cell_text("x", more=MODULE.format(node='on_lost = "report"') + LEVEL))
 
 
 def wired(cell):

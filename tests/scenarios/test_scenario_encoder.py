@@ -102,7 +102,7 @@ def test_a_place_of_it_is_met(scenario):
 
 @pytest.mark.parametrize("how", ["dead", "nmt"])
 def test_a_dead_encoder_leaves_who_follows_it_braked_and_says_so(scenario, how):
-    cell, _belt = belt_and_axis(scenario, speed=100.0, node='on_lost = "tell"')
+    cell, _belt = belt_and_axis(scenario, speed=100.0, node='on_lost = "report"')
     cell.x.gear_in(cell["belt"], 0.5).wait(5)
     cell.run(0.5)
     moment, device = cell.moment(), cell.machine.simulated_node(5).device

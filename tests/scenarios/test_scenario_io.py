@@ -244,7 +244,7 @@ def test_what_is_set_as_a_module_dies_is_no_success(scenario):
 
 
 def test_on_lost_may_only_tell(scenario):
-    cell = with_io(scenario, node='on_lost = "tell"')
+    cell = with_io(scenario, node='on_lost = "report"')
     cell.turning()
     cell.machine.simulated_node(5).device.dials.dead = True
     cell.run(1.0)
@@ -263,7 +263,7 @@ def test_what_waits_for_an_input_of_a_lost_node_is_told(scenario):
 
 
 def test_a_module_that_is_not_heard_but_hears_gets_its_safe_state(scenario):
-    cell = with_io(scenario, node='on_lost = "tell"')
+    cell = with_io(scenario, node='on_lost = "report"')
     cell.machine.io["lamp"].set(True).wait(1)
     cell.machine.simulated_node(5).device.dials.heartbeat_stops = True
     cell.run(0.6)
@@ -275,7 +275,7 @@ def test_a_module_that_is_not_heard_but_hears_gets_its_safe_state(scenario):
 
 
 def test_after_a_loss_nothing_comes_on_by_itself(scenario):
-    cell = with_io(scenario, node='on_lost = "tell"')
+    cell = with_io(scenario, node='on_lost = "report"')
     io = cell.machine.io
     io.set({"lamp": True, "clamp": False}).wait(1)
     cell.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 5)
@@ -296,7 +296,7 @@ def test_after_a_loss_nothing_comes_on_by_itself(scenario):
 
 def test_after_a_loss_no_frame_brings_back_what_was_never_set(scenario):
     """The module has made all bits of the byte safe: those beside the one that was set, too, named or not."""
-    cell = with_io(scenario, node='on_lost = "tell"\n[nodes.5.objects]\n"6200:01" = 0x15')
+    cell = with_io(scenario, node='on_lost = "report"\n[nodes.5.objects]\n"6200:01" = 0x15')
     cell.machine.io["lamp"].set(True).wait(1)
     cell.faults.heartbeat_lost = True
     cell.run(0.6)
@@ -309,7 +309,7 @@ def test_after_a_loss_no_frame_brings_back_what_was_never_set(scenario):
 
 
 def test_a_restarted_module_gets_nothing_more(scenario):
-    cell = with_io(scenario, node='on_lost = "tell"')
+    cell = with_io(scenario, node='on_lost = "report"')
     cell.machine.io["lamp"].set(True).wait(1)
     cell.nmt(NmtCommand.RESET_NODE, 5)
     cell.run(0.5)
@@ -322,7 +322,7 @@ def test_a_restarted_module_gets_nothing_more(scenario):
 
 
 def test_a_master_that_falls_silent_leaves_outputs_to_the_module(scenario):
-    cell = with_io(scenario, node='on_lost = "tell"')
+    cell = with_io(scenario, node='on_lost = "report"')
     cell.machine.io.set({"lamp": True, "clamp": False, "valve": 5.0}).wait(1)
     cell.faults.heartbeat_lost = True
     cell.run(0.6)
@@ -390,7 +390,7 @@ def test_the_end_of_the_with_block_leaves_safe_outputs_and_a_module_at_rest(scen
 
 
 def test_an_output_that_cannot_be_made_safe_is_named(scenario):
-    cell = with_io(scenario, node='on_lost = "tell"')
+    cell = with_io(scenario, node='on_lost = "report"')
     cell.machine.io["lamp"].set(True).wait(1)
     cell.machine.simulated_node(5).device.dials.dead = True
     with pytest.raises(NodeError, match="lamp could not be confirmed as safe"):

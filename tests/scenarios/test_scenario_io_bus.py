@@ -101,7 +101,7 @@ def test_they_are_in_a_recording_by_their_names(tmp_path, process):
 
 
 def test_a_lost_module_is_unknown_and_comes_back_safe(tmp_path):
-    with opened(tmp_path, node='on_lost = "tell"') as cell:
+    with opened(tmp_path, node='on_lost = "report"') as cell:
         device, io = cell.simulated_node(5).device, cell.io
         io.set({"lamp": True, "clamp": False}).wait(2)
         until(lambda: device.io.get(0x6200, 1) == 8)
@@ -118,7 +118,7 @@ def test_a_lost_module_is_unknown_and_comes_back_safe(tmp_path):
 
 def test_after_a_loss_no_frame_brings_back_what_shares_it(tmp_path):
     """The RPDO of the module holds its second byte, too, which nobody has named, and which was found on at boot."""
-    with opened(tmp_path, node='on_lost = "tell"\n[nodes.5.objects]\n"6200:02" = 0x55') as cell:
+    with opened(tmp_path, node='on_lost = "report"\n[nodes.5.objects]\n"6200:02" = 0x55') as cell:
         device, lamp = cell.simulated_node(5).device, cell.io["lamp"]
         lamp.set(True).wait(2)
         until(lambda: device.io.get(0x6200, 1) == 8)
@@ -225,7 +225,7 @@ def told_by(path: Path) -> str:
 
 def test_a_dead_module_faults_nobody_else_on_the_way_out(tmp_path):
     """It is asked for longer than the drive waits for our heartbeat, which goes on meanwhile."""
-    cell = opened(tmp_path, node='on_lost = "tell"', beat="200ms")
+    cell = opened(tmp_path, node='on_lost = "report"', beat="200ms")
     cell.io.set({"lamp": True, "valve": 5}).wait(2)
     cell.simulated_node(5).device.dials.dead = True
     drive = cell.simulated_node(1).device

@@ -51,7 +51,7 @@ NODE: Mapping[str, str] = {
     "dcf": "DCF instead of an EDS: its values are written at boot.",
     "remap": 'Whether boot may change PDO mappings: "auto" (default) or "never".',
     "optional": "The cell also opens without this node; the node is booted when it appears.",
-    "on_lost": 'Whether the loss of a node without axes stops the cell ("stop", default) or is only reported ("tell").',
+    "on_lost": 'Whether the loss of a node without axes stops the cell ("stop", default) or is only reported ("report").',
     "serial": "Required serial number (1018h:04).",
     "revision": "Required revision (1018h:03).",
     "configuration_date": "Date of its configuration (1020h:01): the node is configured only if it has another date.",

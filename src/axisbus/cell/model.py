@@ -133,7 +133,7 @@ class NodeConfig:
     """``[nodes.N]``: a device; ``eds`` or ``dcf`` is a path relative to the cell file, or ``builtin:name``.
 
     ``optional``: the cell also opens without the node. ``on_lost``: the loss of a node without axes is a "stop" of the cell, or is
-    only reported ("tell"). ``serial`` and ``revision`` must match 1018h. ``configuration_date`` (days since 1984-01-01) and
+    only reported ("report"). ``serial`` and ``revision`` must match 1018h. ``configuration_date`` (days since 1984-01-01) and
     ``configuration_time`` (ms after midnight) are those of 1020h. ``module``: the settings that a node that speaks CAN Simple needs
     instead of an EDS; ``firmware`` is its version.
     """

@@ -58,7 +58,7 @@ NODE: Keys = {
     "dcf": _text,
     "remap": CellKey(v.words("auto", "never")),
     "optional": _flag,
-    "on_lost": CellKey(v.words("stop", "tell")),
+    "on_lost": CellKey(v.words("stop", "report")),
     "serial": _unsigned32,
     "revision": _unsigned32,
     "configuration_date": CellKey(v.days),

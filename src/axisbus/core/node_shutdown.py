@@ -39,7 +39,7 @@ def _parting(node: Booted, cores: Mapping[str, AxisCore], seen: Mapping[str, boo
 
 def lost_without_axes(event: NodeEvent, starved: str) -> NodeError:
     """Return the error that stops the cell when a node without axes is lost; ``starved``: text of ``Starvation``."""
-    remedy = 'check its supply and cable; with on_lost = "tell" in its table the axes continue'
+    remedy = 'check its supply and cable; with on_lost = "report" in its table the axes continue'
     if not starved:
         return NodeError(
             f"node {event.node} {event.kind.value}", node=event.node, observed=str(event), remedy=remedy

@@ -16,7 +16,7 @@ OUTPUTS = {
     "clamp": (0x6200, 1, 7, 1),
     "fan": (0x6200, 2, 0, 0),
 }  # object, bit, safe
-TOML = f'[nodes.{NODE}]\neds = "builtin:generic-cia401"\non_lost = "tell"\n' + "".join(
+TOML = f'[nodes.{NODE}]\neds = "builtin:generic-cia401"\non_lost = "report"\n' + "".join(
     f'[io.{name}]\nnode = {NODE}\nobject = "{index:04X}h:{sub:02X}"\nbit = {bit}\nsafe = {safe}\n'
     for name, (index, sub, bit, safe) in OUTPUTS.items()
 )

@@ -351,7 +351,7 @@ _KINEMATICS = {
 }
 _COUNT = f"""[nodes.{outputs.NODE}]
 eds = "builtin:generic-cia401"
-on_lost = "tell"
+on_lost = "report"
 [io.count]
 node = {outputs.NODE}
 object = "6401h:01"
