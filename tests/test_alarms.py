@@ -107,7 +107,7 @@ DOORS = {
 
 @pytest.mark.parametrize("by", ["remedy", "note"])
 @pytest.mark.parametrize("door", DOORS)
-def test_a_warning_that_an_axis_moves_is_said_in_every_way_an_error_is_shown(door, by):
+def test_a_warning_that_an_axis_moves_is_shown_wherever_an_error_is_shown(door, by):
     assert ALARM in DOORS[door](alarming(by))
 
 

@@ -189,7 +189,7 @@ def test_waiting_takes_no_real_time() -> None:
     assert time.perf_counter() - began < 60.0
 
 
-def test_events_happen_at_their_times_while_somebody_waits() -> None:
+def test_events_happen_at_their_times_while_a_thread_waits() -> None:
     clock = VirtualClock()
     ticks = Ticks(clock, 0.25)
     clock.add(ticks)
@@ -239,7 +239,7 @@ def test_a_wait_that_nothing_can_end_is_an_error() -> None:
         VirtualClock().event().wait()
 
 
-def test_a_thread_that_nothing_can_wake_does_not_keep_the_program_from_going_on() -> None:
+def test_a_thread_that_nothing_can_wake_does_not_keep_the_program_from_continuing() -> None:
     clock = VirtualClock()
     thread = clock.thread(lambda: clock.event().wait(), "axisbus test")
     thread.start()

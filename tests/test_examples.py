@@ -63,7 +63,7 @@ def test_the_ten_line_program_runs_as_printed(process):
 
 @IN_BOTH
 @pytest.mark.timeout(120)
-def test_the_demo_runs_as_printed_and_leaves_a_cell_file_to_go_on_with(tmp_path, process):
+def test_the_demo_runs_as_printed_and_leaves_a_cell_file_to_continue_with(tmp_path, process):
     kept, there = tmp_path / "demo-output" / "cell.toml", process == "thread"
     own = "# of the user\n"
     if there:

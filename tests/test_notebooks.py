@@ -97,7 +97,7 @@ def test_the_first_steps_arrive_and_are_drawn(ran):
     assert all(map(is_picture, pictures))
 
 
-def test_the_inspection_tells_of_the_drive(ran):
+def test_the_inspection_reports_of_the_drive(ran):
     outputs = ran("eds_inspection")
     assert "GIM6010-8" in shown(outputs, "text/html")[0]
     text = printed(outputs)
@@ -345,7 +345,7 @@ cell.close()
 """
 
 
-def test_an_interrupt_while_a_machine_is_closed_waits_until_all_stands(tmp_path):
+def test_an_interrupt_while_a_machine_is_closed_waits_for_standstill(tmp_path):
     with kernel(folder_with(tmp_path), AXISBUS_PROCESS="own") as of:
         bench = turning(tmp_path, of)
         cell = of.begin(CLOSES)

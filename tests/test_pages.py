@@ -243,7 +243,7 @@ def test_each_command_and_option_that_the_text_names_exists():
                 assert word == "|" or word in command.list_commands(context), f"{context.command_path} {word}"
 
 
-def test_what_is_installed_with_an_extra_is_written_for_every_shell():
+def test_the_command_that_installs_an_extra_is_quoted_for_every_shell():
     sources = [path for folder in ("src", "examples") for path in (ROOT / folder).rglob("*.py")]
     for path in (*PAGES, *sources):
         assert re.findall(r"pip install (?:-e )?[^\s\"\\]*\[.*", text_of(path)) == [], path
@@ -326,7 +326,7 @@ def test_the_letters_of_a_boot_up_are_all_explained():
     assert sorted(letters) == [letter.name for letter in Letter]
 
 
-def test_the_words_of_stopping_have_the_values_that_are_told():
+def test_the_words_of_stopping_have_the_values_that_are_reported():
     told = {cells[0].strip("`"): cells[1:] for cells in rows(STOPPING, "key")}
     assert set(told) == {option.key for option in options.ALL}
     for option in options.ALL:
@@ -342,7 +342,7 @@ def test_each_word_of_stopping_has_its_meaning():
     assert explained == words | {"...-hold"}
 
 
-def test_the_deadlines_of_the_ladder_are_those_that_hold():
+def test_the_deadlines_of_the_stop_sequence_are_those_that_hold():
     told = [re.findall(r"([\d.]+) s", cells[2])[0] for cells in rows(STOPPING, "step")]
     times = StopTimes()
     assert [float(each) for each in told[:3]] == [times.halt, times.quick_stop, times.disable]

@@ -58,7 +58,7 @@ def test_a_site_that_is_whole_is_taken(tmp_path):
         ("", "", "@font-face { src: url(https://example.org/x.woff2) }", "style.css: it loads something"),
     ],
 )
-def test_what_is_broken_is_told(tmp_path, head, body, css, told):
+def test_broken_links_and_pages_are_reported(tmp_path, head, body, css, told):
     ran = checked(site(tmp_path, head=head, body=WHOLE + body, css=css))
     assert ran.returncode == 1
     assert told in ran.stderr
@@ -86,7 +86,7 @@ def navigation(tmp_path, *pages):
     return ran.stdout.split("```{toctree}\n")[1:]
 
 
-def test_a_page_that_nobody_has_thought_of_stands_in_the_navigation(tmp_path):
+def test_an_unlisted_page_is_in_the_navigation(tmp_path):
     guide, further, how = navigation(tmp_path, "index.md", "guide.md", "news.md", "decisions/two.md")
     assert "\nguide\n" in guide
     assert ":caption: Further\n\nnews\n" in further

@@ -24,7 +24,7 @@ def folders():
 
 
 @pytest.mark.parametrize("folder", folders(), ids=lambda folder: folder.relative_to(SOURCE).as_posix())
-def test_a_folder_says_what_it_is(folder):
+def test_every_package_has_a_docstring(folder):
     first = (folder / "__init__.py").read_text(encoding="utf-8").splitlines()[0]
     assert re.fullmatch(r'"""[A-Z`a-z].*[.:]("""|)', first)
 
@@ -38,7 +38,7 @@ def _is_empty(folder):
     return folder.name != "__pycache__" and names <= {"__init__.py", "__pycache__"}
 
 
-def test_no_module_imports_itself_by_way_of_others():
+def test_no_module_imports_itself_through_others():
     graph = grimp.build_graph("axisbus", exclude_type_checking_imports=True)
     circles = [
         (one, other)
@@ -165,7 +165,7 @@ def links(page):
 
 
 @each_page
-def test_every_link_of_a_page_leads_somewhere(page):
+def test_every_link_of_a_page_has_a_target(page):
     for path, anchor in links(page):
         target = (page.parent / path).resolve() if path else page
         assert target.exists(), path
@@ -288,7 +288,7 @@ def test_the_page_names_the_members_of_each_public_class(module, cell):
         assert named - has == set(), heading
 
 
-def test_what_a_machine_gives_has_the_names_that_the_page_tells(cell):
+def test_what_a_machine_gives_has_the_names_that_the_page_reports(cell):
     expressions = {heading: names for heading, names in sections(API["axisbus"]).items() if "(" in heading}
     assert len(expressions) == 2
     for expression, names in expressions.items():
@@ -314,7 +314,7 @@ def test_the_programs_on_the_pages_import_only_what_is_public():
                 ), page
 
 
-def test_every_exception_is_public_and_stands_in_the_tree():
+def test_every_exception_is_public_and_in_the_tree():
     errors = importlib.import_module("axisbus.errors")
     classes = {name: each for name, each in vars(errors).items() if inspect.isclass(each)}
     assert set(classes) == set(errors.__all__)
@@ -335,7 +335,7 @@ TOOL = TESTS / "mutation"  # a package by itself
 IMPORT = re.compile(r"^ *(?:from|import) ([\w.]+)", re.MULTILINE)
 
 
-def test_no_test_imports_another_or_what_stands_beside_it():
+def test_no_test_imports_another_test_or_a_file_of_its_folder():
     rooms = [path for path in FILES if not {TESTS / "kit", TOOL} & set(path.parents)]
     shared = {path.stem for path in rooms}
     found = {
@@ -358,7 +358,7 @@ def test_a_file_that_is_begun_first_is_there(name):
 
 
 @pytest.mark.parametrize("name", sorted(NAMES | IN_REAL_TIME | IN_VIRTUAL_TIME))
-def test_what_is_called_slow_or_has_a_time_is_there(name):
+def test_every_test_named_as_slow_or_with_a_time_exists(name):
     path, _, function = name.partition("::")
     assert (TESTS / path).exists()
     assert not function or f"\ndef {function}(" in (TESTS / path).read_text(encoding="utf-8")

@@ -68,16 +68,16 @@ def test_no_name_is_there_twice():
 
 
 @pytest.mark.parametrize("kind", ["errors", "letters", "aborts", "faults"])
-def test_nothing_leads_to_two_pages(kind):
+def test_no_error_has_two_pages(kind):
     given = [one for symptom in SYMPTOMS.values() for one in getattr(symptom, kind)]
     assert len(given) == len(set(given)) > 0
 
 
-def test_every_error_leads_to_a_page_and_every_name_is_an_error():
+def test_every_error_has_a_page_and_every_name_is_an_error():
     assert {name for symptom in SYMPTOMS.values() for name in symptom.errors} == set(CLASSES)
 
 
-def test_every_letter_every_abort_code_and_every_error_code_leads_to_a_page():
+def test_every_letter_abort_code_and_error_code_has_a_page():
     assert {letter for symptom in SYMPTOMS.values() for letter in symptom.letters} == {
         each.name for each in Letter
     }
@@ -86,7 +86,7 @@ def test_every_letter_every_abort_code_and_every_error_code_leads_to_a_page():
 
 
 @each_symptom
-def test_a_page_is_whole_and_something_leads_to_it(symptom):
+def test_every_page_is_complete_and_belongs_to_an_error(symptom):
     assert symptom.title
     assert len(symptom.seen) > 60
     assert len(symptom.checks) >= 3
@@ -141,7 +141,7 @@ def parsed(words):
 
 
 @each_symptom
-def test_each_command_to_type_is_taken_as_it_stands(symptom, monkeypatch):
+def test_each_command_to_type_is_accepted_as_printed(symptom, monkeypatch):
     monkeypatch.chdir(ROOT)
     for words in typed(symptom):
         parsed(words)
@@ -274,7 +274,7 @@ def test_a_class_a_letter_and_a_code_lead_to_their_page(axisbus, word, page):
 
 
 @pytest.mark.parametrize("word", ["node-lots", "P", "0x12", "", "\udcff", "0x", "12345", "é" * 1000])
-def test_what_leads_nowhere_is_told(axisbus, word):
+def test_a_reference_without_a_page_is_reported(axisbus, word):
     code, out, err = axisbus("explain", word)
     assert (code, out) == (1, "")
     assert "there is no page" in err

@@ -53,5 +53,5 @@ def test_wrap_is_two_s_complement(value, raw):
         (720, 90, 0, 810),
     ],
 )
-def test_modulo_takes_the_way_that_was_asked(here, target, direction, expected):
+def test_modulo_uses_the_requested_direction(here, target, direction, expected):
     assert modulo_target(here, target, 360, direction) == pytest.approx(expected)

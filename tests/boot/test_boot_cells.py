@@ -75,7 +75,7 @@ def test_what_the_cell_file_says_is_in_the_drive(tmp_path):
         assert made.read(0x1017) == 100
 
 
-def test_what_was_armed_is_given_back(tmp_path):
+def test_monitoring_that_boot_armed_is_restored(tmp_path):
     made = device()
     with simulated(cell(tmp_path), made):
         pass
@@ -165,7 +165,7 @@ def reports_of(path, *, timer, enabled=False, **dials):
             return machine.reports, made.read(0x1800, 5)
 
 
-def test_a_slow_event_timer_of_the_statusword_is_shortened_and_told(tmp_path):
+def test_a_slow_event_timer_of_the_statusword_is_shortened_and_reported(tmp_path):
     path = cell(tmp_path, ("[axes.x]", SLOW_STATUSWORD))
     (report,), now = reports_of(path, timer=1000)
     assert now == 20
@@ -174,7 +174,7 @@ def test_a_slow_event_timer_of_the_statusword_is_shortened_and_told(tmp_path):
     assert axis["event_timers"] == [{"pdo": "TPDO1", "was_ms": 1000, "wanted_ms": 20, "now_ms": 20}]
 
 
-def test_one_that_the_drive_does_not_let_be_written_is_told_as_well(tmp_path):
+def test_one_that_the_drive_does_not_let_be_written_is_reported_as_well(tmp_path):
     path = cell(tmp_path, ("[axes.x]", SLOW_STATUSWORD))
     (report,), now = reports_of(path, timer=1000, sdo_write_aborts={(0x1800, 5): 0x0601_0002})
     assert now == 1000
@@ -204,7 +204,7 @@ def test_an_event_timer_of_the_cell_file_stays(tmp_path):
     assert "event timer" not in report.text()
 
 
-def test_without_sync_event_timers_are_set_and_told(tmp_path):
+def test_without_sync_event_timers_are_set_and_reported(tmp_path):
     path = cell(tmp_path, ('scan_period = "5ms"', 'scan_period = "5ms"\nsync = false'))
     (report,), now = reports_of(path, timer=0)
     assert now == 20
@@ -342,7 +342,7 @@ event_timer = "50ms"
         assert not read[0x1803, 1] & 1 << 31
 
 
-def test_reports_of_the_stop_ladder_name_coasting():
+def test_reports_of_the_stop_sequence_name_coasting():
     codes = {0x605A: 0, 0x605C: 0, 0x605D: 1, 0x605E: 2, 0x6007: None}
     report = stop_ladder("x", codes, StopTimes(1.0, 2.0, 3.0), HoldsLoad.BRAKE)
     rows = {title: (what, text) for title, what, text in report.rows}
@@ -363,7 +363,7 @@ def test_reports_of_the_stop_ladder_name_coasting():
         (100.0, False, "suggest 364.089 (at the gear's output), 45.5111 (at the motor)"),
     ],
 )
-def test_scale_beside_what_the_objects_suggest(scale, agrees, words):
+def test_scale_is_printed_next_to_the_scale_of_the_drive_s_objects(scale, agrees, words):
     """16384 counts per motor turn, gear 8:1: 131072 counts per output turn, by hand."""
     values = {(0x608F, 1): 16384, (0x608F, 2): 1, (0x6091, 1): 8, (0x6091, 2): 1}
     report = compare(Scale.of(scale, "deg"), values)

@@ -60,18 +60,18 @@ def test_beats_that_a_busy_computer_took_late_are_as_often_all_the_same():
 
 
 @pytest.mark.parametrize(("count", "every", "words"), [(4, 0.2, "each 200 ms"), (1, 0.1, "only one")])
-def test_one_that_beats_too_seldom_is_told_how_often_it_should(count, every, words):
+def test_the_report_on_a_module_with_a_slow_heartbeat_gives_the_required_period(count, every, words):
     told = refused(identity.require_one, heard(*beats(count, every=every)), 0.1)
     assert words in told
     assert "heartbeat_rate_ms to 100" in told
 
 
-def test_two_of_one_node_id_are_told_by_their_counts():
+def test_two_of_one_node_id_are_reported_by_their_counts():
     both = sorted([*beats(), *beats(life=100)], key=lambda frame: frame.time)
     assert "several modules" in refused(identity.require_one, heard(*both), 0.1)
 
 
-def test_a_firmware_that_its_endpoints_tell_is_compared():
+def test_a_firmware_that_its_endpoints_report_is_compared():
     listening = heard(*beats())
     facts = SimpleFacts(version=Firmware(0, 5, 13))
     identity.require_firmware(listening, facts, "0.5.13")
@@ -91,7 +91,7 @@ def test_one_that_answers_no_endpoint_is_compared_by_its_heartbeats_alone():
     assert "0.5.13 and later" in refused(identity.require_firmware, system, silent, "0.5.12")
 
 
-def test_who_it_is_stands_in_words():
+def test_the_identity_of_a_module_as_text():
     facts = SimpleFacts(version=Firmware(0, 5, 13), serial=0x32333430)
     assert (
         identity.words(heard(*beats()), facts, None)
@@ -111,13 +111,13 @@ def test_who_it_is_stands_in_words():
         ),
     ],
 )
-def test_one_that_is_not_heard_is_told_by_what_is(frames, message, remedy):
+def test_one_that_is_not_heard_is_reported_by_what_is(frames, message, remedy):
     told = str(identity.no_answer_error(heard(*frames), 3.0, "nothing is wrong with the channel"))
     assert message in told
     assert remedy in told
 
 
-def test_its_stop_ladder_says_what_holds_and_what_coasts():
+def test_its_stop_sequence_says_what_holds_and_what_coasts():
     off = ladder("m", SETTINGS, StopTimes(), HoldsLoad.NO)
     rows = {title: text for title, _, text in off.rows}
     assert list(rows)[:4] == ["1 halt", "2 quick stop", "3 power off", "4 NMT stop"]

@@ -93,7 +93,7 @@ def test_one_that_is_in_closed_loop_is_left_in_it(tmp_path):
         assert one.module.energised
 
 
-def test_one_in_fault_is_up_and_its_words_are_told(tmp_path):
+def test_one_in_fault_is_up_and_its_words_are_reported(tmp_path):
     with bus(tmp_path) as one:
         one.module.dials.motor_error = 0x20000
         report = one.boot().report
@@ -105,7 +105,7 @@ def test_one_in_fault_is_up_and_its_words_are_told(tmp_path):
         assert "MOTOR_FAILED" in told
 
 
-def test_another_firmware_is_refused_and_nobody_is_there_is_told(tmp_path):
+def test_another_firmware_is_refused_and_nobody_is_there_is_reported(tmp_path):
     with bus(tmp_path, firmware=Firmware(0, 5, 11)) as one:
         error = one.boot().report.error
         assert isinstance(error, BootError)
@@ -170,7 +170,7 @@ def armed(
         ),
     ],
 )
-def test_with_its_list_boot_tells_what_is_armed_and_writes_nothing(tmp_path, set_to, kind, words):
+def test_with_its_list_boot_reports_what_is_armed_and_writes_nothing(tmp_path, set_to, kind, words):
     with bus(tmp_path, **set_to) as one:
         before = one.module.usb_read("can.config.break_timeout")
         report = armed(one, tmp_path).report
@@ -215,13 +215,13 @@ def test_on_a_serial_line_an_armed_time_out_is_not_fed_and_said_to_trip():
     assert "watchdog --off" in text
 
 
-def test_the_axis_watchdog_of_newer_firmware_is_told_to_do_nothing():
+def test_the_axis_watchdog_of_newer_firmware_is_reported_as_without_effect():
     found = watchdog_of(Armed(0.0, 0.5), Given(0, 6, 0))
     assert found.kind is Watchdog.NONE
     assert "without effect in this firmware" in found.text
 
 
-def test_what_is_answered_in_part_is_told_in_part():
+def test_a_module_that_answers_one_of_two_time_outs_is_reported_so():
     found = watchdog_of(Armed(None, 0.0), Given(0, 5, 13))
     assert found.kind is Watchdog.NONE
     assert "break_timeout is not answered" in found.text

@@ -270,7 +270,7 @@ def test_an_axis_in_increments_is_promised_what_can_be_kept(tmp_path):
         (SCALED, {}),
     ],
 )
-def test_where_the_drive_or_the_cell_tells_the_ratio_limits_are_braked_for(tmp_path, axis, units):
+def test_where_the_drive_or_the_cell_reports_the_ratio_limits_are_braked_for(tmp_path, axis, units):
     path = write(tmp_path, axis, units=units)
     assert kept(promised(path)["a"])["pv"] is AHEAD
     with Machine.simulated(path) as cell:

@@ -26,7 +26,7 @@ def test_an_unknown_interface_gets_its_nearest_names() -> None:
 
 
 @pytest.mark.parametrize("broken", [False, True])
-def test_what_was_opened_to_listen_is_closed_whatever_happens(
+def test_an_adapter_opened_for_listening_is_closed_in_every_case(
     monkeypatch: pytest.MonkeyPatch, broken: bool
 ) -> None:
     closed: list[bool] = []
@@ -39,7 +39,7 @@ def test_what_was_opened_to_listen_is_closed_whatever_happens(
     assert closed == [True]
 
 
-def test_no_more_than_the_three_nearest_names_are_told() -> None:
+def test_no_more_than_the_three_nearest_names_are_reported() -> None:
     with pytest.raises(AdapterError) as caught:
         adapter.check_interface("socketkan")
     assert caught.value.remedy == "did you mean 'socketcan' or 'socketcand' or 'slcan'?"
@@ -73,7 +73,7 @@ def test_what_the_driver_raises_becomes_a_remedy(
     assert str(error) in caught.value.observed
 
 
-def test_a_kernel_without_can_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_reports_a_kernel_without_can(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(**_: object) -> can.BusABC:
         raise OSError(97, "Address family not supported by protocol")
 
@@ -109,7 +109,7 @@ def test_a_link_at_another_bitrate_than_configured() -> None:
 
 
 @pytest.mark.parametrize("bitrate", [None, 500_000])
-def test_a_link_that_fits_or_does_not_tell(bitrate: int | None) -> None:
+def test_a_link_that_fits_or_does_not_report(bitrate: int | None) -> None:
     adapter.check_link("can0", bitrate, lambda name: CanInterface(name, up=True, bitrate=500_000))
     adapter.check_link("vcan0", bitrate, lambda name: CanInterface(name, up=True, kind="vcan"))
 
@@ -125,11 +125,11 @@ def test_the_answer_of_ip_is_read() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", "no json", json.dumps([{}])])
-def test_an_answer_that_is_none_is_none(text: str) -> None:
+def test_an_unusable_answer_of_ip_is_ignored(text: str) -> None:
     assert socketcan.parse_ip(text) is None
 
 
-def test_without_ip_sysfs_tells_what_it_can(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_ip_sysfs_reports_what_it_can(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, kind, flags in (
         ("can0", "280", "0x10041"),
         ("eth0", "1", "0x1003"),
@@ -156,7 +156,7 @@ def test_without_ip_sysfs_tells_what_it_can(tmp_path: Path, monkeypatch: pytest.
         (None, ""),
     ],
 )
-def test_ip_is_asked_and_what_it_does_not_answer_is_nothing(
+def test_values_that_ip_does_not_report_stay_unknown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str | None, answer: str
 ) -> None:
     program = tmp_path / "ip"
@@ -180,7 +180,7 @@ def test_a_rate_is_given_to_the_adapters_that_set_it_alone(
     assert [arguments.get("bitrate") for arguments in given] == [500_000 if told else None]
 
 
-def test_a_listener_looks_often_enough_whether_it_is_to_go_on(fake: FakeBus) -> None:
+def test_a_listener_looks_often_enough_whether_it_is_to_continue(fake: FakeBus) -> None:
     waits: list[float] = []
 
     def recv(timeout: float) -> None:

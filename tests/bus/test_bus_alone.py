@@ -34,7 +34,7 @@ def test_a_quiet_bus_is_ours(channel: Channel, fake: FakeBus) -> None:
     assert fake.remote == []
 
 
-def test_the_error_is_told_in_plain_fields_and_nothing_was_sent(channel: Channel, fake: FakeBus) -> None:
+def test_the_error_is_reported_in_plain_fields_and_nothing_was_sent(channel: Channel, fake: FakeBus) -> None:
     with (
         later(lambda: fake.inject(0x605, "40 41 60 00 00 00 00 00")),
         pytest.raises(SecondMasterError) as caught,
@@ -60,13 +60,15 @@ def test_what_came_before_and_what_comes_after_does_not_count(channel: Channel, 
     channel.check()
 
 
-def test_an_adapter_that_fails_meanwhile_is_told_as_that(channel: Channel, fake: FakeBus) -> None:
+def test_an_adapter_that_fails_meanwhile_is_reported_as_that(channel: Channel, fake: FakeBus) -> None:
     fail = lambda: (fake.inject(0x77F, "05"), fake.fail_receiving(OSError("unplugged")))  # noqa: E731
     with later(fail), pytest.raises(AdapterError, match="stopped receiving"):
         require_alone(channel, CAST, 0.2)
 
 
-def test_a_controller_that_goes_bus_off_meanwhile_is_told_as_that(channel: Channel, fake: FakeBus) -> None:
+def test_a_controller_that_goes_bus_off_meanwhile_is_reported_as_that(
+    channel: Channel, fake: FakeBus
+) -> None:
     fake.says = can.BusState.ERROR
     with pytest.raises(AdapterError, match="bus-off"):
         require_alone(channel, CAST, 0.3)

@@ -193,7 +193,7 @@ def test_an_adapter_that_cannot_be_opened_at_the_new_rate_leaves_nobody_in_doubt
     assert "open the bus at 250000 bit/s" in caught.value.remedy
 
 
-def test_a_bus_on_which_nobody_acknowledges_at_the_new_rate_is_told_as_half_changed(desk) -> None:
+def test_a_bus_on_which_no_node_acknowledges_at_the_new_rate_is_reported_as_half_changed(desk) -> None:
     table = desk(AtOneRate(ONE, stubborn=True))
     table.after.full = True
     with pytest.raises(AdapterError, match="were changed over to 250000 bit/s") as caught:
@@ -201,7 +201,7 @@ def test_a_bus_on_which_nobody_acknowledges_at_the_new_rate_is_told_as_half_chan
     assert "refused frame 7E5h" in caught.value.observed
 
 
-def test_a_link_of_the_systems_is_left_alone_and_the_lines_are_told_in_order(desk) -> None:
+def test_a_link_of_the_systems_is_left_alone_and_the_lines_are_reported_in_order(desk) -> None:
     table = desk(AtOneRate(ONE))
     done = table.change([ONE], Opening("socketcan", "can0", 1_000_000))
     assert (table.opened, table.before.is_open) == ([], True)

@@ -106,7 +106,7 @@ def test_a_link_that_goes_down_while_sending_is_final(fake: FakeBus) -> None:
             channel.check()
 
 
-def test_bus_off_is_noticed_and_error_frames_are_told_in_words(fake: FakeBus) -> None:
+def test_bus_off_is_noticed_and_error_frames_are_reported_in_words(fake: FakeBus) -> None:
     with Channel(fake, "socketcan:can0") as channel:
         fake.inject_error_frame(0x20)
         eventually(lambda: channel.counters.error_frames == 1)

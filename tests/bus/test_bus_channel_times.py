@@ -176,7 +176,7 @@ def test_what_the_wire_looks_like(open_channel: Channel) -> None:
     assert open_channel.health() == "3 error frames on fake, the last: bus error"
 
 
-def test_a_bus_off_is_told_once_and_ends_with_a_restart(open_channel: Channel, fake: FakeBus) -> None:
+def test_a_bus_off_is_reported_once_and_ends_with_a_restart(open_channel: Channel, fake: FakeBus) -> None:
     told: list[Exception] = []
 
     def fails(error: Exception) -> None:

@@ -50,7 +50,7 @@ def test_each_change_is_one_event_with_its_time_and_counters():
     )
 
 
-def test_a_restart_is_told_also_where_the_bus_off_before_it_went_unheard():
+def test_a_restart_is_reported_also_where_the_bus_off_before_it_went_unheard():
     made = CanController("can0")
     event = made.error_frame(0x100, bytes(8), 1.0)
     assert (event.condition, event.restarted) == (ACTIVE, True)
@@ -66,7 +66,7 @@ def test_a_restart_is_told_also_where_the_bus_off_before_it_went_unheard():
         ([True, False, False, True], [OFF, ACTIVE, OFF]),
     ],
 )
-def test_the_driver_s_own_state_tells_bus_off(seen, told):
+def test_the_driver_s_own_state_reports_bus_off(seen, told):
     made = CanController("can0")
     events = [made.state(off, float(number)) for number, off in enumerate(seen)]
     assert [event.condition for event in events if event is not None] == told
@@ -75,7 +75,7 @@ def test_the_driver_s_own_state_tells_bus_off(seen, told):
     assert all(event.restarted is (event.condition is ACTIVE) for event in made.events)
 
 
-def test_a_bus_off_told_by_a_frame_is_not_taken_back_by_the_state():
+def test_a_bus_off_reported_by_a_frame_is_not_taken_back_by_the_state():
     made = CanController("can0")
     made.error_frame(0x40, bytes(8), 1.0)
     assert made.state(False, 2.0) is None

@@ -134,7 +134,7 @@ def test_one_cycle_sends_every_ports_frames_then_sync_then_heartbeat(
     assert fake.sent == []
 
 
-def test_a_bus_without_sync_and_heartbeat_gets_none(channel: Channel, fake: FakeBus) -> None:
+def test_without_sync_and_heartbeat_the_cycle_sends_neither(channel: Channel, fake: FakeBus) -> None:
     cycle = CanCycle(channel, [], sync_cob_id=None)
     cycle.sync()
     cycle.heartbeat()

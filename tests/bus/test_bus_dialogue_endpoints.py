@@ -98,7 +98,7 @@ def test_an_enabled_module_is_neither_written_nor_saved():
     assert module.restarts == 0
 
 
-def test_what_acts_is_refused_before_anything_is_sent():
+def test_parameters_that_act_are_refused_before_anything_is_sent():
     seen = []
     with opened(Module(5), bystander=seen) as found:
         time.sleep(0.1)
@@ -145,12 +145,12 @@ def test_a_list_that_only_says_it_fits_is_not_proven():
 # -- what may come between --------------------------------------------------------------------------------------------------------
 
 
-def test_a_module_that_answers_no_endpoint_is_told_with_what_to_do():
+def test_a_module_that_answers_no_endpoint_is_reported_with_what_to_do():
     with pytest.raises(NodeTimeout, match="USB"), opened(Module(5, dials=ModuleDials(endpoints=False))):
         pass
 
 
-def test_answers_of_wrong_lengths_are_told():
+def test_answers_of_wrong_lengths_are_reported():
     """Somebody answers instead, with too few bytes."""
 
     def answer(message):
@@ -180,7 +180,7 @@ def test_two_modules_of_one_id_are_noticed_by_heartbeats_or_by_answers():
             pass
 
 
-def test_nothing_is_written_where_somebody_else_asks_too():
+def test_nothing_is_written_while_another_program_sends_requests():
     seen = []
     with opened(Module(5), bystander=seen) as found:
         other = can.Bus(interface="virtual", channel=found.line.channel.bus.channel_id)
@@ -193,7 +193,7 @@ def test_nothing_is_written_where_somebody_else_asks_too():
         other.shutdown()
 
 
-def test_a_value_that_the_module_does_not_take_is_told():
+def test_a_value_that_the_module_does_not_take_is_reported():
     module = Module(5)
     with opened(module) as found:
         module.endpoints.write_bytes = lambda *_: None
@@ -202,7 +202,7 @@ def test_a_value_that_the_module_does_not_take_is_told():
         assert found.written == {}
 
 
-def test_a_module_that_leaves_is_told():
+def test_a_module_that_leaves_is_reported():
     module = Module(5)
     with opened(module) as found:
         module.dials.dead = True
@@ -224,7 +224,7 @@ def test_a_restart_between_writing_and_saving_is_not_saved():
     assert module.restarts == 1
 
 
-def test_a_save_that_does_nothing_is_told():
+def test_a_save_that_does_nothing_is_reported():
     module = Module(5)
     with opened(module) as found:
         found.write(LIMIT, 12.5)
@@ -233,7 +233,7 @@ def test_a_save_that_does_nothing_is_told():
             found.save()
 
 
-def test_a_save_that_loses_the_values_is_told():
+def test_a_save_that_loses_the_values_is_reported():
     module = Module(5, dials=ModuleDials(restart_time=0.3))
     with opened(module) as found:
         found.write(LIMIT, 12.5)

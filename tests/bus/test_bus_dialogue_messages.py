@@ -43,7 +43,7 @@ def test_limits_are_set():
     assert limits_of(module) == [20.0, 15.0]
 
 
-def test_the_count_is_0_where_it_stands():
+def test_zero_sets_the_count_to_0_at_the_present_position():
     module = Module(5)
     module.motor.position = 5000.0
     with opened(module) as found:
@@ -52,7 +52,7 @@ def test_the_count_is_0_where_it_stands():
     assert module.shaft.count_in_turn == 5000
 
 
-def test_a_count_that_does_not_become_0_is_told():
+def test_a_count_that_does_not_become_0_is_reported():
     module = Module(5)
     module._talk._commands.pop(0x19)
     with opened(module) as found, pytest.raises(NodeError, match="has the count 5000"):
@@ -67,7 +67,7 @@ def test_an_output_that_turns_is_not_zeroed():
     assert module.shaft.shadow_count > 1000
 
 
-def test_an_error_is_cleared_and_one_that_stays_is_told():
+def test_an_error_is_cleared_and_one_that_stays_is_reported():
     module = Module(5)
     module.axis.error |= AxisError.CAN_BUS_FAILED
     with opened(module) as found:
@@ -81,7 +81,7 @@ def test_an_error_is_cleared_and_one_that_stays_is_told():
 @pytest.mark.parametrize(
     "act", [lambda m: m.set_limits(20.0, 15.0), lambda m: m.set_zero(), lambda m: m.clear()]
 )
-def test_an_enabled_module_is_told_nothing(act):
+def test_nothing_is_sent_to_an_enabled_module(act):
     module = Module(5)
     module.on_frame(5 << 5 | 7, (8).to_bytes(8, "little"), 0.0)
     before = limits_of(module), module.shaft.origin
@@ -91,7 +91,7 @@ def test_an_enabled_module_is_told_nothing(act):
     assert module.energised
 
 
-def test_one_that_is_not_heard_is_told_nothing():
+def test_nothing_is_sent_to_a_module_that_is_not_heard():
     module = Module(5, heartbeat_rate_ms=0)
     with opened(module) as found, pytest.raises(StateError, match="no heartbeat"):
         found.set_limits(20.0, 15.0)

@@ -30,7 +30,7 @@ def drive(node_id: int) -> Slave:
     )
 
 
-def test_everybody_is_found_with_who_they_are(channel: Channel, fake: FakeBus) -> None:
+def test_every_device_is_found_with_its_identity(channel: Channel, fake: FakeBus) -> None:
     fake.peers += [drive(1), drive(127), Slave(64)]
     begin = time.monotonic()
     found = scan(channel, listen=0.6)
@@ -98,7 +98,7 @@ def test_an_empty_bus_is_an_empty_list(channel: Channel) -> None:
     assert scan(channel, ids=range(1, 10), listen=0.05) == []
 
 
-def test_a_bus_on_which_nobody_acknowledges_is_told(channel: Channel, fake: FakeBus) -> None:
+def test_a_bus_on_which_no_node_acknowledges_is_reported(channel: Channel, fake: FakeBus) -> None:
     fake.full = True
     with pytest.raises(AdapterError, match="refused frame 601h") as caught:
         scan(channel)
@@ -139,7 +139,7 @@ def test_the_second_question_comes_in_the_middle_of_the_time_after_the_first(
 
 
 @pytest.mark.parametrize("answer", ["43 00 10 00", "43 00 10 00 92 01", "43 00 10 00 92 01 02"])
-def test_an_answer_that_is_too_short_tells_no_device_type(
+def test_an_answer_that_is_too_short_reports_no_device_type(
     channel: Channel, fake: FakeBus, answer: str
 ) -> None:
     answers = [bytes.fromhex(answer)]

@@ -23,7 +23,7 @@ def hear(fake: FakeBus, node: CanopenNode, data: str) -> float:
     return node.nmt.stamp
 
 
-def test_nothing_is_told_while_all_is_well(node: CanopenNode, fake: FakeBus) -> None:
+def test_nothing_is_reported_while_all_is_well(node: CanopenNode, fake: FakeBus) -> None:
     hear(fake, node, "05")
     node.nmt.watch(0.3)
     events = NodeEvents(node.nmt)
@@ -32,7 +32,7 @@ def test_nothing_is_told_while_all_is_well(node: CanopenNode, fake: FakeBus) -> 
     assert not events.history
 
 
-def test_a_loss_and_a_return_are_told_once_each_with_times(node: CanopenNode, fake: FakeBus) -> None:
+def test_a_loss_and_a_return_are_reported_once_each_with_times(node: CanopenNode, fake: FakeBus) -> None:
     hear(fake, node, "05")
     node.nmt.watch(0.3)
     events = NodeEvents(node.nmt)
@@ -60,7 +60,7 @@ def test_a_restart_between_two_looks_is_not_missed(node: CanopenNode, fake: Fake
 
 
 @pytest.mark.parametrize(("data", "state"), [("04", NmtState.STOPPED), ("7F", NmtState.PRE_OPERATIONAL)])
-def test_another_state_is_told_to_whoever_asked_for_it(
+def test_another_state_is_reported_to_its_subscribers(
     node: CanopenNode, fake: FakeBus, data: str, state: int
 ) -> None:
     hear(fake, node, "05")
@@ -73,9 +73,7 @@ def test_another_state_is_told_to_whoever_asked_for_it(
     assert "another NMT state" in str(told[0])
 
 
-def test_an_answer_to_guarding_with_the_same_toggle_bit_counts_as_none(
-    node: CanopenNode, fake: FakeBus
-) -> None:
+def test_a_guarding_answer_with_the_same_toggle_bit_does_not_count(node: CanopenNode, fake: FakeBus) -> None:
     """CiA 301 7.2.8.3.2.1: the toggle bit changes with each answer, and begins at 0 after the boot-up."""
     node.nmt.guard(1.0, 0.5)
     first = hear(fake, node, "05")
@@ -101,7 +99,9 @@ def test_a_node_is_asked_once_by_guarding(node: CanopenNode, slave: Slave, chann
     assert not node.nmt.has_heartbeat
 
 
-def test_a_node_that_goes_mad_is_told_once_a_second_with_how_often(node: CanopenNode, fake: FakeBus) -> None:
+def test_a_node_that_goes_mad_is_reported_once_a_second_with_how_often(
+    node: CanopenNode, fake: FakeBus
+) -> None:
     heard = hear(fake, node, "05")
     events = NodeEvents(node.nmt)
     every = []

@@ -91,7 +91,7 @@ def test_the_waits_of_sdo_and_lss_end_however_short(channel: Channel, fake: Fake
     within_watchdog(work)
 
 
-def test_a_wait_that_has_passed_takes_what_is_there_and_does_not_block() -> None:
+def test_a_wait_whose_time_has_passed_takes_the_queued_items_and_does_not_block() -> None:
     inbox: UnboundedQueue[int] = UnboundedQueue(REAL)
     assert inbox.take(time.monotonic() - 1.0) is None
     inbox.put(1)
@@ -106,7 +106,7 @@ def test_an_item_that_counts_as_false_is_an_item(empty: object) -> None:
     assert inbox.take(0.0) == empty
 
 
-def test_what_is_put_wakes_one_who_waits_long() -> None:
+def test_a_new_item_wakes_a_thread_that_waits_long() -> None:
     inbox: UnboundedQueue[str] = UnboundedQueue(REAL)
     threading.Timer(0.05, inbox.put, ["woken"]).start()
     began = time.monotonic()

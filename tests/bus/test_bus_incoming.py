@@ -197,7 +197,9 @@ def test_a_short_look_ends_where_frames_fall_behind_sync_and_their_values_have_i
     assert ([(job.index, job.value) for job in asked], answers) == ([(0x1001, None)], 1)
 
 
-def test_a_lost_frame_is_none_that_is_late_once_the_node_has_answered(node: CanopenNode, monkeypatch) -> None:
+def test_a_lost_frame_does_not_count_as_late_once_the_node_has_answered(
+    node: CanopenNode, monkeypatch
+) -> None:
     asked: list[SdoJob] = []
     monkeypatch.setattr(node.worker, "submit", asked.append)
     port, syncs = port_on(node, DRIVES[0], {}), node.channel.syncs

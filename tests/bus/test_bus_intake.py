@@ -98,13 +98,13 @@ def test_what_came_together_is_taken_together_with_the_kernels_time(ends):
     assert all(before - 0.001 <= came <= time.time() + 0.001 for _, _, came in taken)
 
 
-def test_where_nothing_comes_it_waits_no_longer_than_it_is_told(ends):
+def test_where_nothing_comes_it_waits_no_longer_than_it_is_reported(ends):
     began = time.monotonic()
     assert list(ends.intake.take(0.02)) == []
     assert 0.015 < time.monotonic() - began < 1.0
 
 
-def test_a_line_whose_other_end_has_gone_is_told_and_not_asked_for_ever(ends):
+def test_a_line_whose_other_end_has_gone_is_reported_and_not_asked_for_ever(ends):
     ends.far.send(can_frame(0x181, b"\1"))
     ends.far.close()
     assert [can_id for can_id, _, _ in ends.intake.take(0.0)] == [0x181]
@@ -112,7 +112,7 @@ def test_a_line_whose_other_end_has_gone_is_told_and_not_asked_for_ever(ends):
         ends.intake.take(0.0)
 
 
-def test_a_line_that_was_closed_here_is_told(ends):
+def test_a_line_that_was_closed_here_is_reported(ends):
     ends.far.send(can_frame(0x181, b"\1"))
     ends.near.close()
     with pytest.raises(OSError):  # whichever the system finds first

@@ -262,7 +262,7 @@ def test_nothing_is_counted_before_the_node_is_operational_and_begins_again_afte
     assert world.lags.late == 0.0
 
 
-def test_a_frame_that_was_sent_before_the_first_sync_answers_none() -> None:
+def test_a_frame_that_was_sent_before_the_first_sync_belongs_to_no_sync() -> None:
     """Over a slow link, by its round trips: it is not the beginning of the count, the next one is."""
     world = World(1, lag=lambda _: 0.05)
     world.trips = world.lags._trips = RoundTrips()

@@ -142,7 +142,7 @@ def test_a_frame_comes_out_of_the_other_end_as_it_went_in(pair, can_id, extended
         assert receiver.recv(0.0) is None
 
 
-def test_a_program_is_told_that_the_other_end_is_gone_and_drives_go_on_alone(pair):
+def test_the_program_notices_that_the_other_end_is_gone_and_the_drives_continue(pair):
     program, drives = pair
     drives.socket.shutdown(socket.SHUT_RDWR)
     with pytest.raises(can.CanOperationError, match="the other end of the line has closed"):
@@ -214,7 +214,7 @@ def test_a_full_line_is_an_error_for_a_program_at_once_and_costs_drives_their_fr
     assert drives.recv(0.0).arbitration_id == 0x206
 
 
-def test_a_frame_that_was_announced_and_is_not_there_is_none(pair):
+def test_a_frame_that_was_announced_but_cannot_be_read_is_ignored(pair):
     program, _ = pair
     program._poll = SimpleNamespace(poll=lambda _: [(program.fileno(), select.POLLIN)])
     assert program._recv_internal(0.0)[0] is None
@@ -269,7 +269,7 @@ def test_of_many_frames_as_many_are_taken_as_the_queue_has_room_for(ends):
     assert line.send_all([(0x206, b"")] * 9) < 9
 
 
-def test_a_socket_that_is_gone_takes_none_of_many():
+def test_a_closed_socket_takes_none_of_several_frames():
     line = SocketCanLine(_closed())
     assert line.send_all([(0x205, b"")]) == 0
     with pytest.raises(can.CanOperationError):

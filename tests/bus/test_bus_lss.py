@@ -52,7 +52,9 @@ def master(channel: Channel) -> LssMaster:
     return LssMaster(channel, PATIENT, beside_operation=True)
 
 
-def test_everybody_without_a_node_id_is_found_and_left_in_waiting(master: LssMaster, fake: FakeBus) -> None:
+def test_every_slave_without_a_node_id_is_found_and_left_in_waiting_state(
+    master: LssMaster, fake: FakeBus
+) -> None:
     slaves = [slave(serial) for serial in (4711, 4712)]
     fake.peers += [*slaves, slave(9, node_id=3)]
     known = KnownIdentity(vendor_id=0xC0B00, product_code=8, revision_number=1)
@@ -65,7 +67,7 @@ class AnsweringOn(OnTheBus, AnswersOnSelected):
     """The same with the stack that answers fast scan in configuration."""
 
 
-def test_slaves_that_go_on_answering_are_found_and_configured(channel: Channel, fake: FakeBus) -> None:
+def test_slaves_that_continue_answering_are_found_and_configured(channel: Channel, fake: FakeBus) -> None:
     master = LssMaster(channel, LssTiming(floor=0.02), beside_operation=True)
     stubborn, good = AnsweringOn(0xC0B00, 8, 1, 4711), slave(4713)
     fake.peers += [stubborn, good]
@@ -79,7 +81,7 @@ def test_slaves_that_go_on_answering_are_found_and_configured(channel: Channel, 
     assert (stubborn.active, good.active) == (5, 255)
 
 
-def test_progress_is_told_in_the_callers_thread(channel: Channel, fake: FakeBus) -> None:
+def test_progress_is_reported_in_the_callers_thread(channel: Channel, fake: FakeBus) -> None:
     fake.peers.append(slave())
     told: list[tuple[int, int, int]] = []
 
@@ -133,7 +135,7 @@ def test_a_slave_that_takes_its_first_node_id_with_a_reset_gets_one(
     assert fake.frames(0) == [bytes((130, 5))]
 
 
-def test_a_node_that_does_not_boot_is_told(
+def test_a_node_that_does_not_boot_is_reported(
     master: LssMaster, fake: FakeBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(bus_lss, "BOOT_WAIT", 0.1)
@@ -145,7 +147,7 @@ def test_a_node_that_does_not_boot_is_told(
 
 
 @pytest.mark.parametrize(("had", "booted"), [(255, True), (3, None)])
-def test_a_node_that_does_not_tell_its_node_id(
+def test_a_node_that_does_not_report_its_node_id(
     master: LssMaster, fake: FakeBus, monkeypatch: pytest.MonkeyPatch, had: int, booted: bool | None
 ) -> None:
     one = slave(node_id=had)
@@ -173,7 +175,9 @@ def test_its_own_node_id_is_not_taken(master: LssMaster, fake: FakeBus) -> None:
     assert one.stored == [5]
 
 
-def test_whatever_fails_everybody_is_switched_back_to_waiting(master: LssMaster, fake: FakeBus) -> None:
+def test_after_any_failure_all_slaves_are_switched_back_to_waiting_state(
+    master: LssMaster, fake: FakeBus
+) -> None:
     one = slave()
     one.errors[0x17] = (255, 3)
     fake.peers.append(one)
@@ -219,7 +223,9 @@ def test_a_bus_in_operation_is_left_alone(
     assert fake.sent == []
 
 
-def test_beside_operation_it_is_not_asked_whether_the_bus_is_quiet(channel: Channel, fake: FakeBus) -> None:
+def test_with_beside_the_command_does_not_check_that_the_bus_is_quiet(
+    channel: Channel, fake: FakeBus
+) -> None:
     fake.peers.append(slave())
     with again(lambda: fake.inject(0x080, ""), 0.02):
         assert LssMaster(channel, PATIENT, beside_operation=True).inquire(ADDRESS).address == ADDRESS
@@ -261,13 +267,13 @@ def test_late_answers_make_the_wait_longer(channel: Channel, fake: FakeBus) -> N
         timer.join()
 
 
-def test_a_channel_that_fails_is_told(master: LssMaster, fake: FakeBus) -> None:
+def test_a_channel_that_fails_is_reported(master: LssMaster, fake: FakeBus) -> None:
     fake.fail_receiving(OSError("gone"))
     with pytest.raises(AdapterError, match="stopped receiving"):
         master.find()
 
 
-def test_a_bus_on_which_nobody_acknowledges_is_told(master: LssMaster, fake: FakeBus) -> None:
+def test_a_bus_on_which_no_node_acknowledges_is_reported(master: LssMaster, fake: FakeBus) -> None:
     fake.full = True
     with pytest.raises(AdapterError, match="refused frame 7E5h"):
         master.inquire(ADDRESS)

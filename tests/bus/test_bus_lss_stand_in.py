@@ -71,7 +71,7 @@ def test_a_lossy_line_with_uneven_answers(bus: Bus) -> None:
     assert [each.address.serial_number for each in master.find(MAKE).slaves] == [0x40, 0x41, 0x80000000]
 
 
-def test_refusals_of_the_stand_in(bus: Bus) -> None:
+def test_refusals_of_the_simulated_drive(bus: Bus) -> None:
     (device,), master, _ = bus(7)
     device.dials.lss.store_error = 1
     with pytest.raises(LssRefused, match="cannot store its configuration") as caught:

@@ -52,7 +52,7 @@ def watch(bus: Subscriptions, stopped: list[Any]) -> MasterWatch:
     return made
 
 
-def test_a_flood_is_one_event_at_once_and_then_one_in_a_second_and_none_of_its_frames_is_lost(bus, watch):
+def test_a_flood_is_one_event_at_once_and_then_one_per_second_and_no_frame_of_it_is_lost(bus, watch):
     for tick in range(500):
         bus.hear(0x205, "0F 00", 10.0 + tick / 200)
     events = watch.events
@@ -65,7 +65,7 @@ def test_a_flood_is_one_event_at_once_and_then_one_in_a_second_and_none_of_its_f
     )
 
 
-def test_its_nodes_are_stopped_at_once_and_again_as_long_as_it_goes_on(bus, watch, stopped):
+def test_its_nodes_are_stopped_at_once_and_again_as_long_as_it_continues(bus, watch, stopped):
     for tick in range(100):
         bus.hear(0x205, "0F 00", 10.0 + tick / 200)
     assert 1 + int(0.49 / AGAIN) <= len(stopped) <= 2 + int(0.5 / AGAIN)
@@ -110,7 +110,7 @@ def test_whom_each_frame_commands(bus, watch, stopped, can_id, data, nodes):
     assert len(watch.events) == (0 if nodes is None else 1)
 
 
-def test_a_write_after_many_reads_is_told_at_once(bus, watch, stopped):
+def test_a_write_after_many_reads_is_reported_at_once(bus, watch, stopped):
     for tick in range(5):
         bus.hear(0x601, "40 41 60 00 00 00 00 00", 10.0 + tick / 100)
     bus.hear(0x601, "2B 40 60 00 0F 00 00 00", 10.06)

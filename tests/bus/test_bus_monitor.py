@@ -86,7 +86,7 @@ def test_a_report_is_kept_with_its_time(node: NodeMonitor, line: Line, byte: str
     assert (node.state, node.stamp, node.reports) == (state, 7.0, 1)
 
 
-def test_boot_ups_are_counted_and_heartbeats_begin_anew(node: NodeMonitor, line: Line) -> None:
+def test_boot_ups_are_counted_and_heartbeats_begin_again(node: NodeMonitor, line: Line) -> None:
     for byte, stamp in (("05", 1.0), ("00", 2.0), ("00", 3.0)):
         line.brings(HEARTBEAT, byte, stamp)
     assert (node.bootups, node.bootup_stamp, node.reports, node.has_heartbeat) == (2, 3.0, 3, False)
@@ -275,7 +275,7 @@ def test_what_shows_that_a_machine_is_running(
     assert not any(line.receivers.values())  # nobody listens any more
 
 
-def test_what_is_seen_ends_the_listening(line: Line, clock: HandClock) -> None:
+def test_a_sign_of_a_master_ends_the_listening(line: Line, clock: HandClock) -> None:
     line.check = lambda: line.brings(0x80, "")
     assert detect_other_master.bus_activity(line, 5.0) == ["SYNC is sent"]
     assert clock.time == pytest.approx(100.05)

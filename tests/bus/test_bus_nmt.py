@@ -34,7 +34,7 @@ def answers_with_heartbeat(slave: Slave, fake: FakeBus) -> None:
     fake.peers.append(peer)
 
 
-def test_a_heartbeat_tells_the_state_and_its_age(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
+def test_a_heartbeat_reports_the_state_and_its_age(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
     assert node.nmt.state == NmtState.UNKNOWN
     before = time.monotonic()
     beat(fake, slave, node)
@@ -182,7 +182,7 @@ def test_a_reset_is_confirmed_by_the_boot_up(node: CanopenNode, reset: NmtComman
     assert node.nmt.bootups == 1
 
 
-def test_another_masters_command_is_seen_where_no_heartbeat_tells(node: CanopenNode, fake: FakeBus) -> None:
+def test_another_masters_command_is_seen_where_no_heartbeat_reports(node: CanopenNode, fake: FakeBus) -> None:
     node.nmt.assume(NmtState.OPERATIONAL)
     fake.inject(0x000, "02 00")
     eventually(lambda: node.nmt.state is NmtState.STOPPED)

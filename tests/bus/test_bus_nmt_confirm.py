@@ -48,7 +48,7 @@ def test_a_node_that_answers_no_remote_frame_is_seen_by_its_sdo_server(channel, 
     assert (stopped.ok, stopped.state) == (True, NmtState.STOPPED)
 
 
-def test_a_heartbeat_confirms_and_tells_the_state_before(fake, channel, slave, node):
+def test_a_heartbeat_confirms_and_reports_the_state_before(fake, channel, slave, node):
     fake.inject(0x705, "7F")
     slave.objects[0x1017, 0] = (100).to_bytes(U16, "little")
     ways = nmt_commands.ways([node])
@@ -83,7 +83,7 @@ def test_a_node_that_shows_nothing_is_an_outcome(fake, channel):
     assert outcome.text.startswith("SILENT: nothing came from it in ")
 
 
-def test_one_command_to_everybody_is_one_frame(fake, channel, slave, node):
+def test_one_command_to_all_nodes_is_one_frame(fake, channel, slave, node):
     ways = nmt_commands.ways([node])
     nmt_commands.command(channel, [node], NmtCommand.START, ways, everybody=True)
     assert fake.frames(0) == [b"\1\0"]

@@ -169,7 +169,7 @@ def test_the_last_rpdo_s_mapping_is_not_taken_for_a_tpdo():
     assert [one.number for one in read_pdos(device).tpdos] == [1]
 
 
-def test_where_no_eds_tells_the_usual_ones_are_tried():
+def test_where_no_eds_reports_the_usual_ones_are_tried():
     device = Store({})
     for number in (1, 8, 9, 64, 65, 68, 69):
         device.objects |= pdo(False, number, 0x185, 1)
@@ -206,7 +206,7 @@ def test_setting_a_pdo_switches_it_off_first_and_on_last_with_its_own_bits():
     assert (found.event_timer, found.inhibit_time, found.sync_start) == (50, 20, 0)
 
 
-def test_what_is_so_already_is_not_written():
+def test_values_that_are_already_set_are_not_written():
     device = drive()
     before = read_pdo(device, False, 1)
     assert (
@@ -271,7 +271,7 @@ def test_a_timer_that_is_refused_is_no_failure_and_anything_else_has_back_what_i
         ((0x1A00, 2), None, "its mapping", "606C:00/32, read back"),
     ],
 )
-def test_what_reads_back_as_another_value_is_told(deaf, value, message, seen):
+def test_what_reads_back_as_another_value_is_reported(deaf, value, message, seen):
     device = drive()
     device.deaf.add(deaf)
     with pytest.raises(BootError, match=f"TPDO1 accepted {message}") as caught:
@@ -419,7 +419,7 @@ def test_a_type_that_the_file_gives_holds_in_a_skeleton_where_its_size_does(data
     assert other.data_type is DataType.UNSIGNED16
 
 
-def test_a_skeleton_tells_all_that_is_known_of_who_it_is():
+def test_a_skeleton_reports_all_that_is_known_of_who_it_is():
     numbers = {(0x1018, 1): little(0x29C, 4), (0x1018, 2): little(7, 4), (0x1018, 3): little(0x10002, 4)}
     made = skeleton(Store({(0x1018, 0): b"\4", **numbers, (0x1018, 4): little(4711, 4)}))
     assert made.info["deviceinfo"] == {
@@ -558,7 +558,7 @@ ENTRY = DictionaryEntry(0x6081, 0, "Profile velocity", DataType.UNSIGNED32)
         (b"\x0a", "= 0a "),
     ],
 )
-def test_what_was_asked_is_told_with_its_value_where_that_is_short(data, doing):
+def test_a_short_value_is_reported_with_the_request(data, doing):
     request = SdoTransferRequest(0x6081, 0, data, 0.5, 3)
     silent = SimpleNamespace(failure=None, strays=[], answers_others=False)
     error = sdo_errors.failed(5, ENTRY, request, silent, "")

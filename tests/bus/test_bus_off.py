@@ -71,7 +71,7 @@ def test_an_error_frame_in_words(error_class: int, data: str, words: str, condit
     assert (None if found is None else found.value) == condition
 
 
-def test_a_controller_tells_each_change_once_and_leaves_bus_off_by_a_restart() -> None:
+def test_a_controller_reports_each_change_once_and_leaves_bus_off_by_a_restart() -> None:
     controller = CanController("socketcan:can0")
     passive = bytes.fromhex("00 20 00 00 00 00 80 00")
     told = [
@@ -100,7 +100,7 @@ def test_a_restart_whose_bus_off_went_unheard_is_one_all_the_same(can0: Channel,
     assert can0.last_off is not None
 
 
-def test_a_driver_that_tells_no_restart_tells_the_new_condition(can0: Channel, fake: FakeBus) -> None:
+def test_a_driver_that_reports_no_restart_reports_the_new_condition(can0: Channel, fake: FakeBus) -> None:
     go_off(fake, can0)
     fake.inject_error_frame(CRTL, "00 40 00 00 00 00 00 00")
     eventually(lambda: can0.off is None)
@@ -110,7 +110,7 @@ def test_a_driver_that_tells_no_restart_tells_the_new_condition(can0: Channel, f
 # -- the channel --------------------------------------------------------------------------------------------------------------
 
 
-def test_while_bus_off_nothing_is_given_to_the_driver_and_the_way_out_is_told(
+def test_while_bus_off_nothing_is_given_to_the_driver_and_the_remedy_is_reported(
     can0: Channel, fake: FakeBus
 ) -> None:
     fake.inject_error_frame(0x204, "00 20 00 00 00 00 F8 00")
@@ -164,7 +164,7 @@ def test_a_send_that_waits_for_a_full_queue_ends_with_the_bus_off_and_is_not_tri
     assert fake.sent == []
 
 
-def test_an_sdo_transfer_under_way_ends_at_once(fake: FakeBus, can0: Channel) -> None:
+def test_a_running_sdo_transfer_ends_at_once(fake: FakeBus, can0: Channel) -> None:
     slave = Slave(5)
     slave.ignore = 99
     fake.peers.append(slave)
@@ -185,7 +185,7 @@ def test_an_sdo_transfer_under_way_ends_at_once(fake: FakeBus, can0: Channel) ->
         assert [type(error) for error in caught] == [BusOff]
 
 
-def test_a_driver_that_tells_bus_off_by_its_state_alone_is_asked_for_it(fake: FakeBus) -> None:
+def test_a_driver_that_reports_bus_off_by_its_state_alone_is_asked_for_it(fake: FakeBus) -> None:
     with Channel(fake, "ixxat:0") as channel:
         fake.says = can.BusState.ERROR
         eventually(lambda: channel.off)
@@ -199,7 +199,7 @@ def test_a_driver_that_tells_bus_off_by_its_state_alone_is_asked_for_it(fake: Fa
     assert fake.sent == [(0x80, b"")]
 
 
-def test_a_driver_that_cannot_tell_its_state_still_receives(fake: FakeBus) -> None:
+def test_a_driver_that_cannot_report_its_state_still_receives(fake: FakeBus) -> None:
     fake.says = NotImplementedError("state")
     with Channel(fake, "other:0") as channel:
         got: list[bytes] = []
@@ -259,7 +259,7 @@ def test_where_another_device_sends_sync_a_bus_off_ends_the_scan(can0: Channel, 
     consumer.close()
 
 
-def test_the_cycle_goes_on_without_a_frame_and_begins_again_with_heartbeat_and_sync(
+def test_the_cycle_continues_without_a_frame_and_begins_again_with_heartbeat_and_sync(
     can0: Channel, fake: FakeBus
 ) -> None:
     cycle = CanCycle(can0, [], master_id=127, heartbeat=0.001)

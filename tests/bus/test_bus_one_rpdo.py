@@ -87,7 +87,9 @@ def written(port: CanPort, given: Outputs):
 
 @pytest.mark.parametrize("mapping", MAPPINGS)
 @pytest.mark.parametrize("primed", [True, False])
-def test_the_short_way_gives_what_the_long_one_gives(node: CanopenNode, mapping: str, primed: bool) -> None:
+def test_the_fast_path_for_one_rpdo_gives_the_same_frames_as_the_general_path(
+    node: CanopenNode, mapping: str, primed: bool
+) -> None:
     dice = random.Random(mapping)
     short, long = port_on(node, mapping), port_on(node, mapping)
     assert short._only_image is not None
@@ -112,7 +114,7 @@ def test_the_short_way_gives_what_the_long_one_gives(node: CanopenNode, mapping:
 @pytest.mark.parametrize(
     ("mapping", "transmission"), [(MAPPINGS[0], 254), (MAPPINGS[0], 255), ("607A/32", 1)]
 )
-def test_an_rpdo_that_acts_when_it_comes_or_has_no_controlword_takes_no_short_way(
+def test_an_event_driven_rpdo_or_one_without_controlword_does_not_use_the_fast_path(
     node: CanopenNode, mapping: str, transmission: int
 ) -> None:
     port = port_on(node, mapping, transmission)

@@ -45,7 +45,7 @@ def test_a_channel_is_taken_once_and_free_again_when_it_is_given_back():
 
 
 @pytest.mark.parametrize("interface", ["virtual", "udp_multicast"])
-def test_a_bus_without_an_adapter_is_for_everybody(interface):
+def test_a_bus_without_an_adapter_may_be_shared(interface):
     assert ownership.take(interface, NAME) is None
 
 
@@ -79,11 +79,11 @@ def test_another_program_that_has_it_is_named_and_its_death_frees_it():
         (36000.0, "10.0 h"),
     ],
 )
-def test_the_age_of_a_program_is_told_in_whole_seconds_minutes_or_in_hours(seconds, text):
+def test_the_age_of_a_program_is_reported_in_whole_seconds_minutes_or_in_hours(seconds, text):
     assert ownership._ago(seconds) == text
 
 
-def test_a_program_is_told_by_its_command_and_its_age_and_one_that_has_ended_as_that():
+def test_a_program_is_reported_by_its_command_and_its_age_and_one_that_has_ended_as_that():
     text = ownership.described(os.getpid())
     assert re.fullmatch(rf"process {os.getpid()} \(.+\), which began \d+(\.\d)? (s|min|h) ago", text)
     assert re.search(r", which began at \d\d:\d\d:\d\d$", ownership.described(os.getpid(), kept=True))
@@ -99,7 +99,7 @@ def test_the_age_of_a_program_counts_from_its_own_start():
     assert re.search(r" \(.*\), which began \d\d? s ago$", text), text
 
 
-def test_however_many_were_refused_the_next_one_is_refused_at_once_and_told_by_whom():
+def test_after_any_number_of_refusals_the_next_one_is_immediate_and_names_the_owner():
     """Nobody takes their questions out of the queue of the one who has it."""
     lock = ownership.take("pcan", NAME)
     assert lock is not None
@@ -213,7 +213,7 @@ def test_on_a_device_file_the_claim_of_another_user_counts_if_that_user_may_open
     assert ownership._counts(claimed(STRANGER), Adapter("device:1:1", device=device)) is counts
 
 
-def test_where_nobody_can_tell_the_claim_of_another_user_counts():
+def test_where_nobody_can_report_the_claim_of_another_user_counts():
     assert ownership._counts(claimed(STRANGER), Adapter("pcan:PCAN_USBBUS1"))
 
 
@@ -326,7 +326,7 @@ def test_of_many_that_take_a_channel_at_the_same_time_exactly_one_has_it():
 
 
 @pytest.mark.parametrize("stays", [True, False])
-def test_who_sees_another_claim_after_making_its_own_gives_way_and_tries_again(monkeypatch, stays):
+def test_a_process_that_sees_another_claim_after_making_its_own_withdraws_and_retries(monkeypatch, stays):
     """The other one has looked before this claim was there, and so may have the channel."""
     key, made, rivals = Adapter.of("pcan", NAME).key, claims.claim, []
 

@@ -76,7 +76,7 @@ def test_what_no_pdo_brings_is_polled_and_may_be_three_polls_old():
     )
 
 
-def test_a_statusword_or_position_sent_on_change_is_polled_beside_and_others_are_not():
+def test_a_statusword_or_position_sent_on_change_is_also_polled_and_other_values_are_not():
     plan = plan_of(("6041/16 6064/32", 255), ("6061/8 606C/32", 255))
     assert {name: plan.inputs[name] for name in ("statusword", "mode")} == dict.fromkeys(
         ("statusword", "mode"), ValueTransport.EVENT_PDO
@@ -100,7 +100,7 @@ def test_a_statusword_or_position_sent_on_change_is_polled_beside_and_others_are
 # Deadlines.
 
 
-def test_a_tpdo_is_missing_after_its_age_and_told_once_and_so_is_its_return():
+def test_a_tpdo_is_missing_after_its_age_and_reported_once_and_so_is_its_return():
     one = Deadline(5, "TPDO1", 0x185, 0.5)
     told = [
         one.step(now, stamp, True, 0.0)
@@ -131,7 +131,7 @@ def test_a_tpdo_is_missing_after_its_age_and_told_once_and_so_is_its_return():
     assert str(returned) == "node 5: TPDO1 (185h) comes again after 1188 ms"
 
 
-def test_one_that_never_came_is_told_so_and_waited_for_from_operational_on():
+def test_a_tpdo_that_never_came_is_reported_so_and_is_awaited_from_operational_on():
     one = Deadline(5, "TPDO1", 0x185, 0.5)
     assert one.step(0.0, -math.inf, False, 0.0) is None
     assert one.step(5.0, -math.inf, False, 0.0) is None
@@ -452,7 +452,7 @@ def test_an_axis_has_its_block_of_64_or_else_its_four(numbers, axis, expected):
     assert tuple(pdo.number for pdo in found) == expected
 
 
-def test_a_layout_says_what_it_carries_also_of_what_found_room_beside_another_group():
+def test_a_layout_lists_its_objects_including_those_placed_next_to_another_group():
     entries = dict(zip("abcd", objects().values(), strict=False))
     layout = (("a", "c"), ("b",), ("d",))  # 16 and 32 bits, 8, and 32 that find no room
     (pdo,), carried = lay_out([rpdo(1, "")], entries, layout)

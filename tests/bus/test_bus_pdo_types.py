@@ -245,7 +245,7 @@ def test_the_sync_counter_goes_from_1_to_its_overflow_value_and_begins_again(
     assert fake.frames(0x90) == [bytes((count,)) for count in (1, 2, 3, 1, 2, 3, 1)]
 
 
-def test_the_sync_of_a_quick_stop_goes_on_counting(
+def test_the_sync_of_a_quick_stop_continues_counting(
     channel: Channel, node: CanopenNode, fake: FakeBus
 ) -> None:
     port = CanPort(node, plan_of(1), scan_period=SCAN)
@@ -295,7 +295,7 @@ def test_a_tpdo_that_stops_coming_is_one_event_with_its_age() -> None:
     )
 
 
-def test_its_return_is_an_event_too_and_tells_how_long_it_was_away() -> None:
+def test_its_return_is_an_event_too_and_reports_how_long_it_was_away() -> None:
     missing, returned = looks(0.005, 0.505, 0.545, until=0.58)
     assert missing.what is Reception.MISSING
     assert returned.what is Reception.RETURNED
@@ -303,13 +303,13 @@ def test_its_return_is_an_event_too_and_tells_how_long_it_was_away() -> None:
     assert "comes again after 500 ms" in str(returned)
 
 
-def test_one_that_never_came_is_told_as_such() -> None:
+def test_one_that_never_came_is_reported_as_such() -> None:
     (event,) = looks(until=0.2)
     assert event.never
     assert "has not come since the node became operational" in str(event)
 
 
-def test_what_is_silent_by_nature_is_never_missing() -> None:
+def test_a_tpdo_that_is_silent_by_its_type_is_never_missing() -> None:
     assert looks(0.005, until=100.0, age=math.inf) == []
 
 
@@ -328,7 +328,7 @@ def test_a_node_that_leaves_operational_is_not_asked_for_its_pdos() -> None:
     assert [deadlines.step(1.0 + number / 100, [-0.01], True) for number in range(1, 5)] == [[]] * 4
 
 
-def test_the_port_tells_and_the_value_becomes_unknown(node: CanopenNode, fake: FakeBus) -> None:
+def test_the_port_reports_and_the_value_becomes_unknown(node: CanopenNode, fake: FakeBus) -> None:
     """The stale value itself is still given with its old stamp: it is the stamp that says that it is not fresh."""
     port = CanPort(node, plan_of(1), scan_period=SCAN)
     operational(node, fake)

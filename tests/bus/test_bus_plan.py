@@ -382,7 +382,7 @@ def test_the_edge_goes_with_its_target_only_where_the_mapping_makes_it_come_late
     ("after_target", "foreign_sync", "cycles"),
     [(False, False, 0), (False, True, 0), (True, False, 1), (True, True, 2)],
 )
-def test_beside_anothers_sync_the_edge_waits_for_one_cycle_more(
+def test_with_an_external_sync_the_edge_waits_for_one_more_cycle(
     after_target: bool, foreign_sync: bool, cycles: int
 ) -> None:
     """A cycle that took too long sends its frames together with those of the next, before the same SYNC."""
@@ -543,7 +543,7 @@ def test_the_plan_says_where_a_pdo_carries_an_object() -> None:
     assert plan.carrier(0x1018, 1) is None
 
 
-def test_why_a_value_travels_by_sdo_is_told() -> None:
+def test_why_a_value_travels_by_sdo_is_reported() -> None:
     wanted = PdoRequirements((), ("target_position", "target_torque"))
     for plan, why in (
         (

@@ -177,7 +177,7 @@ def rebooted(make: Maker, node: CanopenNode, fake: FakeBus, *then: str) -> CanPo
     return port
 
 
-def test_after_a_boot_up_message_only_what_has_come_since_is_told_and_the_node_is_not_operational(
+def test_after_a_boot_up_message_only_what_has_come_since_is_reported_and_the_node_is_not_operational(
     make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
     port = rebooted(make, node, fake, "05")
@@ -337,7 +337,7 @@ def test_the_first_wish_that_the_node_stops_is_sent_and_sent_once(make: Maker) -
     assert port.take_frames() == []
 
 
-def test_what_was_not_sent_is_sent_later_where_it_is_still_wanted(make: Maker) -> None:
+def test_an_output_that_was_not_sent_is_sent_later_if_it_is_still_requested(make: Maker) -> None:
     port = make(WHOLE)
     port.write(Outputs(nmt_stop=True))
     port.drop_frames()
@@ -379,7 +379,7 @@ def test_one_that_was_dropped_goes_out_later_though_nothing_has_changed(
     assert rpdos(port) == [0x205]
 
 
-def test_a_node_that_comes_back_to_operational_gets_them_anew(
+def test_a_node_that_comes_back_to_operational_gets_them_again(
     make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
     """In any other state it takes none, so what was sent then does not count."""
@@ -749,7 +749,7 @@ def test_the_second_axis_has_its_own_objects(make: Maker, slave: Slave, node: Ca
     )
 
 
-def test_what_the_port_can_do_is_told(make: Maker) -> None:
+def test_what_the_port_can_do_is_reported(make: Maker) -> None:
     told = make(GENERIC, NO_TORQUE).capabilities
     assert set(told.inputs.values()) == {ValueTransport.SYNC_PDO}
     assert told.outputs == dict.fromkeys(NO_TORQUE.outputs, ValueTransport.SYNC_PDO)

@@ -60,7 +60,7 @@ def test_a_line_of_candump(line, frame):
         "[bus]",
     ],
 )
-def test_a_line_that_is_none(line):
+def test_an_invalid_line_is_refused(line):
     assert frame_files.parse(line) is None
 
 

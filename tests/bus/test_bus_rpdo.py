@@ -113,7 +113,7 @@ def test_a_value_stays_as_it_was_last_given() -> None:
     assert position(0x0F, -1) in arrange(fixed, {"target_position": -1}, 0x0F, 0x0F)
 
 
-def test_what_is_not_ours_is_never_zeroed() -> None:
+def test_bytes_that_belong_to_others_are_never_zeroed() -> None:
     """A profile velocity beside the target position, as many drives map it, and a dummy."""
     image = images(DevicePdos((rpdo(1, "6040/16 607A/32 0005/8"), rpdo(2, "6060/8 6081/32")), ()))[-1]
     assert image.mapping == mapped("6060/8 6081/32")

@@ -128,7 +128,7 @@ def test_a_watched_rpdo_is_due_where_with_the_next_cycle_a_third_of_its_time_wou
 
 
 @pytest.mark.parametrize("policy", [ON_ARRIVAL, WITH_SYNC], ids=["on arrival", "with SYNC"])
-def test_a_watched_rpdo_goes_on_when_nothing_of_it_is_in_use(policy: Policy) -> None:
+def test_a_watched_rpdo_continues_when_nothing_of_it_is_in_use(policy: Policy) -> None:
     """The drive begins to watch with the first one, and does not know that it is not needed any more."""
     master = Master(ONE, policy, deadline={2: 60})
     for _ in range(100):
@@ -167,7 +167,7 @@ def test_an_edge_that_another_rpdo_brought_is_taken_back() -> None:
     assert after == before
 
 
-def test_what_is_forgotten_is_sent_anew() -> None:
+def test_an_output_that_was_forgotten_is_sent_again() -> None:
     master = Master(APART)
     master.cycle(mode=1, target_position=5)
     assert master.cycle(mode=1, target_position=5) == []

@@ -183,7 +183,7 @@ def test_the_late_answer_of_the_barriers_own_object_is_drained_too(
     ]
 
 
-def test_two_threads_600_transfers_none_fails(sdo: SdoClient, slave: Slave) -> None:
+def test_two_threads_make_600_transfers_without_a_failure(sdo: SdoClient, slave: Slave) -> None:
     def read_many(index: int, expected: bytes) -> int:
         return sum(sdo.upload(index) == expected for _ in range(300))
 
@@ -397,7 +397,7 @@ def test_what_a_transfer_has_left_is_dropped_and_counted_when_the_next_one_begin
 # -- giving way
 
 
-def test_cancel_ends_the_running_transfer_and_tells_the_node(sdo: SdoClient, slave: Slave) -> None:
+def test_cancel_ends_the_running_transfer_and_aborts_it_at_the_node(sdo: SdoClient, slave: Slave) -> None:
     sdo.timeout = 60.0
     slave.hold = True
     thread, result = in_thread(lambda: sdo.upload(0x6081))

@@ -198,7 +198,7 @@ def test_a_server_that_never_confirms_a_segment_is_an_sdo_error(channel: Channel
     assert fake.frames(0x605)[-1].hex() == "8000210003000405"
 
 
-def test_cancel_in_a_block_tells_the_node_and_the_next_transfer_is_right(
+def test_cancel_in_a_block_aborts_it_at_the_node_and_the_next_transfer_is_correct(
     sdo: SdoClient, fake: FakeBus, stand_in: StandIn
 ) -> None:
     with pytest.raises(Interrupted):

@@ -60,7 +60,7 @@ def test_a_dialogue_that_breaks_in_every_attempt_is_broken(
     assert channel.sdo_counts.found == (SdoCount(5, broken=1, retries=2),)
 
 
-def test_what_is_cancelled_or_cannot_be_sent_is_cut_short(
+def test_a_transfer_that_is_cancelled_or_cannot_be_sent_counts_as_cut_short(
     channel: Channel, slave: Slave, fake: FakeBus
 ) -> None:
     patient = SdoClient(channel, 5, timeout=10.0)

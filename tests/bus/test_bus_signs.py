@@ -139,7 +139,7 @@ def test_what_comes_while_the_scan_looks_is_not_of_the_future():
     assert events_of(events) == [(NodeEventKind.STATE, 2.25, 0.0, 0.0)]
 
 
-def test_a_kind_of_event_is_told_again_after_a_second_and_until_then_its_newest_is_held():
+def test_a_kind_of_event_is_reported_again_after_a_second_and_until_then_its_newest_is_held():
     node = monitor(state=STOPPED)
     events = NodeEvents(node)
     told = []
@@ -157,7 +157,7 @@ def test_a_kind_of_event_is_told_again_after_a_second_and_until_then_its_newest_
     ]
 
 
-def test_what_is_held_is_told_when_its_time_has_come_though_nothing_happens_any_more():
+def test_a_held_event_is_reported_when_it_is_due_even_if_nothing_else_happens():
     node = monitor(state=STOPPED)
     events = NodeEvents(node)
     for number, now in enumerate((2.0, 2.5)):
@@ -170,7 +170,7 @@ def test_what_is_held_is_told_when_its_time_has_come_though_nothing_happens_any_
     assert [event.stamp for event in events.history] == [2.0, 2.5]
 
 
-def test_what_happens_at_once_is_told_in_its_order_however_often_it_was_before():
+def test_what_happens_at_once_is_reported_in_its_order_however_often_it_was_before():
     node = monitor()
     events = NodeEvents(node)
     node.bootups = 1
@@ -180,7 +180,7 @@ def test_what_happens_at_once_is_told_in_its_order_however_often_it_was_before()
     assert [event.kind for event in events.history][1:] == [NodeEventKind.BOOT_UP, NodeEventKind.LOST]
 
 
-def test_everybody_who_asked_hears_of_each_event():
+def test_each_event_reaches_every_subscriber():
     node = monitor()
     events = NodeEvents(node)
     first, second = [], []
@@ -315,7 +315,7 @@ def test_the_newest_of_several_begins_the_cycle():
     assert made.skipped == 2
 
 
-def test_a_sync_that_stays_away_is_told_after_its_patience():
+def test_a_sync_that_stays_away_is_reported_after_its_patience():
     wire = Wire(0.125, 0.25)
     made = consumer(wire)
     made.wait()
@@ -328,7 +328,7 @@ def test_a_sync_that_stays_away_is_told_after_its_patience():
 
 
 @pytest.mark.parametrize(("asleep", "said"), [(1.5, "1.5 s"), (5.0, "1.9 s")])
-def test_where_this_program_did_not_run_that_is_told_before_the_producer_is_blamed(asleep, said):
+def test_where_this_program_did_not_run_that_is_reported_before_the_producer_is_blamed(asleep, said):
     wire = Wire(10.0, 10.125)
     made = consumer(wire)
     wire.now = 9.9
@@ -392,7 +392,7 @@ def test_where_we_come_too_late_ourselves_it_may_be_half_a_period_late(now, come
     assert caught.value.observed.startswith(f"none on 080h for {(wire.now - 0.125) * 1000:.1f} ms, ")
 
 
-def test_a_failed_channel_is_told_before_a_missing_sync():
+def test_a_failed_channel_is_reported_before_a_missing_sync():
     wire = Wire()
     made = consumer(wire)
     wire.fails = True

@@ -48,7 +48,7 @@ def channel(nodes: list[CanopenNode]) -> Channel:
     return nodes[0].channel
 
 
-def test_the_stand_ins_are_found(channel: Channel, nodes: list[CanopenNode]) -> None:
+def test_the_simulated_drives_are_found(channel: Channel, nodes: list[CanopenNode]) -> None:
     found = scan(channel, ids=range(1, 11), listen=0.3)
     assert [node.node_id for node in found] == list(NODES)
     assert found[0].kind.endswith("(CiA 402)")

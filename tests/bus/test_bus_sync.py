@@ -238,7 +238,7 @@ def test_time_has_the_identifier_that_the_cell_says(channel: Channel, fake: Fake
     assert [can_id for can_id, _ in fake.sent] == [0x104]
 
 
-def test_time_of_another_producer_is_heard_and_goes_on(channel: Channel, fake: FakeBus) -> None:
+def test_time_of_another_producer_is_heard_and_continues(channel: Channel, fake: FakeBus) -> None:
     consumer = TimeConsumer(channel)
     assert consumer.latest is None
     assert consumer.at(time.monotonic()) is None

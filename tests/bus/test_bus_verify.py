@@ -227,7 +227,7 @@ def asked(delay=0.0, gone_at=None):
 
 
 @pytest.mark.parametrize(("delay", "limit"), [(0.0, "0.1 s"), (0.2, "0.5 s")])
-def test_a_node_that_is_silent_for_what_it_does_not_have_gets_less_time_after_three_objects(delay, limit):
+def test_a_node_that_does_not_answer_for_missing_objects_gets_less_time_after_three_of_them(delay, limit):
     made, told, took = asked(delay)
     assert sorted(made.objects) == sorted(Terse.HAS)  # also what comes after the shorter limit
     (text,) = told

@@ -146,7 +146,7 @@ def test_a_worker_with_a_quick_stop_to_come_is_not_idle(
     assert not worker.idle
 
 
-def test_a_quick_stop_that_is_under_way_is_not_cut_short_by_another(
+def test_a_running_quick_stop_is_not_cut_short_by_another(
     worker: SdoWorker, slave: Slave, fake: FakeBus
 ) -> None:
     slave.objects[0x6840, 0] = b"\x0f\x00"
@@ -202,7 +202,7 @@ def test_a_quick_stop_passes_a_users_transfer_too(worker: SdoWorker, slave: Slav
     assert len(user) == 1
 
 
-def test_a_job_that_is_about_to_begin_gives_way_too(
+def test_a_job_that_is_about_to_begin_yields_too(
     worker: SdoWorker, slave: Slave, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Between being taken from the queue and its first frame: it must not keep the stop waiting for a silent node."""

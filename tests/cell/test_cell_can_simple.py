@@ -71,7 +71,7 @@ def test_without_rated_torque_it_has_no_torques(cell):
 
 
 @pytest.mark.parametrize("key", ["velocity_limit", "current_limit", "velocity_ramp", "acceleration"])
-def test_what_is_needed_is_never_guessed(cell, key):
+def test_required_values_are_never_guessed(cell, key):
     (line,) = [each for each in CELL.splitlines() if each.startswith(key)]
     with pytest.raises(ConfigError, match=key):
         reader.load(cell(line + "\n", ""))
@@ -89,7 +89,7 @@ def test_what_is_needed_is_never_guessed(cell, key):
         ("velocity_limit = 20.0", "velocity_limt = 20.0", "velocity_limt"),
     ],
 )
-def test_mistakes_are_told_with_their_line(cell, old, new, words):
+def test_mistakes_are_reported_with_their_line(cell, old, new, words):
     with pytest.raises(ConfigError) as caught:
         reader.load(cell(old, new))
     assert words in str(caught.value)
@@ -109,13 +109,13 @@ def test_a_check_finds_what_cannot_be(cell, old, new, words):
     assert any(words in each for each in errors(cell(old, new)))
 
 
-def test_the_manuals_node_ids_go_together_and_a_free_one_is_told(cell):
+def test_the_manuals_node_ids_go_together_and_a_free_one_is_reported(cell):
     assert not any("two owners" in each for each in errors(cell()))
     (found,) = [each for each in errors(cell("[nodes.40]", "[nodes.1]")) if "two owners" in each]
     assert "free:" in found
 
 
-def test_half_of_what_torques_need_is_told(cell):
+def test_half_of_what_torques_need_is_reported(cell):
     warnings = [str(each) for each in check(cell("torque_ramp = 1.0\n", ""))]
     assert any("axis m has no torques" in each and "torque_ramp" in each for each in warnings)
 

@@ -49,12 +49,12 @@ def test_a_group_has_the_kinematics_of_its_table(tmp_path, table, made):
         ('kind = "scara"\nupper = 1\nfore = 1\nlength = 3', "length"),
     ],
 )
-def test_what_is_wrong_with_a_table_is_told(tmp_path, table, words):
+def test_an_error_in_a_table_is_reported(tmp_path, table, words):
     with pytest.raises(ConfigError) as caught:
         reader.load(written(tmp_path, table))
     assert words in str(caught.value)
 
 
-def test_a_group_of_too_few_axes_is_told(tmp_path):
+def test_a_group_of_too_few_axes_is_reported(tmp_path):
     with pytest.raises(ConfigError, match="delta needs 3 axes, and the group has 2"):
         reader.load(written(tmp_path, 'kind = "delta"\nbase = 1\nplate = 1\nupper = 1\nfore = 1', "xy"))

@@ -54,7 +54,7 @@ def range_of(json: Mapping[str, Any]) -> list[str]:
 
 
 @each_table
-def test_each_key_and_no_other_stands_there(heading: str) -> None:
+def test_the_page_has_every_key_and_no_other(heading: str) -> None:
     assert set(told(heading)) == set(TABLES[heading])
 
 
@@ -71,12 +71,12 @@ def test_ranges_are_looked_at() -> None:
 
 
 @each_table
-def test_what_is_needed_is_said(heading: str) -> None:
+def test_the_page_says_which_keys_are_needed(heading: str) -> None:
     needed = {key for key, cells in told(heading).items() if cells[1] == "needed"}
     assert needed == {key for key, each in TABLES[heading].items() if each.missing}
 
 
-def test_each_unit_stands_there() -> None:
+def test_the_page_has_every_unit() -> None:
     (sentence,) = re.findall(r"^Units: .*?\n\n", pages.text_of(PAGE), re.DOTALL | re.MULTILINE)
     named = {unit.replace("\u03bc", "\u00b5") for unit in re.findall(r"`([^`]+)`", sentence)}
     assert named == {unit.replace("\u03bc", "\u00b5") for unit in AXIS_UNITS}

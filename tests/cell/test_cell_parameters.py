@@ -280,7 +280,7 @@ def test_a_make_found_on_the_bus_wins() -> None:
 # -- writes ----------------------------------------------------------------------------------------------------------
 
 
-def test_what_is_written_at_boot_is_resolved_and_scaled() -> None:
+def test_values_written_at_boot_are_resolved_and_scaled() -> None:
     cell = cell_with(
         ("halt_time", 'communication_error = "stopped"\nhalt_time'),
         ('"609A" = 500000', '"Position window" = 25\n"6099h:02" = 7'),

@@ -70,7 +70,7 @@ def test_the_order_of_a_groups_axes_is_kept() -> None:
     assert cell.groups["g"].axes == ("y", "x")
 
 
-def test_what_is_left_out_has_the_defaults_of_the_manual() -> None:
+def test_keys_that_are_left_out_have_the_documented_defaults() -> None:
     cell, problems = read(MINIMAL)
     assert problems == []
     assert (cell.bus.master_id, cell.bus.sync, cell.bus.heartbeat, cell.bus.bitrate) == (127, True, 0.1, None)
@@ -162,7 +162,7 @@ def test_scales_of_zero_or_without_meaning_are_refused(written: str) -> None:
     assert "scale in [axes.x] cannot be used" in problems[0].message
 
 
-def test_a_negative_scale_is_told_how_to_turn_an_axis() -> None:
+def test_the_error_for_a_negative_scale_says_how_to_invert_an_axis() -> None:
     _, problems = read(MINIMAL.replace("364.0888888888889", "-364"))
     assert 'invert = "master"' in problems[0].remedy
 
@@ -196,7 +196,7 @@ def test_the_words_of_the_stop_table_are_named_when_one_is_wrong() -> None:
     ("old", "new", "line", "message", "remedy"),
     SLIPS,
 )
-def test_each_slip_is_told_with_its_line_and_remedy(
+def test_each_slip_is_reported_with_its_line_and_remedy(
     old: str, new: str, line: int, message: str, remedy: str
 ) -> None:
     problems = read(cells.changed(cells.CLEAN, (old, new)))[1]
@@ -212,7 +212,7 @@ def test_an_empty_node_names_no_file() -> None:
     ]
 
 
-def test_all_slips_are_told_at_once_in_the_order_of_the_lines() -> None:
+def test_all_slips_are_reported_at_once_in_the_order_of_the_lines() -> None:
     text = cells.changed(
         cells.CLEAN,
         ("sync = true", "sync = 3"),
@@ -238,13 +238,13 @@ def test_an_empty_file_misses_its_tables() -> None:
 
 @pytest.mark.parametrize("value", ["0", '"text"', "[]", "[1, 2]", "1979-05-27"])
 @pytest.mark.parametrize("table", ["bus", "nodes", "axes", "groups"])
-def test_a_value_in_the_place_of_a_table_is_told(table: str, value: str) -> None:
+def test_a_value_in_the_place_of_a_table_is_reported(table: str, value: str) -> None:
     (first, *_) = [each for each in read(f"{table} = {value}\n")[1] if "must be a table" in each.message]
     assert first.line == 1
     assert first.message == f"{table} must be a table"
 
 
-def test_double_brackets_are_told_as_such() -> None:
+def test_double_brackets_are_reported_as_such() -> None:
     (problem,) = read(MINIMAL + '[[groups]]\naxes = ["x"]\n')[1]
     assert (problem.line, problem.message) == (10, "groups must be a table")
     assert "single brackets" in problem.remedy

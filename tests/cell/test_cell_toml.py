@@ -151,7 +151,7 @@ def test_in_any_text_each_key_has_the_line_where_it_was_written(pairs: list[tupl
         ("first\n", 1, "key = value"),
     ],
 )
-def test_what_is_no_toml_is_told_with_its_line_and_what_to_do(text: str, line: int, remedy: str) -> None:
+def test_invalid_toml_is_reported_with_its_line_and_remedy(text: str, line: int, remedy: str) -> None:
     with pytest.raises(ConfigError) as caught:
         toml.loads(text, "cell.toml")
     assert (caught.value.file, caught.value.line) == ("cell.toml", line), caught.value
@@ -159,7 +159,7 @@ def test_what_is_no_toml_is_told_with_its_line_and_what_to_do(text: str, line: i
     assert remedy in caught.value.remedy
 
 
-def test_a_missing_file_names_the_toml_files_beside_it(tmp_path: Path) -> None:
+def test_the_error_for_a_missing_file_names_the_toml_files_in_its_folder(tmp_path: Path) -> None:
     (tmp_path / "cells.toml").write_text("")
     (tmp_path / "other.eds").write_text("")
     with pytest.raises(ConfigError, match="does not exist") as caught:
@@ -168,7 +168,7 @@ def test_a_missing_file_names_the_toml_files_beside_it(tmp_path: Path) -> None:
     assert "other.eds" not in caught.value.remedy
 
 
-def test_a_missing_folder_is_told_as_one(tmp_path: Path) -> None:
+def test_a_missing_folder_is_reported_as_one(tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as caught:
         toml.load(tmp_path / "nowhere" / "cell.toml")
     assert f"there is no folder {tmp_path / 'nowhere'}" in caught.value.remedy
@@ -191,7 +191,7 @@ def test_a_folder_is_no_cell_file(tmp_path: Path) -> None:
         (b"#" * (2 << 20), 0, "too large"),
     ],
 )
-def test_other_data_is_refused_with_what_it_is(tmp_path: Path, data: bytes, line: int, words: str) -> None:
+def test_the_error_for_other_data_names_its_type(tmp_path: Path, data: bytes, line: int, words: str) -> None:
     path = tmp_path / "cell.toml"
     path.write_bytes(data)
     with pytest.raises(ConfigError) as caught:

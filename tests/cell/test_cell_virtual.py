@@ -135,7 +135,7 @@ def test_a_table_of_a_drive_is_refused(more: str, what: str, remedy: str) -> Non
     assert refused_by_schema(text)
 
 
-def test_torques_are_none_of_its_defaults() -> None:
+def test_a_virtual_axis_takes_no_default_torques() -> None:
     text = MINIMAL + VIRTUAL + "torque_slope = 3.0\n"
     _, wrong = read(text)
     assert [(at, message) for at, message, _ in wrong] == [
@@ -144,7 +144,7 @@ def test_torques_are_none_of_its_defaults() -> None:
     assert refused_by_schema(text)
 
 
-def test_everything_wrong_is_told_at_once() -> None:
+def test_everything_wrong_is_reported_at_once() -> None:
     text = MINIMAL + VIRTUAL.replace(
         "virtual = true", "virtual = true\nnode = 1\nmodes = 5\nspeed = 3\nscale = -1"
     )
@@ -161,7 +161,7 @@ def test_virtual_is_true_or_false(value: str) -> None:
     assert not axis.virtual
 
 
-def test_what_is_not_virtual_needs_its_node_and_its_scale() -> None:
+def test_an_axis_that_is_not_virtual_needs_a_node_and_a_scale() -> None:
     _, wrong = read(MINIMAL + VIRTUAL.replace("true", "false"))
     assert {message for _, message, _ in wrong} == {
         "node is missing in [axes.v]",
@@ -223,7 +223,7 @@ def test_a_cell_may_have_virtual_axes_alone() -> None:
 @pytest.mark.parametrize(
     "text", ["axes = 3\n" + BUS, BUS + "[axes]\nv = 3\n", BUS + "[[axes.v]]\nvirtual = true\n"]
 )
-def test_what_is_no_table_of_an_axis_is_told_and_breaks_nothing(text: str) -> None:
+def test_a_value_that_is_not_an_axis_table_is_reported_and_breaks_nothing(text: str) -> None:
     _, problems = reader.loads(text)
     assert any(each.severity is Severity.ERROR for each in problems)
 

@@ -51,7 +51,7 @@ def test_what_a_lost_node_stops(word):
     assert cell.bus.on_lost_node == word
 
 
-def test_a_word_that_is_none_is_told_with_those_that_are():
+def test_an_unknown_word_is_reported_with_the_allowed_words():
     _, problems = loads(
         "[bus]\ninterface = 'sim'\nscan_period = '4ms'\non_lost_node = 'groups'\n[nodes.1]\neds = 'x.eds'\n"
     )

@@ -49,7 +49,7 @@ def test_the_arithmetic_of_the_bus_load_is_shown(tmp_path: Path) -> None:
         ("250_000", "4ms", "error", "91%"),  # 903 and 8 in 1000
     ],
 )
-def test_a_bus_that_is_too_full_is_told_with_the_period_that_would_fit(
+def test_a_bus_that_is_too_full_is_reported_with_the_period_that_would_fit(
     tmp_path: Path, bitrate: str, period: str, severity: str, load: str
 ) -> None:
     path = cells.write(tmp_path, ("bitrate = 1_000_000", f"bitrate = {bitrate}"), ('"4ms"', f'"{period}"'))
@@ -66,7 +66,7 @@ def test_the_period_in_the_remedy_fits(tmp_path: Path) -> None:
     assert cells.serious(cells.write(tmp_path, slow, ('"4ms"', f'"{proposed}"'))) == []
 
 
-def test_check_and_plan_tell_the_same_shortest_period_and_the_same_load(tmp_path: Path) -> None:
+def test_check_and_plan_report_the_same_shortest_period_and_the_same_load(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ("bitrate = 1_000_000", "bitrate = 250_000"))
     (problem,) = cells.serious(path)
     cell = reader.load(path)
@@ -122,7 +122,7 @@ def test_the_simulation_needs_no_bitrate(tmp_path: Path) -> None:
 # -- the period ------------------------------------------------------------------------------------------------------
 
 
-def test_a_period_that_60c2_cannot_hold_is_told_with_the_nearest(tmp_path: Path) -> None:
+def test_a_period_that_60c2_cannot_hold_is_reported_with_the_nearest(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ('"4ms"', '"3.333ms"'))
     problem = cells.only(path, "warning", '"3.333ms"')
     assert "cyclic modes will be refused on x, y" in problem.message

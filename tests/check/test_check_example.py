@@ -73,7 +73,7 @@ def test_the_example_is_three_axes_in_a_group() -> None:
     assert x.units.position.to_increments(360.0) == 131_072  # 8 turns of the rotor, 16384 counts each
 
 
-def test_a_short_cell_is_told_that_its_drives_would_coast(tmp_path: Path) -> None:
+def test_a_short_cell_is_warned_that_its_drives_would_coast(tmp_path: Path) -> None:
     path = tmp_path / "cell.toml"
     path.write_text(SHORT)
     found = [problem for problem in check(path) if problem.severity is not Severity.NOTE]

@@ -45,7 +45,7 @@ def lacking(folder: Path, *, index: str, **keys: str) -> str:
     return "drive.eds"
 
 
-def test_what_fits_is_not_told(tmp_path: Path) -> None:
+def test_what_fits_is_not_reported(tmp_path: Path) -> None:
     assert found(tmp_path) == []
     assert found(tmp_path, "torque_offset = 0.0\n") == []
 

@@ -111,7 +111,7 @@ def test_what_bends_the_beam_is_a_warning(tmp_path, change, message):
 
 
 @pytest.mark.parametrize(("axes", "many"), [('["x", "z"]', 1), ('["x", "y", "z"]', 0), ('["z"]', 0)])
-def test_a_group_holds_both_or_none(tmp_path, axes, many):
+def test_a_group_contains_both_axes_of_a_pair_or_neither(tmp_path, axes, many):
     problems = found(tmp_path, more=GANTRY + HOMING + f"[groups.g]\naxes = {axes}\n")
     messages = [each.message for each in problems if "group g contains one axis of gantry b" in each.message]
     assert len(messages) == many

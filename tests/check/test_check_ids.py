@@ -24,7 +24,7 @@ OF_READING = {
 }
 
 
-def test_every_id_is_there_once_and_they_go_on_without_a_gap() -> None:
+def test_every_id_is_there_once_and_they_continue_without_a_gap() -> None:
     assert [row[0] for row in ROWS] == [f"C{number:03d}" for number in range(1, len(ROWS) + 1)]
     assert list(checks()) == [row[0] for row in ROWS]
 
@@ -114,5 +114,5 @@ def test_a_number_that_is_a_node_s_name_stays_where_it_means_something_else() ->
     ]
 
 
-def test_what_is_of_no_axis_stays_for_itself() -> None:
+def test_findings_that_belong_to_no_axis_are_not_combined() -> None:
     assert len(texts(note("the bus is full", 3), note("the bus is full", 4))) == 2

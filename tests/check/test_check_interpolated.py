@@ -72,7 +72,7 @@ def test_a_drive_with_ip_and_neither_pp_nor_csp_is_enabled_in_ip(tmp_path: Path)
             machine["x"].move_absolute(0.0).wait()
 
 
-def test_csp_that_6502h_does_not_claim_leads_no_line(tmp_path: Path) -> None:
+def test_a_line_is_refused_if_6502h_does_not_claim_csp(tmp_path: Path) -> None:
     path = tmp_path / "cell.toml"
     path.write_text(cell_text("x", eds=write_eds(tmp_path, PP | HM), more=GROUP), encoding="utf-8")
     with Machine.simulated(path) as machine:

@@ -75,7 +75,7 @@ def test_a_number_must_hold_its_safe_state(tmp_path):
     assert "-32.768 to 32.767 V" in problem.observed
 
 
-def test_two_outputs_on_one_bit_are_told(tmp_path):
+def test_two_outputs_on_one_bit_are_reported(tmp_path):
     problem = only(tmp_path, f"[io.lamp]\n{LAMP}[io.horn]\n{LAMP}")
     assert "[io.lamp] and [io.horn] are the same output: 6200h:01 bit 3" in problem.message
     whole = '[io.all]\nnode = 5\nobject = "6200h:01"\nsafe = 0\n'
@@ -115,7 +115,7 @@ def test_an_input_that_would_never_come_is_refused(tmp_path, more):
     ("first", "module", "bus", "node"),
     [('on_lost = "report"', "", "", 1), ("", 'on_lost = "stop"', 'on_lost_node = "report"', 5)],
 )
-def test_an_on_lost_that_decides_nothing_is_told(tmp_path, first, module, bus, node):
+def test_an_on_lost_that_decides_nothing_is_reported(tmp_path, first, module, bus, node):
     path = tmp_path / "cell.toml"
     text = cell_text("x", bus=bus, more=f"{MODULE}{module}\n[io.lamp]\n{LAMP}")
     path.write_text(text.replace("[nodes.1]\n", f"[nodes.1]\n{first}\n"), encoding="utf-8")

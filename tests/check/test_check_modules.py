@@ -62,7 +62,7 @@ def test_what_its_port_has_no_place_for_is_an_error(tmp_path, more, words):
     assert any(words in each for each in errors(path))
 
 
-def test_it_is_homed_where_it_stands_alone(tmp_path):
+def test_a_module_can_only_be_homed_in_place(tmp_path):
     path = write(tmp_path, SIM)
     path.write_text(path.read_text().replace("method = 37", "method = 17"), "utf-8")
     assert any("does not have homing method 17" in each for each in errors(path))

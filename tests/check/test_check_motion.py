@@ -13,7 +13,7 @@ NO_MODES = ('modes = ["pp", "pv", "hm", "csp"]\n', "")
 # -- modes -----------------------------------------------------------------------------------------------------------
 
 
-def test_each_axis_is_told_what_it_can_run(tmp_path: Path) -> None:
+def test_check_notes_the_modes_that_each_axis_can_run(tmp_path: Path) -> None:
     path = cells.write(tmp_path, eds=cells.without("6071", "6087"))
     told = cells.note(path, "axis x can run")
     assert told.message == "axis x can run pp, pv, hm, csp"
@@ -440,7 +440,7 @@ def test_reactions_without_a_default_are_noted(tmp_path: Path) -> None:
     )
 
 
-def test_a_rung_of_the_ladder_is_long_enough_to_brake(tmp_path: Path) -> None:
+def test_a_step_of_the_stop_sequence_is_long_enough_to_brake(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ('halt_time = "2s"', 'halt_time = "150ms"'))
     problem = cells.only(path, "warning", 'halt_time = "150ms"')
     assert "200 mm/s with the default deceleration, 1000 mm/s², takes 0.2 s; after 0.15 s" in problem.observed
@@ -469,7 +469,7 @@ def test_a_quick_stop_is_as_slow_as_a_read_only_6085h(tmp_path: Path) -> None:
 # -- left out --------------------------------------------------------------------------------------------------------
 
 
-def test_missing_defaults_are_told_with_the_commands_that_need_them(tmp_path: Path) -> None:
+def test_missing_defaults_are_reported_with_the_commands_that_need_them(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ("velocity = 90.0\nacceleration = 720.0\n", ""))
     problem = cells.only(path, "warning", "[axes.y.defaults]")
     assert "axis y has no default velocity and acceleration" in problem.message
@@ -477,7 +477,7 @@ def test_missing_defaults_are_told_with_the_commands_that_need_them(tmp_path: Pa
     assert "add velocity = ..., acceleration = ... to [axes.y.defaults]" in problem.remedy
 
 
-def test_a_missing_acceleration_alone_is_told(tmp_path: Path) -> None:
+def test_a_missing_acceleration_alone_is_reported(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ("acceleration = 720.0\n", ""))
     problem = cells.only(path, "warning", "[axes.y.defaults]")
     assert "axis y has no default acceleration" in problem.message
@@ -507,7 +507,7 @@ def test_a_velocity_scale_alone_is_warned_of(tmp_path: Path) -> None:
     assert "velocity_scale is 60, acceleration is converted by 1000 increments per mm" in problem.observed
 
 
-def test_an_axis_in_increments_is_told_how_its_deadlines_are_made(tmp_path: Path) -> None:
+def test_the_deadlines_of_an_axis_in_increments_are_explained(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ('unit = "mm"\nscale = 1000', 'unit = "increments"'))
     limits, speed = cells.serious(path)
     assert limits.message == "axis x: position_limits is not kept in every mode"
@@ -566,7 +566,7 @@ def test_limits_in_drive_says_what_it_cannot_leave_there(tmp_path: Path) -> None
         ("following_error = 2.0", ""),
     ],
 )
-def test_what_is_not_watched_by_6062h_is_told(tmp_path: Path, line: str, told: str) -> None:
+def test_a_note_says_what_is_not_monitored_without_6062h(tmp_path: Path, line: str, told: str) -> None:
     """The bench's drive has no 6062h."""
     path = cells.write(tmp_path, ('unit = "deg"', f'unit = "deg"\n{line}'))
     found = [each for each in (*cells.notes(path), *cells.serious(path)) if "6062h" in each.message]

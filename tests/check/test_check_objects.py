@@ -56,7 +56,7 @@ def test_objects_are_named_by_index_or_name(tmp_path: Path, written: str) -> Non
         ('"1A00" = 0', "must not write 1A00h:00", "[nodes.N.pdo.tpdo1]"),
     ],
 )
-def test_what_cannot_or_must_not_be_written_is_told(
+def test_what_cannot_or_must_not_be_written_is_reported(
     tmp_path: Path, written: str, words: str, remedy: str
 ) -> None:
     problem = cells.only(cells.write(tmp_path, setting(written)), "error", written)
@@ -65,7 +65,7 @@ def test_what_cannot_or_must_not_be_written_is_told(
     assert remedy in problem.remedy
 
 
-def test_the_line_of_the_eds_is_told_where_it_forbids(tmp_path: Path) -> None:
+def test_the_line_of_the_eds_is_reported_where_it_forbids(tmp_path: Path) -> None:
     path = cells.write(tmp_path, setting('"6064" = 5'))
     line = cells.line_of(tmp_path / "drive.eds", "[6064]")
     assert f"drive.eds:{line}: its access is ro" in cells.serious(path)[0].observed
@@ -166,7 +166,7 @@ def test_a_map_names_objects_as_everywhere(tmp_path: Path, written: str) -> None
         ('["6077", "6077"]', "warning", "maps 6077h:00 (Torque actual value) more than once", ""),
     ],
 )
-def test_what_cannot_be_mapped_is_told(
+def test_what_cannot_be_mapped_is_reported(
     tmp_path: Path, written: str, severity: str, words: str, observed: str
 ) -> None:
     problem = cells.only(cells.write(tmp_path, (MAP, f"map = {written}")), severity, f"map = {written}")
@@ -254,7 +254,7 @@ def test_communication_parameters_are_there_and_can_be_written(tmp_path: Path) -
     assert "does not have 1801h:05" in problem.observed
 
 
-def test_a_fixed_cob_id_is_told(tmp_path: Path) -> None:
+def test_a_fixed_cob_id_is_reported(tmp_path: Path) -> None:
     path = cells.write(
         tmp_path, ("transmission = 1", "cob_id = 0x3F1"), eds=cells.entry("1801sub1", AccessType="const")
     )
@@ -317,7 +317,7 @@ def test_an_rpdo_has_no_inhibit_time(tmp_path: Path) -> None:
         ("0x082", "EMCY of node 2"),
     ],
 )
-def test_two_producers_of_one_cob_id_are_told(tmp_path: Path, cob_id: str, other: str) -> None:
+def test_two_producers_of_one_cob_id_are_reported(tmp_path: Path, cob_id: str, other: str) -> None:
     path = cells.write(tmp_path, ("transmission = 1", f"cob_id = {cob_id}"))
     found = cells.serious(path)
     assert [each.severity.value for each in found] == ["error"]

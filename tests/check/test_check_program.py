@@ -87,7 +87,7 @@ def test_values_that_cannot_be(lines, words):
     assert words in str(problems[0])
 
 
-def test_a_key_that_stands_in_the_table_of_the_node_is_sent_to_its_own():
+def test_an_object_key_in_the_table_of_the_node_is_written_to_that_node():
     _, problems = reader.loads(
         "[bus]\ninterface = 'sim'\nscan_period = '4ms'\n[nodes.1]\neds = 'x.eds'\ndownload = true\n"
     )
@@ -145,7 +145,7 @@ def test_a_file_that_is_never_used_is_noted(tmp_path):
     assert "never replaced" in cells.note(path, "the file of its program is not used").observed
 
 
-def test_a_file_that_vanishes_between_check_and_boot_is_told_with_its_line(tmp_path):
+def test_a_file_that_vanishes_between_check_and_boot_is_reported_with_its_line(tmp_path):
     path = cell(tmp_path, DATE + "file = 'firmware.bin'\ndownload = true\n")
     made = reader.load(path)
     (tmp_path / "firmware.bin").unlink()

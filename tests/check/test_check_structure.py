@@ -28,7 +28,7 @@ def test_a_file_that_is_no_toml_is_one_problem(tmp_path: Path) -> None:
     assert 'scan_period = "4ms"' in problem.remedy
 
 
-def test_slips_and_contradictions_are_told_together(tmp_path: Path) -> None:
+def test_slips_and_contradictions_are_reported_together(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ("sync = true", "sink = true"), ("velocity = 100.0", "velocity = 300.0"))
     assert [problem.line for problem in cells.serious(path)] == [
         cells.line_of(path, "sink = true"),
@@ -131,7 +131,7 @@ def test_a_missing_eds_names_the_files_that_are_there(tmp_path: Path) -> None:
     assert "drive.eds" in problem.remedy
 
 
-def test_an_eds_that_serves_several_nodes_is_told_once(tmp_path: Path) -> None:
+def test_an_eds_that_serves_several_nodes_is_reported_once(tmp_path: Path) -> None:
     path = cells.write(tmp_path)
     (tmp_path / "drive.eds").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(100))
     (problem,) = cells.serious(path)
@@ -187,7 +187,7 @@ def test_a_node_with_axes_is_a_cia_402_device(
     assert f"profile {profile}, not 402" in found[0].observed
 
 
-def test_a_device_that_does_not_say_what_it_is_is_noted(tmp_path: Path) -> None:
+def test_a_device_without_a_device_type_is_noted(tmp_path: Path) -> None:
     path = cells.write(tmp_path, eds=cells.entry("1000", DefaultValue=""))
     assert cells.serious(path) == []
     assert len([each for each in cells.notes(path) if "the type of device" in each.message]) == 2

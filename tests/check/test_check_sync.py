@@ -79,7 +79,7 @@ def test_sync_keeps_off_the_restricted_identifiers(tmp_path: Path, cob_id: str) 
     assert "by default 080h" in problem.remedy
 
 
-def test_sync_on_the_identifier_of_a_pdo_is_told(tmp_path: Path) -> None:
+def test_sync_on_the_identifier_of_a_pdo_is_reported(tmp_path: Path) -> None:
     found = cells.serious(cells.write(tmp_path, bus("sync_cob_id = 0x181")))
     assert any(
         "181h is produced twice: SYNC of the master and TPDO1 of node 1" in str(each) for each in found
@@ -200,7 +200,7 @@ def test_the_producers_period_is_that_of_the_scan(tmp_path: Path, period: str, w
         assert cells.serious(path) == []
 
 
-def test_what_is_asked_for_counts_in_the_bus_load(tmp_path: Path) -> None:
+def test_requested_pdos_count_in_the_bus_load(tmp_path: Path) -> None:
     """Every 100 ms in cycles of 4 ms: 0.04 of a TPDO of 6 bytes and of a remote frame."""
     told = cells.note(cells.write(tmp_path, (PDO, 'transmission = 253\nrtr = "100ms"')), "the bus load is")
     assert "0.04 remote frame x 55" in told.observed

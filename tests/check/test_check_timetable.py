@@ -109,7 +109,7 @@ def test_a_remote_request_takes_the_wire_as_well(tmp_path):
     assert [(slot.name, slot.data_bytes, slot.share) for slot in asked] == [("TPDO2", 0, 0.25)]
 
 
-def test_identifiers_of_29_bits_give_way_to_those_of_11_that_begin_alike():
+def test_identifiers_of_29_bits_lose_arbitration_against_equal_ones_of_11_bits():
     ids = [0x181, 0x181 << 18, (0x181 << 18) + 1, 0x182]
     slots = [CycleSlot(can_id, "TPDO", 1, "TPDO1", (), 8) for can_id in reversed(ids)]
     assert [slot.can_id for slot in sorted(slots, key=lambda slot: slot.rank)] == ids

@@ -115,7 +115,7 @@ def test_a_crowded_incident_recovers_too() -> None:
         st.tuples(st.floats(0.0, 0.3), st.sampled_from([0, 0x2310, 0x8130]), st.sampled_from([0, 1, 0x11]))
     )
 )
-def test_no_message_is_lost_or_told_twice(steps: list[tuple[float, int, int]]) -> None:
+def test_no_message_is_lost_or_reported_twice(steps: list[tuple[float, int, int]]) -> None:
     now, messages = 0.0, []
     for step, code, register in steps[:20]:
         now += step
@@ -171,7 +171,7 @@ TIMES = [
 
 
 @pytest.mark.parametrize(("moment", "frame"), TIMES)
-def test_time_of_day_both_ways(moment: datetime, frame: str) -> None:
+def test_time_of_day_is_encoded_and_decoded(moment: datetime, frame: str) -> None:
     assert TimeOfDay.of(moment).encode() == bytes.fromhex(frame)
     read = parse_time(bytes.fromhex(frame))
     assert read is not None
@@ -197,5 +197,5 @@ def test_the_four_void_bits_count_for_nothing() -> None:
 
 
 @pytest.mark.parametrize("frame", ["", "00 00 00 00 01", "00 5c 26 05 01 00"])
-def test_a_time_that_is_too_short_or_past_midnight_is_none(frame: str) -> None:
+def test_a_time_that_is_too_short_or_past_midnight_is_ignored(frame: str) -> None:
     assert parse_time(bytes.fromhex(frame)) is None

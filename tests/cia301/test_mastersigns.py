@@ -74,7 +74,7 @@ FRAMES = st.builds(
 
 
 @given(st.lists(FRAMES, max_size=40))
-def test_whatever_comes_is_counted_once_and_can_be_told(frames: list[CanFrame]) -> None:
+def test_whatever_comes_is_counted_once_and_can_be_reported(frames: list[CanFrame]) -> None:
     signs = MasterDetector(CAST)
     for frame in sorted(frames):
         signs.note(frame)

@@ -198,7 +198,7 @@ def test_letter_g_a_node_that_does_not_say_which_program_it_has(subindex):
 
 
 @pytest.mark.parametrize("data", [None, b""])
-def test_letter_g_a_replacement_is_allowed_and_there_is_none(data):
+def test_letter_g_a_replacement_is_allowed_but_no_file_is_given(data):
     loader = Loader()
     outcome = boot(loader, data=data)
     assert (outcome.letter, outcome.address) == (b.Letter.G, (0x1F52, 1))
@@ -224,7 +224,7 @@ def test_letter_h_another_program_is_never_replaced_without_leave(found, subinde
     assert untouched(loader)
 
 
-def test_a_node_that_must_not_be_disturbed_keeps_its_program_and_it_is_told():
+def test_a_node_that_must_not_be_disturbed_keeps_its_program_and_it_is_reported():
     loader = Loader()
     loader.may_disturb = False
     outcome = boot(loader)
@@ -316,7 +316,7 @@ def test_a_transfer_that_broke_down_is_repeated_only_after_stop_and_clear_and_la
     assert outcome.retries == 2
 
 
-def test_a_new_program_may_bring_another_revision_where_none_is_expected():
+def test_a_new_program_may_change_the_revision_if_none_is_expected():
     loader = Loader()
     outcome = revised(loader, {**IDENTITY, (0x1018, 3): b.Expected(0x20000, mask=0)})
     assert outcome.ok
@@ -424,7 +424,7 @@ def test_letter_i_an_order_that_is_refused(order, stage):
     assert NmtCommand.START not in loader.commands()
 
 
-def test_a_refused_order_is_none_where_it_has_nothing_left_to_do():
+def test_a_refused_program_command_is_no_failure_if_there_was_nothing_to_do():
     loader = Loader()  # as after a download that was cut short: no program, and nothing to stop
     loader.control, loader.version = 3, (0, 0)
     loader.control_refused = {0: REFUSED, 3: REFUSED}
@@ -446,7 +446,7 @@ def test_letter_i_the_transfer_breaks_down_each_time():
     assert failed(boot(loader), ProgramStage.TRANSFER, (0x1F50, 1)).tries == 3
 
 
-def test_letter_i_a_node_that_dies_in_mid_transfer_is_told_as_that():
+def test_letter_i_a_node_that_dies_in_mid_transfer_is_reported_as_that():
     loader = Loader()
 
     def spoil(request: b.Request, answer: b.Answer) -> b.Answer:
@@ -477,7 +477,7 @@ def test_letter_i_the_memory_says_an_error(value, words):
     assert 1 not in loader.orders()
 
 
-def test_an_error_that_the_memory_says_of_the_cleared_program_is_none():
+def test_a_memory_error_of_the_cleared_program_is_ignored():
     loader = Loader()
     loader.flash = 0x02  # no valid program
     assert boot(loader).ok

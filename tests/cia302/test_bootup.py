@@ -137,7 +137,7 @@ def test_letter_f_a_node_without_heartbeat_that_does_not_answer_guarding():
     assert NmtCommand.START not in slave.commands()
 
 
-def test_a_node_whose_life_time_runs_is_not_asked_by_guarding_before_somebody_goes_on_asking():
+def test_a_node_whose_life_time_runs_is_not_guarded_before_guarding_is_going_to_continue():
     slave = Slave()
     del slave.objects[0x1017, 0]
     slave.objects |= {(0x100C, 0): 100, (0x100D, 0): 3}

@@ -63,7 +63,7 @@ def test_a_slave_that_answers_on_is_reported_with_its_whole_address_which_it_con
         (0xC0B00, 9, 1, 4711),
     ],
 )
-def test_the_search_goes_on_for_others_before_and_behind_it(stack: type[HandSlave], other: Numbers) -> None:
+def test_the_search_continues_for_others_before_and_behind_it(stack: type[HandSlave], other: Numbers) -> None:
     line = Line(stack(0xC0B00, 8, 1, 4711), HandSlave(*other))
     found = scan(line)
     assert ids(found) == sorted([other, (0xC0B00, 8, 1, 4711)])
@@ -161,7 +161,7 @@ def test_well_behaved_slaves_are_in_configuration_at_the_end_and_nobody_was_chan
     assert {slave.pending for slave in (stubborn, good)} == {255}
 
 
-def test_a_slave_that_has_a_node_id_and_answers_all_the_same_is_told_apart() -> None:
+def test_a_slave_that_has_a_node_id_and_answers_all_the_same_is_distinguished() -> None:
     configured = AnswersOn(1, 2, 3, 4)
     hear = configured._fastscan
     line = Line(configured)
@@ -177,14 +177,14 @@ def test_a_slave_that_has_a_node_id_and_answers_all_the_same_is_told_apart() -> 
     assert (one.answers_on, one.node_id, one.has_node_id) == (True, 5, True)
 
 
-def test_a_slave_that_does_not_tell_its_numbers_is_reported_as_not_checked() -> None:
+def test_a_slave_that_does_not_report_its_numbers_is_reported_as_not_checked() -> None:
     slave = AnswersOn(1, 2, 3, 4)
     slave.deaf_for = {0x5A, 0x5B, 0x5C, 0x5D}
     (one,) = scan(Line(slave)).slaves
     assert (one.check, one.node_id) == (Check.SILENT, 255)
 
 
-def test_a_slave_that_tells_other_numbers_is_reported_so() -> None:
+def test_a_slave_that_reports_other_numbers_is_reported_so() -> None:
     slave = AnswersOn(1, 2, 3, 4)
     slave.errors[0x5D] = (9, 9)
     (one,) = scan(Line(slave)).slaves
@@ -220,7 +220,7 @@ def test_a_slave_that_answers_whatever_is_asked_ends_the_search_with_a_reason_an
     assert line.now < 60.0
 
 
-def test_a_slave_that_contradicts_itself_is_told_by_the_range_that_it_is_in() -> None:
+def test_a_slave_that_contradicts_itself_is_reported_by_the_range_that_it_is_in() -> None:
     class Liar(HandSlave):
         """Says that it is in a branch, and in neither half of it."""
 

@@ -72,7 +72,7 @@ def test_inquiring_by_name_and_as_the_only_one() -> None:
     assert (told.address, told.node_id, told.configured) == (ADDRESS, 255, False)
 
 
-def test_an_older_slave_that_does_not_tell_its_node_id() -> None:
+def test_an_older_slave_that_does_not_report_its_node_id() -> None:
     one = slave(node_id=3)
     one.deaf_for = {0x5E, 0x5D}
     assert Line(one).run(master.inquire(AdaptiveLssTimeout(), ADDRESS)) == Inquired(ADDRESS, None)
@@ -146,7 +146,7 @@ def test_a_service_that_the_slave_does_not_have() -> None:
     assert line.now < 20.0
 
 
-def test_a_bit_rate_is_told_slave_by_slave_and_activated_together() -> None:
+def test_a_bit_rate_is_reported_slave_by_slave_and_activated_together() -> None:
     slaves = [slave(serial) for serial in (1, 2, 3)]
     line = Line(*slaves)
     named = [other(1), other(3)]
@@ -181,7 +181,7 @@ def test_gathering_for_an_activation_survives_a_lost_frame(lost: int) -> None:
     assert [one.activated for one in slaves] == [500, 500]
 
 
-def test_a_bit_rate_that_one_refuses_is_told_with_its_name() -> None:
+def test_a_bit_rate_that_one_refuses_is_reported_with_its_name() -> None:
     first, second = slave(1), slave(2)
     second.errors[0x13] = (1, 0)
     with pytest.raises(LssRefused, match="0x2 refused configure bit timing: the slave does not support"):
@@ -216,6 +216,6 @@ def test_identifying_asks_for_ranges_and_changes_nothing() -> None:
         line.run(master.identify(AdaptiveLssTimeout(), LssAddress(1, 8, 0, 0), LssAddress(2, 8, 0, 0)))
 
 
-def test_whether_anybody_has_no_node_id() -> None:
+def test_ask_whether_any_slave_has_no_node_id() -> None:
     assert Line(slave(1, node_id=3), slave(2)).run(master.any_unconfigured(AdaptiveLssTimeout()))
     assert not Line(slave(1, node_id=3)).run(master.any_unconfigured(AdaptiveLssTimeout()))

@@ -144,7 +144,7 @@ def test_a_slave_that_grows_slow_in_the_middle_is_still_found() -> None:
     assert ids(scan(line)) == [slave.id]
 
 
-def test_a_slow_slave_beside_a_quick_one() -> None:
+def test_a_slow_slave_and_a_fast_one_are_both_found() -> None:
     quick, slow = HandSlave(3, 1, 1, 0x0F0F), HandSlave(3, 1, 1, 0xF0F0)
     slow.delay = 0.03
     assert ids(scan(Line(quick, slow))) == [quick.id, slow.id]
@@ -193,7 +193,7 @@ def test_two_slaves_with_one_identity_are_reported_as_such() -> None:
     assert found.twins
 
 
-def test_a_slave_that_is_pulled_out_in_the_middle_is_told() -> None:
+def test_a_slave_that_is_pulled_out_in_the_middle_is_reported() -> None:
     slave = HandSlave(0xFFFF, 2, 3, 4)
 
     def pulled(number: int) -> bool:
@@ -253,7 +253,7 @@ def test_a_second_answer_that_was_only_late_makes_no_twin() -> None:
     assert (found.address.parts, found.twins) == (slave.id, False)
 
 
-def test_progress_is_told_in_bits() -> None:
+def test_progress_is_reported_in_bits() -> None:
     line = Line(HandSlave(1, 2, 3, 4), HandSlave(1, 2, 3, 5))
     scan(line)
     assert max(bits for _, bits in line.progress) == 128

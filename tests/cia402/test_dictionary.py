@@ -64,7 +64,7 @@ def test_all_the_types_that_an_entry_may_have_are_known(address, types):
 
 
 @pytest.mark.parametrize("index", [0x1018, 0x6046])
-def test_a_record_and_an_array_of_several_types_have_none_of_their_own(index):
+def test_a_record_or_array_of_several_types_has_no_type_of_its_own(index):
     assert dictionary.whole(index).data_types == ()
 
 

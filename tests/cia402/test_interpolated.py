@@ -114,7 +114,7 @@ def test_a_standing_drive_has_the_word_without_it_before_the_other_mode() -> Non
         assert not any(bit for _, bit in asked)
 
 
-def test_a_moving_drive_is_led_on_until_it_has_left_and_its_new_mode_is_told_later() -> None:
+def test_a_moving_drive_keeps_getting_targets_until_it_has_left_the_mode() -> None:
     bench = Bench().led()
     for target in (40, 50, 60):
         assert bench.cycle(target=target, mode=PP) == (CSP, True)
@@ -127,7 +127,7 @@ def test_a_moving_drive_is_led_on_until_it_has_left_and_its_new_mode_is_told_lat
     assert bench.cycle(word=ON | BIT_4, target=99) == (PP, True)  # its own edge
 
 
-def test_a_drive_that_leaves_by_itself_is_told_at_once() -> None:
+def test_a_drive_that_leaves_by_itself_is_reported_at_once() -> None:
     bench = Bench().led()
     bench.drive.mode = PP
     assert bench.cycle(target=40) == (PP, False)

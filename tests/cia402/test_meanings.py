@@ -11,7 +11,7 @@ def rows(index, subindex, key):
 
 
 @pytest.mark.parametrize("option", options.ALL, ids=lambda option: option.key)
-def test_an_option_is_told_as_its_table_has_it(option):
+def test_an_option_is_reported_as_its_table_has_it(option):
     (table,) = rows(option.index, option.subindex, "value")
     assert table
     assert {value: value_texts.words(option.index, option.subindex, int(value)) for value in table} == table
@@ -81,7 +81,7 @@ def test_one_value_in_words(address, value, text):
         ((0x60FD, 0), ["0", "1", "2", "3", "4-15", "16-31"]),
     ],
 )
-def test_the_bits_of_an_object_are_told_each_once_in_their_order(address, bits):
+def test_the_bits_of_an_object_are_reported_each_once_in_their_order(address, bits):
     (table,) = [table for table in value_texts.tables(*address) if table.key == "bit"]
     assert [bit for bit, _ in table.rows] == bits
 
@@ -177,7 +177,7 @@ def test_what_each_bit_says(address, texts):
     assert rows(*address, "bit") == [texts]
 
 
-def test_the_commands_and_the_states_are_told_by_their_words():
+def test_the_commands_and_the_states_are_reported_by_their_words():
     (commands,) = rows(0x6040, 0, "controlword")
     assert commands == {
         "0x0000": "disable voltage",
@@ -201,7 +201,7 @@ def test_the_commands_and_the_states_are_told_by_their_words():
 
 
 @pytest.mark.parametrize("index", [0x6060, 0x6061])
-def test_the_modes_are_told_by_their_numbers(index):
+def test_the_modes_are_reported_by_their_numbers(index):
     assert rows(index, 0, "value") == [
         {
             "0": "no mode",
@@ -230,7 +230,7 @@ def test_homing_methods_that_look_for_the_same_share_a_row():
     assert methods["37"] == value_texts.words(0x6098, 0, 37)
 
 
-def test_what_is_written_to_store_and_to_restore_is_told_as_a_number():
+def test_the_save_and_load_signatures_are_shown_as_numbers():
     assert rows(0x1010, 1, "value") == [{"0x65766173": 'stores: the letters "save"'}]
     assert rows(0x1011, 1, "value") == [{"0x64616F6C": 'restores: the letters "load"'}]
     assert value_texts.words(0x1010, 1, 0x6576_6174) == ""

@@ -192,7 +192,7 @@ def test_a_mode_that_is_not_in_the_standard_keeps_its_number(value, name, text):
     assert (mode, mode.value, mode.name, mode.text, modes.short(mode)) == (value, value, name, text, text)
 
 
-def test_what_is_no_number_is_no_mode():
+def test_an_invalid_number_is_no_mode():
     with pytest.raises(ValueError, match="pp"):
         ModeOfOperation("pp")
 
@@ -239,7 +239,7 @@ def test_what_each_homing_method_looks_for(row):
     assert ("home" if "actual" in row["looks for"] else "") in text
 
 
-def test_only_methods_35_and_37_find_home_where_the_axis_stands():
+def test_only_methods_35_and_37_home_in_place():
     assert [method for method in range(-128, 128) if method in homing.IN_PLACE] == [35, 37]
 
 
@@ -305,7 +305,7 @@ def test_what_commands_any_axis_is_an_order(axis):
     assert all("commands the drive" in order(index + axis * 0x800) for index in MOVING)
 
 
-def test_what_acts_at_once_on_the_communication_is_an_order():
+def test_objects_that_act_on_the_communication_at_once_are_commands():
     told = {index: order(index) for index in (*range(0x6000), *range(0xA000, 0x10000))}
     orders = [index for index, text in told.items() if text]
     assert orders == [
@@ -395,7 +395,7 @@ def test_more_than_the_window_cannot_be_missing_and_little_is_not_worth_a_word()
     assert just.missing(1.0) == 0.1
 
 
-def test_what_was_not_late_takes_no_room():
+def test_nodes_that_were_not_late_need_no_space():
     lately = Starvation()
     lately.note(1.0, 0.5)
     for _ in range(1000):

@@ -196,7 +196,7 @@ def test_calibration_stays_unless_it_is_named():
     assert (0x2001, 0) in {each.key for each in select(DCF, NODE, make, include=[(0x2001, 0)]).items}
 
 
-def test_what_is_named_must_have_a_value():
+def test_an_object_that_is_named_must_have_a_value():
     with pytest.raises(ArgumentError, match="gives no value for 5FFFh:00"):
         select(DCF, NODE, GENERIC, exclude=[(0x5FFF, 0)])
 
@@ -403,7 +403,7 @@ class Mute(StrictDevice):
         return super().upload(index, subindex)
 
 
-def test_what_cannot_be_read_is_written_once_and_told_as_not_verified():
+def test_what_cannot_be_read_is_written_once_and_reported_as_not_verified():
     device = Mute(FACTORY)
     report = _run(device)
     (blind,) = report.of(ValueEnd.UNVERIFIED)
@@ -431,7 +431,7 @@ def test_a_value_that_is_rounded_is_no_success():
     assert failed.reason == "it was accepted, and reads back another value"
 
 
-def test_progress_is_told_for_reading_and_writing():
+def test_progress_is_reported_for_reading_and_writing():
     told = []
     device = StrictDevice(FACTORY)
     Restore(device, SELECTION, lambda *each: told.append(each)).run()

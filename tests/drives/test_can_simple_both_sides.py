@@ -103,7 +103,7 @@ def test_a_velocity_is_turned_with_and_read_back():
     assert not bench.module.energised
 
 
-def test_an_emergency_stop_is_told_by_both_error_words():
+def test_an_emergency_stop_is_reported_by_both_error_words():
     bench = Bench()
     enabled(bench, 3, 1)
     order(bench, "Estop")
@@ -126,7 +126,7 @@ def test_every_error_word_is_asked_for_and_answered(which):
     assert error_query.read(5, answer.data, which) == 0
 
 
-def test_mit_control_leads_the_output_where_it_says():
+def test_mit_control_moves_the_output_to_the_commanded_position():
     bench = Bench()
     enabled(bench, 3, 9)
     packed = mit.pack(5, mit.MitCommand(position=1.0, velocity=0.0, kp=60.0, kd=2.0, torque=0.0))

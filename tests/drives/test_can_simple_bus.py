@@ -49,7 +49,7 @@ def test_configured_identifiers_count_too():
 
 
 @pytest.mark.parametrize(("simple", "canopen"), [([64], [1]), ([0], [128]), ([0], [0])])
-def test_what_is_no_node_is_refused(simple, canopen):
+def test_an_invalid_node_id_is_refused(simple, canopen):
     with pytest.raises(ArgumentError, match="is not a node ID"):
         clashes(simple, canopen)
 
@@ -77,7 +77,7 @@ def test_every_bit_is_explained_and_says_what_to_check(fault):
     assert "200A" not in line  # an object of CANopen is of no use there
 
 
-def test_an_error_word_is_told_bit_by_bit():
+def test_an_error_word_is_reported_bit_by_bit():
     lines = faults.words("axis", 0x0010_0040)
     assert [line.split(":")[0] for line in lines] == ["axis MOTOR_FAILED", "axis CAN_BUS_FAILED"]
     assert "can.config.break_timeout" in lines[1]

@@ -97,7 +97,7 @@ def test_a_list_is_read_whole():
         ),
     ],
 )
-def test_what_is_no_list_is_refused_with_its_place(document, text):
+def test_an_invalid_list_is_refused_with_the_location(document, text):
     with pytest.raises(ArgumentError, match=text) as refused:
         parse(document, "list.json")
     assert str(refused.value).startswith("list.json: ")
@@ -195,7 +195,7 @@ def test_an_answer_comes_on_either_identifier(can_id):
 @pytest.mark.parametrize(
     ("can_id", "data"), [(0x0A4, "00 02 00"), (0x0A4, "09" + " 00" * 7), (0x0A9, "00" * 8), (0x0B5, "00" * 8)]
 )
-def test_an_answer_that_is_none(can_id, data):
+def test_an_invalid_answer_is_refused(can_id, data):
     assert isinstance(wire.answer(can_id, bytes.fromhex(data)), Unexpected)
 
 
@@ -230,7 +230,7 @@ def test_what_cannot_be_is_refused(act, text):
         act()
 
 
-def test_what_is_protected_is_written_when_it_is_named():
+def test_a_protected_parameter_is_written_if_it_is_named():
     assert (
         wire.write(1, FITTED, "can.config.protocol", 2, by_name=True).data.hex(" ")
         == "01 46 00 00 02 00 00 00"

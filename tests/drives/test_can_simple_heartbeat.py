@@ -33,7 +33,7 @@ def beat(tail, *, error=0, state=8):
         ("70 00 10", set(), (None, None, None, None), None, None),
     ],
 )
-def test_one_frame_is_told_as_far_as_its_bytes_allow(tail, layouts, faults, done, life):
+def test_one_frame_is_reported_as_far_as_its_bytes_allow(tail, layouts, faults, done, life):
     found = read(1, beat(tail))
     assert (found.axis_error, found.state) == (0, 8)
     assert found.layouts == layouts
@@ -67,7 +67,7 @@ def test_a_counter_that_counts_is_a_later_layout():
     assert (watched.last.life, watched.missed, watched.heard) == (2, 0, 3)
 
 
-def test_a_byte_that_stands_is_no_counter():
+def test_a_constant_byte_is_not_a_counter():
     watched = heard(["00 00 80"] * 4)
     assert watched.layouts == {FIRST}
     assert watched.last.trajectory_done is True
@@ -77,7 +77,7 @@ def test_a_frame_that_comes_twice_proves_nothing():
     assert heard(["00 00 02", "00 00 03", "00 00 03", "00 00 04"]).layouts == {COUNTED, NEWEST}
 
 
-def test_other_firmware_after_a_restart_is_learned_anew():
+def test_other_firmware_after_a_restart_is_learned_again():
     assert heard(["00 00 80"] * 4 + ["80 00 02", "80 00 03"]).layouts == {COUNTED, NEWEST}
 
 

@@ -188,7 +188,7 @@ def test_a_short_answer_is_a_value_that_says_so(message):
         ),
     ],
 )
-def test_foreign_traffic_is_told_and_not_taken(identifier, data, words):
+def test_foreign_traffic_is_reported_and_not_taken(identifier, data, words):
     assert codec.decode(identifier, bytes.fromhex(data), from_module=True).words == words
 
 
@@ -242,7 +242,7 @@ def test_no_other_message_is_asked_for_emptily(message):
         ("RxSdo", {}, ArgumentError, "use endpoint_messages"),
     ],
 )
-def test_what_is_not_sent_is_refused_with_a_reason(name, values, error, text):
+def test_a_message_that_must_not_be_sent_is_refused_with_a_reason(name, values, error, text):
     with pytest.raises(error, match=text) as refused:
         codec.encode(1, named(name), values)
     assert isinstance(refused.value, ArgumentError)

@@ -56,7 +56,7 @@ def test_no_caller_makes_a_frame_of_zeros_by_hand(node, data, remote):
     assert Outgoing(node << 5 | 9, data, remote).data == data
 
 
-def test_what_keeps_it_from_zeros_has_no_effect_and_is_told():
+def test_what_keeps_it_from_zeros_has_no_effect_and_is_reported():
     packed = mit.pack(1, MitCommand(-12.5, -65, 0, 0, -50))
     assert packed.frame.data == bytes.fromhex("00 00 00 10 00 00 00 00")
     assert packed.clipped == ()
@@ -66,7 +66,7 @@ def test_what_keeps_it_from_zeros_has_no_effect_and_is_told():
 
 
 @given(values, values, values, values, values, ranges)
-def test_a_value_comes_back_within_half_a_step_or_is_told(position, velocity, kp, kd, torque, ranges):
+def test_a_value_comes_back_within_half_a_step_or_is_reported(position, velocity, kp, kd, torque, ranges):
     command = MitCommand(position, velocity, kp, kd, torque)
     packed = mit.pack(7, command, ranges)
     back = mit.unpack(7, packed.frame.data, ranges)
@@ -94,7 +94,7 @@ def test_a_position_beyond_the_range_does_not_wrap(beyond, wrapped):
 @pytest.mark.parametrize(
     ("name", "wild"), list(product(NAMES, [math.nan, math.inf, -math.inf, True, "1", None]))
 )
-def test_what_is_no_number_is_refused(name, wild):
+def test_a_value_that_is_not_a_number_is_refused(name, wild):
     with pytest.raises(ArgumentError, match=name):
         MitCommand(**{**dict.fromkeys(NAMES, 0.0), name: wild})
 
@@ -125,7 +125,7 @@ def test_the_answer(padding):
     ("data", "reason"),
     [("05 8A 3D 83 F8", Reason.LENGTH), ("06 8A 3D 83 F8 7A 00 00", Reason.WRONG_NODE), ("", Reason.LENGTH)],
 )
-def test_an_answer_that_is_none(data, reason):
+def test_an_invalid_answer_is_refused(data, reason):
     found = mit.read(5, bytes.fromhex(data))
     assert isinstance(found, Unexpected)
     assert found.reason is reason

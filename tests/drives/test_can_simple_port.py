@@ -102,7 +102,7 @@ def test_operation_enabled_is_shown_by_the_heartbeat_alone(made):
     assert any(state == 8 for time, state in r.cycle.states if time > begun)
 
 
-def test_a_module_that_does_not_go_to_closed_loop_is_told_and_let_go(made):
+def test_a_module_that_does_not_go_to_closed_loop_is_reported_and_let_go(made):
     r = made(module=module(wont_start=True))
     with pytest.raises(TransitionError, match="does not change from 'switched on'"):
         r.axis.enable().wait(5)
@@ -289,7 +289,7 @@ def test_without_a_torque_constant_there_are_no_torques(made):
     assert TORQUE not in r.commands()
 
 
-def test_homing_tells_the_module_nothing_and_moves_nothing(made):
+def test_homing_sends_nothing_to_the_module_and_moves_nothing(made):
     r = made(module=module(motor=MotorParams(start_position=5000.0))).enabled()
     r.axis.move_relative(20.0).wait(5)
     since = r.now
@@ -343,7 +343,7 @@ def test_a_quick_stop_is_velocity_0_on_the_modules_ramp(made, holds):
     assert (v0 - v1) / (t1 - t0) == pytest.approx(40.0, rel=0.1)  # vel_ramp_rate
 
 
-def test_after_a_quick_stop_that_holds_it_goes_on_when_enabled(made):
+def test_after_a_quick_stop_that_holds_it_continues_when_enabled(made):
     r = made(settings=replace(SETTINGS, quick_stop_holds=True), quick_stop_holds=True).enabled()
     r.axis.move_relative(90.0)
     r.run(0.4)
@@ -356,7 +356,7 @@ def test_after_a_quick_stop_that_holds_it_goes_on_when_enabled(made):
     r.axis.move_relative(10.0).wait(5)
 
 
-def test_the_last_rung_is_estop_which_latches_until_a_reset(made):
+def test_the_last_step_is_estop_which_latches_until_a_reset(made):
     r = made().enabled()
     r.axis.move_velocity(45.0).wait(5)
     r.cycle.lose = lambda side, command, _: side == "master" and command in (VEL, MODE, SET_STATE)
@@ -394,7 +394,7 @@ def test_when_the_scan_dies_what_it_sends_brakes(made, doing):
     assert r.module.position == pytest.approx(place, abs=0.01)
 
 
-def test_nothing_is_sent_to_a_module_that_is_not_led_when_the_scan_dies(made):
+def test_when_the_scan_dies_nothing_is_sent_to_a_module_that_was_not_commanded(made):
     r = made()
     assert r.port.stop_frames() == []
     r.axis.enable()
@@ -408,7 +408,7 @@ def test_nothing_is_sent_to_a_module_that_is_not_led_when_the_scan_dies(made):
 
 
 @pytest.mark.parametrize("doing", ["pp", "csp", "pv"])
-def test_without_a_master_positions_hold_and_a_velocity_goes_on(made, doing):
+def test_without_a_master_positions_hold_and_a_velocity_continues(made, doing):
     """What a dead master leaves; the velocity is why ``break_timeout`` is worth arming, and why stop frames are sent."""
     r = homed(made("a", groups={"all": ["m", "a"]}))
     if doing == "pp":
@@ -491,7 +491,7 @@ def test_a_module_that_is_not_ours_is_not_fed(made):
 # -- faults and losses -----------------------------------------------------------------------------------------------------------
 
 
-def test_a_fault_is_told_with_every_word_and_can_be_reset(made):
+def test_a_fault_is_reported_with_every_word_and_can_be_reset(made):
     r = homed(made())
     handle = r.axis.move_absolute(720.0)
     r.run(0.6)
@@ -548,7 +548,7 @@ def test_zeros_of_a_module_that_lets_go_are_no_position(made):
 
 
 @pytest.mark.parametrize("turn", [0.2, -0.3, 3.3, -7.9])
-def test_what_is_turned_by_hand_without_power_is_counted(made, turn):
+def test_a_rotor_turned_by_hand_without_power_is_counted(made, turn):
     r = homed(made())
     r.axis.move_absolute(100.0).wait(5)
     r.axis.disable().wait(5)
@@ -611,7 +611,7 @@ def test_a_heartbeat_that_stops_is_a_lost_node_and_the_axis_is_stopped(made):
     r.axis.enable().wait(5)
 
 
-def test_single_heartbeats_that_are_lost_are_told_and_harm_nothing(made):
+def test_single_heartbeats_that_are_lost_are_reported_and_harm_nothing(made):
     r = homed(made())
     lost = iter([True, False, False] * 100)
     r.cycle.lose = lambda side, command, _: side == "module" and command == 1 and next(lost)
@@ -621,7 +621,7 @@ def test_single_heartbeats_that_are_lost_are_told_and_harm_nothing(made):
 
 
 @pytest.mark.parametrize("answers", [ESTIMATES, COUNT, 0x14])
-def test_a_message_that_a_firmware_does_not_answer_is_told_once(made, answers):
+def test_a_message_that_a_firmware_does_not_answer_is_reported_once(made, answers):
     r = made(warm=0.0)
     r.cycle.lose = lambda side, command, _: side == "master" and command == answers
     r.module.dials.estimates_stop = answers == ESTIMATES
@@ -638,7 +638,7 @@ def test_a_message_that_a_firmware_does_not_answer_is_told_once(made, answers):
     assert r.core.image.operational
 
 
-def test_what_is_answered_to_eight_zeros_alone_is_asked_for_so():
+def test_a_value_that_is_only_answered_to_eight_zeros_is_requested_in_that_form():
     r = rig(warm=0.0)
     taken = r.module.on_frame
     r.module.on_frame = lambda can_id, data, now, remote=False: None if remote else taken(can_id, data, now)

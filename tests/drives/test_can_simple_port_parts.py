@@ -78,7 +78,7 @@ def test_a_word_that_stays_at_enable_operation_enables_nothing_again():
 
 
 @pytest.mark.parametrize("word", [0x00, 0x02, 0x06, 0x07])
-def test_whoever_takes_the_word_back_gets_idle(word):
+def test_a_controlword_that_withdraws_the_enable_requests_idle(word):
     talk = Talk()
     talk.cycles(20)
     talk.cycles(2, 0x06)
@@ -162,7 +162,7 @@ def test_zeros_of_a_module_that_has_let_go_are_no_place(turns):
 
 
 @pytest.mark.parametrize("life", [3, 100, 250])
-def test_a_counter_that_does_not_go_on_after_a_silence_is_a_restart(life):
+def test_a_counter_that_does_not_continue_after_a_silence_is_a_restart(life):
     talk = Talk()
     talk.life = life
     talk.cycles(30)
@@ -176,7 +176,7 @@ def test_a_counter_that_does_not_go_on_after_a_silence_is_a_restart(life):
 
 
 @pytest.mark.parametrize("life", [3, 100, 250])
-def test_a_counter_that_goes_on_after_a_silence_is_none(life):
+def test_a_life_counter_that_continues_after_a_silence_shows_no_restart(life):
     talk = Talk()
     talk.life = life
     talk.cycles(30)
@@ -191,7 +191,7 @@ def test_a_counter_that_goes_on_after_a_silence_is_none(life):
     assert talk.port.missed == 16
 
 
-def test_the_way_that_fits_the_speed_is_taken_where_counts_come_seldom():
+def test_between_rare_counts_the_direction_that_fits_the_speed_is_used():
     place = RotorPosition(20.0)
     place.open()
     place.take_count(0, 0.0)
@@ -226,7 +226,7 @@ def test_an_object_that_there_is_not_is_refused_with_its_code():
 
 
 @pytest.mark.parametrize("node", [-1, 64, True, 1.5])
-def test_a_node_id_that_is_none_is_refused(node):
+def test_an_invalid_node_id_is_refused(node):
     with pytest.raises(ArgumentError, match="not a node ID"):
         replace(SETTINGS, node=node)
 
@@ -235,7 +235,7 @@ def test_a_node_id_that_is_none_is_refused(node):
     "name", ["velocity_limit", "current_limit", "velocity_ramp", "acceleration", "period", "heartbeat"]
 )
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
-def test_no_setting_is_zero_or_none(name, value):
+def test_no_setting_is_zero_or_missing(name, value):
     with pytest.raises(ArgumentError, match=name):
         replace(SETTINGS, **{name: value})
 

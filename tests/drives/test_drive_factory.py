@@ -60,14 +60,14 @@ def test_old_firmware_without_a_life_counter_is_recognised_where_nothing_of_cano
 
 
 @pytest.mark.parametrize("node", [12, 16, 33])
-def test_old_firmware_elsewhere_needs_its_position_frames_beside_it(node):
+def test_old_firmware_elsewhere_is_recognised_only_with_its_position_frames(node):
     assert recognise(beats(node, life=False)) == []
     assert [each.node for each in recognise(merged(beats(node, life=False), positions(node)))] == [node]
     bus = merged(beats(node, life=False), positions(node), canopen_heartbeats(99))
     assert recognise(bus) == []
 
 
-def test_what_would_be_an_emcy_that_says_no_error_for_ever_is_none():
+def test_a_frame_that_would_be_an_emcy_without_an_error_is_not_counted_as_one():
     assert [each.node for each in recognise(beats(4, life=False))] == [4]
     assert recognise(beats(4, life=False, error=0x1000)) == []
 
@@ -115,7 +115,7 @@ def test_frames_without_times_are_judged_by_their_counter():
     ],
     ids=["7 bytes", "state 0", "state 17", "flag 6", "remote", "error", "29 bits", "every 10 s"],
 )
-def test_what_is_not_such_a_heartbeat_is_not_taken_for_one(spoil):
+def test_other_frames_are_not_mistaken_for_such_a_heartbeat(spoil):
     assert recognise([spoil(frame) for frame in beats(12)]) == []
 
 
@@ -147,7 +147,7 @@ def test_other_29_bit_traffic_is_not():
     assert recognise(still) == []
 
 
-def test_what_is_said_names_both_protocols_and_the_way_out():
+def test_the_message_names_both_protocols_and_the_remedy():
     lines = told(recognise(merged(beats(0), beats(1), extended(7))))
     assert lines[0].startswith(
         "2 modules speak CAN Simple, not CANopen: node 0 (001h every 100 ms: idle), node 1"
@@ -219,7 +219,7 @@ def test_plain_canopen_traffic_is_never_called_anything_else(frames):
 
 
 @given(canopen_bus(), st.sampled_from([0, 1, 2, 3]), st.integers(1, 16), st.booleans())
-def test_a_module_beside_plain_canopen_traffic_is_found(frames, node, state, life):
+def test_a_module_is_found_on_a_bus_with_plain_canopen_traffic(frames, node, state, life):
     found = recognise(merged(frames, beats(node, state=state, life=life)))
     assert [(each.node, each.state) for each in found] == [(node, state)]
 

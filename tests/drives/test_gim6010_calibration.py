@@ -102,7 +102,7 @@ def enabled(one):
     ],
     ids=["enabled", "faulty", "without heartbeats", "dead"],
 )
-def test_what_stands_against_it(dials, before, why):
+def test_reasons_that_prevent_a_calibration(dials, before, why):
     one = bench(**dials)
     before(one)
     found, _, sent = calibrated(CalibrationKind.FULL, one)
@@ -121,7 +121,7 @@ def test_two_of_one_node_id_are_not_calibrated():
     assert "several modules" in found.why
 
 
-def test_a_node_id_that_is_none():
+def test_an_invalid_node_id_is_refused():
     with pytest.raises(ArgumentError):
         Calibration(64, CalibrationKind.FULL)
 
@@ -138,7 +138,7 @@ def test_a_node_id_that_is_none():
         ({"calibration_one_way": True}, "did not come back"),
     ],
 )
-def test_one_that_fails_is_told_with_the_reason(dials, wrong):
+def test_one_that_fails_is_reported_with_the_reason(dials, wrong):
     found, one, _ = calibrated(CalibrationKind.FULL, bench(**dials))
     assert not found.verdict.good
     assert wrong in "\n".join(found.verdict.wrong)
@@ -224,7 +224,7 @@ def test_interrupted_at_any_moment_it_ends_idle(moment, more, kind):
     ids=["dead", "silent", "restart", "another master"],
 )
 @pytest.mark.parametrize("moment", [1.9, 2.8, 3.5])
-def test_whatever_happens_on_the_way_ends_it(act, why, moment):
+def test_any_event_during_the_calibration_aborts_it(act, why, moment):
     one = bench()
     found = Calibration(5, CalibrationKind.FULL)
     sent = play(found, one, at=when(moment, act), step=STEP)
@@ -252,7 +252,7 @@ def test_a_rotor_that_turns_too_far_is_stopped(monkeypatch, way):
     assert not one.module.energised
 
 
-def test_what_is_not_acknowledged_ends_it():
+def test_a_calibration_that_is_not_acknowledged_ends():
     one = bench()
     found = Calibration(5, CalibrationKind.FULL)
     play(found, one, at=when(2.5, lambda _: found.trouble("no acknowledge")), step=STEP)
@@ -261,7 +261,7 @@ def test_what_is_not_acknowledged_ends_it():
 
 
 @pytest.mark.parametrize("moment", [2.5, 3.2, 4.2])
-def test_one_that_restarts_at_once_is_told(moment):
+def test_one_that_restarts_at_once_is_reported(moment):
     """Also in the encoder's part, where idle could be taken for the end of it."""
     one = bench(restart_time=0.0)
     found = Calibration(5, CalibrationKind.FULL)
@@ -270,7 +270,7 @@ def test_one_that_restarts_at_once_is_told(moment):
     assert states(sent)[-1] == IDLE
 
 
-def test_one_that_is_begun_anew_by_another_while_its_errors_are_read_is_told():
+def test_one_that_is_begun_again_by_another_while_its_errors_are_read_is_reported():
     one = bench(get_error_answered=False)
     found = Calibration(5, CalibrationKind.MOTOR)
     sent = play(found, one, at=when(3.3, lambda each: each.order(SET_STATE, MOTOR)), step=STEP)
@@ -280,7 +280,7 @@ def test_one_that_is_begun_anew_by_another_while_its_errors_are_read_is_told():
     assert not one.module.energised
 
 
-def test_a_second_interrupt_goes_on_to_estop_at_once():
+def test_a_second_interrupt_continues_to_estop_at_once():
     found, one = Calibration(5, CalibrationKind.FULL), bench()
 
     def twice(_):
@@ -292,7 +292,7 @@ def test_a_second_interrupt_goes_on_to_estop_at_once():
     assert "after ESTOP" in found.left
 
 
-def test_the_first_reason_is_told():
+def test_the_first_reason_is_reported():
     one = bench()
     found = Calibration(5, CalibrationKind.FULL)
 
@@ -372,7 +372,7 @@ def test_turns_are_counted_over_the_end_of_a_turn(steps, first):
     assert (turning.low, turning.high) == pytest.approx((min(places), max(places)), abs=1e-9)
 
 
-def test_what_is_explained():
+def test_the_explanation_names_the_motion_and_its_limit():
     for kind, words in (
         (CalibrationKind.MOTOR, "twitch"),
         (CalibrationKind.ENCODER, "more than one turn"),

@@ -49,7 +49,7 @@ def test_anything_else_is_not(modules, words):
         node_id_preconditions.require_one(finder, found, 5)
 
 
-def test_where_nobody_acknowledges_nothing_is_changed():
+def test_where_no_node_acknowledges_nothing_is_changed():
     finder, found = surveyed(Module(5))
     finder.unacknowledged = "no acknowledge"
     with pytest.raises(StateError, match="no node acknowledges"):
@@ -71,7 +71,7 @@ def test_one_that_is_taken_is_not_given(quiet):
         node_id_preconditions.require_free(finder, found, 64)
 
 
-def test_one_whose_identifiers_are_somebody_else_s_is_not_given():
+def test_a_node_id_whose_identifiers_belong_to_another_node_is_refused():
     finder, found = surveyed(Module(16), strangers=lambda _: [(7 << 5 | 9, b"1")])
     with pytest.raises(StateError, match="identifiers of node ID 7 are in use"):
         node_id_preconditions.require_free(finder, found, 7)

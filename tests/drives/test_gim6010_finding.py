@@ -119,13 +119,13 @@ def test_all_protocols_on_one_bus():
     assert "axisbus gim6010 to-canopen -i x -c y --node 16 --list endpoints_0.5.13.json" in told
 
 
-def test_beside_the_29_bit_protocol_alone_the_silent_are_asked():
+def test_with_the_29_bit_protocol_alone_silent_nodes_are_asked():
     found = search(Module(7, firmware=Firmware(0, 6, 8)), silent(9))
     assert ("CAN Simple", 9) in found.found
     assert found.finder.picture.foreign() == []
 
 
-def test_two_that_cannot_be_on_one_bus_are_told():
+def test_two_that_cannot_be_on_one_bus_are_reported():
     """0A1h is the heartbeat of CAN Simple's node 5, and the EMCY of CANopen node 33."""
     found = search(Module(5), canopen(33))
     must_be_bounded(found)
@@ -145,7 +145,7 @@ def test_requests_of_canopen_never_reach_a_module_as_commands():
         assert int(module.axis.error) == 0
 
 
-def test_errors_and_a_closed_loop_are_told():
+def test_errors_and_a_closed_loop_are_reported():
     module = Module(5, dials=ModuleDials(motor_error=0x8, encoder_error=0x4))
     found = search(module).found["CAN Simple", 5]
     assert any("DRV_FAULT" in each for each in found.errors)
@@ -189,7 +189,7 @@ def test_error_words_that_come_by_themselves_are_not_taken_for_answers():
 
 
 @pytest.mark.parametrize("firmware", [Firmware(0, 5, 11), Firmware(0, 5, 13)])
-def test_two_modules_of_one_id_are_told_from_one(firmware):
+def test_two_modules_of_one_id_are_distinguished_from_one(firmware):
     one, other = (Module(5, firmware=firmware, serial=number) for number in (1, 2))
     for step in range(37):
         one.step(step / 1000)  # the other was switched on later
@@ -224,7 +224,7 @@ def test_two_that_beat_in_turn_are_two(one, other, apart, counts):
     assert bus_snapshot.count_senders(beats) == 2
 
 
-def test_two_modules_of_one_id_that_beat_as_one_are_told_by_their_answers():
+def test_two_modules_of_one_id_that_beat_as_one_are_reported_by_their_answers():
     quiet = [silent(5, serial=number) for number in (1, 2)]
     assert search(*quiet).found["CAN Simple", 5].several
     assert not search(silent(5)).found["CAN Simple", 5].several
@@ -248,7 +248,7 @@ def test_a_module_that_restarts_meanwhile(when, silence):
     assert not one.several
 
 
-def test_two_canopen_modules_of_one_id_are_told_by_their_answers():
+def test_two_canopen_modules_of_one_id_are_reported_by_their_answers():
     one, other = canopen(5), canopen(5)
     found = search(one, other)
     must_be_bounded(found)
@@ -311,7 +311,7 @@ def test_a_module_that_goes_silent_while_it_is_asked():
 
 
 @pytest.mark.parametrize("length", [0, 1, 4, 7])
-def test_answers_of_wrong_lengths_are_told_and_not_believed(length):
+def test_answers_of_wrong_lengths_are_reported_and_not_believed(length):
     def answer(request, _):
         if request.can_id == 5 << 5 | 0x17:
             return [(request.can_id, bytes(length))]
@@ -339,7 +339,7 @@ def test_foreign_traffic_is_named_and_nobody_silent_is_asked():
     assert "--ask all" in told
 
 
-def test_whoever_is_asked_all_the_same_nothing_is_sent_on_an_identifier_in_use():
+def test_nothing_is_sent_on_an_identifier_in_use_even_with_ask_all():
     busy = (0x3F7, 0x601, 0x582, 0x1234567)
     found = search(strangers=lambda _: [(each, bytes(8)) for each in busy], ask=ProbeScope.ALL)
     must_be_bounded(found)
@@ -395,7 +395,7 @@ def test_only_listening_sends_nothing():
     assert "it was not asked" in one.notes
 
 
-def test_the_first_sign_that_nobody_acknowledges_ends_the_asking():
+def test_the_first_sign_that_no_node_acknowledges_ends_the_asking():
     """The one frame that is on its way is repeated by the controller until it is taken: there must be no second."""
     told = []
 
@@ -471,6 +471,6 @@ def test_a_word_is_explained_without_a_bus():
 @pytest.mark.parametrize(
     "text", ["axis", "axis=", "axis=x", "axis=-1", "axis=0x100000000", "wheel=1", "motor=0x10000000000000000"]
 )
-def test_a_word_that_is_none_is_refused(text):
+def test_an_invalid_error_word_is_refused(text):
     with pytest.raises(ArgumentError):
         report_text.parse(text)

@@ -61,7 +61,7 @@ def test_a_machine_on_which_nothing_is_smooth_is_given_up():
 @pytest.mark.parametrize(
     ("first", "most"), [(0.0, 1.0), (-1.0, 1.0), (2.0, 1.0), (1.0, float("inf")), (float("nan"), 1.0)]
 )
-def test_bounds_that_are_none_are_refused(first, most):
+def test_invalid_bounds_are_refused(first, most):
     with pytest.raises(ArgumentError, match="to begin with"):
         GainSearch(Loop.POSITION, first, most)
 
@@ -72,7 +72,7 @@ def test_bounds_that_are_none_are_refused(first, most):
     st.floats(1.0, 50.0),
     st.floats(1e-4, 1e5),
 )
-def test_whatever_the_machine_it_ends_within_bounds_with_a_gain_that_is_smooth_or_none(
+def test_for_any_machine_the_search_ends_within_the_bounds_with_a_smooth_gain_or_without_a_gain(
     loop, first, room, limit
 ):
     search, tried = played(loop, first, first * room, limit)

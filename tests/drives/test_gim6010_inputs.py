@@ -53,7 +53,7 @@ def test_a_mapping_stays_between_its_ends_and_is_zero_where_it_says(low, high, w
 
 
 @pytest.mark.parametrize("ends", [(1.0, 1.0), (math.nan, 1.0), (0.0, math.inf)])
-def test_what_is_no_mapping_is_refused(ends):
+def test_an_invalid_mapping_is_refused(ends):
     with pytest.raises(ArgumentError):
         Mapping(Follows.POSITION, *ends)
 
@@ -79,12 +79,12 @@ def test_the_manuals_example_of_pulses():
 
 
 @pytest.mark.parametrize("given_", [(0, 1), (1, 0), (-5, 3), (1 << 20, 1 << 12)])
-def test_pulses_that_are_none_are_refused(given_):
+def test_invalid_pulses_are_refused(given_):
     with pytest.raises(ArgumentError):
         Pulses(*given_, circular=False)
 
 
-def test_a_resistor_is_switched_on_last_and_told_what_it_bears():
+def test_a_brake_resistor_is_switched_on_last_and_its_power_is_reported():
     wanted = brake_resistor.wanted(2.0, 0.0, (26.0, 28.0))
     assert [path.removeprefix("config.") for path, _ in wanted.values] == [
         "brake_resistance",
@@ -111,7 +111,7 @@ def test_a_resistor_is_switched_on_last_and_told_what_it_bears():
         (2.0, None, (26.0, math.nan)),
     ],
 )
-def test_a_resistor_that_is_none_is_refused(given_):
+def test_an_invalid_brake_resistor_is_refused(given_):
     with pytest.raises(ArgumentError):
         brake_resistor.wanted(*given_)
 

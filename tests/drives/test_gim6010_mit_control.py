@@ -120,7 +120,7 @@ def test_it_is_enabled_without_a_jump_whatever_inputs_were_left():
     judge(led)
 
 
-def test_what_is_sent_and_in_which_order():
+def test_the_frames_that_are_sent_and_their_order():
     led = Led().enabled()
     begin = led.sent[0][0]
     assert begin >= 1.8  # after listening
@@ -144,7 +144,7 @@ def test_what_is_sent_and_in_which_order():
     ],
     ids=["enabled", "faulty", "dead", "without heartbeats"],
 )
-def test_what_stands_against_it(dials, before, why):
+def test_reasons_that_prevent_mit_control(dials, before, why):
     one = made(**dials)
     before(one)
     led = Led(one).left()
@@ -180,7 +180,7 @@ def test_one_that_does_not_start_is_let_go():
 # -- leading ---------------------------------------------------------------------------------------------------------------------
 
 
-def test_a_spring_goes_where_it_is_led():
+def test_under_mit_control_a_stiff_command_moves_the_output_to_its_position():
     led = Led().enabled()
     led.lead(3.0, MitCommand(1.0, 0.0, 20.0, 2.0, 0.0))
     assert led.output == pytest.approx(1.0, abs=0.1)
@@ -209,7 +209,7 @@ def test_stiffness_at_the_output_is_what_the_gear_makes_of_it():
     assert SETTINGS.output_damping(2.0) == pytest.approx(2.0 * 8.0 / math.tau)
 
 
-def test_what_lies_beyond_its_range_is_brought_to_it_and_told():
+def test_what_lies_beyond_its_range_is_brought_to_it_and_reported():
     led = Led().enabled()
     led.lead(0.05, MitCommand(20.0, 0.0, 0.0, 5.0, -60.0))
     assert [(each.name, each.sent) for each in led.leader.answered.saturated] == [
@@ -290,7 +290,7 @@ def test_it_is_braked_by_damping_and_then_let_go():
     ],
     ids=["no command", "estop", "error", "dead", "silent", "idle", "restart", "another master", "asked for"],
 )
-def test_every_way_out_ends_in_idle(act, why):
+def test_every_end_of_mit_control_leaves_the_module_in_idle(act, why):
     led = spinning(Led().enabled())
     act(led)
     if why.startswith("the program"):
@@ -316,7 +316,7 @@ def test_one_that_is_not_heard_is_braked_blind_for_a_moment_only():
     assert 0.3 < idle - at < 0.6
 
 
-def test_ways_to_tell_a_position_that_disagree():
+def test_two_sources_of_the_position_that_disagree_stop_the_module():
     feedback = MitFeedback(5, 1.0, 0.0, 0.0)
 
     def said(turns, closed_at, count=10, age=0.01, speed=0.0):
@@ -338,7 +338,7 @@ def test_ways_to_tell_a_position_that_disagree():
     assert "not the module's" in said(1.4 / TURN, 9.0, speed=-10.0)
 
 
-def test_a_second_wish_goes_on_to_estop():
+def test_a_second_wish_continues_to_estop():
     led = spinning(Led().enabled())
     led.leader.leave("Ctrl-C")
     led.run(0.01)
@@ -353,7 +353,7 @@ def test_a_second_wish_goes_on_to_estop():
     assert not led.bench.module.energised
 
 
-def test_what_is_commanded_on_the_way_out_is_not_sent():
+def test_commands_during_the_stop_are_not_sent():
     led = spinning(Led().enabled())
     led.leader.leave("over")
     since = len(led.sent)

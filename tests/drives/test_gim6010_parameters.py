@@ -62,7 +62,7 @@ class Fake:
         "axis0.encoder.set_linear_count",
     ],
 )
-def test_what_acts_is_never_written(path):
+def test_parameters_that_act_are_never_written(path):
     for by_name in (True, False):
         with pytest.raises(ArgumentError, match="not written here"):
             rules.require_writable(path, by_name=by_name)
@@ -72,7 +72,7 @@ def test_what_acts_is_never_written(path):
 @pytest.mark.parametrize(
     "path", [KT, OFFSET, "axis0.encoder.config.phase_offset_float", "can.config.protocol"]
 )
-def test_what_is_protected_is_written_by_name_alone(path):
+def test_a_protected_parameter_is_written_only_if_it_is_named(path):
     rules.require_writable(path, by_name=True)
     with pytest.raises(ArgumentError, match="is protected"):
         rules.require_writable(path, by_name=False)
@@ -168,7 +168,7 @@ def test_a_backup_is_read_as_it_was_written(settings, serial):
         backup.ParameterBackup(1, V13, {"a": 1}).text().replace("0.5.13", "new"),
     ],
 )  # fmt: skip
-def test_what_is_no_backup_is_refused_by_the_name_of_its_file(text):
+def test_an_invalid_backup_is_refused_with_its_file_name(text):
     with pytest.raises(ArgumentError, match="file: "):
         backup.read(text, "file")
 
@@ -179,7 +179,7 @@ def test_an_integer_beyond_the_floats_differs_from_every_float():
     assert differs.path == "a"
 
 
-def test_a_backup_is_whole_or_none():
+def test_a_backup_is_complete_or_fails():
     taken = backup.take(Fake())
     assert taken.values[LIMIT] == 30
     assert taken.name == "gim6010-32323334-0.5.13.json"
@@ -194,7 +194,7 @@ def test_a_module_that_is_gone_ends_the_reading():
         backup.read_all(fake, fake.listed.endpoints.values())
 
 
-def test_some_that_are_not_answered_are_told_and_the_others_read():
+def test_some_that_are_not_answered_are_reported_and_the_others_read():
     fake = Fake()
     wanted = [each for each in fake.listed.endpoints.values() if each.readable and rules.travels(each)]
     fake.silent = {each.path for each in wanted[::2]}
@@ -244,7 +244,7 @@ def test_what_the_backup_does_not_have_is_left_as_it_is():
     assert (plan.writes, plan.left) == (((LIMIT, 10.0),), ())
 
 
-def test_what_is_never_written_cannot_be_included():
+def test_parameters_that_are_never_written_cannot_be_included():
     fake = Fake()
     present = backup.take(fake).values
     wild = changed(fake, **{"axis0.requested_state": 8, "axis0.none": 1})

@@ -52,7 +52,7 @@ def applied(wanted, module=None, **more):
     ],
     ids=lambda each: ",".join(map(str, each)) if isinstance(each, dict) else "",
 )
-def test_what_is_asked_for_is_written_and_kept(wanted, held):
+def test_requested_settings_are_written_and_saved(wanted, held):
     found, told = applied(wanted)
     assert {path: found.module.usb_read(path) for path in held} == held
     assert len(told) == len(wanted.values)
@@ -72,7 +72,7 @@ def test_present_values_are_shown():
     assert list(shown(PlainParameters(Module(5)), limits.PATHS)) == [f"{VEL} = 30", f"{CUR} = 45"]
 
 
-def test_the_same_is_told_as_steps_over_usb():
+def test_the_same_is_reported_as_steps_over_usb():
     steps = termination.wanted(on=False).over_usb
     assert f"odrv0.{R120} = False" in steps
     assert steps[-1].startswith("odrv0.save_configuration()")
@@ -117,7 +117,7 @@ def test_nothing_is_written_where_one_of_several_cannot_be():
     assert found.acts == 0
 
 
-def test_what_the_module_does_not_take_is_told():
+def test_what_the_module_does_not_take_is_reported():
     with pytest.raises(NodeError):
         applied(termination.wanted(on=False), stubborn=[R120])
 
@@ -142,7 +142,7 @@ def test_a_resistor_on_another_pin_is_not_switched():
         termination.require_switch(PlainParameters(Module(5, r120_gpio_num=6)))
 
 
-def test_rates_that_the_manual_does_not_name_are_told():
+def test_rates_that_the_manual_does_not_name_are_reported():
     assert all(bitrate.wanted(rate).notes == () for rate in (500_000, 1_000_000))
     assert "over USB only" in bitrate.wanted(250_000).notes[0]
 
@@ -173,7 +173,7 @@ def test_one_that_is_not_alone_does_not(others):
         bitrate.require_alone(*surveyed(Module(16), *others), 16)
 
 
-def test_foreign_traffic_counts_as_somebody():
+def test_foreign_traffic_counts_as_another_node():
     found = surveyed(Module(16), strangers=lambda _: [(0x7E9, b"1")])
     with pytest.raises(StateError, match="7E9h"):
         bitrate.require_alone(*found, 16)
@@ -221,7 +221,7 @@ def zeroed(bench, cut=None):
 
 @pytest.mark.parametrize("turns", [0.0, 0.3, 0.999, 1.25, -0.4, 7.6])
 @pytest.mark.parametrize("old", [{}, {"index_offset": 0.7, "use_index_offset": 1}, {"index_offset": 0.7}])
-def test_where_it_stands_its_position_is_0_after_the_restart(turns, old):
+def test_after_zero_and_a_restart_the_position_is_0(turns, old):
     bench = Bench(Module(5, **old))
     bench.run(0.1)
     turned(bench, turns)
@@ -277,7 +277,7 @@ def test_one_that_turns_is_not_zeroed():
         (0.0, True, 0.0, 16384, 16384),
     ],
 )
-def test_a_place_that_is_none_is_refused(place):
+def test_an_invalid_position_is_refused(place):
     offset, used, estimate, count, cpr = place
     fields = zip(("index_offset", "use_index_offset", "cpr"), (offset, used, cpr), strict=True)
     module = Module(5, **dict(fields))
@@ -289,7 +289,7 @@ def test_a_place_that_is_none_is_refused(place):
         zero.look(found)
 
 
-def test_what_is_not_there_after_the_restart_is_told():
+def test_a_wrong_zero_after_the_restart_is_reported():
     with pytest.raises(NodeError, match="turned meanwhile"):
         zero.verify(5, 0.25, zero.RotorZero(0.25, True, 0.0, 4500, 16384))
     with pytest.raises(NodeError, match="0\\.1425 turns"):

@@ -75,7 +75,7 @@ def test_a_step_of_position_there_and_back(size):
     one.must_be_smooth()
 
 
-def test_a_step_begins_where_it_stands():
+def test_a_step_begins_at_the_present_position():
     one = Bench(Module(5, params=MotorParams(start_position=5.3 * 16384)))
     one.run(0.3)
     found, _, _ = tried(POSITION, one)
@@ -176,7 +176,7 @@ def test_interrupted_at_any_moment_it_comes_to_rest(moment, more, trial):
     ids=["dead", "silent", "error", "idle", "restart", "estop"],
 )
 @pytest.mark.parametrize("trial", [POSITION, VELOCITY], ids=["position", "velocity"])
-def test_whatever_happens_on_the_way_ends_it(act, why, trial):
+def test_any_event_during_a_trial_ends_it(act, why, trial):
     found, one, sent = tried(trial, at=when(2.3, act))
     assert re.search(why, found.why), found.why
     assert not found.ended
@@ -278,7 +278,7 @@ def test_how_long_a_trapezoid_takes():
     )
 
 
-def test_what_is_explained():
+def test_the_explanation_names_the_step_and_its_limits():
     text = "\n".join(explanation(POSITION))
     assert "by 2 rotor turns (90 degrees of the output at 8:1) and back again" in text
     assert "farther than 3.1 rotor turns from its present position (139.5 degrees" in text

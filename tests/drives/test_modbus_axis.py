@@ -47,7 +47,7 @@ def is_off(rig, window=0.1):
     return not rig.plant.energised and abs(rig.velocity) < window
 
 
-def test_opening_enables_nothing_and_tells_that_nothing_notices_a_dead_master():
+def test_opening_enables_nothing_and_reports_that_nothing_notices_a_dead_master():
     rig = Rig()
     with rig.axis:
         assert "nothing in this module is known to notice a dead master" in rig.said[0]
@@ -108,7 +108,7 @@ def test_a_relative_move_counts_from_where_it_is():
 
 
 @pytest.mark.parametrize("velocity", [5.0, -5.0])
-def test_a_velocity_comes_on_a_ramp_and_goes_on_one(velocity):
+def test_a_velocity_comes_on_a_ramp_and_continues_one(velocity):
     rig = Rig()
     with rig.axis as axis:
         axis.enable(V)
@@ -169,7 +169,7 @@ def test_a_blocked_motor_is_pushed_for_its_time():
     assert is_off(rig)
 
 
-def test_a_halt_on_the_way_stays_enabled_and_a_move_goes_on():
+def test_a_halt_during_a_move_leaves_the_axis_enabled_and_another_move_continues():
     rig = Rig()
     with rig.axis as axis:
         axis.enable(P)
@@ -280,7 +280,7 @@ def test_a_module_with_errors_in_another_state_or_without_limits_is_not_enabled(
     assert "06 00 63 00 08" not in rig.written
 
 
-def test_a_module_that_was_found_enabled_is_left_so_and_told():
+def test_a_module_that_was_found_enabled_is_left_so_and_reported():
     rig = Rig()
     rig.plant.usb_write("axis0.requested_state", 8)
     with rig.axis as axis:
@@ -294,7 +294,7 @@ def test_a_module_that_was_found_enabled_is_left_so_and_told():
 # -- what goes wrong on the way ----------------------------------------------------------------------------------------
 
 
-def test_a_module_that_does_not_enable_is_told_and_asked_once():
+def test_a_module_that_does_not_enable_is_reported_and_asked_once():
     rig = Rig()
     rig.plant.dials.wont_start = True
     with pytest.raises(TransitionError, match="does not go to closed loop") as caught, rig.axis as axis:
@@ -317,7 +317,7 @@ def test_a_firmware_that_goes_to_an_old_set_point_is_stopped_at_once():
     assert rig.plant.position < -26.0
 
 
-def test_one_that_is_pulled_away_is_told():
+def test_one_that_is_pulled_away_is_reported():
     rig = Rig()
 
     def body(axis):
@@ -352,7 +352,7 @@ def test_a_blocked_motor_does_not_arrive_and_is_switched_off():
     assert is_off(rig)
 
 
-def test_an_error_of_the_module_is_told_by_its_bits():
+def test_an_error_of_the_module_is_reported_by_its_bits():
     rig = Rig()
 
     def body(axis):
@@ -368,7 +368,7 @@ def test_an_error_of_the_module_is_told_by_its_bits():
     assert not rig.plant.energised
 
 
-def test_a_count_that_jumps_when_it_is_enabled_is_told():
+def test_a_count_that_jumps_when_it_is_enabled_is_reported():
     rig = Rig()
 
     def jump(_):
@@ -380,7 +380,7 @@ def test_a_count_that_jumps_when_it_is_enabled_is_told():
     assert is_off(rig)
 
 
-def test_somebody_else_who_switches_it_off_is_told():
+def test_a_module_that_another_program_switches_off_is_reported():
     rig = Rig()
 
     def body(axis):
@@ -406,7 +406,7 @@ def test_a_position_that_is_no_number_ends_a_motion():
     assert not rig.plant.energised
 
 
-def test_one_that_turns_by_itself_when_it_is_enabled_is_told():
+def test_one_that_turns_by_itself_when_it_is_enabled_is_reported():
     rig = Rig()
     rig.plant.usb_write("axis0.controller.config.input_mode", 2)
     original = rig.plant.axis.controller.start
@@ -499,7 +499,7 @@ def test_a_signal_between_our_calls_ends_the_program_s_own_work(what):
     assert is_off(rig)
 
 
-def test_a_second_signal_goes_a_rung_further():
+def test_a_second_signal_goes_a_step_further():
     rig = Rig()
     rig.plant.usb_write("axis0.controller.config.vel_ramp_rate", 0.5)
     begin = []
@@ -527,7 +527,7 @@ def test_a_second_signal_goes_a_rung_further():
     assert not rig.plant.energised
 
 
-def test_a_program_that_cannot_tell_any_more_stops_it_all_the_same():
+def test_a_program_that_cannot_report_any_more_stops_it_all_the_same():
     rig = Rig()
     axis = ModbusAxis(rig.module, tell=lambda text: None if "dead master" in text else 1 / 0)
     with pytest.raises(ZeroDivisionError), axis:
@@ -545,7 +545,7 @@ def test_a_torque_is_taken_back_when_it_brakes():
     assert is_off(rig)
 
 
-def test_a_motion_whose_warden_is_gone_is_ended():
+def test_a_motion_whose_watchdog_process_is_gone_is_ended():
     rig = Rig()
     there = [True]
     axis = ModbusAxis(rig.module, tell=rig.said.append, guarded=lambda: there[0])
@@ -577,7 +577,7 @@ class Own(Exception):
 
 
 @pytest.mark.parametrize("what", PLAYS)
-def test_an_error_of_the_program_stops_it_and_goes_on(what):
+def test_an_error_of_the_program_stops_it_and_continues(what):
     rig = Rig()
 
     def body(axis):
@@ -646,7 +646,7 @@ def test_where_answers_are_lost_for_good_it_is_stopped_blind_and_nobody_says_tha
 
 
 @pytest.mark.parametrize("what", PLAYS)
-def test_a_cable_that_is_pulled_is_told_in_bounded_time(what):
+def test_a_cable_that_is_pulled_is_reported_in_bounded_time(what):
     for step in SPREAD[what][::15]:
         rig = Rig()
         rig.at(step, lambda _, rig=rig: setattr(rig.wire, "broken", True))
@@ -656,7 +656,7 @@ def test_a_cable_that_is_pulled_is_told_in_bounded_time(what):
 
 
 @pytest.mark.parametrize("what", PLAYS)
-def test_what_goes_wrong_on_the_ladder_ends_safely_and_is_told(what):
+def test_what_goes_wrong_on_the_stop_sequence_ends_safely_and_is_reported(what):
     faults = itertools.cycle(("silent", "deaf", "wrong_checksum", "short"))
     for step, fault in zip(range(0, 30, 5), faults, strict=False):
         rig = Rig()
@@ -671,7 +671,7 @@ def test_what_goes_wrong_on_the_ladder_ends_safely_and_is_told(what):
 
 
 @pytest.mark.parametrize("what", PLAYS)
-def test_what_the_ladder_is_refused_does_not_keep_it_from_the_next_rung(what):
+def test_what_the_stop_sequence_is_refused_does_not_keep_it_from_the_next_step(what):
     rig = Rig()
     refused = {(register, True): 4 for register in (0x63, 0x64, 0x65, 0x66, 0x68, 0x6A)}
     rig.at(LENGTHS[what], lambda _: rig.station.dials.exceptions.update(refused))
@@ -696,7 +696,7 @@ def test_a_brake_that_is_taken_and_does_not_hold_is_sent_again_and_given_up():
     assert not rig.plant.energised
 
 
-def test_a_cable_that_comes_back_during_the_ladder_is_used():
+def test_a_cable_that_comes_back_during_the_stop_sequence_is_used():
     rig = Rig()
 
     def body(axis):
@@ -735,7 +735,7 @@ def test_the_interpreter_s_end_stops_what_a_block_has_not():
     axis.__exit__(None, None, None)
 
 
-def test_what_somebody_else_has_enabled_is_stopped_by_a_quick_stop_alone():
+def test_a_module_that_another_program_enabled_is_only_stopped_by_a_quick_stop():
     rig = Rig()
     for path, value in (("config.control_mode", 2), ("config.input_mode", 2)):
         rig.plant.usb_write(f"axis0.controller.{path}", value)

@@ -65,7 +65,7 @@ def test_a_module_that_is_enabled_or_has_errors_is_not_calibrated():
     assert rig.asked == []
 
 
-def test_errors_that_come_of_it_are_told():
+def test_errors_that_come_of_it_are_reported():
     rig = Calibrated(CalibrationKind.MOTOR)
     rig.at(30, lambda _: setattr(rig.plant.axis, "motor_error", 0x1))
     found = rig.calibration.run()
@@ -92,7 +92,7 @@ def test_ctrl_c_takes_the_power_away(number):
     assert rig.asked[1:] in ([1], [1, 1], [])
 
 
-def test_a_warden_that_is_gone_ends_it():
+def test_a_watchdog_process_that_is_gone_ends_it():
     rig = Calibrated()
     rig.at(40, lambda _: setattr(rig, "guards", False))
     with pytest.raises(CommandError, match="warden"):
@@ -109,7 +109,7 @@ def test_a_rotor_that_turns_too_far_ends_it():
     assert rig.is_off
 
 
-def test_a_state_that_is_none_of_a_calibrations_ends_it():
+def test_a_state_that_does_not_belong_to_a_calibration_ends_it():
     rig = Calibrated()
     rig.at(60, lambda _: rig.plant.usb_write("axis0.requested_state", 8))
     with pytest.raises(DriveError, match="closed loop"):
@@ -117,7 +117,7 @@ def test_a_state_that_is_none_of_a_calibrations_ends_it():
     assert rig.is_off
 
 
-def test_one_that_does_not_begin_is_told():
+def test_one_that_does_not_begin_is_reported():
     rig = Calibrated()
     rig.wire.before = lambda request: request.writes and request.address == 0x63 and rig.deafen(1)
     with pytest.raises(DriveError, match="does not begin"):

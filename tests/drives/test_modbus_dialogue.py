@@ -46,7 +46,7 @@ def test_a_read_is_asked_again(fault):
 
 
 @pytest.mark.parametrize("fault", ["silent", "deaf"])
-def test_a_dead_line_is_told_with_what_to_check(fault):
+def test_a_dead_line_is_reported_with_what_to_check(fault):
     station, wire, dialogue = line(**{fault: -1})
     with pytest.raises(NodeTimeout) as caught:
         dialogue.read(read("bus_voltage"))
@@ -58,7 +58,7 @@ def test_a_dead_line_is_told_with_what_to_check(fault):
     assert len(station.frames) <= 9
 
 
-def test_an_exception_is_told_and_not_asked_again():
+def test_an_exception_is_reported_and_not_asked_again():
     station, _, dialogue = line(exceptions={(0x13, False): 2})
     with pytest.raises(ModbusRefused, match="refuses that bus_voltage") as caught:
         dialogue.read(read("bus_voltage"))

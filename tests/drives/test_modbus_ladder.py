@@ -102,7 +102,7 @@ def test_it_is_held_where_that_is_asked_for():
 
 
 @pytest.mark.parametrize("velocity", [10.0, -10.0])
-def test_a_trapezoid_is_led_to_where_it_can_stop(velocity):
+def test_a_trapezoid_is_halted_at_the_position_at_which_it_can_stop(velocity):
     motor, ladder = Motor(velocity), ModbusStopSequence(TrapezoidHalt(25.0, 9.0 * velocity), hold=True)
     descend(motor, ladder)
     assert ladder.outcome.ok
@@ -136,7 +136,7 @@ def test_a_brake_holds_before_it_is_told_that_it_does():
     assert ladder.outcome.ok
 
 
-def test_one_that_stands_at_its_target_is_left_alone_and_none_is_led_beyond_it():
+def test_an_axis_at_standstill_at_its_target_is_left_alone_and_never_moved_beyond_it():
     moment = HaltInputs(StatusRead(0.0, 8, 0, 5.0, 0.01), 0.0, 0.0, None)
     assert TrapezoidHalt(25.0, 5.01).setpoint(moment) is None
     fast = HaltInputs(StatusRead(0.0, 8, 0, 4.9, 10.0), 0.0, 0.0, None)
@@ -163,7 +163,7 @@ def test_a_ramp_goes_down_in_steps_that_are_never_harder():
         ((), ModbusStopStep.ESTOP, False),
     ],
 )
-def test_a_rung_that_is_not_obeyed_is_left_downwards(obeys, rung, ok):
+def test_a_step_that_is_not_obeyed_is_left_downwards(obeys, rung, ok):
     motor, ladder = Motor(obeys=obeys), ModbusStopSequence(TrapezoidHalt(25.0, 99.0))
     time = descend(motor, ladder)
     assert (ladder.outcome.rung, ladder.outcome.ok) == (rung, ok)
@@ -174,7 +174,7 @@ def test_a_rung_that_is_not_obeyed_is_left_downwards(obeys, rung, ok):
     assert ok or "NOT" in ladder.outcome.text
 
 
-def test_a_module_that_is_not_heard_is_sent_every_rung_all_the_same():
+def test_a_module_that_is_not_heard_is_sent_every_step_all_the_same():
     motor, ladder = Motor(heard=False), ModbusStopSequence(None)
     time = descend(motor, ladder)
     assert "NOT CONFIRMED" in ladder.outcome.text
@@ -205,13 +205,13 @@ def test_idle_that_comes_by_itself_is_no_standing():
 
 
 @pytest.mark.parametrize("state", [3, 4, 7, 11, 99])
-def test_a_state_that_no_set_point_leads_is_switched_off_at_once(state):
+def test_a_state_without_set_points_is_switched_off_at_once(state):
     motor, ladder = Motor(state=state), ModbusStopSequence(TrapezoidHalt(25.0, 99.0))
     assert descend(motor, ladder) < 0.5
     assert motor.sent == [Send.IDLE]
 
 
-def test_impatience_goes_a_rung_further_each_time():
+def test_impatience_goes_a_step_further_each_time():
     motor, ladder = Motor(ramp=0.01, obeys=(Send.ESTOP,)), ModbusStopSequence(TrapezoidHalt(0.001, 99.0))
     time = descend(motor, ladder, escalate=(2, 4, 6))
     assert time < 1.0
@@ -235,7 +235,7 @@ def test_idle_that_was_seen_before_it_was_asked_for_does_not_count():
     assert ladder.outcome is not None
 
 
-def test_what_was_seen_before_the_rung_is_no_standing():
+def test_positions_from_before_the_step_are_no_standstill():
     ladder = ModbusStopSequence(None, hold=True)
     for number in range(10):
         ladder.step(10.0 + number * STEP, StatusRead(9.0 + number * STEP, 8, 0, 0.0, 0.0), held=True)
@@ -251,7 +251,7 @@ def test_what_was_seen_before_the_rung_is_no_standing():
     st.sets(st.integers(0, 40)),
     st.sampled_from([1, 3, 8]),
 )
-def test_it_always_ends_and_never_tells_of_a_stop_that_was_none(
+def test_the_sequence_always_ends_and_never_reports_a_stop_that_did_not_happen(
     velocity, ramp, obeys, heard, halting, escalate, state
 ):
     motor, ladder = Motor(velocity, ramp, obeys=obeys, heard=heard, state=state), ModbusStopSequence(halting)

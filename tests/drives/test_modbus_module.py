@@ -20,7 +20,7 @@ def line(*others, **dials):
 
 
 @pytest.mark.parametrize("register", [each for each in REGISTERS if each.readable], ids=repr)
-def test_every_value_is_read_as_the_stand_in_has_it(register):
+def test_every_value_is_read_as_the_simulated_drive_has_it(register):
     station, _, module = line(dead_in_idle=False)
     station.module.motor.position = 3.25 * 16384
     found = module.read(register.name)
@@ -52,7 +52,7 @@ def test_a_setting_is_written_once_and_read_back(register, fault):
     assert len(written) == (2 if "deaf" in fault else 1)
 
 
-def test_a_value_that_is_not_kept_is_told():
+def test_a_value_that_is_not_kept_is_reported():
     _, _, module = line(clamps={0x6C: 20.0})
     with pytest.raises(NodeError, match=r"velocity_limit holds 20 after 30\.5 was written"):
         module.write("velocity_limit", 30.5)
@@ -70,7 +70,7 @@ def test_a_value_that_is_not_kept_is_told():
         ("speed", 5.0, "there are motor_state"),
     ],
 )
-def test_what_is_not_written_by_name(name, value, error):
+def test_parameters_that_are_not_written_by_name(name, value, error):
     station, _, module = line()
     with pytest.raises(ArgumentError) as caught:
         module.write(name, value)
@@ -109,7 +109,7 @@ def test_errors_have_words_and_are_cleared():
     assert "encoder NO_RESPONSE" in " ".join(module.clear_errors().lines)
 
 
-def test_flags_without_their_words_and_reserved_bits_are_told():
+def test_flags_without_their_words_and_reserved_bits_are_reported():
     from axisbus.drives.gim6010.modbus.module import ErrorWords
 
     lines = ErrorWords(0x0022, dict.fromkeys(("motor", "encoder", "controller", "system", "axis"), 0)).lines
@@ -155,7 +155,7 @@ def test_where_the_answer_to_saving_was_lost_it_is_saved_again():
     assert len(saved) == 2
 
 
-def test_a_firmware_that_saves_without_a_restart_is_told():
+def test_a_firmware_that_saves_without_a_restart_is_reported():
     station, _, module = line(save_restarts=False)
     assert module.save() is False
     assert station.module.restarts == 0
@@ -171,7 +171,7 @@ def test_saving_and_restarting_under_power_is_refused():
     assert station.address == 1
 
 
-def test_a_module_that_does_not_come_back_is_told():
+def test_a_module_that_does_not_come_back_is_reported():
     station, wire, module = line()
     wire.before = lambda request: setattr(
         station.module.dials, "dead", request.address == 0x80 or station.module.dials.dead
@@ -216,7 +216,7 @@ def test_without_saving_it_answers_where_it_answers(at_once):
     assert station.module.restarts == 0
 
 
-def test_a_node_id_that_somebody_has_is_refused():
+def test_a_node_id_in_use_is_refused():
     station, _, module = line(Station(7))
     with pytest.raises(StateError, match="already answers to node ID 7"):
         set_node_id(module, 7)
@@ -227,7 +227,7 @@ def test_a_node_id_that_somebody_has_is_refused():
     assert bytes.fromhex("01 06 00 62 00 07") not in station.frames
 
 
-def test_a_node_id_that_is_not_taken_is_told():
+def test_a_node_id_that_is_not_taken_is_reported():
     station, _, module = line(exceptions={(0x62, True): 3})
     with pytest.raises(ModbusRefused):
         set_node_id(module, 5)

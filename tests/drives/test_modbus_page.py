@@ -26,7 +26,7 @@ def test_no_cell_breaks_its_row():
         assert [cell for row in made() for cell in row if "|" in cell or "\n" in cell or not cell] == []
 
 
-def test_that_nothing_notices_a_dead_master_is_told_on_the_page_as_at_opening():
+def test_that_nothing_notices_a_dead_master_is_reported_on_the_page_as_at_opening():
     page = " ".join(text_of(PAGE).split())
     assert "**Nothing in a module is known to notice a dead master over Modbus.**" in page
     assert "a velocity or a torque continues and a position is held" in page

@@ -74,7 +74,7 @@ def test_a_number_that_may_not_have_been_taken_is_not_written_to():
     assert not [request for request in wire.asked if request.address == 0xA2]
 
 
-def test_nor_is_it_where_the_number_cannot_be_read_back_and_no_answer_tells():
+def test_nor_is_it_where_the_number_cannot_be_read_back_and_no_answer_reports():
     station, wire, parameters = opened(number_hidden=True)
     before = dict(station.module.parameters.values)
     wire.before = lambda request: setattr(
@@ -99,7 +99,7 @@ def test_another_master_at_the_same_registers_is_noticed():
         parameters.read(LIMIT)
 
 
-def test_what_is_refused():
+def test_values_and_parameters_that_are_refused():
     station, _, parameters = opened()
     for path, value, error in (
         ("axis0.requested_state", 8, "not written here"),
@@ -131,7 +131,7 @@ def test_a_list_of_another_firmware_is_refused_and_nothing_is_read_by_it():
     assert not [frame for frame in station.frames if frame[1:4] == bytes.fromhex("10 00 A2")]
 
 
-def test_what_was_written_is_saved_and_seen_after_the_restart():
+def test_a_written_value_is_saved_and_read_after_the_restart():
     station, _, parameters = opened()
     parameters.write(LIMIT, 12.5)
     parameters.save()
@@ -139,7 +139,7 @@ def test_what_was_written_is_saved_and_seen_after_the_restart():
     assert parameters.read(LIMIT) == 12.5
 
 
-def test_what_the_flash_has_lost_is_told():
+def test_what_the_flash_has_lost_is_reported():
     station, _, parameters = opened()
     parameters.write(LIMIT, 12.5)
     station.module.parameters.save = lambda: None
@@ -158,7 +158,7 @@ def set_zero(parameters):
 
 @pytest.mark.parametrize("turns", [0.0, 0.3, -0.3, 2.75, -7.99])
 @pytest.mark.parametrize("offset", [0.0, 0.6])
-def test_the_zero_is_where_it_stands(turns, offset):
+def test_zero_is_the_present_position(turns, offset):
     station = Station(dials=LineDials())
     station.module.usb_write("axis0.encoder.config.index_offset", offset)
     station.module.usb_write("axis0.encoder.config.use_index_offset", 1)
@@ -178,7 +178,7 @@ def test_the_zero_is_where_it_stands(turns, offset):
     assert station.module.parameters["axis0.encoder.config.use_index_offset"] == 1
 
 
-def test_a_zero_that_is_none_after_the_restart_is_told():
+def test_a_zero_that_is_lost_after_the_restart_is_reported():
     station, wire, parameters = opened()
 
     def turned(request):
@@ -203,7 +203,7 @@ def test_no_zero_is_set_where_the_position_is_dead_or_under_power():
     assert station.module.parameters["axis0.encoder.config.use_index_offset"] == 0
 
 
-def test_the_errors_of_the_axis_are_told_and_cleared():
+def test_the_errors_of_the_axis_are_reported_and_cleared():
     station, _, parameters = opened()
     assert parameters.axis_error == 0
     station.module.axis.estop()

@@ -71,7 +71,7 @@ def test_the_table_is_the_manual_s():
     assert told == MANUAL
 
 
-def test_no_address_is_two_values_and_no_name_stands_twice():
+def test_no_address_has_two_values_and_no_name_occurs_twice():
     for bank in Bank:
         taken = [
             each.address + offset for each in REGISTERS if each.bank is bank for offset in range(each.count)
@@ -99,7 +99,7 @@ def test_the_manual_s_examples(name, value, frame):
     assert named(name).value(request.words) == pytest.approx(value, rel=1e-7)
 
 
-def test_the_manual_s_wrong_example_is_told_and_a_position_never_goes_to_the_velocity():
+def test_the_manual_s_wrong_example_is_reported_and_a_position_never_goes_to_the_velocity():
     wrong = bytes.fromhex("01 10 00 68 00 02 04 40 49 0F F9")
     assert requests.write(named("velocity_setpoint"), 3.1416).frame(1) == wrong
     assert requests.write(named("position_setpoint"), 3.1416).frame(1) != wrong
@@ -222,12 +222,12 @@ def test_a_value_of_several_registers_has_no_half(register):
         ("position_feedback", 1.0, "not for writing"),
     ],
 )
-def test_what_is_never_sent(name, value, error):
+def test_writes_that_are_never_sent(name, value, error):
     with pytest.raises(ArgumentError, match=error):
         requests.write(named(name), value)
 
 
-def test_limits_are_told_as_limits():
+def test_limits_are_reported_as_limits():
     with pytest.raises(LimitError):
         requests.write(named("current_limit"), 60.0)
     with pytest.raises(ArgumentError, match="there are motor_state"):
@@ -256,7 +256,7 @@ def answer(request, **other):
 
 
 @pytest.mark.parametrize("register", REGISTERS, ids=repr)
-def test_a_reply_fits_by_all_that_it_tells(register):
+def test_a_reply_fits_by_all_that_it_reports(register):
     asked = [requests.read(register)] if register.readable else []
     if register.writable:
         asked.append(requests.write(register, next(iter(register.field.values), 1)))

@@ -81,7 +81,7 @@ class Line:
         return [int.from_bytes(data, "big") for address, data in self.written if address == STATE]
 
 
-def test_what_it_tells_by_itself_is_state_and_place_and_in_closed_loop_estimates():
+def test_what_it_reports_by_itself_is_state_and_place_and_in_closed_loop_estimates():
     line = Line()
     line.plant.motor.position = 0.25 * 16384
     line.work(20)
@@ -227,7 +227,7 @@ def test_a_silence_is_no_heartbeat_and_what_comes_after_a_long_one_is_a_restart(
     assert line.hearing.restarts == 1
 
 
-def test_errors_are_told_by_part_and_by_word():
+def test_errors_are_reported_by_part_and_by_word():
     line = Line()
     line.work(4)
     line.plant.axis.encoder_error = 0x10

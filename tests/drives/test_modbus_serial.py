@@ -61,7 +61,7 @@ def test_values_are_written_and_read_back(line):
     assert module.read("motor_error") == 0
 
 
-def test_faults_of_the_line_are_lived_through_or_told(line):
+def test_faults_of_the_line_are_lived_through_or_reported(line):
     station, wire, module = line
     for fault in ("silent", "wrong_checksum", "short"):
         setattr(station.dials, fault, 1)
@@ -86,7 +86,7 @@ def test_another_module_s_answer_is_not_taken(line):
         wire.exchange(1, requests.read(named("bus_voltage")))
 
 
-def test_a_port_is_had_by_one_program_and_a_lost_one_is_told(line):
+def test_a_port_is_had_by_one_program_and_a_lost_one_is_reported(line):
     _, wire, module = line
     with pytest.raises(AdapterError, match="cannot be used"):
         SerialWire(wire.port)
@@ -109,7 +109,7 @@ def test_a_line_that_takes_nothing_for_a_while_is_a_silent_module_and_no_lost_po
     assert module.state == 1
 
 
-def test_a_line_that_is_pulled_is_told_at_once():
+def test_a_line_that_is_pulled_is_reported_at_once():
     station = Station()
     with served(station) as terminal:
         wire = SerialWire(terminal.path)
@@ -124,13 +124,13 @@ def test_a_line_that_is_pulled_is_told_at_once():
 
 
 @pytest.mark.parametrize("port", ["/dev/none", "", "/dev/null"])
-def test_what_is_no_serial_port_is_told(port):
+def test_an_invalid_serial_port_is_reported(port):
     with pytest.raises(AdapterError, match="cannot be used") as caught:
         SerialWire(port)
     assert "check its name" in caught.value.remedy
 
 
-def test_a_missing_extra_is_told(monkeypatch):
+def test_a_missing_extra_is_reported(monkeypatch):
     monkeypatch.setitem(sys.modules, "serial", None)
     with pytest.raises(UserError, match="pymodbus and pyserial") as caught:
         SerialWire("/dev/ttyUSB0")

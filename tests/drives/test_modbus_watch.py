@@ -72,7 +72,7 @@ def test_a_velocity_is_there_when_it_is_within_two_percent_and_late_when_it_gets
     assert TurnWatch(0.0, 3.0).judge(seen(0.0, 0.04)) is ModbusMotionStatus.DONE
 
 
-def test_how_a_course_is_halted_and_what_is_too_fast_for_it():
+def test_how_a_running_motion_is_halted_and_when_it_is_too_fast():
     assert ModbusCommand(ModbusControlMode.POSITION).halting is None
     assert ModbusCommand(ModbusControlMode.POSITION, ramp=5.0, target=3.0).halting == TrapezoidHalt(5.0, 3.0)
     assert ModbusCommand(ModbusControlMode.VELOCITY, ramp=5.0, commanded=2.0).halting == RampHalt(5.0, 2.0)

@@ -141,7 +141,7 @@ def test_the_generic_drive_stops_on_its_ramps_by_default() -> None:
     assert number(eds, 0x60C2, 1) * 10 ** number(eds, 0x60C2, 2) == pytest.approx(0.001)
 
 
-def test_the_joint_module_is_what_is_known_of_it() -> None:
+def test_the_eds_of_the_joint_module_has_the_published_facts() -> None:
     eds = builtin("gim6010-8")
     assert eds.identity.vendor_id == 0x000C0B00
     assert number(eds, 0x6502) == 0x761
@@ -164,7 +164,7 @@ def test_the_joint_module_is_what_is_known_of_it() -> None:
         assert index in eds
 
 
-def test_the_joint_module_says_that_the_file_is_not_its_makers() -> None:
+def test_the_eds_of_the_joint_module_says_that_it_is_not_the_manufacturer_s() -> None:
     text = resolve("builtin:gim6010-8", Path()).read_text()
     assert "NOT the maker's file (cb_0.1.eds)" in text
     assert "ASSUMED: 1016" in text

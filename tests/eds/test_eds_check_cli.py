@@ -164,7 +164,7 @@ def test_a_path_is_printed_once_for_its_file(check: Call) -> None:
     assert check(names[0])[1].count("drives/a.eds") == 1
 
 
-def test_severity_filters_what_is_shown_and_tells_what_is_not(check: Call) -> None:
+def test_severity_filters_what_is_shown_and_reports_what_is_not(check: Call) -> None:
     write("a.eds", BEYOND, TWICE, SHARED)
 
     def shown(*options: str) -> list[str]:
@@ -182,7 +182,7 @@ def test_severity_filters_what_is_shown_and_tells_what_is_not(check: Call) -> No
     assert len(json.loads(check("a.eds", "--json", "--severity", "note")[1])["findings"]) == 3
 
 
-def test_a_severity_that_is_none_is_misuse(check: Call) -> None:
+def test_an_invalid_severity_is_wrong_use(check: Call) -> None:
     code, out, err = check(write("a.eds"), "--severity", "fatal")
     assert (code, out) == (2, "")
     assert "error, warning, note" in err
@@ -285,7 +285,7 @@ def test_json_of_a_clean_file_is_an_empty_list(check: Call) -> None:
     assert json.loads(check(write("a.eds"), "--json")[1]) == {"findings": []}
 
 
-def test_what_concerns_the_whole_file_stands_in_line_1(check: Call) -> None:
+def test_findings_about_the_whole_file_are_in_line_1(check: Call) -> None:
     name = write("a.eds")
     Path(name).write_text(BASE[BASE.index("[DeviceInfo]") :])
     found = json.loads(check(name, "--json")[1])["findings"]
@@ -362,7 +362,7 @@ def test_builtin_files_are_known_by_name(check: Call) -> None:
         (None, "does not exist"),
     ],
 )
-def test_what_cannot_be_read_is_a_finding_beside_the_others(
+def test_an_unreadable_file_is_a_finding_next_to_those_of_the_other_files(
     check: Call, data: bytes | None, said: str
 ) -> None:
     if data is not None:
@@ -383,7 +383,7 @@ def test_a_folder_and_a_pattern_without_a_match_are_findings(check: Call) -> Non
     assert [each["rule"] for each in found] == ["S000"] * 3
 
 
-def test_explain_tells_clause_reason_and_remedy(check: Call) -> None:
+def test_explain_reports_clause_reason_and_remedy(check: Call) -> None:
     code, out, _ = check("--explain", "v003")
     assert code == 0
     assert out.splitlines()[0] == "V003 warning: A value lies outside its limits."

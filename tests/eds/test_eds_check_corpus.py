@@ -48,7 +48,7 @@ class TestRealFiles:
                     assert 1 <= finding.column <= len(lines[finding.line - 1]) + 1, (path.name, finding)
 
     @pytest.mark.parametrize(("file", "rule", "line"), SEEN)
-    def test_what_was_seen_by_eye_is_found(self, file: str, rule: str, line: int) -> None:
+    def test_defects_that_were_found_by_reading_are_reported(self, file: str, rule: str, line: int) -> None:
         found = [
             each.line for path in FILES if path.name.startswith(file) for each in check(path, select=rule)
         ]
@@ -62,7 +62,7 @@ def test_our_own_files_have_nothing_above_a_note(path: Path) -> None:
     assert [each for each in check(path) if each.severity is not Severity.NOTE] == []
 
 
-def test_the_word_of_modes_of_a_real_joint_is_a_note() -> None:
+def test_the_value_of_6502h_in_a_real_joint_module_s_eds_is_a_note() -> None:
     """6502h of this drive has its bits in another order: it claims ip and cstca, of which nothing is described, and not pv, tq."""
     found = {each.rule for each in check(ROOT / "eds" / "gim6010-8.eds")}
     assert {"M008", "M009"} <= found

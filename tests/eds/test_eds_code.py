@@ -81,7 +81,7 @@ def test_for_a_node_the_defaults_are_resolved() -> None:
     assert (made.COB_ID_EMCY.default, made.COB_ID_EMCY.plus_node_id) == (0x85, False)
 
 
-def test_what_is_no_drive_has_no_enumerations_of_drives() -> None:
+def test_a_device_without_a_drive_gets_no_drive_enumerations() -> None:
     bare = codegen.module(load_text("[DeviceInfo]\n" + variable("1000") + variable("2000", DataType="0x6")))
     assert "IntFlag" not in bare
     assert assigned(bare)[-5:] == ["Entry", "THING_1000", "THING_2000", "ENTRIES", "BY_ADDRESS"]

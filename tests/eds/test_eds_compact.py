@@ -28,7 +28,7 @@ def test_compact_sub_indices_are_named_by_number_and_share_the_rest() -> None:
     }
 
 
-def test_lists_beside_a_compact_object_name_value_and_denote_its_sub_indices() -> None:
+def test_lists_of_a_compact_object_give_names_values_and_denotations_of_its_sub_indices() -> None:
     eds = read(
         COMPACT
         + "[2100Name]\nNrOfEntries=1\n2=Middle\n\n[2100Value]\nNrOfEntries=2\n1=10\n3=0xFF\n\n"
@@ -53,7 +53,7 @@ def test_a_value_in_a_list_is_checked_as_any_other() -> None:
     assert (only(eds).rule, only(eds).subindex) == ("V005", 1)
 
 
-def test_a_sub_index_of_its_own_stands_beside_compact_ones() -> None:
+def test_an_explicit_sub_index_and_compact_ones_are_both_read() -> None:
     eds = read(COMPACT + variable("2100sub2", ParameterName="Special", DataType="0x0006"))
     subs = eds.objects[0x2100].subs
     assert list(subs) == [0, 1, 2, 3]

@@ -117,7 +117,7 @@ def test_one_changed_value_is_one_changed_line(readings: dict[str, reader.EdsPar
             )
 
 
-def test_every_model_written_anew_is_a_clean_file_that_canopen_reads(
+def test_every_model_written_again_is_a_clean_file_that_canopen_reads(
     readings: dict[str, reader.EdsParseResult],
 ) -> None:
     written = 0
@@ -143,7 +143,7 @@ def accepted(data: bytes) -> bool:
     return True
 
 
-def test_what_canopen_reads_it_reads_after_a_mend_and_as_a_dcf(
+def test_what_canopen_reads_it_reads_after_a_fix_and_as_a_dcf(
     readings: dict[str, reader.EdsParseResult],
 ) -> None:
     some = list(readings)[::4]  # canopen takes most of the time

@@ -81,13 +81,13 @@ NOISE = {
 
 
 @pytest.mark.parametrize("kind", NOISE)
-def test_megabytes_of_noise_are_checked_and_mended_in_the_time_of_their_text(kind: str) -> None:
+def test_megabytes_of_noise_are_checked_and_fixed_in_the_time_of_their_text(kind: str) -> None:
     text = HEAD + NOISE[kind]
     assert spent(lambda: check(text)) < SOME_SECONDS
     assert spent(lambda: fix.fix(reader.read(text.encode(), "big.eds"))) < SOME_SECONDS
 
 
-def test_lines_that_all_change_are_still_told_by_their_own_numbers() -> None:
+def test_lines_that_all_change_are_still_reported_by_their_own_numbers() -> None:
     lines = "".join(
         f" [{index:04X}]\nParameterName=x\nDataType=7 ; what\n" for index in range(0x2000, 0x5000)
     )

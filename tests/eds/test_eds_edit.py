@@ -84,7 +84,7 @@ def test_keys_are_removed_with_their_repetitions() -> None:
 @pytest.mark.parametrize(
     ("end", "added"), [("", "\n\n[B]\nx=1"), ("\n", "\n[B]\nx=1\n"), ("\n\n", "[B]\nx=1\n")]
 )
-def test_a_section_at_the_end_stands_after_one_blank_line(end: str, added: str) -> None:
+def test_a_section_added_at_the_end_follows_one_blank_line(end: str, added: str) -> None:
     content = "[1000]\nDataType=7" + end
     assert (
         changed(content, edit.add_section(document(content), "B", {"x": "1"})) == (content + added).encode()
@@ -119,7 +119,7 @@ def test_a_removed_section_takes_its_blank_lines_but_not_the_next_ones_comment()
     ("header", "renamed"),
     [("[ A ] ; x", "[B] ; x"), ("  [A]", "[B]"), ("[A", "[B]"), ("[A]\r", "[B]\r")],
 )
-def test_a_renamed_section_stands_in_column_one_with_its_bracket(header: str, renamed: str) -> None:
+def test_a_renamed_section_begins_in_column_one(header: str, renamed: str) -> None:
     content = f"{header}\nx=1\r\n"
     file = document(content)
     assert (

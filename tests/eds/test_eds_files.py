@@ -35,7 +35,7 @@ PNG = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x02\x00" + bytes(range(256))
     ],
     ids=["png", "empty", "blank", "pdf", "xml", "python", "toml", "noise", "zeros", "brackets", "newlines", "spaces", "hull"],
 )  # fmt: skip
-def test_what_is_no_eds_is_one_error_that_says_why(data: bytes, words: str) -> None:
+def test_a_file_that_is_no_eds_is_one_error_with_the_reason(data: bytes, words: str) -> None:
     start = time.process_time()
     with pytest.raises(EdsError) as caught:
         loads(data, "drive.eds")

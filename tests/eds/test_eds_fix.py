@@ -129,7 +129,7 @@ def test_what_needs_judgement_is_left_alone(data_type: str, given: str) -> None:
         ("S004", "[DummyUsage]\nDummy0001=0\nDUMMY0001 = 0\n" + DUMMIES, "[DummyUsage]\nDummy0001=0\n" + DUMMIES),
     ],
 )  # fmt: skip
-def test_a_section_is_mended_in_its_lines(rule: str, before: str, after: str) -> None:
+def test_a_section_is_fixed_in_its_lines(rule: str, before: str, after: str) -> None:
     done = fixed(before)
     assert [each.rule for each in done.mended] == [rule]
     assert mended(before) == after
@@ -179,20 +179,20 @@ def test_the_second_of_two_equal_sections_goes_and_its_comment_stays() -> None:
     assert fixed(different).mended == ()
 
 
-def test_leading_zeros_go_unless_the_name_is_taken() -> None:
+def test_leading_zeros_are_removed_unless_the_name_is_taken() -> None:
     before = record("2000", variable("2000sub00", DataType=U8), variable("2000sub0A"))
     assert mended(before) == before.replace("sub00", "sub0").replace("sub0A", "subA")
     taken = record("2000", variable("2000sub0", DataType=U8), variable("2000sub00", DataType="6"))
     assert "O012" not in [each.rule for each in fixed(taken).mended]
 
 
-def test_a_comment_behind_a_value_comes_below_it_before_the_value_is_mended() -> None:
+def test_a_comment_behind_a_value_comes_below_it_before_the_value_is_fixed() -> None:
     before = variable("2000", DataType=I8, DefaultValue="0xFF ; minus one", AccessType="RW ; both")
     after = variable("2000", DataType=I8, DefaultValue="-1\n; minus one", AccessType="rw\n; both")
     assert mended(before) == after
 
 
-def test_limits_and_lists_of_values_are_mended_too() -> None:
+def test_limits_and_lists_of_values_are_fixed_too() -> None:
     before = variable("2000", DataType=I8, LowLimit="0x80", HighLimit="127") + (
         "[2001]\nParameterName=a\nObjectType=8\nDataType=2\nAccessType=rw\nCompactSubObj=1\n[2001Value]\nNrOfEntries=1\n1=0xFE\n"
     )
@@ -210,11 +210,11 @@ def test_limits_and_lists_of_values_are_mended_too() -> None:
         ("Gr\ufffd\ufffde", "Gr\ufffd\ufffde"),
     ],
 )
-def test_a_name_is_written_in_ascii_where_there_is_a_plain_way(written: str, plain: str) -> None:
+def test_a_name_is_written_in_ascii_if_that_is_possible(written: str, plain: str) -> None:
     assert mended(variable("2000", ParameterName=written)) == variable("2000", ParameterName=plain)
 
 
-def test_many_names_beyond_ascii_are_one_mend() -> None:
+def test_many_names_beyond_ascii_are_one_fix() -> None:
     body = "; für\n; µm\n" + variable("2000", ParameterName="Größe")
     (done,) = fixed(body).mended
     assert done.what == "; für in ASCII, and 2 more lines"
@@ -263,7 +263,7 @@ def test_the_counts_of_a_file_that_ends_in_the_middle_are_not_made_to_fit() -> N
         variable("2000", AccessType="READ"),
     ],
 )
-def test_what_the_check_does_not_count_or_know_is_not_mended(body: str) -> None:
+def test_what_the_check_does_not_count_or_know_is_not_fixed(body: str) -> None:
     assert fixed(body).mended == ()
 
 
@@ -302,7 +302,7 @@ def test_lines_are_named_as_the_original_has_them() -> None:
     assert [each.line for each in done.mended if each.rule == "V010"] == wrong
 
 
-def test_the_diff_is_the_one_that_everybody_knows() -> None:
+def test_the_diff_has_the_unified_format() -> None:
     body = "".join(
         record(f"{index:X}", variable(f"{index:X}sub0", DataType=I8, DefaultValue="0xFF ; minus"), variable(f"{index:X}sub01"))
         for index in (0x2000, 0x2010, 0x2011)
@@ -359,7 +359,7 @@ def test_whatever_the_lines_mending_twice_is_mending_once(lines: list[str], newl
 
 
 @pytest.mark.skipif(not FILES, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
-def test_real_files_say_the_same_when_mended() -> None:
+def test_real_files_say_the_same_when_fixed() -> None:
     for path in FILES:
         before = reader.read(path.read_bytes(), path.name)
         done = fix(before)
@@ -387,7 +387,7 @@ def test_fix_does_what_check_asks_for() -> None:
         assert after - counts == Counter(), path.name
 
 
-def test_a_mended_file_means_to_canopen_what_it_means_to_us() -> None:
+def test_a_fixed_file_means_to_canopen_what_it_means_to_us() -> None:
     body = variable("2000", DataType=I32, DefaultValue="0xFFFFFFFF", AccessType="RW") + variable(
         "2001", DefaultValue="0x180+$NodeID"
     )

@@ -123,7 +123,7 @@ int main(void)
 
 
 @needs_compiler
-def test_what_is_packed_comes_out_again_and_is_where_the_mapping_has_it(tmp_path: Path) -> None:
+def test_packed_data_matches_the_mapping_and_unpacks_to_the_same_values(tmp_path: Path) -> None:
     made = compiled(header(read(MAPPED)), tmp_path, MAIN)
     found = subprocess.run([made], capture_output=True, text=True, check=True).stdout.split()
     space = 0xFF << 18  # 8 bits that nobody has written

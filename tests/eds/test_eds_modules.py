@@ -109,7 +109,7 @@ def test_a_modules_objects_are_no_objects_of_the_device() -> None:
     assert 0x6423 not in read(MODULES)
 
 
-def test_what_is_wrong_in_a_modules_object_is_found() -> None:
+def test_a_defect_in_an_object_of_a_module_is_found() -> None:
     eds = read(
         MODULES.replace(
             "[M1Fixed6423sub1]\nParameterName=Enable\nDataType=0x0001", "[M1Fixed6423sub1]\nDataType=x"
@@ -119,7 +119,7 @@ def test_what_is_wrong_in_a_modules_object_is_found() -> None:
     assert {finding.index for finding in eds.findings} == {0x6423}
 
 
-def test_a_device_without_modules_has_none() -> None:
+def test_a_device_without_modules_lists_no_module() -> None:
     eds = read("")
     assert (eds.modules, eds.connected, eds.dynamic_channels) == ({}, (), ())
 

@@ -114,7 +114,7 @@ def test_a_domain_needs_neither_type_nor_access() -> None:
         ("[2000]\nParameterName=A\nDataType=7\nAccessType=rw # rw\n", "S011", 4),
     ],
 )
-def test_what_is_missing_or_wrong_is_an_entry_with_a_finding(body: str, rule: str, line: int) -> None:
+def test_a_missing_or_wrong_entry_is_read_with_a_finding(body: str, rule: str, line: int) -> None:
     eds = read(body)
     finding = only(eds)
     assert eds.get(0x2000) is not None
@@ -133,7 +133,7 @@ def test_a_value_that_is_not_understood_is_absent_and_points_to_itself() -> None
     assert finding.message == "[2000] DefaultValue: 4x0 is not an integer"
 
 
-def test_a_type_that_the_file_defines_stands_for_its_base() -> None:
+def test_a_type_that_the_file_defines_means_its_base_type() -> None:
     limited = "[A0]\nParameterName=Limited\nObjectType=5\n\n" + variable(
         "A0sub1", DefaultValue="0x0006", DataType="5"
     )
@@ -173,7 +173,7 @@ def test_the_other_spelling_of_commissioning_is_read_and_reported() -> None:
 
 
 @pytest.mark.parametrize("node_id", ["0", "128", "", "x", "$NODEID"])
-def test_a_node_id_that_is_none_is_reported(node_id: str) -> None:
+def test_an_invalid_node_id_is_reported(node_id: str) -> None:
     eds = read(f"[DeviceComissioning]\nNodeID={node_id}\n")
     assert eds.node_id is None
     assert only(eds).rule == "K003"
@@ -225,7 +225,7 @@ ZEROS = {"LowLimit": "0", "HighLimit": "0"}
     ("data_type", "default", "kept"),
     [("0x3", "0", True), ("7", "0x00", True), ("0x8", "0.0", True), ("0x3", "5", False), ("0x3", "", False)],
 )
-def test_limits_of_zero_hold_beside_a_default_of_zero(data_type: str, default: str, kept: bool) -> None:
+def test_limits_of_zero_apply_with_a_default_of_zero(data_type: str, default: str, kept: bool) -> None:
     """As of 6086h, which has one profile, and 1003h:00, to which only 0 is written; else they are an editor's way to say none."""
     eds = read(variable("6086", DataType=data_type, DefaultValue=default, **ZEROS))
     low, high = eds.objects[0x6086].subs[0].low, eds.objects[0x6086].subs[0].high
@@ -234,7 +234,7 @@ def test_limits_of_zero_hold_beside_a_default_of_zero(data_type: str, default: s
     assert ("V018" in [finding.rule for finding in eds.findings]) is not kept
 
 
-def test_limits_of_zero_are_none_in_a_file_that_writes_them_beside_other_defaults() -> None:
+def test_limits_of_zero_mean_no_limit_in_a_file_that_uses_them_with_other_defaults() -> None:
     body = "".join(
         variable(f"20{number:02}", DataType="7", DefaultValue=str(number), **ZEROS) for number in (0, 1, 2)
     )
@@ -243,7 +243,7 @@ def test_limits_of_zero_are_none_in_a_file_that_writes_them_beside_other_default
     assert [finding.rule for finding in eds.findings] == ["V018"] * 3
 
 
-def test_entries_that_differ_in_name_alone_are_told_apart_by_name_and_line() -> None:
+def test_entries_that_differ_in_name_alone_are_distinguished_by_name_and_line() -> None:
     bodies = [variable("2000", ParameterName="A"), variable("2001", ParameterName=" B "), variable("2002")]
     eds = read("".join(bodies))
     first, second, third = (eds.objects[index] for index in (0x2000, 0x2001, 0x2002))
@@ -277,7 +277,7 @@ def test_arrays_of_one_text_each_have_their_own_compact_entries() -> None:
     assert names == [["NrOfObjects", "own", "x2"], ["NrOfObjects", "x1", "own"]]
 
 
-def test_what_is_wrong_in_sections_that_are_alike_is_found_in_each() -> None:
+def test_a_defect_in_repeated_sections_is_found_in_each() -> None:
     indices = [0x2000, 0x2001, 0x2002]
     eds = read("".join(variable(f"{index:04X}", DefaultValue="0x1FFFFFFFF") for index in indices))
     assert [entry.subs[0].default for entry in eds][1:] == [None] * 3

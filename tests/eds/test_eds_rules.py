@@ -55,7 +55,7 @@ def test_a_breach_is_found_at_its_place(case: Case) -> None:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.rule)
-def test_what_is_near_a_breach_is_left_alone(case: Case) -> None:
+def test_values_next_to_a_violation_are_accepted(case: Case) -> None:
     assert [each for each in found(case.near) if each.rule == case.rule] == []
 
 
@@ -70,13 +70,13 @@ def test_what_the_standard_leaves_open_is_a_note() -> None:
     assert only("V001", "2005:DataType=0x000C", "2005:DefaultValue=365 43200000").severity is Severity.NOTE
 
 
-def test_what_is_not_certain_in_the_table_is_a_note() -> None:
+def test_an_uncertain_row_of_the_table_gives_only_a_note() -> None:
     """The sign of 6086h is not certain from what is public, that of 6064h is."""
     assert only("M002", "6086:DataType=0x0006").severity is Severity.NOTE
     assert only("M002", "6064:DataType=0x0007").severity is Severity.WARNING
 
 
-def test_crossed_limits_are_told_at_the_limit_that_the_default_contradicts() -> None:
+def test_crossed_limits_are_reported_at_the_limit_that_the_default_contradicts() -> None:
     text = edited("2000:HighLimit=0")  # 1 to 9, default 5
     assert (only("V004", "2000:HighLimit=0").line, 11) == place(text, "2000:HighLimit")
     without_default = ("2000:HighLimit=-1", "2000:LowLimit=0", "2000:DefaultValue", "2000:DataType=0x0004")
@@ -90,7 +90,7 @@ def test_a_wrong_type_is_one_finding_not_one_for_each_value_that_does_not_fit_it
     assert [each.rule for each in found(edits)] == ["M002"]
 
 
-def test_a_value_that_is_wrong_under_either_type_is_told_beside_the_type() -> None:
+def test_a_value_that_is_wrong_for_either_type_is_reported_in_addition_to_the_type() -> None:
     edits = ("607A:DataType=0x0005", "607A:DefaultValue=far")
     assert {each.rule for each in found(edits)} == {"M002", "V001"}
 
@@ -166,7 +166,7 @@ def test_formulas_and_names_have_their_place(rule: str, edit: str, where: str) -
 
 
 @pytest.mark.parametrize("given", ["one", "-1", "1.5"])
-def test_a_number_of_pdos_that_is_none_is_told(given: str) -> None:
+def test_an_invalid_number_of_pdos_is_reported(given: str) -> None:
     assert only("D006", f"DeviceInfo:NrOfTXPDO={given}").message == f"NrOfTXPDO={given} is not a number"
 
 
@@ -251,7 +251,7 @@ def test_the_identifier_of_each_service_is_in_its_range(
         ("7", "begins in ip, without"),
     ],
 )
-def test_a_mode_without_objects_is_told_where_6502h_is_missing(default: str, words: str) -> None:
+def test_a_mode_without_objects_is_reported_where_6502h_is_missing(default: str, words: str) -> None:
     edits = (
         "-6502",
         "OptionalObjects:24",
@@ -262,7 +262,7 @@ def test_a_mode_without_objects_is_told_where_6502h_is_missing(default: str, wor
     assert only("M011", "6060:DefaultValue=5").message.endswith("a mode that CiA 402 does not have")
 
 
-def test_a_target_of_which_no_mode_is_whole_is_told_where_6502h_is_missing() -> None:
+def test_a_target_of_which_no_mode_is_whole_is_reported_where_6502h_is_missing() -> None:
     edits = ("6502:DefaultValue", *with_object("60FF", 4, "0"))
     assert only("M018", *edits).message == (
         "60FF (Target velocity) is there, but pv would need 606C (Velocity actual value) too; "
@@ -350,7 +350,7 @@ def test_the_number_of_pdos_of_an_older_device_is_no_highest_sub_index() -> None
     assert only("O009", *PDOS_OF_V3, "1004sub0:DataType=0x0005").severity is Severity.ERROR
 
 
-def test_what_was_read_from_a_device_contradicts_no_default() -> None:
+def test_an_eds_read_from_a_device_contradicts_no_default() -> None:
     assert [each.rule for each in found((*DCF, "1018sub2:ParameterValue=7", "1001:ParameterValue=0"))] == []
 
 
@@ -374,7 +374,7 @@ def test_one_key_belongs_and_two_belong() -> None:
     )
 
 
-def test_a_number_twice_in_a_list_is_to_be_numbered_anew_as_fix_does() -> None:
+def test_a_number_twice_in_a_list_is_to_be_numbered_again_as_fix_does() -> None:
     assert (
         "renumber the entries (axisbus eds fix does this)"
         in only("S004", "ManufacturerObjects>6=0x2005").remedy

@@ -131,7 +131,7 @@ def test_a_value_with_the_node_id_is_resolved_for_the_node_and_a_formula_without
     assert "value     $NODEID+0x80" in about(eds, "1014")
 
 
-def test_a_dcf_shows_what_is_configured_beside_the_default() -> None:
+def test_a_dcf_is_shown_with_values_and_defaults() -> None:
     eds = small(variable("2000", DataType="0x6", DefaultValue="10", ParameterValue="0x14"))
     assert "value     20 (DCF; default 10)" in about(eds, "2000")
 
@@ -217,7 +217,7 @@ def test_a_pdo_is_found_by_its_name() -> None:
     assert "parameters in 1800h and 1A00h" in text
 
 
-def test_what_is_not_there_is_an_error_that_names_what_is_near() -> None:
+def test_the_error_for_a_missing_object_names_similar_objects() -> None:
     with pytest.raises(EdsError, match="no object 'Statuswort'") as caught:
         search.find(small(STATUS), "Statuswort")
     assert "6041h Statusword" in caught.value.remedy
@@ -240,7 +240,7 @@ def test_what_is_not_there_is_an_error_that_names_what_is_near() -> None:
         ("", "the file has no mapping parameter 1A00h"),
     ],
 )
-def test_what_is_odd_about_a_pdo_is_said_under_its_drawing(body: str, note: str) -> None:
+def test_a_defect_of_a_pdo_is_reported_below_its_drawing(body: str, note: str) -> None:
     assert note in drawn(small(communication("1800", "$NODEID+0x180") + body))
 
 

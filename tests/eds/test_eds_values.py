@@ -167,7 +167,7 @@ def test_other_types_are_read_as_they_are_meant(
         ("1", "10", T.VISIBLE_STRING, (None, None), []),
     ],
 )
-def test_limits_that_make_no_sense_are_none(
+def test_senseless_limits_count_as_no_limits(
     low: str, high: str, data_type: T, expected: tuple[float | None, float | None], rules: list[str]
 ) -> None:
     found = values.limits(low, high, data_type)

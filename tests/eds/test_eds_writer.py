@@ -103,7 +103,7 @@ def test_a_file_read_is_written_as_it_was_from_whatever_is_at_hand() -> None:
     assert writer.dumps(loads(data, "other.eds")) == data
 
 
-def test_a_read_model_with_other_objects_is_written_anew() -> None:
+def test_a_read_model_with_other_objects_is_written_again() -> None:
     eds = read(variable("2000"))
     fewer = replace(eds, objects={0x1000: eds.objects[0x1000]})
     assert list(loads(writer.dumps(fewer), "x.eds").objects) == [0x1000]
@@ -112,7 +112,7 @@ def test_a_read_model_with_other_objects_is_written_anew() -> None:
 
 
 @pytest.mark.parametrize("name", names())
-def test_the_builtin_files_written_anew_say_the_same(name: str) -> None:
+def test_the_builtin_files_written_again_say_the_same(name: str) -> None:
     eds = reader.load(resolve(f"builtin:{name}", Path()))
     text = writer.dumps(replace(eds, objects=dict(eds.objects))).decode()
     again = loads(text.encode(), "again.eds")
@@ -131,7 +131,7 @@ def test_the_builtin_files_written_anew_say_the_same(name: str) -> None:
         ({"a]": {}}, "x", "not a name of a section"),
     ],
 )
-def test_what_cannot_stand_in_an_eds_is_refused(
+def test_what_cannot_simulated_drive_an_eds_is_refused(
     info: dict[str, dict[str, str]], name: str, words: str
 ) -> None:
     entry = Variable(0x2000, 0, name, DataType.UNSIGNED8, "rw")
@@ -148,7 +148,7 @@ def test_a_model_goes_to_another_process_and_is_the_same_there() -> None:
 
 
 @pytest.mark.parametrize("value", [float("inf"), float("nan")])
-def test_a_number_that_is_none_is_refused(value: float) -> None:
+def test_an_invalid_number_is_refused(value: float) -> None:
     entry = Variable(0x2000, 0, "x", DataType.REAL32, "rw", value)
     with pytest.raises(ArgumentError, match="cannot be written in an EDS"):
         writer.dumps(Eds("x", {0x2000: Object(0x2000, "x", ObjectType.VAR, {0: entry})}, {}))

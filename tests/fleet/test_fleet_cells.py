@@ -67,7 +67,7 @@ def test_the_program_of_the_page_moves_axes_of_two_cells_together(plant, capsys)
     assert re.search(r"^saw \[\('x', -(10\.0|9\.9)", told, re.M)
 
 
-def test_what_stands_in_the_table_is_what_the_axes_do(plant, monkeypatch, capsys):
+def test_fleet_list_shows_the_states_of_the_axes(plant, monkeypatch, capsys):
     axisbus = commands.runner(monkeypatch, capsys)
     code, out, err = axisbus("fleet", "list", *way(plant))
     assert (code, err) == (0, "")
@@ -106,7 +106,7 @@ def test_what_a_cell_refuses_comes_as_the_library_s_own_error(plant):
         assert press["x"].limits["max_velocity"] == 400.0
 
 
-def test_a_jog_goes_on_while_it_is_renewed_and_ends_by_itself(plant):
+def test_a_jog_continues_while_it_is_renewed_and_ends_by_itself(plant):
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
         press["x"].enable().wait(20)
         begin = press["x"].position
@@ -172,7 +172,7 @@ def test_a_program_that_is_gone_or_stopped_leaves_axes_that_stand(plant, mover, 
             assert axis.position == pytest.approx(place, abs=0.1)
 
 
-def test_what_still_runs_at_the_end_of_the_block_is_halted_and_told_as_that(plant):
+def test_what_still_runs_at_the_end_of_the_block_is_halted_and_reported_as_that(plant):
     with fleet_of(plant) as fleet:
         with fleet["press"].command() as press:
             press["x"].enable().wait(20)
@@ -198,7 +198,7 @@ def test_a_stop_of_a_third_program_ends_what_the_one_that_commands_has_begun(pla
         until(lambda: is_in(press["x"], AxisState.DISABLED))
 
 
-def test_who_takes_the_command_over_has_it_and_the_one_before_is_told(plant):
+def test_who_takes_the_command_over_has_it_and_the_one_before_is_reported(plant):
     with fleet_of(plant, who="one") as one, fleet_of(plant, who="two") as two:
         mine = one["press"].command()
         with mine as press:
@@ -224,7 +224,7 @@ def test_an_object_of_a_node_is_read(plant):
             fleet["press"].read_object(1, 0x5FFF)
 
 
-def test_over_a_wire_that_is_cut_and_mended_nothing_is_believed_and_no_event_is_missed(plant):
+def test_over_a_wire_that_is_cut_and_fixed_nothing_is_believed_and_no_event_is_missed(plant):
     wire = Wire(int(plant[0].endpoint.rpartition(":")[2]))
     try:
         with Fleet("hall", connect=[wire.endpoint]) as fleet, fleet_of(plant) as beside:
@@ -295,7 +295,7 @@ def test_a_bridge_that_is_killed_leaves_axes_that_stand_and_the_next_one_is_foun
 # -- the last of both cells ------------------------------------------------------------------------------------------------
 
 
-def test_a_machine_that_was_begun_anew_under_its_bridge_is_known_and_commanded_again(plant):
+def test_a_machine_that_was_begun_again_under_its_bridge_is_known_and_commanded_again(plant):
     cell = plant[1]
     with fleet_of(plant) as fleet:
         saw = fleet["saw"]
@@ -319,7 +319,7 @@ def test_a_machine_that_was_begun_anew_under_its_bridge_is_known_and_commanded_a
         assert saw["x"].age < 1.0
 
 
-def test_a_cell_that_is_killed_is_gone_within_a_second_and_the_others_go_on(plant):
+def test_a_cell_that_is_killed_is_gone_within_a_second_and_the_others_continue(plant):
     with fleet_of(plant) as fleet:
         with fleet["press"].command() as press, fleet["saw"].command() as saw:
             wait(press["x"].enable(), saw["x"].enable(), timeout=20)
@@ -335,7 +335,7 @@ def test_a_cell_that_is_killed_is_gone_within_a_second_and_the_others_go_on(plan
         until(lambda: "gone for" in fleet["press"].offline_reason)
 
 
-def test_a_machine_that_is_killed_under_its_bridge_is_told_within_a_second(plant):
+def test_a_machine_that_is_killed_under_its_bridge_is_reported_within_a_second(plant):
     saw = plant[1]
     with fleet_of([saw]) as fleet:
         cell = fleet["saw"]

@@ -105,7 +105,7 @@ def test_a_cell_that_is_cut_off_is_gone_within_a_second_and_nothing_of_it_is_kno
         assert "unknown" in repr(press["x"])
 
 
-def test_a_cell_that_tells_no_more_is_not_known_after_a_second(plant):
+def test_a_cell_that_reports_no_more_is_not_known_after_a_second(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet:
         axis = fleet["press"]["x"]
@@ -118,7 +118,7 @@ def test_a_cell_that_tells_no_more_is_not_known_after_a_second(plant):
                 getattr(axis, name)
 
 
-def test_a_machine_that_ends_while_its_bridge_stays_is_told_as_that(plant):
+def test_a_machine_that_ends_while_its_bridge_stays_is_reported_as_that(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet:
         cell.machine_ends()
@@ -126,7 +126,7 @@ def test_a_machine_that_ends_while_its_bridge_stays_is_told_as_that(plant):
         assert "its machine does not run" in fleet["press"].offline_reason
 
 
-def test_a_version_and_a_protocol_that_differ_are_told_and_another_protocol_is_not_commanded(plant):
+def test_a_version_and_a_protocol_that_differ_are_reported_and_another_protocol_is_not_commanded(plant):
     plant.cell("old", version="0.0.1")
     new = plant.cell("new", protocol=PROTOCOL + 1)
     with fleet_of(plant) as fleet:
@@ -140,7 +140,7 @@ def test_a_version_and_a_protocol_that_differ_are_told_and_another_protocol_is_n
         assert new.stopped["halt_all"] == 1
 
 
-def test_what_is_none_of_its_messages_is_passed_over(plant):
+def test_a_message_of_another_program_is_ignored(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet:
         until(lambda: fleet["press"].last_state("x") is not None)
@@ -215,7 +215,7 @@ def test_handles_of_cells_and_of_a_machine_of_this_program_are_waited_for_togeth
         asyncio.run(job())
 
 
-def test_a_callback_that_would_wait_for_its_own_thread_is_told_so(plant, caplog):
+def test_a_callback_that_would_wait_for_its_own_thread_gets_an_error(plant, caplog):
     plant.cell("press")
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
         handle = press["x"].move_absolute(1.0)
@@ -327,7 +327,7 @@ def test_a_command_that_was_not_heard_or_whose_answer_was_lost_moves_once(plant,
         assert max(cell.asked.values()) == 4
 
 
-def test_a_command_that_a_stop_of_another_axis_has_overtaken_is_sent_anew_and_of_the_same_axis_not(plant):
+def test_a_command_that_a_stop_of_another_axis_has_overtaken_is_sent_again_and_of_the_same_axis_not(plant):
     cell = plant.cell("press", ("x", "y"))
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
         cell.overtaken = 1
@@ -364,7 +364,7 @@ def test_a_jog_that_was_not_heard_is_not_asked_for_again(plant):
         assert len(cell.jogs) == 5
 
 
-def test_a_command_under_way_ends_as_unknown_once_its_cell_is_gone(plant):
+def test_a_running_command_ends_as_unknown_once_its_cell_is_gone(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet:
         with fleet["press"].command() as press:
@@ -438,7 +438,7 @@ def test_recordings_and_what_they_hold_are_read(plant):
         assert found.values == {"x.position": (1.0, None)}
 
 
-def test_names_and_ways_that_cannot_be_are_refused():
+def test_invalid_names_and_endpoints_are_refused():
     with pytest.raises(ArgumentError, match="plant"):
         Fleet("ha/ll", listen=[free_endpoint()])
 
@@ -472,7 +472,7 @@ def test_a_program_that_ends_without_closing_its_fleet_ends_and_gives_the_comman
 # -- not reached ---------------------------------------------------------------------------------------------------------
 
 
-def test_an_endpoint_of_a_configuration_that_is_not_reached_is_told_as_one_that_is_given(plant, tmp_path):
+def test_an_endpoint_of_a_configuration_that_is_not_reached_is_reported_as_one_that_is_given(plant, tmp_path):
     plant.cell("press")
     ends = json.dumps([*plant.endpoints, nobody := free_endpoint()])
     file = tmp_path / "client.json5"

@@ -80,7 +80,7 @@ def test_of_a_cell_that_is_gone_nothing_is_known_at_once(watch):
     assert not watch.seen("x", 10.1).fresh
 
 
-def test_a_bridge_that_begins_anew_counts_from_1_and_the_one_before_is_heard_no_more(watch):
+def test_a_bridge_that_begins_again_counts_from_1_and_the_one_before_is_heard_no_more(watch):
     watch.take_info(info(), 100.0)
     watch.take_state("x", state(500), 10.0, 100.0)
     assert watch.take_state("x", state(1, "b", position=2.0), 10.1, 100.0)
@@ -90,7 +90,7 @@ def test_a_bridge_that_begins_anew_counts_from_1_and_the_one_before_is_heard_no_
     assert watch.seen("x", 10.2).state.position == 2.0
 
 
-def test_two_bridges_of_one_name_are_told_once_neither_can_be_one_that_was_killed(watch):
+def test_two_bridges_of_one_name_are_reported_once_neither_can_be_one_that_was_killed(watch):
     watch.presence("a", True, 10.0)
     assert not watch.rivals(20.0)
     watch.presence("b", True, 20.0)
@@ -132,7 +132,7 @@ def test_a_bridge_that_waits_for_its_machine_is_there_and_its_cell_is_not(watch)
     assert not watch.alive
 
 
-def test_the_axes_stand_in_the_order_of_the_cell_file_where_it_is_known(watch):
+def test_the_axes_simulated_drive_the_order_of_the_cell_file_where_it_is_known(watch):
     watch.take_state("x", state(1), 10.0, 100.0)
     watch.take_state("a", state(2), 10.0, 100.0)
     assert watch.axes == ("a", "x")
@@ -156,7 +156,7 @@ def test_another_clock_is_shown_and_changes_no_age(watch):
         (info(protocol=PROTOCOL + 1, version="9.9"), f"protocol {PROTOCOL + 1}"),
     ],
 )
-def test_a_version_that_differs_is_told(watch, told, words):
+def test_a_version_that_differs_is_reported(watch, told, words):
     watch.take_info(told, 100.0)
     assert words in watch.differs
     assert bool(watch.differs) == bool(words)
@@ -229,7 +229,7 @@ def test_what_the_bridge_does_not_keep_is_counted_as_lost():
     assert log.lost == 20
 
 
-def test_what_happened_while_the_way_was_cut_is_asked_for_though_nothing_came_since():
+def test_events_from_a_cut_connection_are_requested_even_if_no_new_one_came():
     bridge, log = Bridge(), EventLog()
     log.begin("a")
     log.take(bridge.happen())
@@ -241,7 +241,7 @@ def test_what_happened_while_the_way_was_cut_is_asked_for_though_nothing_came_si
     assert [each.n for each in log.events] == [1, 2]
 
 
-def test_a_bridge_that_begins_anew_is_asked_and_what_was_before_stays():
+def test_a_bridge_that_begins_again_is_asked_and_what_was_before_stays():
     log = EventLog()
     log.begin("a")
     log.answered(NEWEST, EventsAnswer("a"))
@@ -306,7 +306,7 @@ def test_a_gap_that_no_answer_fills_does_not_let_the_log_grow(joined):
         (["tcp/[::1]:7447"], ["tcp/[::1]:7447"], []),
     ],
 )
-def test_an_endpoint_is_reached_where_a_connection_leads_to_it(endpoints, links, missing):
+def test_an_endpoint_counts_as_reached_if_a_connection_uses_it(endpoints, links, missing):
     assert unreached(endpoints, links) == missing
 
 
@@ -333,7 +333,7 @@ def test_a_lease_lasts_for_a_minute_at_most():
     assert keeper.left(20.0) == 60.0
 
 
-def test_a_late_answer_shortens_no_lease_and_brings_none_back():
+def test_a_late_answer_neither_shortens_nor_revives_a_lease():
     keeper = LeaseKeeper("t", 1.0, 10.0)
     keeper.renewed(1.0, 10.8)
     keeper.renewed(1.0, 10.3)
@@ -382,7 +382,7 @@ def test_what_runs_is_asked_again_and_is_active():
         (HERE._replace(now=10.0 + SILENCE + 0.1), {}, "did not answer"),
     ],
 )
-def test_a_command_without_an_answer_is_asked_again_until_nobody_can_tell(situation, more, why):
+def test_a_command_without_an_answer_is_asked_again_until_nobody_can_report(situation, more, why):
     found = order(**more).unanswered(situation)
     if why is None:
         assert isinstance(found, Again)
@@ -407,7 +407,7 @@ def test_a_jog_that_was_taken_has_ended_here_for_asking_again_would_press_again(
         ErrorFields("StateError", {"message": 3}),
     ],
 )
-def test_an_error_that_is_none_of_ours_is_told_as_far_as_it_goes(fields):
+def test_a_foreign_error_is_reported_as_far_as_possible(fields):
     error = error_of(fields, "press.x.halt()")
     assert type(error) is AxisbusError
     assert "press.x.halt()" in str(error)
@@ -418,7 +418,7 @@ def test_an_error_without_all_its_texts_can_be_printed():
     assert str(error) == "no\n  observed: 3"
 
 
-def test_what_a_cell_is_is_asked_anew_where_its_machine_may_be_another_one():
+def test_what_a_cell_is_is_asked_again_where_its_machine_may_be_another_one():
     watch = CellWatch("press", 0.0)
     watch.token(True, 0.0)
     watch.take_info(info(), 100.0)

@@ -123,7 +123,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("can_id", "data", "flags", "fault", "node_id"), CASES)
-def test_what_is_dropped_is_counted_with_its_node_and_does_nothing(can_id, data, flags, fault, node_id):
+def test_a_dropped_frame_is_counted_with_its_node_and_has_no_effect(can_id, data, flags, fault, node_id):
     with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         slot = TpdoSlot(
             PLANNED, lambda data, stamp: channel.drops.note(DropReason.SHORT_PDO, ID, stamp, 0x185, data)
@@ -154,7 +154,7 @@ def test_a_boot_up_with_more_than_its_byte_is_one_for_error_control_and_for_the_
         assert not node.emcy.incidents.open
 
 
-def test_the_counts_are_kept_within_bounds_whoever_sends_what():
+def test_the_counts_stay_bounded_for_any_senders():
     drops = Drops()
     for node in range(1000):
         drops.note(DropReason.SDO, node, 0.0, 0)
@@ -163,7 +163,7 @@ def test_the_counts_are_kept_within_bounds_whoever_sends_what():
     assert "other frames" in words(drops.found)
 
 
-def test_what_was_dropped_is_told_in_one_line():
+def test_dropped_frames_are_reported_in_one_line():
     drops = Drops()
     for _ in range(3):
         drops.note(DropReason.SHORT_PDO, 2, 0.0, 0x182)
@@ -301,7 +301,7 @@ def test_a_stored_eds_that_cannot_be_unpacked_is_one_clear_error(stored, seen):
 
 @given(st.binary(max_size=40), st.binary(max_size=8))
 @settings(max_examples=10)
-def test_a_stored_eds_of_any_bytes_is_bytes_none_or_an_error(stored, kind):
+def test_a_stored_eds_of_any_bytes_is_read_refused_or_missing(stored, kind):
     with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         fake.peers.append(Slave(ID, {(0x1021, 0): stored, (0x1022, 0): kind}))
         found = fuzz.outcome(lambda: from_device.stored_eds(node.sdo))

@@ -91,7 +91,7 @@ def chatter(ask: LssRequest) -> LssReplies:
     return LssReplies((LssReply(first, 0.001), LssReply(first, 0.001 + ask.settle)))
 
 
-def test_a_slave_that_goes_on_talking_does_not_slow_the_scan_down_for_ever():
+def test_a_slave_that_continues_talking_does_not_slow_the_scan_down_for_ever():
     pace = AdaptiveLssTimeout(LssTiming(ceiling=CEILING))
     settles: list[float] = []
 

@@ -97,7 +97,7 @@ SOME = settings(
 @given(st.lists(mad_frames(), min_size=20, max_size=60))
 @SOME
 @pytest.mark.timeout(300)
-def test_in_operation_the_other_axis_goes_on_and_all_is_closed(tmp_path, frames):
+def test_in_operation_the_other_axis_continues_and_all_is_closed(tmp_path, frames):
     with line(tmp_path) as cell:
         machine = cell.open()
         try:
@@ -201,7 +201,7 @@ def test_a_node_whose_frames_are_spoiled_boots_or_says_why_not_and_disturbs_nobo
             close(machine)
 
 
-def test_what_a_mad_node_sends_is_counted_and_told_once_in_a_second(tmp_path):
+def test_what_a_mad_node_sends_is_counted_and_reported_once_in_a_second(tmp_path):
     frames = [  # each state lasts longer than a scan period, in a rhythm of its own
         can.Message(arbitration_id=0x702, data=b"\x7f", is_extended_id=False),
         *[can.Message(arbitration_id=0x182, data=b"\x37", is_extended_id=False)] * 3,

@@ -70,7 +70,7 @@ def test_a_fault_of_a_reader_is_found(monkeypatch, tmp_path, read, finding):
     assert found.finding.startswith(finding)
 
 
-def test_a_refusal_that_names_the_file_is_none(tmp_path):
+def test_a_refusal_that_names_the_file_is_no_finding(tmp_path):
     path = tmp_path / "input.x"
     reader = Reader(".x", lambda _: [b""], _raised(ArgumentError(f"{path}, line 3: wrong")))
     assert fuzzed(reader, path, b"x") == ("", False)

@@ -97,7 +97,7 @@ def upload(way: SdoTransferType = SdoTransferType.NORMAL, most: int = LONGEST) -
     return SdoSession(SdoTransferRequest(0x1008, 0, None, TIMEOUT, 1, way, most))
 
 
-def test_segments_without_a_byte_do_not_go_on_for_ever():
+def test_segments_without_a_byte_do_not_continue_for_ever():
     session = upload()
     assert endless(session, [bytes.fromhex("4008100000000000")], b"\x0e" + bytes(7), toggles=True) < 20
     assert "no data" in str(session.failure)
@@ -110,7 +110,7 @@ def test_segments_without_an_announced_size_end_at_the_most_that_is_taken():
     assert len(session.data) == 0
 
 
-def test_a_size_beyond_what_is_taken_is_refused_at_once_and_the_server_is_told():
+def test_a_size_beyond_what_is_taken_is_refused_at_once_and_the_server_is_reported():
     session = upload(most=64)
     session.start()
     (abort,) = session.receive(bytes.fromhex("41081000ffffff7f"))
@@ -168,7 +168,7 @@ def test_a_segment_that_lacks_the_bytes_it_speaks_of_is_not_filled_with_zeros():
 
 
 @pytest.mark.parametrize("answer", ["80", "80 00 10 00", "80 00 10 00 00 00 02"])
-def test_an_abort_without_its_code_is_none(answer):
+def test_an_abort_without_its_code_is_ignored(answer):
     session = SdoSession(SdoTransferRequest(0x1000, 0, None, TIMEOUT, 1))
     session.start()
     assert session.receive(bytes.fromhex(answer)) == ()

@@ -14,7 +14,7 @@ from kit.mad_node import MadNode, close
 from kit.scenarios.bus import Line, until
 
 
-def test_the_same_reason_and_node_are_told_once_in_a_second():
+def test_the_same_reason_and_node_are_reported_once_in_a_second():
     drops, news = Drops(), DropNews()
     told = []
     for step in range(300):
@@ -45,7 +45,7 @@ def axisbus(monkeypatch, capsys) -> commands.Run:
     return commands.runner(monkeypatch, capsys)
 
 
-def test_monitor_tells_what_was_dropped_at_each_look_and_at_its_end(tmp_path, axisbus):
+def test_monitor_reports_what_was_dropped_at_each_look_and_at_its_end(tmp_path, axisbus):
     with Line(tmp_path, "xy") as line, MadNode(line.channel, FRAMES, 0.02):
         code, out, _ = axisbus("monitor", line.file, "--every", "0.2", "--count", "3")
     assert code == 0

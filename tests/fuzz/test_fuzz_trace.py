@@ -153,7 +153,7 @@ def test_the_overview_and_the_meter_take_every_frame(frames):
 
 @given(st.lists(loose, max_size=30))
 @settings(max_examples=50)
-def test_any_frames_may_be_a_sign_of_a_master_and_are_told_in_words(frames):
+def test_any_frames_may_be_a_sign_of_a_master_and_are_reported_in_words(frames):
     signs = MasterDetector(ExpectedMasters(frozenset({1, 2}), frozenset({127})))
     for frame in frames:
         signs.note(frame)
@@ -203,7 +203,7 @@ def lines(draw: st.DrawFn) -> str:
 
 @given(lines() | st.text(max_size=200))
 @settings(max_examples=400)
-def test_any_line_of_candump_is_a_frame_or_none(line):
+def test_any_line_of_candump_is_a_frame_or_is_skipped(line):
     frame = frame_files.parse(line)
     if frame is not None:
         assert len(frame.data) <= 8

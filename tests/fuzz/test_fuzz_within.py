@@ -15,7 +15,7 @@ def test_a_case_that_does_not_end_is_ended():
         time.sleep(5)
 
 
-def test_the_time_out_of_the_test_goes_on_behind_a_case():
+def test_the_time_out_of_the_test_continues_behind_a_case():
     handler = signal.getsignal(signal.SIGALRM)
     left, _ = signal.getitimer(signal.ITIMER_REAL)
     assert left > 0.0  # this test's own
@@ -31,7 +31,7 @@ def test_a_case_may_not_have_as_much_time_as_the_whole_test():
         pass
 
 
-def test_where_no_time_out_runs_none_runs_afterwards():
+def test_without_a_running_time_out_none_runs_afterwards():
     left, _ = signal.setitimer(signal.ITIMER_REAL, 0.0)
     try:
         with within(30):

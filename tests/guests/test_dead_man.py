@@ -17,7 +17,7 @@ def beaten(
     return dead.beaten(press, axis, way, sent, sent + OFFSET + lag)
 
 
-def test_it_goes_on_for_as_long_as_it_beats():
+def test_it_continues_for_as_long_as_it_beats():
     dead = DeadMan()
     for beat in range(200):
         dead = beaten(dead, beat * 0.05)

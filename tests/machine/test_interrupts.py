@@ -157,7 +157,7 @@ def test_what_comes_in_the_midst_of_giving_a_command_is_raised_when_it_has_been_
     assert cell["x"].position == pytest.approx(5.0, abs=0.1)
 
 
-def test_while_a_machine_is_left_it_waits_until_all_stands(shell):
+def test_an_interrupt_during_close_waits_until_all_axes_are_at_standstill(shell):
     machine = shell.cell(lambda: Machine.simulated(CELL))
     x = machine["x"]
     x.enable().wait()
@@ -236,7 +236,7 @@ def test_the_signal_is_given_back_with_the_last_machine_only(shell):
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
 
-def test_without_cells_ctrl_c_is_a_way_out():
+def test_outside_ipython_ctrl_c_ends_the_program():
     def program():
         with Machine.simulated(CELL) as machine:
             left.append(machine)
@@ -252,7 +252,7 @@ def test_without_cells_ctrl_c_is_a_way_out():
     assert left[0]["x"].snapshot.state is AxisState.DISABLED
 
 
-def test_somebody_types_where_python_shows_its_prompt_or_ipython_runs(shell, monkeypatch):
+def test_a_program_is_interactive_at_a_prompt_of_python_or_in_ipython(shell, monkeypatch):
     assert interactive()
     monkeypatch.delitem(sys.modules, "IPython")
     assert not interactive()
@@ -263,7 +263,7 @@ def test_somebody_types_where_python_shows_its_prompt_or_ipython_runs(shell, mon
 # -- shelters -----------------------------------------------------------------------------------------------------------
 
 
-def test_what_is_postponed_follows_the_outermost_shelter_once():
+def test_a_postponed_signal_is_handled_once_after_the_outermost_block():
     done = []
 
     @sheltered

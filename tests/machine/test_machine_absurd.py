@@ -183,7 +183,7 @@ def machine(tmp_path_factory):
 
 
 @pytest.mark.parametrize("text", CALLS)
-def test_what_is_no_value_is_refused_with_an_error_that_can_be_read(machine, text, monkeypatch, tmp_path):
+def test_an_absurd_value_is_refused_with_a_readable_error(machine, text, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     texts = []
     for value in ABSURD:
@@ -204,7 +204,7 @@ def test_what_is_no_value_is_refused_with_an_error_that_can_be_read(machine, tex
     [10**400, -(10**400), math.nan, -math.inf, True, "1", [], Odd()],
     ids=lambda value: str(type(value)),
 )
-def test_a_time_that_is_none_is_refused_before_anything_waits(machine, text, value):
+def test_an_invalid_time_is_refused_before_anything_waits(machine, text, value):
     with pytest.raises(ArgumentError, match="not a number of seconds"):
         WAITS[text](machine, value)
 

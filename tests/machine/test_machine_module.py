@@ -161,7 +161,7 @@ def test_one_that_is_found_enabled_is_left_so_until_it_is_taken_over(tmp_path, m
     assert not module.energised
 
 
-def test_one_that_is_not_there_is_told_and_nothing_is_opened(tmp_path, monkeypatch):
+def test_one_that_is_not_there_is_reported_and_nothing_is_opened(tmp_path, monkeypatch):
     _begins(monkeypatch, lambda module: setattr(module.dials, "dead", True))
     with pytest.raises(AxisbusError, match="module 16 does not answer"):
         Machine.simulated(write(tmp_path, SIM))

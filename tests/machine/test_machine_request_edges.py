@@ -96,7 +96,7 @@ def test_a_torque_is_no_stronger_than_was_asked_for_or_is_allowed(changes, torqu
     assert (found[0] if isinstance(found, tuple) else found) == expected
 
 
-def test_a_torque_limit_is_told_by_its_own_name():
+def test_a_torque_limit_is_reported_by_its_own_name():
     with pytest.raises(LimitError) as caught:
         request(limits=AxisLimits(torque=5.0, torque_key="6072h")).torque(6.0)
     assert caught.value.message == "x.call(): torque 6 N·m is beyond the limit"
@@ -187,7 +187,7 @@ def test_a_magnitude_is_a_finite_number_above_0(value):
         ((None, None, 5.0), (100_000, 500_000, 5000, 100_000.0, 5000.0, None, 500_000.0, 5000.0)),
     ],
 )
-def test_what_is_left_out_of_a_profile_comes_from_the_defaults(arguments, expected):
+def test_values_that_a_profile_leaves_out_come_from_the_defaults(arguments, expected):
     expected = (*expected, None, None)  # and no jerk
     assert tuple(request().profile(*arguments)) == expected
     if arguments[0] is not None:
@@ -239,12 +239,12 @@ def test_where_the_ratio_of_the_units_is_not_known_no_speed_is_compared():
         (lambda r: r.turning(0.0), None),
     ],
 )
-def test_the_limits_of_velocity_and_acceleration_hold_for_both_ways(ask, message):
+def test_the_limits_of_velocity_and_acceleration_apply_in_both_directions(ask, message):
     found = outcome(ask, **BOUNDS)
     assert (found[1] if isinstance(found[1], str) else None) == message
 
 
-def test_what_is_beyond_a_limit_by_rounding_alone_is_the_limit():
+def test_a_value_beyond_a_limit_only_by_rounding_is_the_limit():
     above = 1.0 + 4 * sys.float_info.epsilon
     assert outcome(lambda r: r.profile(400.0 * above, 800.0 * above), **BOUNDS) == outcome(
         lambda r: r.profile(400.0, 800.0), **BOUNDS

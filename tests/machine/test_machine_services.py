@@ -102,7 +102,7 @@ SETTINGS = [
 
 
 @pytest.mark.parametrize(("bus", "before", "after"), SETTINGS)
-def test_boot_tells_each_node_which_sync_and_time_the_bus_has(
+def test_boot_reports_each_node_which_sync_and_time_the_bus_has(
     tmp_path: Path, bus: str, before: dict[str, int], after: dict[int, int]
 ) -> None:
     path = write(tmp_path, bus)
@@ -139,7 +139,7 @@ def _locked(made: Device) -> None:
         (EXTERNAL, 2_000, False),
     ],
 )
-def test_a_window_that_closes_before_our_rpdos_come_is_told(
+def test_a_window_that_closes_before_our_rpdos_come_is_reported(
     tmp_path: Path, bus: str, window: int, warned: bool
 ) -> None:
     path = write(tmp_path, bus)
@@ -256,7 +256,7 @@ def test_mapping_objects_typed_array_make_no_difference(tmp_path: Path) -> None:
 # -- deadlines and incidents
 
 
-def test_a_tpdo_that_stops_is_told_and_its_values_are_not_passed_off_as_fresh(tmp_path: Path) -> None:
+def test_a_tpdo_that_stops_is_reported_and_its_values_are_not_passed_off_as_fresh(tmp_path: Path) -> None:
     with Machine.open(write(tmp_path)) as machine:
         machine["x"].enable().wait(20)
         node = machine.node(3)
@@ -274,7 +274,7 @@ def test_a_tpdo_that_stops_is_told_and_its_values_are_not_passed_off_as_fresh(tm
         eventually(lambda: machine["x"].snapshot.position is not None)
 
 
-def test_a_fault_and_its_reset_are_an_incident_and_stand_in_1003(tmp_path: Path) -> None:
+def test_a_fault_and_its_reset_are_an_incident_and_simulated_drive_1003(tmp_path: Path) -> None:
     with Machine.open(write(tmp_path)) as machine:
         node, x = machine.node(3), machine["x"]
         assert node.incidents == ()
@@ -314,7 +314,7 @@ def incident_lines(machine: Machine, told: set[str]) -> list[str]:
     return [line for line in monitor.news(machine, told) if "TPDO" not in line]
 
 
-def test_monitor_tells_an_incident_once_and_again_when_it_changes(tmp_path: Path) -> None:
+def test_monitor_reports_an_incident_once_and_again_when_it_changes(tmp_path: Path) -> None:
     with Machine.open(write(tmp_path)) as machine:
         told: set[str] = set()
         machine["x"].enable().wait(20)

@@ -74,7 +74,7 @@ def test_a_machine_shows_each_axis_in_its_units(cell):
     assert rows["z"] == ["Disabled", "0 deg", "0 deg/s", "0 N·m", "no"]
 
 
-def test_an_axis_tells_where_it_goes(cell):
+def test_an_axis_reports_where_it_goes(cell):
     x = cell["x"]
     x.enable().wait()
     x.home().wait()
@@ -87,7 +87,7 @@ def test_an_axis_tells_where_it_goes(cell):
     assert 0.0 < float(rows["distance to go"][0].removesuffix(" deg")) < 90.0
 
 
-def test_what_is_not_known_is_said_to_be_unknown(cell):
+def test_an_unknown_value_is_shown_as_unknown(cell):
     cell["x"].enable().wait()
     cell.close()
     assert shown(cell)["x"] == ["Disabled", "unknown", "unknown", "unknown", "no"]
@@ -96,7 +96,7 @@ def test_what_is_not_known_is_said_to_be_unknown(cell):
     assert rows["position"] == rows["following error"] == ["unknown"]
 
 
-def test_an_error_is_told_in_its_own_words(cell):
+def test_an_error_is_reported_in_its_own_words(cell):
     x = cell["x"]
     x.enable().wait()
     cell.simulated_node(1).fault(0x4310)
@@ -107,7 +107,7 @@ def test_an_error_is_told_in_its_own_words(cell):
     assert text(x.error) in cell._repr_html_()
 
 
-def test_a_command_tells_how_far_it_is_and_what_ended_it(cell):
+def test_a_command_reports_how_far_it_is_and_what_ended_it(cell):
     x = cell["x"]
     x.enable().wait()
     x.home().wait()

@@ -76,7 +76,7 @@ def test_axes_and_groups_are_listed_by_name(make):
     assert cell.groups["alone"] is cell.group("alone")
 
 
-def test_an_axis_tells_its_limits_its_power_and_where_it_goes(make):
+def test_an_axis_reports_its_limits_its_power_and_where_it_goes(make):
     cell = make(more="position_limits = [-90.0, 270.0]")
     x = cell["x"]
     assert x.limits.position == (-90.0, 270.0)
@@ -97,7 +97,7 @@ def test_an_axis_tells_its_limits_its_power_and_where_it_goes(make):
     assert x.target is None
 
 
-def test_a_demand_that_counts_anew_after_homing_comes_with_the_next_cycle(make):
+def test_a_demand_that_counts_again_after_homing_comes_with_the_next_cycle(make):
     cell = make()
     x = cell["x"]
     x.enable().wait(5)
@@ -113,7 +113,7 @@ def test_limits_are_shown_without_where_they_come_from(make):
     assert "torque_key" not in repr(make()["x"].limits)
 
 
-def test_what_is_not_known_is_not_told(make):
+def test_an_unknown_value_is_not_reported(make):
     cell = make()
     cell.simulated_node(1).device.dials.dead = True
     cell.sleep(1.0)
@@ -124,7 +124,7 @@ def test_what_is_not_known_is_not_told(make):
     assert "its position is unknown" in repr(cell["x"])
 
 
-def test_what_a_drive_tells_beside_its_cyclic_values_is_read_by_its_make(make):
+def test_further_values_of_a_drive_are_read_by_its_plug_in(make):
     cell = make("gim6010-8")
     held = cell.simulated_node(1).device.dictionary
     for index, subindex, value in (
@@ -191,7 +191,7 @@ def test_a_machine_is_left_by_async_with():
     assert cell_state is AxisState.STANDSTILL
 
 
-def test_leaving_async_with_goes_on_beside_the_event_loop(tmp_path):
+def test_leaving_async_with_does_not_block_the_event_loop(tmp_path):
     """In real time: the axis is braked while other tasks run."""
     file = tmp_path / "cell.toml"
     file.write_text(ONE_AXIS.format(eds="generic-cia402", more=""))

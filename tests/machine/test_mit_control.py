@@ -38,7 +38,7 @@ def spin(control, seconds=0.2):
     return cycle
 
 
-def test_a_loop_leads_it_and_the_end_of_the_block_lets_it_go():
+def test_a_loop_commands_the_module_and_the_end_of_the_block_lets_it_go():
     module = Module(5)
     with led(module) as control:
         with pytest.raises(StateError, match="not answered"):
@@ -68,7 +68,7 @@ def test_a_loop_leads_it_and_the_end_of_the_block_lets_it_go():
     assert module.axis.error == 0
 
 
-def test_it_is_led_again_after_it_was_stopped():
+def test_the_module_can_be_commanded_again_after_a_stop():
     module = Module(5)
     with led(module) as control:
         for _ in range(2):
@@ -101,7 +101,7 @@ def fail(_):
     raise ZeroDivisionError
 
 
-def test_an_exception_of_the_program_lets_it_go_and_tells_how_it_was_left():
+def test_an_exception_of_the_program_lets_it_go_and_reports_how_it_was_left():
     module = Module(5)
     with pytest.raises(ZeroDivisionError) as caught:
         lead(module, fail)
@@ -136,7 +136,7 @@ def test_a_program_that_hangs_is_taken_for_dead():
             control.command(SPIN)
 
 
-def test_a_lost_module_is_told_and_not_passed_off_as_stopped():
+def test_a_lost_module_is_reported_and_not_passed_off_as_stopped():
     module = Module(5)
 
     def lose(control):
@@ -161,7 +161,7 @@ def test_where_what_decides_fails_itself_damping_and_idle_go_out(monkeypatch):
     assert not module.energised
 
 
-def test_one_that_is_not_to_be_led_is_told_why():
+def test_a_module_that_must_not_be_commanded_is_reported_with_the_reason():
     module = Module(5)
     module.dials.encoder_error = 4
     with led(module) as control, pytest.raises(NodeError, match="ENCODER_FAILED"):

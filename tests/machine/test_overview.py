@@ -43,7 +43,7 @@ FRAMES = st.builds(
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(FRAMES, max_size=120))
-def test_whatever_comes_can_be_told(frames: list[CanFrame]) -> None:
+def test_whatever_comes_can_be_reported(frames: list[CanFrame]) -> None:
     overview = heard(*frames)
     assert overview.frames == len(frames)
     json.dumps(listen._plain(overview, 0.0, 1010.0), allow_nan=False)
@@ -61,7 +61,7 @@ def test_the_periods_are_those_of_the_adapters_times() -> None:
     assert overview.nodes[2].state is None
 
 
-def test_a_boot_up_begins_the_heartbeats_anew() -> None:
+def test_a_boot_up_begins_the_heartbeats_again() -> None:
     beats = [CanFrame(0.1 * tick, 0x701, b"\x05") for tick in range(4)]
     overview = heard(
         *beats, CanFrame(5.0, 0x701, b"\0"), CanFrame(5.1, 0x701, b"\x7f"), CanFrame(5.2, 0x701, b"\x7f")
@@ -95,7 +95,7 @@ def test_a_node_that_goes_mad_does_not_hide_what_another_says() -> None:
     assert any("!! 2 boot-up" in line for line in told) or any("2 y boot-up" in line for line in told)
 
 
-def test_what_was_against_the_protocol_is_counted_by_service_and_node() -> None:
+def test_protocol_violations_are_counted_by_service_and_node() -> None:
     short, emcy = CanFrame(0.0, 0x181, b"\x37"), CanFrame(0.1, 0x085, b"\x20\x43\x08")
     overview = heard(short, short, short, emcy)
     assert overview.tally.words() == "against the protocol: 1 EMCY (node 5), 3 TPDO (node 1)"

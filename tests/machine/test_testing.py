@@ -64,7 +64,7 @@ def test_the_example_passes_as_it_is_started_by_a_reader() -> None:
     assert "4 passed" in ran.stdout
 
 
-def test_a_test_without_a_cell_file_is_told_what_to_write(tmp_path: Path) -> None:
+def test_the_error_of_a_test_without_a_cell_file_says_what_to_write(tmp_path: Path) -> None:
     (tmp_path / "conftest.py").write_text('pytest_plugins = ["axisbus.testing"]\n', "utf-8")
     (tmp_path / "test_it.py").write_text("def test_it(machine):\n    pass\n", "utf-8")
     ran = pytest_run(tmp_path)
@@ -108,12 +108,12 @@ def test_actions_happen_at_their_times_in_their_order(file: Path) -> None:
 
 
 @pytest.mark.parametrize("seconds", [-1, float("nan"), float("inf"), "soon"])
-def test_a_time_that_is_none_is_refused(file: Path, seconds: float) -> None:
+def test_an_invalid_time_is_refused(file: Path, seconds: float) -> None:
     with simulate(file) as simulation, pytest.raises(ArgumentError, match="not a number of seconds"):
         simulation.after(seconds, lambda: None)
 
 
-def test_until_tells_how_long_it_took_and_gives_up(file: Path) -> None:
+def test_until_reports_how_long_it_took_and_gives_up(file: Path) -> None:
     with simulate(file) as simulation:
         turning(simulation)
         simulation.machine["x"].halt()
@@ -133,7 +133,7 @@ def test_a_node_that_falls_silent_stops_the_others(file: Path) -> None:
         assert simulation.drive("y").velocity == 0
 
 
-def test_a_controller_that_is_bus_off_is_told_and_can_be_restarted(file: Path) -> None:
+def test_a_controller_that_is_bus_off_is_reported_and_can_be_restarted(file: Path) -> None:
     with simulate(file) as simulation:
         turning(simulation)
         simulation.bus_off()

@@ -92,7 +92,7 @@ def test_a_signal_given_to_another_thread_wakes_the_main_thread(listener: Listen
     assert len(listener.handled) == 1
 
 
-def test_whoever_listened_before_goes_on_hearing() -> None:
+def test_the_previous_owner_of_the_wakeup_descriptor_still_gets_signals() -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     before = signal.set_wakeup_fd(writer)

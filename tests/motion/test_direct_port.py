@@ -86,7 +86,7 @@ def test_a_move_over_the_port():
     assert bench.inputs.statusword.value & 0x0400
 
 
-def test_a_controlword_of_none_leaves_the_drive_as_it_is():
+def test_without_a_controlword_the_drive_stays_as_it_is():
     bench = Bench().enable()
     bench.once(Outputs(), 50)
     assert bench.state == "operation enabled"

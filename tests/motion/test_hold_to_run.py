@@ -27,7 +27,7 @@ def never() -> bool:
     return False
 
 
-def test_who_says_it_in_time_is_trusted_and_who_does_not_is_told_of_once():
+def test_who_says_it_in_time_is_trusted_and_who_does_not_is_reported_of_once():
     held = HoldToRun()
     assert held.broken(1e9, never) is None
     held.hold(10.0, 0.5, "the page")
@@ -54,7 +54,7 @@ def test_continuous_motion_is_trusted_for_a_shorter_time():
 
 
 @pytest.mark.parametrize("begin", ["velocity", "torque"])
-def test_an_axis_in_continuous_motion_stands_0_3_s_after_the_last_word(cell, begin):
+def test_hold_to_run_halts_an_axis_in_continuous_motion_0_3_s_after_the_last_call(cell, begin):
     x = cell["x"]
     handle = x.move_velocity(30.0) if begin == "velocity" else x.torque_control(0.02)
     cell.sleep(0.2)
@@ -102,6 +102,6 @@ def test_a_promise_that_is_taken_back_halts_nothing(cell):
 
 
 @pytest.mark.parametrize("seconds", [0.0, 0.01, -1.0, 61.0, math.nan, math.inf, "1", True])
-def test_what_is_no_time_is_refused(cell, seconds):
+def test_an_invalid_time_is_refused(cell, seconds):
     with pytest.raises(ArgumentError, match=r"hold_to_run\(.*not a time from 0\.05 to 60 s"):
         cell.hold_to_run(seconds)

@@ -71,7 +71,7 @@ def test_a_slower_move_is_passed_into_with_the_velocity_of_its_mode(mode, joint)
     must_hold(course, legs, 0.0)
 
 
-def test_the_time_of_a_way_is_that_of_its_ramps_and_what_lies_between():
+def test_the_time_of_a_path_is_that_of_its_ramps_and_of_the_part_between():
     legs = [Leg(100.0, 50.0, 100.0, 100.0), Leg(200.0, 50.0, 100.0, 100.0, BufferMode.LOW)]
     course = course_of(0.0, legs)  # one trapezoid over 200, up and down in 0.5 s each
     assert course.duration == pytest.approx(200.0 / 50.0 + 0.5)
@@ -80,7 +80,7 @@ def test_the_time_of_a_way_is_that_of_its_ramps_and_what_lies_between():
     assert (course.top_speed, course.top_acceleration) == (50.0, 100.0)
 
 
-def test_where_the_way_leads_back_it_stops_and_says_so():
+def test_if_the_path_reverses_the_axis_stops_and_the_note_says_so():
     legs = [Leg(100.0, 50.0, 200.0, 200.0), Leg(20.0, 80.0, 200.0, 200.0, BufferMode.HIGH)]
     course = course_of(0.0, legs)
     assert course.joints[0].speed == 0.0
@@ -101,7 +101,7 @@ def test_a_move_without_length_is_a_stop():
     assert course_of(5.0, [Leg(5.0, 1.0, 1.0, 1.0)]).position(1.0) == 5.0
 
 
-def test_a_joint_before_a_short_move_is_passed_so_that_it_can_brake_within_that():
+def test_the_transition_before_a_short_move_is_slow_enough_to_brake_within_that_move():
     legs = [Leg(100.0, 80.0, 200.0, 200.0), Leg(101.0, 80.0, 200.0, 100.0, BufferMode.PREVIOUS)]
     course = course_of(0.0, legs)
     assert course.joints[0].speed == pytest.approx(math.sqrt(2 * 100.0 * 1.0))
@@ -109,7 +109,7 @@ def test_a_joint_before_a_short_move_is_passed_so_that_it_can_brake_within_that(
     must_hold(course, legs, 0.0)
 
 
-def test_a_joint_behind_a_short_move_is_passed_as_fast_as_can_be_come_to():
+def test_the_transition_after_a_short_move_is_as_fast_as_can_be_reached():
     legs = [Leg(1.0, 80.0, 100.0, 200.0), Leg(101.0, 80.0, 200.0, 200.0, BufferMode.NEXT)]
     course = course_of(0.0, legs)
     assert course.joints[0].speed == pytest.approx(math.sqrt(2 * 100.0 * 1.0))
@@ -130,7 +130,7 @@ def test_between_two_faster_ends_a_short_move_slows_down_no_further_than_it_must
 
 
 @pytest.mark.parametrize("ahead", [0.001, 0.004, 0.02])
-def test_what_was_planned_beyond_the_time_of_joining_is_planned_anew(ahead):
+def test_the_part_planned_beyond_the_time_of_joining_is_planned_again(ahead):
     legs = [Leg(100.0, 50.0, 200.0, 400.0)]
     course = course_of(0.0, legs)
     t = course.pieces[-1].begin - ahead  # it would begin to brake then

@@ -51,7 +51,7 @@ def passing(rows: list[tuple[float, float]], place: float) -> tuple[float, float
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize(("first", "second"), [(50.0, 80.0), (80.0, 50.0)])
-def test_a_joint_is_passed_with_the_velocity_of_its_mode_and_without_an_acceleration(mode, first, second):
+def test_a_jerk_limited_transition_has_the_velocity_of_its_mode_and_no_acceleration(mode, first, second):
     legs = [Leg(100.0, first, 200.0, 400.0), Leg(200.0, second, 200.0, 400.0, mode)]
     course = course_of(0.0, legs, MEAN)
     rows = gone(ahead_on(course, 200.0))
@@ -67,7 +67,7 @@ def test_a_joint_is_passed_with_the_velocity_of_its_mode_and_without_an_accelera
     assert due == pytest.approx(100.0, abs=joint.speed * T)
 
 
-def test_a_stop_on_the_way_is_come_to_and_seen_to_be_before_the_way_leads_back():
+def test_before_a_reversal_the_stop_is_reached_and_seen():
     legs = [Leg(100.0, 80.0, 200.0, 200.0), Leg(20.0, 80.0, 200.0, 200.0, BufferMode.HIGH)]
     course = course_of(0.0, legs, MEAN)
     rows = gone(ahead_on(course, 200.0))
@@ -92,7 +92,7 @@ def test_legs_that_are_too_short_for_their_softness_are_passed_nearly_so():
 
 
 @pytest.mark.parametrize("moment", [0.0, 0.03, 0.06, 0.09])
-def test_what_joins_on_a_leg_that_is_shorter_than_its_softness_leads_on(moment):
+def test_a_move_that_joins_on_a_segment_shorter_than_its_mean_continues(moment):
     legs = [
         Leg(10.0, 20.0, 500.0, 500.0),
         *(Leg(end, 20.0, 500.0, 500.0, BufferMode.NEXT) for end in (11.0, 12.0)),
@@ -114,7 +114,7 @@ def test_what_joins_on_a_leg_that_is_shorter_than_its_softness_leads_on(moment):
     assert highest(places, 3) <= 2.0 * 500.0 / MEAN * (1 + 1e-9)
 
 
-def test_without_a_mean_it_is_the_same_way_as_ever():
+def test_without_a_mean_the_path_is_unchanged():
     legs = [Leg(100.0, 50.0, 100.0, 100.0), Leg(200.0, 50.0, 100.0, 100.0, BufferMode.LOW)]
     assert course_of(0.0, legs, 0.0).pieces == course_of(0.0, legs).pieces
     assert course_of(0.0, legs, MEAN).duration == pytest.approx(course_of(0.0, legs).duration)
@@ -137,7 +137,7 @@ def test_under_an_override_its_jerk_is_kept_and_it_is_never_faster(factors):
     assert highest(places, 3) <= 2.0 * 300.0 / MEAN * (1 + 1e-9)
 
 
-def test_a_brake_comes_to_rest_on_the_course_as_softly():
+def test_a_brake_on_the_trajectory_is_as_soft():
     ahead, places = ahead_on(course_of(0.0, [Leg(200.0, 80.0, 200.0, 300.0)], MEAN), 200.0), [0.0] * 4
     for number in range(600):
         if number == 150:
@@ -152,7 +152,7 @@ def test_a_brake_comes_to_rest_on_the_course_as_softly():
     assert highest(places, 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
 
 
-def test_what_goes_on_from_it_to_another_target_has_its_velocity_and_its_acceleration():
+def test_what_continues_from_it_to_another_target_has_its_velocity_and_its_acceleration():
     ahead, places = ahead_on(course_of(0.0, [Leg(200.0, 80.0, 200.0, 200.0)], MEAN), 200.0), [0.0] * 4
     for _ in range(60):
         ahead.advance(T)
@@ -166,7 +166,7 @@ def test_what_goes_on_from_it_to_another_target_has_its_velocity_and_its_acceler
 
 
 @pytest.mark.parametrize("moment", [0.02, 0.3, 1.2])
-def test_what_joins_behind_a_move_that_goes_on_already_changes_nothing_before(moment):
+def test_what_joins_behind_a_move_that_continues_already_changes_nothing_before(moment):
     way = ProfileFromSpeed(Start(3.0, 40.0), 100.0, 60.0, 200.0, 200.0)
     course = course_along(way, MEAN)
     legs = [Leg(100.0, 60.0, 200.0, 200.0), Leg(180.0, 90.0, 200.0, 200.0, BufferMode.PREVIOUS)]

@@ -183,7 +183,7 @@ def cruising():
     return core, port.read(cycle.now())
 
 
-def test_an_axis_on_its_way_takes_the_short_cycle():
+def test_an_axis_on_a_trajectory_takes_the_short_cycle():
     core, inputs = cruising()
     assert core._cruise.step(inputs) is not None
 

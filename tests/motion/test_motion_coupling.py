@@ -48,7 +48,7 @@ def test_a_cam_goes_through_its_points_and_neither_slope_nor_bend_jumps(points, 
 
 @SAME
 @given(POINTS, st.booleans(), st.floats(-3.0, 3.0))
-def test_what_a_cam_tells_of_its_slope_is_so(points, periodic, where):
+def test_what_a_cam_reports_of_its_slope_is_so(points, periodic, where):
     cam = Cam(points, periodic=periodic)
     law, at = cam._transfer_function(), points[0][0] + where * (points[-1][0] - points[0][0])
     if any(abs((at - master) % law.period) < 1e-3 for master, _ in points):
@@ -117,7 +117,7 @@ def test_a_blend_from_rest_to_rest_never_turns_round():
         ([(n, 0.0) for n in range(1001)], "has 1001"),
     ],
 )
-def test_what_is_no_cam_is_refused(points, words):
+def test_an_invalid_cam_is_refused(points, words):
     with pytest.raises(ArgumentError, match=words):
         Cam(points)
 
@@ -132,7 +132,7 @@ def test_what_is_no_cam_is_refused(points, words):
         ("", r"cam.csv: a cam has 2 to 1000 points, this one has 0"),
     ],
 )
-def test_a_file_that_holds_no_cam_is_told_by_its_line(tmp_path, text, words):
+def test_a_file_that_holds_no_cam_is_reported_by_its_line(tmp_path, text, words):
     file = tmp_path / "cam.csv"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(ArgumentError, match=words):

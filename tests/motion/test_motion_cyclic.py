@@ -64,7 +64,7 @@ def test_the_ramp_of_a_halt_ends_at_0_and_rests():
     assert sent == [800, 600, 400, 200, 0]
 
 
-def test_what_is_held_is_the_velocity_of_now():
+def test_a_hold_keeps_the_present_velocity():
     ramp, order = VelocityRamp(0.0, 10_000.0, 10_000.0, 0.01), CycleOutputs()
     ramp.aim(1000, 10_000.0, 10_000.0)
     ramp.step(IMAGE, order)
@@ -99,7 +99,7 @@ def test_a_torque_that_holds_a_load_is_not_let_go_by_a_halt():
     assert order.target_torque == 300
 
 
-def test_what_brakes_an_axis_that_is_led_is_its_own_ramp_whatever_605d_says(dictionary_parameters):
+def test_a_velocity_streamed_by_the_master_is_braked_by_its_own_ramp_whatever_605dh_is(dictionary_parameters):
     for halt in (0, 1, 2):
         parameters = dictionary_parameters(halt)
         course = CommandedMotion(1000.0, 500.0, 800.0, by_core=True)
@@ -150,7 +150,7 @@ def test_an_axis_whose_velocities_cannot_be_compared_is_refused_at_the_call():
         (0x6077, lambda axis: axis.cyclic_torque(0.5, slope=1.0)),
     ],
 )
-def test_a_drive_without_the_objects_is_told_so(index, command):
+def test_the_error_names_the_objects_that_a_drive_lacks(index, command):
     r = rig().enabled()
     object.__setattr__(r.core.parameters, "objects", r.core.parameters.objects - {index})
     with pytest.raises(StateError, match=r"cannot run cs[vt]") as error:
@@ -158,7 +158,7 @@ def test_a_drive_without_the_objects_is_told_so(index, command):
     assert f"{index:04X}h" in error.value.observed
 
 
-def test_a_turned_axis_turns_the_way_that_was_asked_for():
+def test_an_inverted_axis_turns_in_the_requested_direction():
     scale = Scale.of(-1000.0, "deg")
     units = Units(
         scale, Scale.of(-1000.0, "deg/s"), Scale.of(1000.0, "deg/s²"), ratio_known=True, rated_torque=-10.0
@@ -174,7 +174,7 @@ def test_a_turned_axis_turns_the_way_that_was_asked_for():
     assert r.drive.target_torque == -50
 
 
-def test_velocities_in_coarse_units_are_led_by_whole_ones():
+def test_velocities_in_coarse_units_are_sent_as_whole_numbers():
     """A drive that counts in rpm: 1 rpm is 6 deg/s; the ramp goes by steps of that, and never past the target."""
     rpm = Scale.of(1 / 6, "deg/s")
     scale = Scale.of(1000.0, "deg")

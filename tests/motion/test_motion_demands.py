@@ -43,7 +43,7 @@ def drive_with(habit: str, way: str, **changes) -> Rig:
 @pytest.mark.parametrize("acceleration", [500.0, 5000.0])
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("habit", HABITS)
-def test_a_drive_with_any_habit_of_6062h_does_what_it_is_asked_for(habit, way, acceleration):
+def test_a_drive_with_any_behaviour_of_6062h_obeys_its_commands(habit, way, acceleration):
     r = drive_with(habit, way)
     axis = r.axis
     axis.enable().wait(5)
@@ -157,7 +157,7 @@ def test_a_6062h_that_the_cell_file_leaves_out_pulls_nowhere_and_one_that_it_use
         assert (r.axis.error is not None) is is_pulled
 
 
-def test_a_target_of_csp_leads_where_6062h_does_not():
+def test_in_csp_the_target_counts_as_demand_if_6062h_does_not():
     r = drive_with("stays where it was", "with each SYNC")
     r.axis.enable().wait(5)
     group = r.group("x")

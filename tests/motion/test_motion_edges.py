@@ -87,12 +87,12 @@ def ladder(**changes) -> SimpleNamespace:
         ({"takes_power": True, "seen": PowerState.SWITCH_ON_DISABLED}, None),
     ],
 )
-def test_what_is_told_of_a_stop(changes, message):
+def test_the_report_of_a_stop(changes, message):
     error = stop_error(ladder(**changes), "x")
     assert (None if error is None else error.message.removeprefix("x: ")) == message
 
 
-def test_what_was_seen_of_a_stop_is_told_in_order():
+def test_observations_of_a_stop_are_reported_in_order():
     made = ladder(
         confirmed=False,
         late=["halt_time", "quick_stop_time"],
@@ -273,7 +273,7 @@ def test_how_long_the_targets_of_a_drive_that_is_taken_over_are_held(found, aske
         (M.PROFILE_TORQUE, True, None, (500, 0, 50)),
     ],
 )
-def test_what_a_drive_that_is_taken_over_does_it_goes_on_doing(mode, standstill, torque, targets):
+def test_what_a_drive_that_is_taken_over_does_it_continues_doing(mode, standstill, torque, targets):
     taken = DriveAdoption(mode, Drive().parameters)
     taken._read.values.update(
         {
@@ -334,7 +334,7 @@ def test_the_seconds_of_a_trapezoid(distance, speed, ramp, seconds):
         (-4.0, 4.0, 4.0, 4.0, 2.0, [2.0, 2.5], [-4.0, -3.5]),
     ],
 )
-def test_a_move_goes_on_from_the_speed_that_the_axis_has(velocity, end, top, up, down, times, positions):
+def test_a_move_continues_from_the_speed_that_the_axis_has(velocity, end, top, up, down, times, positions):
     way = ProfileFromSpeed(Start(0.0, velocity), end, top, up, down)
     assert [way.position(t) for t in times] == pytest.approx(positions)
     assert way.position(-1.0) == 0.0
@@ -343,7 +343,7 @@ def test_a_move_goes_on_from_the_speed_that_the_axis_has(velocity, end, top, up,
     assert way.top_acceleration == max(up, down)
 
 
-def test_a_move_to_where_the_axis_stands_takes_no_time():
+def test_a_move_to_the_present_position_takes_no_time():
     way = ProfileFromSpeed(Start(5.0, 0.0), 5.0, 1.0, 1.0, 1.0)
     assert (way.duration, way.position(0.0), way.position(1.0), way.span) == (0.0, 5.0, 5.0, (5.0, 5.0))
 
@@ -528,7 +528,7 @@ def test_what_counts_as_a_number(value, found):
     assert number(value) == found
 
 
-def test_a_value_is_told_in_a_line():
+def test_a_value_is_reported_in_a_line():
     assert told("a" * 38) == "'" + "a" * 38 + "'"
     assert told("a" * 39) == "'" + "a" * 39 + "... (41 characters)"
 
@@ -540,7 +540,7 @@ def test_three_speeds_have_a_median_already():
     assert speeds.motion == (20.0, 0.0)
 
 
-def test_a_way_that_nobody_asked_for_is_forgotten_within_a_minute():
+def test_a_deviation_from_the_ramp_is_forgotten_within_a_minute():
     drive = Drive(ages={"position": 10.0, "velocity": 10.0})
     way = RampedWay(0, 1.0, 1.0, 1.0, 1.0)
     way.step(drive.cycle(position=0, velocity=0)[0])
@@ -688,7 +688,7 @@ def test_a_relative_move_may_end_at_its_limit(distance, fits):
     assert r.axis.position == pytest.approx(max(-5.0, min(distance, 5.0)) if fits else 0.0, abs=0.0011)
 
 
-def test_a_snapshot_tells_when_its_position_was_received():
+def test_a_snapshot_reports_when_its_position_was_received():
     r = rig()
     r.run(0.2)
     snapshot = r.axis.snapshot
@@ -712,7 +712,7 @@ def test_how_late_the_cycles_were():
     ("period", "age", "stale"),
     [(0.01, 0.25, False), (0.01, 0.3125, True), (0.125, 1.25, False), (0.125, 1.5, True)],
 )
-def test_what_was_seen_last_is_not_of_now_after_ten_periods_and_a_quarter_of_a_second(period, age, stale):
+def test_an_old_value_is_not_current_after_ten_periods_and_a_quarter_of_a_second(period, age, stale):
     cycle = Grid()
     scan = Scan(cycle, {}, {}, period, {})
     scan.snapshots["x"] = SimpleNamespace(now=10.0)

@@ -111,7 +111,7 @@ def test_a_position_that_is_late_is_awaited_without_a_step_towards_power():
         activity.step(*drive.cycle())
 
 
-def test_a_position_that_comes_in_time_begins_the_wait_anew():
+def test_a_position_that_comes_in_time_begins_the_wait_again():
     drive = Drive()
     activity = enable(drive)
     activity.step(*drive.cycle(statusword=DISABLED, mode=1))
@@ -140,7 +140,7 @@ def test_an_axis_that_still_moves_without_power_is_not_caught_unless_that_is_ask
     assert caught.order.controlword(caught.image.state) == 0x07
 
 
-def test_an_axis_that_is_enabled_and_does_not_come_to_rest_is_told():
+def test_an_axis_that_is_enabled_and_does_not_come_to_rest_is_reported():
     drive = Drive()
     activity = enable(drive, moving=True)
     position = 0
@@ -151,7 +151,7 @@ def test_an_axis_that_is_enabled_and_does_not_come_to_rest_is_told():
     assert position == 10 * 130
 
 
-def test_an_axis_that_is_caught_in_motion_is_not_told_that_it_moves_by_itself():
+def test_catching_an_axis_in_motion_is_not_reported_as_uncommanded_motion():
     drive = Drive()
     activity = enable(drive, moving=True)
     for position in range(0, 100_000, 1000):
@@ -200,7 +200,7 @@ def test_a_drive_that_shows_its_mode_only_with_power_is_enabled_after_a_second(s
         assert drive.now < began + 9.0
 
 
-def test_a_drive_that_shows_another_mode_once_it_has_power_is_told_after_a_second():
+def test_a_drive_that_shows_another_mode_once_it_has_power_is_reported_after_a_second():
     drive = Drive()
     activity = enable(drive)
     obeyed = 0
@@ -230,7 +230,7 @@ def test_power_that_is_lost_while_the_mode_is_awaited_is_not_switched_on_again(f
         activity.step(*drive.cycle(statusword=fallen, position=0))
 
 
-def test_out_of_a_quick_stop_it_is_enabled_only_once_it_stands():
+def test_after_a_quick_stop_the_axis_is_enabled_only_at_standstill():
     drive = Drive()
     activity, position = enable(drive), 0
     for _ in range(20):
@@ -245,7 +245,7 @@ def test_out_of_a_quick_stop_it_is_enabled_only_once_it_stands():
     assert drive.order.controlword(drive.image.state) == 0x0F  # transition 16
 
 
-def test_a_quick_stop_that_does_not_come_to_rest_has_the_time_of_its_rung():
+def test_a_quick_stop_that_does_not_come_to_rest_has_the_time_of_its_step():
     drive = Drive()
     activity, position, cycles = enable(drive), 0, 0
     with pytest.raises(StateError, match="still moves in quick stop active"):
@@ -311,7 +311,7 @@ def test_the_resting_modes_stand_still_most_surely_first():
 # The walk of the power stage.
 
 
-def test_each_new_state_has_its_time_and_one_seen_before_has_none():
+def test_each_new_state_has_its_time_limit_and_a_state_seen_before_has_none():
     drive = Drive()
     walk = StateWalk(drive.parameters)
     for word in (DISABLED, READY, SWITCHED_ON):

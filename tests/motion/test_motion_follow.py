@@ -210,7 +210,7 @@ def test_a_target_by_sdo_refuses_a_cyclic_mode():
         r.axis.follow(TrapezoidalTrajectory(0.0, 5.0, 50.0, 500.0)).wait(2)
 
 
-def test_what_is_no_trajectory_raises_at_the_call():
+def test_an_invalid_trajectory_raises_at_the_call():
     for wrong in (
         lambda: TrapezoidalTrajectory(0.0, 1.0, 0.0, 1.0),
         lambda: TrapezoidalTrajectory(0.0, math.nan, 1.0, 1.0),
@@ -346,7 +346,7 @@ def test_no_step_of_velocity_beyond_the_limit_of_acceleration_is_sent(velocity):
 @pytest.mark.parametrize(
     "limits", [AxisLimits(), AxisLimits(acceleration=500.0)], ids=["no limits", "acceleration"]
 )
-def test_without_max_velocity_a_jump_is_told_by_what_the_axis_can_make(limits):
+def test_without_max_velocity_a_jump_is_reported_by_what_the_axis_can_make(limits):
     r = rig(limits=limits).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="harder than"):
@@ -367,13 +367,13 @@ def test_a_trapezoid_names_its_own_acceleration():
     limited.axis.follow(TrapezoidalTrajectory(0.0, 50.0, 100.0, 1000.0)).wait(5)
 
 
-def test_where_nothing_would_tell_a_jump_a_path_of_one_s_own_is_refused():
+def test_where_nothing_would_report_a_jump_a_path_of_one_s_own_is_refused():
     r = rig(limits=AxisLimits(), defaults=Defaults(velocity=100.0)).enabled()
     with pytest.raises(ArgumentError, match="max_velocity is missing"):
         r.axis.follow(Own(TrapezoidalTrajectory(0.0, 50.0, 100.0, 500.0)))
 
 
-def test_a_jump_on_the_way_ends_in_the_drive_s_quick_stop():
+def test_a_jump_in_a_trajectory_ends_in_the_drive_s_quick_stop():
     """Along the path it could not be braked: there is none where it jumps."""
     r = rig(limits=AxisLimits(velocity=400.0, acceleration=600.0)).enabled()
     r.device.write(0x6085, 0, 600_000)
@@ -445,7 +445,7 @@ def test_a_trajectory_that_brakes_in_time_by_itself_is_left_alone_however_hard_i
 
 
 @pytest.mark.parametrize(("amplitude", "leaves"), [(5.0, False), (5.2, True), (-5.0, False), (-5.2, True)])
-def test_a_path_that_turns_round_at_the_limit_is_told_from_one_that_goes_beyond(amplitude, leaves):
+def test_a_path_that_turns_round_at_the_limit_is_distinguished_from_one_that_goes_beyond(amplitude, leaves):
     r = rig(limits=TEN, defaults=Defaults(velocity=100.0, acceleration=20.0)).enabled()
     watch = Watch(r)
 
@@ -482,7 +482,7 @@ def test_the_limits_count_in_the_user_s_own_count():
 
 
 @pytest.mark.parametrize("own", [True, False], ids=["own", "known"])
-def test_an_axis_that_stands_outside_its_limits_may_come_back_and_go_no_farther_out(own):
+def test_an_axis_at_rest_outside_its_limits_may_come_back_but_not_go_farther_out(own):
     wrap = Own if own else lambda path: path
     r = rig(limits=TEN, motor=MotorParams(start_position=15_000)).enabled()
     watch = Watch(r)
@@ -631,7 +631,7 @@ def test_a_command_takes_over_from_a_halt_on_the_path_without_a_jolt():
     assert watch.acceleration() <= 500_000 * 1.6
 
 
-def test_a_mode_that_is_refused_on_the_way_stops_the_axis_by_quick_stop():
+def test_a_mode_that_is_refused_during_a_trajectory_stops_the_axis_by_quick_stop():
     r = rig().enabled()
     r.axis.follow(TrapezoidalTrajectory(0.0, 300.0, 100.0, 500.0))
     r.until(lambda: r.drive.position > 50_000)
@@ -646,7 +646,7 @@ def test_a_mode_that_is_refused_on_the_way_stops_the_axis_by_quick_stop():
     assert abs(r.drive.axis.motor.velocity) < 1.0
 
 
-def test_a_lost_position_on_the_way_ends_in_a_quick_stop():
+def test_a_lost_position_during_a_trajectory_ends_in_a_quick_stop():
     r = rig(port={"max_age": {"position": 0.05}}).enabled()
     handle = r.axis.follow(TrapezoidalTrajectory(0.0, 300.0, 100.0, 500.0))
     r.until(lambda: r.drive.position > 50_000)

@@ -61,7 +61,7 @@ def test_a_value_without_an_age_never_grows_old():
     assert all(known(img).values())
 
 
-def test_what_was_never_received_is_unknown():
+def test_a_value_that_was_never_received_is_unknown():
     img = image()
     img.update(Inputs(0.0, False, None, None, None, None, None, None))
     assert not any(known(img).values())

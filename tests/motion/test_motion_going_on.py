@@ -52,7 +52,7 @@ def going_on(
     return CspMove(target, PROFILE._replace(**changes), drive.parameters, gate, before)
 
 
-def test_until_it_begins_the_trajectory_before_leads():
+def test_until_the_new_move_begins_the_trajectory_before_it_controls_the_axis():
     drive, before = led()
     gate = StartBarrier()
     move = going_on(drive, before, gate=gate)
@@ -90,7 +90,7 @@ def test_while_it_waits_the_path_before_does_not_get_too_far_for_its_deceleratio
     assert max(targets) <= 400_000
 
 
-def test_a_path_that_brakes_because_it_got_too_fast_goes_on_as_the_move_once_that_has_room():
+def test_a_path_that_brakes_because_it_got_too_fast_continues_as_the_move_once_that_has_room():
     drive, before = led(limits=AxisLimits(position=(-10.0, 400.0), velocity=400.0))
     gate = StartBarrier()
     move = going_on(drive, before, 399_000, gate, ramp=2_000.0, down=2_000.0)
@@ -105,7 +105,7 @@ def test_a_path_that_brakes_because_it_got_too_fast_goes_on_as_the_move_once_tha
     assert not before.at_rest
 
 
-def test_one_that_replaces_another_before_that_begins_is_led_by_what_led_it():
+def test_a_move_that_replaces_a_waiting_move_continues_the_trajectory_before_both():
     drive, before = led()
     replaced = going_on(drive, before)
     move = going_on(drive, replaced, gate=StartBarrier())
@@ -176,7 +176,7 @@ def turned(r: Rig) -> float:
     return r.drive.axis.motor.position / 1000.0
 
 
-def test_on_the_plant_it_goes_on_without_a_jolt():
+def test_on_the_plant_it_continues_without_a_jolt():
     r = rig().enabled()
     r.axis.follow(TrapezoidalTrajectory(0.0, 100.0, 20.0, 40.0))
     r.run(1.0)
@@ -237,7 +237,7 @@ def test_an_axis_has_two_seconds_to_come_up_with_the_end_of_its_trajectory():
 
 
 @pytest.mark.parametrize(("position", "arrived"), [(992, False), (993, True), (1007, True), (1008, False)])
-def test_an_axis_has_come_up_when_it_stands_within_its_window(position, arrived):
+def test_a_move_has_arrived_when_the_axis_is_at_standstill_within_its_window(position, arrived):
     drive = Drive(scan_period=PERIOD, position_window=7)
     follow = Follow(TrapezoidalTrajectory(0.0, 1.0, 20.0, 40.0), drive.parameters, OPEN)
     for _ in range(60):

@@ -73,7 +73,7 @@ def test_all_axes_take_transition_4_in_the_same_sync():
     assert times[0][0] - waited > 0.3  # y stood ready and waited for the slowest
 
 
-def test_a_group_enable_that_is_asked_for_again_goes_on_and_both_handles_end_as_it_does():
+def test_a_group_enable_that_is_asked_for_again_continues_and_both_handles_end_as_it_does():
     r = rig("xyz")
     r.drive_of("y").dials.transition_delay[3] = 0.2
     watches = [Watch(r, name) for name in "xyz"]
@@ -90,7 +90,7 @@ def test_a_group_enable_that_is_asked_for_again_goes_on_and_both_handles_end_as_
     assert len({tuple(watch.stage_times(ENABLED)) for watch in watches}) == 1  # still all in one SYNC
 
 
-def test_who_waits_is_woken_in_the_cycle_in_which_a_group_s_command_ends_and_in_none_without_an_end():
+def test_waiting_threads_wake_in_the_cycle_in_which_a_group_command_ends_and_in_no_other():
     r = rig("xy")
     r.drive_of("y").dials.transition_delay[3] = 0.2
     woken: list[float] = []
@@ -408,7 +408,7 @@ def test_a_line_needs_a_number_for_each_axis_and_keeps_the_limits():
         group.move_linear((1.0, math.nan), velocity=10.0)
 
 
-def test_a_line_leads_an_axis_back_that_stands_outside_its_limits():
+def test_a_line_brings_back_an_axis_that_is_outside_its_limits():
     outside = MotorParams(start_position=15_000)
     r = rig("xy", motor=outside, each={"x": {"limits": AxisLimits(position=(-10.0, 10.0))}}).enabled()
     watch = Watch(r, "x")
@@ -440,7 +440,7 @@ def test_a_line_from_another_origin_and_in_another_direction():
     assert off_the_line(path(seen), (10.0, 0.0), (40.0, -40.0)) < 0.003
 
 
-def test_an_endless_axis_takes_the_shortest_way_on_a_line_too():
+def test_an_endless_axis_takes_the_shortest_direction_on_a_line_too():
     endless = Units(
         Scale.of(1000, "deg"),
         Scale.of(1000, "deg/s"),
@@ -533,7 +533,7 @@ def test_what_an_axis_is_asked_for_after_the_end_of_a_group_command_leaves_it_do
     assert handle.exception() is None
 
 
-def test_a_line_during_a_line_is_refused_and_the_line_goes_on():
+def test_a_line_during_a_line_is_refused_and_the_line_continues():
     r = rig("xy").enabled()
     first = r.groups["all"].move_linear((30.0, 40.0), velocity=50.0)
     r.run(0.3)
@@ -589,7 +589,7 @@ def test_a_drive_found_moving_by_itself_is_not_touched_by_the_policy():
     assert r.drive_of("y").velocity == 20_000
 
 
-def test_new_commands_wait_until_the_policy_s_stop_stands():
+def test_new_commands_wait_until_the_stop_of_the_policy_is_at_standstill():
     r = rig("xy").enabled()
     r.axes["y"].move_velocity(100.0).wait(2)
     r.drive_of("x").fault(0x2310)
@@ -600,7 +600,7 @@ def test_new_commands_wait_until_the_policy_s_stop_stands():
     r.axes["y"].move_absolute(0.0).wait(5)
 
 
-def test_a_gate_opens_in_the_cycle_after_all_that_are_still_coming_stood_before_it():
+def test_a_start_barrier_opens_in_the_cycle_after_all_expected_axes_were_waiting():
     gate = StartBarrier()
     a, b, c = object(), object(), object()
     assert not gate.pass_through(a)
@@ -620,7 +620,7 @@ def test_a_gate_opens_in_the_cycle_after_all_that_are_still_coming_stood_before_
     assert leaving.pass_through(a)
 
 
-def test_one_that_has_gone_away_from_a_gate_is_not_counted_any_more():
+def test_an_axis_that_has_left_a_start_barrier_does_not_count_any_more():
     gate = StartBarrier()
     gone, here, coming = object(), object(), object()
     gate.pass_through(gone)
@@ -635,7 +635,7 @@ def test_one_that_has_gone_away_from_a_gate_is_not_counted_any_more():
     assert gate.is_open
 
 
-def test_a_gate_that_is_shut_opens_no_more_and_an_open_one_is_not_shut():
+def test_a_closed_start_barrier_never_opens_and_an_open_one_is_not_closed():
     gate = StartBarrier()
     gate.pass_through(gate)
     gate.shut()

@@ -78,7 +78,7 @@ def test_an_older_position_counts_with_what_has_passed_since():
     assert late.rest(course=turning(1000)) == 100.001
 
 
-def test_a_drive_that_cannot_brake_counts_with_its_way_until_a_stop_acts():
+def test_a_drive_that_cannot_brake_counts_with_its_travel_until_a_stop_acts():
     unknown = CommandedMotion(speed=64_000.0, up=1.0)
     parameters = {"defaults": replace(Drive().parameters.defaults, acceleration=None)}
     assert Bounded(1000, **parameters).to(96_000).rest(course=unknown) is None
@@ -115,7 +115,7 @@ def test_a_command_that_speeds_up_counts_with_the_speed_that_it_may_have_by_then
     assert Bounded(1000).to(100_000 - 8117).rest(course=slower) is None
 
 
-def test_an_axis_that_stands_and_may_move_counts_only_since_then():
+def test_an_axis_at_rest_that_may_move_counts_only_since_then():
     still = Bounded(0).to(99_999)
     for _ in range(20):
         still.drive.cycle()  # it sends on change
@@ -155,7 +155,7 @@ def test_a_demand_ahead_of_the_position_counts_where_it_is_one_of_this_motion():
     assert Bounded(1000).to(92_000, demand=0).rest(course=course) is None
 
 
-def test_a_drive_that_limits_jerk_may_begin_to_brake_anew():
+def test_a_drive_that_limits_jerk_may_begin_to_brake_again():
     axis = Bounded(1000).to(90_000)
     assert axis.guard.overrun(axis.drive.image, DOWN) is None
     assert axis.guard.overrun(axis.drive.image, DOWN, soft=2.0 * 2.8 * T) is None
@@ -245,7 +245,7 @@ def test_a_demand_that_comes_seldom_gives_the_lag_alone(sign, late, found_at):
     assert 10 * led**2 + (20 * led / T) ** 2 / (2 * DOWN) == pytest.approx(100_000, rel=0.05)
 
 
-def test_a_demand_ahead_counts_for_the_way_that_braking_would_take():
+def test_a_demand_ahead_counts_for_the_braking_distance():
     axis = Bounded(1000).to(90_000, demand=3000)
     assert axis.guard.overrun(axis.drive.image, DOWN) == 100.2
     axis = Bounded(1000).to(90_000, demand=2800)
@@ -332,7 +332,7 @@ def test_a_move_that_begins_too_fast_for_its_ramp_is_stopped():
     assert Bounded(1000, position_window=19).to(98_829).rest(MOVE, course=course) == 100.0
 
 
-def test_the_way_that_braking_would_take_beyond_the_limits():
+def test_the_braking_distance_beyond_the_limits():
     over = Bounded(1000).to(93_000)
     assert over.guard.overrun(over.drive.image, DOWN) == 100.2
     assert Bounded(1000).to(92_000).guard.overrun(over.drive.image, DOWN) is None
@@ -499,7 +499,7 @@ def test_a_position_of_before_is_one_however_often_it_is_looked_at():
     assert watch.error(drive.cycle(position=0)[0], activity) is not None
 
 
-def test_a_position_that_is_gone_is_none_of_the_two():
+def test_a_lost_position_is_not_used_for_the_following_error():
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
@@ -536,7 +536,7 @@ def led(pairs: list[tuple[int, int | None]], mode: int = 1, shown: int | None = 
     return told
 
 
-def test_in_a_position_mode_the_demand_leads():
+def test_in_a_position_mode_the_demand_is_the_reference():
     assert led([(0, 4000)] * 3) == [False] * 3
     assert led([(0, 4001)] * 3) == [False, True, True]
     assert led([(0, 9000)] * 3, shown=3) == [False] * 3  # the drive is not there yet
@@ -552,7 +552,7 @@ def test_in_a_position_mode_the_demand_leads():
 
 
 @pytest.mark.parametrize("between", [{"mode": 6}, {"demand": None}])
-def test_what_is_not_to_be_compared_between_two_positions_begins_the_count_anew(between):
+def test_a_gap_between_two_positions_restarts_the_count_of_the_following_error(between):
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1)
@@ -563,7 +563,7 @@ def test_what_is_not_to_be_compared_between_two_positions_begins_the_count_anew(
     assert told == [False, False, False, True]
 
 
-def test_who_is_watched_by_how_far_a_position_mode_leads_it():
+def test_which_commands_are_monitored_by_the_lag_behind_their_demand():
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
     for behind, mode, used in ((None, 8, True), (None, 1, True), (None, 3, False), (0.0, 8, False)):
@@ -596,7 +596,7 @@ def test_a_demand_that_comes_less_often_than_the_position_has_the_speed_of_its_o
         ("1111111", [False] * 7),  # it says so of another motion, or always
     ],
 )
-def test_where_no_demand_is_known_bit_13_tells_a_following_error(bits, told):
+def test_where_no_demand_is_known_bit_13_reports_a_following_error(bits, told):
     drive = Drive(drive_following_error=500, drive_following_time=4 * T)
     watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1, course=None)

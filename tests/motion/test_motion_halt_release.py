@@ -395,7 +395,7 @@ def test_queued_transfers_are_cancelled():
         (None, HoldsLoad.NO, None),
     ],
 )
-def test_what_is_left_of_a_halted_motion_by_the_mode(mode, load, left):
+def test_what_a_drive_would_continue_after_a_halt_by_mode(mode, load, left):
     drive = Steps(holds_load=load)
     image, _ = drive.cycle(statusword=ENABLED, mode=mode, position=0)
     assert after_halt(image, drive.parameters) is left

@@ -68,7 +68,7 @@ def test_wait_returns_the_handle_and_an_ended_one_at_once():
     assert handle.exception() is None
 
 
-def test_a_wait_that_times_out_says_so_and_the_motion_goes_on():
+def test_a_wait_that_times_out_says_so_and_the_motion_continues():
     r = rig().enabled()
     handle = r.axis.move_absolute(50.0)
     with pytest.raises(TimeoutError, match=r"x.move_absolute\(50 deg\): not ended after 0.1 s; it continues"):
@@ -87,7 +87,7 @@ def test_a_handle_says_its_name_and_status():
     assert handle.status is Status.ACTIVE
 
 
-def test_what_took_over_is_told_and_counts_as_aborted_not_as_failed():
+def test_what_took_over_is_reported_and_counts_as_aborted_not_as_failed():
     r = rig().enabled()
     first = r.axis.move_absolute(50.0)
     second = r.axis.move_absolute(20.0)

@@ -66,7 +66,7 @@ def test_each_method_calls_the_right_place_home(method, home):
         assert watch.displacement == 0.0
 
 
-def test_what_is_written_before_a_homing():
+def test_objects_written_before_homing():
     r = rig(motor=MACHINE, homing=SEARCH).enabled()
     watch = Watch(r)
     r.axis.home(17).wait(20)
@@ -243,7 +243,7 @@ def test_a_home_offset_of_the_drive_is_what_home_reads_as():
 # What goes wrong.
 
 
-def test_a_homing_error_of_the_drive_is_told_with_its_bits_and_method():
+def test_a_homing_error_of_the_drive_is_reported_with_its_bits_and_method():
     r = rig(motor=MACHINE, homing=SEARCH).enabled()
     r.drive.dials.homing_fails = True
     with pytest.raises(HomingError) as caught:
@@ -301,7 +301,7 @@ def test_a_home_that_is_never_found_ends_in_time_and_the_axis_is_halted():
         (0x1237, "statusword 0x1237, attained (bit 12) 1, reached (bit 10) 0"),
     ],
 )
-def test_what_was_seen_of_a_homing_that_failed(word, told):
+def test_observations_of_a_failed_homing(word, told):
     homing = HomingRun(HomingJob(17, None, None, None, 1.0), Drive().parameters)
     error = homing._error(SimpleNamespace(statusword=word), "why")
     assert error.observed == f"why; {told}"
@@ -310,7 +310,7 @@ def test_what_was_seen_of_a_homing_that_failed(word, told):
     assert ("the condition of bit 10" in error.remedy) is is_found
 
 
-def test_the_cell_s_time_out_counts_where_the_call_gives_none():
+def test_the_cell_s_time_out_applies_if_the_call_gives_none():
     nowhere = MotorParams(limit_switches=(-4e9, 4e9))
     r = rig(motor=nowhere, homing=HomingParameters(17, 50.0, 5.0, 500.0, timeout=0.7)).enabled()
     start = r.now

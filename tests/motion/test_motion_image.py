@@ -79,7 +79,7 @@ def test_a_word_outside_the_table_is_unknown_and_no_crash(word):
     st.integers(-(2**40), 2**40),
     st.lists(st.integers(-(HALF - 1), HALF - 1), min_size=1, max_size=30),
 )
-def test_positions_go_on_over_every_wrap(start, steps):
+def test_positions_continue_over_every_wrap(start, steps):
     img = fresh_image()
     here = wrapped(start)
     seen(img, 0.0, position=here)
@@ -89,7 +89,7 @@ def test_positions_go_on_over_every_wrap(start, steps):
         assert img.position == here
 
 
-def test_the_demand_is_unwrapped_beside_the_position():
+def test_the_demand_is_unwrapped_in_the_same_way_as_the_position():
     img = fresh_image()
     seen(img, 0.0, position=HALF - 10, demand=HALF - 5)
     seen(img, T, position=wrapped(HALF + 3), demand=wrapped(HALF + 8))
@@ -233,13 +233,13 @@ def test_the_word_that_keeps_a_state_is_the_standard_s(_, state, word):
         assert order_for(state).controlword(state) == word
 
 
-def test_the_way_up_is_one_step_at_a_time():
+def test_enabling_takes_one_transition_at_a_time():
     up = order_for(PowerState.OPERATION_ENABLED)
     words = [up.controlword(state) for _, state, _ in STATES[1:5]]
     assert words == [0x06, 0x07, 0x0F, 0x0F]
 
 
-def test_the_way_down_is_5_6_7():
+def test_disabling_sends_7_then_6_then_0():
     down = order_for(PowerState.SWITCH_ON_DISABLED)
     words = [down.controlword(state) for _, state, _ in reversed(STATES[1:5])]
     assert words == [0x07, 0x06, 0x00, 0x00]
@@ -287,7 +287,7 @@ def test_a_set_point_is_taken_only_by_a_word_received_after_bit_4_went_low():
     assert cycle(0.04, 0x0427, 0.031) == (True, 0)
 
 
-def test_a_set_point_is_not_offered_while_the_old_acknowledge_stands():
+def test_a_set_point_is_not_offered_while_the_old_acknowledge_is_set():
     img, order, point = fresh_image(), CycleOutputs(), SetPoint(5_000, "x", 1.0)
     for number in range(100):
         seen(img, number * T, statusword=0x1427)
@@ -369,7 +369,7 @@ class Fall:
 ENABLED, QUICK, OFF = 0x27, 0x07, 0x40
 
 
-def test_standstill_on_the_first_rung_ends_the_ladder():
+def test_standstill_on_the_first_step_ends_the_stop_sequence():
     fall = Fall()
     out = fall.steps(0.1, ENABLED, moving=True)
     assert (out.controlword, out.target_velocity, out.target_torque) == (0x10F, 0, 0)
@@ -380,7 +380,7 @@ def test_standstill_on_the_first_rung_ends_the_ladder():
     assert not fall.ladder.descended
 
 
-def test_deadlines_lead_down_one_rung_after_the_other():
+def test_deadlines_lead_down_one_step_after_the_other():
     fall = Fall()
     words = []
     while not getattr(fall, "done", False) and fall.now < 3:
@@ -467,7 +467,7 @@ def test_disabling_waits_for_the_last_step_down():
     assert fall.ladder.confirmed
 
 
-def test_what_was_seen_standing_before_the_rung_could_act_does_not_count():
+def test_standstill_seen_before_the_step_could_act_does_not_count():
     """A motion may be on its way to the drive."""
     fall = Fall()
     for _ in range(20):  # it stood for long before the halt
@@ -501,7 +501,7 @@ def test_a_load_in_a_torque_mode_is_taken_over_by_a_mode_that_holds():
     assert out.controlword == 0x0F
 
 
-def test_without_bit_12_bit_4_is_low_for_a_time_before_it_rises_under_halt_or_beside_another_set_point():
+def test_without_bit_12_bit_4_is_low_for_a_time_before_it_rises_under_halt_or_with_another_set_point():
     img, order, point = fresh_image(), CycleOutputs(), TimedSetPoint(5_000, "x", 1.0)
     highs = []
     for number in range(40):
@@ -535,7 +535,7 @@ def test_without_bit_12_bit_4_is_low_for_a_time_before_it_rises_under_halt_or_be
         (0.01, [], 10),
     ],
 )
-def test_without_bit_12_bit_4_stands_until_any_drive_has_looked_at_it(period, words, cycles):
+def test_without_bit_12_bit_4_stays_set_until_any_drive_has_read_it(period, words, cycles):
     img, order, point = fresh_image(), CycleOutputs(), TimedSetPoint(5_000, "x", 1.0)
     highs = []
     for number in range(2 * cycles + 1):
@@ -549,7 +549,7 @@ def test_without_bit_12_bit_4_stands_until_any_drive_has_looked_at_it(period, wo
         assert point.phase is HandshakePhase.TAKEN  # and it was low for as long
 
 
-def test_without_bit_12_how_long_bit_4_stands_counts_from_its_rise():
+def test_without_bit_12_the_time_of_bit_4_counts_from_its_rise():
     drive, point = Drive(start=1_000.0), TimedSetPoint(5_000, "x", 1.0)
     highs = []
     for _ in range(14):
@@ -586,7 +586,7 @@ def test_the_first_value_after_the_edge_that_is_nearer_shows_that_a_set_point_wa
 
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize("value", ["position", "demand"])
-def test_a_set_point_where_the_axis_stands_is_enough_within_the_tolerance_and_after_a_while(value, side):
+def test_a_set_point_at_the_present_position_is_taken_within_the_tolerance_and_after_a_while(value, side):
     for off, there in ((0, True), (1, False)):
         drive = Drive()
         place = side * int(drive.parameters.standstill_tolerance)
@@ -625,7 +625,7 @@ def test_where_the_deceleration_is_not_known_two_seconds_more_may_pass_to_turn_r
 
 
 @pytest.mark.parametrize(("moves", "seen"), [(0, True), (100, False)])
-def test_bit_10_that_falls_shows_it_only_of_an_axis_that_stood(moves, seen):
+def test_a_falling_bit_10_shows_the_new_set_point_only_of_an_axis_at_rest(moves, seen):
     drive = Drive()
     for number in range(8):
         drive.cycle(statusword=ENABLED | BIT_10, position=moves * number)
@@ -684,7 +684,7 @@ def test_bit_10_that_comes_again_shows_nothing_where_the_place_or_the_old_target
     assert not proof.seen
 
 
-def test_an_axis_that_stands_at_its_target_is_not_blamed_for_coming_no_nearer():
+def test_an_axis_at_rest_at_its_target_is_not_blamed_for_coming_no_nearer():
     for off, blamed in ((0, False), (1, True)):
         drive = Drive()
         place = 5_000 + int(drive.parameters.standstill_tolerance) + off
@@ -714,7 +714,7 @@ def proved(word_at) -> tuple[SetPointConfirmation, float]:
     return proof, now
 
 
-def test_without_6064h_bit_10_tells_of_a_set_point_given_at_rest():
+def test_without_6064h_bit_10_reports_of_a_set_point_given_at_rest():
     proof, now = proved(lambda time: ENABLED if time > 0.2 else ENABLED | BIT_10)
     assert proof.seen
     assert now < 0.3
@@ -734,7 +734,7 @@ def test_without_6064h_what_cannot_be_seen_is_not_taken(word_at):
         proved(word_at)
 
 
-def test_bit_12_has_no_proof_beside_it():
+def test_with_bit_12_no_other_confirmation_is_used():
     assert (
         proof_of(
             SetPoint(5_000, "x", 1.0),

@@ -61,12 +61,12 @@ def test_machines_by_hand():
     ("machine", "place"),
     [(ARM, (350.1, 0.0)), (ARM, (10.0, 10.0)), (ROBOT, (0.0, 0.0, -500.0)), (ROBOT, (300.0, 0.0, -200.0))],
 )
-def test_what_is_out_of_reach_is_told(machine, place):
+def test_a_pose_out_of_reach_is_reported(machine, place):
     with pytest.raises(ValueError, match="out of the arm"):
         machine.inverse(place)
 
 
-def test_arms_that_do_not_meet_are_told():
+def test_arms_that_do_not_meet_are_reported():
     with pytest.raises(ValueError, match="do not meet"):
         Delta(300.0, 40.0, 120.0, 100.0).forward((0.0, 0.0, 0.0))
 
@@ -79,7 +79,7 @@ def test_arms_that_do_not_meet_are_told():
         (Delta(100.0, 40.0, 60.0, 200.0), (180.0, 180.0, 180.0)),
     ],
 )
-def test_arms_that_could_meet_in_many_places_are_told(machine, axes):
+def test_arms_that_could_meet_in_many_places_are_reported(machine, axes):
     with pytest.raises(ValueError, match=r"the arms|two arms"):
         machine.forward(axes)
 
@@ -95,7 +95,7 @@ def places(machine: Scara | Delta | CoreXY, rng: random.Random, count: int) -> l
 
 @pytest.mark.parametrize("machine", [ARM, ROBOT, BELT], ids=["scara", "delta", "corexy"])
 @pytest.mark.parametrize("seed", range(40))
-def test_no_axis_is_faster_or_harder_than_it_may_be_on_a_way_in_the_workspace(machine, seed):
+def test_on_a_workspace_path_no_axis_exceeds_its_velocity_or_acceleration(machine, seed):
     rng = random.Random(seed)
     stops: set[int] = set()
     if seed % 4 == 3:
@@ -185,7 +185,7 @@ class Bump:
 
 @pytest.mark.parametrize("jerk", [4100.0, 20_000.0, 100_000.0])
 @pytest.mark.parametrize("hard", [None, 1000.0])
-def test_where_an_axis_is_at_its_limits_for_a_short_while_a_soft_way_keeps_them_too(hard, jerk):
+def test_where_an_axis_reaches_its_limits_briefly_a_jerk_limited_path_keeps_them_too(hard, jerk):
     """There it is slow, and in time before and behind: what the axes are led to is a mean."""
     limits, velocity, acceleration = [AxisLimits(velocity=400.0, acceleration=hard)] * 2, 600.0, 1000.0
     piece = KinematicSegment(Straight((-100.0,), (100.0,), 200.0), Bump())

@@ -198,7 +198,7 @@ def test_where_no_limit_holds_nothing_is_refused():
         (99_000, 10, False),
     ],
 )
-def test_positions_stop_a_move_whose_way_to_rest_is_not_known(place, step, told):
+def test_a_move_with_an_unknown_braking_distance_is_stopped_by_its_positions(place, step, told):
     drive = Drive(**BOUNDED)
     guard = LimitMonitor(drive.parameters)
     course, error = CommandedMotion(speed=640.0, by_target=True, unknown=True), None
@@ -287,7 +287,7 @@ def test_what_a_trajectory_before_may_still_do_is_no_overspeed():
         assert watched.go(step, 1) is None
 
 
-def test_noise_and_a_position_that_is_set_anew_are_no_speed():
+def test_noise_and_a_position_that_is_set_again_are_no_speed():
     watched = Watched(CommandedMotion(speed=64.0))
     for number in range(60):
         assert watched.go(4 if number % 2 else -4, 1) is None

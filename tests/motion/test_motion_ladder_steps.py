@@ -153,7 +153,7 @@ def test_the_power_of_an_axis_with_a_load_is_not_cut_while_that_would_let_it_fal
         assert stop.ladder.descended
 
 
-def test_each_rung_has_its_own_time():
+def test_each_step_has_its_own_time():
     stop = Stop().run(400, True, statusword=ENABLED, mode=3)
     words = [word & 0x0F for word, _ in stop.sent]
     # the cycle in which a time has passed still has the old word
@@ -229,7 +229,7 @@ def test_being_taken_down_has_its_time_and_then_the_power_is_cut():
     assert stop.words[-1] & 0x0F == 0x00
 
 
-def test_without_power_the_motor_must_be_seen_to_stand_in_the_time_that_it_has():
+def test_without_power_the_motor_must_be_seen_to_simulated_drive_the_time_that_it_has():
     stop = Stop().before(3, True, statusword=ENABLED, mode=1).run(1000, True, statusword=READY)
     assert stop.done
     assert not stop.ladder.confirmed
@@ -246,7 +246,7 @@ def test_without_power_the_motor_must_be_seen_to_stand_in_the_time_that_it_has()
     assert fell.run(1, False, statusword=DISABLED).done
 
 
-def test_what_was_confirmed_with_power_is_not_where_the_motor_moves_without():
+def test_a_standstill_confirmed_with_power_does_not_count_if_the_motor_moves_without_power():
     stop = (
         Stop(AfterStop.DISABLE).before(3, False, statusword=ENABLED, mode=1).run(8, False, statusword=ENABLED)
     )
@@ -265,7 +265,7 @@ def test_what_was_confirmed_with_power_is_not_where_the_motor_moves_without():
         (StopLevel.HALT, AfterStop.DISABLE, StopLevel.HALT, False),
     ],
 )
-def test_what_is_asked_for_again_makes_it_harder_and_never_softer(asked, then, rung, goes):
+def test_a_repeated_stop_request_makes_the_stop_harder_and_never_softer(asked, then, rung, goes):
     stop = Stop().run(3, True, statusword=ENABLED, mode=1)
     assert not stop.ladder.takes_power
     stop.ladder.harden(then, asked)
@@ -289,7 +289,7 @@ def edge(stop: Stop, target: int) -> Stop:
     ("waited", "moving", "held"),
     [(30, False, True), (10, False, False), (30, True, False)],
 )
-def test_an_axis_that_stood_in_the_middle_of_its_move_was_held_and_loses_its_power_only_then(
+def test_only_an_axis_at_rest_in_the_middle_of_its_move_counts_as_held_and_loses_its_power(
     waited, moving, held
 ):
     """Three tenths of a second after its set-point a free axis moves; where nobody sees what pulls it, it is not let go softly."""
@@ -354,7 +354,7 @@ def test_a_quick_stop_takes_no_torque_from_a_load(holds, torque):
     assert (stop.drive.order.target_torque, stop.drive.order.target_velocity) == (torque, 0)
 
 
-def test_a_look_by_sdo_that_is_under_way_when_it_ends_is_taken_back():
+def test_a_running_observation_by_sdo_is_cancelled_at_the_end():
     stop = Stop(start=StopLevel.QUICK_STOP).run(1, False, statusword=None, mode=1)
     asked = [request.id for request in stop.drive.order.sdo if request.value is None]
     assert len(asked) == 2
@@ -363,7 +363,7 @@ def test_a_look_by_sdo_that_is_under_way_when_it_ends_is_taken_back():
     assert stop.drive.order.cancel == asked
 
 
-def test_names_of_rungs():
+def test_names_of_steps():
     assert [rung.text for rung in StopLevel] == ["halt", "quick stop", "disable voltage", "NMT stop"]
 
 
@@ -480,7 +480,7 @@ def test_a_path_that_is_over_is_at_rest():
 
 
 @pytest.mark.parametrize(("start", "begins"), [(0.0, True), (90.0, False)])
-def test_a_trajectory_begins_where_the_axis_stands(start, begins):
+def test_a_trajectory_begins_at_the_present_position(start, begins):
     drive = Drive(scan_period=0.01)
     follow = Follow(TrapezoidalTrajectory(start, start + 1.0, 20.0, 40.0), drive.parameters, OPEN)
 
@@ -507,11 +507,11 @@ def test_a_path_without_a_position_is_refused():
 # The way out.
 
 
-def test_the_way_out_has_the_time_of_all_rungs():
+def test_the_stop_at_the_end_has_the_time_of_all_steps():
     assert TIMES.ladder == 0.5 + 0.25 + 2.0
 
 
-def test_what_an_earlier_request_has_told_is_told_once():
+def test_what_an_earlier_request_has_reported_is_reported_once():
     """The same error may come from an axis whose stop was asked for again."""
     way_out, error, other = ShutdownStop(), StaleError("x: once"), StaleError("y: another")
     way_out._told = [error]
@@ -570,7 +570,7 @@ def test_an_axis_has_left_when_it_is_seen_at_rest(changes, over):
     assert axis.verdict is axis.error
 
 
-def test_a_stop_that_is_under_way_is_not_over():
+def test_a_running_stop_is_not_over():
     _, axis = leaving(touched=False)
     axis._ticket.busy = True
     axis.step(1000.0)
@@ -602,7 +602,7 @@ def test_a_group_needs_one_position_for_each_of_its_axes():
             r.groups["all"].move_linear((1.0, 2.0), velocity=velocity)
 
 
-def test_why_a_value_is_not_known_is_told():
+def test_why_a_value_is_not_known_is_reported():
     r = rig(port={"inputs": {"velocity": ValueTransport.NONE}})
     r.run(0.1)
     with pytest.raises(StaleError) as caught:
@@ -612,7 +612,7 @@ def test_why_a_value_is_not_known_is_told():
     assert r.axis.state is AxisState.DISABLED
 
 
-def test_what_was_missing_when_a_time_passed_is_kept_for_the_report():
+def test_the_observation_missing_at_a_time_limit_is_stored_for_the_report():
     stop = Stop().run(34, True, statusword=ENABLED, mode=1).run(20, False, statusword=QUICK)
     assert stop.ladder.rung is StopLevel.QUICK_STOP
     assert "still moving" in stop.ladder.unseen

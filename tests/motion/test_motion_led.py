@@ -58,7 +58,7 @@ def test_set_points_in_quick_succession_are_no_demand_of_the_drives_own():
     assert not judged(*samples, set_points=targets).believes(PP)
 
 
-def test_what_is_seen_in_pp_holds_in_each_mode_and_else_in_the_mode_only():
+def test_a_6062h_seen_in_pp_counts_in_every_mode_and_otherwise_in_its_mode_only():
     ahead = [(100 * number, 90.0 * number) for number in range(5)]
     assert all(judged(*ahead).believes(mode) for mode in (PP, PV, CSP))
     in_csp = judged(*ahead, mode=CSP)
@@ -145,7 +145,7 @@ def test_between_two_positions_the_axis_moved_evenly(ago, demand, lead):
 
 
 @pytest.mark.parametrize(("demand", "lead"), [(1000, 0), (1060, 0), (1200, 100), (900, -100)])
-def test_after_the_last_position_the_axis_may_have_gone_on_or_not(demand, lead):
+def test_after_the_last_position_the_axis_may_have_continued_or_not(demand, lead):
     """One period after the last position it may be anywhere between that and a way of 100 farther."""
     drive = Drive(ValueTransport.EVENT_PDO, ValueTransport.SDO)
     for number in range(11):
@@ -205,7 +205,7 @@ def test_a_demand_of_before_says_nothing_of_now(change):
     assert drive.cycle(0, 0, mode=mode).pull == 0
 
 
-def test_the_demand_of_before_is_shown_to_nobody_after_the_count_began_anew():
+def test_the_demand_of_before_is_shown_to_nobody_after_the_count_began_again():
     drive = Drive(ValueTransport.SYNC_PDO, ValueTransport.SDO)
     drive.cycle(9000, 9000)
     drive.image.rebase()

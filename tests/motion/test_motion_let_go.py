@@ -107,7 +107,7 @@ def test_a_fault_stops_its_own_group_and_no_other():
     assert r.axes["z"].state is AxisState.CONTINUOUS_MOTION
 
 
-def test_an_axis_that_somebody_else_turns_is_not_stopped_for_a_fault_of_ours():
+def test_an_axis_that_another_master_turns_is_not_stopped_for_a_fault_of_this_machine():
     r = rig("xy")
     r.drive_of("y").target_velocity = 50_000
     r.drive_of("y").start_enabled(3)

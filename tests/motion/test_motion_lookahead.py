@@ -63,7 +63,7 @@ def test_no_path_with_corners_and_jumps_leaves_the_limits(points, deceleration, 
     assert all(-10.0 <= position <= 10.0 for position in seen)
 
 
-def test_what_is_told_of_an_excess_is_where_it_would_have_stopped():
+def test_the_report_of_an_excess_gives_the_position_at_which_the_axis_would_have_stopped():
     path = ended(TrapezoidalTrajectory(0.0, 100.0, 50.0, 500.0).position, 2.1)
     found = next(e for k in range(300) if (e := excess(path, k * PERIOD, PERIOD, LIMITS, 500.0)) is not None)
     assert math.isclose(found.speed, 50.0)
@@ -73,7 +73,7 @@ def test_what_is_told_of_an_excess_is_where_it_would_have_stopped():
     assert math.isclose(path(found.time), found.there)
 
 
-def test_trapezoids_samples_and_lines_tell_how_far_and_how_fast_they_go():
+def test_trapezoids_samples_and_lines_report_how_far_and_how_fast_they_go():
     way = way_of([Straight((5.0,), (-3.0,), 1.0)], [AxisLimits(velocity=4.5)], 2.0)
     line = AxisPathShare(PathPosition(way, 0.0, (5.0,)), 0, 0.5)
     known = [

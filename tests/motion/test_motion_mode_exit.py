@@ -34,7 +34,7 @@ def answers(steps, down: float = 40.0, soft: float = 0.0) -> list[bool]:
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(("at", "fits"), [(91.25, True), (91.26, False)])
-def test_a_path_at_an_even_speed_goes_on_for_three_periods_before_the_drive_brakes(sign, at, fits):
+def test_a_path_at_an_even_speed_continues_for_three_periods_before_the_drive_brakes(sign, at, fits):
     """At 20: 3.75 in three periods, and 5 to brake."""
     steps = [(sign * (at - 1.25), sign * 20.0), (sign * at, sign * 20.0)]
     assert answers(steps)[-1] is fits

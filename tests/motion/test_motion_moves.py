@@ -78,7 +78,7 @@ def test_a_short_move_is_a_triangle_with_two_different_ramps():
     assert watch.speed == pytest.approx(50_600, rel=0.05)  # seen once per period
 
 
-def test_what_is_written_before_a_move():
+def test_objects_written_before_a_move():
     r = rig().enabled()
     watch = Watch(r)
     r.axis.move_absolute(1.0, velocity=70.0, acceleration=300.0, deceleration=200.0).wait(5)
@@ -108,7 +108,7 @@ def test_additive_counts_from_the_last_commanded_position():
     assert at(r, 75.0)
 
 
-def test_additive_after_a_stop_counts_from_where_the_axis_stands():
+def test_an_additive_move_after_a_stop_counts_from_the_present_position():
     r = rig().enabled()
     r.axis.move_absolute(300.0)
     r.run(0.5)
@@ -171,7 +171,7 @@ def test_every_set_point_is_one_real_edge_with_bit_5():
     assert watch.words == [0x0F, 0x3F, 0x0F, 0x3F, 0x0F, 0x3F, 0x0F]
 
 
-def test_the_target_stands_while_bit_4_is_high():
+def test_the_target_does_not_change_while_bit_4_is_high():
     r = rig().enabled()
     r.drive.dials.acknowledge_delay = 0.1
     watch = Watch(r)
@@ -286,7 +286,7 @@ def test_a_halted_axis_moves_to_a_drive_that_takes_no_set_point_under_halt():
 # INTEGER32 and endless axes.
 
 
-def test_a_target_of_an_endless_axis_across_the_wrap_of_integer32_is_reached_the_short_way():
+def test_a_target_of_an_endless_axis_across_the_wrap_of_integer32_is_reached_in_the_short_direction():
     top = 2**31
     r = unlimited(motor=MotorParams(start_position=top - 10_000.0), units=ENDLESS).enabled()
     watch = Watch(r)
@@ -322,7 +322,7 @@ def test_a_target_half_a_count_away_is_refused():
         (0.0, 180.0, -1, -180.0),
     ],
 )
-def test_an_endless_axis_goes_the_shortest_way_or_the_one_asked_for(start, target, direction, end):
+def test_an_endless_axis_moves_in_the_shortest_or_the_requested_direction(start, target, direction, end):
     r = rig(units=ENDLESS, motor=MotorParams(start_position=start * 1000)).enabled()
     r.axis.move_absolute(target, direction=direction, velocity=400.0).wait(10)
     assert at(r, end)
@@ -458,7 +458,7 @@ def test_numbers_of_a_numerical_library_are_numbers_and_other_things_are_not():
             r.axis.set_position(wrong)
 
 
-def test_a_missing_default_is_told_and_never_guessed():
+def test_a_missing_default_is_reported_and_never_guessed():
     r = rig(defaults=Defaults()).enabled()
     with pytest.raises(ArgumentError, match="velocity is missing"):
         r.axis.move_absolute(1.0)
@@ -580,7 +580,7 @@ def test_what_an_interrupted_move_still_has_queued_is_cancelled(how):
 # Arriving.
 
 
-def test_a_bit_10_that_still_stands_from_the_move_before_does_not_count():
+def test_a_bit_10_left_from_the_previous_move_does_not_count():
     r = rig().enabled()
     r.axis.move_absolute(10.0).wait(5)
     r.drive.dials.target_reached_late = 0.4
@@ -648,7 +648,7 @@ def test_a_drive_that_has_no_6064h_moves_by_its_bits_and_the_caller_s_timeout():
     assert abs(r.drive.axis.motor.velocity) < 1.0
 
 
-def test_a_position_that_is_lost_before_the_start_is_told_instead_of_a_wrong_deadline():
+def test_a_position_that_is_lost_before_the_start_is_reported_instead_of_a_wrong_deadline():
     r = rig().enabled()
     read = r.ports["x"].read
     r.ports["x"].read = lambda now: read(now)._replace(position=None, demand=None)
@@ -744,7 +744,7 @@ def test_what_the_drive_has_no_object_for_is_refused(index, call, mode):
     assert f"{index:04X}h" in caught.value.observed
 
 
-def test_a_position_is_set_at_once_where_the_axis_stands():
+def test_a_position_is_set_at_once_at_standstill():
     r = rig().enabled()
     r.run(1.0)
     handle = r.axis.set_position(500.0)

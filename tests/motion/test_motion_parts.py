@@ -383,7 +383,7 @@ def test_a_drive_that_pulls_is_not_said_by_sdo_to_stand(mode, demand, before, st
     assert not path.may_turn
 
 
-def test_a_look_that_is_under_way_is_taken_back():
+def test_a_running_observation_is_cancelled():
     drive = Drive()
     path = SdoPath(drive.parameters)
     path.look(*drive.cycle(statusword=None))
@@ -503,7 +503,7 @@ def test_a_mode_is_asked_for_with_targets_that_move_nothing_until_it_is_shown():
 
 
 @pytest.mark.parametrize("mode", [2, 3, 4, 6, 9, 10, 11])
-def test_out_of_a_mode_that_is_not_led_by_positions_the_axis_stays_where_it_is(mode):
+def test_when_leaving_a_mode_without_positions_the_target_is_the_present_position(mode):
     drive = Drive()
     switch = ModeSwitch(ModeOfOperation.PROFILE_POSITION, drive.parameters)
     for position in (400, 450):
@@ -774,7 +774,7 @@ def test_a_ramp_begins_at_the_speed_of_the_positions_where_the_last_velocity_is_
     assert goes.speed == pytest.approx(5.0 / T)
 
 
-def test_an_axis_that_goes_its_way_is_not_behind_and_one_that_is_held_is():
+def test_a_moving_axis_does_not_lag_and_a_held_one_does():
     drive = Drive(ages={"position": 10.0, "velocity": 10.0})
     way, position, speed = ramped(drive, 1000, up=6400.0), 0.0, 0.0
     for _ in range(100):
@@ -867,7 +867,7 @@ def test_a_lag_of_the_first_order_is_seen_while_the_ramp_still_rises(sign):
             assert way.lag == pytest.approx(lag, rel=0.15)
 
 
-def test_a_velocity_given_on_the_ramp_of_the_one_before_goes_on_with_what_is_known_of_that():
+def test_a_velocity_given_on_the_ramp_of_the_one_before_continues_with_what_is_known_of_that():
     drive, lag = Drive(ages={"position": 1e9, "velocity": 1e9}), 10
     for _ in range(100):
         drive.cycle(position=0, velocity=0)
@@ -898,7 +898,7 @@ def test_a_velocity_given_on_a_ramp_that_began_in_motion_knows_no_lag_either():
     assert way.lag is None
 
 
-def test_a_way_that_begins_in_motion_shows_no_lag():
+def test_a_path_that_begins_in_motion_shows_no_lag():
     drive = Drive(ages={"position": 1e9, "velocity": 1e9})
     way = RampedWay(1000, 2.0, 4000.0, 4000.0, 100.0, delay=4 * T)
     for cycle in range(60):
@@ -907,7 +907,7 @@ def test_a_way_that_begins_in_motion_shows_no_lag():
     assert way.lag is None
 
 
-def test_without_a_position_nothing_is_known_of_the_way():
+def test_without_a_position_the_progress_is_unknown():
     drive = Drive(ages={"position": 10.0, "velocity": 10.0})
     way = ramped(drive, 100)
     way.step(drive.cycle(position=-50)[0])
@@ -990,7 +990,7 @@ def test_a_stand_needs_positions_of_a_whole_window_after_the_beginning():
 @pytest.mark.parametrize(
     ("demand", "pulls"), [(100, False), (4000, False), (4001, True), (-4000, False), (-4001, True)]
 )
-def test_what_is_led_elsewhere_by_more_than_the_window_does_not_stand(demand, pulls):
+def test_an_axis_with_a_demand_beyond_its_window_is_not_at_standstill(demand, pulls):
     drive = Drive()  # 10 ms at 400 deg/s of 1000 increments
     look = StandstillCheck(drive.parameters, drive.now)
     for _ in range(12):
@@ -1023,7 +1023,7 @@ def test_where_there_is_no_position_the_velocity_says_it_and_else_bit_10():
     assert not look.seen(silent.cycle(statusword=None)[0])
 
 
-def test_what_is_missing_for_a_stand_is_told():
+def test_the_reason_why_an_axis_is_not_at_standstill_is_reported():
     drive = Drive()
     drive.cycle(statusword=ENABLED, position=12_500)
     look = StandstillCheck(drive.parameters, drive.now)
@@ -1201,7 +1201,7 @@ def test_a_period_that_cannot_be_said_is_refused(period):
         interpolation_period(period)
 
 
-def test_what_is_written_before_a_move():
+def test_objects_written_before_a_move():
     profile = MoveProfile(7, 8, 9, None, None)
     base = Drive().parameters
     position = [(0x6081, 0, 7), (0x6083, 0, 8), (0x6084, 0, 9), (0x6082, 0, 0)]
@@ -1293,7 +1293,7 @@ def test_the_scan_period_is_written_into_60c2h_and_read_back(read, told):
     assert sent == [*offsets, ("60C2:1", 10), ("60C2:2", -3), ("60C2:1", None), ("60C2:2", None)]
 
 
-def test_a_drive_without_60c2h_has_its_own_time_and_one_that_refuses_it_is_told():
+def test_a_drive_without_60c2h_has_its_own_time_and_one_that_refuses_it_is_reported():
     plain = Drive(scan_period=0.01, objects=frozenset({0x6064}))
     assert CyclicSetup(plain.parameters).step(*plain.cycle())
     drive = Drive(scan_period=0.01)
@@ -1343,7 +1343,7 @@ def test_what_pushes_against_something_does_not_stand():
         assert ("pushes with 5.1 % of its rated torque" in look.why_not(drive.image)) is not stands
 
 
-def test_an_axis_in_a_torque_mode_whose_torque_does_not_travel_stands_by_its_position():
+def test_in_a_torque_mode_without_a_torque_value_standstill_is_judged_by_position():
     drive = Drive()
     look = StandstillCheck(drive.parameters, drive.now)
     for _ in range(12):
@@ -1359,7 +1359,7 @@ def test_without_power_a_demand_says_nothing():
     assert seen
 
 
-def test_by_its_velocity_an_axis_stands_after_a_whole_window_that_begins_with_the_look():
+def test_by_velocity_standstill_needs_a_whole_window_from_the_beginning_of_the_observation():
     drive = Drive()
     drive.cycle(statusword=ENABLED, velocity=0)
     look = StandstillCheck(drive.parameters, drive.now)
@@ -1387,7 +1387,7 @@ def test_bit_10_says_it_once_bits_have_settled_and_a_window_has_passed():
     assert not look.seen(silent.cycle(statusword=ENABLED & ~0x0400)[0])
 
 
-def test_what_is_not_known_to_be_anywhere_is_not_held():
+def test_an_axis_of_unknown_position_does_not_count_as_held():
     drive = Drive()
     look = StandstillCheck(drive.parameters, drive.now)
     for _ in range(12):
@@ -1397,7 +1397,7 @@ def test_what_is_not_known_to_be_anywhere_is_not_held():
 
 
 @pytest.mark.parametrize(("velocity", "stands"), [(100, True), (-100, True), (101, False), (-101, False)])
-def test_by_its_velocity_an_axis_stands_where_that_is_no_more_than_the_cell_says(velocity, stands):
+def test_by_velocity_an_axis_is_at_standstill_below_the_speed_of_the_cell_file(velocity, stands):
     drive = Drive(standstill_speed=100.0)
     look = StandstillCheck(drive.parameters, drive.now)
     for _ in range(12):
@@ -1423,7 +1423,7 @@ def rest_step(waits: StandstillWaiters, drive: Drive, ends: list[tuple[str, str]
     waits.step(drive.image, lambda ticket, error: ends.append((ticket.name, error and error.message)))
 
 
-def test_what_takes_effect_at_rest_is_done_once_the_axis_has_stood_for_the_window():
+def test_a_command_that_takes_effect_at_rest_is_done_after_the_standstill_window():
     drive, waits, ends = waiting("a", "b")
     for _ in range(8):
         rest_step(waits, drive.cycle(statusword=ENABLED, position=0) and drive, ends)

@@ -100,7 +100,7 @@ def test_without_a_position_nothing_is_passed():
     assert play.first.busy
 
 
-def test_the_same_profile_is_not_asked_for_but_a_time_begins_anew():
+def test_the_same_profile_is_not_asked_for_but_a_time_begins_again():
     assert Passed("low", FAST, FAST).asked_at() == []
     timed = profile(200_000.0, timeout=3.0)
     assert [each for _, each in Passed("low", timed, timed).asked_at()] == [timed]

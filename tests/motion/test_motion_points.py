@@ -86,7 +86,7 @@ def test_straight_lines_and_constant_accelerations_stay_what_they_are(path):
         assert at(span.curves[0], 0.004) == pytest.approx(path(0.01 * number + 0.004))
 
 
-def test_what_is_refused_changes_nothing():
+def test_a_rejected_point_changes_nothing():
     points = [(0.01 * n, 10.0 * math.sin(3.0 * 0.01 * n)) for n in range(20)]
     joining, other = CurveFit({"x": MAY}, "x.stream"), CurveFit({"x": MAY}, "x.stream")
     for t, x in points:
@@ -98,7 +98,7 @@ def test_what_is_refused_changes_nothing():
     assert joining.end() == other.end()
 
 
-def test_what_was_taken_can_be_ended_anywhere():
+def test_accepted_points_can_be_ended_anywhere():
     rnd = random.Random(5)
     joining, x = CurveFit({"x": MAY}, "x.stream"), 0.0
     taken = 0
@@ -113,7 +113,7 @@ def test_what_was_taken_can_be_ended_anywhere():
     assert taken > 40
 
 
-def test_no_point_leads_where_it_cannot_be_braked_in_time():
+def test_no_point_leads_to_where_the_axis_cannot_brake_in_time():
     lame = MAY._replace(braking=10.0)
     joining = CurveFit({"x": lame}, "x.stream")
     with pytest.raises(LimitError, match="could not brake in time"):
@@ -189,7 +189,7 @@ def test_a_pace_stays_that_of_the_points_while_enough_is_known():
 
 @pytest.mark.parametrize("period", [0.001, 0.004, 0.01, 0.02])
 @pytest.mark.parametrize("seconds", [0.1, 1.0, 0.7, 1 / 3, 12.345])
-def test_what_stands_at_its_end_comes_to_it_exactly_however_steep_its_ramp(period, seconds):
+def test_a_resting_stream_reaches_its_end_exactly_however_steep_its_ramp(period, seconds):
     course, travel, still = StreamTimeline(), StreamTravel(), ((0.0,) * 6,)
     for span in (Span(period, 1e4, still), Span(seconds, 25.0, still), Span(period, 1e4, still)):
         course.add(span)
@@ -209,7 +209,7 @@ def test_the_axes_may_use_four_fifths_of_their_acceleration():
         joined(hard(1.01))
 
 
-def test_a_patient_gate_opens_when_all_are_there_and_it_may():
+def test_a_start_barrier_with_a_condition_opens_when_all_are_there_and_it_holds():
     for gate, opens in ((StartBarrier(), True), (PatientGate(), False)):
         for comer in ("x", "y"):
             gate.pass_through(comer)

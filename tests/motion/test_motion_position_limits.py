@@ -98,14 +98,14 @@ def test_in_each_cycle_of_a_brake_the_velocity_falls_by_what_it_may(velocity, de
     assert abs(falls[-1]) <= deceleration + 1e-6
 
 
-def test_a_way_that_begins_at_a_limit_may_come_by_there_again():
+def test_a_path_that_begins_at_a_limit_may_return_to_it():
     assert room_of_way(LIMITS, 30.0, 0.004, 0.001) == LIMITS
     assert room_of_way(LIMITS, -0.002, 0.004, 0.001) == pytest.approx((-0.003, 60.001))
     assert room_of_way(LIMITS, -0.005, 0.004, 0.001) == LIMITS
 
 
 @pytest.mark.parametrize("lap", [0, 1, -3])
-def test_a_count_ends_where_its_drive_begins_anew(lap):
+def test_a_count_ends_where_its_drive_begins_again(lap):
     room = room_of_count(lap * 2**32 + 17)
     assert room == (lap * 2**32 - 2**31, lap * 2**32 + 2**31 - 1)
     assert room_of_count(int(room.low)) == room_of_count(int(room.high)) == room
@@ -203,7 +203,7 @@ OUT = {
 
 @pytest.mark.parametrize("place", [-5.0, -0.03, 60.03, 65.0])
 @pytest.mark.parametrize("way", OUT)
-def test_nothing_leads_an_axis_that_is_beyond_a_limit_farther_out(way, place):
+def test_no_motion_takes_an_axis_beyond_a_limit_farther_out(way, place):
     r = bounded("xy", place=place, each={"y": {"limits": AxisLimits(velocity=400.0)}})
     begun = out_of(r)
     try:
@@ -288,7 +288,7 @@ def test_a_trajectory_that_comes_in_from_beyond_a_limit_does_not_go_out_again(pa
     assert watch.transitions == []  # it was braked along its path
 
 
-def test_a_slave_that_came_in_from_beyond_a_limit_is_not_led_out_again():
+def test_a_slave_axis_that_came_back_from_beyond_a_limit_is_not_moved_out_again():
     r = bounded("xy", place=-5.0, motor=None, each={"y": {"limits": AxisLimits(velocity=400.0)}})
     handle = _gear(r, 10.0)
     r.until(lambda: r.axis.position > 2.0)
@@ -312,7 +312,7 @@ def test_a_slave_that_came_in_from_beyond_a_limit_is_not_led_out_again():
     st.sampled_from([None, 30_000.0]),
     st.booleans(),
 )
-def test_a_stop_of_a_move_that_ends_at_its_limit_stands_within_it(
+def test_the_stop_of_a_move_that_ends_at_its_limit_ends_within_the_limit(
     how, share, velocity, harder, jerk, limited
 ):
     """The move brakes harder than the axis does by default; the motor tells where it came to rest, and how hard it was braked."""
@@ -341,7 +341,7 @@ def test_a_stop_of_a_move_that_ends_at_its_limit_stands_within_it(
 
 @pytest.mark.parametrize("jerk", [None, 30_000.0])
 @pytest.mark.parametrize("buffer", [False, "blending_low"])
-def test_a_move_that_does_not_arrive_in_its_time_is_halted_whoever_leads_it(jerk, buffer):
+def test_a_move_that_does_not_arrive_in_time_is_halted_whether_drive_or_master_controls_it(jerk, buffer):
     r = bounded(motor=None)
     watch = Watch(r)
     move = r.axis.move_absolute(
@@ -495,14 +495,14 @@ def test_an_absolute_target_that_its_origin_puts_beyond_the_count_is_refused():
     r.axis.move_absolute(19.0).wait(5)
 
 
-def test_an_endless_axis_goes_on_past_the_end_of_the_count():
+def test_an_endless_axis_continues_past_the_end_of_the_count():
     units = replace(rig().core.parameters.units, modulo=360.0)
     r = at_the_top(units=units)
     r.axis.move_relative(30.0).wait(5)
     assert r.drive.axis.motor.position == pytest.approx(TOP + 10_000, abs=60)
 
 
-def test_a_velocity_of_the_drive_goes_on_past_the_end_of_the_count_and_its_moves_stay_there():
+def test_a_velocity_of_the_drive_continues_past_the_end_of_the_count_and_its_moves_stay_there():
     r = at_the_top()
     r.axis.move_velocity(50.0).wait(5)
     r.until(lambda: r.drive.axis.motor.position > TOP + 10_000)

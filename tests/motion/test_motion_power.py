@@ -85,7 +85,7 @@ def test_enable_twice_is_harmless():
 
 
 @pytest.mark.parametrize("again_after", [PERIOD, 0.1, 0.2])
-def test_an_enable_that_is_asked_for_again_goes_on_and_both_handles_end_as_it_does(again_after):
+def test_an_enable_that_is_asked_for_again_continues_and_both_handles_end_as_it_does(again_after):
     r = rig()
     r.drive.dials.transition_delay[3] = 0.2
     watch = Watch(r)
@@ -507,7 +507,7 @@ def test_reset_without_a_fault_sends_nothing_new():
     assert r.axis.state is AxisState.STANDSTILL
 
 
-def test_a_fault_that_persists_gets_a_new_edge_and_is_then_told_with_its_cause():
+def test_a_fault_that_persists_gets_a_new_edge_and_is_then_reported_with_its_cause():
     r = rig().enabled()
     r.drive.dials.fault_persists = True
     r.drive.fault(0x4210)
@@ -609,7 +609,7 @@ def test_a_drive_found_moving_is_taken_over_without_a_jump():
     assert r.axis.state is AxisState.STANDSTILL
 
 
-def test_handles_of_power_commands_tell_how_they_ended():
+def test_handles_of_power_commands_report_how_they_ended():
     r = rig()
     handle = r.axis.enable()
     assert handle.busy

@@ -47,7 +47,7 @@ def calm(r) -> None:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_every_capture_is_an_edge_that_came_after_the_request_and_none_is_told_twice(seed):
+def test_every_capture_is_an_edge_after_the_request_and_none_is_reported_twice(seed):
     dice, r = random.Random(seed), rig()
     signal = Signal(r)
     probe = r.axis.probe(continuous=True)
@@ -68,7 +68,7 @@ def test_every_capture_is_an_edge_that_came_after_the_request_and_none_is_told_t
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_a_single_probe_tells_the_first_edge_since_it_is_armed(seed):
+def test_a_single_probe_reports_the_first_edge_since_it_is_armed(seed):
     dice, r = random.Random(seed), rig()
     signal = Signal(r)
     for _ in range(8):
@@ -146,7 +146,7 @@ def test_a_counted_latch_never_pairs_a_position_with_the_count_of_another(looks)
 
 
 @given(st.lists(st.integers(-5, 5), max_size=40))
-def test_without_a_counter_what_is_told_is_each_change(places):
+def test_without_a_counter_what_is_reported_is_each_change(places):
     latch, told = Latch(0x60BA, None), []
     for place in places:
         latch.begin()

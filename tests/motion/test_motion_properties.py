@@ -103,7 +103,7 @@ def test_a_duration_is_that_of_the_motion_integrated_step_by_step(distance, spee
 
 @SAME
 @given(SPEEDS, RAMPS)
-def test_braking_takes_half_of_the_way_that_full_speed_would_make_in_its_time(speed, ramp):
+def test_braking_takes_half_of_the_distance_that_full_speed_would_cover_in_its_time(speed, ramp):
     assert braking_distance(speed, ramp) == pytest.approx(speed * (speed / ramp) / 2)
 
 
@@ -264,7 +264,7 @@ AXES = "uvwxyz"
     st.dictionaries(st.sampled_from(["g", "h", "i"]), st.sets(st.sampled_from(AXES), min_size=1)),
     st.sampled_from(AXES),
 )
-def test_a_failure_stops_its_group_mates_or_everybody(groups, failed):
+def test_a_failure_stops_the_other_axes_of_its_groups_or_all_axes(groups, failed):
     policy = FaultPolicy(tuple(AXES), {name: sorted(members) for name, members in groups.items()})
     stopped = policy.stops(failed)
     assert failed not in stopped
@@ -277,7 +277,7 @@ def test_a_failure_stops_its_group_mates_or_everybody(groups, failed):
 
 @SAME
 @given(st.sets(st.sampled_from(AXES), min_size=1))
-def test_each_axis_that_is_stopped_is_told_a_failed_one_as_the_reason(failed):
+def test_each_axis_that_is_stopped_is_reported_a_failed_one_as_the_reason(failed):
     told = FaultPolicy(tuple(AXES), {"g": ["x", "y"]}).all_stops(sorted(failed))
     assert set(told) & failed == set()
     assert set(told.values()) <= failed
@@ -287,7 +287,7 @@ def test_each_axis_that_is_stopped_is_told_a_failed_one_as_the_reason(failed):
 
 @SAME
 @given(st.lists(st.frozensets(st.sampled_from([1, 2, 3, 4])), max_size=30))
-def test_nobody_passes_a_gate_before_all_stand_there_in_one_cycle_and_then_all_do(cycles):
+def test_no_axis_passes_a_start_barrier_before_all_wait_in_one_cycle_and_then_all_do(cycles):
     gate, everybody, opened = StartBarrier(), {1: object(), 2: object(), 3: object(), 4: object()}, False
     for here in cycles:
         assert {gate.pass_through(everybody[who]) for who in here} <= {opened}
@@ -298,6 +298,6 @@ def test_nobody_passes_a_gate_before_all_stand_there_in_one_cycle_and_then_all_d
         assert all(gate.pass_through(one) for one in everybody.values())
 
 
-def test_the_open_gate_lets_everybody_through_and_remembers_nobody():
+def test_the_open_start_barrier_lets_every_axis_through_and_stores_none():
     assert OPEN.is_open
     assert OPEN.pass_through(object())

@@ -125,7 +125,7 @@ def test_whatever_is_asked_meanwhile_no_limit_is_passed_and_it_ends_at_the_last_
 @pytest.mark.parametrize("rate", [-450.0, 0.0, 450.0])
 @pytest.mark.parametrize("speed", [-80.0, 0.0, 80.0])
 @pytest.mark.parametrize("goal", [-100.0, 0.0, 30.0])
-def test_what_goes_on_from_another_motion_has_its_velocity_and_its_acceleration(rate, speed, goal):
+def test_what_continues_from_another_motion_has_its_velocity_and_its_acceleration(rate, speed, goal):
     led = ReferenceState(10.0, speed, rate)
     ramp = SoftRamp(led, RAMPS)
     ramp.goal = goal
@@ -137,7 +137,7 @@ def test_what_goes_on_from_another_motion_has_its_velocity_and_its_acceleration(
 
 
 @pytest.mark.parametrize("top", [400.0, 420.0, 500.0])
-def test_what_was_speeding_up_is_never_faster_than_the_axis_may_be_whatever_jerk_that_takes(top):
+def test_a_velocity_that_was_rising_never_exceeds_the_axis_limit_whatever_jerk_that_takes(top):
     """And no more than it takes."""
     led = ReferenceState(0.0, 390.0, 2000.0)
     ramp = SoftRamp(led, RAMPS._replace(top=top))
@@ -179,7 +179,7 @@ def test_it_settles_at_the_velocity_that_it_cannot_help(moment):
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_the_way_to_rest_is_no_longer_than_was_told(seed):
+def test_the_braking_distance_is_not_longer_than_reported(seed):
     chance = random.Random(seed)
     ramps = VelocityRamps(500.0, chance.uniform(50.0, 800.0), chance.uniform(2000.0, 9000.0))
     rate = chance.uniform(-0.9, 0.9) * min(ramps.hardest, ramps.jerk * LONGEST)

@@ -107,7 +107,7 @@ def test_nothing_is_faster_harder_or_more_sudden_than_it_may_be(
 
 @pytest.mark.parametrize("tiny", [1e-3, 1e-6, 5e-8, 2e-8, 1e-8])
 @pytest.mark.parametrize("blend", [0.0, 0.3])
-def test_a_line_that_is_next_to_nothing_is_a_piece_of_the_way_all_the_same(tiny, blend):
+def test_a_tiny_line_is_still_a_segment_of_the_path(tiny, blend):
     points = [(0.0, 0.0), (0.0, -tiny), (1.0, 14.0), (1.0, 14.0 + tiny), (9.0, 14.0)]
     way, cycles = planned(points, blend, [AxisLimits()] * 2, 30.0, 100.0, 800.0, 0.004)
     trip = gone(way, cycles, 30.0, 0.004)
@@ -127,7 +127,7 @@ def test_the_jerk_is_used_where_corners_are_what_limits():
     ("turn", "length", "blend", "hard", "mean"),
     [(0.32, 60.0, 0.05, 2000.0, 0.45), (0.2, 20.0, 0.3, 200.0, 0.45)],
 )
-def test_what_is_asked_of_a_short_corner_holds_as_far_before_and_behind_as_the_mean_reaches(
+def test_the_limits_of_a_short_corner_apply_before_and_behind_it_as_far_as_the_mean_reaches(
     turn, length, blend, hard, mean
 ):
     points = [(0.0, 0.0), (length, 0.0), (length * (1.0 + math.cos(turn)), length * math.sin(turn))]
@@ -163,7 +163,7 @@ def test_a_mean_without_slower_corners_would_be_more_sudden():
     assert trip.highest(3, 0.004) > 1.4 * 5000.0
 
 
-def test_a_higher_jerk_is_never_slower_and_a_very_high_one_as_fast_as_none():
+def test_a_higher_jerk_is_never_slower_and_a_very_high_one_is_as_fast_as_no_limit():
     pieces, stops = polyline(SQUARE, 3.0)
     without = gone(
         way_of(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(120.0, 0.004)), 1, 120.0, 0.004
@@ -176,7 +176,7 @@ def test_a_higher_jerk_is_never_slower_and_a_very_high_one_as_fast_as_none():
     assert counts[-1] <= 1.06 * len(without.places)  # of the acceleration, corners have a smaller share
 
 
-def test_at_a_stop_on_the_way_the_mean_comes_to_rest_before_it_goes_on():
+def test_at_a_stop_within_the_path_the_mean_comes_to_rest_before_it_continues():
     way, cycles = planned(SQUARE, 0.0, [AxisLimits()] * 2, 120.0, 500.0, 5000.0, 0.004)
     trip = gone(way, cycles, 120.0, 0.004)
     for tip in SQUARE[1:-1]:

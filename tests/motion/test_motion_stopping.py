@@ -104,7 +104,7 @@ def creeps(r) -> None:
     r.drive._mode.step = lambda axis, dt: axis.follow(axis.position + 50_000 * dt, 50_000, dt)
 
 
-def test_an_axis_that_stood_and_moves_under_its_halt_is_not_left_to_the_halt_s_time():
+def test_an_axis_that_moves_again_during_its_halt_is_not_left_for_the_whole_halt_time():
     r = rig(stop_times=StopTimes(halt=2.0)).enabled()
     r.run(0.3)
     halted = r.axis.halt()
@@ -132,7 +132,7 @@ def test_one_that_was_found_enabled_has_the_time_of_its_halt_however_it_moves():
     assert r.axis.error is None
 
 
-def test_a_halt_that_the_drive_does_not_hear_leads_down_to_quick_stop_and_is_told():
+def test_a_halt_that_the_drive_ignores_is_followed_by_a_quick_stop_and_reported():
     r = turning(stop_times=StopTimes(halt=0.3))
     r.drive.dials.ignore_halt = True
     r.drive._mode.step = lambda axis, dt: axis.follow(axis.position + axis.velocity * dt, axis.velocity, dt)
@@ -170,7 +170,7 @@ def test_stop_locks_the_axis_until_it_is_released():
     r.axis.move_relative(5.0).wait(3)
 
 
-def test_a_release_before_it_stands_is_refused_and_the_stop_goes_on():
+def test_a_release_before_standstill_is_refused_and_the_stop_continues():
     r = turning()
     stop = r.axis.stop()
     r.run(0.05)
@@ -354,7 +354,7 @@ def test_a_motion_that_a_stop_has_ended_says_so():
         move.wait()
 
 
-def test_a_quick_stop_that_the_drive_does_not_hear_leads_to_disable_voltage():
+def test_a_quick_stop_that_the_drive_ignores_is_followed_by_disable_voltage():
     r = turning(stop_times=StopTimes(quick_stop=0.3))
     r.drive.dials.ignore_quick_stop = True
     watch = Watch(r)
@@ -384,7 +384,7 @@ def test_a_load_is_not_dropped_by_a_quick_stop_that_is_not_heard():
     assert r.axis.state is AxisState.ERRORSTOP
 
 
-def test_an_axis_with_a_brake_is_not_switched_off_before_it_stands():
+def test_an_axis_with_a_brake_is_not_switched_off_before_standstill():
     r = turning(motor=MotorParams(brake=True), holds_load=HoldsLoad.BRAKE)
     watch = Watch(r)
     r.axis.disable().wait(5)

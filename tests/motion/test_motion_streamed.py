@@ -39,7 +39,7 @@ def between(line: Curve, parts: int = 50) -> list[float]:
 
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=12), st.floats(1e-4, 1.0), st.floats(1e-3, 1.0))
-def test_at_its_own_time_a_sample_is_what_it_is_and_nothing_jumps(positions, step, last):
+def test_at_the_time_of_a_sample_the_curve_has_its_value_and_never_jumps(positions, step, last):
     line = curve(positions, step, last)
     for t, position in zip(line.times, line.positions, strict=True):
         assert line.at(t) == position
@@ -82,12 +82,12 @@ def test_a_time_that_was_computed_twice_makes_no_slope_of_a_rounding():
         assert (way[0], way[-1]) == pytest.approx((begin, begin + 1.0), abs=1e-6)
 
 
-def test_where_it_rests_on_the_way_it_stands_still():
+def test_where_the_samples_rest_the_curve_is_constant():
     line = curve([0, 1, 2, 2, 2, 2, 5, 9])
     assert {line.at(2 + part / 20) for part in range(61)} == {2.0}
 
 
-def test_a_corner_is_not_rounded_beyond_what_the_path_tells_of_itself():
+def test_a_corner_is_not_rounded_beyond_what_the_path_reports_of_itself():
     line = curve([0, 4, 8, 12, 11.5, 11, 10.5, 10, 10, 10])
     assert max(between(line)) > 12.01
     assert max(between(replace(line, span=(0.0, 12.0)))) == 12.0
@@ -202,7 +202,7 @@ class Plain:
 @pytest.mark.parametrize(
     "path", [TrapezoidalTrajectory(0.0, 9.0, 5.0, 50.0), SampledTrajectory([0.0, 3.0, -1.0], 0.1), Plain()]
 )
-def test_it_tells_of_itself_what_the_trajectory_tells(path):
+def test_it_reports_of_itself_what_the_trajectory_reports(path):
     stream, _ = streamed(path)
     assert isinstance(stream, LookaheadTrajectory) is isinstance(path, LookaheadTrajectory)
     assert isinstance(stream, Ramped) is isinstance(path, Ramped)
@@ -234,7 +234,7 @@ def test_samples_that_leave_some_out_or_come_again_are_refused_and_nothing_is_ta
         stream.feed(first + count, sampler.take(1))
 
 
-def test_what_is_not_known_is_not_made_up():
+def test_samples_that_are_not_known_are_not_invented():
     stream, sampler = streamed(TrapezoidalTrajectory(0.0, 500.0, 50.0, 500.0))
     with pytest.raises(CommandError, match="is not known"):
         stream.position(stream.known_until + 0.001)
@@ -266,7 +266,7 @@ def test_a_head_that_makes_no_trajectory_is_refused(change):
         Streamed(replace(head, **change))
 
 
-def test_what_a_head_does_not_tell_as_a_whole_is_not_told_at_all():
+def test_what_a_head_does_not_report_as_a_whole_is_not_reported_at_all():
     head = StreamHead(0.01, STEP, (0.0, 1.0))
     assert isinstance(Streamed(replace(head, span=(0.0, 1.0), top_speed=5.0)), LookaheadTrajectory)
     assert not isinstance(Streamed(replace(head, span=(0.0, 1.0))), LookaheadTrajectory)

@@ -250,7 +250,7 @@ LONG = TrapezoidalTrajectory(0.0, 700.0, 100.0, 500.0)
 @pytest.mark.parametrize(
     "path", [LONG, Waves(6.0), Waves(6.0, speed=1.7)], ids=["trapezoid", "own", "harder"]
 )
-def test_an_axis_whose_program_falls_silent_is_braked_along_what_it_has(path, moment):
+def test_an_axis_whose_program_sends_nothing_more_is_braked_along_the_known_part(path, moment):
     r = rig(limits=AxisLimits(velocity=1000.0)).enabled()
     watch = Watch(r)
     wire = Wire(r, path, delay=late_at(moment))
@@ -268,7 +268,7 @@ def test_an_axis_whose_program_falls_silent_is_braked_along_what_it_has(path, mo
     r.axis.move_absolute(0.0).wait(10)
 
 
-def test_what_is_told_of_a_program_that_falls_silent_says_how_far_the_trajectory_is_known():
+def test_the_error_of_a_silent_program_says_how_far_the_trajectory_is_known():
     r = rig().enabled()
     wire = Wire(r, LONG, delay=late_at(0.01))
     handle = wire.follow()
@@ -387,7 +387,7 @@ def test_samples_that_are_not_of_the_scan_s_period_are_refused():
     st.sampled_from([None, None, "halt", "stop", "disable"]),
     st.integers(10, 500),
 )
-def test_whatever_comes_late_the_axis_stands_on_its_path(waves, deceleration, delays, what, when):
+def test_whichever_samples_come_late_the_axis_stops_on_its_path(waves, deceleration, delays, what, when):
     path = Waves(5.0, tuple(waves))
     fastest = max(abs(path.position(t / 100 + 0.01) - path.position(t / 100)) for t in range(500)) / 0.01
     assume(
@@ -427,7 +427,7 @@ def test_a_command_takes_over_from_it_without_a_jolt(mode_delay):
     assert watch.acceleration() <= 500_000 * 1.6
 
 
-def test_while_a_group_waits_it_is_braked_along_what_it_has_all_the_same():
+def test_a_waiting_group_is_braked_along_the_known_part_too():
     """Its own move waits for the other axis, and the trajectory leads it until then."""
     r = rig("xy").enabled()
     r.axes["y"].follow(TrapezoidalTrajectory(0.0, 5.0, 100.0, 500.0)).wait(

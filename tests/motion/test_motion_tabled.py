@@ -141,7 +141,7 @@ def test_it_is_as_fine_as_the_increments_are(increment):
     assert piece.count <= {1.0: 8, 0.01: 32, 1e-5: 256}[increment]
 
 
-def test_what_a_stretch_is_bounded_by_is_not_only_that_of_its_samples():
+def test_the_bounds_of_a_section_cover_more_than_its_samples():
     rows = [(Motion(0.0, 3.0, 0.0),), (Motion(0.0, 3.0, 0.0),)]  # there and back between two samples
     piece = tabled(2.0, rows, (0.0,))
     (part,) = surveyed(piece)
@@ -152,7 +152,7 @@ def test_what_a_stretch_is_bounded_by_is_not_only_that_of_its_samples():
     assert part.bends[0] > 1.0
 
 
-def test_a_piece_of_no_length_stands_and_pieces_cross_as_they_are():
+def test_a_segment_of_no_length_is_constant_and_segments_are_transferred_unchanged():
     here = [(Motion(1.0, 0.0, 0.0), Motion(2.0, 0.0, 0.0))] * 3
     still = tabled(0.0, here, (0.0,))
     assert still.at(0.0) == still.at(1.0) == (1.0, 2.0)
@@ -164,7 +164,7 @@ def test_a_piece_of_no_length_stands_and_pieces_cross_as_they_are():
     assert piece.at(1e9) == pytest.approx(piece.at(piece.length))
 
 
-def test_of_many_intervals_a_stretch_has_what_is_highest_in_any_of_its_own():
+def test_of_many_intervals_a_section_has_the_highest_values_of_its_own():
     rows = [
         (Motion(math.sin(0.3 * n), 0.3 * math.cos(0.3 * n), -0.09 * math.sin(0.3 * n)),) for n in range(101)
     ]

@@ -124,7 +124,7 @@ def test_without_offsets_a_drive_in_csp_keeps_its_mode_and_its_target():
     r.axis.follow(TrapezoidalTrajectory(7.0, 9.0, 50.0, 500.0)).wait(5)
 
 
-def test_a_drive_that_has_csp_alone_is_refused_with_its_offset_and_left_where_it_stands():
+def test_a_drive_with_csp_only_is_refused_with_its_offset_and_left_at_its_position():
     r = found(CSP, offsets=(30_000, 0, 0), modes=frozenset({M.CYCLIC_SYNC_POSITION}))
     watch = Watch(r)
     with pytest.raises(StateError, match="cannot be taken over in mode csp without a jump") as caught:

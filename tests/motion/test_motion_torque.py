@@ -76,7 +76,7 @@ def test_a_torque_is_signed_and_another_takes_over():
     assert r.drive.torque == -100
 
 
-def test_what_is_beyond_the_limit_or_has_no_unit_raises_at_the_call():
+def test_a_torque_beyond_the_limit_or_without_a_unit_raises_at_the_call():
     r = rig(limits=AxisLimits(torque=5.0)).enabled()
     with pytest.raises(LimitError, match="max_torque is 5"):
         r.axis.torque_control(5.1)
@@ -91,7 +91,7 @@ def test_what_is_beyond_the_limit_or_has_no_unit_raises_at_the_call():
         rig(limits=AxisLimits()).axis.torque_control(400.0)  # 40 times rated: 40 000 per mille
 
 
-def test_a_load_that_gives_way_is_stopped_at_the_velocity_limit():
+def test_a_load_that_yields_is_stopped_at_the_velocity_limit():
     """0.2 m/s of friction less, and 20 % of torque runs away: max_velocity is the only thing that stands in the way."""
     r = rig(motor=FREE, limits=AxisLimits(velocity=20.0)).enabled()
     watch = Watch(r)

@@ -91,7 +91,7 @@ def test_the_handle_is_done_when_the_velocity_is_reached_not_before():
     assert speed(r) >= 0.95 * 200.0
 
 
-def test_what_is_written_before_a_velocity_move():
+def test_objects_written_before_a_velocity_move():
     r = rig().enabled()
     watch = Watch(r)
     r.axis.move_velocity(-70.0, acceleration=300.0, deceleration=200.0).wait(5)
@@ -111,7 +111,7 @@ def test_a_new_velocity_takes_over_on_its_own_ramp_through_zero():
     assert first.done
 
 
-def test_a_velocity_under_way_is_replaced_and_its_handle_says_by_what():
+def test_a_running_velocity_is_replaced_and_its_handle_names_the_new_command():
     r = rig().enabled()
     first = r.axis.move_velocity(300.0, acceleration=100.0)
     r.run(0.3)
@@ -139,7 +139,7 @@ def test_velocity_zero_brakes_and_stays_in_continuous_motion():
     assert r.axis.state is AxisState.CONTINUOUS_MOTION
 
 
-def test_halt_brakes_with_the_move_s_deceleration_and_a_new_velocity_goes_on_from_there():
+def test_halt_brakes_with_the_move_s_deceleration_and_a_new_velocity_continues_from_there():
     r = rig().enabled()
     r.axis.move_velocity(100.0, deceleration=200.0).wait(2)
     watch = Watch(r)
@@ -192,7 +192,7 @@ def test_a_bit_10_from_the_velocity_before_does_not_count():
     assert speed(r) > 250.0
 
 
-def test_a_bit_10_that_says_reached_while_the_motor_stands_is_not_believed():
+def test_a_bit_10_that_reports_target_reached_while_the_motor_is_at_rest_is_not_believed():
     r = rig(following_error=BLIND).enabled()
     r.device.write(0x606D, 0, 0xFFFF)  # a window as wide as the velocity
     r.drive.dials.blocked = True
@@ -372,7 +372,7 @@ def test_a_jog_lives_200_ms_and_then_halts():
     assert speed(r) == 0.0
 
 
-def test_a_jog_that_is_renewed_goes_on_without_being_sent_again():
+def test_a_jog_that_is_renewed_continues_without_being_sent_again():
     r = rig().enabled()
     r.axis.jog(50.0)
     r.run(0.1)
@@ -400,7 +400,7 @@ def test_a_jog_with_another_velocity_takes_over():
     r.until(lambda: r.axis.state is AxisState.STANDSTILL, 1.0)
 
 
-def test_a_jog_that_has_ended_begins_anew_and_each_renewal_ends_well():
+def test_a_jog_that_has_ended_begins_again_and_each_renewal_ends_well():
     r = rig().enabled()
     r.axis.jog(50.0)
     r.until(lambda: r.axis.state is AxisState.STANDSTILL, 2.0)

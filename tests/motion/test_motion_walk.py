@@ -77,7 +77,7 @@ def test_whatever_is_asked_meanwhile_nothing_jumps(seed, window, targets, gait):
 @pytest.mark.parametrize("rate", [-300.0, 0.0, 300.0])
 @pytest.mark.parametrize("speed", [-80.0, 0.0, 80.0])
 @pytest.mark.parametrize("window", [3, 60])
-def test_what_goes_on_from_another_motion_has_its_velocity_and_its_acceleration(rate, speed, window):
+def test_what_continues_from_another_motion_has_its_velocity_and_its_acceleration(rate, speed, window):
     walk = walk_from(ReferenceState(10.0, speed, rate), -50.0, JerkLimits(100.0, 500.0, 150.0), window, T)
     step = speed * T
     places = [10.0 - 2.0 * step + rate * T * T, 10.0 - step, 10.0]  # what came before, with the same

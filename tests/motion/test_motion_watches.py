@@ -85,7 +85,7 @@ def node(drive: Drive, supervision: Supervision, operational: bool = True, nmt: 
     return supervision.node(drive.cycle(**values)[0])
 
 
-def test_a_node_that_was_never_operational_is_not_lost_and_one_that_was_is_told_once():
+def test_a_node_that_was_never_operational_is_not_lost_and_one_that_was_is_reported_once():
     drive, supervision = watched()
     assert node(drive, supervision, False, 127) is None
     assert node(drive, supervision) is None
@@ -102,7 +102,7 @@ def test_a_node_that_was_never_operational_is_not_lost_and_one_that_was_is_told_
     ("nmt", "message"),
     [(5, "its heartbeat stopped"), (-1, "its heartbeat stopped"), (4, "its NMT state is stopped")],
 )
-def test_how_a_node_is_lost_is_told(nmt, message):
+def test_how_a_node_is_lost_is_reported(nmt, message):
     drive, supervision = watched()
     node(drive, supervision)
     finding = node(drive, supervision, False, nmt)
@@ -355,7 +355,7 @@ def test_what_rests_stays_where_it_is_and_is_not_pulled_elsewhere(positions, dem
     assert (errors[-1] is None) if told is None else told in errors[-1].message
 
 
-def test_a_rest_goes_by_positions_that_are_new_and_begins_anew_when_it_is_forgotten():
+def test_a_rest_goes_by_positions_that_are_new_and_begins_again_when_it_is_forgotten():
     drive = Drive()
     resting = StandstillMonitor(drive.parameters)
     resting.error(drive.cycle(statusword=ENABLED, mode=1, position=0)[0])
@@ -380,7 +380,7 @@ def test_a_rest_goes_by_positions_that_are_new_and_begins_anew_when_it_is_forgot
         (6000, "pulls it to another position"),
     ],
 )
-def test_what_is_pulled_and_gives_way_within_the_window_stands_still(place, message):
+def test_a_pulled_axis_that_yields_within_the_window_is_at_standstill(place, message):
     drive = Drive()
     resting = StandstillMonitor(drive.parameters)
     for position in (10_000, place):
@@ -430,7 +430,7 @@ def test_what_rests_without_a_position_is_watched_by_its_velocity(velocities, to
         assert "it moved by about " in found[0].observed
 
 
-def test_by_velocity_a_rest_begins_anew_too_and_counts_no_time_in_which_nothing_was_known():
+def test_by_velocity_a_rest_begins_again_too_and_counts_no_time_in_which_nothing_was_known():
     drive = Drive()
     resting = StandstillMonitor(drive.parameters)
     for _ in range(2):
@@ -462,7 +462,7 @@ def test_a_mode_counts_as_left_after_it_was_shown_and_two_others_in_a_row():
         assert watch.error(drive.cycle(mode=7)[0], activity) is None
 
 
-def test_what_goes_on_in_the_mode_of_what_was_before_must_find_the_drive_in_it():
+def test_what_continues_in_the_mode_of_what_was_before_must_find_the_drive_in_it():
     """It asks for no mode: one that was left in the cycle in which it takes over would never be missed."""
     drive = Drive()
     watch = ModeWatch("x")
@@ -524,7 +524,7 @@ def test_only_a_homing_may_end_where_the_demand_is_elsewhere(mode, arrives):
     assert ended is arrives
 
 
-def test_a_command_that_ends_at_rest_waits_until_the_axis_stands_and_no_longer_than_two_seconds():
+def test_a_command_that_ends_at_rest_waits_for_standstill_and_at_most_two_seconds():
     drive = Drive()
     arrival = ArrivalCheck(drive.parameters)
     drive.cycle(statusword=ENABLED, mode=1, position=0)
@@ -550,7 +550,7 @@ def test_a_command_that_ends_at_rest_waits_until_the_axis_stands_and_no_longer_t
 # After a fault, and without power.
 
 
-def test_a_drive_in_fault_that_does_not_come_to_rest_is_told_once_after_its_time():
+def test_a_drive_in_fault_that_does_not_come_to_rest_is_reported_once_after_its_time():
     drive = Drive()  # one second for the quick stop, three to disable
     aftermath, run_down = FaultReaction(drive.parameters), CoastDown(drive.parameters)
     began = drive.now + T
@@ -685,7 +685,7 @@ def test_where_no_position_travels_bit_10_is_enough():
         (PROFILE._replace(timeout=3.0), None, 3.0),
     ],
 )
-def test_a_move_has_the_time_of_its_way_twice_or_what_the_caller_gives(profile, velocity, seconds):
+def test_a_move_has_twice_the_time_of_its_profile_or_the_time_out_of_the_call(profile, velocity, seconds):
     drive = Drive()
     move = moving(drive, 50_000, profile)
     values = {} if velocity is None else {"velocity": velocity}
@@ -910,7 +910,7 @@ def test_what_waits_sends_nothing_and_is_taken_back():
         assert wait.cancelled == number
 
 
-def test_a_velocity_leads_by_the_weaker_ramp_until_its_own_is_written():
+def test_a_velocity_counts_with_the_weaker_ramp_until_its_own_is_written():
     drive = Drive()
     for before, down in (
         (None, 50_000.0),
@@ -957,7 +957,7 @@ def test_a_jog_lives_as_long_as_it_is_renewed():
         (16, 33),  # one that was off for longer begins anew
     ],
 )
-def test_a_drive_that_is_enabled_again_and_again_for_a_quarter_of_a_second_is_told(off, told):
+def test_a_drive_that_is_enabled_again_and_again_for_a_quarter_of_a_second_is_reported(off, told):
     drive, supervision = watched()
     errors = []
     for cycle in range(told + 1):
@@ -1045,7 +1045,7 @@ def test_the_code_of_a_fault_is_603fh_and_else_the_newest_emergency_of_the_last_
     assert error.observed.split("; ")[1:] == [*shown, "path: fault"]
 
 
-def test_what_the_make_says_of_a_fault_is_told_with_it():
+def test_what_the_make_says_of_a_fault_is_reported_with_it():
     drive = Drive(
         explain_fault=lambda code, values: [f"{code:04X}h and {values}"], fault_objects=((0x6041, 0),)
     )
@@ -1058,7 +1058,7 @@ def test_what_the_make_says_of_a_fault_is_told_with_it():
     assert f"; 2310h and { ({(0x6041, 0): 7}) }; " in told.tell(drive.image, DriveHistory()).observed
 
 
-def test_a_fault_is_told_with_its_last_two_emergencies():
+def test_a_fault_is_reported_with_its_last_two_emergencies():
     drive = Drive()
     made = history(drive, FAULT)
     made.emcy.extend(Emcy(code, 0, bytes(5), drive.now) for code in (0x2310, 0x3210, 0x8611))
@@ -1073,7 +1073,7 @@ def test_a_fault_is_told_with_its_last_two_emergencies():
     ("ages", "told"),
     [([5.5, 5.0], []), ([5.5, 5.0, 4.9], [2]), ([5.0, 4.0], [1]), ([4.0, 3.0, 2.0], [1, 2])],
 )
-def test_the_last_two_emergencies_of_the_five_seconds_before_now_are_told(ages, told):
+def test_the_last_two_emergencies_of_the_five_seconds_before_now_are_reported(ages, told):
     """By this cycle's clock, however old the last statusword is."""
     drive = Drive()
     made = history(drive, FAULT)
@@ -1108,7 +1108,7 @@ def test_a_drive_that_does_not_explain_its_fault_has_its_time():
     assert refused.step(*drive.cycle())
 
 
-def test_an_error_is_told_with_what_was_seen_of_the_drive():
+def test_an_error_is_reported_with_what_was_seen_of_the_drive():
     drive = Drive()
     made = history(drive, READY, ENABLED)
     drive.cycle(mode=3)
@@ -1129,7 +1129,7 @@ def test_an_error_is_told_with_what_was_seen_of_the_drive():
     ]
 
 
-def test_only_emergencies_of_the_last_seconds_that_are_no_resets_are_told():
+def test_only_emergencies_of_the_last_seconds_that_are_no_resets_are_reported():
     drive = Drive()
     made = DriveHistory()
     drive.cycle(statusword=ENABLED)
@@ -1160,7 +1160,7 @@ def test_of_the_states_of_a_drive_the_last_eight_are_kept():
     assert history(drive, READY, *[REACTION, FAULT] * 4).began_in_fault
 
 
-def test_remedies_are_told_once_each_the_first_first():
+def test_remedies_are_reported_once_each_the_first_first():
     line = join_remedies("a", "b").removeprefix("a").removesuffix("b")
     assert join_remedies("a", f"b{line}a") == f"a{line}b"
     assert join_remedies("", "b") == "b"
@@ -1170,7 +1170,7 @@ def test_remedies_are_told_once_each_the_first_first():
 # What leads the axis.
 
 
-def test_what_was_sent_last_leads_the_axis():
+def test_the_last_set_point_sent_is_the_reference():
     led = ReferenceTracker()
     led.note(1.0, 1, None, 500, True)
     assert (led.set_point, led.set_point_at, led.target) == (500, 1.0, None)
@@ -1207,7 +1207,7 @@ def test_what_was_sent_last_leads_the_axis():
         (8, -50, 20, 10, PowerState.OPERATION_ENABLED, -60),
     ],
 )
-def test_how_far_an_axis_is_led_from_where_it_is(mode, target, lead, position, state, pull):
+def test_the_pull_of_the_demand_on_an_axis(mode, target, lead, position, state, pull):
     led = ReferenceTracker()
     led.note(0.0, mode, None, target, False)
     assert led.pull(lead, position, state) == pull
@@ -1236,7 +1236,9 @@ def test_how_far_an_axis_is_led_from_where_it_is(mode, target, lead, position, s
         (100, 0.0, 1500, None, -500),
     ],
 )
-def test_after_a_quick_stop_the_last_target_leads_no_axis_that_has_braked(step, quick, position, lead, pull):
+def test_after_a_quick_stop_the_last_target_does_not_pull_an_axis_that_has_braked(
+    step, quick, position, lead, pull
+):
     led = ReferenceTracker(quick=quick)
     for number, target in enumerate((1000 - step, 1000)):
         led.note(float(number), 8, None, target, False)
@@ -1246,7 +1248,7 @@ def test_after_a_quick_stop_the_last_target_leads_no_axis_that_has_braked(step, 
         assert led.pull(lead, position, PowerState.OPERATION_ENABLED) == 1000 - position
 
 
-def test_in_a_velocity_mode_6062h_leads_once_it_has_moved():
+def test_in_a_velocity_mode_6062h_counts_once_it_has_moved():
     led = ReferenceTracker()
     led.note(0.0, 3, 100, None, False)
     shown = [led.counts(demand, 3) for demand in (100, 120, 121, 80, 79)]
@@ -1279,7 +1281,7 @@ def test_when_an_old_target_may_still_pull(mode, set_point, demand, needed):
     assert is_blind(drive.image, drive.parameters) is needed
 
 
-def test_a_homing_that_searches_is_blind_where_nobody_sees_what_leads_it():
+def test_a_homing_search_is_blind_without_a_demand():
     drive = Drive()
     drive.cycle(statusword=ENABLED, mode=6, position=0)
     assert not is_blind(drive.image, drive.parameters)
@@ -1320,7 +1322,7 @@ def test_a_relief_is_a_slow_set_point_under_halt():
     assert drive.order.cancel == [asked.id]
 
 
-def test_that_this_program_did_not_run_is_told_first():
+def test_that_this_program_did_not_run_is_reported_first():
     drive = Drive()
     made = history(drive, ENABLED)
     drive.later(0.5).cycle()

@@ -251,7 +251,7 @@ def test_the_velocity_is_kept_through_corners_that_are_wide_enough_for_it():
     assert none.speeds.count(0.0) == 4  # the beginning, two corners, the end
 
 
-def test_a_way_takes_the_time_that_its_trapezoid_takes():
+def test_a_path_takes_the_time_of_its_trapezoid():
     way = way_of([Straight((0.0,), (90.0,), 90.0)], [AxisLimits()], 500.0)
     trip = Trip(way, 100.0, 0.01, [])
     assert (len(trip.speeds) - 1) * 0.01 == pytest.approx(1.1, abs=0.011)  # 0.2 up, 0.7 along, 0.2 down
@@ -260,7 +260,7 @@ def test_a_way_takes_the_time_that_its_trapezoid_takes():
 
 @pytest.mark.parametrize("length", [1e-12, 1e-9, 1e-7, 1e-5, 1e-3])
 @pytest.mark.parametrize("unit", [1.0, None])
-def test_the_shortest_way_is_gone_to_its_end_within_some_cycles(length, unit):
+def test_the_shortest_path_is_completed_within_some_cycles(length, unit):
     size = length if unit is None else unit  # a line is one of length 1, however short it is
     way = way_of([Straight((0.0,), (length,), size)], [AxisLimits()], 5000.0 * size / length)
     travel = PathSpeed()
@@ -270,7 +270,7 @@ def test_the_shortest_way_is_gone_to_its_end_within_some_cycles(length, unit):
     assert travel.t == way.length
 
 
-def test_what_is_held_stands_on_its_way_and_goes_on():
+def test_a_held_motion_rests_on_its_path_and_continues():
     way = square(1.0)
     travel = PathSpeed()
     travel.begin(way, 30.0)
@@ -288,7 +288,7 @@ def test_what_is_held_stands_on_its_way_and_goes_on():
     assert travel.t > held
 
 
-def test_what_brakes_takes_the_way_of_its_speed_and_an_override_does_not_scale_it():
+def test_braking_takes_the_distance_of_its_speed_and_is_not_scaled_by_an_override():
     way = way_of([Straight((0.0,), (900.0,), 900.0)], [AxisLimits()], 500.0)
     ends = []
     for factor in (1.0, 1.5, 0.5):
@@ -305,7 +305,7 @@ def test_what_brakes_takes_the_way_of_its_speed_and_an_override_does_not_scale_i
     assert ends == [(pytest.approx(10.0), 20)] * 3
 
 
-def test_a_way_is_gone_on_with_from_where_it_was_left():
+def test_a_path_can_be_continued_from_where_it_was_left():
     way, travel = square(1.0), PathSpeed()
     travel.begin(way, 30.0, 50.0)
     assert (travel.t, travel.speed) == (50.0, 0.0)
@@ -315,7 +315,7 @@ def test_a_way_is_gone_on_with_from_where_it_was_left():
 
 @pytest.mark.parametrize("window", [2, 5, 40])
 @pytest.mark.parametrize("length", [0.5, 30.0, 400.0])
-def test_a_mean_of_some_cycles_limits_the_jerk_and_leads_to_the_same_end(window, length):
+def test_a_mean_of_some_cycles_limits_the_jerk_and_reaches_the_same_end(window, length):
     way = way_of([Straight((0.0,), (length,), length)], [AxisLimits()], 500.0)
     travel, places, chance = PathSpeed(), [0.0], random.Random(window)
     travel.begin(way, 100.0, 0.0, window)
@@ -341,7 +341,7 @@ def differences(values: list[float], order: int, period: float) -> list[float]:
 
 
 @pytest.mark.parametrize(("left", "fits"), [(0.09, False), (0.12, True)])
-def test_what_is_gone_on_with_must_be_slow_enough_where_its_stretch_ends_within_the_cycle(left, fits):
+def test_a_continuation_must_be_slow_enough_if_its_section_ends_within_the_cycle(left, fits):
     """Within a cycle it could come to rest, but the stretch ends before, with a corner that is slower."""
     travel, period, ramp = PathSpeed(), 0.01, 2200.0
     straight = way_of([Straight((0.0, 0.0), (10.0, 0.0), 10.0)], [AxisLimits()] * 2, ramp)
@@ -369,7 +369,7 @@ def test_a_halt_under_a_limit_of_jerk_ends_once_the_mean_has_come_up():
     assert again.t == travel.t
 
 
-def test_a_way_ends_whatever_is_said_of_its_end():
+def test_a_path_ends_for_any_given_end():
     way = replace(square(1.0), leaves=(9.0,) * len(square(1.0).leaves))
     travel = PathSpeed()
     travel.begin(way, 30.0)
@@ -381,7 +381,7 @@ def test_a_way_ends_whatever_is_said_of_its_end():
 # Shares.
 
 
-def test_what_the_axes_are_off_at_the_beginning_is_taken_back_along_the_way():
+def test_an_initial_deviation_of_the_axes_is_removed_along_the_path():
     way = square(1.0)
     along = PathPosition(way, 0.0, (0.01, -0.02))
     x, y = AxisPathShare(along, 0, 30.0), AxisPathShare(along, 1, 30.0)

@@ -60,7 +60,7 @@ def test_the_moment_is_in_it_with_what_was_before_and_after(cell, tmp_path, when
     assert given == (column in ("state", "mode"))  # else it was given before
 
 
-def test_what_is_so_from_the_beginning_is_no_moment_and_nothing_is_written(cell, tmp_path):
+def test_a_condition_that_is_true_from_the_beginning_writes_nothing(cell, tmp_path):
     path = tmp_path / "none.mcap"
     with cell.capture(path, "x.state = Standstill") as capture:
         cell.sleep(1.0)
@@ -134,7 +134,7 @@ def test_a_function_that_fails_and_a_file_that_cannot_be_made_end_the_capture_an
         ("x.homed > true", "cannot be compared"),
     ],
 )
-def test_what_is_no_condition_is_refused_at_the_call(cell, tmp_path, when, text):
+def test_an_invalid_condition_is_refused_at_the_call(cell, tmp_path, when, text):
     with pytest.raises(ArgumentError, match=text):
         cell.capture(tmp_path / "a.mcap", when)
 
@@ -147,7 +147,7 @@ def test_times_and_axes_that_cannot_be_are_refused_at_the_call(cell, tmp_path):
         cell.capture(tmp_path / "a.mcap", "fault", axes=["w"])
 
 
-def test_in_real_time_it_is_written_beside_the_cycle(tmp_path):
+def test_in_real_time_the_capture_is_written_outside_the_cycle(tmp_path):
     text = CELL.read_text(encoding="utf-8").replace(
         'scan_period = "4ms"', 'scan_period = "20ms"\nprocess = "thread"'
     )

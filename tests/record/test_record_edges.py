@@ -54,7 +54,7 @@ def test_an_edge_of_an_input_is_the_moment(cell, tmp_path, when, at):
     assert [event.text for event in run.events if "moment" in event.text] == [f"the moment: {when}"]
 
 
-def test_what_is_so_from_the_beginning_is_no_edge(cell, tmp_path):
+def test_a_signal_that_is_true_from_the_beginning_is_no_edge(cell, tmp_path):
     wired(cell).set_bit(0x6000, 1, 2, True)
     cell.machine.sleep(0.1)
     with cell.machine.capture(tmp_path / "none.mcap", "part = true") as capture:
@@ -97,7 +97,7 @@ def test_an_input_that_comes_back_with_another_value_has_no_edge(cell, tmp_path)
         assert capture.wait(1.0)
 
 
-def test_what_a_touch_probe_latches_is_a_moment_and_an_old_edge_is_none(cell, tmp_path):
+def test_an_edge_latched_by_a_touch_probe_is_a_moment_and_an_old_edge_is_not(cell, tmp_path):
     x, machine, path = cell.x, cell.machine, tmp_path / "moment.mcap"
     x.enable().wait(5)
     cell.drive().touch_probe.put_mark(1, 20 * SCALE, 40 * SCALE)
@@ -131,13 +131,13 @@ def test_what_a_touch_probe_latches_is_a_moment_and_an_old_edge_is_none(cell, tm
         ("part rises", "is no condition"),
     ],
 )
-def test_what_is_no_moment_is_refused_at_the_call(cell, tmp_path, when, text):
+def test_an_invalid_moment_is_refused_at_the_call(cell, tmp_path, when, text):
     with pytest.raises(ArgumentError, match=text) as told:
         cell.machine.capture(tmp_path / "none.mcap", when)
     assert "door" not in when or "it has" in told.value.observed or "part" in told.value.observed
 
 
-def test_a_cell_goes_on_when_its_capture_ends_without_a_moment(cell, tmp_path):
+def test_a_cell_continues_when_its_capture_ends_without_a_moment(cell, tmp_path):
     for when in ("part = true", "x.probe"):
         with cell.machine.capture(tmp_path / "none.mcap", when) as capture:
             cell.machine.sleep(0.1)

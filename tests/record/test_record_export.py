@@ -50,7 +50,7 @@ def recorded(**changes) -> Recorded:
 # -- tables ----------------------------------------------------------------------------------------------------------------------
 
 
-def test_a_table_has_a_row_for_each_sample_and_none_where_nothing_is_known():
+def test_a_table_has_a_row_for_each_sample_and_no_row_without_values():
     fields = {field.head: field.values for field in table(recorded())}
     assert list(fields)[:3] == ["time [s]", "x.position [deg]", "x.velocity [deg/s]"]
     assert len(fields) == 1 + 2 * len(NAMES)
@@ -59,7 +59,7 @@ def test_a_table_has_a_row_for_each_sample_and_none_where_nothing_is_known():
     assert fields["y.mode"][:4] == [None, None, None, "pp"]
 
 
-def test_an_object_stands_in_the_row_after_it_was_read():
+def test_the_value_of_an_object_is_in_the_row_after_it_was_read():
     read = RecordedSeries("x:1001", [0.05, 0.2, 9.9], {"value": [1, None, 3]}, {"value": ""})
     values = {field.name: field.values for field in table(recorded(objects={"x:1001": read}))}["x:1001"]
     assert values == [None, 1, *[None] * 13, 3]
@@ -119,7 +119,7 @@ def test_two_runs_of_one_job_differ_in_nothing_however_late_the_second_began():
     assert all(one.by == pytest.approx(0.0, abs=1e-9) for one in found.deviations)
 
 
-def test_the_largest_deviation_is_told_with_its_time_and_both_values():
+def test_the_largest_deviation_is_reported_with_its_time_and_both_values():
     found = compare(recorded(), recorded(tracks={"x": track(scale=1.5), "z": track("z")}))
     worst = next(one for one in found.deviations if one.column == "position")
     assert (worst.axis, worst.unit) == ("x", "deg")
@@ -227,7 +227,7 @@ def test_a_long_line_is_thinned_and_keeps_its_peaks():
 # -- flags -----------------------------------------------------------------------------------------------------------------------
 
 
-def test_flags_that_would_overlap_are_one_and_commands_that_went_well_are_told_once():
+def test_flags_that_would_overlap_are_one_and_commands_that_went_well_are_reported_once():
     events = [
         RecordedEvent(1.0, "command", "x.enable()", "given"),
         RecordedEvent(1.01, "command", "y.enable()", "given"),

@@ -108,7 +108,7 @@ def test_an_object_keeps_the_types_of_its_values(tmp_path):
         ({"topic": "events/nmt", "messages": [{"where": "x"}]}, "message 1, of channel 'events/nmt'"),
     ],
 )
-def test_what_is_not_as_ours_is_refused_and_named(tmp_path, how, said):
+def test_a_recording_of_another_format_is_refused_and_named(tmp_path, how, said):
     path = write(tmp_path / "a.mcap", **{"messages": [SAMPLE], **how})
     with pytest.raises(UserError, match="is not a recording of axisbus") as told:
         load(path)
@@ -181,7 +181,7 @@ def test_a_message_of_few_octets_cannot_become_many_values(tmp_path):
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "", "snappy"])
-def test_a_chunk_that_is_not_what_it_says_ends_the_reading_and_is_told(tmp_path, compression):
+def test_a_chunk_that_is_not_what_it_says_ends_the_reading_and_is_reported(tmp_path, compression):
     path = tmp_path / "a.mcap"
     path.write_bytes(with_chunk(100, compression, b"nothing of the kind"))
     assert "is damaged before octet" in load(path).lacks

@@ -95,7 +95,7 @@ def test_after_the_machine_was_closed_the_last_motion_is_there(cell):
     assert picture.recorded.tracks["x"].columns["position"][0] == pytest.approx(0.0, abs=0.1)
 
 
-def test_nothing_that_moved_is_told(typed):
+def test_nothing_that_moved_is_reported(typed):
     with Machine.simulated(CELL) as machine:
         with pytest.raises(StateError, match="no axis has moved"):
             machine.plot_last()

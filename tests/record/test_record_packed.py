@@ -80,7 +80,7 @@ def test_the_collector_has_nothing_to_look_at():
     assert len(gc.get_objects()) - before < 20
 
 
-def test_whoever_reads_while_it_is_written_sees_whole_rows_in_order():
+def test_readers_during_writing_see_whole_rows_in_order():
     packed, seen = PackedRows(1, 2 * BLOCK), []
     done = threading.Event()
 

@@ -72,13 +72,13 @@ def test_an_object_has_the_type_of_its_values(path):
     assert found == {f"object/{label}": kind for label, kind in OBJECTS.items()}
 
 
-def test_what_is_unknown_is_left_out(path):
+def test_an_unknown_value_is_left_out(path):
     samples = [value for _, channel, value in read(path) if channel.topic == "axis/x"]
     assert all(None not in sample.values() for sample in samples)
     assert {"position", "state", "power"} <= set(samples[-1])
 
 
-def test_every_chunk_tells_where_each_message_of_each_channel_is(path):
+def test_every_chunk_reports_where_each_message_of_each_channel_is(path):
     with path.open("rb") as file:
         summary = mcap_reader.make_reader(file).get_summary()
     led = set().union(*(chunk.message_index_offsets for chunk in summary.chunk_indexes))

@@ -196,7 +196,7 @@ def test_only_the_axes_that_are_named_are_recorded(tmp_path):
         ("x:no such thing", ArgumentError, "no such thing"),
     ],
 )
-def test_objects_that_are_none_are_refused(tmp_path, wanted, error, text):
+def test_unknown_objects_are_refused(tmp_path, wanted, error, text):
     with Machine.simulated(CELL) as cell, pytest.raises(error, match=text):
         cell.recording(tmp_path / "run.mcap", objects=[wanted])
 
@@ -238,7 +238,7 @@ def test_a_disk_that_is_full_ends_the_recording_and_never_the_motion(tmp_path, c
     assert "run.mcap has ended: it cannot be written" in told[0]
 
 
-def test_what_cannot_be_taken_in_time_is_counted_and_told(tmp_path):
+def test_what_cannot_be_taken_in_time_is_counted_and_reported(tmp_path):
     path = tmp_path / "run.mcap"
     with Machine.simulated(CELL) as cell, cell.recording(path) as recording:
         cell.sleep(0.1)
@@ -298,7 +298,7 @@ def test_a_length_that_is_wrong_asks_for_no_more_memory_than_there_is(made, tmp_
         (b"\x89MCAP0\r\n", "not a recording"),
     ],
 )
-def test_what_is_no_recording_is_refused(tmp_path, data, text):
+def test_a_file_that_is_no_recording_is_refused(tmp_path, data, text):
     path = tmp_path / "some.mcap"
     path.write_bytes(data)
     with pytest.raises(UserError, match=text):

@@ -206,7 +206,7 @@ IN_A_GROUP = {
 
 
 @pytest.mark.parametrize("what", [*GIVEN, *IN_A_GROUP])
-def test_no_number_however_absurd_ends_the_scan_or_fails_in_any_way_but_ours(scenario, what):
+def test_no_absurd_number_ends_the_scan_or_raises_a_foreign_error(scenario, what):
     """It is refused at the call, or the command goes its way; either way the next one finds an axis that works."""
     for name, value in ABSURD.items():
         cell = scenario.simulated("xy", axis=LIMITED).enabled()
@@ -248,7 +248,7 @@ def test_a_straight_line_out_of_the_limits_is_refused(scenario, golden):
     golden("line_count", sends_nothing(cell, lambda: group.move_linear((10.0,), velocity=50.0)))
 
 
-def test_a_way_longer_than_half_the_drives_count_ends_the_handle(scenario, golden):
+def test_a_path_longer_than_half_the_drive_s_count_ends_the_handle(scenario, golden):
     cell = scenario.simulated("x")
     cell.drive().axis.motor.position = -2.0e9  # where it stands, in increments
     cell.run(0.1)
@@ -260,7 +260,7 @@ def test_a_way_longer_than_half_the_drives_count_ends_the_handle(scenario, golde
 
 
 @pytest.mark.nets("the stop ladder")
-def test_a_trajectory_that_breaks_in_mid_way_stops_its_axis_and_its_mates_only(scenario, golden):
+def test_a_trajectory_that_raises_while_it_runs_stops_only_its_axis_and_its_group(scenario, golden):
     cell = scenario.simulated("xy").enabled()
     cell["y"].move_velocity(90.0).wait(3)
 

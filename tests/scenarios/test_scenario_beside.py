@@ -98,7 +98,7 @@ class Stubborn(Talker):
 
 
 @pytest.mark.nets("the stop beside")
-def test_a_master_that_goes_on_sending_enable_operation_is_cut_off(tmp_path, axisbus_stop):
+def test_a_master_that_continues_sending_enable_operation_is_cut_off(tmp_path, axisbus_stop):
     with live(tmp_path, "x") as (line, machine), Stubborn(line):
         machine._core.scan.quit()  # from here on only the stubborn one sends
         until(lambda: not machine._core._thread.is_alive())
@@ -123,7 +123,7 @@ def test_stopping_neither_boots_nor_resets_nor_configures(tmp_path, axisbus_stop
         assert set(commands) <= {"ENTER_PRE_OPERATIONAL", "STOP"}
 
 
-def test_a_cell_at_rest_is_told_as_such(tmp_path, axisbus_stop):
+def test_a_cell_at_rest_is_reported_as_such(tmp_path, axisbus_stop):
     with Line(tmp_path, "x") as line:
         code, told = axisbus_stop(line)
         assert code == 0
@@ -131,7 +131,7 @@ def test_a_cell_at_rest_is_told_as_such(tmp_path, axisbus_stop):
         assert line.stage() != ENABLED
 
 
-def test_a_node_that_does_not_answer_is_told_and_the_exit_code_says_so(tmp_path, axisbus_stop):
+def test_a_node_that_does_not_answer_is_reported_and_the_exit_code_says_so(tmp_path, axisbus_stop):
     with Line(tmp_path, "xy", present="y") as line:
         code, told = axisbus_stop(line)
     assert code == 3
@@ -140,7 +140,7 @@ def test_a_node_that_does_not_answer_is_told_and_the_exit_code_says_so(tmp_path,
 
 
 @pytest.mark.parametrize("enabled", [True, False], ids=["stopped", "found off"])
-def test_a_motor_that_turns_on_without_power_is_not_told_as_stopped(tmp_path, axisbus_stop, enabled):
+def test_a_motor_that_turns_on_without_power_is_not_reported_as_stopped(tmp_path, axisbus_stop, enabled):
     """Seen on a foreign slave: reported stopped at 5 m/s."""
     with Line(tmp_path, "x") as line:
         drive = line.drive()

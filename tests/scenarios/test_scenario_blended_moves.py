@@ -49,7 +49,7 @@ def must_have_kept_limits(ledger: Ledger) -> None:
 
 
 @pytest.mark.parametrize(("mode", "joint"), FASTER.items())
-def test_a_joint_is_passed_with_the_velocity_that_the_mode_says(scenario, mode, joint):
+def test_a_transition_has_the_velocity_of_its_mode(scenario, mode, joint):
     cell, ledger = one(scenario)
     first = cell.x.move_absolute(60.0, velocity=60.0, buffer=f"blending_{mode}")
     second = cell.x.move_absolute(150.0, velocity=120.0, buffer=f"blending_{mode}")
@@ -88,7 +88,7 @@ def test_relative_and_additive_moves_count_from_the_end_of_the_one_before(scenar
     assert cell.where("x") == pytest.approx(50.0, abs=0.1)
 
 
-def test_one_that_leads_back_stops_at_the_joint_and_says_so(scenario):
+def test_a_move_that_reverses_stops_at_the_transition_and_its_note_says_so(scenario):
     cell, ledger = one(scenario)
     first = cell.x.move_absolute(60.0, buffer="blending_high")
     second = cell.x.move_absolute(10.0, buffer="blending_high")
@@ -100,7 +100,7 @@ def test_one_that_leads_back_stops_at_the_joint_and_says_so(scenario):
     must_have_kept_limits(ledger)
 
 
-def test_one_that_comes_while_the_axis_brakes_passes_the_joint_slower_and_says_so(scenario):
+def test_a_move_given_while_the_axis_brakes_makes_the_transition_slower_and_its_note_says_so(scenario):
     cell, ledger = one(scenario)
     first = cell.x.move_absolute(60.0, velocity=100.0, acceleration=200.0, buffer="blending_low")
     cell.until(lambda: cell.where("x") > 52.0)
@@ -140,7 +140,7 @@ def test_behind_one_that_waits_it_joins_that_when_it_begins(scenario):
     assert cell.where("x") == pytest.approx(80.0, abs=0.1)
 
 
-def test_a_halt_ends_all_of_them_and_the_axis_stands_on_its_way(scenario):
+def test_a_halt_ends_all_moves_and_the_axis_is_at_rest_on_its_path(scenario):
     cell, ledger = one(scenario)
     handles = [cell.x.move_absolute(end, buffer="blending_low") for end in (40.0, 80.0, 120.0)]
     cell.until(lambda: cell.where("x") > 50.0)
@@ -207,7 +207,7 @@ def test_a_move_that_took_over_passes_into_the_next_as_well(scenario, mode, join
     must_have_kept_limits(ledger)
 
 
-def test_what_was_laid_over_a_move_that_took_over_is_kept(scenario):
+def test_a_superimposed_distance_survives_a_move_that_takes_over(scenario):
     cell, ledger = one(scenario)
     cell.x.move_absolute(100.0, velocity=40.0, buffer="blending_low")
     cell.until(lambda: cell.where("x") > 10.0)
@@ -261,7 +261,7 @@ def test_an_override_scales_all_of_it(scenario, factor):
     must_have_kept_limits(ledger)
 
 
-def test_a_hold_in_the_middle_goes_on_by_itself(scenario):
+def test_a_hold_in_the_middle_continues_by_itself(scenario):
     cell, ledger = one(scenario)
     handles = [cell.x.move_absolute(end, buffer="blending_low") for end in (40.0, 120.0)]
     cell.until(lambda: cell.where("x") > 30.0)
@@ -300,7 +300,7 @@ def test_while_a_distance_is_being_laid_over_one_waits_and_says_so(scenario):
     assert "being superimposed" in last.note
 
 
-def test_what_would_end_beyond_the_limits_is_refused_and_the_rest_goes_on(scenario):
+def test_what_would_end_beyond_the_limits_is_refused_and_the_rest_continues(scenario):
     cell, _ = one(scenario, axis=f"{AXIS}\nposition_limits = [-10.0, 100.0]")
     first = cell.x.move_absolute(60.0, buffer="blending_low")
     with pytest.raises(LimitError):
@@ -472,7 +472,7 @@ def test_late_behind_a_move_of_the_drive_it_is_slower_or_begins_from_rest_and_sa
 
 @pytest.mark.parametrize("way_out", ["halt", "stop", "quick_stop", "disable"])
 @pytest.mark.parametrize("at", [0.0, 0.05, 20.0, 41.0, 55.0])
-def test_a_stop_ends_all_that_share_a_move_of_the_drive_and_nothing_goes_on(scenario, way_out, at):
+def test_a_stop_ends_all_that_share_a_move_of_the_drive_and_nothing_continues(scenario, way_out, at):
     cell, _ = one(scenario)
     handles = [cell.x.move_absolute(40.0, velocity=60.0)]
     handles += [cell.x.move_absolute(end, velocity=90.0, buffer="blending_next") for end in (80.0, 120.0)]
@@ -488,7 +488,7 @@ def test_a_stop_ends_all_that_share_a_move_of_the_drive_and_nothing_goes_on(scen
 
 
 @pytest.mark.parametrize("factor", [0.3, 1.5])
-def test_an_override_scales_a_move_of_the_drive_through_its_joint(scenario, factor):
+def test_an_override_scales_a_move_of_the_drive_through_its_transition(scenario, factor):
     cell, _ = one(scenario)
     cell.x.move_absolute(60.0, velocity=60.0)
     second = cell.x.move_absolute(150.0, velocity=120.0, buffer="blending_next")
@@ -586,7 +586,7 @@ def test_equal_times_count_for_each_move_of_the_drive(scenario):
 
 
 @pytest.mark.parametrize("first", [False, "blending_low"])
-def test_on_an_endless_axis_the_shortest_way_is_that_from_the_end_of_the_one_before(scenario, first):
+def test_on_an_endless_axis_the_shortest_direction_counts_from_the_end_of_the_previous_move(scenario, first):
     cell, _ = one(scenario, axis=f"{AXIS}\nmodulo = 360.0")
     handles = [cell.x.move_absolute(170.0, buffer=first)]
     handles += [cell.x.move_absolute(place, buffer="blending_low") for place in (340.0, 90.0)]
@@ -604,7 +604,7 @@ def seen_between(cell: Cell, low: float, high: float) -> list[tuple[float, float
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_whatever_is_asked_of_one_axis_it_keeps_its_limits_and_ends_where_the_last_move_leads(scenario, seed):
+def test_any_sequence_of_moves_keeps_the_limits_and_ends_at_the_last_target(scenario, seed):
     chance = random.Random(seed)
     cell, _ = one(scenario)
     handles = []

@@ -45,7 +45,7 @@ def speed_at(cell: Cell, at: float) -> float:
 
 
 @pytest.mark.parametrize(("mode", "joint"), MODES.items())
-def test_the_joint_is_passed_with_the_velocity_that_the_mode_says(scenario, mode, joint):
+def test_the_transition_has_the_velocity_of_its_mode(scenario, mode, joint):
     cell, group, ledger = two(scenario, "x")
     first = group.move_linear((60.0,), velocity=60.0)
     second = group.move_linear((150.0,), velocity=120.0, buffer=f"blending_{mode}")
@@ -123,7 +123,7 @@ def test_one_that_comes_when_the_last_target_was_given_begins_from_rest_and_says
     assert "buffered instead of blended" in second.note
 
 
-def test_where_the_way_leads_back_the_handle_says_that_it_stopped(scenario):
+def test_if_the_path_reverses_the_note_says_that_the_axes_stopped(scenario):
     cell, group, _ = two(scenario, "x")
     group.move_linear((50.0,), velocity=100.0)
     back = group.move_linear((-20.0,), velocity=100.0, buffer="blending_high")
@@ -146,7 +146,7 @@ def test_an_override_holds_for_all_of_it(scenario, factor):
 
 
 @pytest.mark.parametrize("how", ["halt", "stop", "fault"])
-def test_what_is_ahead_ends_with_what_ends_the_motion(scenario, how):
+def test_buffered_commands_end_with_the_motion(scenario, how):
     cell, group, _ = two(scenario)
     passed = group.move_linear((20.0, 0.0), velocity=60.0)
     others = [
@@ -168,7 +168,7 @@ def test_what_is_ahead_ends_with_what_ends_the_motion(scenario, how):
     assert place(cell) == pytest.approx(before, abs=0.1)
 
 
-def test_it_goes_on_to_the_end_of_all_after_a_halt(scenario):
+def test_it_continues_to_the_end_of_all_after_a_halt(scenario):
     cell, group, ledger = two(scenario)
     group.move_linear((60.0, 0.0), velocity=60.0)
     group.move_linear((60.0, 60.0), velocity=90.0, buffer="blending_high", blend=5.0)
@@ -213,7 +213,7 @@ def test_out_of_points_it_rests_on_the_path_and_then_nothing_is_added(scenario):
     must_have_kept_limits(ledger)
 
 
-def test_what_breaks_a_limit_or_is_no_point_is_refused_and_the_path_goes_on(scenario):
+def test_what_breaks_a_limit_or_is_no_point_is_refused_and_the_path_continues(scenario):
     cell = scenario.simulated("xy", axis=AXIS + "\nposition_limits = [-100.0, 100.0]").enabled()
     group = cell.machine.group("x", "y")
     path = group.move_path([(30.0, 0.0)], velocity=60.0, blend=4.0, more=True)
@@ -237,7 +237,7 @@ def test_so_many_are_ahead_and_no_more(scenario):
 # -- what is refused -----------------------------------------------------------------------------------------------------
 
 
-def test_what_goes_on_from_a_path_that_is_refused_joins_no_other(scenario):
+def test_what_continues_from_a_path_that_is_refused_joins_no_other(scenario):
     """The program does not know yet that it is refused, and counts on where it ends; what is under way ends elsewhere."""
     cell, group, ledger = two(scenario)
     line = group.move_linear((40.0, 60.0), velocity=60.0)
@@ -253,7 +253,7 @@ def test_what_goes_on_from_a_path_that_is_refused_joins_no_other(scenario):
     must_have_kept_limits(ledger)
 
 
-def test_what_is_gone_on_with_and_has_not_begun_yet_is_extended_where_it_ends(scenario):
+def test_a_continuation_that_has_not_begun_yet_is_extended_at_its_end(scenario):
     cell, group, ledger = two(scenario)
     group.move_linear((60.0, 0.0), velocity=60.0)
     group.move_linear((60.0, 60.0), velocity=90.0, buffer="blending_high", blend=5.0)

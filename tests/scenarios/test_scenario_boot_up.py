@@ -278,7 +278,7 @@ def test_an_optional_node_that_appears_later_is_picked_up(tmp_path, impatient):
         assert line.stage("y") in OFF
 
 
-def test_an_optional_node_that_is_another_device_is_told_and_not_used(tmp_path):
+def test_an_optional_node_that_is_another_device_is_reported_and_not_used(tmp_path):
     with Line(tmp_path, "xy") as line:
         with_lines(line, 2, "optional = true", "serial = 99")
         with line.open() as machine, pytest.raises(StateError, match="did not boot") as caught:
@@ -287,7 +287,7 @@ def test_an_optional_node_that_is_another_device_is_told_and_not_used(tmp_path):
         assert line.devices["y"].nmt is not NmtState.OPERATIONAL
 
 
-def test_boot_tells_an_optional_node_apart_from_one_that_must_be_there(axisbus, tmp_path, impatient):
+def test_boot_reports_an_optional_node_apart_from_one_that_must_be_there(axisbus, tmp_path, impatient):
     with Line(tmp_path, "xy", present="x") as line:
         with_lines(line, 2, "optional = true")
         code, out = axisbus("boot", line.file)
@@ -441,7 +441,7 @@ def states(machine: Machine) -> list[str]:
     return [kind for kind in kinds(machine) if kind not in ("LOST", "BACK")]
 
 
-def test_a_node_that_is_lost_and_comes_back_is_told_with_the_reaction_time(tmp_path):
+def test_a_node_that_is_lost_and_comes_back_is_reported_with_the_reaction_time(tmp_path):
     with Line(tmp_path) as line, line.open() as machine:
         line.devices["x"].dials.dead = True
         until(lambda: "LOST" in kinds(machine))
@@ -454,7 +454,7 @@ def test_a_node_that_is_lost_and_comes_back_is_told_with_the_reaction_time(tmp_p
         assert "detected within" in str(lost)
 
 
-def test_a_restart_and_another_nmt_state_are_told(tmp_path):
+def test_a_restart_and_another_nmt_state_are_reported(tmp_path):
     with Line(tmp_path) as line, line.open() as machine:
         machine.node(1).command(NmtCommand.ENTER_PRE_OPERATIONAL)
         until(lambda: states(machine) == ["STATE"])
@@ -468,7 +468,7 @@ def test_a_restart_and_another_nmt_state_are_told(tmp_path):
 
 
 @pytest.mark.parametrize(("word", "stops"), [("group", True), ("report", False)])
-def test_a_node_without_axes_that_is_lost_stops_the_cell_or_is_only_told(tmp_path, word, stops):
+def test_a_node_without_axes_that_is_lost_stops_the_cell_or_is_only_reported(tmp_path, word, stops):
     with Line(tmp_path, "xy") as line:
         text = line.file.read_text("utf-8")
         line.file.write_text(text[: text.index("[axes.y]")], "utf-8")  # node 2 is there without an axis
@@ -527,7 +527,7 @@ def test_an_optional_node_that_appears_later_is_picked_up_in_virtual_time(tmp_pa
     assert made[2].drive.power.stage in OFF
 
 
-def test_an_optional_node_that_appears_as_another_device_is_told_in_virtual_time(tmp_path):
+def test_an_optional_node_that_appears_as_another_device_is_reported_in_virtual_time(tmp_path):
     path, made = virtual_line(tmp_path, "serial = 99")
     with Machine.simulated(path, made) as machine:
         made[2].dials.dead = False
@@ -542,7 +542,7 @@ def test_an_optional_node_that_appears_as_another_device_is_told_in_virtual_time
 # -- what error control tells, in virtual time ---------------------------------------------------------------------------
 
 
-def test_a_node_that_is_lost_and_comes_back_is_told_in_virtual_time(tmp_path):
+def test_a_node_that_is_lost_and_comes_back_is_reported_in_virtual_time(tmp_path):
     line = Line(tmp_path)
     with Machine.simulated(line.file) as machine:
         device = machine.simulated_node(1).device

@@ -26,12 +26,12 @@ def test_no_axis_is_faster_harder_or_more_sudden_than_it_may_be(total):
         assert 0.7 < share <= MOST, where  # and the limits were come to
 
 
-def test_every_kind_of_command_was_given_and_most_have_led_something(total):
+def test_every_kind_of_command_was_given_and_each_was_executed_or_interrupted(total):
     assert set(total.asked) == set(ORDER)
     assert all(total.done[what] + total.broken_off[what] for what in ORDER)
 
 
-def test_what_is_more_than_is_allowed_would_be_seen(scenario):
+def test_an_excess_over_the_allowed_values_would_be_measured(scenario):
     """The ledger compares with what it is told: half of that acceleration is allowed, and none of that jerk."""
     cell = scenario.simulated("x", axis=f"max_acceleration = {HARDEST}").enabled()
     ledger = Ledger(cell, PERIOD)

@@ -152,7 +152,7 @@ def test_a_drive_without_a_watchdog_is_stopped_as_soon_as_the_bus_is_back_and_se
         assert machine.bus_events[-1].restarted
 
 
-def test_a_second_bus_off_is_told_as_the_first(tmp_path, monkeypatch):
+def test_a_second_bus_off_is_reported_as_the_first(tmp_path, monkeypatch):
     without_watchdog(monkeypatch)
     with turning_cell(tmp_path, "x") as (line, machine, wire, handles):
         for _ in range(2):

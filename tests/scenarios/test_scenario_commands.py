@@ -14,7 +14,7 @@ from axisbus.sim.fault_injection import NEVER
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
 
 
-def test_a_second_move_aborts_the_first_and_the_axis_goes_on_to_the_new_target(scenario, golden):
+def test_a_second_move_aborts_the_first_and_the_axis_continues_to_the_new_target(scenario, golden):
     cell = scenario.simulated("x").enabled()
     first = cell.x.move_absolute(100.0)
     cell.run(0.5)
@@ -127,7 +127,7 @@ def test_commands_that_are_repeated_are_harmless(scenario):
     assert cell.stage() == ENABLED
 
 
-def test_a_drive_that_does_not_switch_on_tells_why(scenario, golden):
+def test_a_drive_that_does_not_switch_on_reports_why(scenario, golden):
     cell = scenario.simulated("x")
     cell.drive().dials.no_voltage = True
     cell.run(0.1)
@@ -137,14 +137,14 @@ def test_a_drive_that_does_not_switch_on_tells_why(scenario, golden):
     golden("enable_no_voltage", failed)
 
 
-def test_a_drive_under_local_control_tells_so(scenario, golden):
+def test_a_drive_under_local_control_reports_so(scenario, golden):
     cell = scenario.simulated("x")
     cell.drive().dials.local_control = True
     cell.run(0.1)
     golden("enable_local_control", cell.failure_of(cell.x.enable()))
 
 
-def test_a_drive_that_hangs_on_a_transition_is_told_by_its_path(scenario, golden):
+def test_a_drive_that_hangs_on_a_transition_is_reported_by_its_path(scenario, golden):
     cell = scenario.simulated("x")
     cell.drive().dials.transition_delay = {4: NEVER}
     golden("enable_hangs", cell.failure_of(cell.x.enable()))

@@ -28,7 +28,7 @@ def opened(scenario, axis: str = "") -> Cell:
     return scenario.simulated("x", axis=RATED + axis).enabled()
 
 
-def test_a_loop_of_velocities_leads_the_axis_to_its_place(scenario):
+def test_a_velocity_loop_moves_the_axis_to_its_position(scenario):
     cell = opened(scenario)
     seen: list[AxisFeedback] = []
 
@@ -64,7 +64,7 @@ def test_a_loop_of_torques_holds_a_place_and_knows_the_torque(scenario):
     assert max(abs(one.torque) for one in seen) > 0.1
 
 
-def test_an_answer_that_leads_out_of_the_limits_is_found_before_the_drive_gets_it(scenario):
+def test_an_answer_that_would_exceed_the_limits_is_found_before_the_drive_gets_it(scenario):
     cell = opened(scenario, "position_limits = [0.0, 100.0]\n")
     answers = [0.0]
     cell.x.controller(lambda _: answers[0])
@@ -77,7 +77,7 @@ def test_an_answer_that_leads_out_of_the_limits_is_found_before_the_drive_gets_i
     assert cell.where("x") == pytest.approx(0.0, abs=0.01)
 
 
-def test_what_it_answers_beyond_a_limit_is_held_to_it_and_counted(scenario):
+def test_an_answer_beyond_a_limit_is_limited_and_counted(scenario):
     cell = opened(scenario)
     most = cell.x.limits.velocity
     controller = cell.x.controller(lambda _: 1e6)
@@ -90,7 +90,7 @@ def test_what_it_answers_beyond_a_limit_is_held_to_it_and_counted(scenario):
 
 @pytest.mark.parametrize("by", ["velocity", "torque"])
 @pytest.mark.parametrize("answer", [None, float("nan"), "fast", 1 / 3])
-def test_an_answer_that_is_none_stops_the_axis_and_says_why(scenario, by, answer):
+def test_an_invalid_answer_stops_the_axis_with_the_reason(scenario, by, answer):
     cell = opened(scenario)
     calls = iter(range(10_000))
 
@@ -141,7 +141,7 @@ def test_the_end_of_a_block_raises_what_has_ended_the_loop(scenario):
 
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
-def test_a_block_left_by_an_exception_waits_until_the_axis_stands(scenario, error):
+def test_a_block_left_by_an_exception_waits_for_standstill(scenario, error):
     cell = opened(scenario)
     with pytest.raises(error), cell.x.controller(lambda _: 80.0) as controller:
         cell.run(1.0)
@@ -152,7 +152,7 @@ def test_a_block_left_by_an_exception_waits_until_the_axis_stands(scenario, erro
     assert controller.handle.aborted
 
 
-def test_a_block_whose_loop_has_failed_waits_until_the_axis_stands(scenario):
+def test_a_block_whose_loop_has_failed_waits_for_standstill(scenario):
     cell = opened(scenario)
     answers = iter([80.0] * 100)
     with pytest.raises(CommandError, match="StopIteration"), cell.x.controller(lambda _: next(answers)):
@@ -201,7 +201,7 @@ def test_an_override_scales_what_it_answers(scenario, factor):
     assert cell.speed() == pytest.approx(60.0 * factor, abs=1.0)
 
 
-def test_it_begins_from_what_leads_the_axis_already(scenario):
+def test_it_begins_from_the_velocity_that_is_being_sent(scenario):
     cell = opened(scenario)
     cell.x.cyclic_velocity(80.0).wait(5)
     moment = cell.moment()

@@ -86,7 +86,7 @@ def shifting(scenario) -> Cell:
     return cell
 
 
-def test_a_slave_may_see_its_master_shifted_while_both_go_on(scenario):
+def test_a_slave_may_see_its_master_shifted_while_both_continue(scenario):
     cell = shifting(scenario)
     moment = cell.moment()
     phase = cell["y"].phasing_relative(10.0, velocity=20.0, acceleration=100.0)
@@ -116,7 +116,7 @@ def test_shifts_add_up_and_the_one_before_ends_as_replaced(scenario):
 
 
 @pytest.mark.parametrize("stop", ["halt", "stop", "gear_out"])
-def test_what_ends_a_gear_ends_a_shift_that_is_under_way(scenario, stop):
+def test_a_command_that_ends_a_gear_ends_a_running_phase_shift(scenario, stop):
     cell = shifting(scenario)
     phase = cell["y"].phasing_relative(30.0, velocity=10.0, acceleration=50.0)
     cell.run(0.3)
@@ -232,7 +232,7 @@ def test_a_cam_that_does_not_repeat_leaves_its_slave_at_its_ends(scenario):
     assert cell.where("y") == pytest.approx(cam.at(30.0), abs=2 * INCREMENT)
 
 
-def test_a_cam_is_come_into_over_a_stretch_of_the_master_and_stretched_and_shifted(scenario):
+def test_a_cam_is_entered_over_a_distance_of_the_master_axis_and_scaled_and_shifted(scenario):
     cell = two(scenario)
     cam = Cam(LOBE, periodic=True)
     cell["y"].move_absolute(30.0).wait()
@@ -250,7 +250,7 @@ def test_a_cam_is_come_into_over_a_stretch_of_the_master_and_stretched_and_shift
     assert cell.hardest_change("y", since) < 900.0
 
 
-def test_a_relative_cam_begins_where_the_slave_stands(scenario):
+def test_a_relative_cam_begins_at_the_position_of_the_slave_axis(scenario):
     cell = two(scenario)
     cell["y"].move_absolute(33.0).wait()
     cam = Cam(LOBE, periodic=True)
@@ -462,7 +462,7 @@ def test_one_that_was_let_go_of_is_braked_within_its_limits_too(scenario):
     assert 90.0 < cell.where("y") <= 100.0 + INCREMENT
 
 
-def test_what_is_faster_or_harder_than_the_slave_may_be_ends_in_a_braked_stop(scenario):
+def test_a_coupling_that_exceeds_the_slave_axis_limits_ends_in_a_braked_stop(scenario):
     cell = two(scenario)
     cell.end_of(cell["y"].gear_in(cell["x"], 8.0))
     cell["x"].move_velocity(100.0, acceleration=100.0)
@@ -483,7 +483,7 @@ def test_a_jammed_slave_is_seen_not_to_follow(scenario):
     assert cell["x"].state is AxisState.CONTINUOUS_MOTION
 
 
-def test_a_place_that_the_master_is_too_near_to_is_told(scenario):
+def test_a_place_that_the_master_is_too_near_to_is_reported(scenario):
     cell = two(scenario)
     handle = cell["y"].gear_in(cell["x"], 1.0, sync_positions=(20.0, 10.0), master_start_distance=40.0)
     cell["x"].move_absolute(60.0)
@@ -564,7 +564,9 @@ def hardest_of(targets: list[float]) -> float:
 
 @pytest.mark.parametrize("lateness", ["a little", "a lot"])
 @pytest.mark.parametrize("way", ["velocity", "position"])
-def test_late_cycles_of_a_drive_that_leads_itself_do_not_shake_its_slave(scenario, way, lateness):
+def test_late_cycles_of_a_master_axis_that_its_drive_controls_do_not_shake_the_slave_axis(
+    scenario, way, lateness
+):
     """The drive of a master in pv or pp goes on while the scan is late; the slave gets no target, and makes up for it later."""
     rng = random.Random(7)
     cell = two(scenario)
@@ -657,7 +659,7 @@ def short_cycles(monkeypatch):
     return taken
 
 
-def test_a_slave_in_step_does_its_cycles_the_short_way_and_goes_where_it_would_go_by_the_long_one(
+def test_a_slave_axis_in_step_takes_the_short_cycle_and_moves_as_in_the_whole_cycle(
     scenario, monkeypatch, short_cycles
 ):
     ways = []

@@ -73,7 +73,7 @@ def test_its_ramps_are_those_of_the_call(scenario):
     assert cell.hardest_change(since=moment) <= 105.0
 
 
-def test_another_velocity_goes_on_from_the_present_one(scenario):
+def test_another_velocity_continues_from_the_present_one(scenario):
     cell = turning(scenario)
     moment = cell.moment()
     first = cell.x.cyclic_velocity(300.0)
@@ -165,7 +165,7 @@ def test_a_halt_brakes_with_the_deceleration_of_the_call(scenario):
     cell.must_have_come("x", start, (25.0, 29.0))
 
 
-def test_a_halt_may_be_interrupted_and_the_axis_goes_on_from_its_velocity(scenario):
+def test_a_halt_may_be_interrupted_and_the_axis_continues_from_its_velocity(scenario):
     cell = turning(scenario)
     moment = cell.moment()
     halt = cell.x.halt()
@@ -209,7 +209,7 @@ def test_a_move_in_another_mode_takes_over_without_a_jolt(scenario, command, mod
         assert handle.exception() is None
 
 
-def test_a_halt_while_another_mode_is_under_way_ramps_down(scenario):
+def test_a_halt_during_a_mode_change_ramps_down(scenario):
     cell = turning(scenario)
     cell.drive().dials.mode_delay = 0.2
     moment = cell.moment()
@@ -230,7 +230,7 @@ def test_a_drive_that_does_not_take_the_next_mode_is_ramped_down(scenario):
 
 
 @pytest.mark.parametrize("command", ["follow", "home", "torque"])
-def test_what_needs_standstill_is_refused_and_the_axis_goes_on(scenario, command):
+def test_what_needs_standstill_is_refused_and_the_axis_continues(scenario, command):
     cell = turning(scenario, axis=RATED)
     here = cell.x.position
     give = {
@@ -317,7 +317,7 @@ def test_a_halt_whose_targets_are_lost_ends_in_a_harder_stop(scenario):
     cell.must_stand(within=1.0, stages=OFF)
 
 
-def test_a_node_that_dies_is_told_and_its_drive_stops_by_itself(scenario):
+def test_a_node_that_dies_is_reported_and_its_drive_stops_by_itself(scenario):
     cell = turning(scenario)
     cell.device().dials.dead = True
     cell.run(5.0)
@@ -421,7 +421,7 @@ def test_a_load_is_held_before_during_and_after(scenario, holds, velocity):
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 @pytest.mark.parametrize("speed", [60.0, 250.0, 400.0])
-def test_it_stands_within_its_position_limits(scenario, speed, direction):
+def test_it_comes_to_rest_within_its_position_limits(scenario, speed, direction):
     cell = scenario.simulated("x", axis="position_limits = [-300.0, 300.0]").enabled()
     cell.x.cyclic_velocity(direction * speed)
     cell.must_move(faster_than=-1.0)
@@ -436,7 +436,7 @@ def test_it_stands_within_its_position_limits(scenario, speed, direction):
     cell.x.cyclic_velocity(-direction * 50.0).wait(3)  # back is allowed
 
 
-def test_a_weaker_deceleration_near_the_limit_is_refused_and_the_axis_goes_on(scenario):
+def test_a_weaker_deceleration_near_the_limit_is_refused_and_the_axis_continues(scenario):
     cell = scenario.simulated("x", axis="position_limits = [-300.0, 300.0]").enabled()
     cell.x.cyclic_velocity(200.0).wait(5)
     cell.until(lambda: cell.where() > 220.0)
@@ -500,7 +500,7 @@ def test_without_rated_torque_it_is_refused_at_the_call(scenario):
 
 
 @pytest.mark.parametrize("how", ["halt", "stop", "disable", "quick_stop"])
-def test_every_stop_of_a_pushed_axis_stands(scenario, how):
+def test_every_stop_of_a_pushed_axis_ends_at_standstill(scenario, how):
     cell = pushing(scenario)
     cell.end_of(getattr(cell.x, how)())
     cell.must_stand(within=1.0, stages=(ENABLED, *OFF))
@@ -523,7 +523,7 @@ def test_a_load_does_not_fall_when_its_axis_is_halted(scenario, holds):
     assert cell.drive().mode_display != CST
 
 
-def test_a_pushed_axis_stands_within_its_position_limits(scenario):
+def test_a_pushed_axis_comes_to_rest_within_its_position_limits(scenario):
     cell = pushing(scenario, 0.3, axis="position_limits = [-300.0, 300.0]\n")
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 10.0)
     cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
@@ -538,7 +538,7 @@ def test_a_pushed_axis_does_not_get_faster_than_it_may(scenario):
     assert cell.top_speed() <= 440.0
 
 
-def test_a_torque_that_the_drive_does_not_give_is_told(scenario):
+def test_a_torque_that_the_drive_does_not_give_is_reported(scenario):
     cell = scenario.simulated("x", axis=RATED).enabled()
     cell.device().write(0x6072, 0, 20)
     cell.jam()
@@ -602,7 +602,7 @@ def test_values_must_travel_with_sync(scenario, mode, lacks, names):
     assert cell.top_speed() == 0.0
 
 
-def test_a_drive_that_does_not_have_the_mode_is_told_so(scenario):
+def test_the_error_names_the_mode_that_a_drive_lacks(scenario):
     cell = scenario.simulated("x", axis=RATED + 'modes = ["pp", "pv"]').enabled()
     for handle, name in (
         (cell.x.cyclic_velocity(10.0), "csv"),

@@ -178,7 +178,7 @@ def test_an_adapter_that_is_unplugged_leaves_the_drives_to_their_watchdog(tmp_pa
 
 
 @pytest.mark.nets("the drive's watchdog")
-def test_an_adapter_that_refuses_every_frame_leaves_the_drives_to_their_watchdog_and_the_scan_goes_on(
+def test_an_adapter_that_refuses_every_frame_leaves_the_drives_to_their_watchdog_and_the_scan_continues(
     tmp_path,
 ):
     with turning_cell(tmp_path) as (line, adapter, handles):

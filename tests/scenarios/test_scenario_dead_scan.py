@@ -65,7 +65,7 @@ def test_a_fault_of_our_own_in_an_axis_kills_the_scan_and_stops_every_drive(scen
 
 
 @NETS
-def test_a_group_whose_scan_dies_ends_its_handle_and_stands(scenario):
+def test_a_group_whose_scan_dies_ends_its_handle_and_comes_to_rest(scenario):
     cell = scenario.simulated("xy").enabled()
     line = cell.machine.group("x", "y").move_linear((500.0, 300.0), velocity=100.0)
     cell.run(1.0)
@@ -90,7 +90,7 @@ def test_where_even_the_quick_stop_cannot_be_sent_the_drives_own_watchdog_is_lef
     cell.must_stand(within=1.0, stages=OFF)
 
 
-def test_closing_after_the_scan_has_died_tells_it_and_what_is_not_known(scenario, golden):
+def test_closing_after_the_scan_has_died_reports_that_and_the_unknown_states(scenario, golden):
     cell = scenario.simulated("x")
     cell.turning()
     cell.faults.commit = unplugged()

@@ -35,7 +35,7 @@ def test_a_moment_of_power_is_ended_without_an_error(tmp_path):
         assert cell.x.error is None
 
 
-def test_a_drive_that_does_not_let_go_of_its_power_is_told_and_stays_told(tmp_path):
+def test_a_drive_that_does_not_let_go_of_its_power_is_reported_and_stays_reported(tmp_path):
     with Stage(tmp_path) as stage:
         cell = disabled(stage)
         cell.drive().dials.ignore_disable_voltage = True

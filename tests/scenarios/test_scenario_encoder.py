@@ -137,7 +137,7 @@ def test_by_default_a_dead_encoder_stops_the_cell(scenario):
         lambda belt: belt.home(35),
     ],
 )
-def test_nothing_leads_it(scenario, command):
+def test_no_command_moves_an_encoder_axis(scenario, command):
     cell, _ = belt_and_axis(scenario)
     with pytest.raises(AxisbusError):
         command(cell["belt"]).wait(2)
@@ -155,7 +155,7 @@ def test_stops_of_it_are_done_at_once_and_its_place_may_be_named(scenario):
     assert cell["belt"].position == pytest.approx(70.0 + belt.place, abs=0.5)
 
 
-def test_an_override_of_the_cell_is_none_of_its_business(scenario):
+def test_an_override_of_the_cell_does_not_affect_an_encoder_axis(scenario):
     cell, _ = belt_and_axis(scenario, speed=40.0)
     assert cell.end_of(cell.machine.set_override(0.5)) is None
     cell.x.gear_in(cell["belt"], 0.5).wait(5)
@@ -183,7 +183,7 @@ def written(tmp_path, text: str):
         (('encoder = "count"', "encoder = 3"), "encoder"),
     ],
 )
-def test_what_an_encoder_cannot_say_is_told(tmp_path, change, words):
+def test_what_an_encoder_cannot_say_is_reported(tmp_path, change, words):
     with pytest.raises(ConfigError) as caught:
         reader.load(written(tmp_path, BELT.format(node="").replace(*change)))
     assert words in str(caught.value)
@@ -202,7 +202,7 @@ def test_check_names_an_input_that_does_not_count(tmp_path, change, words):
     assert any(words in problem.message for problem in problems), problems
 
 
-def test_check_asks_for_no_defaults_of_what_nothing_leads(tmp_path):
+def test_check_asks_for_no_defaults_of_an_encoder_axis(tmp_path):
     problems = check(written(tmp_path, BELT.format(node="")))
     assert not [problem for problem in problems if "axis belt has no default" in problem.message]
     bare = written(tmp_path, BELT.format(node="").replace('encoder = "count"', "virtual = true"))

@@ -179,7 +179,7 @@ def test_a_drive_in_fault_is_no_hindrance_to_closing(scenario):
 
 
 @pytest.mark.nets("the stop ladder")
-def test_a_fault_while_closing_is_told(scenario, golden):
+def test_a_fault_while_closing_is_reported(scenario, golden):
     cell = scenario.simulated("xy")
     cell.turning()
     scan = cell.machine._core.scan
@@ -222,7 +222,7 @@ def test_a_node_that_is_lost_when_the_machine_closes_keeps_its_watch_over_us(sce
     golden("closing_with_a_lost_node", *failures)
 
 
-def test_an_axis_that_was_never_commanded_is_not_touched_on_the_way_out(scenario):
+def test_an_axis_that_was_never_commanded_is_not_touched_at_the_end(scenario):
     cell = scenario.simulated("xy")
     cell["y"].enable().wait(3)
     sent = []

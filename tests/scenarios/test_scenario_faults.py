@@ -31,7 +31,7 @@ def faulty_device(stage):
 
 
 @pytest.mark.nets("the stop ladder")
-def test_a_fault_in_mid_move_stops_the_group_and_is_told_in_the_makers_words(scenario, golden):
+def test_a_fault_in_mid_move_stops_the_group_and_is_reported_in_the_makers_words(scenario, golden):
     cell = scenario.simulated("xy", eds=MODULE)
     faulty, other = cell.travelling()
     cell.drive("x").fault(MOSFET_HOT[1], MOSFET_HOT[0])
@@ -52,7 +52,7 @@ def test_bits_in_the_high_word_are_decoded_too(scenario, golden):
     golden("fault_high_bits", cell.failure_of(handle))
 
 
-def test_a_fault_is_told_by_its_emcy_where_the_drive_refuses_to_be_asked(scenario, golden):
+def test_a_fault_is_reported_by_its_emcy_where_the_drive_refuses_to_be_asked(scenario, golden):
     cell = scenario.simulated("x")
     (handle,) = cell.travelling()
     cell.device().dials.sdo_aborts[0x603F, 0] = 0x0800_0000
@@ -70,7 +70,7 @@ def test_an_unknown_error_code_is_a_value_and_no_crash(scenario, golden):
     golden("fault_unknown_code", cell.failure_of(handle))
 
 
-def test_a_fault_while_disabled_is_told_and_stops_nobody_who_stands(scenario, golden):
+def test_a_fault_while_disabled_is_reported_and_stops_no_axis_at_rest(scenario, golden):
     cell = scenario.simulated("xy", eds=MODULE)
     cell["y"].enable().wait(3)
     cell.drive("x").fault(CURRENT_LIMIT[1], CURRENT_LIMIT[0])
@@ -99,7 +99,7 @@ def test_enable_from_fault_ends_with_reset_first(scenario, golden):
     assert cell.stage() == FAULT
 
 
-def test_a_fault_that_is_reset_leads_back_into_service(scenario):
+def test_a_fault_that_was_reset_allows_service_again(scenario):
     cell = scenario.simulated("x", eds=MODULE, devices=faulty_device(scenario))
     cell.run(0.5)
     cell.x.reset().wait(3)

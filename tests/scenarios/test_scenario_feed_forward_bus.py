@@ -91,7 +91,7 @@ def test_a_drive_that_lets_nothing_be_mapped_is_refused_at_boot(scenario: Stage)
     assert "too late for the motion" in caught.value.observed
 
 
-def test_a_drive_found_enabled_is_not_mapped_anew_and_does_without(scenario: Stage) -> None:
+def test_a_drive_found_enabled_is_not_mapped_again_and_does_without(scenario: Stage) -> None:
     made = generic(scenario)
     made.power_on()
     made.drives[0].start_enabled(1)

@@ -485,7 +485,7 @@ def test_it_moves_on_after_a_halt(tmp_path, name):
         bench.must_stand(halted + 1.0, energised=True)
 
 
-def test_a_halt_that_the_slave_ignores_ends_only_when_the_slave_stands(tmp_path):
+def test_a_halt_that_the_foreign_slave_ignores_ends_only_at_standstill(tmp_path):
     with Bench(tmp_path, "ros2_canopen") as bench:
         bench.enabled().on_its_way(1.0)
         bench.x.halt().wait(10)
@@ -535,7 +535,7 @@ def test_after_a_quick_stop_it_is_enabled_again_and_moves(tmp_path):
         bench.must_stand(0.0, energised=True)
 
 
-def test_a_slave_that_goes_on_to_its_old_target_when_enabled_is_stopped(tmp_path):
+def test_a_slave_that_continues_to_its_old_target_when_enabled_is_stopped(tmp_path):
     with Bench(tmp_path, "espp") as bench:
         bench.enabled().on_its_way(9.0)
         bench.x.quick_stop().wait(10)

@@ -72,7 +72,7 @@ def test_a_drive_found_at_rest_is_reported_and_gets_no_controlword(scenario):
     assert "found enabled: left unchanged and not configured" in report.text()
 
 
-def test_a_drive_found_turning_goes_on_turning(scenario):
+def test_a_drive_found_turning_continues_turning(scenario):
     cell = turning(scenario)
     sent = controlwords(cell)
     cell.run(1.0)
@@ -166,7 +166,7 @@ def test_enable_takes_a_drive_over_whose_position_offset_acts(scenario):
     assert cell.device().read(0x60B0, 0) == 0
 
 
-def test_a_drive_that_cannot_be_taken_over_without_a_jump_is_left_where_it_stands(scenario, golden):
+def test_a_drive_that_cannot_be_taken_over_without_a_jump_is_left_at_its_position(scenario, golden):
     cell = scenario.simulated("x", devices=with_offset(scenario), axis='modes = ["csp"]')
     place = cell.where()
     golden("found_enabled_with_an_offset", cell.failure_of(cell.x.enable()))

@@ -92,7 +92,7 @@ def test_the_smaller_limits_of_both_hold(scenario):
     assert where(pair) == pytest.approx([395.0, 400.0], abs=NEAR)
 
 
-def test_a_velocity_that_cannot_be_reached_before_the_limit_is_told(scenario):
+def test_a_velocity_that_cannot_be_reached_before_the_limit_is_reported(scenario):
     pair = enabled(scenario, axis=LIMITED)
     pair.gantry.move_absolute(399.0).wait(9)
     assert isinstance(pair.failure_of(pair.gantry.move_velocity(300.0)), LimitError)
@@ -136,7 +136,7 @@ def test_a_move_of_a_beam_from_beyond_a_limit_may_end_beyond_it_nearer_to_the_li
 
 
 @pytest.mark.parametrize("place", [1e12, -1e12, 2.0**31, 1e308])
-def test_a_place_or_a_way_that_no_drive_counts_is_refused(scenario, place):
+def test_a_position_or_distance_that_no_drive_counts_is_refused(scenario, place):
     beam = enabled(scenario).gantry
     for call in (
         lambda: beam.set_position(place, square=True),
@@ -152,7 +152,7 @@ def test_a_place_or_a_way_that_no_drive_counts_is_refused(scenario, place):
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), True, "a", None])
-def test_what_is_no_place_is_refused(scenario, value):
+def test_an_invalid_position_is_refused(scenario, value):
     beam = enabled(scenario).gantry
     for call in (
         beam.set_position,
@@ -182,7 +182,7 @@ def test_a_beam_near_the_end_of_its_drives_count_does_not_go_beyond_it(scenario)
     assert beam.position == pytest.approx(20.0, abs=NEAR)
 
 
-def test_a_halt_stays_on_the_way_and_it_goes_on_from_there(scenario):
+def test_a_halted_pair_stays_on_its_path_and_resumes_from_there(scenario):
     pair = enabled(scenario)
     move = pair.gantry.move_absolute(120.0)
     pair.run(0.6)
@@ -195,7 +195,7 @@ def test_a_halt_stays_on_the_way_and_it_goes_on_from_there(scenario):
     assert pair.worst_skew() < NEAR
 
 
-def test_it_goes_on_after_a_stop_that_was_released(scenario):
+def test_it_continues_after_a_stop_that_was_released(scenario):
     pair = enabled(scenario)
     pair.gantry.move_absolute(120.0)
     pair.run(0.6)
@@ -252,7 +252,7 @@ def test_disabling_halts_and_switches_off_both(scenario):
     assert pair.worst_skew() < NEAR
 
 
-def test_every_way_out_stops_both_on_their_way(scenario):
+def test_every_end_of_the_program_stops_both_axes_on_their_path(scenario):
     pair = enabled(scenario)
     pair.gantry.move_absolute(300.0)
     pair.run(1.0)
@@ -306,7 +306,7 @@ def test_a_group_that_holds_one_of_them_does_not_move_it(scenario):
     assert where(pair) == [0.0, 0.0]
 
 
-def test_a_way_of_a_group_leads_both_as_one_with_other_axes(scenario):
+def test_a_path_of_a_group_moves_both_axes_as_one_with_other_axes(scenario):
     pair = enabled(scenario, "xyz", gantry="offset = 2.0")
     pair["z"].enable().wait(5)
     all_of_it = pair.machine.group("z", "x", "y")
@@ -328,7 +328,7 @@ def test_a_way_of_a_group_leads_both_as_one_with_other_axes(scenario):
     assert where(pair) == pytest.approx([0.0, 2.0], abs=NEAR)
 
 
-def test_a_side_that_jams_on_a_way_of_a_group_stops_all_of_it(scenario):
+def test_a_side_that_jams_on_a_path_of_a_group_stops_the_whole_group(scenario):
     pair = enabled(scenario, "xyz")
     pair["z"].enable().wait(5)
     line = pair.machine.group("z", "x", "y").move_linear((300.0, 300.0, 300.0), velocity=150.0)
@@ -343,7 +343,7 @@ def test_a_side_that_jams_on_a_way_of_a_group_stops_all_of_it(scenario):
     assert pair.worst_skew() < MAX_SKEW + 87.0 * 6 * CYCLE + 87.0**2 / 2 / 1900.0
 
 
-def test_a_way_of_a_group_does_not_lead_a_pair_that_is_out_of_square(scenario):
+def test_a_path_of_a_group_is_refused_for_a_pair_that_is_out_of_square(scenario):
     pair = pair_of(scenario, "xyz", stiff=0.0)
     pair.drive("y").dials.encoder_jump = -1000
     pair.run(0.1)
@@ -405,7 +405,7 @@ FAILS = {
 
 @pytest.mark.parametrize("lost", ["group", "report"])
 @pytest.mark.parametrize("how", FAILS)
-def test_one_that_fails_stops_the_other_on_the_same_way(scenario, how, lost):
+def test_a_failing_axis_stops_the_other_on_the_same_path(scenario, how, lost):
     pair = enabled(scenario, bus=f'on_lost_node = "{lost}"', stiff=SOFT)
     fail, kind, speed = FAILS[how]
     move = pair.gantry.move_absolute(300.0, velocity=speed)
@@ -426,7 +426,7 @@ def test_one_that_fails_stops_the_other_on_the_same_way(scenario, how, lost):
         assert pair.stage("x") == ENABLED  # it holds, on its way
 
 
-def test_a_fault_while_the_beam_stands_is_told_and_nothing_moves(scenario):
+def test_a_fault_while_the_beam_is_at_rest_is_reported_and_nothing_moves(scenario):
     pair = enabled(scenario)
     pair.machine.simulated_node(1).fault(0x2310)
     pair.run(0.5)
@@ -517,7 +517,7 @@ def test_a_bent_beam_that_is_held_is_not_reset(scenario):
     assert "b.disable()" in error.remedy
 
 
-def test_the_way_out_of_a_beam_that_was_bent(scenario):
+def test_recovery_of_a_beam_that_was_out_of_square(scenario):
     pair = enabled(scenario, stiff=0.0)
     beam = pair.gantry
     move = beam.move_absolute(300.0)

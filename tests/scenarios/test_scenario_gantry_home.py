@@ -191,7 +191,7 @@ def test_nothing_moves_before_both_are_armed(scenario):
     assert {pair.stage(name) for name in "xy"} == {ENABLED}
 
 
-def test_a_side_that_jams_on_the_way_stops_both(scenario):
+def test_a_side_that_jams_during_the_search_stops_both(scenario):
     pair = ready(scenario, -400.0, -400.0)
     home = pair.gantry.home()
     pair.run(1.0)
@@ -202,7 +202,7 @@ def test_a_side_that_jams_on_the_way_stops_both(scenario):
     assert pair.worst_skew() < 12.0 + 20.0 * 6 * CYCLE + 1.0
 
 
-def test_before_homing_a_change_is_skew_and_what_stood_is_not(scenario):
+def test_before_homing_only_changes_count_as_skew(scenario):
     pair = pair_of(scenario, axis=f"{AXIS}\nposition_limits = [-300.0, 300.0]", stiff=0.0, required=True)
     pair.drive("y").dials.encoder_jump = -1500
     pair.run(0.1)

@@ -146,7 +146,7 @@ def test_two_threads_that_ask_for_the_same_group_get_the_same_one(scenario):
 
 
 @pytest.mark.parametrize("how", LEAVING)
-def test_what_leaves_at_the_gate_keeps_all_from_moving(scenario, how):
+def test_an_axis_that_fails_before_the_common_start_keeps_all_from_moving(scenario, how):
     cell, group = three(scenario)
     cell.enabled()
     cell.device("z").dials.sdo_delay = 0.1  # x and y wait for it
@@ -168,7 +168,7 @@ def test_what_leaves_at_the_gate_keeps_all_from_moving(scenario, how):
 
 @pytest.mark.parametrize("how", ["halt", "disable"])
 @pytest.mark.parametrize("kind", ["direct", "linear"])
-def test_all_start_or_none_does_in_whatever_cycle_one_is_taken_away(scenario, how, kind):
+def test_all_axes_start_or_none_in_whatever_cycle_one_is_taken_away(scenario, how, kind):
     """Also in the very cycle in which the gate would open: every cycle around it is tried."""
     outcomes = set()
     for cycles in range(1, 30):
@@ -213,7 +213,7 @@ def test_a_group_enable_of_which_one_is_taken_away_energises_nobody(scenario, go
 
 
 @pytest.mark.parametrize("how", ["disable", "coast"])
-def test_all_are_energised_or_none_is_in_whatever_cycle_one_is_disabled(scenario, how):
+def test_all_axes_are_energised_or_none_in_whatever_cycle_one_is_disabled(scenario, how):
     outcomes = set()
     for cycles in range(1, 35):
         cell, group = three(scenario)
@@ -230,7 +230,7 @@ def test_all_are_energised_or_none_is_in_whatever_cycle_one_is_disabled(scenario
     assert outcomes == {True, False}
 
 
-def test_a_fault_at_the_gate_keeps_all_from_moving_at_once(scenario):
+def test_a_fault_before_the_common_start_keeps_all_from_moving(scenario):
     """The fault is looked into for a while before it is told; nobody starts meanwhile."""
     cell, group = three(scenario, more='[groups.others]\naxes = ["y", "z"]\n')
     cell.enabled()
@@ -286,7 +286,7 @@ def test_a_group_s_command_that_one_axis_refuses_leaves_nobody_waiting_from_the_
 
 @pytest.mark.parametrize("whose", ["the group", "another group", "one axis"])
 @pytest.mark.parametrize("what", HARMLESS)
-def test_what_is_harmless_does_not_touch_a_line_that_runs(scenario, what, whose):
+def test_a_harmless_event_does_not_affect_a_running_line(scenario, what, whose):
     cell, group, handle = on_a_line(scenario)
     since = cell.moment()
     others = {"the group": group, "another group": cell.machine.group("y", "x"), "one axis": cell["y"]}
@@ -302,7 +302,7 @@ def test_what_is_harmless_does_not_touch_a_line_that_runs(scenario, what, whose)
 
 
 @pytest.mark.parametrize("what", HARMLESS)
-def test_a_halt_on_a_line_goes_on_braking_along_it_whatever_harmless_is_asked_for(scenario, what):
+def test_a_halt_on_a_line_continues_braking_along_it_whatever_harmless_is_asked_for(scenario, what):
     cell, group, handle = on_a_line(scenario)
     since = cell.moment()
     halt = group.halt()
@@ -334,7 +334,7 @@ def test_one_axis_that_stops_on_a_line_brakes_all_of_them_along_it(scenario, how
     must_be_on_the_line(cell, since)
 
 
-def test_a_line_that_is_asked_for_while_one_brakes_is_refused_and_the_braking_goes_on(scenario):
+def test_a_line_that_is_asked_for_while_one_brakes_is_refused_and_the_braking_continues(scenario):
     cell, group, _ = on_a_line(scenario)
     since = cell.moment()
     halt = group.halt()

@@ -62,7 +62,7 @@ def test_a_trajectory_is_followed_in_ip(scenario):
             assert abs(target - place) <= 100.0 * SCALE * PERIOD * 1.5  # never far away
 
 
-def test_bit_4_is_not_set_before_there_is_a_target_beside_the_axis(scenario):
+def test_bit_4_is_not_set_before_there_is_a_target_at_the_axis_position(scenario):
     cell = made(scenario)
     wire = Wire(cell.drive())
     cell.enabled()
@@ -130,7 +130,7 @@ def test_every_stop_holds(scenario, how):
         assert stage == ENABLED or not word & BIT_4
 
 
-def test_a_halt_is_gone_on_from(scenario):
+def test_a_halt_is_continued_from(scenario):
     cell = made(scenario).enabled()
     follow(cell, 300.0)
     cell.run(1.0)
@@ -140,7 +140,7 @@ def test_a_halt_is_gone_on_from(scenario):
     assert cell.hardest_change(since=moment) <= JOLT
 
 
-def test_a_fault_in_it_and_the_way_back(scenario):
+def test_a_fault_in_ip_and_the_recovery(scenario):
     cell = made(scenario).enabled()
     handle = follow(cell, 300.0)
     cell.run(1.0)
@@ -177,7 +177,7 @@ def test_a_drive_that_interpolates_late_is_waited_for(scenario):
     assert cell.hardest_change(since=moment) <= JOLT
 
 
-def test_a_drive_that_never_interpolates_is_told_and_nothing_moves(scenario):
+def test_a_drive_that_never_interpolates_is_reported_and_nothing_moves(scenario):
     cell = made(scenario).enabled()
     cell.drive().dials.interpolation_delay = NEVER
     moment = cell.moment()
@@ -204,7 +204,7 @@ def test_with_feed_forward(scenario):
     assert cell.drive().velocity_offset == pytest.approx(10_000, abs=100)
 
 
-def test_a_soft_velocity_is_led_in_ip_and_its_velocity_is_told_also_while_a_move_takes_over(scenario):
+def test_a_jerk_limited_velocity_works_in_ip_and_is_reported_while_a_move_takes_over(scenario):
     write_eds(scenario.folder, USUAL)
     file = scenario.folder / "ip.eds"
     file.write_text(file.read_text("utf-8").replace("60A4", "67A4"), "utf-8")  # it has no profile jerk

@@ -108,7 +108,7 @@ def test_nothing_is_set_by_opening_and_leaving_a_machine(scenario):
     assert (word(cell), word(cell, 0x6411)) == (77, 77)
 
 
-def test_several_outputs_are_set_in_one_cycle_or_none(scenario):
+def test_several_outputs_are_set_in_one_cycle_or_not_at_all(scenario):
     cell = with_io(scenario)
     io = cell.machine.io
     seen = set()
@@ -125,7 +125,7 @@ def word_of_drive(cell: Cell) -> int:
     return cell.device().io.get(0x60FE, 1)
 
 
-def test_the_inputs_and_outputs_of_a_drive_go_beside_its_axis(scenario):
+def test_the_inputs_and_outputs_of_a_drive_work_next_to_its_axis(scenario):
     cell = with_io(scenario)
     cell.machine.io["relay"].set(True).wait(1)
     assert word_of_drive(cell) == 1 << 16
@@ -172,12 +172,12 @@ def test_what_cannot_be_set_is_refused_at_the_call(scenario, name, value, said):
     assert (word(cell), word(cell, 0x6411)) == (0, 0)
 
 
-def test_an_unknown_name_is_told(scenario):
+def test_an_unknown_name_is_reported(scenario):
     with pytest.raises(StateError, match="no input or output 'lmap'"):
         with_io(scenario).machine.io["lmap"]
 
 
-def test_what_is_set_is_noted_before_it_is_sent(scenario):
+def test_an_output_is_noted_as_set_before_it_is_sent(scenario):
     """Whoever finds the core dead between both makes it safe."""
     cell, noted = with_io(scenario), []
     cell.machine._core.scan.io.note = lambda readings: noted.append((readings["lamp"].set, word(cell)))
@@ -231,7 +231,7 @@ def test_a_lost_module_is_unknown_and_stops_the_cell(scenario):
     assert isinstance(cell.failure_of(cell.machine.io["lamp"].set(True)), NodeError)
 
 
-def test_what_is_set_as_a_module_dies_is_no_success(scenario):
+def test_an_output_set_while_its_module_dies_does_not_succeed(scenario):
     """Its death is known three heartbeats later; until then nobody can say that the output is on."""
     cell = with_io(scenario)
     cell.machine.simulated_node(5).device.dials.dead = True
@@ -243,7 +243,7 @@ def test_what_is_set_as_a_module_dies_is_no_success(scenario):
     assert error.message == "lamp = True is not confirmed: its node was lost before it answered"
 
 
-def test_on_lost_may_only_tell(scenario):
+def test_on_lost_may_only_report(scenario):
     cell = with_io(scenario, node='on_lost = "report"')
     cell.turning()
     cell.machine.simulated_node(5).device.dials.dead = True
@@ -254,7 +254,7 @@ def test_on_lost_may_only_tell(scenario):
         _ = cell.machine.io["part"].value
 
 
-def test_what_waits_for_an_input_of_a_lost_node_is_told(scenario):
+def test_what_waits_for_an_input_of_a_lost_node_is_reported(scenario):
     cell = with_io(scenario)
     cell.after(0.2, lambda: setattr(cell.machine.simulated_node(5).device.dials, "dead", True))
     with pytest.raises(StaleError):
@@ -333,7 +333,7 @@ def test_a_master_that_falls_silent_leaves_outputs_to_the_module(scenario):
 # -- leaving -----------------------------------------------------------------------------------------------------------
 
 
-def test_on_the_way_out_outputs_become_safe_once_the_axes_stand(scenario):
+def test_at_the_end_outputs_become_safe_after_the_axes_are_at_standstill(scenario):
     cell = with_io(scenario)
     cell.turning()
     cell.machine.io.set({"lamp": True, "clamp": False, "valve": 3.0, "relay": True}).wait(1)

@@ -75,7 +75,7 @@ def test_a_drive_that_calls_it_by_another_number_is_asked_by_that(scenario):
     assert demand.worst(3) <= JERK * 1.001
 
 
-def test_a_drive_that_refuses_both_is_told_with_its_abort_code_and_does_not_move(scenario):
+def test_a_drive_that_refuses_both_is_reported_with_its_abort_code_and_does_not_move(scenario):
     cell = types_up_to(scenario, 1)
     error = cell.failure_of(cell.x.move_absolute(50.0, jerk=JERK))
     assert isinstance(error, DriveError)
@@ -85,7 +85,9 @@ def test_a_drive_that_refuses_both_is_told_with_its_abort_code_and_does_not_move
 
 
 @pytest.mark.parametrize("index", [TYPE, LIMIT])
-def test_a_drive_that_does_not_keep_what_was_written_is_told_and_does_not_move(scenario, monkeypatch, index):
+def test_a_drive_that_does_not_keep_what_was_written_is_reported_and_does_not_move(
+    scenario, monkeypatch, index
+):
     cell = scenario.simulated("x").enabled()
     plain = Dictionary.upload
 
@@ -145,7 +147,7 @@ def test_an_override_of_a_move_with_jerk_keeps_its_jerk(scenario):
 
 
 @pytest.mark.parametrize("eds", [MODULE])
-def test_a_drive_without_a_profile_jerk_is_led(scenario, eds):
+def test_without_a_profile_jerk_the_master_controls_the_move(scenario, eds):
     cell = soft(scenario, eds)
     led = Led(cell)
     handle = cell.x.move_absolute(100.0)
@@ -160,7 +162,7 @@ def test_a_drive_without_a_profile_jerk_is_led(scenario, eds):
     assert cell.where("x") == pytest.approx(70.0, abs=NEAR)
 
 
-def test_a_led_move_is_overridden_held_and_keeps_its_jerk(scenario):
+def test_a_move_of_the_master_is_overridden_and_held_and_keeps_its_jerk(scenario):
     cell = soft(scenario, MODULE)
     led = Led(cell)
     handle = cell.x.move_absolute(300.0, timeout=8.0)
@@ -178,7 +180,7 @@ def test_a_led_move_is_overridden_held_and_keeps_its_jerk(scenario):
 
 @pytest.mark.parametrize("moment", [0.0, 0.02, 0.15, 0.5, 1.0])
 @pytest.mark.parametrize("target", [300.0, 40.0, -50.0])
-def test_a_led_move_takes_over_from_another_without_a_jump(scenario, moment, target):
+def test_a_move_of_the_master_takes_over_from_another_without_a_jump(scenario, moment, target):
     """In the midst of speeding up or on its way, farther, back, and to where it cannot stop any more."""
     cell = soft(scenario, MODULE)
     led = Led(cell)
@@ -195,7 +197,7 @@ def test_a_led_move_takes_over_from_another_without_a_jump(scenario, moment, tar
     assert led.worst(2) <= 500.0 * 1.001
 
 
-def test_a_led_move_with_another_jerk_takes_over_velocity_and_acceleration(scenario):
+def test_a_move_of_the_master_with_another_jerk_takes_over_velocity_and_acceleration(scenario):
     cell = soft(scenario, MODULE)
     led = Led(cell)
     cell.x.move_absolute(200.0)
@@ -207,7 +209,7 @@ def test_a_led_move_with_another_jerk_takes_over_velocity_and_acceleration(scena
 
 @pytest.mark.parametrize("moment", [0.15, 0.2, 0.3, 0.9, 1.35])
 @pytest.mark.parametrize("before", [1000.0, 200.0])
-def test_a_led_move_with_another_acceleration_takes_over_what_there_is(scenario, before, moment):
+def test_a_move_of_the_master_with_another_acceleration_takes_over_the_present_one(scenario, before, moment):
     """What is harder, or takes another mean, lets its acceleration go first; out of a move without a jerk as well."""
     cell = soft(scenario, MODULE, axis="max_acceleration = 1000.0")
     led = Led(cell)
@@ -229,7 +231,7 @@ def test_a_led_move_with_another_acceleration_takes_over_what_there_is(scenario,
     assert cell.where("x") == pytest.approx(-20.0, abs=NEAR)
 
 
-def test_out_of_a_trajectory_a_led_move_goes_on_with_its_velocity(scenario):
+def test_after_a_trajectory_a_move_of_the_master_continues_with_its_velocity(scenario):
     cell = soft(scenario, MODULE)
     led = Led(cell)
     cell.x.follow(TrapezoidalTrajectory(0.0, 200.0, 100.0, 500.0))
@@ -242,7 +244,7 @@ def test_out_of_a_trajectory_a_led_move_goes_on_with_its_velocity(scenario):
     assert led.worst(3) <= JERK * 1.001
 
 
-def test_out_of_a_led_move_a_line_may_begin_only_at_rest_and_a_move_without_jerk_goes_on(scenario):
+def test_after_a_move_of_the_master_a_line_may_begin_only_at_rest_and_a_move_without_jerk_continues(scenario):
     cell = soft(scenario, MODULE)
     cell.x.move_absolute(200.0)
     cell.run(0.6)
@@ -250,7 +252,7 @@ def test_out_of_a_led_move_a_line_may_begin_only_at_rest_and_a_move_without_jerk
     assert cell.where("x") == pytest.approx(20.0, abs=NEAR)
 
 
-def test_a_target_that_would_lead_a_led_move_beyond_its_limits_is_refused(scenario):
+def test_a_target_that_would_take_a_move_of_the_master_beyond_its_limits_is_refused(scenario):
     cell = soft(scenario, MODULE, axis="position_limits = [-10.0, 205.0]")
     first = cell.x.move_absolute(200.0, velocity=300.0)
     cell.run(0.62)
@@ -261,7 +263,7 @@ def test_a_target_that_would_lead_a_led_move_beyond_its_limits_is_refused(scenar
     assert cell.where("x") == pytest.approx(200.0, abs=NEAR)
 
 
-def test_a_halt_out_of_a_led_move_that_took_over_brakes_as_hard_as_without(scenario):
+def test_a_halt_of_a_move_that_took_over_brakes_as_hard_as_without_jerk(scenario):
     cell = soft(scenario, MODULE)
     cell.x.move_absolute(200.0)
     cell.run(0.5)
@@ -274,7 +276,7 @@ def test_a_halt_out_of_a_led_move_that_took_over_brakes_as_hard_as_without(scena
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_random_targets_on_the_way_keep_jerk_and_acceleration(scenario, seed):
+def test_random_targets_during_the_motion_keep_jerk_and_acceleration(scenario, seed):
     cell, chance = soft(scenario, MODULE), random.Random(seed)
     led, target, handles = Led(cell), 0.0, []
     for _ in range(25):
@@ -291,7 +293,7 @@ def test_random_targets_on_the_way_keep_jerk_and_acceleration(scenario, seed):
     assert led.worst(2) <= 500.0 * 1.001
 
 
-def test_a_virtual_axis_is_led_softly_too(scenario):
+def test_a_virtual_axis_has_a_jerk_limit_too(scenario):
     cell = scenario.simulated(text=cell_text("", more=virtual("max_velocity = 400.0")))
     v = cell["v"]
     v.enable().wait(5)
@@ -301,7 +303,7 @@ def test_a_virtual_axis_is_led_softly_too(scenario):
     assert v.position == 100.0
 
 
-def test_several_axes_move_directly_each_in_its_own_way(scenario):
+def test_move_direct_moves_each_axis_by_its_own_profile(scenario):
     text = cell_text("x", eds=GENERIC) + cell_text("y", eds=MODULE).partition("\n[nodes.1]")[2].join(
         ["\n[nodes.2]", ""]
     )
@@ -317,7 +319,7 @@ def test_several_axes_move_directly_each_in_its_own_way(scenario):
 # -- what is refused, and told ---------------------------------------------------------------------------------------------
 
 
-def test_a_led_move_does_not_take_over_from_what_the_drive_plans_and_says_why(scenario):
+def test_a_move_of_the_master_does_not_take_over_from_the_drive_and_says_why(scenario):
     cell = soft(scenario, MODULE)
     first = cell.x.move_absolute(300.0, jerk=math.inf)
     cell.run(0.5)
@@ -347,7 +349,7 @@ def test_a_drive_without_csp_and_without_a_profile_jerk_cannot(scenario):
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, "soft", 1e30])
-def test_what_is_no_jerk_is_refused_at_the_call(scenario, value):
+def test_an_invalid_jerk_is_refused_at_the_call(scenario, value):
     cell = scenario.simulated("x")
     with pytest.raises(ArgumentError, match=r"jerk|60A4h"):
         cell.x.move_absolute(10.0, jerk=value)

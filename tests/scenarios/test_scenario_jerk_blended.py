@@ -38,7 +38,7 @@ def must_be_soft(led, hardest=HARD, jerk=JERK):
         *((mode, (120.0, 60.0), joint) for mode, joint in SLOWER.items()),
     ],
 )
-def test_a_joint_is_passed_with_the_velocity_that_the_mode_says(scenario, eds, mode, velocities, joint):
+def test_a_transition_has_the_velocity_of_its_mode(scenario, eds, mode, velocities, joint):
     """By the master, also where the drive has a profile jerk."""
     cell = soft(scenario, eds)
     led = Led(cell)
@@ -57,7 +57,7 @@ def test_a_joint_is_passed_with_the_velocity_that_the_mode_says(scenario, eds, m
 
 
 @pytest.mark.parametrize("moment", [0.0, 0.02, 0.2, 0.6, 0.75])
-def test_a_move_with_a_limit_of_jerk_is_joined_on_its_way_and_before_it_has_begun(scenario, moment):
+def test_a_jerk_limited_move_can_be_joined_before_it_begins_and_while_it_moves(scenario, moment):
     cell = soft(scenario, MODULE)
     led = Led(cell)
     first = cell.x.move_absolute(70.0, velocity=100.0)
@@ -87,7 +87,7 @@ def test_one_that_comes_when_it_brakes_already_is_passed_more_slowly_and_says_so
     must_be_soft(led)
 
 
-def test_where_the_way_leads_back_it_stops_at_the_end_and_says_so(scenario):
+def test_if_the_path_reverses_it_stops_at_the_end_and_says_so(scenario):
     cell = soft(scenario, MODULE)
     led = Led(cell)
     first = cell.x.move_absolute(70.0, buffer="blending_next")
@@ -193,7 +193,7 @@ def test_a_halt_and_a_stop_are_as_hard_as_without_and_end_all(scenario, call):
 
 @pytest.mark.parametrize("moment", [0.2, 0.6, 0.9])
 @pytest.mark.parametrize("by", ["move", "velocity", "harder"])
-def test_what_takes_over_goes_on_with_its_velocity_and_its_acceleration(scenario, moment, by):
+def test_what_takes_over_continues_with_its_velocity_and_its_acceleration(scenario, moment, by):
     cell = soft(scenario, MODULE)
     led = Led(cell)
     handles = [
@@ -213,7 +213,7 @@ def test_what_takes_over_goes_on_with_its_velocity_and_its_acceleration(scenario
     assert len([row for row in led.rows if row]) == 1
 
 
-def test_an_end_beyond_the_limits_is_refused_and_what_is_under_way_goes_on(scenario):
+def test_an_end_beyond_the_limits_is_refused_and_the_running_moves_continue(scenario):
     cell = soft(scenario, MODULE, axis="position_limits = [-10.0, 100.0]")
     first = cell.x.move_absolute(70.0, buffer="blending_next")
     second = cell.x.move_relative(50.0, buffer="blending_next")
@@ -236,7 +236,7 @@ def test_a_virtual_axis_passes_softly_too(scenario):
     assert v.position == 120.0
 
 
-def test_a_fault_on_the_way_ends_all_of_them(scenario):
+def test_a_fault_during_the_moves_ends_all_of_them(scenario):
     cell = soft(scenario, MODULE)
     handles = [cell.x.move_absolute(at, buffer="blending_next") for at in (60.0, 90.0, 150.0)]
     cell.until(lambda: handles[0].done)

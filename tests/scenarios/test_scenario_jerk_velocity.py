@@ -95,7 +95,7 @@ def test_a_soft_drive_is_stopped_ahead_of_its_position_limits(scenario):
 # -- by the master -------------------------------------------------------------------------------------------------------
 
 
-def test_a_drive_without_a_profile_jerk_is_led(scenario):
+def test_without_a_profile_jerk_the_master_controls_the_velocity(scenario):
     cell = soft(scenario, MODULE)
     led, begun = Led(cell), cell.now
     handle = cell.x.move_velocity(100.0)
@@ -122,7 +122,7 @@ def test_without_a_jerk_the_drive_makes_the_ramp(scenario):
     assert cell.x.velocity == pytest.approx(50.0, abs=2.0)
 
 
-def test_a_velocity_of_0_brings_it_to_rest_and_leaves_it_led(scenario):
+def test_a_velocity_of_0_brings_it_to_rest_under_control_of_the_master(scenario):
     cell = soft(scenario, MODULE)
     led = Led(cell)
     cell.end_of(cell.x.move_velocity(100.0))
@@ -154,7 +154,7 @@ def test_a_move_takes_over_from_it_with_its_velocity_and_its_acceleration(scenar
 
 @pytest.mark.parametrize("moment", [0.1, 0.2, 0.25, 0.6, 2.03])
 @pytest.mark.parametrize("velocity", [80.0, 0.0, -80.0])
-def test_it_takes_over_from_a_move_on_the_way(scenario, moment, velocity):
+def test_it_takes_over_from_a_running_move(scenario, moment, velocity):
     """Speeding up, going evenly, and braking; with another acceleration as well."""
     cell = soft(scenario, MODULE)
     led = Led(cell)
@@ -169,7 +169,7 @@ def test_it_takes_over_from_a_move_on_the_way(scenario, moment, velocity):
 
 
 @pytest.mark.parametrize("moment", [0.1, 0.5, 2.03])
-def test_out_of_a_move_without_a_jerk_it_goes_on_with_its_acceleration_too(scenario, moment):
+def test_out_of_a_move_without_a_jerk_it_continues_with_its_acceleration_too(scenario, moment):
     cell = soft(scenario, MODULE)
     cell.x.follow(TrapezoidalTrajectory(0.0, 10.0, 50.0, HARD))
     cell.run(0.1)
@@ -319,7 +319,7 @@ def test_before_it_is_homed_no_position_limit_holds(scenario):
 
 
 @pytest.mark.parametrize("jerk", [0.0, -1.0, math.nan, "soft"])
-def test_what_is_no_jerk_is_refused_at_the_call(scenario, jerk):
+def test_an_invalid_jerk_is_refused_at_the_call(scenario, jerk):
     cell = scenario.simulated("x")
     with pytest.raises(ArgumentError, match="jerk"):
         cell.x.move_velocity(10.0, jerk=jerk)
@@ -369,7 +369,7 @@ def test_a_velocity_that_is_not_reached_in_time_ends_with_an_error_and_the_axis_
     assert cell.core().ladder is None
 
 
-def test_what_is_buffered_behind_it_begins_when_it_is_reached_and_what_is_blended_says_that_it_is_not(
+def test_a_buffered_move_begins_when_the_velocity_is_reached_and_a_blended_one_says_that_it_cannot_blend(
     scenario,
 ):
     cell = soft(scenario, MODULE)
@@ -399,7 +399,7 @@ def test_a_distance_is_laid_over_it_and_a_slave_follows_it(scenario):
     assert cell.where("x") > before
 
 
-def test_an_endless_axis_turns_on_and_on_and_a_move_goes_on_to_its_place_in_the_turn(scenario):
+def test_an_endless_axis_turns_on_and_on_and_a_move_continues_to_its_place_in_the_turn(scenario):
     cell = soft(scenario, MODULE, axis="modulo = 360.0")
     led = Led(cell)
     assert cell.end_of(cell.x.move_velocity(390.0)) is None

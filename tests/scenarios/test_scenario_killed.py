@@ -136,7 +136,9 @@ def file(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_a_restore_that_is_killed_again_and_again_goes_on_with_what_differs(drive: Drive, file: str) -> None:
+def test_a_restore_that_is_killed_again_and_again_continues_with_what_differs(
+    drive: Drive, file: str
+) -> None:
     """In the reading; with the PDO switched off; between settings; with it half filled; whole but off; before the last look."""
     factory = drive.held()
     restore = ("config", "restore", file, str(NODE))

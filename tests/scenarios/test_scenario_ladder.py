@@ -76,7 +76,7 @@ def test_a_drive_that_ignores_everything_is_left_to_its_reaction_to_nmt_stop(sce
     golden("ladder_nmt_stop", cell.failure_of(halt))
 
 
-def test_a_drive_that_nothing_stops_is_told_as_moving(scenario, golden):
+def test_a_drive_that_nothing_stops_is_reported_as_moving(scenario, golden):
     cell = scenario.simulated("x", stop=TIMES)
     cell.travelling()
     cell.device().write(0x6007, 0, 0)
@@ -89,7 +89,7 @@ def test_a_drive_that_nothing_stops_is_told_as_moving(scenario, golden):
 
 
 @pytest.mark.nets("the stop ladder")
-def test_a_drive_that_does_not_switch_off_is_told_as_energised(scenario, golden):
+def test_a_drive_that_does_not_switch_off_is_reported_as_energised(scenario, golden):
     cell = scenario.simulated("x", stop=TIMES)
     cell.travelling()
     cell.drive().dials.transition_delay = {5: float("inf")}
@@ -100,7 +100,7 @@ def test_a_drive_that_does_not_switch_off_is_told_as_energised(scenario, golden)
 
 
 @pytest.mark.nets("the stop ladder")
-def test_the_way_out_goes_down_the_same_ladder(scenario, golden):
+def test_the_end_of_the_program_runs_the_same_stop_sequence(scenario, golden):
     cell = scenario.simulated("x", stop=TIMES)
     cell.travelling()
     deaf(cell, "halt")
@@ -221,7 +221,7 @@ WAYS = {
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.nets("the stop ladder")
-def test_a_load_on_a_brake_is_stopped_and_held_by_every_way_of_stopping(scenario, way):
+def test_a_load_on_a_brake_is_stopped_and_held_by_every_stop(scenario, way):
     cell = vertical(scenario, BRAKE)
     fall = rising(cell)
     handle = WAYS[way](cell.x)
@@ -250,7 +250,7 @@ def test_a_load_on_the_motor_alone_stays_held_when_the_program_ends(scenario):
     fall.must_be_below(0.2)
 
 
-def test_a_hanging_axis_is_never_switched_off_before_it_stands(scenario, golden):
+def test_a_hanging_axis_is_never_switched_off_before_standstill(scenario, golden):
     """Neither halt nor quick stop is obeyed: cutting the power now would drop the load, so the ladder ends here and says so."""
     cell = vertical(scenario, TORQUE, stop=TIMES)
     cell.x.move_relative(2000.0, velocity=60.0)

@@ -72,7 +72,7 @@ def test_a_turning_axis_comes_to_rest_within_its_position_limits(scenario, veloc
 
 
 @pytest.mark.parametrize("deceleration", [100.0, 720.0, 3600.0])
-def test_what_is_counted_is_the_deceleration_that_the_command_has_written(scenario, deceleration):
+def test_the_braking_distance_uses_the_deceleration_that_the_command_has_written(scenario, deceleration):
     cell = joints(scenario)
     cell["y"].move_velocity(150.0, acceleration=500, deceleration=deceleration)
     must_end_within(cell, "y", -90.0, 90.0)
@@ -80,7 +80,7 @@ def test_what_is_counted_is_the_deceleration_that_the_command_has_written(scenar
 
 
 @pytest.mark.parametrize(("halt", "beyond"), [("ramp", 85.0), ("slow-ramp", 60.0)])
-def test_what_is_counted_is_the_ramp_that_a_halt_has_by_605dh(scenario, halt, beyond):
+def test_the_braking_distance_uses_the_ramp_that_a_halt_has_by_605dh(scenario, halt, beyond):
     """A halt on the quick-stop ramp (1440 deg/s²) needs a fifth of the way that one on 6084h (300 deg/s²) needs."""
     cell = scenario.simulated(text=JOINTS.replace('halt = "slow-ramp"', f'halt = "{halt}"'))
     cell["y"].enable().wait(5)
@@ -90,7 +90,9 @@ def test_what_is_counted_is_the_ramp_that_a_halt_has_by_605dh(scenario, halt, be
     assert cell.farthest("y")[1] > beyond
 
 
-def test_a_weaker_deceleration_close_to_a_limit_is_refused_and_the_motion_before_goes_on_in_safety(scenario):
+def test_a_weaker_deceleration_close_to_a_limit_is_refused_and_the_motion_before_continues_in_safety(
+    scenario,
+):
     cell = joints(scenario)
     first = cell["y"].move_velocity(200.0, acceleration=3600, deceleration=3600)
     cell.until(lambda: cell.where("y") > 40.0)
@@ -103,7 +105,7 @@ def test_a_weaker_deceleration_close_to_a_limit_is_refused_and_the_motion_before
     must_end_within(cell, "y", -90.0, 90.0)
 
 
-def test_a_slow_move_goes_on_close_to_its_limit(scenario):
+def test_a_slow_move_continues_close_to_its_limit(scenario):
     """The reaction way is that of the command, so that jogging near an end of the axis is possible."""
     cell = joints(scenario)
     cell["y"].move_absolute(89.0, velocity=360, acceleration=3600).wait(5)
@@ -308,7 +310,7 @@ def test_max_torque_of_the_cell_file_is_the_one_that_holds(scenario):
     assert "max_torque is 0.5" in caught.value.observed
 
 
-def test_a_rated_torque_that_the_drive_does_not_share_is_told_at_boot(scenario):
+def test_a_rated_torque_that_the_drive_does_not_share_is_reported_at_boot(scenario):
     told = scenario.simulated("x", axis="rated_torque = 2.54").machine.reports[0]
     assert any("rated_torque 2.54 N·m, but 6076h has 1.27 N·m" in warning for warning in told.warnings)
     assert "0.5 times the commanded torque" in told.text()

@@ -98,7 +98,7 @@ def test_a_reset_of_an_axis_whose_node_fell_silent_in_pre_operational_says_that_
 
 
 @pytest.mark.nets("the stop ladder")
-def test_a_node_that_somebody_sends_to_pre_operational_is_stopped_by_sdo(scenario, golden):
+def test_a_node_sent_to_pre_operational_by_another_master_is_stopped_by_sdo(scenario, golden):
     cell = scenario.simulated("xy")
     cell.turning()
     cell.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)  # the drive itself would go on turning
@@ -109,7 +109,7 @@ def test_a_node_that_somebody_sends_to_pre_operational_is_stopped_by_sdo(scenari
 
 
 @pytest.mark.nets("the stop ladder")
-def test_when_somebody_stops_a_node_the_others_stop(scenario, golden):
+def test_if_another_master_stops_a_node_the_others_stop(scenario, golden):
     cell = scenario.simulated("xy")
     cell.turning()
     cell.nmt(NmtCommand.STOP, 1)
@@ -133,7 +133,7 @@ def test_a_node_that_came_back_without_a_restart_serves_again_after_a_reset(scen
     assert cell.device().nmt is NmtState.OPERATIONAL
 
 
-def test_a_node_that_came_back_in_fault_and_was_reset_is_told_when_it_is_lost_again(scenario):
+def test_a_node_that_came_back_in_fault_and_was_reset_is_reported_when_it_is_lost_again(scenario):
     cell = scenario.simulated("x")
     cell.turning()
     cell.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)

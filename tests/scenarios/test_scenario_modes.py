@@ -149,7 +149,7 @@ def test_csp_is_refused_where_its_values_do_not_travel_with_sync(scenario, golde
     assert cell.x.state is AxisState.STANDSTILL
 
 
-def test_a_trajectory_that_does_not_begin_where_the_axis_stands_is_refused(scenario, golden):
+def test_a_trajectory_that_does_not_begin_at_the_present_position_is_refused(scenario, golden):
     cell = scenario.simulated("x").enabled()
     failed = cell.failure_of(cell.x.follow(TrapezoidalTrajectory(5.0, 10.0, 10.0, 10.0)))
     golden("csp_begins_elsewhere", failed)
@@ -175,9 +175,7 @@ def test_a_trajectory_that_becomes_too_fast_is_braked_along_its_path(scenario, g
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_trajectory_that_runs_into_the_limit_is_braked_so_that_the_axis_stands_within(
-    scenario, golden, way
-):
+def test_a_trajectory_that_runs_into_the_limit_is_braked_to_rest_within_it(scenario, golden, way):
     cell = scenario.simulated("x", axis="position_limits = [-90.0, 90.0]").enabled()
 
     class Onwards(Ramp):

@@ -63,7 +63,7 @@ def test_a_silent_bus_stays_silent(tmp_path, monitor):
     assert "1 x        nothing heard" in told
 
 
-def test_beside_a_running_machine_it_shows_the_axes_and_disturbs_nothing(tmp_path, monitor):
+def test_with_beside_it_shows_the_axes_of_a_running_machine_and_disturbs_nothing(tmp_path, monitor):
     with Line(tmp_path, "xy") as line, line.open() as machine:
         for axis in machine:
             enable(axis)
@@ -84,7 +84,7 @@ def test_beside_a_running_machine_it_shows_the_axes_and_disturbs_nothing(tmp_pat
     assert "127 master operational; heartbeat every " in told
 
 
-def test_every_frame_on_the_bus_is_somebody_elses(tmp_path, monitor):
+def test_every_frame_on_the_bus_belongs_to_others(tmp_path, monitor):
     with Line(tmp_path, "x", present="") as line, Ear(line.channel) as ear:
         with OtherMaster(line.channel, others.MASTERS["CODESYS"]) as other:
             code, told, _ = monitor(line)
@@ -144,7 +144,7 @@ def test_a_simulated_cell_can_be_listened_to(scenario, monkeypatch, capsys):
     assert "!! 1 x boot-up: boot-up: enters pre-operational" in capsys.readouterr().out
 
 
-def test_listening_needs_no_beside(tmp_path, monitor):
+def test_listening_does_not_need_beside(tmp_path, monitor):
     with Line(tmp_path, "x", present="") as line:
         code, _, told = monitor(line, "--beside")
     assert code == 2

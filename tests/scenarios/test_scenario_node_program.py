@@ -255,7 +255,7 @@ def test_letter_i_the_new_program_is_another_one(tmp_path, golden):
     golden("node_program_i_date", error)
 
 
-def test_after_a_download_that_failed_the_next_boot_up_mends_it(tmp_path):
+def test_after_a_download_that_failed_the_next_boot_up_fixes_it(tmp_path):
     with rig(tmp_path, DOWNLOAD) as line:
         device = line.devices["x"]
         device.dials.program.flash_error = 5
@@ -269,7 +269,7 @@ def test_after_a_download_that_failed_the_next_boot_up_mends_it(tmp_path):
 # -- who may be disturbed --------------------------------------------------------------------------------------------------
 
 
-def test_a_drive_found_enabled_keeps_its_program_and_it_is_told(tmp_path):
+def test_a_drive_found_enabled_keeps_its_program_and_it_is_reported(tmp_path):
     with rig(tmp_path, DOWNLOAD) as line:
         device = line.devices["x"]
         with line.stand_ins.lock:
@@ -317,7 +317,7 @@ def axisbus(monkeypatch, capsys):
     return call
 
 
-def test_boot_tells_of_a_program_as_text_and_as_json(axisbus, tmp_path):
+def test_boot_reports_of_a_program_as_text_and_as_json(axisbus, tmp_path):
     with rig(tmp_path, EXPECTED) as line:
         code, told = axisbus("boot", line.file)
         code_of_json, plain = axisbus("boot", "--json", line.file)
@@ -337,14 +337,14 @@ def test_boot_tells_of_a_program_as_text_and_as_json(axisbus, tmp_path):
     }
 
 
-def test_boot_says_when_a_program_is_on_its_way(axisbus, tmp_path):
+def test_boot_reports_that_a_program_is_being_downloaded(axisbus, tmp_path):
     with rig(tmp_path, DOWNLOAD) as line:
         code, told = axisbus("boot", line.file)
     assert code == 0, told.out
     assert "node 1: its program is being replaced, 3000 bytes; do not switch it off\n" in told.err
 
 
-def test_an_interruption_says_what_it_has_left_behind(axisbus, tmp_path, monkeypatch):
+def test_an_interruption_reports_the_state_of_the_download(axisbus, tmp_path, monkeypatch):
     def interrupted(_path, _progress, on_program, **_options):
         on_program(3, 0, 3000)
         on_program(3, 889, 3000)

@@ -80,7 +80,7 @@ def settled(cell, target: float) -> bool:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_default_handshake_names_the_way_out(scenario, golden, kind):
+def test_the_error_of_the_default_handshake_names_the_remedy(scenario, golden, kind):
     cell = played(scenario, kind, axis="")
     error = cell.failure_of(cell.x.move_absolute(2000.0))
     cell.must_stand(within=2.0, stages=ENABLED)
@@ -241,7 +241,7 @@ def test_a_replacement_that_is_not_taken_is_no_move(scenario, last, travels):
 
 @pytest.mark.parametrize("travels", ["with SYNC", "without 6062h"])
 @pytest.mark.parametrize("last", [0.0, 0.05, 0.15, -20.0, 300.0])
-def test_a_halted_axis_that_goes_on_to_its_old_target_is_not_done(scenario, last, travels):
+def test_a_halted_axis_that_continues_to_its_old_target_is_not_done(scenario, last, travels):
     cell = played(scenario, "never", port=TRAVELS[travels])
     cell.x.move_absolute(100.0)
     cell.run(0.7)
@@ -253,7 +253,7 @@ def test_a_halted_axis_that_goes_on_to_its_old_target_is_not_done(scenario, last
     assert travels != "with SYNC" or isinstance(error, SetPointError)
 
 
-def test_a_halted_axis_is_not_done_before_it_could_have_gone_on(scenario):
+def test_a_halted_axis_is_not_done_before_it_could_have_continued(scenario):
     """Its feedback comes late, so that it seems to stand at first, and its bit 10 says nothing."""
     cell = played(scenario, "never", port=TRAVELS["without 6062h"])
     cell.drive().dials.feedback_delay = 0.15
@@ -266,7 +266,7 @@ def test_a_halted_axis_is_not_done_before_it_could_have_gone_on(scenario):
     cell.failure_of(cell.x.move_absolute(cell.where()))
 
 
-def test_a_place_where_the_axis_stands_is_done_at_once(scenario):
+def test_a_move_to_the_present_position_is_done_at_once(scenario):
     cell = played(scenario, "never")
     cell.x.move_absolute(10.0).wait(5)
     cell.run(0.5)
@@ -313,7 +313,7 @@ def test_on_a_bus_moves_arrive_stop_and_are_replaced(tmp_path, kind):
 
 
 @pytest.mark.parametrize("kind", ["never", "early"])
-def test_on_a_bus_the_default_handshake_names_the_way_out(tmp_path, kind):
+def test_on_a_bus_the_error_of_the_default_handshake_names_the_remedy(tmp_path, kind):
     with Line(tmp_path) as line:
         turn_dials(line.drive(), kind)
         with line.open() as cell:

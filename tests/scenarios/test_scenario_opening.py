@@ -68,7 +68,7 @@ def eds_of_maker(folder, vendor: int) -> None:
     (folder / "drive.eds").write_text(head + section + tail, encoding="ascii")
 
 
-def test_an_eds_for_another_device_is_told_by_both_identities(tmp_path, golden):
+def test_an_eds_for_another_device_is_reported_by_both_identities(tmp_path, golden):
     eds_of_maker(tmp_path, 0x123)
     with Line(tmp_path, eds="drive.eds") as line:  # these are its devices
         eds_of_maker(tmp_path, 0x456)
@@ -78,7 +78,7 @@ def test_an_eds_for_another_device_is_told_by_both_identities(tmp_path, golden):
     golden("eds_of_another_device", caught.value)
 
 
-def test_an_eds_for_another_device_is_told_in_virtual_time_too(scenario, golden):
+def test_an_eds_for_another_device_is_reported_in_virtual_time_too(scenario, golden):
     eds_of_maker(scenario.folder, 0x123)
     other = device_from_eds(eds.load(scenario.folder / "drive.eds"), 1)
     eds_of_maker(scenario.folder, 0x456)

@@ -38,7 +38,7 @@ def test_a_move_of_the_drive_goes_slower_and_faster_at_once_and_ends_where_it_wa
     assert cell.where("x") == pytest.approx(300.0, abs=NEAR)
 
 
-def test_an_override_of_0_holds_a_move_and_it_goes_on_by_itself(scenario):
+def test_an_override_of_0_holds_a_move_and_it_continues_by_itself(scenario):
     cell, handle = moving(scenario)
     cell.x.set_override(0.0).wait()
     cell.run(0.5)
@@ -55,7 +55,7 @@ def test_an_override_of_0_holds_a_move_and_it_goes_on_by_itself(scenario):
     assert cell.where("x") == pytest.approx(200.0, abs=NEAR)
 
 
-def test_what_is_held_can_be_halted_and_replaced(scenario):
+def test_a_held_move_can_be_halted_and_replaced(scenario):
     cell, handle = moving(scenario)
     cell.x.set_override(0.0).wait()
     cell.run(0.5)
@@ -73,7 +73,7 @@ def test_what_is_held_can_be_halted_and_replaced(scenario):
 
 @pytest.mark.parametrize("way", ["halt", "stop"])
 @pytest.mark.parametrize("rises", [False, True], ids=["held", "let go just before"])
-def test_what_is_held_is_not_taken_for_jammed_where_6062h_tells_nothing(scenario, way, rises):
+def test_a_held_axis_does_not_count_as_jammed_without_a_usable_6062h(scenario, way, rises):
     cell, _ = moving(scenario, axis='demand = "ignore"')
     cell.x.set_override(0.0).wait()
     cell.run(1.0)
@@ -121,7 +121,7 @@ def test_an_override_that_goes_to_and_fro_faster_than_the_handshake_ends_at_its_
     assert cell.where("x") == pytest.approx(400.0, abs=NEAR)
 
 
-def test_an_axis_that_turns_round_for_its_target_takes_another_velocity_on_the_way(scenario):
+def test_an_axis_that_reverses_for_its_target_takes_another_velocity_during_the_move(scenario):
     cell = scenario.simulated("x").enabled()
     cell.x.move_velocity(-100.0, acceleration=50.0)
     cell.run(3.0)
@@ -134,7 +134,7 @@ def test_an_axis_that_turns_round_for_its_target_takes_another_velocity_on_the_w
 
 
 @pytest.mark.parametrize("factor", [0.4, 1.4])
-def test_a_drive_that_keeps_its_velocity_is_told_and_stops(scenario, monkeypatch, factor):
+def test_a_drive_that_keeps_its_velocity_is_reported_and_stops(scenario, monkeypatch, factor):
     cell, handle = moving(scenario, 1500.0)
     plain = ProfilePosition._set_point
 
@@ -227,7 +227,7 @@ def test_a_torque_and_a_homing_are_not_scaled(scenario):
 # -- what the master leads ----------------------------------------------------------------------------------------------
 
 
-def test_a_trajectory_is_slowed_held_and_gone_on_with_on_its_path(scenario):
+def test_a_trajectory_is_slowed_held_and_continued_with_on_its_path(scenario):
     cell = scenario.simulated("x", axis="max_acceleration = 2000.0").enabled()
     handle = cell.x.follow(TrapezoidalTrajectory(0.0, 200.0, 100.0, 500.0))
     cell.run(0.6)
@@ -240,7 +240,7 @@ def test_a_trajectory_is_slowed_held_and_gone_on_with_on_its_path(scenario):
     assert cell.where("x") == pytest.approx(200.0, abs=NEAR)
 
 
-def test_a_trajectory_that_tells_nothing_in_advance_is_not_made_faster(scenario):
+def test_a_trajectory_that_reports_nothing_in_advance_is_not_made_faster(scenario):
     cell = scenario.simulated("x").enabled()
     cell.x.set_override(1.5).wait()
     handle = cell.x.follow(lambda t: 50.0 - 50.0 * math.cos(t), duration=math.pi)
@@ -272,7 +272,7 @@ def test_a_line_goes_as_slowly_as_its_slowest_axis_times_its_group(scenario):
     assert cell.end_of(line) is None
 
 
-def test_a_move_out_of_a_trajectory_is_planned_anew_and_held(scenario):
+def test_a_move_out_of_a_trajectory_is_planned_again_and_held(scenario):
     cell = scenario.simulated("x", axis="max_acceleration = 2000.0").enabled()
     cell.x.follow(TrapezoidalTrajectory(0.0, 200.0, 100.0, 500.0))
     cell.run(0.6)
@@ -347,7 +347,7 @@ def test_no_stop_is_scaled(scenario):
 
 
 @pytest.mark.parametrize("value", [-0.1, 1.51, math.nan, "1", None])
-def test_what_is_no_override_is_refused_at_the_call(scenario, value):
+def test_an_invalid_override_is_refused_at_the_call(scenario, value):
     cell = scenario.simulated("x")
     for who in (cell.x, cell.machine):
         with pytest.raises(ArgumentError, match=r"from 0 to 1\.5"):

@@ -71,7 +71,7 @@ def away(place, a, b):
     return math.dist(place, [q + along * (r - q) for q, r in zip(a, b, strict=True)])
 
 
-def test_the_tool_goes_on_a_straight_line_and_nobody_is_asked_while_it_does(scenario):
+def test_the_tool_continues_a_straight_line_and_nobody_is_asked_while_it_does(scenario):
     own = Arm()
     cell, xy = placed(scenario, own)
     since = cell.moment()
@@ -118,7 +118,7 @@ def test_an_override_a_halt_and_a_resume_keep_the_tool_on_its_path_and_circle(sc
     assert max(abs(math.dist(p, (220.0, 0.0)) - 40.0) for p in tool(cell, since)) < NEAR
 
 
-def test_what_waits_begins_where_the_way_before_ends(scenario):
+def test_a_buffered_path_begins_at_the_end_of_the_previous_path(scenario):
     cell, xy = placed(scenario, Arm())
     handles = [
         xy.move_linear((250.0, 100.0), velocity=200.0, acceleration=1000.0),
@@ -156,7 +156,7 @@ def test_there_may_be_more_axes_than_coordinates(scenario):
         group.move_linear((1.0, 2.0), velocity=100.0)
 
 
-def test_once_round_the_table_goes_on_and_not_back(scenario):
+def test_once_round_the_table_continues_and_not_back(scenario):
     cell, group = placed(scenario, Polar(), (170.0, 50.0, 0.0), "xyz")
     circle = group.move_circular(group.tool_position, centre=(0.0, 0.0), velocity=400.0, acceleration=2000.0)
     assert cell.end_of(circle) is None
@@ -202,7 +202,7 @@ def out(_):
         (lambda found: (found[0] + 0.5, found[1]), ArgumentError, "do not agree"),
     ],
 )
-def test_what_its_functions_do_wrong_is_told_before_anything_moves(scenario, method, wrong, kind, text):
+def test_what_its_functions_do_wrong_is_reported_before_anything_moves(scenario, method, wrong, kind, text):
     cell, xy = placed(scenario, Fails(wrong, method))
     before = cell.machine["x"].position, cell.machine["y"].position
     with pytest.raises(kind, match=text) as told:
@@ -214,7 +214,7 @@ def test_what_its_functions_do_wrong_is_told_before_anything_moves(scenario, met
     assert cell.machine["x"].state.value == "Standstill"
 
 
-def test_what_forward_does_wrong_where_the_axes_stand_is_told_by_the_call(scenario):
+def test_what_forward_does_wrong_where_the_axes_stand_is_reported_by_the_call(scenario):
     _, xy = placed(scenario, Fails(other, "forward", count=0))
     with pytest.raises(ArgumentError, match=r"x\+y.move_circular.*: Fails.forward failed at"):
         xy.move_circular((250.0, 0.0), via=(200.0, 10.0), velocity=100.0, acceleration=500.0)
@@ -222,7 +222,7 @@ def test_what_forward_does_wrong_where_the_axes_stand_is_told_by_the_call(scenar
         _ = xy.tool_position
 
 
-def test_a_way_of_too_many_samples_is_refused_and_one_of_a_thousand_points_is_not(scenario):
+def test_a_path_of_too_many_samples_is_refused_and_one_of_a_thousand_points_is_not(scenario):
     cell, xy = placed(scenario, Polar(), (0.0, 50.0, 0.0), "xyz")
     points = [(150.0 + 0.1 * (n % 2), 0.2 * n) for n in range(1, 1001)]
     path = xy.move_path(points, velocity=50.0, acceleration=500.0, blend=0.02)
@@ -267,14 +267,14 @@ def test_a_line_out_of_reach_or_past_the_middle_of_a_turntable_is_refused(scenar
         table.move_linear((-150.0, 0.001), velocity=200.0, acceleration=1000.0)
 
 
-def test_a_way_beyond_an_axis_is_refused_with_the_axis_and_the_place(scenario):
+def test_a_path_beyond_an_axis_limit_is_refused_with_the_axis_and_the_location(scenario):
     _, xy = placed(scenario, Arm(), axis=AXIS + "\nposition_limits = [-60.0, 100.0]")
     with pytest.raises(LimitError, match=r"leaves the position limits of y near \(") as told:
         xy.move_linear((90.0, 60.0), velocity=200.0, acceleration=1000.0)
     assert "allowed are -60 to 100" in told.value.observed
 
 
-def test_what_is_no_kinematics_and_no_accuracy_is_refused(scenario):
+def test_invalid_kinematics_and_an_invalid_accuracy_are_refused(scenario):
     cell = scenario.simulated("xy")
     for given in (3, object(), lambda joints: joints):
         with pytest.raises(ArgumentError, match="is not a kinematics object"):
@@ -304,7 +304,7 @@ def test_an_inverse_that_is_not_exact_needs_an_accuracy(scenario):
     assert max(away(place, (200.0, 150.0), (250.0, -100.0)) for place in tool(cell, since)) < 0.2 + NEAR
 
 
-def test_a_fault_of_one_axis_stops_the_other_on_the_way_and_nothing_resumes_from_elsewhere(scenario):
+def test_a_fault_of_one_axis_stops_the_other_on_the_path_and_nothing_resumes_from_another_position(scenario):
     cell, xy = placed(scenario, Arm())
     line = xy.move_linear((250.0, -100.0), velocity=150.0, acceleration=1000.0)
     cell.run(0.5)
@@ -315,7 +315,7 @@ def test_a_fault_of_one_axis_stops_the_other_on_the_way_and_nothing_resumes_from
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_random_ways_keep_to_the_tools_path_and_the_axes_limits(scenario, seed):
+def test_random_paths_keep_to_the_tool_path_and_the_axis_limits(scenario, seed):
     rng = random.Random(seed)
     cell, xy = placed(scenario, Arm())
     for _ in range(3):
@@ -348,7 +348,7 @@ def test_random_ways_keep_to_the_tools_path_and_the_axes_limits(scenario, seed):
         xy.set_override(1.0)
 
 
-def test_lines_and_stops_have_a_limit_of_jerk_and_rounded_corners_have_none(scenario):
+def test_lines_and_stops_have_a_jerk_limit_and_rounded_corners_do_not(scenario):
     """Of the samples of a corner nothing tells how it bends."""
     cell, tool = placed(scenario, Arm())
     points, pace = [(260.0, 150.0), (260.0, 50.0)], {"velocity": 150.0, "acceleration": 1000.0}

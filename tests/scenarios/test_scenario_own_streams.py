@@ -162,7 +162,7 @@ def test_of_more_axes_than_coordinates_each_does_its_part(scenario):
     ids=["nan", "one", "raises", "elsewhere", "out of reach"],
 )
 @pytest.mark.parametrize("at", [0, 1, 2, 30])
-def test_what_the_functions_say_is_told_with_the_point_which_alone_is_not_taken(
+def test_what_the_functions_say_is_reported_with_the_point_which_alone_is_not_taken(
     scenario, said, kind, told, at
 ):
     arm = Arm()
@@ -222,7 +222,7 @@ def test_it_must_begin_where_the_axes_stand(scenario):
     points.handle.exception()
 
 
-def test_what_forward_says_where_the_axes_stand_is_told_at_the_call(scenario):
+def test_what_forward_says_where_the_axes_stand_is_reported_at_the_call(scenario):
     arm = Arm()
     _cell, tool = placed(scenario, arm)
     arm.forward = lambda _: ("x",)
@@ -230,7 +230,7 @@ def test_what_forward_says_where_the_axes_stand_is_told_at_the_call(scenario):
         tool.stream(period=PERIOD)
 
 
-def test_broken_off_by_a_halt_it_goes_on_through_every_point(scenario):
+def test_broken_off_by_a_halt_it_continues_through_every_point(scenario):
     arm = Arm()
     cell, tool = placed(scenario, arm)
     points = tool.stream(period=PERIOD, buffer=0.5)

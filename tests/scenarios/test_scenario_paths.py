@@ -127,7 +127,7 @@ def test_a_line_with_a_limit_of_jerk_begins_and_ends_softly_and_is_halted_on_its
     )
 
 
-def test_a_path_with_a_limit_of_jerk_is_halted_in_its_corner_and_gone_on_with(scenario):
+def test_a_path_with_a_limit_of_jerk_is_halted_in_its_corner_and_continued_with(scenario):
     cell, group = two(scenario)
     corners = [(60.0, 0.0), (60.0, 40.0), (0.0, 40.0)]
     begun = cell.now
@@ -149,7 +149,7 @@ def test_a_path_with_a_limit_of_jerk_is_halted_in_its_corner_and_gone_on_with(sc
     must_be_at(cell, 0.0, 0.0)
 
 
-def test_what_is_held_can_be_halted_and_an_override_scales_no_halt(scenario):
+def test_a_held_path_can_be_halted_and_an_override_scales_no_halt(scenario):
     cell, group = two(scenario)
     line = group.move_linear((200.0, 0.0), velocity=100.0, acceleration=400.0)
     cell.run(0.8)
@@ -168,7 +168,7 @@ def test_what_is_held_can_be_halted_and_an_override_scales_no_halt(scenario):
 
 
 @pytest.mark.parametrize("after", [0.5, 1.2, 1.9, 2.6])
-def test_a_path_that_crosses_itself_goes_on_with_the_branch_on_which_it_was_halted(scenario, after):
+def test_a_path_that_crosses_itself_continues_with_the_branch_on_which_it_was_halted(scenario, after):
     cell, group = two(scenario)
     handle = group.move_path(EIGHT, velocity=100.0, acceleration=500.0, blend=1.0)
     cell.run(after)
@@ -257,7 +257,7 @@ def test_where_it_begins_is_looked_at_when_it_begins(scenario):
         (lambda g: g.set_override(math.nan), ArgumentError, "from 0 to 1.5"),
     ],
 )
-def test_what_is_no_path_is_refused_before_anything_moves(scenario, ask, error, words):
+def test_an_invalid_path_is_refused_before_anything_moves(scenario, ask, error, words):
     cell, group = two(
         scenario,
         axis=AXIS + "\nposition_limits = [-90.0, 65.0]",
@@ -268,7 +268,7 @@ def test_what_is_no_path_is_refused_before_anything_moves(scenario, ask, error, 
     must_be_at(cell, 0.0, 0.0)
 
 
-def test_a_circle_about_a_centre_is_one_of_two_axes_and_no_path_leads_an_endless_one(scenario):
+def test_a_circle_about_a_centre_needs_two_axes_and_no_path_takes_an_endless_one(scenario):
     cell = scenario.simulated("xyz", axis=AXIS)
     cell.enabled()
     with pytest.raises(ArgumentError, match="needs two axes, these are 3"):

@@ -182,7 +182,7 @@ MATRIX = [
 
 
 @pytest.mark.parametrize(("plant", "mode", "way"), MATRIX)
-def test_a_stop_that_is_done_stands_and_goes_on_standing(scenario, plant, mode, way):
+def test_after_a_completed_stop_the_axis_stays_at_standstill(scenario, plant, mode, way):
     names = "xy" if way == "lost-node" else "x"
     limits = "position_limits = [-3000.0, 300.0]" if way == "limit" else ""
     cell = cell_on(scenario, PLANTS[plant], names, search=mode == "hm", limits=limits)

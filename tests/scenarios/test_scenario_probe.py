@@ -145,7 +145,7 @@ def test_the_zero_pulse(scenario):
     assert probe.wait(1).position == pytest.approx(cell.drive().params.increments_per_turn / SCALE)
 
 
-def test_continuously_every_edge_is_told_and_what_was_too_fast_is_counted(scenario):
+def test_continuously_every_edge_is_reported_and_what_was_too_fast_is_counted(scenario):
     cell = scenario.simulated().enabled()
     probe = armed(cell, continuous=True)
     place = random.Random(1)
@@ -244,7 +244,7 @@ def test_a_drive_that_arms_nothing_is_named(scenario, golden):
     golden("probe_is_not_armed", cell.failure_of(cell.x.probe()))
 
 
-def test_a_probe_that_another_program_switches_off_is_told(scenario, golden):
+def test_a_probe_that_another_program_switches_off_is_reported(scenario, golden):
     cell = scenario.simulated()
     probe = armed(cell)
     cell.drive().touch_probe.take(0)
@@ -272,7 +272,7 @@ def test_what_another_tool_arms_in_between_stays_armed(scenario):
     assert function(cell) == 0x1111
 
 
-def test_a_position_that_cannot_be_placed_is_not_told(scenario):
+def test_a_position_that_cannot_be_placed_is_not_reported(scenario):
     cell = scenario.simulated().enabled()
     probe = armed(cell)
     cell.device().dials.tpdos_stop = frozenset({1, 2, 3, 4})
@@ -332,7 +332,7 @@ def test_it_counts_as_the_axis_does(scenario):
     assert probe.wait(1).position == pytest.approx(cell.x.position) == pytest.approx(125.0, abs=0.1)
 
 
-def test_it_goes_on_beyond_the_wrap_of_the_drives_count(scenario):
+def test_it_continues_beyond_the_wrap_of_the_drives_count(scenario):
     cell = scenario.simulated()
     cell.drive().axis.motor.position = 2**31 - 1000.0
     cell.run(0.1)
@@ -412,7 +412,7 @@ def test_a_second_request_replaces_the_first_and_outlives_its_cancel(scenario):
     assert not first.captures
 
 
-def test_a_request_right_after_a_cancel_is_armed_and_both_are_told(scenario):
+def test_a_request_right_after_a_cancel_is_armed_and_both_are_reported(scenario):
     cell = scenario.simulated()
     first = armed(cell)
     gone, second = first.cancel(), cell.x.probe()
@@ -472,13 +472,13 @@ def test_an_interrupt_of_one_command_ends_it(scenario):
 # -- the way to the drive --------------------------------------------------------------------------------------------
 
 
-def test_a_drive_that_refuses_is_told(scenario, golden):
+def test_a_drive_that_refuses_is_reported(scenario, golden):
     cell = scenario.simulated()
     cell.device().dials.sdo_write_aborts[0x60B8, 0] = 0x06090030
     golden("probe_refused", cell.failure_of(cell.x.probe()))
 
 
-def test_a_pause_of_sdo_is_survived_and_silence_is_told(scenario):
+def test_a_pause_of_sdo_is_survived_and_silence_is_reported(scenario):
     cell = scenario.simulated()
     probe = armed(cell)
     dials = cell.device().dials
@@ -511,7 +511,7 @@ def test_late_cycles_change_nothing_of_the_position(scenario):
     move.wait(5)
 
 
-def test_an_axis_on_a_trajectory_goes_its_way_as_if_nobody_probed(scenario):
+def test_a_probe_does_not_change_the_motion_of_an_axis_on_a_trajectory(scenario):
     ways = []
     for probed in (True, False):
         cell = scenario.simulated("x", period="4ms").enabled()
@@ -531,7 +531,7 @@ def test_an_axis_on_a_trajectory_goes_its_way_as_if_nobody_probed(scenario):
 # -- until an edge ---------------------------------------------------------------------------------------------------
 
 
-def test_a_search_ends_at_rest_beyond_the_edge_and_tells_where_that_was(scenario):
+def test_a_search_ends_at_rest_beyond_the_edge_and_reports_where_that_was(scenario):
     cell = scenario.simulated().enabled()
     mark(cell, 12.34, 40.0)
     search = cell.x.probe_move(40.0, velocity=50.0, acceleration=500.0)
@@ -578,7 +578,7 @@ def test_an_edge_at_the_very_end_is_found(scenario, delay):
 
 @pytest.mark.parametrize("after", [0.0, 0.03, 0.1, 0.3])
 @pytest.mark.parametrize("how", ["halt", "stop", "quick_stop", "disable", "cancel", "move"])
-def test_what_else_is_told_ends_a_search(scenario, how, after):
+def test_what_else_is_reported_ends_a_search(scenario, how, after):
     cell = scenario.simulated().enabled()
     mark(cell, 80.0, 90.0)
     search = cell.x.probe_move(100.0)
@@ -629,7 +629,7 @@ def test_a_node_that_dies_ends_a_search_and_the_others_stop(scenario):
     assert isinstance(cell.failure_of(search), NodeError)
 
 
-def test_a_fault_after_the_edge_is_told(scenario):
+def test_a_fault_after_the_edge_is_reported(scenario):
     cell = scenario.simulated().enabled()
     mark(cell, 20.0, 90.0)
     search = cell.x.probe_move(100.0)

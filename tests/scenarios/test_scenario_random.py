@@ -1502,7 +1502,7 @@ def test_whatever_is_asked_and_whatever_goes_wrong_the_plant_keeps_the_masters_p
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, id=name.replace(" ", "-")) for name in FOUND])
-def test_what_was_found_once(tmp_path, name):
+def test_failures_found_by_earlier_random_runs_stay_fixed(tmp_path, name):
     must_hold(FOUND[name], tmp_path)
 
 

@@ -44,7 +44,7 @@ def must_be_at_the_end(cell: Cell) -> None:
 
 
 @pytest.mark.parametrize("times", [1, 3])
-def test_after_a_halt_the_line_goes_on_to_its_end(scenario, times):
+def test_after_a_halt_the_line_continues_to_its_end(scenario, times):
     cell, group, _ = on_the_way(scenario)
     for _ in range(times):
         cell.end_of(group.halt())
@@ -57,7 +57,7 @@ def test_after_a_halt_the_line_goes_on_to_its_end(scenario, times):
     must_have_kept_to_the_line(cell)
 
 
-def test_a_halt_of_one_axis_stops_all_on_the_line_and_it_goes_on(scenario):
+def test_a_halt_of_one_axis_stops_all_on_the_line_and_it_continues(scenario):
     cell, group, _ = on_the_way(scenario)
     cell.end_of(cell.machine["y"].halt())
     cell.run(0.5)
@@ -66,7 +66,7 @@ def test_a_halt_of_one_axis_stops_all_on_the_line_and_it_goes_on(scenario):
     must_have_kept_to_the_line(cell)
 
 
-def test_what_a_quick_stop_has_led_off_the_line_goes_back_to_it_first(scenario):
+def test_a_group_that_a_quick_stop_took_off_its_line_returns_to_it_before_it_resumes(scenario):
     cell, group, _ = on_the_way(scenario)
     cell.end_of(group.quick_stop())
     cell.end_of(group.enable())
@@ -80,7 +80,7 @@ def test_what_a_quick_stop_has_led_off_the_line_goes_back_to_it_first(scenario):
     must_be_at_the_end(cell)
 
 
-def test_after_a_fault_the_line_goes_on_only_where_the_axes_are_still_on_it(scenario):
+def test_after_a_fault_the_line_continues_only_where_the_axes_are_still_on_it(scenario):
     cell, group, _ = on_the_way(scenario)
     cell.machine.simulated_node(2).fault(0x2310)
     cell.run(2.0)
@@ -97,7 +97,7 @@ def test_after_a_fault_the_line_goes_on_only_where_the_axes_are_still_on_it(scen
     must_be_at_the_end(cell)
 
 
-def test_an_axis_that_was_moved_meanwhile_keeps_the_line_from_going_on(scenario):
+def test_an_axis_that_was_moved_meanwhile_keeps_the_line_from_continuing(scenario):
     cell, group, _ = on_the_way(scenario)
     cell.end_of(group.halt())
     cell.end_of(cell.machine["z"].move_relative(-20.0))
@@ -110,14 +110,14 @@ def test_an_axis_that_was_moved_meanwhile_keeps_the_line_from_going_on(scenario)
     must_be_at_the_end(cell)
 
 
-def test_a_position_that_was_set_meanwhile_keeps_the_line_from_going_on(scenario):
+def test_a_position_that_was_set_meanwhile_keeps_the_line_from_continuing(scenario):
     cell, group, _ = on_the_way(scenario)
     cell.end_of(group.halt())
     cell.end_of(cell.machine["x"].set_position(0.0))
     refusal_of(group.resume(), cell, "no longer at the position at which the path was interrupted")
 
 
-def test_without_a_line_that_was_broken_off_there_is_nothing_to_go_on_with(scenario):
+def test_without_a_line_that_was_broken_off_there_is_nothing_to_continue_with(scenario):
     cell = scenario.simulated("xy", axis=AXIS)
     group = cell.machine.group("x", "y")
     cell.enabled()

@@ -50,7 +50,7 @@ def axisbus(monkeypatch, capsys):
 # -- a second machine ----------------------------------------------------------------------------------------------------
 
 
-def test_a_second_machine_is_refused_and_the_first_ones_motion_goes_on_undisturbed(tmp_path):
+def test_a_second_machine_is_refused_and_the_first_ones_motion_continues_undisturbed(tmp_path):
     with Line(tmp_path, "xyz") as line, line.open() as first:
         for axis in first:
             enable(axis)
@@ -74,7 +74,7 @@ def test_a_second_machine_is_refused_and_the_first_ones_motion_goes_on_undisturb
         line.must_be(OFF, name)
 
 
-def test_two_attempts_at_once_beside_a_running_machine_are_both_refused(tmp_path):
+def test_two_attempts_at_once_to_open_a_running_machine_s_bus_are_both_refused(tmp_path):
     with Line(tmp_path, "xy") as line, line.open() as first:
         turning(first, line)
         since = line.moment()
@@ -162,7 +162,7 @@ def test_a_drive_of_the_cell_with_id_127_is_no_master(tmp_path):
     assert not isinstance(caught.value, SecondMasterError)
 
 
-def test_the_sync_of_another_device_is_none_where_the_cell_says_so(tmp_path):
+def test_the_sync_of_another_device_is_no_sign_of_a_master_if_the_cell_file_allows_it(tmp_path):
     bus = 'sync_producer = "external"\nsync_timeout = "1s"'  # this computer may be late
     with (
         Line(tmp_path, "x", bus=bus) as line,
@@ -173,7 +173,7 @@ def test_the_sync_of_another_device_is_none_where_the_cell_says_so(tmp_path):
         line.must_be(ENABLED)
 
 
-def test_a_master_beside_the_other_devices_sync_is_heard(tmp_path):
+def test_a_master_is_heard_next_to_the_sync_of_another_device(tmp_path):
     bus, says = 'sync_producer = "external"', (Says(0x80), Says(0x77F, "05"))
     with Line(tmp_path, "x", bus=bus, **QUICK) as line:
         assert line_refused(line, says) == ["heartbeats of node 127 (77Fh)"]
@@ -242,7 +242,7 @@ def test_what_commands_no_drive_is_an_event_and_stops_nothing(tmp_path, what):
         assert sum(event.times for event in events) > 5
 
 
-def test_beside_another_master_its_commands_are_events_and_stop_nothing(tmp_path):
+def test_with_beside_the_commands_of_another_master_are_events_and_stop_nothing(tmp_path):
     says = (Says(0x602, "23 81 60 00 00 10 00 00", every=20),)
     with Line(tmp_path, "xy", bus="beside = true") as line, line.open() as machine:
         turning(machine, line)
@@ -277,7 +277,7 @@ def test_our_own_frames_are_no_masters(tmp_path):
 
 
 @pytest.mark.parametrize("way", ["the call", "the cell file"])
-def test_beside_opens_all_the_same(tmp_path, way):
+def test_beside_opens_the_bus_nevertheless(tmp_path, way):
     bus, says = "beside = true" if way == "the cell file" else "", others.SIGNS["a heartbeat of 127"]
     with Line(tmp_path, "x", bus=bus) as line, OtherMaster(line.channel, says):
         machine = Machine.open(line.file, allow_other_master=way == "the call")
@@ -287,7 +287,7 @@ def test_beside_opens_all_the_same(tmp_path, way):
             assert line.where() == pytest.approx(20.0, abs=0.5)
 
 
-def test_a_private_bus_with_our_own_stand_ins_is_not_listened_to(scenario, monkeypatch):
+def test_a_private_bus_with_our_own_simulated_drives_is_not_listened_to(scenario, monkeypatch):
     monkeypatch.setattr(canlink, "require_alone", lambda *_: pytest.fail("listened"))
     cell = scenario.real("x").enabled()
     cell.must_be(ENABLED)
@@ -299,7 +299,7 @@ BOOTING = {"boot": (), "move": ("x=5", "--relative"), "home": (), "reset": (), "
 
 
 @pytest.mark.parametrize("command", BOOTING)
-def test_commands_that_boot_are_refused_and_with_beside_are_not(tmp_path, axisbus, command):
+def test_commands_that_boot_are_refused_without_beside_and_accepted_with_it(tmp_path, axisbus, command):
     with Line(tmp_path, "x") as line, OtherMaster(line.channel, others.SIGNS["a heartbeat of 127"]):
         before = line.where()
         code, _, told = axisbus(command, line.file, *BOOTING[command])
@@ -340,7 +340,7 @@ def test_commands_that_only_listen_are_not_refused(tmp_path, axisbus, command):
 # -- what is told --------------------------------------------------------------------------------------------------------
 
 
-def test_the_message_tells_what_was_heard_what_is_not_known_and_what_to_do(golden):
+def test_the_message_reports_what_was_heard_what_is_not_known_and_what_to_do(golden):
     signs = MasterDetector(ExpectedMasters(frozenset({1, 2, 3}), frozenset({127})))
     for tick in range(50):
         now = 100.002 + tick * 0.004
@@ -355,7 +355,7 @@ def test_the_message_tells_what_was_heard_what_is_not_known_and_what_to_do(golde
     golden("second_master", detect_other_master.refusal("socketcan:can0", signs.heard, 100.0, 0.2))
 
 
-def test_a_tool_alone_is_told_as_what_it_did(golden):
+def test_a_tool_alone_is_reported_as_what_it_did(golden):
     signs = MasterDetector(ExpectedMasters(frozenset({1}), frozenset({127})))
     signs.note(CanFrame(7.05, 0x601, bytes.fromhex("40 41 60 00 00 00 00 00")))
     golden("second_master_tool", detect_other_master.refusal("pcan:PCAN_USBBUS1", signs.heard, 7.0, 0.2))

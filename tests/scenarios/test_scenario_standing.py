@@ -49,7 +49,9 @@ def going(cell, what: str, velocity: float = 60.0):
 
 
 @pytest.mark.parametrize("creep", [15.0, -15.0])
-def test_an_axis_at_rest_that_creeps_is_told_and_stopped_where_only_its_velocity_is_known(scenario, creep):
+def test_an_axis_at_rest_that_creeps_is_reported_and_stopped_where_only_its_velocity_is_known(
+    scenario, creep
+):
     cell = scenario.simulated("x").enabled()
     cell.lose("position", "demand")
     cell.run(1.0)
@@ -65,7 +67,7 @@ def test_an_axis_at_rest_that_creeps_is_told_and_stopped_where_only_its_velocity
 
 @pytest.mark.parametrize("eds", [MODULE, "builtin:generic-cia402"])
 @pytest.mark.parametrize("what", ["pp", "pv", "csp"])
-def test_a_jam_in_mid_move_is_told_at_once_and_nothing_leaps_when_it_goes(scenario, golden, eds, what):
+def test_a_jam_in_mid_move_is_reported_at_once_and_nothing_leaps_when_it_goes(scenario, golden, eds, what):
     """Once the rotor was held, the demand ran away, and it leapt with 1100 deg/s when it came free."""
     more = (
         "" if eds == MODULE else "following_error = 15.0"
@@ -312,7 +314,7 @@ def test_a_drive_that_leaves_pv_goes_back_to_no_old_target(scenario, to):
     assert isinstance(cell.x.error, ModeError)
 
 
-def test_a_mode_that_is_still_on_its_way_is_no_slip(scenario):
+def test_a_mode_that_the_drive_has_not_left_yet_is_no_mode_error(scenario):
     cell = scenario.simulated("x").enabled()
     cell.drive().dials.mode_delay = 0.3
     cell.x.move_velocity(50.0).wait(5)
@@ -323,7 +325,7 @@ def test_a_mode_that_is_still_on_its_way_is_no_slip(scenario):
 # -- at rest -------------------------------------------------------------------------------------------------------------
 
 
-def test_a_halted_drive_that_goes_on_to_its_old_target_is_stopped_and_told(scenario, golden):
+def test_a_halted_drive_that_continues_to_its_old_target_is_stopped_and_reported(scenario, golden):
     """Once it was said to stand while its drive went on to 150 deg."""
     cell = scenario.simulated("x", eds=MODULE).enabled()
     cell.x.move_relative(150.0)
@@ -339,7 +341,7 @@ def test_a_halted_drive_that_goes_on_to_its_old_target_is_stopped_and_told(scena
     golden("moves_by_itself", cell.x.error)
 
 
-def test_an_axis_that_is_held_at_rest_by_something_else_is_told(scenario):
+def test_an_axis_that_is_held_at_rest_by_something_else_is_reported(scenario):
     """A jammed axis with a distant demand would leap when freed. A move has proven the demand, so the jam is seen at rest."""
     cell = scenario.simulated("x", eds=MODULE).enabled()
     cell.x.move_relative(30.0).wait(10)
@@ -401,7 +403,7 @@ def test_a_moving_axis_is_caught_where_that_is_asked_for(scenario):
     cell.must_stand(within=0.1, stages=ENABLED)
 
 
-def test_a_drive_that_goes_on_to_its_old_target_when_enabled_is_stopped(scenario, golden):
+def test_a_drive_that_continues_to_its_old_target_when_enabled_is_stopped(scenario, golden):
     """A real foreign slave does: it said Standstill at 50 units/s, with exit code 0."""
     cell = scenario.simulated("x", eds=MODULE)
     drive, moment = cell.drive(), cell.moment()
@@ -516,7 +518,7 @@ POLLED_DEMAND = {"inputs": {"demand": ValueTransport.SDO}, "max_age": {"demand":
 
 
 @pytest.mark.parametrize("what", ["pp", "csp"])
-def test_a_jam_on_a_bus_is_told_and_nothing_leaps_when_it_goes(scenario, what):
+def test_a_jam_on_a_bus_is_reported_and_nothing_leaps_when_it_goes(scenario, what):
     cell = scenario.real("x", eds=MODULE, period="20ms", heartbeat="200ms").enabled()
     going(cell, what)
     cell.jam()
@@ -528,7 +530,7 @@ def test_a_jam_on_a_bus_is_told_and_nothing_leaps_when_it_goes(scenario, what):
     cell.must_not_leap(since=moment)
 
 
-def test_a_halted_drive_on_a_bus_that_goes_on_is_stopped(scenario):
+def test_a_halted_drive_on_a_bus_that_continues_is_stopped(scenario):
     cell = scenario.real("x", eds=MODULE, period="20ms", heartbeat="200ms").enabled()
     cell.x.move_relative(150.0, velocity=60.0)
     cell.run(0.6)

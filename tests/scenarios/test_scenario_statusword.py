@@ -97,7 +97,7 @@ def test_a_turning_axis_is_stopped_however_the_statusword_travels(scenario, trav
     ],
 )
 @pytest.mark.nets("the stop ladder")
-def test_a_statusword_gone_stale_in_mid_move_leads_to_a_quick_stop(scenario, golden, name, port):
+def test_a_statusword_that_becomes_stale_during_a_move_causes_a_quick_stop(scenario, golden, name, port):
     cell = scenario.simulated("x", port=port)
     (handle,) = cell.travelling()
     cell.hold_back("statusword")  # the drive sends everything but that
@@ -119,7 +119,7 @@ def test_a_stale_value_is_never_passed_off_as_fresh(scenario, golden):
         _ = cell.x.velocity
 
 
-def test_enabling_without_a_statusword_tells_so(scenario, golden):
+def test_enabling_without_a_statusword_reports_so(scenario, golden):
     cell = scenario.simulated("x")
     cell.hold_back("statusword")
     cell.run(0.3)

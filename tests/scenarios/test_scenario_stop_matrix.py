@@ -184,7 +184,9 @@ def judged(bench: Bench, mode: str, state: str, way: str, *, at_once: bool) -> N
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("state", STATES)
-def test_each_way_reaches_the_axis_in_each_state_of_its_node(bench: Bench, state: str, way: str) -> None:
+def test_each_kind_of_stop_reaches_the_axis_in_each_state_of_its_node(
+    bench: Bench, state: str, way: str
+) -> None:
     judged(bench, "pv", state, way, at_once=way.startswith("halt"))
 
 

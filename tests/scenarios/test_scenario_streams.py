@@ -100,7 +100,7 @@ def test_points_may_have_times_of_their_own(scenario):
 
 
 @pytest.mark.parametrize("pause", [0.3, 2.0])
-def test_without_points_the_axes_brake_on_their_way_and_go_on_when_there_are_more(scenario, pause):
+def test_without_points_the_axes_brake_on_their_path_and_continue_when_more_points_come(scenario, pause):
     cell = opened(scenario)
     points = stream(cell, buffer="50ms")
     feed(cell, points, 0.8)
@@ -180,7 +180,7 @@ def test_a_point_that_cannot_be_is_refused_and_nothing_of_it_is_taken(scenario, 
 
 
 @pytest.mark.parametrize("t", [0.02, 0.01, 0.021, 100.0])
-def test_times_go_on(scenario, t):
+def test_times_continue(scenario, t):
     cell = opened(scenario)
     points = stream(cell, period=None)
     for number in range(3):
@@ -230,7 +230,7 @@ def test_axes_wait_for_points_for_as_long_as_it_takes(scenario):
     must_not_jolt(cell)
 
 
-def test_points_that_are_lost_on_their_way_end_the_stream_and_nothing_leaps(scenario):
+def test_points_that_are_lost_in_transit_end_the_stream_without_a_jump(scenario):
     cell = opened(scenario)
     points = stream(cell)
     feed(cell, points, 0.8)
@@ -374,7 +374,7 @@ def test_a_fault_stops_the_others_as_their_group_says(scenario, on_fault, ramp):
     assert off_line < 0.1 if on_fault == "path" else off_line > 0.5
 
 
-def test_a_lost_node_stops_the_others_on_their_way(scenario):
+def test_a_lost_node_stops_the_others_on_their_path(scenario):
     cell = opened(scenario)
     points = stream(cell)
     feed(cell, points, 0.75)

@@ -73,7 +73,7 @@ def broken_off(cell: Cell, how: str) -> None:
 
 
 @pytest.mark.parametrize("how", ["halt", "halt of one", "stop"])
-def test_a_stream_goes_on_from_where_it_was_left_and_takes_points_again(scenario, how):
+def test_a_stream_continues_from_where_it_was_left_and_takes_points_again(scenario, how):
     cell = opened(scenario)
     group = cell.machine.group("x", "y")
     points = group.stream(period=STEP)
@@ -99,7 +99,7 @@ def test_a_stream_goes_on_from_where_it_was_left_and_takes_points_again(scenario
     must_not_jolt(cell)
 
 
-def test_after_a_fault_it_goes_on_only_from_where_the_way_was_left(scenario):
+def test_after_a_fault_it_continues_only_from_where_the_path_was_left(scenario):
     cell = opened(scenario)
     points = cell.machine.group("x", "y").stream(period=STEP)
     feed(cell, points, 0.8)
@@ -141,7 +141,7 @@ def test_no_point_that_was_taken_is_left_out_or_gone_to_twice(scenario):
     must_not_jolt(cell)
 
 
-def test_a_group_goes_on_to_the_last_point_that_was_taken_and_takes_no_more(scenario):
+def test_a_group_continues_to_the_last_point_that_was_taken_and_takes_no_more(scenario):
     cell = opened(scenario)
     group = cell.machine.group("x", "y")
     points = group.stream(period=STEP)
@@ -159,7 +159,7 @@ def test_a_group_goes_on_to_the_last_point_that_was_taken_and_takes_no_more(scen
     must_not_jolt(cell)
 
 
-def test_one_that_was_ended_before_goes_on_to_its_end(scenario):
+def test_one_that_was_ended_before_continues_to_its_end(scenario):
     cell = opened(scenario)
     group = cell.machine.group("x", "y")
     points = group.stream(period=STEP, buffer="1s")
@@ -177,7 +177,7 @@ def test_one_that_was_ended_before_goes_on_to_its_end(scenario):
         points.push(place(0.6))
 
 
-def test_one_that_was_halted_before_it_began_goes_on(scenario):
+def test_one_that_was_halted_before_it_began_continues(scenario):
     cell = opened(scenario)
     group = cell.machine.group("x", "y")
     points = group.stream(period=STEP, buffer="500ms")
@@ -191,7 +191,7 @@ def test_one_that_was_halted_before_it_began_goes_on(scenario):
     assert cell.where("x") == pytest.approx(place((points.count - 1) * STEP)[0], abs=0.1)
 
 
-def test_nothing_goes_on_from_elsewhere_or_while_it_is_under_way_or_after_something_else(scenario):
+def test_a_stream_is_not_resumed_from_another_position_or_while_running_or_after_another_motion(scenario):
     cell = opened(scenario)
     group = cell.machine.group("x", "y")
     points = group.stream(period=STEP)
@@ -213,7 +213,7 @@ def test_nothing_goes_on_from_elsewhere_or_while_it_is_under_way_or_after_someth
     assert "another command" in error.message
 
 
-def test_an_underrun_that_ended_a_stream_can_be_gone_on_after(scenario):
+def test_an_underrun_that_ended_a_stream_can_be_continued_after(scenario):
     cell = opened(scenario)
     points = cell.machine.group("x", "y").stream(period=STEP, on_underrun="error")
     feed(cell, points, 0.8)
@@ -295,7 +295,7 @@ def test_an_endless_axis_counts_on_over_its_turn(scenario):
     assert cell.hardest_change("x") < 1.3 * HARDEST
 
 
-def test_the_first_point_of_an_endless_axis_may_be_told_in_any_turn_and_is_where_it_stands(scenario):
+def test_the_first_point_of_an_endless_axis_may_be_given_in_any_turn(scenario):
     cell = opened(scenario, axis=AXIS + "\nmodulo = 360.0")
     x = cell["x"]
     cell.end_of(x.move_absolute(350.0, direction=-1))
@@ -360,7 +360,7 @@ def test_between_two_places_on_a_line_the_tool_is_on_the_line(scenario):
     must_not_jolt(cell)
 
 
-def test_a_place_out_of_reach_or_too_fast_for_a_joint_is_refused_and_the_next_may_come(scenario):
+def test_a_pose_out_of_reach_or_too_fast_for_a_joint_is_refused_and_the_next_may_come(scenario):
     cell, xy = arm(scenario)
     points = xy.stream(period=STEP)
     for number in range(20):
@@ -393,7 +393,7 @@ def test_a_place_out_of_reach_is_refused(scenario):
     assert xy.tool_position == pytest.approx(ring(0.1), abs=NEAR)
 
 
-def test_a_stream_of_the_workspace_is_halted_and_gone_on_with(scenario):
+def test_a_stream_of_the_workspace_is_halted_and_continued_with(scenario):
     cell, xy = arm(scenario)
     since = cell.moment()
     points = xy.stream(period=STEP)

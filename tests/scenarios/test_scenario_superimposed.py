@@ -109,7 +109,7 @@ def test_time_that_is_scaled_lays_it_over_once_in_each_cycle(scenario, factor):
     assert targets.hardest <= 2000.0 + STEP
 
 
-def test_a_line_goes_on_beneath_and_the_other_axis_keeps_its_way(scenario):
+def test_the_line_continues_beneath_and_the_other_axis_keeps_its_path(scenario):
     cell = one(scenario, "xy")
     xy = cell.machine.group("x", "y")
     line = xy.move_linear((80.0, 40.0), velocity=60.0, acceleration=300.0)
@@ -152,7 +152,7 @@ def test_a_slave_in_step_is_displaced_and_so_is_who_follows_it(scenario):
     assert cell.where("y") == pytest.approx(70.0, abs=2.0 * INCREMENT)
 
 
-def test_a_shift_of_the_master_and_a_distance_of_the_slave_go_on_together(scenario):
+def test_a_shift_of_the_master_and_a_distance_of_the_slave_continue_together(scenario):
     cell = one(scenario, "xy")
     assert cell.end_of(cell["y"].gear_in(cell["x"], 1.0)) is None
     cell["x"].follow(TrapezoidalTrajectory(0.0, 90.0, 30.0, 100.0))
@@ -164,7 +164,7 @@ def test_a_shift_of_the_master_and_a_distance_of_the_slave_go_on_together(scenar
     assert cell.where("y") == pytest.approx(96.0, abs=2.0 * INCREMENT)
 
 
-def test_a_stream_goes_on_beneath(scenario):
+def test_a_stream_continues_beneath(scenario):
     cell = one(scenario, "xy")
     points = cell.machine.group("x", "y").stream(period=0.01, buffer=3.0)
     targets = Targets(cell)
@@ -257,7 +257,7 @@ def test_where_nothing_is_known_in_advance_the_addition_is_braked_within_the_lim
 
 
 @pytest.mark.parametrize("below", [TrapezoidalTrajectory(0.0, 60.0, 60.0, 300.0), lambda t: 20.0 * t * t])
-def test_an_addition_is_no_jump_where_only_an_acceleration_tells_one(scenario, below):
+def test_an_addition_is_no_jump_where_only_an_acceleration_reports_one(scenario, below):
     cell = scenario.simulated("x", text=cell_text("x").replace("max_velocity = 400.0\n", "")).enabled()
     handle = cell.x.follow(below, duration=1.0 if callable(below) else None)
     assert cell.end_of(cell.x.move_superimposed(5.0, velocity=50.0)) is None
@@ -364,7 +364,7 @@ def test_a_fault_ends_both_with_what_it_was(scenario):
         (lambda x: x.cyclic_velocity(30.0), "velocity set-points"),
     ],
 )
-def test_where_nothing_leads_the_axis_along_a_path_it_is_refused_with_the_way_out(scenario, begin, words):
+def test_without_a_path_of_the_master_it_is_refused_with_the_remedy(scenario, begin, words):
     cell = one(scenario)
     begin(cell.x)
     cell.run(0.5)
@@ -374,7 +374,7 @@ def test_where_nothing_leads_the_axis_along_a_path_it_is_refused_with_the_way_ou
     assert cell.end_of(cell.x.halt_superimposed()) is None
 
 
-def test_what_is_no_distance_raises_at_the_call(scenario):
+def test_an_invalid_distance_raises_at_the_call(scenario):
     cell = one(scenario)
     for bad in (float("nan"), float("inf"), "far", None):
         with pytest.raises(ArgumentError):

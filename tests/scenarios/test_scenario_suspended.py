@@ -125,7 +125,7 @@ def test_after_a_long_suspension_the_axis_is_stopped_and_the_reason_named(tmp_pa
     golden("program_suspended", *told, volatile=True)
 
 
-def test_after_a_long_suspension_a_trajectory_does_not_go_on_and_does_not_jump(tmp_path):
+def test_after_a_long_suspension_a_trajectory_does_not_continue_and_does_not_jump(tmp_path):
     with master(tmp_path, (), "following") as cell:
         cell.suspend(1.5)
         cell.wait_for_the_end()

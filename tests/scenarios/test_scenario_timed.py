@@ -54,7 +54,7 @@ def test_with_velocities_axes_are_at_their_points_in_time_by_the_cubic(scenario)
     assert all(cell[name].state is AxisState.STANDSTILL for name in "xy")
 
 
-def test_what_is_given_is_what_the_curve_has_and_positions_alone_are_never_passed():
+def test_the_curve_has_the_given_values_and_does_not_overshoot_positions():
     points = [
         TrajectoryPoint(1, (10,)),
         TrajectoryPoint(1.1, (10.5,)),
@@ -134,7 +134,7 @@ def test_what_may_not_be_followed_is_refused_and_nothing_moves(scenario, points,
     assert cell["x"].state is AxisState.STANDSTILL
 
 
-def test_a_halt_brakes_on_the_way_and_resume_goes_on_to_the_end(scenario):
+def test_a_halt_brakes_on_the_path_and_resume_continues_to_the_end(scenario):
     cell = opened(scenario)
     both = group(cell)
     handle = both.follow([TrajectoryPoint(1, (40, 20)), TrajectoryPoint(2, (60, 30))])
@@ -150,7 +150,7 @@ def test_a_halt_brakes_on_the_way_and_resume_goes_on_to_the_end(scenario):
         assert y == pytest.approx(x / 2, abs=0.15)
 
 
-def test_another_one_while_it_runs_is_refused_and_it_goes_on(scenario):
+def test_another_one_while_it_runs_is_refused_and_it_continues(scenario):
     cell = opened(scenario)
     handle = group(cell).follow([TrajectoryPoint(1, (20, 10))])
     cell.run(0.5)

@@ -83,7 +83,7 @@ def test_a_move_may_be_replaced_at_any_moment_and_nothing_jumps(scenario, after,
     trail.must_be_smooth()
 
 
-def test_it_turns_at_a_velocity_until_it_is_told_otherwise(scenario):
+def test_it_turns_at_a_velocity_until_it_is_reported_otherwise(scenario):
     cell, v, trail = alone(scenario)
     v.move_velocity(80.0).wait(5)
     start, began = v.position, cell.now
@@ -163,7 +163,7 @@ def test_set_position_gives_its_place_another_name_and_moves_nothing(scenario):
     ],
 )
 @pytest.mark.parametrize("how", ["move", "turn", "follow"])
-def test_every_way_of_stopping_holds_in_every_way_of_moving(scenario, verb, state, power, how):
+def test_every_kind_of_stop_works_in_every_kind_of_motion(scenario, verb, state, power, how):
     cell, v, trail = alone(scenario, stop="deceleration = 500.0")
     {
         "move": lambda: v.move_absolute(500.0),
@@ -213,7 +213,7 @@ def test_without_power_it_comes_to_rest_on_a_ramp_and_never_from_one_cycle_to_th
     assert v.velocity == 0.0
 
 
-def test_halted_it_does_not_go_on_by_itself_to_where_it_was_going(scenario):
+def test_halted_it_does_not_continue_by_itself_to_where_it_was_going(scenario):
     cell, v, _ = alone(scenario)
     v.move_absolute(300.0)
     cell.run(0.5)
@@ -238,7 +238,7 @@ def test_a_cyclic_target_of_long_ago_does_not_act_when_it_is_enabled_again(scena
     trail.must_be_smooth()
 
 
-def test_the_way_out_stops_and_disables_it(scenario):
+def test_the_end_of_the_program_stops_and_disables_it(scenario):
     cell, v, trail = alone(scenario)
     v.move_velocity(100.0).wait(5)
     assert cell.ctrl_c(5.0) == []
@@ -274,7 +274,7 @@ def test_a_dead_scan_leaves_nothing_of_it_to_be_rescued(scenario):
 LIMITED = "max_velocity = 400.0\nmax_acceleration = 2000.0\nposition_limits = [-100.0, 200.0]"
 
 
-def test_what_is_beyond_its_limits_is_refused_at_the_call(scenario):
+def test_a_motion_beyond_its_limits_is_refused_at_the_call(scenario):
     _, v, _ = alone(scenario, LIMITED)
     with pytest.raises(LimitError, match="position limits"):
         v.move_absolute(201.0)
@@ -288,7 +288,7 @@ def test_what_is_beyond_its_limits_is_refused_at_the_call(scenario):
         alone(scenario)[1].move_absolute(300_000.0)
 
 
-def test_turning_it_stands_within_its_limits(scenario):
+def test_at_a_velocity_it_comes_to_rest_within_its_limits(scenario):
     cell, v, trail = alone(scenario, LIMITED)
     v.move_velocity(300.0).wait(5)
     cell.until(lambda: v.state is AxisState.ERRORSTOP, 5)
@@ -310,7 +310,7 @@ def test_limits_hold_from_the_beginning_and_by_the_name_that_set_position_gives(
     assert cell.end_of(v.move_relative(-20.0)) is None
 
 
-def test_where_its_limits_do_not_hold_0_it_is_told_where_it_is_first(scenario):
+def test_where_its_limits_do_not_hold_0_it_is_reported_where_it_is_first(scenario):
     cell, v, _ = alone(scenario, "max_velocity = 400.0\nposition_limits = [50.0, 100.0]")
     assert cell.failure_of(v.move_velocity(-50.0)) is not None
     cell.run(0.5)
@@ -375,7 +375,7 @@ def test_a_lost_node_stops_it_too_and_its_own_is_never_lost(scenario):
     assert cell.end_of(v.move_absolute(0.0)) is None
 
 
-def test_an_end_of_its_own_stops_the_drive_beside_it(scenario):
+def test_an_error_of_the_virtual_axis_stops_the_drive_of_its_cell(scenario):
     cell, v, _ = beside(scenario, LIMITED)
     cell["x"].move_velocity(50.0).wait(5)
     v.move_velocity(300.0).wait(5)
@@ -403,7 +403,7 @@ def test_what_only_a_drive_has_is_refused_and_the_reason_is_said(scenario):
 @pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
 @pytest.mark.parametrize("names", ["x", ""], ids=["beside a drive", "alone"])
 @pytest.mark.parametrize("process", ["own", "thread"])
-def test_in_real_time_it_is_led_by_the_core_wherever_that_runs(tmp_path, names, process):
+def test_in_real_time_it_is_moved_by_the_core_wherever_that_runs(tmp_path, names, process):
     path = tmp_path / "cell.toml"
     path.write_text(cell_text(names, bus=f'process = "{process}"', more=virtual()))
     with Machine.open(path) as machine:

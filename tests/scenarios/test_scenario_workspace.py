@@ -37,7 +37,7 @@ def away(place: tuple[float, ...], a: tuple[float, float], b: tuple[float, float
     return math.dist(place, [q + along * (r - q) for q, r in zip(a, b, strict=True)])
 
 
-def test_the_tool_goes_on_a_straight_line(scenario):
+def test_the_tool_continues_a_straight_line(scenario):
     cell, xy = arm(scenario)
     assert xy.tool_position == pytest.approx((200.0, 150.0), abs=NEAR)
     since = cell.moment()
@@ -47,7 +47,7 @@ def test_the_tool_goes_on_a_straight_line(scenario):
     assert all(cell.hardest_change(name, since) < 4100.0 for name in "xy")
 
 
-def test_the_tool_goes_on_paths_and_circles_and_an_override_and_a_halt_keep_it_there(scenario):
+def test_the_tool_continues_paths_and_circles_and_an_override_and_a_halt_keep_it_there(scenario):
     cell, xy = arm(scenario)
     corners = [(200.0, 150.0), (260.0, 150.0), (260.0, 0.0)]
     since = cell.moment()
@@ -69,7 +69,7 @@ def test_the_tool_goes_on_paths_and_circles_and_an_override_and_a_halt_keep_it_t
     assert max(abs(math.dist(p, (220.0, 0.0)) - 40.0) for p in tool(cell, since)) < NEAR
 
 
-def test_what_waits_begins_where_the_way_before_ends(scenario):
+def test_a_buffered_path_begins_at_the_end_of_the_previous_path(scenario):
     cell, xy = arm(scenario)
     handles = [
         xy.move_linear((250.0, 100.0), velocity=200.0, acceleration=1000.0),
@@ -156,7 +156,7 @@ def test_the_tool_goes_softly_under_an_override_and_a_halt(scenario, what, jerk)
         (lambda g: g.move_linear((60.0, 90.0), velocity=50.0, acceleration=500.0), LimitError, "limits of y"),
     ],
 )
-def test_what_leads_nowhere_is_refused_before_anything_moves(scenario, ask, error, words):
+def test_an_impossible_path_is_refused_before_anything_moves(scenario, ask, error, words):
     cell, xy = arm(scenario, axis=AXIS + "\nposition_limits = [-95.0, 95.0]")
     since = cell.moment()
     with pytest.raises(error, match=words):
@@ -177,7 +177,7 @@ def test_lines_of_a_named_group_go_through_its_workspace(scenario):
     assert plain.tool_position == pytest.approx((cell.where("x"), cell.where("y")), abs=0.1)
 
 
-def test_axes_that_make_no_place_are_told_as_such(scenario):
+def test_axes_that_make_no_place_are_reported_as_such(scenario):
     cell = scenario.simulated("xyz", axis=AXIS).enabled()
     robot = cell.machine.group("x", "y", "z").with_kinematics(Delta(300.0, 40.0, 120.0, 100.0))
     with pytest.raises(LimitError, match="the arms do not meet"):

@@ -55,7 +55,7 @@ def bench() -> Bench:
 # -- what it says by itself -------------------------------------------------------------------------------------------------------
 
 
-def test_it_beats_and_tells_its_position_by_the_factorys_periods(bench):
+def test_it_beats_and_reports_its_position_by_the_factorys_periods(bench):
     bench.run(1.0)
     beats = [frame.time for frame in bench.heard if frame.can_id == 0x0A1]
     estimates = [frame.time for frame in bench.heard if frame.can_id == 0x0A9]
@@ -105,7 +105,7 @@ def test_the_heartbeat_has_three_layouts(firmware, fine, faulty):
         assert beat == bytes.fromhex(frame)
 
 
-def test_the_life_counter_counts_heartbeats_and_begins_anew(bench):
+def test_the_life_counter_counts_heartbeats_and_begins_again(bench):
     bench.module.parameters["axis0.config.can.heartbeat_rate_ms"] = 1
     bench.run(0.6)
     lives = [beat[7] for beat in bench.beats(5)]
@@ -144,12 +144,12 @@ def test_get_error_wants_its_type(bench, kind, size):
     assert bench.send(0xA3, bytes([kind, *bytes(7)])) == []
 
 
-def test_the_supply_is_told(bench):
+def test_the_supply_is_reported(bench):
     bench.module.dials.bus_voltage = 36.5
     assert bench.floats(BUS) == (36.5, 0.0)
 
 
-def test_what_a_turning_motor_takes_is_told(bench):
+def test_what_a_turning_motor_takes_is_reported(bench):
     bench.enable(2, 1)
     bench.order(VEL, 10.0, 0.0)
     bench.run(0.4)
@@ -182,7 +182,7 @@ def test_the_position_is_dead_in_idle_and_the_count_alive(bench):
 # -- states -----------------------------------------------------------------------------------------------------------------------
 
 
-def test_closed_loop_holds_where_the_motor_stands_and_idle_lets_go(bench):
+def test_closed_loop_holds_the_present_position_and_idle_lets_go(bench):
     bench.order(POS, 50.0, 0, 0)  # taken in silence, and forgotten on enabling
     assert not bench.module.energised
     bench.enable()
@@ -386,7 +386,7 @@ def test_a_held_rotor_that_is_let_go_does_not_rush(bench):
     assert max(plant.velocity for plant in bench.plant) < 4.2
 
 
-def test_a_mode_that_changes_on_the_way_does_not_jolt(bench):
+def test_a_mode_that_changes_during_a_move_does_not_jolt(bench):
     bench.enable(2, 1)
     bench.order(VEL, 10.0, 0.0)
     bench.run(0.4)
@@ -399,7 +399,7 @@ def test_a_mode_that_changes_on_the_way_does_not_jolt(bench):
     bench.must_be_smooth()
 
 
-def test_a_mode_that_is_none_is_an_error_in_closed_loop_alone(bench):
+def test_an_invalid_mode_is_an_error_only_in_closed_loop(bench):
     bench.order(SET_MODE, 3, 4)
     bench.run(0.01)
     assert bench.module.axis.error == 0

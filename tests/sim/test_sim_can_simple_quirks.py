@@ -62,7 +62,7 @@ def test_saving_restarts_it_silent_for_a_while_and_then_idle(bench):
     assert bench.module.restarts == 1
 
 
-def test_what_was_not_saved_is_lost_and_a_restart_takes_the_power_away(bench):
+def test_unsaved_values_are_lost_and_a_restart_switches_the_power_off(bench):
     bench.order(LIMITS, 7.0, 9.0)
     bench.enable(2, 1)
     bench.order(VEL, 5.0, 0.0)
@@ -266,7 +266,7 @@ def test_endpoints_are_read_on_one_command_and_written_on_both(bench):
     assert bench.send(0xA4, bytes(7)) == []
 
 
-def test_many_modules_answer_no_endpoint_and_obey_none(bench):
+def test_many_modules_answer_no_endpoint_and_execute_no_endpoint_write(bench):
     bench.module.dials.endpoints = False
     write(bench, 73, "H", 250)
     assert read(bench, 73) == []

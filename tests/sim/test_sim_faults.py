@@ -36,7 +36,7 @@ def test_a_fault_comes_again_every_so_often():
     ]  # fmt: skip
 
 
-def test_what_was_missed_is_not_made_up_for():
+def test_missed_occurrences_are_not_repeated():
     cue = Cue(Moment(begin=0.1, every=0.1))
     assert cue.step(0.1, None) is Turn.BEGINS
     assert cue.step(5.0, None) is Turn.BEGINS

@@ -154,7 +154,7 @@ def test_inquiries_and_identification() -> None:
     assert wire.send("5a", "5b", "5c", "5d") == ["5a3412", "5b56", "5c020001", "5d07"]
 
 
-def test_what_it_does_not_take() -> None:
+def test_requests_that_the_slave_refuses_or_ignores() -> None:
     wire = Wire(dials=LssDials(refused_rates=frozenset({500_000})))
     wire.send("0401")
     assert wire.send("1100", "1180", "11ff") == ["1101", "1101", "11"]
@@ -247,7 +247,7 @@ def test_canopens_own_master_finds_and_configures_one(stand_ins: StandIns) -> No
         network.disconnect()
 
 
-def test_a_stand_in_that_got_its_node_id_is_a_node_like_any_other(stand_ins: StandIns) -> None:
+def test_a_simulated_drive_that_got_its_node_id_is_a_node_like_any_other(stand_ins: StandIns) -> None:
     network = canopen.Network()
     network.NOTIFIER_CYCLE = 0.05
     network.connect(interface="virtual", channel=stand_ins._options["channel"])

@@ -55,7 +55,7 @@ def test_frames_are_cut_wherever_their_bytes_come_apart(values, data):
     assert found == sent
 
 
-def test_a_broken_frame_is_forgotten_and_silence_begins_anew():
+def test_a_broken_frame_is_forgotten_and_silence_begins_again():
     frames = Frames()
     good = framed(bytes.fromhex("01 04 00 01 00 01"))
     assert frames.take(good[:-1] + b"\x00", 0.0) == []
@@ -104,13 +104,13 @@ def test_the_wrong_example_of_position_control_does_not_move_to_the_position():
         ("01 2B 0E 01 00", "AB 01"),
     ],
 )
-def test_what_is_refused(frame, code):
+def test_requests_that_the_module_refuses(frame, code):
     line = Line()
     assert line.ask(frame) == f"01 {code}"
     assert line.station.module.energised is False
 
 
-def test_it_hears_its_own_address_and_everybody_s_which_nobody_answers():
+def test_it_takes_its_own_address_and_the_broadcast_address_which_is_not_answered():
     line = Line()
     assert line.ask("02 04 00 01 00 01") == ""
     assert line.ask("00 06 00 64 00 02") == ""
@@ -130,7 +130,7 @@ def test_emergency_stop_latches_until_it_is_cleared():
     assert line.ask("01 04 00 02 00 01") == "01 04 02 00 00"
 
 
-def test_position_is_dead_in_idle_unless_it_is_told_otherwise():
+def test_position_is_dead_in_idle_unless_it_is_reported_otherwise():
     line = Line()
     line.station.module.motor.position = 5 * 16384
     assert line.number("00 0F") == 0.0

@@ -40,7 +40,7 @@ def test_velocity_bits_10_and_12_by_their_windows():
     assert abs(rig.drive.velocity) <= 1_000
 
 
-def test_velocity_halt_stands_and_goes_on():
+def test_a_halt_of_a_velocity_comes_to_rest_and_the_motion_continues_afterwards():
     rig = Rig().enable(PV)
     rig.drive.target_velocity = 20_000
     rig.run(0.5)

@@ -226,7 +226,7 @@ def test_a_drive_that_slips_into_another_mode_stays_there_until_it_is_let():
     assert rig.drive.mode_display == CSP
 
 
-def test_a_drive_that_resumes_goes_on_to_its_last_set_point_when_enabled_again():
+def test_a_drive_that_resumes_continues_to_its_last_set_point_when_enabled_again():
     rig = Rig().enable(PP)
     rig.present(100_000)
     rig.run(0.5)

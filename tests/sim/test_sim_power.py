@@ -198,7 +198,7 @@ def test_dials_make_it_deaf_slow_or_stubborn():
     assert stage.stage is Stage.FAULT
 
 
-def test_a_forced_quick_stop_is_not_undone_by_the_word_that_stands():
+def test_a_forced_quick_stop_is_not_undone_by_an_unchanged_controlword():
     stage = stage_in("operation enabled", Options(quick_stop_option=6))
     stage.force(11)
     for _ in range(5):

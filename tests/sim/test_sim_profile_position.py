@@ -118,7 +118,7 @@ def test_a_third_set_point_is_not_taken_while_the_buffer_is_full():
     assert rig.drive.position == 10_000
 
 
-def test_change_immediately_turns_round_on_the_way():
+def test_change_immediately_reverses_during_the_motion():
     rig = Rig().enable(PP)
     rig.present(100_000)
     rig.run(1.0)
@@ -174,7 +174,7 @@ def test_relative_counts_from_what_60f2_says(option, expected):
     assert rig.drive.position == pytest.approx(expected if base is None else base + 1_000, abs=30)
 
 
-def test_halt_brakes_and_the_move_goes_on_afterwards():
+def test_halt_brakes_and_the_move_continues_afterwards():
     rig = Rig().enable(PP)
     rig.present(100_000)
     rig.run(1.0)
@@ -358,7 +358,7 @@ def test_an_ignored_halt_changes_nothing():
     assert rig.drive.velocity == pytest.approx(20_000, rel=0.001)
 
 
-def test_changing_the_mode_on_the_way_does_not_jump():
+def test_changing_the_mode_during_the_motion_does_not_jump():
     rig = Rig(x6065=200).enable(PP)
     rig.present(100_000)
     rig.run(0.5)

@@ -65,13 +65,13 @@ def test_data_for_a_program_that_runs_are_refused(device):
     assert date(device) == OLD
 
 
-def test_memory_that_was_not_cleared_is_told_as_error_4(device):
+def test_memory_that_was_not_cleared_is_reported_as_error_4(device):
     order(device, 0)
     device.download(0x1F50, 1, program(NEW))
     assert device.read(0x1F57, 1) == 4 << 1
 
 
-def test_a_program_that_is_none_is_told_as_error_3(device):
+def test_an_invalid_program_is_reported_as_error_3(device):
     order(device, 0, 3)
     device.download(0x1F50, 1, b"abc")
     assert device.read(0x1F57, 1) == 3 << 1
@@ -96,7 +96,7 @@ def test_a_node_that_was_stopped_runs_its_old_program_after_power_is_back(device
     assert (date(device), device.read(0x1F51, 1)) == (OLD, 1)
 
 
-def test_a_node_that_was_cleared_has_none_after_power_is_back(device):
+def test_a_node_that_was_cleared_has_no_program_after_power_up(device):
     order(device, 0, 3)
     device.nmt_command(0x81)
     device.step(0.1)

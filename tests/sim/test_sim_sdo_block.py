@@ -71,7 +71,7 @@ def test_the_client_writes_nine_bytes_in_a_block():
     assert download.done
 
 
-def test_a_server_without_checksum_gets_none():
+def test_a_server_without_checksum_gets_no_checksum():
     download = Download(*FILE, NINE, TIMEOUT, SdoTransferType.BLOCK)
     download.start()
     download.receive(raw("a00021007f000000"))
@@ -111,7 +111,7 @@ def test_the_client_confirms_only_what_came_in_order():
     assert upload.data == b"\x11" * 7
 
 
-def test_a_wrong_checksum_is_an_error_and_is_told_to_the_server():
+def test_a_wrong_checksum_is_an_error_and_is_sent_to_the_server():
     upload = Upload(*FILE, TIMEOUT, SdoTransferType.BLOCK)
     upload.start()
     upload.receive(raw("c600210009000000"))
@@ -235,7 +235,7 @@ def test_a_refusal_in_the_middle_of_a_block_is_the_servers_word():
     assert [frame[:2] for frame in wire.said(">")] == ["c6", "21"]  # asked twice, and not a third time
 
 
-def test_the_last_attempt_goes_the_normal_way():
+def test_the_last_attempt_uses_a_normal_transfer():
     """A server whose blocks never come to an end, but whose segments do."""
     wire = SdoWire()
     wire.fate = lambda _, frame: None if frame[0] == 0xA2 else 0.0

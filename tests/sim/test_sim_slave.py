@@ -86,7 +86,7 @@ def test_boot_up_after_power_on_and_after_each_reset():
     assert wire.of(0x705) == ["00", "00"]
 
 
-def test_heartbeats_tell_the_state_at_their_period():
+def test_heartbeats_report_the_state_at_their_period():
     wire = Wire(x1017=50).run(0.2)
     assert wire.of(0x705) == ["00", "7f", "7f", "7f"]
     wire.forget()
@@ -195,7 +195,7 @@ def test_node_guarding_answers_with_a_toggling_bit():
 # SDO on the wire.
 
 
-def test_sdo_expedited_both_ways():
+def test_sdo_expedited_in_both_directions():
     wire = Wire().run(0.1)
     assert wire.sdo("2b40600006000000") == "6040600000000000"
     wire.run(0.01)
@@ -204,7 +204,7 @@ def test_sdo_expedited_both_ways():
     assert wire.sdo("4081600000000000") == "43816000e8030000"
 
 
-def test_sdo_segmented_both_ways():
+def test_sdo_segmented_in_both_directions():
     wire = Wire().run(0.1)
     wire.device.dictionary.entries[0x1008_00] = wire.device.dictionary.entries[0x1008_00]._replace(
         writable=True

@@ -219,7 +219,7 @@ def test_a_wire_that_is_cut_carries_what_is_sent_when_it_is_whole_again() -> Non
     assert bench.ear.ids == [0x101]
 
 
-def test_what_is_kept_from_the_nodes_is_heard_by_masters() -> None:
+def test_frames_withheld_from_the_nodes_are_heard_by_masters() -> None:
     device = node()
     bench = Bench(device)
     bench.clock.sleep(0.2)
@@ -267,7 +267,7 @@ def test_a_full_queue_refuses_frames_until_it_has_room() -> None:
     assert bench.ear.ids == [0x100, 0x101]
 
 
-def test_an_adapter_that_is_unplugged_tells_so_and_sends_nothing() -> None:
+def test_an_adapter_that_is_unplugged_reports_so_and_sends_nothing() -> None:
     bench = Bench()
     bench.one.unplug()
     assert isinstance(bench.ear_one.failures[0], OSError)

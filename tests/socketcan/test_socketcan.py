@@ -61,7 +61,7 @@ def test_a_link_that_is_not_there_is_named_with_those_that_are():
     assert LINK in done.stderr
 
 
-def test_a_link_that_is_down_is_told_with_the_line_that_brings_it_up(ends):
+def test_a_link_that_is_down_is_reported_with_the_line_that_brings_it_up(ends):
     ends.down(ends.ours)
     done = axisbus("scan", "-i", "socketcan", "-c", ends.ours)
     assert done.returncode == 3
@@ -149,7 +149,9 @@ def _resets(axis) -> bool:
     return True
 
 
-def test_a_link_that_goes_away_in_mid_move_is_told_and_the_drives_own_watchdog_stops_them(ends, make_stage):
+def test_a_link_that_goes_away_in_mid_move_is_reported_and_the_drives_own_watchdog_stops_them(
+    ends, make_stage
+):
     stage = make_stage(ends.ours, ends.theirs)
     with pytest.raises(AxisbusError) as caught, stage.open() as machine:
         handles = stage.travelling(machine)

@@ -53,7 +53,7 @@ def test_a_cell_boots_moves_and_stops_and_nobody_else_gets_its_link_meanwhile(st
         assert len(machine) == 2
 
 
-def test_the_drives_of_a_core_that_is_killed_are_stopped_by_its_warden(stage):
+def test_the_drives_of_a_core_that_is_killed_are_stopped_by_its_watchdog_process(stage):
     machine = stage.open()
     handles = stage.travelling(machine)
     os.kill(core_of(machine), signal.SIGKILL)

@@ -85,14 +85,14 @@ def test_faults_and_missed_heartbeats_are_trouble():
 
 
 @pytest.mark.parametrize("how", [{"extended": True}, {"error": True}])
-def test_what_is_not_of_a_named_node_is_left_alone(how):
+def test_frames_of_unnamed_nodes_are_left_alone(how):
     assert "CAN Simple" not in what(decoded(0x0AC, "C3 F5 48 40 E8 03 88 13", **how))
     assert "CAN Simple" not in what(decoded(0x0AC, "C3 F5 48 40 E8 03 88 13", nodes=(1,)))
     assert decoded(0x0AC, "C3 F5 48 40 E8 03 88 13", nodes=()).kind is FrameKind.EMCY
 
 
 @pytest.mark.parametrize("text", ["64", "a", "1,,2", "-1", "0x1", "", "１"])
-def test_what_is_no_node_is_refused(text):
+def test_an_invalid_node_is_refused(text):
     with pytest.raises(ArgumentError, match="is not a node ID of CAN Simple"):
         nodes_of(text)
 

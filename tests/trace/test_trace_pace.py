@@ -42,7 +42,7 @@ def test_what_follows_a_sync_is_measured_from_it():
     assert pace.skew == pytest.approx([0.0002] * 99)
 
 
-def test_frames_that_are_told_out_of_order_belong_where_they_came():
+def test_frames_that_are_reported_out_of_order_belong_where_they_came():
     frames = [frame for number in range(300) for frame in cycle(number * PERIOD)]
     chance = random.Random(3)
     told = sorted(frames, key=lambda frame: frame.time + chance.uniform(0.0, 0.2))
@@ -66,7 +66,7 @@ def test_where_an_answer_is_missing_there_is_no_skew():
     assert len(pace.last_rpdo) == 1
 
 
-def test_what_comes_before_the_first_sync_belongs_to_none():
+def test_frames_before_the_first_sync_belong_to_no_cycle():
     pace = paced([CanFrame(-0.001, 0x181), *cycle(0.0), *cycle(PERIOD)])
     assert pace.last_tpdo == pytest.approx([0.0007])
 

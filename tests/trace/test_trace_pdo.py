@@ -39,7 +39,7 @@ def test_by_the_cells_plan_with_words_and_units(cell):
     assert (one.values[2].quantity, one.values[2].unit) == (90.0, "deg")
 
 
-def test_the_statusword_is_read_in_the_mode_that_travels_beside_it(cell):
+def test_the_statusword_is_decoded_in_the_mode_of_the_same_frame(cell):
     wire = Wire(cell)
     assert "homing attained" in wire(0x181, "37 16 06 00 00 00 00").values[0].words
     assert "follows the command" in wire(0x181, "37 12 08 00 00 00 00").values[0].words

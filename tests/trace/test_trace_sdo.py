@@ -189,7 +189,7 @@ def test_an_answer_that_nobody_asked_for_is_named():
     assert wire(0x585, "4B 41 60 00 50 02 00 00").problem == "nothing was asked"
 
 
-def test_a_request_without_an_answer_is_told_with_the_next_one():
+def test_a_request_without_an_answer_is_reported_with_the_next_one():
     wire = Wire()
     wire(0x605, "40 41 60 00 00 00 00 00")
     one = wire(0x605, "40 41 60 00 00 00 00 00")

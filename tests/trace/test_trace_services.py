@@ -132,14 +132,14 @@ def test_a_short_emergency_is_read_and_the_length_named():
     assert "2 bytes" in one.problem
 
 
-def test_a_heartbeat_tells_what_changed():
+def test_a_heartbeat_reports_what_changed():
     wire = Wire()
     wire(0x705, "7F")
     assert wire.says(0x705, "05") == "operational (was pre-operational)"
     assert wire.says(0x705, "05") == "operational"
 
 
-def test_node_guarding_is_told_from_a_heartbeat_by_the_remote_frame_before():
+def test_node_guarding_is_distinguished_from_a_heartbeat_by_the_remote_frame_before():
     wire = Wire()
     asked = wire(0x705, remote=True)
     assert (asked.kind, asked.from_node) == (FrameKind.GUARD, False)
@@ -151,7 +151,7 @@ def test_node_guarding_is_told_from_a_heartbeat_by_the_remote_frame_before():
     assert "toggle bit did not change" in wire(0x705, "05").problem
 
 
-def test_a_reset_begins_the_toggling_anew():
+def test_a_reset_begins_the_toggling_again():
     wire = Wire()
     wire(0x705, remote=True)
     wire(0x705, "05")
@@ -176,7 +176,7 @@ def test_a_reset_begins_the_toggling_anew():
         (0x7E5, "FF 00 00 00 00 00 00 00", "0xFF is not an LSS command"),
     ],
 )
-def test_what_is_against_the_protocol_is_said_with_its_clause(can_id, data, words):
+def test_protocol_violations_are_reported_with_the_clause(can_id, data, words):
     one = Wire()(can_id, data)
     assert words in one.problem
     assert one.trouble

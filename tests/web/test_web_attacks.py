@@ -72,7 +72,7 @@ def moving(at: SimpleNamespace) -> Iterator[SimpleNamespace]:
     until(lambda: at.machine["x"].state is AxisState.DISABLED)
 
 
-def test_strangers_are_kept_out_of_every_way_in(at):
+def test_strangers_are_refused_on_every_path(at):
     stranger = {"Cookie": "axisbus=1"}
     for path in (
         "/",
@@ -108,7 +108,7 @@ def test_who_looks_on_moves_nothing_and_stops_by_socket_and_by_request(moving):
     until(lambda: moving.speed() < 0.1)
 
 
-def test_who_looks_on_reads_objects_and_writes_none(at):
+def test_an_observer_reads_objects_and_writes_none(at):
     acceleration = at.machine.simulated_node(1).device.read(0x6083)
     with at.looker.page() as page:
         send(page, "write_object", objects=["1:6083:00"], text="77", values={"agreed": "order energised"})
@@ -159,7 +159,7 @@ def test_a_message_that_is_too_large_closes_its_socket_alone(moving, path):
     assert moving.speed() == pytest.approx(50.0, abs=1.0)
 
 
-def test_what_comes_at_the_door_costs_the_cycle_nothing(moving):
+def test_attacks_on_the_page_s_server_cost_no_cycles(moving):
     """Fifty pages of which half never read, junk from some, objects for all: as many cycles are lost as without, but for three."""
     machine, crowd = moving.machine, ExitStack()
     quiet = lost(machine)
@@ -185,7 +185,7 @@ def test_what_comes_at_the_door_costs_the_cycle_nothing(moving):
     assert crowded <= 2 * quiet + 3
 
 
-def test_a_page_is_told_no_more_than_a_second_ahead_of_what_it_shows(moving):
+def test_a_page_is_reported_no_more_than_a_second_ahead_of_what_it_shows(moving):
     """What would wait on its way on a network that is too slow for it would be old when it is shown."""
     with moving.looker.page() as page:
         now = json.loads(page.recv(2.0))["own"]["now"]
@@ -264,7 +264,7 @@ def test_it_has_complained_of_nothing_but_said_that_it_joined(at):
     assert at.served.errors.read_text("utf-8") == "joined the running machine; this command has control\n"
 
 
-def test_a_server_that_stands_still_is_halted_for_and_what_it_hears_afterwards_is_too_late(moving):
+def test_axes_are_halted_for_a_suspended_server_and_its_late_requests_are_ignored(moving):
     """Stopped (SIGSTOP) while an axis turns for a page; what the page asks meanwhile waits in its socket, and is not done."""
     moving.served.web.send_signal(signal.SIGSTOP)
     try:

@@ -88,7 +88,7 @@ def test_a_value_has_the_decimals_that_its_scale_needs(increment, text):
     assert not number(-1e-9, places(increment)).startswith("-")
 
 
-def test_what_is_unknown_has_no_place():
+def test_an_unknown_value_has_no_position_on_its_bar():
     seen = mark(SPEED, None)
     assert (seen.text, seen.at, seen.now, seen.told) == ("unknown", None, None, "")
 
@@ -121,7 +121,7 @@ def test_the_limits_are_those_of_the_cell_file_in_its_units(machine):
         (1, "131072/360", 360 / 131072),
     ],
 )
-def test_a_limit_in_increments_is_told_no_finer_than_they_tell(increments, scale, limit):
+def test_a_limit_in_increments_is_reported_no_finer_than_they_report(increments, scale, limit):
     units = Units(*[Scale.of(scale, "deg")] * 3, ratio_known=True)
     parameters = AxisParameters("x", units, drive_following_error=increments)
     assert bars_of(parameters)[-1].span == pytest.approx((-limit, limit), rel=1e-9)

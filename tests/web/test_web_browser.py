@@ -97,7 +97,7 @@ def jogs(x: SimpleNamespace, way: str = "1") -> None:
     raise AssertionError("it does not go on")
 
 
-def test_a_jog_goes_on_while_the_button_is_held(x):
+def test_a_jog_continues_while_the_button_is_held(x):
     jogs(x, "-1")
     x.page.release()
     assert until(lambda: x.speed() < 0.1) < 0.5
@@ -129,7 +129,7 @@ def test_a_jog_ends_when_the_page_is_no_longer_looked_at(x, happens):
     assert x.speed() < 0.1
 
 
-def test_with_its_socket_cut_a_jog_stands_within_half_a_second(x):
+def test_with_its_socket_cut_a_jog_ends_within_half_a_second(x):
     jogs(x)
     x.page.run("sockets.filter((socket) => socket.url.endsWith('/live')).at(-1).close()")
     assert until(lambda: x.speed() < 0.1) < 0.5
@@ -137,7 +137,7 @@ def test_with_its_socket_cut_a_jog_stands_within_half_a_second(x):
     assert x.speed() < 0.1
 
 
-def test_a_page_that_hangs_ends_its_jog_and_does_not_go_on_with_it_afterwards(x):
+def test_a_page_that_hangs_ends_its_jog_and_does_not_continue_with_it_afterwards(x):
     jogs(x)
     x.page.run("setTimeout(() => { const t = performance.now(); while (performance.now() - t < 1000); })")
     assert until(lambda: x.speed() < 0.1) < 0.6  # the beginning of the hanging is not seen from here
@@ -199,7 +199,7 @@ def test_a_finger_jogs_for_as_long_as_it_holds_and_opens_no_menu(x):
         driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
 
 
-def test_a_jog_that_another_has_ended_is_let_go_and_told(x):
+def test_a_jog_that_another_has_ended_is_let_go_and_reported(x):
     jogs(x)
     x.machine["x"].halt()
     until(lambda: x.speed() < 0.1)
@@ -318,12 +318,12 @@ def test_a_link_opens_one_page_once_and_that_may_stop_what_another_moves(scene, 
         driver.switch_to.window(first)
 
 
-def test_nothing_stands_in_the_console_of_the_browser(scene):
+def test_the_console_of_the_browser_stays_empty(scene):
     told = [entry for entry in scene.page.driver.get_log("browser") if "/enter" not in entry["message"]]
     assert told == []
 
 
-def test_when_it_ends_the_machine_goes_on_and_what_it_moved_halts(scene, x):
+def test_when_it_ends_the_machine_continues_and_what_it_moved_halts(scene, x):
     x.page.type("velocity", "50")
     x.page.press("move_velocity")
     until(lambda: x.speed() > FAST)

@@ -77,7 +77,7 @@ def test_nobody_is_kept_out_of_a_question(scene, scheme):
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_what_is_gone_is_said_in_a_line_on_a_phone_and_nothing_else_lies_over_it(scene, scheme):
+def test_a_loss_is_reported_in_one_line_on_a_phone_and_covers_nothing_else(scene, scheme):
     """What is grey says that it is not of now by that; the words and what stops are for everybody."""
     page = scene.page
     page.view("axis-y")

@@ -74,7 +74,7 @@ def bar(page: Page, name: str) -> SimpleNamespace:
     )
 
 
-def test_a_bar_tells_where_a_value_lies_within_its_limits(x):
+def test_a_bar_reports_where_a_value_lies_within_its_limits(x):
     x.page.type("velocity", "-380")
     x.page.press("move_velocity")
     until(lambda: x.speed() > 370)

@@ -134,7 +134,7 @@ def test_a_file_is_held_against_the_node(at):
     assert "the device refuses it" in page.text("#config-rows")
 
 
-def test_what_a_restore_would_write_is_told_and_nothing_is_written(at):
+def test_what_a_restore_would_write_is_reported_and_nothing_is_written(at):
     page, device = at.page, at.machine.simulated_node(1).device
     device.write(*ACCELERATION, 4711)
     backed_up(at)
@@ -171,7 +171,7 @@ def test_the_settings_are_restored_after_a_yes_and_the_rest_is_left(at):
     page.pictures("config-restored")
 
 
-def test_what_is_no_file_of_this_node_is_refused_in_words(at):
+def test_a_file_that_does_not_fit_this_node_is_refused_with_a_message(at):
     page = at.page
     for data, words in (
         (b"junk <img src=x onerror=alert(1)>", "this is not an EDS or DCF"),
@@ -249,6 +249,6 @@ def test_the_scope_is_saved_as_a_recording(at):
     press(page, "#run")
 
 
-def test_nothing_stands_in_the_console_of_the_browser(scene):
+def test_the_console_of_the_browser_stays_empty(scene):
     told = [entry for entry in scene.page.driver.get_log("browser") if "/enter" not in entry["message"]]
     assert told == []

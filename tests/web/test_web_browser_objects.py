@@ -156,7 +156,7 @@ def test_a_value_is_read_on_demand_with_its_age_and_turns_grey(at):
     assert violations(page) == []
 
 
-def test_what_is_kept_being_read_follows_the_drive_and_eight_are_enough(at):
+def test_objects_that_are_read_repeatedly_follow_the_drive_and_are_at_most_eight(at):
     page = at.page
     opened(page, "6083")
     button(page, "Keep reading", ACCELERATION)
@@ -219,7 +219,7 @@ def test_an_energised_node_asks_and_no_writes_nothing(at):
     until(lambda: x.state is AxisState.DISABLED)
 
 
-def test_aborts_and_silence_are_told_beside_the_object(at):
+def test_aborts_and_silence_are_reported_next_to_the_object(at):
     page, dials = at.page, at.machine.simulated_node(1).device.dials
     dials.sdo_aborts = {(0x6083, 0): abort.OBJECT_MISSING}
     opened(page, "6083")
@@ -279,7 +279,7 @@ def test_pdos_and_findings_are_shown(at):
     page.pictures("objects-findings")
 
 
-def test_a_verification_goes_on_may_be_cancelled_and_finds_what_differs(at):
+def test_a_verification_continues_may_be_cancelled_and_finds_what_differs(at):
     page = at.page
     at.machine.simulated_node(1).device.dials.sdo_aborts = {(0x6083, 0): abort.OBJECT_MISSING}
     press(page, page.one("[data-part=verify]"))
@@ -307,7 +307,7 @@ def test_another_node_has_its_own_dictionary(at):
     until(lambda: "objects by" in page.text("#objects-state"))
 
 
-def test_the_view_in_all_four_ways(at):
+def test_the_view_on_all_four_kinds_of_screen(at):
     page = at.page
     for key in (POSITION, "1:6041:00", "1:606C:00"):
         opened(page, key.split(":")[1])
@@ -321,6 +321,6 @@ def test_the_view_in_all_four_ways(at):
     page.pictures("objects")
 
 
-def test_nothing_stands_in_the_console_of_the_browser(scene):
+def test_the_console_of_the_browser_stays_empty(scene):
     told = [entry for entry in scene.page.driver.get_log("browser") if "/enter" not in entry["message"]]
     assert told == []

@@ -121,7 +121,7 @@ def test_a_trigger_catches_the_beginning_of_a_move_and_stops(scope):
     assert rows[-1][0] - rows[0][0] == pytest.approx(1.0, abs=0.06)
 
 
-def test_cursors_tell_the_difference_and_a_wheel_zooms(scope):
+def test_cursors_report_the_difference_and_a_wheel_zooms(scope):
     page = scope.page
     chosen(page, "span", "2")
     moved(scope, -30.0)
@@ -171,6 +171,6 @@ def test_the_choice_is_kept_and_the_space_bar_ticks_no_box(scope):
     assert saved(page)[0] == ["time [s]", "x.position [deg]", "x.velocity [deg/s]", "y.position [deg]"]
 
 
-def test_nothing_stands_in_the_console_of_the_browser(scene):
+def test_the_console_of_the_browser_stays_empty(scene):
     told = [entry for entry in scene.page.driver.get_log("browser") if "/enter" not in entry["message"]]
     assert told == []

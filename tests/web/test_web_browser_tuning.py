@@ -240,7 +240,7 @@ def test_a_gain_is_written_by_the_guarded_write_and_kept_by_the_browser(at):
 
 
 @pytest.mark.parametrize("do", ["end", "space", "halt", "hidden", "cut", "covered", "fault"])
-def test_whatever_comes_between_stops_the_plant_and_is_told(at, do):
+def test_whatever_comes_between_stops_the_plant_and_is_reported(at, do):
     page, x = at.page, at.machine["x"]
     begun(page, x, **LONG)
     if do == "end":
@@ -311,6 +311,6 @@ def test_what_files_and_drives_say_is_text(at):
     until(lambda: page.driver.find_elements(By.CSS_SELECTOR, "[data-view=cell]") and not page.gone, 20.0)
 
 
-def test_nothing_stands_in_the_console_of_the_browser(scene):
+def test_the_console_of_the_browser_stays_empty(scene):
     told = [entry for entry in scene.page.driver.get_log("browser") if "/enter" not in entry["message"]]
     assert told == []

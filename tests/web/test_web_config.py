@@ -133,7 +133,7 @@ def test_what_the_drive_refuses_to_show_is_a_difference_with_its_reason(machine)
 # -- what a restore would write -----------------------------------------------------------------------------------------
 
 
-def test_a_restore_is_told_and_not_done(machine):
+def test_a_restore_is_reported_and_not_done(machine):
     made = backup(machine)
     device(machine).write(*ACCELERATION, 777)
     found = done(machine, ConfigJobKind.WOULD_RESTORE, 1, made)
@@ -227,7 +227,7 @@ def test_an_energised_node_gets_nothing(machine):
     assert device(machine).read(*ACCELERATION) == 777
 
 
-def test_a_drive_that_is_energised_on_the_way_ends_the_restore_which_tells_how_far_it_came(
+def test_a_drive_that_is_energised_during_a_restore_ends_it_and_the_progress_is_reported(
     machine, monkeypatch
 ):
     made = backup(machine)
@@ -274,13 +274,13 @@ def may_write(eds: Any, index: int) -> bool:
 @pytest.mark.parametrize(
     "data", [b"", b"\0" * 100, b"<script>alert(1)</script>", b"PK\x03\x04" + bytes(range(256)) * 40]
 )
-def test_what_is_no_dcf_is_told_in_words(data):
+def test_an_invalid_dcf_is_reported_with_a_message(data):
     told = about(Dcf("x.dcf", data))
     assert told["text"] == ""
     assert told["error"]["message"]
 
 
-def test_a_file_that_stands_for_millions_of_entries_is_refused_before_they_are_made():
+def test_a_file_that_describes_millions_of_entries_is_refused_before_they_are_made():
     each = "[{:04X}]\nObjectType=8\nDataType=7\nAccessType=rw\nCompactSubObj=254\n"
     data = "".join(each.format(index) for index in range(0x1000, 0x6000)).encode()
     began = time.process_time()
@@ -308,7 +308,7 @@ def test_names_keep_what_is_plain():
     assert named("<img src=x onerror=alert(1)>.dcf") == "_img src_x onerror_alert(1)_.dcf"
 
 
-def test_a_page_has_two_files_at_most_and_none_once_it_is_gone():
+def test_a_page_has_two_files_at_most_and_none_after_it_is_closed():
     files = PageFiles()
     for number in range(5):
         files.keep(1, BROUGHT, Dcf(str(number), b"1"))
@@ -414,7 +414,7 @@ def test_there_is_one_job_for_all_pages_a_verification_is_one_too(desk):
 
 
 @pytest.mark.parametrize("begun", [False, True])
-def test_a_job_of_a_page_without_controls_gives_way_to_who_has_them(desk, monkeypatch, begun):
+def test_a_job_of_a_page_without_controls_is_cancelled_for_the_page_with_them(desk, monkeypatch, begun):
     """However often it is begun again."""
     monkeypatch.setattr(verifying, "PACE", 0.01)
     seen: list[Any] = []
@@ -475,13 +475,13 @@ def test_a_node_that_is_lost_in_the_middle_ends_the_job_with_what_is_wrong(desk,
     assert told["report"] is None
 
 
-def test_a_node_that_is_not_there_and_one_without_objects_are_told(desk):
+def test_a_node_that_is_not_there_and_one_without_objects_are_reported(desk):
     desk.ask(desk.operator, "backup", node=9)
     desk.run()
     assert "the cell has no node 9" in desk.job.now.error["message"]
 
 
-def test_a_mistake_is_told_and_the_next_job_goes_on(desk, monkeypatch):
+def test_a_mistake_is_reported_and_the_next_job_continues(desk, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr(jobs, "carry_out", lambda *_: 1 / 0)
         desk.ask(desk.operator, "backup", node=1)
@@ -545,7 +545,7 @@ def bring(desk: SimpleNamespace) -> Any:
     return bring
 
 
-def test_a_file_is_brought_in_pieces_and_told(desk, bring):
+def test_a_file_is_brought_in_pieces_and_reported(desk, bring):
     data = backup(desk.machine).data
     answer = bring("page=1&name=my%20x.dcf", data[:1000], data[1000:])
     told = json.loads(answer.body)

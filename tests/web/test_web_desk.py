@@ -37,7 +37,7 @@ def test_enabling_needs_the_controls_and_a_yes(pages):
     pages.enabled(place, "x")
 
 
-def test_a_jog_goes_on_while_it_is_held_and_stands_when_it_is_released(pages):
+def test_a_jog_continues_while_it_is_held_and_ends_when_it_is_released(pages):
     place = pages.operator()
     pages.enabled(place, "x")
     pages.jog(place, velocity="40")
@@ -51,7 +51,7 @@ def test_a_jog_goes_on_while_it_is_held_and_stands_when_it_is_released(pages):
 @pytest.mark.parametrize(
     ("way", "typed", "speed"), [("-1", "30", -30.0), ("1", "-30", 30.0), ("-2", "", -100.0)]
 )
-def test_a_jog_goes_the_way_of_its_button_and_as_fast_as_is_typed_or_by_default(pages, way, typed, speed):
+def test_a_jog_has_the_direction_of_its_button_and_the_typed_or_default_speed(pages, way, typed, speed):
     place = pages.operator()
     pages.enabled(place, "x")
     pages.press += 1
@@ -94,7 +94,7 @@ def test_who_looks_at_what_has_long_been_moves_nothing_and_stops(pages, do, old)
 
 
 @pytest.mark.parametrize("seen", [True, "1", 1e13, []])
-def test_what_is_no_time_is_not_taken_for_one(pages, seen):
+def test_an_invalid_time_stamp_is_refused(pages, seen):
     place = pages.operator()
     pages.ask(place, "beat", seen=seen)
     assert pages.told(place) == [
@@ -211,7 +211,7 @@ def test_a_jog_without_a_direction_is_refused(pages, way):
     assert "the direction is not valid" in pages.told(place)[0][1]
 
 
-def test_taken_over_a_jog_ends_and_both_are_told(pages):
+def test_taken_over_a_jog_ends_and_both_are_reported(pages):
     one, two = pages.operator(), pages.sit()
     pages.enabled(one, "x")
     pages.jog(one, velocity="40")
@@ -231,7 +231,7 @@ def test_taken_over_a_jog_ends_and_both_are_told(pages):
     assert pages.machine["x"].state is AxisState.DISABLED
 
 
-def test_a_move_goes_on_when_its_page_is_gone(pages):
+def test_a_move_continues_when_its_page_is_gone(pages):
     place = pages.operator()
     pages.enabled(place, "x")
     pages.ask(place, "move_absolute", "x", values={"position": "30", "velocity": "60"})
@@ -274,7 +274,7 @@ def test_a_torque_needs_a_yes_turns_what_nothing_holds_and_ends_by_a_halt(pages)
 
 
 @pytest.mark.parametrize("do", ["quick_stop", "quick_stop_all", "halt_all"])
-def test_who_looks_on_ends_a_torque_and_gives_none(pages, do):
+def test_an_observer_ends_a_torque_and_commands_none(pages, do):
     place, looker = pages.operator(), pages.sit(Role.LOOKER)
     pages.enabled(place, "x")
     values = {"torque": "1", "slope": "100"}
@@ -304,7 +304,7 @@ def test_who_looks_on_ends_a_torque_and_gives_none(pages, do):
         ({"torque": "1", "slope": "1e30"}, "does not fit"),
     ],
 )
-def test_a_torque_that_is_none_is_refused_in_the_words_of_the_library(pages, values, words):
+def test_an_invalid_torque_is_refused_with_the_message_of_the_library(pages, values, words):
     place = pages.operator()
     pages.enabled(place, "x")
     pages.ask(place, "torque_control", "x", sure=True, values=values)
@@ -362,7 +362,7 @@ def test_a_flood_is_refused_and_the_stop_in_it_is_not(pages):
     assert len(pages.told(place)) < 5
 
 
-def test_a_fault_is_told_with_its_cause_and_reset(pages):
+def test_a_fault_is_reported_with_its_cause_and_reset(pages):
     place = pages.operator()
     pages.enabled(place, "x")
     pages.ask(place, "move_velocity", "x", values={"velocity": "50"})

@@ -388,7 +388,7 @@ def texts(number: int, size: int = 10) -> list[dict[str, str]]:
     return [{"type": "websocket.receive", "text": "x" * size}] * number
 
 
-def test_every_answer_has_the_security_headers_and_none_of_them_twice():
+def test_every_answer_has_each_security_header_once():
     served = Served()
     token = served.keys.issue(Role.LOOKER)
     entering, refused, well = served.ask(path=f"/enter?token={token}"), served.ask(cookie=""), served.ask()
@@ -425,7 +425,7 @@ def test_the_cookie_is_kept_from_scripts_and_from_other_sites():
     assert "Secure" in dict(sent[0]["headers"])[b"set-cookie"].decode().split("; ")
 
 
-def test_what_was_asked_for_is_never_taken_for_markup():
+def test_requested_texts_are_never_interpreted_as_markup():
     sent = Served().ask(host="<script>alert(1)</script>")
     assert sent[0]["status"] == 421
     assert b"<script" not in sent[1]["body"]

@@ -13,7 +13,7 @@ ONE, TWO = Seat(1, "page 1 at here", Role.OPERATOR), Seat(2, "page 2 at there", 
 LOOKER = Seat(3, "page 3", Role.LOOKER)
 
 
-def test_the_second_writer_is_refused_and_told_who_has_them():
+def test_the_second_writer_is_refused_and_reported_who_has_them():
     lease = PageLease().taken(ONE, over=False)
     refusal = lease.taken(TWO, over=False)
     assert isinstance(refusal, Refusal)

@@ -93,27 +93,27 @@ def test_a_value_has_its_unit_and_its_meaning(nodes):
         ("1:6064:07", "has no object 6064h:07"),
     ],
 )
-def test_what_is_not_there_is_told_in_words(nodes, key, words):
+def test_a_missing_object_is_reported_with_a_message(nodes, key, words):
     seen = nodes.read(key)
     assert words in seen.error["message"]
     assert (seen.value, seen.silent) == (None, False)
 
 
-def test_an_abort_of_the_drive_is_told_with_its_code(nodes):
+def test_an_abort_of_the_drive_is_reported_with_its_code(nodes):
     nodes.dials.sdo_aborts[0x6083, 0] = abort.OBJECT_MISSING
     seen = nodes.read("1:6083:00")
     assert "0602" in seen.error["message"] + seen.error["observed"]
     assert not seen.silent
 
 
-def test_a_node_that_does_not_answer_is_told_and_known_as_silent(nodes):
+def test_a_node_that_does_not_answer_is_reported_and_known_as_silent(nodes):
     nodes.dials.sdo_silent = True
     seen = nodes.read("1:6064:00")
     assert "no answer" in seen.error["message"]
     assert seen.silent
 
 
-def test_what_has_no_dictionary_is_told():
+def test_what_has_no_dictionary_is_reported():
     with Machine.simulated(ROOT / "examples" / "can_simple.toml") as machine:
         seen = ObjectTransfers(machine).carry_out(ObjectJob(ObjectKey(16, 0x6064, 0), 1))
         assert (
@@ -200,7 +200,7 @@ def test_octets_are_digits_and_no_file():
     assert "@file" not in caught.value.remedy
 
 
-def test_a_drive_that_refuses_or_rounds_is_told(nodes):
+def test_a_drive_that_refuses_or_rounds_is_reported(nodes):
     nodes.dials.sdo_write_aborts[0x6083, 0] = 0x0609_0031
     seen = nodes.write("1:6083:00", "123")
     assert "0609" in seen.error["message"] + seen.error["observed"]
@@ -216,7 +216,7 @@ def test_what_stores_parameters_asks_first_and_only_then_is_written(nodes):
     assert (again.question, again.error) == (None, {})
 
 
-def test_an_energised_node_asks_first_and_a_yes_to_another_question_is_none(nodes):
+def test_an_energised_node_asks_first_and_the_answer_to_another_question_does_not_count(nodes):
     nodes.machine["x"].enable().wait(10)
     before = nodes.has("1:6083:00")
     for agreed in ((), ("order",), ("yes",)):
@@ -426,7 +426,7 @@ def test_too_much_is_refused_and_said(desk):
     assert any("waiting for 64 objects" in one.text for one in desk.looker.told)
 
 
-def test_a_mistake_in_one_transfer_is_told_and_ends_nothing(desk, monkeypatch):
+def test_a_mistake_in_one_transfer_is_reported_and_ends_nothing(desk, monkeypatch):
     def broken(self: ObjectTransfers, job: ObjectJob) -> TransferResult:
         raise ZeroDivisionError("<script>")
 
@@ -441,7 +441,7 @@ def test_a_mistake_in_one_transfer_is_told_and_ends_nothing(desk, monkeypatch):
     assert desk.told(desk.operator)[0]["error"] is None
 
 
-def test_a_verification_is_told_to_its_end_and_ends_with_the_controls(desk, quickly):
+def test_a_verification_is_reported_to_its_end_and_ends_with_the_controls(desk, quickly):
     desk.ask(desk.operator, "verify", node=1)
     desk.run(2.0)
     assert desk.desk.objects.verified.over

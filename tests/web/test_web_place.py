@@ -32,7 +32,7 @@ def test_a_browser_leaves_the_usual_port_out(tls, port, left_out):
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1", "localhost", "127.1", "::1"])
-def test_what_is_reached_from_this_computer_alone(address):
+def test_loopback_addresses_are_recognised(address):
     assert is_loopback(resolved(address))
 
 
@@ -41,12 +41,12 @@ def test_what_others_reach_is_no_loopback():
 
 
 @pytest.mark.parametrize("address", ["0.0.0.0", "::", "0", "", "0x0"])
-def test_all_addresses_are_none_however_they_are_written(address):
+def test_an_address_that_means_all_addresses_is_refused_in_any_notation(address):
     with pytest.raises(ArgumentError, match="every address"):
         opened(address, 0, tls=False)
 
 
-def test_what_cannot_be_listened_at_is_told():
+def test_what_cannot_be_listened_at_is_reported():
     with (
         socket.create_server(("127.0.0.1", 0)) as taken,
         pytest.raises(StateError, match="cannot be used"),

@@ -76,7 +76,7 @@ def test_a_batch_has_every_cycle_with_the_values_that_the_axis_had(seen):
     assert max(velocity) > 10.0
 
 
-def test_what_is_unknown_is_no_number(seen):
+def test_an_unknown_value_is_no_number(seen):
     found, _, parameters = seen
     now, images = found[0]
     cycles = ScopeBuffer()
@@ -149,7 +149,7 @@ THERE = {"x.position", "x.velocity"}
         "[" * 3000,
     ],
 )
-def test_a_message_that_is_none_of_the_page_s_is_no_choice(message):
+def test_an_invalid_message_selects_no_signals(message):
     assert read(message, THERE) is None
 
 

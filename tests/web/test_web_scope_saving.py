@@ -124,7 +124,7 @@ GOOD = packed([1.0, 2.0], x_position=[1.0, 2.0])
         struct.pack("<II", 0xFFFF_FFFF, 0xFFFF_FFFF) + b"x" * 100,
     ],
 )
-def test_what_is_none_of_the_page_s_is_refused(machine, data):
+def test_an_invalid_message_is_refused(machine, data):
     assert read(data, SIGNALS) is None
     with pytest.raises(ArgumentError, match="do not belong to this page"):
         mcap(machine, data)
@@ -172,7 +172,7 @@ def answered(routes: ScopeRoutes, *bodies: bytes, browsers: tuple[int, ...] = ()
     return asyncio.run(all_of())
 
 
-def test_one_file_of_a_browser_is_made_at_a_time_and_errors_are_told(machine, monkeypatch):
+def test_one_file_of_a_browser_is_made_at_a_time_and_errors_are_reported(machine, monkeypatch):
     routes = ScopeRoutes(machine)
     made, busy, other = answered(routes, GOOD, GOOD, GOOD, browsers=(1, 1, 2))
     assert made.body.startswith(b"\x89MCAP")

@@ -156,7 +156,7 @@ def test_an_axis_that_does_not_begin_disturbs_it():
     assert "did not start" in seen.trial.why
 
 
-def test_the_first_reason_is_the_one_that_is_told():
+def test_the_first_reason_is_the_one_that_is_reported():
     trial = Seen().trial
     trial.disturb("one")
     trial.disturb("two")

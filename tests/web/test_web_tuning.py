@@ -86,7 +86,7 @@ def place(pages: Tuning) -> PageClient:
     return place
 
 
-def test_limits_that_do_not_hold_before_it_is_homed_are_told_as_such(tmp_path):
+def test_limits_that_do_not_hold_before_it_is_homed_are_reported_as_such(tmp_path):
     path = tmp_path / "cell.toml"
     text = cell_text("x", axis="position_limits = [-100.0, 100.0]")
     path.write_text(text.replace("required = false", "required = true"), encoding="utf-8")
@@ -218,7 +218,7 @@ def test_a_velocity_that_cannot_be_is_refused(pages, place, velocity, words):
     assert pages.news == []
 
 
-def test_it_needs_the_controls_an_operator_and_an_axis_that_stands_enabled(pages):
+def test_it_needs_the_controls_an_operator_and_an_enabled_axis_at_standstill(pages):
     looker, place = pages.sit(Role.LOOKER), pages.sit()
     for who, words in ((looker, "observer page"), (place, "no page has the controls")):
         pages.step(who)
@@ -249,7 +249,7 @@ def test_a_yes_that_comes_too_late_moves_nothing(pages, place):
     assert pages.speed() == pytest.approx(0.0, abs=0.1)
 
 
-def test_two_at_a_time_are_refused_and_the_first_goes_on(pages, place):
+def test_two_at_a_time_are_refused_and_the_first_continues(pages, place):
     pages.under_way(place)
     pages.step(place)
     assert "another trial is running" in pages.told(place)[0][1]
@@ -302,7 +302,7 @@ def test_it_ends_with_the_controls(pages, place, do):
 
 
 @pytest.mark.parametrize("do", ["halt", "halt_all", "quick_stop", "quick_stop_all"])
-def test_it_ends_by_a_stop_of_whoever_looks_on(pages, place, do):
+def test_a_stop_of_an_observer_ends_it(pages, place, do):
     looker = pages.sit(Role.LOOKER)
     pages.under_way(place)
     pages.ask(looker, do, "x")
@@ -310,7 +310,7 @@ def test_it_ends_by_a_stop_of_whoever_looks_on(pages, place, do):
 
 
 @pytest.mark.parametrize("do", ["halt", "quick_stop", "quick_stop_all"])
-def test_a_stop_while_it_stands_and_looks_lets_it_not_go_back(pages, place, do):
+def test_a_stop_during_the_pause_of_a_trial_prevents_the_return(pages, place, do):
     looker = pages.sit(Role.LOOKER)
     pages.step(place)
     pages.go_on(place, 0.8)
@@ -334,7 +334,7 @@ def test_a_halt_of_another_program_ends_it(pages, place):
     pages.ended(place, "halt")
 
 
-def test_a_halt_of_another_program_while_it_stands_lets_it_not_go_back(pages, place):
+def test_a_halt_of_another_program_during_the_pause_prevents_the_return(pages, place):
     pages.step(place)
     pages.go_on(place, 0.8)
     pages.machine["x"].halt()
@@ -342,7 +342,7 @@ def test_a_halt_of_another_program_while_it_stands_lets_it_not_go_back(pages, pl
     assert pages.machine["x"].position == pytest.approx(20.0, abs=0.1)
 
 
-def test_a_fault_ends_it_and_is_told(pages, place):
+def test_a_fault_ends_it_and_is_reported(pages, place):
     pages.under_way(place)
     pages.machine.simulated_node(1).fault(0x4310)
     pages.ended(place, "")
@@ -351,7 +351,7 @@ def test_a_fault_ends_it_and_is_told(pages, place):
 
 
 @pytest.mark.parametrize("wait", [0.2, 0.8])
-def test_a_fault_of_another_axis_ends_it_also_where_it_stands(pages, place, wait):
+def test_a_fault_of_another_axis_ends_it_also_during_the_pause(pages, place, wait):
     pages.step(place)
     pages.go_on(place, wait)
     pages.machine.simulated_node(2).fault(0x4310)
@@ -381,7 +381,7 @@ def test_a_trial_leaves_the_other_axis_alone_and_is_left_alone(pages, place):
     assert pages.machine["y"].position == pytest.approx(10.0, abs=0.1)
 
 
-def test_what_is_over_is_observed_no_longer(pages, place, monkeypatch):
+def test_after_its_end_a_trial_is_observed_no_longer(pages, place, monkeypatch):
     forgotten = []
     forget = type(pages.machine.session).forget
     monkeypatch.setattr(

@@ -33,7 +33,7 @@ def run(turns, now, seconds, silent=()):
     return done
 
 
-def test_what_is_kept_is_read_twice_a_second_once_for_all_pages():
+def test_repeated_objects_are_read_twice_a_second_once_for_all_pages():
     turns = TransferQueue()
     for page in range(1, 51):
         turns.keep(page, X[:8])
@@ -113,7 +113,7 @@ def test_a_page_that_is_gone_is_read_for_no_more():
     assert turns.news(1) == []
 
 
-def test_a_page_that_keeps_an_object_is_told_what_others_read_and_write_of_it_but_not_what_they_are_asked():
+def test_a_page_gets_the_reads_and_writes_of_others_for_its_objects_but_not_their_questions():
     turns = TransferQueue()
     turns.keep(1, [Y])
     turns.done(

@@ -79,7 +79,7 @@ def test_a_refusal_says_who_has_the_controls_and_what_to_do():
 
 
 @pytest.mark.parametrize("verb", ["halt", "quick_stop", "enable"])
-def test_an_axis_that_is_not_there_is_told(verb):
+def test_an_axis_that_is_not_there_is_reported(verb):
     refused = decide(ME, PageLease(ME), PageRequest(PageVerb(verb), "q", sure=True), AXES)
     assert refused == Refusal("there is no axis 'q'", "there are x, y")
 
@@ -100,7 +100,7 @@ def test_a_number_is_taken_as_people_type_it(typed, number):
 
 
 @pytest.mark.parametrize("typed", ["", "  ", "ten", "1.000,5", "1 2", "0x10", "--1", "1_0", "٣", "１"])
-def test_what_is_no_number_is_refused_and_never_zero(typed):
+def test_a_value_that_is_not_a_number_is_refused_and_never_zero(typed):
     verdict = decide(ME, PageLease(ME), PageRequest(PageVerb.MOVE_RELATIVE, "x", {"distance": typed}), AXES)
     assert isinstance(verdict, Refusal)
     assert "distance" in verdict.text
@@ -155,7 +155,7 @@ def test_what_may_be_left_out_is_left_out_and_what_is_not_asked_for_is_not_taken
         '{"do": "beat", "more": "' + "x" * 5000 + '"}',
     ],
 )
-def test_a_message_that_is_none_is_refused(text):
+def test_an_invalid_message_is_refused(text):
     assert isinstance(read(text), Refusal)
 
 

@@ -65,7 +65,7 @@ def test_an_axis_has_its_states_and_values_with_their_ages(machine):
 
 
 @pytest.mark.parametrize(("late", "known"), [(0.5, True), (1.5, False), (3600.0, False)])
-def test_what_is_old_is_not_shown_as_if_it_were_of_now(machine, late, known):
+def test_an_old_value_is_not_shown_as_current(machine, late, known):
     x = all_axes(machine, now(machine) + late)["x"]
     assert x["known"] == known
     for key in ("state", "power", "homed", "position", "velocity", "torque"):
@@ -82,7 +82,7 @@ def test_after_the_machine_is_closed_nothing_is_known(machine):
     assert x["position"] == "unknown"
 
 
-def test_how_a_machine_ended_is_still_told(machine):
+def test_how_a_machine_ended_is_still_reported(machine):
     assert whole_cell(machine, [], now(machine))["command"] == {"ours": True, "by": "nobody"}
     machine.close()
     seen = whole_cell(machine, ["ended"], now(machine))
@@ -102,7 +102,7 @@ def test_a_silent_drive_has_no_position(machine):
     assert x["state"] == "ErrorStop"
 
 
-def test_a_fault_is_told_with_cause_and_remedy_before_what_was_earlier(machine):
+def test_a_fault_is_reported_with_cause_and_remedy_before_what_was_earlier(machine):
     quiet = whole_cell(machine, ["bus: fine"], now(machine))
     assert quiet["incidents"] == []
     assert quiet["beside"] == ["bus: fine"]
@@ -121,7 +121,7 @@ def test_a_fault_is_told_with_cause_and_remedy_before_what_was_earlier(machine):
     json.dumps(first)
 
 
-def test_nodes_are_told_with_identity_state_and_what_is_wrong(machine):
+def test_nodes_are_reported_with_identity_state_and_what_is_wrong(machine):
     one, two = whole_cell(machine, [], now(machine))["nodes"]
     assert (one["node"], two["node"]) == (1, 2)
     assert one["nmt"] == "operational"
@@ -173,7 +173,7 @@ def test_the_diagram_has_each_state_once_and_each_transition():
     assert sorted(re.findall(r'class="number"[^>]*>(\d+)<', drawn)) == numbers
 
 
-def test_incidents_are_told_newest_first(machine):
+def test_incidents_are_reported_newest_first(machine):
     x = machine["x"]
     for code in (0x4310, 0x2310):
         machine.simulated_node(1).fault(code)

@@ -96,7 +96,7 @@ def test_an_error_is_found_by_its_number():
     assert reader.read()["y"].error is None
 
 
-def test_what_is_kept_as_bytes_is_the_same_image():
+def test_an_image_stored_as_bytes_is_unchanged():
     writer, reader = ends()
     writer.write(7.5, {"z": axis(5)}, {})
     kept = writer.newest

@@ -75,7 +75,7 @@ def test_who_sends_does_not_wait_for_one_who_reads_nothing():
         assert stream.waiting > 100
 
 
-def test_a_message_that_cannot_be_packed_keeps_no_other_from_its_way(caplog):
+def test_a_message_that_cannot_be_packed_does_not_delay_the_others(caplog):
     with both() as (near, far):
         for message in ("one", 2, "three"):
             near.send(message)

@@ -135,7 +135,7 @@ class Stranger:
     "value",
     [Stranger(), FollowTrajectory(TrapezoidalTrajectory(0.0, 1.0, 1.0, 1.0)), object(), 1j, {2**70: 1}],
 )
-def test_what_is_not_ours_does_not_cross(value):
+def test_values_of_unknown_classes_do_not_cross(value):
     with pytest.raises((NotForCrossing, OverflowError)):
         m.CODEC.pack(value)
 
