@@ -208,7 +208,7 @@ class _Wait:
 
 
 def _held_lock() -> _thread.LockType:
-    """Return a lock whose release lets one waiting thread go on: the fastest way to hand the turn over."""
+    """Return a lock whose release lets one waiting thread continue: the fastest way to hand the turn over."""
     lock = _thread.allocate_lock()
     lock.acquire()
     return lock
@@ -240,7 +240,7 @@ class VirtualClock:
         self._now = now
 
     def catch_up(self) -> None:
-        """Make the state of all sources that of now, before somebody looks at them."""
+        """Bring the state of all sources up to the present time before it is read."""
         for source in self._sources:
             source.catch_up(self._now)
 
@@ -371,7 +371,7 @@ class VirtualClock:
         return ran or now < until
 
     def _horizon(self, running: EventSource, until: float) -> float:
-        """Return how far ``running`` may go on alone."""
+        """Return the time until which ``running`` may continue alone."""
         if self._timers and self._timers[0][0] < until:
             until = self._timers[0][0]
         for source in self._sources:

@@ -89,7 +89,7 @@ class CellConnection(Protocol[Booted, Parts, Incident, Event]):
         """Return the ports of a node's axes, by name; empty if the node has not come up."""
 
     def io(self, node_id: int) -> IoPort | None:
-        """Return the inputs and outputs of a node; None if the cell names none of them, or the node is left as it is."""
+        """Return the inputs and outputs of a node; None if the cell names none of its inputs and outputs, or leaves it as it is."""
 
     def parts(self, node_id: int) -> Parts:
         """Return the parts for direct access to a node, even if the node has not come up."""

@@ -305,7 +305,7 @@ def test_the_stored_eds_is_plain_or_zipped():
     plain.objects[0x1022, 0] = b"\0"
     assert stored_eds(plain) == b"text"
     assert stored_eds(Store({(0x1021, 0): zlib.compress(b"text"), (0x1022, 0): b"\1"})) == b"text"
-    with pytest.raises(EdsError, match="a format of its own") as caught:
+    with pytest.raises(EdsError, match="a manufacturer-specific format") as caught:
         stored_eds(Store({(0x1021, 0): b"text", (0x1022, 0): b"\2"}))
     assert "is 2" in caught.value.observed
 
@@ -384,7 +384,7 @@ def test_a_skeleton_has_what_answers_with_its_size_and_its_values_that_never_cha
 
 
 def test_each_element_of_a_skeleton_has_the_access_of_its_own_row():
-    """The buffer of an interpolated path: what is told, what is set, and what is only written stand side by side."""
+    """The buffer of an interpolated path: what is reported, what is set, and what is only written stand side by side."""
     device = Store({(0x60C4, 0): b"\6", **{(0x60C4, sub): little(1, 4) for sub in range(1, 7)}})
     buffer = skeleton(device).objects[0x60C4].subs
     assert [number for number in buffer if buffer[number].pdo_mapping] == []

@@ -180,7 +180,7 @@ def test_a_drive_whose_reaction_is_unknown_is_noted(tmp_path: Path) -> None:
 
 def test_a_heartbeat_that_is_off_is_warned_of(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ('heartbeat = "100ms"', 'heartbeat = "off"'))
-    assert "no drive can detect a dead master" in cells.only(path, "warning", '"off"').message
+    assert "no drive can use it to detect a dead master" in cells.only(path, "warning", '"off"').message
 
 
 @pytest.mark.parametrize(
@@ -191,7 +191,9 @@ def test_a_heartbeat_that_is_off_is_warned_of(tmp_path: Path) -> None:
         ("19.9999s", "cannot be set in the drives", '"20000ms"'),
     ],
 )
-def test_a_heartbeat_that_cannot_be_is_refused(tmp_path: Path, written: str, words: str, remedy: str) -> None:
+def test_an_invalid_heartbeat_period_is_refused(
+    tmp_path: Path, written: str, words: str, remedy: str
+) -> None:
     path = cells.write(tmp_path, ('heartbeat = "100ms"', f'heartbeat = "{written}"'))
     problem = cells.only(path, "error", f'"{written}"')
     assert words in problem.message

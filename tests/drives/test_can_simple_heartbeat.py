@@ -1,4 +1,4 @@
-"""The heartbeat's layouts by the manual (v2.2, 4.1.2) and by owners, and what its life counter tells."""
+"""The layouts of the heartbeat by the manual (v2.2, 4.1.2) and by owners, and the conclusions from its life counter."""
 
 from __future__ import annotations
 

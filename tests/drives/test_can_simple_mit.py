@@ -100,7 +100,7 @@ def test_a_value_that_is_not_a_number_is_refused(name, wild):
 
 
 @pytest.mark.parametrize(("name", "wild"), list(product(NAMES, [math.nan, math.inf, 0.0, -1.0, 1e300])))
-def test_ranges_that_cannot_be_are_refused(name, wild):
+def test_invalid_ranges_are_refused(name, wild):
     with pytest.raises(ArgumentError, match=f"range of MIT control's {name}"):
         MitRanges(**{name: wild})
 

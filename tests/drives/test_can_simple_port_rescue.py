@@ -1,4 +1,4 @@
-"""A module is stopped without the scan that led it: braked, let go, and at last by ESTOP, until it is seen to stand."""
+"""A module is stopped without the scan that commanded it: braked, switched off, at last by ESTOP, until standstill is seen."""
 
 from __future__ import annotations
 

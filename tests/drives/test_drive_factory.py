@@ -1,4 +1,4 @@
-"""What a module speaks when it comes from its factory is told by listening, and plain CANopen traffic is never taken for it."""
+"""The factory protocol of a module is recognised by listening, and plain CANopen traffic is never mistaken for it."""
 
 from __future__ import annotations
 

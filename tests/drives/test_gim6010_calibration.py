@@ -245,7 +245,7 @@ def test_any_event_during_the_calibration_aborts_it(act, why, moment):
 def test_a_rotor_that_turns_too_far_is_stopped(monkeypatch, way):
     monkeypatch.setattr(axis, "_TURNED", way)
     found, one, sent = calibrated(CalibrationKind.ENCODER, bench(calibration_time=2.0))
-    assert "farther than a calibration may" in found.why
+    assert "farther than a calibration may turn it" in found.why
     assert 8.0 < abs(one.module.position) < 10.5  # it coasts
     assert 8.0 < found.turned.farthest < 10.5
     assert states(sent)[-1] == IDLE
@@ -319,7 +319,7 @@ def test_one_that_never_ends_is_ended(monkeypatch):
     assert procedure_run.LONGEST == 300.0  # five minutes (manual v2.2, 3.1.4)
     monkeypatch.setattr(procedure_run, "LONGEST", 5.0)
     found, one, sent = calibrated(CalibrationKind.MOTOR, bench(calibration_time=1e6))
-    assert "not come to its end in 5 s" in found.why
+    assert "not ended within 5 s" in found.why
     assert states(sent)[-1] == IDLE
     assert not one.module.energised
 

@@ -1,4 +1,4 @@
-"""What must hold before a module is given another node ID or protocol, judged on what is found on wires in virtual time."""
+"""The preconditions for another node ID or protocol of a module, judged by the nodes found on wires in virtual time."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_a_node_id_whose_identifiers_belong_to_another_node_is_refused():
     node_id_preconditions.require_free(finder, found, 24)
 
 
-def test_what_canopen_cannot_be():
+def test_nodes_that_cannot_be_changed_to_canopen():
     _, found = surveyed(Module(0))
     with pytest.raises(StateError, match="set-id"):
         node_id_preconditions.require_canopen(found, 0)

@@ -1,4 +1,4 @@
-"""Modules are found by listening and by few harmless requests; what is foreign is named and left alone."""
+"""Modules are found by listening and by few harmless requests; foreign nodes are reported and left alone."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_with_the_29_bit_protocol_alone_silent_nodes_are_asked():
     assert found.finder.picture.foreign() == []
 
 
-def test_two_that_cannot_be_on_one_bus_are_reported():
+def test_two_modules_that_cannot_share_a_bus_are_reported():
     """0A1h is the heartbeat of CAN Simple's node 5, and the EMCY of CANopen node 33."""
     found = search(Module(5), canopen(33))
     must_be_bounded(found)

@@ -1,4 +1,4 @@
-"""The manual's way to a gain: what is tried after what, on machines whose limit is known to the test alone."""
+"""The manual's procedure for a gain: the order of its trials, on machines whose limit only the test knows."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_velocity_gain_is_raised_until_it_oscillates_and_halved_once():
     search, tried = played(Loop.VELOCITY, 0.1, 1.0, 0.2)
     assert tried == pytest.approx([0.1, 0.13, 0.169, 0.2197, 0.10985])
     assert search.best == pytest.approx(0.10985)
-    assert "lowered from where it was not" in search.ends
+    assert "lowered from a gain with which it was not" in search.ends
 
 
 def test_a_position_gain_is_lowered_little_by_little():

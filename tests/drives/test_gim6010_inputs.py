@@ -1,4 +1,4 @@
-"""What pulses are mapped to, what a pulse and a resistor come to, and what is refused, by the manual's words (4.4, 4.5, 3.1)."""
+"""The mapping of pulses, the figures of a pulse and a brake resistor, and refused values, by the manual (4.4, 4.5, 3.1)."""
 
 from __future__ import annotations
 

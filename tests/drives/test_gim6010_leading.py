@@ -1,4 +1,4 @@
-"""What moves one module: lost frames, interrupts and faults at random, and always a way out that is told."""
+"""Procedures that move one module, with random lost frames, interrupts and faults: each ends and reports the module's state."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MIT control of a simulated module in virtual time: without a jump, let go on every way out, and never a frame of zeros."""
+"""MIT control of a simulated module in virtual time: no jump, idle after every end, and never a frame of zeros."""
 
 from __future__ import annotations
 
@@ -338,7 +338,7 @@ def test_two_sources_of_the_position_that_disagree_stop_the_module():
     assert "not the module's" in said(1.4 / TURN, 9.0, speed=-10.0)
 
 
-def test_a_second_wish_continues_to_estop():
+def test_a_second_interrupt_goes_to_estop():
     led = spinning(Led().enabled())
     led.leader.leave("Ctrl-C")
     led.run(0.01)
@@ -451,7 +451,7 @@ def test_its_own_frames_are_never_zeros_whatever_the_ranges(command, ranges, dat
         {"command_timeout": 0.009}, {"command_timeout": 2.0}, {"command_timeout": math.nan}, {"period": "5ms"},
     ],
 )  # fmt: skip
-def test_settings_that_cannot_be(wrong):
+def test_invalid_settings_are_refused(wrong):
     given = {
         "node": 5,
         "ranges": MANUAL,

@@ -249,7 +249,7 @@ def test_one_that_does_not_start_is_let_go(lost):
         {"velocity": 0.0}, {"acceleration": 0.0}, {"velocity": math.inf}, {"seconds": 0.6}, {"size": 1000.0},
     ],
 )  # fmt: skip
-def test_trials_that_cannot_be(wrong):
+def test_invalid_trials_are_refused(wrong):
     given_ = {
         "node": 5,
         "loop": Loop.POSITION,
@@ -266,7 +266,7 @@ def test_trials_that_cannot_be(wrong):
 @pytest.mark.parametrize(
     "wrong", [(-1.0, None, None), (None, 0.1, None), (None, None, 0.1), (math.nan, None, None)]
 )
-def test_gains_that_cannot_be(wrong):
+def test_invalid_gains_are_refused(wrong):
     with pytest.raises(ArgumentError):
         Gains(*wrong)
 

@@ -1,4 +1,4 @@
-"""A module that is enabled and moved over Modbus, in virtual time against the plant; and every way out of it."""
+"""A module that is enabled and moved over Modbus, in virtual time, checked by its motor; and every way in which a command ends."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def test_a_torque_comes_on_a_slope_and_its_velocity_is_watched():
         assert rig.plant.usb_read("axis0.controller.input_torque") == pytest.approx(0.05)
         axis.watch(10.0)
 
-    with pytest.raises(UncommandedMotion, match="faster than was asked"):
+    with pytest.raises(UncommandedMotion, match="faster than commanded"):
         within(rig, body)
     assert abs(rig.velocity) < 0.1
     assert is_off(rig)
@@ -284,7 +284,7 @@ def test_a_module_that_was_found_enabled_is_left_so_and_reported():
     rig = Rig()
     rig.plant.usb_write("axis0.requested_state", 8)
     with rig.axis as axis:
-        assert "it is in closed loop, and is left so" in rig.said[-1]
+        assert "it is in closed loop, and stays in this state" in rig.said[-1]
         with pytest.raises(StateError):
             axis.enable(P)
     assert rig.plant.energised
@@ -339,7 +339,7 @@ def test_a_blocked_motor_does_not_arrive_and_is_switched_off():
         rig.plant.dials.blocked = True
         axis.move(5.0, **MOVE)
 
-    with pytest.raises(MotionTimeout, match="not there in time"):
+    with pytest.raises(MotionTimeout, match="has not arrived in time"):
         within(rig, body)
     assert is_off(rig)
 
@@ -364,7 +364,7 @@ def test_an_error_of_the_module_is_reported_by_its_bits():
     with pytest.raises(DriveFault) as caught:
         within(rig, body)
     assert "encoder NO_RESPONSE" in caught.value.observed
-    assert "whether it stands is NOT known" in str(caught.value)
+    assert "whether it is at standstill is NOT known" in str(caught.value)
     assert not rig.plant.energised
 
 
@@ -375,7 +375,7 @@ def test_a_count_that_jumps_when_it_is_enabled_is_reported():
         rig.plant.shaft.origin -= 0.5
 
     rig.at(LENGTHS[play] // 3, jump)
-    with pytest.raises(UncommandedMotion, match="moves though nothing was commanded"):
+    with pytest.raises(UncommandedMotion, match="moves without a command"):
         within(rig, lambda axis: axis.enable(V))
     assert is_off(rig)
 
@@ -390,7 +390,7 @@ def test_a_module_that_another_program_switches_off_is_reported():
 
     with pytest.raises(DriveFault, match="is in idle") as caught:
         within(rig, body)
-    assert "somebody else" in caught.value.observed
+    assert "another program" in caught.value.observed
 
 
 def test_a_position_that_is_no_number_ends_a_motion():
@@ -446,7 +446,7 @@ PLAYS = (play, turning, pushing)
 
 
 def length(what):
-    """How many questions a play asks, before the ladder asks its own."""
+    """The number of requests of a run, before the stop sequence sends its own."""
     rig, asked = Rig(), []
 
     def body(axis):
@@ -675,7 +675,11 @@ def test_what_the_stop_sequence_is_refused_does_not_keep_it_from_the_next_step(w
     rig = Rig()
     refused = {(register, True): 4 for register in (0x63, 0x64, 0x65, 0x66, 0x68, 0x6A)}
     rig.at(LENGTHS[what], lambda _: rig.station.dials.exceptions.update(refused))
-    with nullcontext() if what is play else pytest.raises(DriveError, match="whether it stands is NOT known"):
+    with (
+        nullcontext()
+        if what is play
+        else pytest.raises(DriveError, match="whether it is at standstill is NOT known")
+    ):
         within(rig, what)  # where it stood already, that was seen
     assert "emergency stop latches" in rig.said[-1]
     assert not rig.plant.energised
@@ -690,7 +694,7 @@ def test_a_brake_that_is_taken_and_does_not_hold_is_sent_again_and_given_up():
         axis.turn(-3.0, acceleration=20.0)
         rig.station.dials.clamps[0x68] = -3.0  # whatever velocity is written, it keeps this one
 
-    with pytest.raises(DriveError, match="whether it stands is NOT known"):
+    with pytest.raises(DriveError, match="whether it is at standstill is NOT known"):
         within(rig, body)
     assert rig.written.count("06 00 64 00 02") > 2
     assert not rig.plant.energised
@@ -712,7 +716,7 @@ def test_a_cable_that_comes_back_during_the_stop_sequence_is_used():
 
 
 def test_a_dead_master_is_noticed_by_nothing():
-    """What ``DEAD_MASTER`` tells, on the stand-in: a velocity goes on, and a position is held."""
+    """The statement of ``DEAD_MASTER``, on the simulated module: a velocity continues, and a position is held."""
     rig = Rig()
     axis = rig.axis
     axis.__enter__()

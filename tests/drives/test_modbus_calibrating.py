@@ -104,7 +104,7 @@ def test_a_rotor_that_turns_too_far_ends_it():
     rig = Calibrated(CalibrationKind.MOTOR)
     turned = rig.calibration.turned
     rig.at(60, lambda _: [turned.take((turned._count + 6000) % 16384) for _ in range(4)])
-    with pytest.raises(DriveError, match="farther than a calibration may"):
+    with pytest.raises(DriveError, match="farther than a calibration may turn it"):
         rig.calibration.run()
     assert rig.is_off
 
@@ -146,7 +146,7 @@ def test_who_is_there_is_found_and_nothing_is_written():
     assert "encoder" in str(next(present(rig.wire, [1])))
 
 
-def test_one_that_answers_with_exceptions_alone_is_there_too():
+def test_a_module_that_only_answers_with_exceptions_counts_as_present():
     rig = Rig(exceptions={(0x01, False): 4})
     (found,) = present(rig.wire, [1])
     assert isinstance(found, Present)

@@ -1,4 +1,4 @@
-"""The stop ladder of a module on Modbus, by what is seen alone."""
+"""The stop sequence of a module on Modbus, fed with readings only."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STEP = 0.05
 
 
 class Motor:
-    """A module that is seen by the ladder: it brakes by ``ramp`` under BRAKE, goes to idle when told, or does not obey."""
+    """A module as the stop sequence sees it: it brakes by ``ramp`` under BRAKE, goes to idle on request, or does not obey."""
 
     def __init__(
         self,
@@ -197,7 +197,7 @@ def test_idle_that_comes_by_itself_is_no_standing():
     motor.state = 1
     descend(motor, ladder)
     assert not ladder.outcome.ok
-    assert "it has let go by itself" in ladder.outcome.text
+    assert "it went to idle without a command" in ladder.outcome.text
     never = ModbusStopSequence(None, was_closed=False)
     descend(motor, never)
     assert never.outcome.ok

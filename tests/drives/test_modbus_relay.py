@@ -1,4 +1,4 @@
-"""A relay between frames of CAN Simple and a module's registers, in virtual time: what goes out, in which order, and what not."""
+"""The emulation of CAN Simple frames by the registers of a module, in virtual time: which requests are sent, in which order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Both sides on a pseudo-terminal, in real time: pymodbus's frames and checksums against the stand-in's own."""
+"""Both sides on a pseudo-terminal, in real time: pymodbus's frames and checksums against those of the simulated module."""
 
 from __future__ import annotations
 

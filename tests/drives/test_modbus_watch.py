@@ -1,4 +1,4 @@
-"""Whether a motion over Modbus goes as it was asked for, by what is seen alone."""
+"""Whether a motion over Modbus follows its command, judged by readings only."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ class SourceLocation:
         return key in self.keys
 
     def sound(self, *keys: str) -> bool:
-        """Whether none of ``keys`` is missing or wrong."""
+        """Whether all ``keys`` are present and valid."""
         return self.faulty.isdisjoint(keys)
 
 

@@ -313,7 +313,7 @@ def by_sight(case: CheckContext) -> Problems:
             continue
         yield case.warning(
             axis.at.of("handshake"),
-            f'axis {axis.name}: with handshake = "on-change" a move is believed by what the axis is seen to do, and '
+            f'axis {axis.name}: with handshake = "on-change" the master judges a move by the observed motion of the axis, and '
             f"{titles(missing)} {'is' if len(missing) == 1 else 'are'} missing",
             _unseen(missing),
             f"if its bit 12 works, leave handshake out of [axes.{axis.name}]",

@@ -238,7 +238,7 @@ def heartbeat(case: CheckContext) -> Problems:
     if bus.heartbeat is None:
         yield case.warning(
             line,
-            "the heartbeat is off: no drive can detect a dead master by it",
+            "the heartbeat is off, so no drive can use it to detect a dead master",
             'heartbeat = "off"',
             'heartbeat = "100ms" in [bus]',
         )

@@ -117,7 +117,7 @@ class CommandQueue:
                 yield waiting
 
     def _same(self, waiting: Waiting) -> Waiting | None:
-        """Return the same command if it is queued and no other one for its axes followed, as is always true after a late stop."""
+        """Return an equal queued command if no other command for its axes follows it (after a late stop none does)."""
         last = {self._last.get(axis) for axis in waiting.axes}
         candidates = [*(last if len(last) == 1 else ()), *self._late]
         return next((one for one in candidates if one and not one.taken and waiting.is_again(one)), None)

@@ -178,8 +178,8 @@ def not_safe(unsafe: Unsafe) -> NodeError:
         f"{unsafe.output} could not be confirmed as safe",
         node=unsafe.node,
         observed=unsafe.text,
-        remedy="CHECK IT before a person goes near; its module's monitoring of this master's heartbeat remains active, and "
-        "may have done it",
+        remedy="CHECK IT before a person goes near; the module still monitors this master's heartbeat, and may have "
+        "switched the output itself",
     )
 
 

@@ -96,8 +96,8 @@ def too_many(what: str) -> StateError:
 
 
 _SENT = (
-    "a quick stop was sent to every drive that this program had commanded, but its effect is not known: make sure that they "
-    "are at standstill"
+    "a quick stop was sent to every drive that this program had commanded, but its effect is not known: make sure that the "
+    "axes are at standstill"
 )
 _NOT_SENT = "the quick stop could not be sent: TREAT EVERY DRIVE THAT THIS PROGRAM HAD COMMANDED AS MOVING: use the emergency stop"
 

@@ -69,7 +69,7 @@ class ThreadWaiter:
 class VirtualWaiter:
     """Waiting in virtual time: the cycles of the scan are events of the clock, executed by whichever thread of the program waits.
 
-    So the scan goes on while the program waits for something else, such as an SDO transfer.
+    So the scan continues while the program waits for something else, such as an SDO transfer.
     """
 
     realtime = False

@@ -297,7 +297,7 @@ class Axis:
     def _unknown(self, what: str, why: str) -> StaleError:
         remedy = "read it while the machine is open"
         if self._session.failed:
-            remedy = "make sure that the axis is at standstill, then close the machine, which reports more"
+            remedy = "make sure that the axis is at standstill, then close the machine: its error says more"
         return StaleError(
             f"{self.name}: its {what} is unknown",
             axis=self.name,

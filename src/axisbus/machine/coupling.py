@@ -161,7 +161,7 @@ class Cam:
                 "the curve of a cam cannot be computed",
                 observed=f"its points are from {masters[0]:g} to {masters[-1]:g} of the master and from {min(slaves):g} to "
                 f"{max(slaves):g} of the slave",
-                remedy="give points that are neither as far apart nor as near to each other as these",
+                remedy="give points with other distances: these are too far apart, or too near to each other",
             )
         self._law = self._transfer_function()
 

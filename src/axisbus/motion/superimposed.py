@@ -155,7 +155,7 @@ def look_ahead(
     limits: tuple[float, float],
     parameters: AxisParameters,
 ) -> LimitError | None:
-    """Return why a superimposed motion must brake now: otherwise the axis, which moves from ``here``, could not be stopped in time.
+    """Return why a superimposed motion must brake now so that the axis, at ``here``, can still stop within its limits.
 
     ``velocity``: velocity of the path. Only the direction of the superimposed motion is checked.
     """
@@ -167,7 +167,7 @@ def look_ahead(
         return None
     name, unit = parameters.name, parameters.units.position.unit
     return LimitError(
-        f"{name}: a superimposed distance takes it to its position limits",
+        f"{name}: the superimposed distance would take it beyond its position limits",
         observed=f"{addition.value:g} of {addition.distance:g} {unit} are done; it would stop at {rest:g} {unit}, allowed "
         f"are {limits[0]:g} to {limits[1]:g}",
         remedy=f"superimpose a shorter distance, or change position_limits in [axes.{name}] of cell.toml; the superimposed "

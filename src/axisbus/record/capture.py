@@ -58,7 +58,7 @@ class Capture:
         self._thread: threading.Thread | None = None
         self._claim = threading.Lock()
         self._looks = False
-        self.failed = ""  # the reason if there is no file, for people
+        self.failed = ""  # the reason if there is no file, for display
 
     def __enter__(self) -> Capture:
         """Begin to observe.

@@ -80,8 +80,8 @@ class LastMinute:
         span = _last_seconds(cycles, names, seconds) if seconds is not None else _last_motion(cycles, names)
         if span is None:
             raise StateError(
-                f"no axis has moved in the last {KEPT:g} s of this machine, which are all that is kept of it",
-                remedy="draw it soon after the motion; seconds=... draws axes at rest as well",
+                f"no axis has moved in the last {KEPT:g} s of this machine; older cycles are not stored",
+                remedy="call it soon after the motion; with seconds=... it also draws axes at rest",
             )
         chosen = span.axes if axes is None else self._chosen(axes, forms)
         shown = [(now, samples) for now, samples in cycles if span.begin <= now <= span.end]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.symptoms.symptom import Symptom
 
-_TELLS = (
+_SHOWS_FAULT = (
     "`axisbus monitor CELL` shows the fault in words, with the emergency messages that came with it. "
     "`axisbus reset CELL` shows the fault and resets it."
 )
@@ -81,7 +81,7 @@ SYMPTOMS = (
         seen="The drive has detected an error and has performed its fault reaction (605Eh): it brakes or coasts, and "
         "then its power is off. 603Fh and the emergency messages contain the cause.",
         checks=(
-            _TELLS,
+            _SHOWS_FAULT,
             "`axisbus explain CODE` prints the page of a code, such as 0x7305. FF00h and above are "
             "manufacturer-specific: see the drive's manual.",
             "`axisbus od read --cell CELL NODE:1003:1` reads the newest entry in the drive's own list of errors.",
@@ -113,7 +113,7 @@ SYMPTOMS = (
         seen="The current was too high: for a moment (short circuit, earth leakage, gains that are too high), or for too "
         "long (I²t). The power stage is off.",
         checks=(
-            _TELLS,
+            _SHOWS_FAULT,
             "The fault occurs as soon as the drive is enabled, or at random: switch the supply off, and check the "
             "motor's cable and phases for a short circuit.",
             "The fault occurs while the axis accelerates or brakes: lower acceleration and deceleration, or the torque "
@@ -130,7 +130,7 @@ SYMPTOMS = (
         title="The drive is in fault: its supply voltage is too high or too low",
         seen="The voltage left its limits. It drops under load, and rises when an axis brakes and feeds energy back.",
         checks=(
-            _TELLS,
+            _SHOWS_FAULT,
             "Too low: measure the voltage at the drive under load. Use a stronger supply or a thicker cable, or "
             "accelerate fewer axes at the same time.",
             "Too high: the voltage rises when an axis brakes. Use a brake resistor, lower decelerations, or a supply "
@@ -146,7 +146,7 @@ SYMPTOMS = (
         title="The drive is in fault: its temperature is too high or too low",
         seen="A temperature of the drive, its motor or its surroundings left its limits.",
         checks=(
-            _TELLS,
+            _SHOWS_FAULT,
             "If it is too hot, let it cool down before the reset. It heats up again from its present temperature.",
             "Check load and duty cycle: `axisbus record start CELL -o run.mcap`, then `axisbus plot run.mcap -o "
             "run.png` shows torques over time.",
@@ -161,7 +161,7 @@ SYMPTOMS = (
         seen="The sensor of the motor or of the load is silent, or reports an impossible value. The drive does not know "
         "the position of its rotor. Do not enable it before the cause is removed.",
         checks=(
-            _TELLS,
+            _SHOWS_FAULT,
             "Check plug and cable of the encoder, its shield, and motor cables near it.",
             "After a motor or an encoder was replaced: check the drive's settings of encoder type, counts per turn and "
             "pole pairs.",

@@ -88,7 +88,7 @@ def require_firmware(listening: NodeListener, facts: SimpleFacts, text: str | No
         observed = f"it reports {facts.version}"
     elif facts.version is None and listening.beats.layouts and _layout(wanted) not in listening.beats.layouts:
         shown = " or ".join(sorted(each.value for each in listening.beats.layouts))
-        observed = f"its heartbeats are those of {shown}"
+        observed = f"its heartbeats show {shown}"
     if observed:
         raise BootError(
             f"module {node} has another firmware than {wanted}, which cell.toml specifies",

@@ -173,7 +173,7 @@ class Interruptible(Protocol):
 
 
 class _Told:
-    """A dialogue whose news are passed to ``tell``."""
+    """A dialogue whose reports are passed to ``tell``."""
 
     def __init__(self, dialogue: Interruptible, tell: Tell) -> None:
         self._dialogue, self._tell = dialogue, tell

@@ -88,7 +88,7 @@ def starved(name: str, seconds: float) -> AdapterError:
     """Return the error for a send of another thread that has not returned while neither thread got processor time."""
     return AdapterError(
         f"this program hardly ran for {seconds:.2g} s: a frame could not be given to the CAN adapter {name}",
-        observed="the thread that gave it the previous frame did not run; the adapter is possibly not the cause",
+        observed="the thread that sent the previous frame did not run; the adapter is possibly not the cause",
         remedy=f"{REMEDY}; then open the machine again",
     )
 

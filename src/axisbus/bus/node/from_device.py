@@ -65,7 +65,7 @@ def stored_eds(sdo: SdoObjectAccess, progress: Progress | None = None) -> bytes 
     if kind == _ZIPPED:
         return _unpacked(sdo.node_id, data)
     raise EdsError(
-        f"node {sdo.node_id} stores its EDS in a format of its own",
+        f"node {sdo.node_id} stores its EDS in a manufacturer-specific format",
         observed=f"1022h (store format) is {kind}; 0 is plain text",
         remedy="get the EDS from the manufacturer, or make a skeleton with --skeleton",
     )

@@ -108,7 +108,7 @@ class Deadlines:
         self._before: float | None = None
 
     def all_met(self, stamps: Sequence[float]) -> bool:
-        """Whether each TPDO has come as expected, so that its present wait began with its frame of ``stamps`` (in their order)."""
+        """Whether each TPDO came as expected: the present wait of each began with its frame in ``stamps`` (in this order)."""
         pairs = zip(self._deadlines, stamps, strict=True)
         return all(deadline.since == stamp and not deadline.missing for deadline, stamp in pairs)
 

@@ -43,7 +43,7 @@ _OPTIONS = (
         "--ros-domain",
         type=click.IntRange(0, 232),
         envvar="ROS_DOMAIN_ID",
-        help="The domain ID of ROS 2; if not given, that of ROS_DOMAIN_ID, else 0.",
+        help="The domain ID of ROS 2 [default: ROS_DOMAIN_ID, otherwise 0].",
     ),
     click.option(
         "--ros-namespace", metavar="NAME", help="The beginning of the names of topics and nodes of ROS 2."
@@ -51,7 +51,7 @@ _OPTIONS = (
     click.option(
         "--ros-rate",
         type=click.FloatRange(1.0, 200.0),
-        help="Joint states per second, at most; 50 if not given.",
+        help="The highest number of joint states per second [default: 50].",
     ),
 )
 Words = dict[str, Any]
@@ -99,7 +99,10 @@ def ros_of(
     "--plant", required=True, metavar="NAME", help="The name of the plant, with which all its keys begin."
 )
 @click.option(
-    "--cell", "name", metavar="NAME", help="The cell's name in the plant; that of its file, if not given."
+    "--cell",
+    "name",
+    metavar="NAME",
+    help="The cell's name in the plant [default: the name of its file without .toml].",
 )
 @click.option(
     "--connect",

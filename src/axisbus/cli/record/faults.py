@@ -54,5 +54,5 @@ def _what(recorded: Recorded) -> str:
         for event in recorded.events
         if event.sort == sort and (sort != "command" or event.text.startswith("ended"))
     ]
-    text = f"{', '.join(faulty)} in ErrorStop; {words[0] if words else 'no message came with it'}"
+    text = f"{', '.join(faulty)} in ErrorStop; {words[0] if words else 'without an emergency message'}"
     return textwrap.shorten(text, _WIDTH, placeholder=" …")

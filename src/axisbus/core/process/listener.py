@@ -62,7 +62,7 @@ class StopRequest:
 
     @classmethod
     def read(cls, text: bytes) -> StopRequest:
-        """Return the request of a program; raises ValueError if it is none."""
+        """Return the request of a program; raises ValueError if the data are not a request."""
         try:
             found = json.loads(text)
         except RecursionError:

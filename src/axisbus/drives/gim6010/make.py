@@ -26,7 +26,7 @@ GIM6010 = Make(
         f"{COUNTS_PER_OUTPUT_TURN} per turn of the output, {COUNTS_PER_OUTPUT_TURN / 360:.4f} per degree"
     ),
     unread_watchdog=(
-        "its break_timeout cannot be read over CANopen, and what feeds it there is not known: the master sends nothing for it. "
+        "its break_timeout cannot be read over CANopen, and it is not known what feeds it there: the master sends nothing for it. "
         "If it is armed, switch it off (axisbus gim6010 watchdog --off, over USB or CAN Simple)"
     ),
     measured={"temperature": MeasuredObject(0x200B, 2, 0.1)},  # the motor's, in 0.1 °C

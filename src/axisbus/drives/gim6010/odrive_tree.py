@@ -126,7 +126,7 @@ def _not_found(wanted: str | None, seconds: float) -> NoReturn:
     raise NodeTimeout(
         f"no module {'' if wanted is None else f'of serial number {wanted} '}was found on USB",
         node=0,
-        observed=f"it was looked for {seconds:g} s",
+        observed=f"searched for {seconds:g} s",
         remedy="switch its supply on and plug its USB cable in; on Linux this user needs a udev rule (odrivetool prints "
         "it), and no other program may use it, such as odrivetool",
     )

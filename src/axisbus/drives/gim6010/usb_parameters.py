@@ -132,7 +132,7 @@ class UsbParameters:
             raise NodeError(
                 f"{self._name} was saved, and has lost {', '.join(lost) or 'its firmware'}",
                 node=self.node,
-                remedy="write it again, and look whether it holds after switching it off and on",
+                remedy="write it again, and check whether the value remains after switching the module off and on",
             )
         self._written.clear()
 

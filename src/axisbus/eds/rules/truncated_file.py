@@ -113,7 +113,7 @@ def ends_early(sheet: RuleContext) -> Iterator[Hit]:
     lines = sheet.document.lines
     number = next(number for number in range(len(lines), 0, -1) if lines[number - 1].strip())
     missing = counted(len(found.absent), "object", "objects")
-    more = f"; {missing} of its lists do not come any more" if found.absent else ""
+    more = f"; {missing} of its lists are missing after the end" if found.absent else ""
     yield Hit(number, 1, f"the file ends in the middle, in [{short(found.section.name)}]{more}")
 
 

@@ -92,7 +92,7 @@ class Coupled(Follow):
         self.clock = _Now()
         self.brakes_along = True
         self._is_taken_up = before is None
-        self._is_in_step = False  # synchronised, so that its command has ended
+        self._is_in_step = False  # synchronised: its command has ended
         if before is not None:
             self.resume(before)
 

@@ -207,7 +207,7 @@ class CspMove(PathHandover):
     def _must_slow_down(self, before: Follow, image: AxisImage) -> bool:
         """Whether the axis has become too fast to brake within its position limits; if so, the previous path brakes.
 
-        The axis had room when the move was commanded. But while the axes of a group wait for each other, that path goes on.
+        The axis had room when the move was commanded. But while the axes of a group wait for each other, that path continues.
         """
         if not before.is_under_way:
             return False

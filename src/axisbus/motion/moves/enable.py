@@ -33,7 +33,7 @@ class EnableActivity(Activity):
     """MC_Power(TRUE): choose a resting mode, preload every target, and bring the power stage to *operation enabled*.
 
     The targets follow the actual position until the drive is enabled, so that nothing jumps, whatever the drive's mode. Then they
-    stay: a target that goes on following the position excites a soft load through the delay of the bus.
+    stay: a target that kept following the position would excite a soft load through the delay of the bus.
     """
 
     def __init__(

@@ -103,7 +103,7 @@ class Follow(Activity):
         self._prepared = False
         self._running = False
         self._last: int | None = None
-        self._origin = 0  # from its beginning: a later change of the origin must move nothing
+        self._origin = 0  # stored at the beginning: a later change of the origin must not move the axis
         self._arrive_by: float | None = None
         self._edges: tuple[float, float] | None = None  # the position limits that apply to it
         # The range of the drive's count; None: the axis may continue past its end.

@@ -196,7 +196,7 @@ def _why_unknown(image: AxisImage, parameters: AxisParameters) -> str:
         return (
             'with handshake = "on-change" nothing shows whether the drive takes a set-point during the halt'
         )
-    return "what the drive would continue with in its present mode is not known"
+    return "it is not known how the drive would continue in its present mode"
 
 
 def _is_loaded(image: AxisImage, parameters: AxisParameters) -> bool:

@@ -4,11 +4,11 @@ Theory of operation
 -------------------
 While the mode changes, and until the drive has its set-point, it brakes with its own ramp (6084h). The move has just written this
 ramp, and it may be weaker than the deceleration of the path. So before the mode is requested, the position of rest with this ramp
-must be within the permitted range of the path. Otherwise the path goes on and brakes, until this is so.
+must be within the permitted range of the path. Otherwise the path continues and brakes until this is the case.
 
 The drive is up to two set-points behind the master, and moves evenly between two set-points. So its velocity is the mean of a
-period, and the last set-points count as well as the newest one. A path that does not brake goes on for some cycles until the drive
-takes the mode.
+period, and the last set-points count as well as the newest one. A path that does not brake continues for some cycles until the
+drive takes the mode.
 """
 
 from __future__ import annotations

@@ -133,6 +133,6 @@ class SetPoint:
     @property
     def _way_out(self) -> str:
         return (
-            "one that moves all the same (its bit 12 never comes, falls too early, or follows writes of 6060h) needs "
+            "a drive that moves nevertheless (its bit 12 never comes, falls too early, or follows writes of 6060h) needs "
             f'handshake = "on-change" in [axes.{self._name}]'
         )

@@ -196,7 +196,7 @@ class SetPointConfirmation:
             observed=f"position {where_text(image, self._parameters)}, target {self._target_text(image)}; neither 6064h nor "
             f"6062h has come nearer to it for {image.now - self._gained_at:.2g} s after the edge of bit 4, or only "
             f"by the move to the previous target; {word}",
-            remedy="look whether the axis is blocked, whether the target lies within the drive's own limits (607Dh), and that "
+            remedy="check whether the axis is blocked, whether the target lies within the drive's own limits (607Dh), and that "
             "profile velocity and acceleration (6081h, 6083h) are not 0; a drive that begins late needs a longer acknowledge_time "
             f'in [axes.{name}], and handshake = "on-change" there needs 6064h (better 6062h, too) in a TPDO',
         )

@@ -136,8 +136,8 @@ def _at_rest(row: _Row, text: str) -> _Row:
     if abs(fastest) > STILL:
         raise ArgumentError(
             f"{text} is in motion",
-            observed=f"a velocity of it is {fastest:.6g} units/s",
-            remedy="let it begin and end with velocities of 0; all points were rejected",
+            observed=f"its highest velocity is {fastest:.6g} units/s",
+            remedy="begin and end with velocities of 0; all points were rejected",
         )
     return row._replace(speeds=tuple(0.0 for _ in row.speeds))
 

@@ -53,7 +53,7 @@ class SettledValue:
         return self.still
 
     def _judge(self, value: float, stamp: float) -> None:
-        """Decide at the end of the window; if the value has gone too far, the window begins anew where it first had."""
+        """Decide at the end of the window; if the value left its tolerance, the window begins again where that happened first."""
         if self._left is None and abs(value - self._first) > self._tolerance:
             self._left = value, stamp
         if stamp - self._began < self._window:

@@ -59,7 +59,7 @@ _CALLS: dict[PageVerb, Callable[[Axis, Mapping[str, float]], Handle]] = {
 
 
 def perform(machine: Machine, act: PageAction) -> list[Handle]:
-    """Give the commands of an action; if one is refused at the call, the others are given all the same.
+    """Give the commands of an action; if one is refused at the call, the others are given nevertheless.
 
     Raises:
         AxisbusError: as the calls of the library (several: the first of them).

@@ -139,7 +139,7 @@ def _job() -> None:
     Tag("pre", "", "report", id="config-lines")
     Tag("div", id="config-rows")
     with Tag("div", id="config-refused", hidden="hidden"):
-        Tag("h2", "Why this page does not restore the rest")
+        Tag("h2", "Why this page does not restore the other values")
         Tag("pre", "", "error", id="config-refusal")
         Tag("p", "To restore the whole file, end the running machine, and type in the folder of the file:")
         Tag("pre", "", "typed", id="config-command")

@@ -16,8 +16,8 @@ _HINT = (
     "controls, or when anything else moves or stops the axis: the trial then has no figures."
 )
 _RAM = (
-    "Values written here are in the drive's RAM only. To store them, end the programs at the machine, and then: axisbus "
-    "save NODE --cell CELL."
+    "Values written here are in the drive's RAM only. To store them, end the programs that run the machine, then type: "
+    "axisbus save NODE --cell CELL."
 )
 _LINES = f"Time counts from the first observed motion. The axis has settled when it stays within {BAND * 100:g} % of the step."
 

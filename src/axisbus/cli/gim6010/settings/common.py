@@ -80,7 +80,7 @@ def put(module: ModuleParameters, wanted: ParameterBatch, *, save: bool) -> None
     except BaseException:
         if told:
             say_error(
-                f"{len(told)} of {len(wanted.values)} were written into RAM before the error; switching it off and on undoes them"
+                f"{len(told)} of {len(wanted.values)} were written into RAM before the error; switching it off and on undoes this"
             )
         raise
     for note in wanted.notes:

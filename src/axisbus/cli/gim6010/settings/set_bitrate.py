@@ -49,7 +49,7 @@ def command(asked: ModuleSelection, rate: int) -> int:
                     f"module {node} already has {rate} bit/s, in RAM; its next start restores the rate of its flash"
                 )
             put(module, wanted, save=False)
-            say("saving, which restarts it: from now on look for it at the new rate")
+            say("saving, which restarts it: from now on search for it at the new rate")
             module.save_and_leave()
     except NodeError as error:
         say_error(str(error))

@@ -111,7 +111,7 @@ class Faults:
         rows = bytearray()
         for now, data in images:
             image = self._reader.image(data)
-            if all(name in image for name in forms):  # without the axes of a node that has come up later
+            if all(name in image for name in forms):  # omits the axes of a node that came up later
                 rows += row.struct.pack(*row.values(now, [image[name] for name in forms]))
         began = images[0][0]
         offset = time.time_ns() - round(time.monotonic() * _NANO)

@@ -46,7 +46,7 @@ def history_path(cell: CellConfig) -> Path | None:
 
 def _not_written(cell: CellConfig, path: Path, why: str) -> ConfigError:
     return ConfigError(
-        f"{_KEY} in [bus.options] names {path}, which is not written",
+        f"{_KEY} in [bus.options] names {path}, which cannot be written",
         file=cell.file,
         observed=why,
         remedy="name a file that does not exist yet; or move that one away",

@@ -114,9 +114,9 @@ class Calibration(ModuleMotionProcedure):
             self._end("the module does not begin: its heartbeat still shows idle")
         elif self.turned.farthest > self.kind.farthest:
             turns = f"{self.turned.farthest:.1f} rotor turns"
-            self._end(f"the rotor has turned by {turns}, farther than a calibration may")
+            self._end(f"the rotor has turned by {turns}, farther than a calibration may turn it")
         elif now - self._begun > LONGEST:
-            self._end(f"it has not come to its end in {LONGEST:g} s")
+            self._end(f"it has not ended within {LONGEST:g} s")
         elif not now - self._asked < _COUNTS:
             self._asked = now
             return request(self.node, _COUNT, remote=self._remote)

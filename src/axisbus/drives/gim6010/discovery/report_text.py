@@ -96,7 +96,7 @@ def about_the_bus(finder: Finder) -> Iterator[str]:
     for node, count in finder.picture.doubtful.items():
         yield (
             f"node {node} of CAN Simple may be there ({counted(count, 'frame')} like its heartbeats), on an identifier that "
-            "CANopen may have too: nothing proves either; connect it alone, and give it a node ID that goes with the CANopen nodes"
+            "CANopen may use too: the frames prove neither; connect it alone, and give it a node ID that fits the CANopen nodes"
         )
     for why, nodes in finder.left_out.items():
         yield f"not asked, because {why}: {_ranges(nodes)}"

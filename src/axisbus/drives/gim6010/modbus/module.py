@@ -230,7 +230,7 @@ class ModbusModule:
                 raise NodeTimeout(
                     f"module {self.device} does not come back",
                     node=self.device,
-                    observed=f"it was waited for {_BACK:g} s",
+                    observed=f"no answer within {_BACK:g} s",
                     remedy="switch it off and on; a node ID, protocol or interface that was saved holds from now on",
                 )
             self.wire.sleep(_LOOK)

@@ -70,7 +70,7 @@ def require_below_trip(module: ModuleParameters, ramp: tuple[float, float] | Non
     if not ramp[1] < trip:
         raise StateError(
             f"the ramp ends at {ramp[1]:g} V, and the module lets go of its motor at {trip:g} V ({TRIP})",
-            remedy="let it end below that, and begin above the supply's own voltage",
+            remedy="end it below that voltage, and begin it above the voltage of the supply",
         )
 
 

@@ -14,7 +14,7 @@ _TOLD = (
     "a switch that is reached is an error of the axis (MIN_ENDSTOP_PRESSED, MAX_ENDSTOP_PRESSED): the program that "
     "commands it must react"
 )
-_UNTRIED = "whether the motor is stopped by it the manual does not say: try it slowly before you count on it"
+_UNTRIED = "the manual does not say whether it stops the motor: try it slowly before you rely on it"
 _CONFLICT = "pulse and direction inputs use the same place: only one of both can be set"
 
 

@@ -42,7 +42,7 @@ class Follows(Enum):
         "turns",
         "turns of the output",
         1.0 / GEAR_RATIO,
-        "when it is enabled it goes to the place of the present pulse at once, by its trapezoid",
+        "when it is enabled, it moves at once to the position that the present pulse gives, by its trapezoid",
     )
     VELOCITY = _Follows(
         2,
@@ -51,7 +51,7 @@ class Follows(Enum):
         "turns/s",
         "turns/s of the output",
         1.0 / GEAR_RATIO,
-        "when it is enabled it turns as the present pulse says, by its ramp",
+        "when it is enabled, it turns at the velocity that the present pulse gives, by its ramp",
     )
     TORQUE = _Follows(
         1,
@@ -60,7 +60,7 @@ class Follows(Enum):
         "N·m",
         "N·m at the output, without friction",
         GEAR_RATIO,
-        "when it is enabled it pushes as the present pulse says; without a load it gets as fast as it can",
+        "when it is enabled, it applies the torque that the present pulse gives; without a load it reaches its highest speed",
     )
 
 
@@ -151,7 +151,7 @@ FASTEST = 50_000.0  # pulses/s: the manual's recommended maximum
 _PULSES_INTERFACE = 2  # config.comm_intf_mux
 _STEP, _DIRECTION = 6, 7  # pins
 _NOTES = (
-    "pulse and direction know no position to go to: a pulse that is lost or one too many shifts everything after it",
+    "pulse and direction give no absolute position: a lost or additional pulse shifts all positions after it",
     "limit switches use the same place: only one of both can be set",
     "step goes to the contact of CANH, direction to that of CANL, 5 V at most, with their grounds on the module's",
     "it is for hardware 3.10 or later",

@@ -9,7 +9,7 @@ from axisbus.errors import StateError
 ENABLED, PIN = "can.config.enable_r120", "can.config.r120_gpio_num"
 _PIN = 5  # by the manual
 _ENDS = "a bus is terminated at its two ends and nowhere else: 60 Ω between CAN high and low, measured with everything switched off"
-_FACTORY = "from the factory it is on in every module, so that more than two on a bus have too much of it"
+_FACTORY = "every module is delivered with it switched on: more than two on a bus are too many"
 
 
 def wanted(*, on: bool) -> ParameterBatch:

@@ -62,7 +62,7 @@ class GainSearch:
         else:
             self._is_smooth(gain)
         if self.next is not None and len(self.trials) >= MOST_TRIALS:
-            self._end(f"after {MOST_TRIALS} trials it is given up")
+            self._end(f"after {MOST_TRIALS} trials the search is given up")
 
     def _is_too_much(self, gain: float) -> None:
         if self._phase is _Phase.RAISING:
@@ -73,7 +73,7 @@ class GainSearch:
     def _is_smooth(self, gain: float) -> None:
         self.best = gain
         if self._phase is _Phase.LOWERING:
-            self._end(f"it is smooth with {self.name} {gain:.4g}, lowered from where it was not")
+            self._end(f"it is smooth with {self.name} {gain:.4g}, lowered from a gain with which it was not")
         elif gain * MORE > self.most:
             self._end(
                 f"it is smooth with {self.name} {gain:.4g}, and may not be raised beyond {self.most:.4g}"

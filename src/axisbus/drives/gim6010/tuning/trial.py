@@ -147,5 +147,8 @@ def explanation(trial: ModuleTrial) -> Iterator[str]:
         f"  it is ended farther than {trial.farthest:.3g} rotor turns from its present position "
         f"({trial.farthest * _DEGREES:.4g} degrees of the output), and faster than {trial.fastest:.3g} turns/s"
     )
-    yield "  gains that are too high shake the machine: have the supply's switch at hand, and keep its range of motion free"
-    yield "  Ctrl-C brakes it and lets it go; a program that is killed leaves it where it was sent. Nothing is saved"
+    yield "  gains that are too high shake the machine: keep the switch of the supply within reach, and its range of motion free"
+    yield (
+        "  Ctrl-C brakes the rotor and switches the power off; if the program is killed, the module continues with its last "
+        "command. Nothing is saved"
+    )

@@ -195,7 +195,7 @@ class ModulePort:
         return not of_fault or self._hearing.trouble.told or now - asked >= _WHOLE_FAULT
 
     def _answer(self, request: SdoRequest) -> SdoReply:
-        """Read or write an object; if the module is silent, the reply is a time-out, but commands are sent all the same."""
+        """Read or write an object; if the module is silent, the reply is a time-out, but commands are sent nevertheless."""
         value, code = None, None
         if request.value is None:
             value, code = self.objects.read(request.index, request.subindex)

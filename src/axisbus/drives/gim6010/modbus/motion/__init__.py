@@ -1,1 +1,1 @@
-"""Motion over Modbus: a module is enabled, led by its own trapezoid or by set-points, and stopped on every way out."""
+"""Motion over Modbus: enable a module, move it by its own trapezoid or by set-points, and stop it however a command ends."""

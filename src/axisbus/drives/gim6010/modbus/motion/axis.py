@@ -1,4 +1,4 @@
-"""The motions of a module over Modbus: its own trapezoid to a position, a velocity or a torque on a ramp, and looking on."""
+"""The motions of a module over Modbus: its own trapezoid to a position, a velocity or torque on a ramp, and monitoring."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from axisbus.drives.gim6010.modbus.motion.watch import ModbusMotionStatus, MoveW
 from axisbus.drives.gim6010.modbus.registers import named
 from axisbus.errors import ArgumentError, LimitError
 
-_SPARE = 2.0  # s that a move may take longer than
-_TIMES = 1.5  # its trapezoid
+_SPARE = 2.0  # s that a move may take, in addition to
+_TIMES = 1.5  # times the duration of its trapezoid
 
 
 class ModbusAxis(PoweredModule):
-    """Moves one module; where a motion does not go as it was asked for it raises, and the end of the block stops it."""
+    """Moves one module. If a motion deviates from its command, an error is raised, and the end of the block stops the module."""
 
     def move(
         self,
@@ -34,13 +34,13 @@ class ModbusAxis(PoweredModule):
         relative: bool = False,
         window: float = 0.02,
     ) -> float:
-        """Move by the module's trapezoid to ``target`` turns, or by so many; return where it is then.
+        """Move by the module's trapezoid to ``target`` turns, or by ``target`` turns (``relative``); return the final position.
 
-        ``velocity`` in turns/s, ramps in turns/s²; it has arrived within ``window`` turns, standing.
+        ``velocity`` in turns/s, ramps in turns/s²; it has arrived when it is at standstill within ``window`` turns.
 
         Raises:
-            ArgumentError, LimitError: a value that cannot be. StateError: not enabled for positions. NodeError: no answer.
-            DriveFault, UncommandedMotion, MotionTimeout, StaleError: it does not go as asked for.
+            ArgumentError, LimitError: an invalid value. StateError: not enabled for positions. NodeError: no answer.
+            DriveFault, UncommandedMotion, MotionTimeout, StaleError: the motion deviates from its command.
         """
         course = self._enabled(ModbusControlMode.POSITION)
         require_positive(
@@ -53,7 +53,7 @@ class ModbusAxis(PoweredModule):
             target = start + target if relative else target
             request = requests.write(
                 named("position_setpoint"), target
-            )  # what cannot be sent raises before anything is
+            )  # an invalid value raises before anything is sent
             self.module.write("trajectory_velocity", velocity)
             self.module.write("trajectory_acceleration", acceleration)
             self.module.write("trajectory_deceleration", deceleration)
@@ -66,9 +66,9 @@ class ModbusAxis(PoweredModule):
             )
 
     def turn(self, velocity: float, *, acceleration: float) -> None:
-        """Bring it to ``velocity`` turns/s with at most ``acceleration`` turns/s², and return once it has it.
+        """Ramp to ``velocity`` turns/s with at most ``acceleration`` turns/s²; return when that velocity is reached.
 
-        The ramp is made here, in steps; the module's own ``vel_ramp_rate``, which no register tells, may make it slower.
+        The ramp is made here, in steps; the module's own ``vel_ramp_rate``, which no register holds, may make it slower.
 
         Raises:
             As ``move``; StateError: not enabled for velocities.
@@ -85,10 +85,10 @@ class ModbusAxis(PoweredModule):
             course.fastest = abs(velocity)
 
     def push(self, torque: float, *, slope: float, most: float, max_velocity: float) -> None:
-        """Bring it to ``torque`` N·m (rotor) with at most ``slope`` N·m/s; it may turn at ``max_velocity`` turns/s at most.
+        """Ramp to ``torque`` N·m (rotor) with at most ``slope`` N·m/s; the highest allowed speed is ``max_velocity`` turns/s.
 
-        ``most`` is the highest torque that the caller allows. What a torque comes to depends on the module's torque constant,
-        and ``torque_ramp_rate``, which no register tells, may make it slower. Nothing but this program watches the velocity.
+        ``most`` is the highest torque that the caller allows. The actual torque depends on the module's torque constant, and
+        ``torque_ramp_rate``, which no register holds, may make it slower. Only this program monitors the velocity.
 
         Raises:
             As ``move``; LimitError: more than ``most``. StateError: not enabled for torques.
@@ -102,10 +102,10 @@ class ModbusAxis(PoweredModule):
             self._lead("torque_setpoint", torque, slope, course)
 
     def watch(self, seconds: float) -> None:
-        """Let it go on for so long, and look at it all the time.
+        """Monitor the present motion for ``seconds``.
 
         Raises:
-            As ``move``: where it no longer does what was commanded.
+            As ``move``: the motion deviates from its command.
         """
         course = self._enabled()
         if not seconds > 0.0:
@@ -122,7 +122,7 @@ class ModbusAxis(PoweredModule):
                     raise wrong(self.module, ModbusMotionStatus.AWAY, seen, course)
 
     def _follow(self, watch: MoveWatch | TurnWatch, course: ModbusCommand) -> float:
-        """Look until a motion is as it was asked for; return where it is."""
+        """Read the module until the motion has reached its command; return the position."""
         while True:
             seen = self._round()
             verdict = watch.judge(seen)
@@ -132,7 +132,7 @@ class ModbusAxis(PoweredModule):
                 raise wrong(self.module, verdict, seen, course)
 
     def _lead(self, register: str, wanted: float, rate: float, course: ModbusCommand) -> None:
-        """Lead a set-point in steps."""
+        """Write a ramp of set-points, step by step."""
         before = self.module.wire.now()
         while course.commanded != wanted:
             self._round()
@@ -145,5 +145,5 @@ class ModbusAxis(PoweredModule):
         if abs(velocity) > self._velocity_limit:
             raise LimitError(
                 f"{velocity:g} turns/s is beyond the module's velocity_limit of {self._velocity_limit:g} turns/s",
-                remedy="ask for less, or write another limit while it is in idle",
+                remedy="command less, or write another limit while it is in idle",
             )

@@ -1,11 +1,11 @@
-"""A calibration over Modbus, from the first look to its end: asked for once, followed, ended by idle where it goes wrong, judged.
+"""A calibration over Modbus: requested once, followed to its end, aborted by idle if it fails, and judged.
 
 Theory of operation
 -------------------
-``motor_state`` shows the sub-states (4, 7 and others, never the 3 that was asked for), and idle at the end. No register tells where
-the rotor is outside of closed loop: its encoder's count is read by its endpoint in each round, so that a rotor which turns too far
-is let go; that is why a list of endpoints is needed. Signals wait for the end of a round. Whatever ends it before its time leads to
-the stop ladder, which takes the power away from a module that is in no closed loop.
+``motor_state`` shows the sub-states (4, 7 and others, never the requested 3), and idle at the end. Outside of closed loop no
+register holds the position of the rotor. Therefore the count of the encoder is read by its endpoint in each round, and the module
+is switched off if the rotor turns too far; this needs the list of endpoints. Signals wait for the end of a round. Any premature end
+starts the stop sequence, which switches the power off, because the module is not in closed loop.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ COUNT = "axis0.encoder.count_in_cpr"
 
 
 class Calibrating:
-    """One calibration; holds what was seen. Used once, by one thread."""
+    """One calibration; holds its readings. Used once, by one thread."""
 
     def __init__(
         self,
@@ -40,9 +40,9 @@ class Calibrating:
         tell: Callable[[str], None],
         guarded: Callable[[], bool] = lambda: True,
     ) -> None:
-        """``parameters`` are opened; ``tell`` gets each state as it comes, and how the module was left when it is broken off.
+        """``parameters`` are open; ``tell`` is called with each new state, and after an abort with how the module was left.
 
-        ``guarded``: whether what would let the module go in our place is still there; where it no longer is, it is broken off.
+        ``guarded`` returns whether the watchdog process is still running; if it is not, the calibration is aborted.
         """
         self.kind = kind
         self.turned = RotorRotation()
@@ -55,10 +55,10 @@ class Calibrating:
         self._begun = 0.0
 
     def run(self) -> CalibrationResult:
-        """Calibrate: THE OUTPUT MAY TURN BY ITSELF. Return what it came to; blocks for its time, at most five minutes.
+        """Calibrate: THE OUTPUT MAY TURN WITHOUT A SET-POINT. Return the result; blocks until the end, at most five minutes.
 
         Raises:
-            StateError: the module is not idle. DriveFault: it has errors, nothing was asked for. DriveError: it was broken off.
+            StateError: the module is not idle. DriveFault: it has errors, and nothing was requested. DriveError: it was aborted.
             NodeError, AdapterError: the module or the line is gone. KeyboardInterrupt, SystemExit: a signal has ended it.
         """
         self._require_ready()
@@ -77,7 +77,7 @@ class Calibrating:
         self._look_where_it_is()
 
     def _guarded_run(self) -> None:
-        """Ask, and follow; whatever comes between takes the power away before it is raised."""
+        """Request the calibration and follow it; any error switches the power off before it is raised."""
         try:
             self._ask()
             while not self._is_over():
@@ -91,19 +91,19 @@ class Calibrating:
             raise
 
     def _ask(self) -> None:
-        """Ask for it, once: repeated, it would begin anew."""
+        """Request it once: a repeated request would start it again."""
         register = named("state_control")
         self._begun = self._module.wire.now()
-        # the register's own table has no calibration among what is ever written by name
+        # the table of the register does not allow a calibration as a value
         self._module.dialogue.write(
             ModbusRequest(ModbusFunction.WRITE_ONE, register.address, register.count, (self.kind.value,))
         )
 
     def _is_over(self) -> bool:
-        """Look once; return whether it has come to its own end.
+        """Read the state once; return whether the calibration has ended normally.
 
         Raises:
-            DriveError: it goes wrong. CommandError: nobody would end it in our place. Others: as of ``run``.
+            DriveError: it fails. CommandError: the watchdog process is gone. Others: as ``run``.
         """
         self._signals.check()
         self._require_guarded()
@@ -114,14 +114,16 @@ class Calibrating:
         elif self._seen or self._module.errors().any:
             return True
         elif self._passed > BEGINS:
-            raise self._broken_off("the module does not begin: it goes on to show idle")
+            raise self._broken_off("the module does not begin: it still shows idle")
         if self._passed > LONGEST:
-            raise self._broken_off(f"it has not come to its end in {LONGEST:g} s")
+            raise self._broken_off(f"it has not ended within {LONGEST:g} s")
         return False
 
     def _note(self, state: int) -> None:
         if state not in ON_THE_WAY:
-            raise self._broken_off(f"the module is in {state_words(state)}, which is none of a calibration's")
+            raise self._broken_off(
+                f"the module is in {state_words(state)}, which does not belong to a calibration"
+            )
         if state not in self._seen[-1:]:
             self._seen.append(state)
             self._tell(f"{state_words(state)}, {self._passed:.1f} s")
@@ -130,14 +132,14 @@ class Calibrating:
         self.turned.take(int(self._parameters.read(COUNT)))
         if self.turned.farthest > self.kind.farthest:
             turns = f"{self.turned.farthest:.1f} rotor turns"
-            raise self._broken_off(f"the rotor has turned by {turns}, farther than a calibration may")
+            raise self._broken_off(f"the rotor has turned by {turns}, farther than a calibration may turn it")
 
     def _require_guarded(self) -> None:
         if not self._guarded():
             raise CommandError(
                 f"module {self._module.device}: the warden of this calibration is gone",
-                observed="its process has ended: nobody would let the module go where this program is killed",
-                remedy="look for who has ended it, then give the command again",
+                observed="its process has ended: nothing would switch the module off if this program were killed",
+                remedy="find out which program ended it, then repeat the command",
             )
 
     @property
@@ -146,6 +148,6 @@ class Calibrating:
 
     def _broken_off(self, why: str) -> DriveError:
         return DriveError(
-            f"module {self._module.device}: {self.kind.words} was broken off: {why}",
+            f"module {self._module.device}: {self.kind.words} was aborted: {why}",
             remedy=f"see what it reports: axisbus gim6010 modbus errors --node {self._module.device} ...",
         )

@@ -1,4 +1,4 @@
-"""What a module is enabled for and was commanded last, and the errors of what does not go so."""
+"""The control mode and the last command of a module, and the errors of a motion that deviates from it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _WRONG: dict[ModbusMotionStatus, type[DriveError]] = {
 
 
 class ModbusControlMode(Enum):
-    """What is controlled: the values of control mode and input mode (4.3.3)."""
+    """The controlled quantity: the values of control mode and input mode (4.3.3)."""
 
     POSITION = (3, 5)
     VELOCITY = (2, 2)
@@ -40,10 +40,11 @@ class ModbusControlMode(Enum):
 
 @dataclass(slots=True)
 class ModbusCommand:
-    """What was commanded last, by this program; holds state.
+    """The last command of this program; holds state.
 
-    ``commanded``: velocity in turns/s or torque in N·m. ``target``: turns of the rotor. ``ramp``: turns/s² by which it is braked, 0
-    where nothing was commanded. ``fastest``: the turns/s that a motion explains; under torque, that are allowed.
+    ``commanded``: velocity in turns/s or torque in N·m. ``target``: turns of the rotor. ``ramp``: turns/s² for braking, 0 if
+    nothing was commanded. ``fastest``: the highest speed in turns/s that the motion can explain; in torque control, the highest
+    allowed one.
     """
 
     control: ModbusControlMode
@@ -54,7 +55,7 @@ class ModbusCommand:
 
     @property
     def halting(self) -> Halting | None:
-        """How it is braked in its own mode; None where it cannot be."""
+        """The set-points that brake it in its own mode; None if that is not possible."""
         if not self.ramp or self.control is ModbusControlMode.TORQUE:
             return None
         if self.control is ModbusControlMode.POSITION:
@@ -62,23 +63,24 @@ class ModbusCommand:
         return RampHalt(self.ramp, self.commanded)
 
     def is_too_fast(self, velocity: float) -> bool:
-        """Whether a velocity is none that was commanded."""
+        """Whether a velocity is too high for the command."""
         if self.control is ModbusControlMode.TORQUE and self.fastest:
             return abs(velocity) > self.fastest
         return too_fast(velocity, self.fastest)
 
     @property
     def setpoint(self) -> float | None:
-        """What was commanded, for a person."""
+        """The commanded value, for messages."""
         return self.target if self.control is ModbusControlMode.POSITION else self.commanded
 
 
 def fault(module: ModbusModule, state: int) -> DriveFault:
-    """Return the error of a module that reports errors, or is in a state that was not asked for; blocks for its error words."""
+    """Return the error of a module that reports errors or is in an unrequested state; blocks while its error words are read."""
     errors = module.errors()
     return DriveFault(
         f"module {module.device} is in {state_words(state)}" + (" with errors" if errors.any else ""),
-        observed="; ".join(errors.lines) or "its error words are 0: somebody else may have switched it",
+        observed="; ".join(errors.lines)
+        or "its error words are 0: another program may have changed its state",
         remedy="remove the cause, then clear it: axisbus gim6010 modbus errors --clear",
     )
 
@@ -86,11 +88,11 @@ def fault(module: ModbusModule, state: int) -> DriveFault:
 def wrong(
     module: ModbusModule, verdict: ModbusMotionStatus, seen: StatusRead, course: ModbusCommand
 ) -> DriveError:
-    """Return the error of a motion that does not go as it was asked for."""
+    """Return the error of a motion that deviates from its command."""
     return _WRONG[verdict](
         f"module {module.device}: {verdict.value}",
         observed=f"at {turns(seen.position)}, velocity {told(seen.velocity)} turns/s, set-point {told(course.setpoint)}",
-        remedy="look for a blocked or pulled load, limits of current and velocity that are too low, and gains",
+        remedy="check for a blocked or pulled load, low limits of current or velocity, and unsuitable gains",
     )
 
 
@@ -124,10 +126,10 @@ def require_torque(torque: float, most: float) -> None:
     """
     if abs(torque) > most:
         raise LimitError(
-            f"{torque:g} N·m is beyond the limit of {most:g} N·m", remedy="ask for less, or allow more"
+            f"{torque:g} N·m is beyond the limit of {most:g} N·m", remedy="command less, or allow more"
         )
 
 
 def told(value: float | None) -> str:
-    """Return a value for a person."""
+    """Return a value as text."""
     return "unknown" if value is None else f"{value:.3f}"

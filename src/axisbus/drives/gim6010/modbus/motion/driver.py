@@ -1,4 +1,4 @@
-"""The stop ladder carried out on a wire: what it wants is sent, and what became of it is read back."""
+"""The stop sequence on a wire: its requests are sent and read back."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from axisbus.drives.gim6010.modbus.motion.look import StatusRead, look
 from axisbus.drives.gim6010.modbus.registers import named
 from axisbus.errors import AdapterError, DriveError, NodeError
 
-PERIOD = 0.03  # s between two looks
-# In this order: each alone brakes, or leaves it as it is; a torque may be added to what the velocity loop makes.
+PERIOD = 0.03  # s between two readings
+# In this order, each write alone brakes or changes nothing; a torque set-point may be added to the output of the velocity loop.
 BRAKE = (("velocity_setpoint", 0.0), ("control_mode", 2), ("input_mode", 2), ("torque_setpoint", 0.0))
 
 
 def descend(module: ModbusModule, ladder: ModbusStopSequence, impatience: Callable[[], int]) -> StopOutcome:
-    """Go down a ladder until it has an outcome; blocks. Each time that ``impatience()`` grows it goes a rung further."""
+    """Run a stop sequence to its outcome; blocks. Each time that ``impatience()`` grows, the next step begins."""
     seen, held, patience = None, False, impatience()
     while ladder.outcome is None:
         if impatience() > patience:
@@ -34,7 +34,7 @@ def descend(module: ModbusModule, ladder: ModbusStopSequence, impatience: Callab
 
 
 def _carry_out(module: ModbusModule, send: Send, ladder: ModbusStopSequence) -> bool:
-    """Send what a ladder wants; return whether it is seen to hold."""
+    """Send the request of the stop sequence; return whether its effect was read back."""
     try:
         if send is Send.IDLE:
             return module.dialogue.shout(requests.write(named("state_control"), IDLE))
@@ -49,7 +49,7 @@ def _carry_out(module: ModbusModule, send: Send, ladder: ModbusStopSequence) -> 
 
 
 def _held(module: ModbusModule, values: tuple[tuple[str, float], ...]) -> bool:
-    """Write values whether they are answered or not, then read all of them back."""
+    """Write values whether the writes are answered or not, then read all of them back."""
     written = [requests.write(named(name), value) for name, value in values]
     answered = [module.dialogue.shout(request) for request in written]
     return any(answered) and all(
@@ -65,7 +65,7 @@ def _glance(module: ModbusModule) -> StatusRead | None:
 
 
 def is_idle(module: ModbusModule) -> bool:
-    """Whether a module is surely in idle; one that is not heard is not. Asks once."""
+    """Whether a module is certainly in idle; False if it does not answer. Sends one request."""
     try:
         return module.dialogue.read(requests.read(named("motor_state")), tries=1) == (IDLE,)
     except (NodeError, AdapterError):
@@ -76,5 +76,5 @@ def not_stopped(module: ModbusModule, outcome: StopOutcome) -> DriveError:
     """Return the error of a module that is not confirmed as stopped."""
     return DriveError(
         f"module {module.device}: {outcome.text}",
-        remedy="look at the machine before anything else; if it turns, switch its supply off",
+        remedy="first look at the machine; if it turns, switch its supply off",
     )

@@ -1,4 +1,4 @@
-"""How a motion of ours is braked in its own mode, as set-points: pure functions of what is seen and of time."""
+"""The set-points that brake a motion in its own mode: pure functions of readings and time."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from axisbus.drives.gim6010.modbus.motion.look import StatusRead
 
-STANDS = 0.05  # turns/s of the rotor: slower is standing
-LONGEST_STEP = 0.1  # s of a ramp that one round may make up for
+STANDS = 0.05  # turns/s of the rotor: a lower speed counts as standstill
+LONGEST_STEP = 0.1  # s of a ramp that one late round may catch up
 _ARRIVED = 0.05  # turns of the rotor
-_AHEAD = 0.02  # s from a look until the module has the set-point
+_AHEAD = 0.02  # s from a reading until the module has the set-point
 
 
 def ramped(value: float, target: float, rate: float, dt: float) -> float:
@@ -21,7 +21,7 @@ def ramped(value: float, target: float, rate: float, dt: float) -> float:
 
 
 def trapezoid_time(distance: float, velocity: float, acceleration: float, deceleration: float) -> float:
-    """Return the s that a move takes from rest to rest; all positive but the distance."""
+    """Return the duration in s of a move from rest to rest; all arguments except the distance are positive."""
     ramps = velocity / acceleration + velocity / deceleration
     on_ramps = 0.5 * velocity * ramps
     if abs(distance) >= on_ramps:
@@ -31,7 +31,7 @@ def trapezoid_time(distance: float, velocity: float, acceleration: float, decele
 
 
 class HaltInputs(NamedTuple):
-    """What a set-point is made of: a look, the time now and since the last step (s), and the set-point before (None: none yet)."""
+    """The inputs for a set-point: a reading, the time and the time since the last step (s), the previous set-point or None."""
 
     seen: StatusRead
     now: float
@@ -41,9 +41,9 @@ class HaltInputs(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class TrapezoidHalt:
-    """A trapezoid is led to the place at which it can stop; ``deceleration`` (turns/s²) is what the module was given.
+    """Shortens a trapezoid to the position at which the motor can stop; ``deceleration`` (turns/s²) is that of the move.
 
-    ``target`` is where it was to go: one that stands there is left alone.
+    ``target`` is the end of the move: a motor at standstill there gets no set-point.
     """
 
     deceleration: float
@@ -52,7 +52,7 @@ class TrapezoidHalt:
     last = None  # its one set-point is the last
 
     def setpoint(self, moment: HaltInputs) -> float | None:
-        """Return the target, once: None where it was given, the place is not known, or it does not move."""
+        """Return the target once; None if it was already returned, the position is unknown, or the motor does not move."""
         place, velocity = moment.seen.position, moment.seen.velocity
         if moment.before is not None or place is None or velocity is None:
             return None
@@ -64,13 +64,13 @@ class TrapezoidHalt:
         return self.target if beyond else braked
 
     def longest(self, velocity: float) -> float:
-        """Return the s that it may take from a velocity (turns/s)."""
+        """Return the time limit in s for braking from a velocity (turns/s)."""
         return 1.0 + 2.0 * abs(velocity) / self.deceleration
 
 
 @dataclass(frozen=True, slots=True)
 class RampHalt:
-    """A velocity goes down in steps from the one that was commanded last; ``deceleration`` in turns/s²."""
+    """Ramps the velocity down in steps, from the last commanded one; ``deceleration`` in turns/s²."""
 
     deceleration: float
     commanded: float
@@ -78,7 +78,7 @@ class RampHalt:
     last = 0.0
 
     def setpoint(self, moment: HaltInputs) -> float | None:
-        """Return the next velocity; None where it is 0 already."""
+        """Return the next velocity; None if it is already 0."""
         last = self.commanded if moment.before is None else moment.before
         return (
             None
@@ -87,7 +87,7 @@ class RampHalt:
         )
 
     def longest(self, velocity: float) -> float:
-        """Return the s that it may take from a velocity (turns/s)."""
+        """Return the time limit in s for braking from a velocity (turns/s)."""
         return 1.0 + 2.0 * max(abs(self.commanded), abs(velocity)) / self.deceleration
 
 

@@ -1,13 +1,14 @@
-"""The stop ladder of a module on Modbus, as a pure function of what is seen and of time: which rung, what to send, how it ended.
+"""The stop sequence of a module on Modbus, a pure state machine of readings and time: the step, the next request, the outcome.
 
 Theory of operation
 -------------------
-Rungs from gentle to hard, each left downwards only: HALT brakes in the mode of the motion, BRAKE is velocity control with a
-velocity of 0 on the module's own ramp, IDLE takes the power away, ESTOP is the register for that. HALT and BRAKE are left once the
-motor is seen to stand; also where it no longer gets slower, or is not heard. IDLE and ESTOP end when the module is seen to be in
-idle. What is sent is sent again until it is seen to hold. Standing is seen in closed loop alone, since positions are dead in idle:
-of a module that had to be switched off before it stood nobody says that it stands. What has not begun to move yet does not stand
-either: a halt is over only when the set-point that ends it holds.
+The steps go from soft to hard, and the sequence never returns to a softer one. HALT brakes in the mode of the motion. BRAKE is
+velocity control with a velocity of 0, on the module's own ramp. IDLE switches the power off. ESTOP writes the emergency stop
+register. HALT and BRAKE end when standstill is seen, and also if the motor no longer becomes slower, or the module does not answer.
+IDLE and ESTOP end when idle is seen. Each request is repeated until it is read back. Standstill can be seen in closed loop only,
+because positions are not valid in idle: if a module had to be switched off before standstill was seen, its standstill is reported
+as unknown. A motor that has not begun to move yet is not at standstill either: a halt is over only when its last set-point is read
+back.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ from axisbus.drives.gim6010.modbus.motion.look import StatusRead
 
 _UNMOVED = 0.02  # turns of the rotor, over
 _STILL = 0.15  # s
-_STUCK = 1.0  # s in which it has to be seen slower than ever before, by STANDS
+_STUCK = 1.0  # s within which the lowest speed so far must fall by STANDS
 _LONGEST = 30.0  # s of BRAKE, however slow the module's ramp is
 _POWER = 1.5  # s of IDLE, and of ESTOP
-_AGAIN = 0.1  # s until what does not hold is sent again
+_AGAIN = 0.1  # s until a request that was not read back is sent again
 
 
 class ModbusStopStep(IntEnum):
-    """Where on the ladder it is."""
+    """A step of the stop sequence."""
 
     HALT = 0
     BRAKE = 1
@@ -38,7 +39,7 @@ class ModbusStopStep(IntEnum):
 
 
 class Send(Enum):
-    """What is to be sent now; SETPOINT with a value."""
+    """The request to send now; SETPOINT comes with a value."""
 
     NOTHING = "nothing"
     SETPOINT = "a set-point of the motion"
@@ -49,7 +50,7 @@ class Send(Enum):
 
 @dataclass(frozen=True, slots=True)
 class StopOutcome:
-    """How it ended; ``ok``: what was asked for was seen. ``text`` is for a person, ``rung`` the last one."""
+    """The outcome of a stop; ``ok``: the requested end was seen. ``text`` is for the user, ``rung`` is the last step."""
 
     ok: bool
     text: str
@@ -58,20 +59,20 @@ class StopOutcome:
 
 
 class ModbusStopSequence:
-    """One way down; holds the rung, what was seen on it, and the outcome once there is one."""
+    """One run of the stop sequence; holds the present step, the readings in it, and at the end the outcome."""
 
     def __init__(self, halting: Halting | None, *, hold: bool = False, was_closed: bool = True) -> None:
-        """``halting``: how a motion of ours is braked in its mode; None begins with BRAKE.
+        """``halting`` brakes a motion of this program in its own mode; None begins with BRAKE.
 
-        ``hold``: standing in closed loop ends it. ``was_closed``: whether it was seen in closed loop before.
+        ``hold``: the sequence ends with standstill in closed loop. ``was_closed``: whether closed loop was seen before.
         """
         self.halting = halting
         self._hold = hold
         self._was_closed = was_closed
         self.rung = ModbusStopStep.BRAKE if halting is None else ModbusStopStep.HALT
         self.outcome: StopOutcome | None = None
-        self.value: float | None = None  # the set-point that is to be sent, or was
-        self._new = True  # the rung has not begun yet
+        self.value: float | None = None  # the set-point to send, or the last one sent
+        self._new = True  # the step has not begun yet
         self._since = self._sent = self._slower = 0.0
         self._slowest: float | None = None
         self._fastest = 0.0
@@ -80,12 +81,12 @@ class ModbusStopSequence:
         self._last: float | None = None
 
     def escalate(self) -> None:
-        """Go to the next rung at once: somebody is impatient."""
+        """Go to the next step at once, because the user has sent another signal."""
         if self.rung < ModbusStopStep.ESTOP:
             self._go(ModbusStopStep(self.rung + 1))
 
     def step(self, now: float, seen: StatusRead | None, held: bool) -> Send:
-        """Return what is to be sent at ``now`` (s), by what was seen last (None: no answer) and whether what was sent holds."""
+        """Return the request to send at ``now`` (s); ``seen``: last reading (None: no answer), ``held``: last request read back."""
         self._begin(now)
         dt, self._last = now - (now if self._last is None else self._last), now
         if seen is not None:
@@ -99,19 +100,19 @@ class ModbusStopSequence:
         return self._send(now, dt, seen, held and not self._begin(now))
 
     def _begin(self, now: float) -> bool:
-        """Begin a rung that is new; return whether it was."""
+        """Begin the step if it is new; return whether it was."""
         if not self._new:
             return False
         self._new = False
         self._since = self._slower = now
-        self._sent = -math.inf  # what a rung sends is sent at once
+        self._sent = -math.inf  # the first request of a step is sent at once
         self._slowest = None
         return True
 
     def _go(self, rung: ModbusStopStep) -> None:
         self.rung, self._new = rung, True
 
-    # What is seen.
+    # Readings.
 
     def _note(self, seen: StatusRead, now: float) -> None:
         self._was_closed |= seen.is_closed
@@ -129,7 +130,7 @@ class ModbusStopSequence:
 
     @property
     def _stands(self) -> bool:
-        """Whether it was unmoved over the window, on this rung."""
+        """Whether the position was constant over the window, within this step."""
         places = [(at, place) for at, place in self._places if at >= self._since]
         if len(places) < 2 or places[-1][0] - places[0][0] < _STILL:
             return False
@@ -137,22 +138,20 @@ class ModbusStopSequence:
 
     def _brakes(self, now: float, seen: StatusRead | None, held: bool) -> None:
         if seen is not None and seen.state == IDLE:
-            self._end("it has let go by itself")
+            self._end("it went to idle without a command")
         elif seen is not None and not seen.is_closed:
-            self._go(
-                ModbusStopStep.IDLE
-            )  # a calibration, or a state that is not known: no set-point leads it
+            self._go(ModbusStopStep.IDLE)  # a calibration, or an unknown state: set-points have no effect
         elif self._stands and self._is_over(held):
             self._stood = True
             if self._hold:
-                self._finish(True, "it stands, and is held in closed loop")
+                self._finish(True, "it is at standstill, and is held in closed loop")
             else:
                 self._go(ModbusStopStep.IDLE)
         elif self._is_late(now):
             self._go(ModbusStopStep(self.rung + 1))
 
     def _is_over(self, held: bool) -> bool:
-        """Whether nothing that was commanded before can move it any more, as far as set-points can see to that."""
+        """Whether no earlier command can move it any more, as far as this follows from the set-points."""
         if self.rung is ModbusStopStep.HALT and self.halting is not None:
             return self.halting.last in (None, self.value) and (held or self.value is None)
         return held or not self._hold
@@ -191,13 +190,13 @@ class ModbusStopSequence:
                 True, f"it is in idle, without power, and was not seen in closed loop{latched}", is_off=True
             )
         else:
-            unknown = "whether it stands is NOT known: in idle it does not tell its position"
+            unknown = "whether it is at standstill is NOT known: in idle it does not report its position"
             self._finish(False, f"{why}, without power; {unknown}{latched}", is_off=True)
 
     def _finish(self, ok: bool, text: str, *, is_off: bool = False) -> None:
         self.outcome = StopOutcome(ok, text, self.rung, is_off)
 
-    # What is sent.
+    # Requests.
 
     def _send(self, now: float, dt: float, seen: StatusRead | None, held: bool) -> Send:
         if self.rung is ModbusStopStep.HALT:

@@ -1,4 +1,4 @@
-"""What is seen of a module at one moment, asked for anew each time; what is dead in idle is not taken for a value."""
+"""One reading of a module's state; values that are not valid in idle are unknown."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from axisbus.drives.gim6010.modbus.registers import named
 
 @dataclass(frozen=True, slots=True)
 class StatusRead:
-    """One look; ``at`` in s of the wire's clock is when the first question was sent, turns and turns/s are the rotor's.
+    """One reading; ``at`` is the time of its first request, in s of the wire's clock. Turns and turns/s are those of the rotor.
 
-    ``position`` and ``velocity`` are None where they are not alive: in any state but closed loop, or where they are no numbers.
+    ``position`` and ``velocity`` are None if they are not valid: in any state except closed loop, or if they are not numbers.
     """
 
     at: float
@@ -26,12 +26,12 @@ class StatusRead:
 
     @property
     def is_closed(self) -> bool:
-        """Whether there is power on the motor, and a loop that leads it."""
+        """Whether the motor is energised and in closed loop."""
         return self.state == CLOSED_LOOP
 
 
 def look(module: ModbusModule, tries: int) -> StatusRead:
-    """Ask a module how it is; blocks for at most some 0.7 s for each try.
+    """Read the state of a module; blocks for at most about 0.7 s for each try.
 
     Raises:
         NodeError: no answer, or an exception. AdapterError: the line is gone.

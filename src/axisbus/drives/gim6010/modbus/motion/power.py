@@ -1,11 +1,11 @@
-"""One module that is enabled over Modbus, and that stands, without power, however the block of its ``with`` ends.
+"""One module that is enabled over Modbus; however its ``with`` block ends, the module is stopped and switched off.
 
 Theory of operation
 -------------------
-Modes are set and read back in idle, then closed loop is asked for, once; only after it was seen, and the motor seen to keep its
-place, is anything commanded. A module changes its mode under power in one case: to be braked. In each round state, error flags,
-position and velocity are asked for anew; whatever is not as it was commanded raises, and leads to the stop ladder. Signals wait for
-the end of a round. Nothing in the module notices that nobody commands it any more: ``DEAD_MASTER`` is told when it opens.
+The modes are set and read back in idle; then closed loop is requested once. Nothing is commanded before closed loop was seen and
+the motor has kept its position. The mode is changed under power only to brake. In each round, state, error flags, position and
+velocity are read again. Any value that contradicts the command raises an error, which starts the stop sequence. Signals wait for
+the end of a round. No function of the module notices a dead master: ``DEAD_MASTER`` is reported when the module is opened.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from axisbus.drives.gim6010.modbus.registers import named
 from axisbus.errors import CommandError, StateError, TransitionError, UncommandedMotion
 
 DEAD_MASTER = (
-    "nothing in this module is known to notice a dead master over Modbus: where nobody commands it any more, a velocity or a "
-    "torque continues and a position is held; have an emergency stop at hand"
+    "nothing in this module is known to notice a dead master over Modbus: without a master a velocity or a torque "
+    "continues and a position is held; keep an emergency stop within reach"
 )
-TRIES = 2  # of a question under way
-PLACE = 0.25  # turns of the rotor that a held position may be off
+TRIES = 2  # attempts for each request during a motion
+PLACE = 0.25  # turns of the rotor: allowed deviation of a held position
 _STARTS = 2.0  # s until closed loop is seen
-_KEEPS = 0.2  # s in which it keeps its place before anything is commanded
+_KEEPS = 0.2  # s for which it must keep its position before anything is commanded
 
 
 class PoweredModule:
-    """Enables and stops one module inside a ``with``; every method blocks. Positions and velocities are the rotor's."""
+    """Enables and stops one module in a ``with`` block; every method blocks. Positions and velocities are those of the rotor."""
 
     def __init__(
         self,
@@ -48,20 +48,20 @@ class PoweredModule:
         tell: Callable[[str], None],
         guarded: Callable[[], bool] = lambda: True,
     ) -> None:
-        """``tell`` gets what a person has to know: what notices a dead master, and how the module was left.
+        """``tell`` is called with texts for the user: that no function notices a dead master, and how the module was left.
 
-        ``guarded``: whether what would stop the module in our place is still there; where it no longer is, the motion ends.
+        ``guarded`` returns whether the watchdog process is still running; if it is not, the motion ends.
         """
         self.module = module
         self._tell = tell
         self._guarded = guarded
         self._signals = ModbusSignalHandlers()
-        self._course: ModbusCommand | None = None  # None: it was not enabled by this
+        self._course: ModbusCommand | None = None  # None: this object has not enabled it
         self._open = self._powered = self._was_closed = False
         self._velocity_limit = 0.0
 
     def __enter__(self) -> Self:
-        """Take the signals over, see that the module answers, and tell what notices a dead master. Nothing is enabled.
+        """Take over the signals, check that the module answers, and report that a dead master is not noticed. Enables nothing.
 
         Raises:
             NodeError: it does not answer. AdapterError: the line is gone.
@@ -69,7 +69,7 @@ class PoweredModule:
         found = look(self.module, TRIES)
         self._say(DEAD_MASTER)
         if found.state != IDLE:
-            self._say(f"it is in {state_words(found.state)}, and is left so unless it is stopped")
+            self._say(f"it is in {state_words(found.state)}, and stays in this state unless it is stopped")
         self._signals.install()
         atexit.register(self._last_resort)
         self._open = True
@@ -78,10 +78,10 @@ class PoweredModule:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop what this has enabled, by the ladder, and give the signals back.
+        """Stop the module by the stop sequence if this object has enabled it, and restore the signal handlers.
 
         Raises:
-            DriveError: it is not confirmed as stopped (where another error is on its way, that gets a note instead).
+            DriveError: it is not confirmed as stopped. If the block ends with another error, that error gets a note instead.
         """
         try:
             with self._signals.sheltered():
@@ -99,20 +99,22 @@ class PoweredModule:
 
     @property
     def control(self) -> ModbusControlMode | None:
-        """What it is enabled for; None where it is not, by this."""
+        """The control mode for which this object has enabled the module; None if it has not."""
         return None if self._course is None else self._course.control
 
     def enable(self, control: ModbusControlMode) -> None:
-        """Enable the module for one kind of control: nothing moves. Returns once closed loop and a kept place were seen.
+        """Enable the module in one control mode; nothing moves. Returns when closed loop was seen and the position was kept.
 
         Raises:
             StateError: it is not in idle, or a limit is 0. DriveFault: it has errors. TransitionError: it does not enable.
-            UncommandedMotion: it moves though nothing was commanded. NodeError: no answer.
+            UncommandedMotion: it moves without a command. NodeError: no answer.
         """
         self._require_open()
         with self._signals.sheltered():
             if self._course is not None:
-                raise StateError("it is enabled already", remedy="disable it before its control is changed")
+                raise StateError(
+                    "it is already enabled", remedy="disable it before the control mode is changed"
+                )
             self.module.require_idle("it is enabled")
             self._require_well(look(self.module, TRIES), IDLE)
             self._require_limits()
@@ -136,7 +138,7 @@ class PoweredModule:
             self._signals.check()
 
     def disable(self) -> None:
-        """Brake to standstill, then take the power away; harmless when it is not enabled. A load that hangs falls.
+        """Brake to standstill, then switch the power off; harmless if it is not enabled. A hanging load falls.
 
         Raises:
             DriveError: it is not confirmed as stopped.
@@ -149,7 +151,7 @@ class PoweredModule:
             self._signals.check()
 
     def quick_stop(self) -> None:
-        """Velocity 0 on the module's own ramp, then idle; also for a module that somebody else has enabled, or that is not heard.
+        """Brake on the module's own ramp, then go to idle; also if another program has enabled the module, or it does not answer.
 
         Raises:
             DriveError: it is not confirmed as stopped.
@@ -165,13 +167,13 @@ class PoweredModule:
     # Rounds.
 
     def _round(self) -> StatusRead:
-        """Look once; raise where it is not as it was commanded, or a signal came."""
+        """Read the module once; raise an error if it does not follow its command, or a signal has arrived."""
         self._signals.check()
         if not self._guarded():
             raise CommandError(
                 f"module {self.module.device}: the warden of this motion is gone",
-                observed="its process has ended: nobody would stop the module where this program is killed",
-                remedy="look for who has ended it, then give the command again",
+                observed="its process has ended: nothing would stop the module if this program were killed",
+                remedy="find out which program ended it, then repeat the command",
             )
         course, seen = self._enabled(), look(self.module, TRIES)
         self._require_well(seen, CLOSED_LOOP)
@@ -183,7 +185,7 @@ class PoweredModule:
         return seen
 
     def _place(self) -> float:
-        """Return where it is, in turns."""
+        """Return its position in turns."""
         position = self._round().position
         assert position is not None, "a round raises without it"
         return position
@@ -195,13 +197,13 @@ class PoweredModule:
         for name, value in limits.items():
             if not value > 0.0:
                 raise StateError(
-                    f"module {self.module.device}: its {name} is {value:g}, and nothing moves",
+                    f"module {self.module.device}: its {name} is {value:g}, so it cannot move",
                     remedy=f"write it: axisbus gim6010 modbus write {name}=...",
                 )
         self._velocity_limit = limits["velocity_limit"]
 
     def _preset(self, control: ModbusControlMode) -> None:
-        """Set-points of 0 and the modes, while there is no power; a position is not sent: none is alive to be sent."""
+        """Write set-points of 0 and the modes, without power. No position is written: none is valid in idle."""
         control_mode, input_mode = control.value
         for name, value in (
             ("velocity_setpoint", 0.0),
@@ -212,7 +214,7 @@ class PoweredModule:
             self.module.put(requests.write(named(name), value))
 
     def _close(self) -> None:
-        """Ask for closed loop once, and see it."""
+        """Request closed loop once, and wait until it is seen."""
         taken = self.module.dialogue.write(requests.write(named("state_control"), CLOSED_LOOP))
         end = self.module.wire.now() + _STARTS
         while True:
@@ -227,14 +229,14 @@ class PoweredModule:
             self.module.wire.sleep(PERIOD)
 
     def _keep_place(self, course: ModbusCommand) -> None:
-        """See that it keeps the place where it was enabled."""
+        """Check that it keeps the position at which it was enabled."""
         place = self._place()
         if course.control is ModbusControlMode.POSITION:
             asked = float(self.module.read("position_setpoint"))
             if not abs(asked - place) <= PLACE:
                 raise UncommandedMotion(
                     f"module {self.module.device} was enabled at {turns(place)} with a set-point of {turns(asked)}",
-                    remedy="its firmware keeps an old set-point, to which it would go: do not use positions over Modbus with it",
+                    remedy="its firmware stores an old set-point, to which it would move: do not use positions over Modbus with it",
                 )
             course.target = place
         end = self.module.wire.now() + _KEEPS
@@ -242,15 +244,15 @@ class PoweredModule:
             now = self._place()
             if abs(now - place) > PLACE:
                 raise UncommandedMotion(
-                    f"module {self.module.device} moves though nothing was commanded",
+                    f"module {self.module.device} moves without a command",
                     observed=f"it was enabled at {turns(place)}, and is at {turns(now)}",
-                    remedy="look for what turns it: a load, another master, an input of its own (PWM, pulse/direction)",
+                    remedy="find out what turns it: a load, another master, one of its inputs (PWM, pulse/direction)",
                 )
 
-    # The way out.
+    # Stopping.
 
     def _stop(self, *, hold: bool) -> StopOutcome:
-        """Go down the ladder; the module is enabled after it only where it is held."""
+        """Run the stop sequence; afterwards the module is enabled only if it holds its position."""
         course = self._course
         ladder = ModbusStopSequence(
             None if course is None else course.halting, hold=hold, was_closed=self._was_closed
@@ -268,7 +270,7 @@ class PoweredModule:
         return outcome
 
     def _last_resort(self) -> None:
-        """The interpreter ends, and the block did not."""
+        """Stop the module if the interpreter ends before the block does."""
         if self._powered:
             self._stop(hold=False)
 
@@ -277,23 +279,23 @@ class PoweredModule:
             f"module {self.module.device} does not go to closed loop",
             observed=f"state 8 was written and {'taken' if taken else 'not answered'}; after {_STARTS:g} s it is in "
             f"{state_words(seen.state)}, without an error",
-            remedy="some firmware refuses in silence: is it calibrated, is an error latched (axisbus gim6010 modbus errors)",
+            remedy="some firmware refuses silently: check its calibration, and for a latched error (axisbus gim6010 modbus errors)",
         )
 
-    # What is required.
+    # Preconditions.
 
     def _require_open(self) -> None:
         if not self._open:
             raise StateError("the axis is not open", remedy="use it in a with block: its end stops the axis")
 
     def _enabled(self, control: ModbusControlMode | None = None) -> ModbusCommand:
-        """Return what it was commanded, where it is enabled (for ``control``)."""
+        """Return its present command; raise StateError if it is not enabled (in ``control``, if that is given)."""
         self._require_open()
         if self._course is None or control not in (None, self._course.control):
             wanted = "" if control is None else f" for {control.name.lower()}"
             raise StateError(
                 f"module {self.module.device} is not enabled{wanted}",
-                remedy="enable it so; one that is enabled for something else is disabled first",
+                remedy="enable it in this control mode; disable it first if it is enabled in another one",
             )
         return self._course
 

@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and the like while an axis is open: between our calls they end what runs, within them they wait."""
+"""Ctrl-C, SIGTERM and similar signals while an axis is open: they end the program between its calls, and wait during a call."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from typing import Any
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGTSTP")
 _NUMBERS = tuple(getattr(signal, name) for name in _NAMES if hasattr(signal, name))
 _KEYS = ("SIGINT", "SIGTSTP")
-_ENDED = 128  # and the signal: the exit code of a program that one has ended
+_ENDED = 128  # plus the number of the signal is the exit code of a program that a signal has ended
 
 
 class ModbusSignalHandlers:
-    """Holds what came; installed in the main thread alone, elsewhere nothing comes."""
+    """Stores the last signal; handlers can be installed in the main thread only, so other threads get no signal."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -26,19 +26,19 @@ class ModbusSignalHandlers:
         self._before: dict[int, Any] = {}
 
     def install(self) -> None:
-        """Take the signals over."""
+        """Install the handlers."""
         if threading.current_thread() is threading.main_thread():
             self._before = {number: signal.signal(number, self._hear) for number in _NUMBERS}
 
     def restore(self) -> None:
-        """Give them back to whoever had them; harmless when repeated."""
+        """Restore the previous handlers; harmless if repeated."""
         for number, handler in self._before.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
         self._before = {}
 
     @contextmanager
     def sheltered(self) -> Iterator[None]:
-        """Let the block ask with ``check`` when it is safe to be ended."""
+        """Delay signals within the block, until it calls ``check`` at a safe moment."""
         self._sheltered += 1
         try:
             yield
@@ -46,7 +46,7 @@ class ModbusSignalHandlers:
             self._sheltered -= 1
 
     def check(self) -> None:
-        """End what runs, where a signal came.
+        """Raise the exception of a signal that has arrived.
 
         Raises:
             KeyboardInterrupt: Ctrl-C or Ctrl-Z. SystemExit: SIGTERM or SIGHUP, with 143 or 129.

@@ -1,4 +1,4 @@
-"""Stopping a module that this program has not enabled, or does not hear."""
+"""Stop a module that this program has not enabled, or that does not answer."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from axisbus.drives.gim6010.modbus.motion.signals import ModbusSignalHandlers
 
 
 def stop(module: ModbusModule, *, tell: Callable[[str], None]) -> None:
-    """Go down the stop ladder from velocity 0 on; each signal goes a rung further. Blocks; ``tell`` gets how it ended.
+    """Run the stop sequence, beginning with velocity 0; each signal starts the next step. Blocks; ``tell`` gets the outcome.
 
-    A module that is in idle is left alone; one that is not heard is sent every rung.
+    A module in idle gets nothing; a module that does not answer gets the requests of every step.
 
     Raises:
         DriveError: it is not confirmed as stopped.

@@ -1,11 +1,11 @@
-"""Who stops a module where the program that moves it is killed: a process of its own, which waits for the end of that program.
+"""The watchdog process that stops a module if the program that moves it is killed.
 
 Theory of operation
 -------------------
-Nothing in a module notices a dead master, so something beside the program has to. The warden is started, and ready, before anything
-is enabled. It holds one end of a pipe: where the other end closes without a word, the program is dead, and its port is free. Then
-the warden opens the port and goes down the stop ladder from velocity 0 on. Signals of the terminal do not reach it. It does not
-help where the computer, the adapter or the cable fails, nor where the program hangs.
+No function of a module notices a dead master, so another process must. The watchdog process is started, and ready, before anything
+is enabled. It holds one end of a pipe. If the other end closes without a message, the program is dead, and its port is free. Then
+the watchdog process opens the port and runs the stop sequence, beginning with velocity 0. Signals of the terminal do not reach it.
+It does not help if the computer, the adapter or the cable fails, or if the program hangs.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from axisbus.errors import AdapterError, AxisbusError, StateError
 _READY, _OVER = b"ready\n", b"over\n"
 _PATIENCE = 5.0  # s until the port of a dead program is free
 _AGAIN = 0.02
-_LATE = 0.1  # s for an answer to what the dead program has asked
+_LATE = 0.1  # s for an answer to a request of the dead program
 
 
 class Warden:
-    """A warden for one module on a port; holds its process."""
+    """The watchdog process for one module on a port."""
 
     def __init__(self, port: str, device: int, *, rate: int, parity: Parity) -> None:
-        """As of ``SerialWire`` and ``ModbusModule``. Nothing is started before ``with``."""
+        """Parameters as for ``SerialWire`` and ``ModbusModule``. Nothing is started before ``with``."""
         self._arguments = [port, str(device), str(rate), parity.value]
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -54,20 +54,20 @@ class Warden:
         if self._process.stdout is None or self._process.stdout.readline() != _READY:
             self._end(b"")
             raise StateError(
-                "the warden that stops the module where this program is killed could not be started; nothing was enabled",
-                remedy="look at what it has printed above",
+                "the watchdog process that stops the module if this program is killed could not be started; nothing was enabled",
+                remedy="see its messages above",
             )
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Let it go: the program has stopped the module itself, or has told that it could not."""
+        """End the process: the program has stopped the module itself, or has reported that it could not."""
         self._end(_OVER)
 
     @property
     def is_there(self) -> bool:
-        """Whether it still waits."""
+        """Whether the process is still running."""
         return self._process is not None and self._process.poll() is None
 
     def _end(self, word: bytes) -> None:
@@ -77,7 +77,7 @@ class Warden:
 
 
 def main(arguments: list[str]) -> int:
-    """Wait for the end of the program; where it says nothing before, stop the module. Return the exit code."""
+    """Wait for the end of the program; stop the module if no message came before. Return the exit code."""
     port, device, rate, parity = arguments
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):

@@ -1,4 +1,4 @@
-"""Whether a motion goes as it was asked for, by what is seen: arrived, under way, or what is wrong; pure functions of looks."""
+"""Whether a motion follows its command: arrived, under way, or a deviation; pure functions of readings."""
 
 from __future__ import annotations
 
@@ -8,40 +8,40 @@ from enum import Enum
 from axisbus.drives.gim6010.modbus.motion.halting import STANDS
 from axisbus.drives.gim6010.modbus.motion.look import StatusRead
 
-_MORE = 1.2  # times as fast as asked for is too fast, and
-_SPARE = 0.5  # turns/s of the rotor beside it
+_MORE = 1.2  # times the commanded speed is too fast, plus
+_SPARE = 0.5  # turns/s of the rotor
 _STUCK = 2.0  # s without getting nearer
 
 
 class ModbusMotionStatus(Enum):
-    """How a motion stands."""
+    """The state of a motion."""
 
     UNDER_WAY = "under way"
-    DONE = "as asked for"
-    TOO_FAST = "it is faster than was asked for"
-    AWAY = "it moves away from where it is to go"
-    LATE = "it is not there in time"
-    BLIND = "its position or velocity is no number"
+    DONE = "done"
+    TOO_FAST = "it is faster than commanded"
+    AWAY = "it moves away from its target"
+    LATE = "it has not arrived in time"
+    BLIND = "its position or velocity is not a number"
 
 
 def too_fast(speed: float, asked: float) -> bool:
-    """Whether a speed is none that a motion of ``asked`` turns/s explains."""
+    """Whether a speed is higher than a commanded speed of ``asked`` turns/s can explain."""
     return abs(speed) > _MORE * abs(asked) + _SPARE
 
 
 @dataclass(slots=True)
 class MoveWatch:
-    """A move from ``start`` to ``target`` (turns of the rotor) with at most ``velocity``; holds for how many looks it is there."""
+    """A move from ``start`` to ``target`` (turns of the rotor) with at most ``velocity``; counts the readings at the target."""
 
     start: float
     target: float
     velocity: float
     window: float
-    deadline: float  # s of the looks' clock
+    deadline: float  # s, by the clock of the readings
     _there: int = 0
 
     def judge(self, seen: StatusRead) -> ModbusMotionStatus:
-        """Return how it stands by one more look."""
+        """Return the state of the motion after one more reading."""
         if seen.position is None or seen.velocity is None:
             return ModbusMotionStatus.BLIND
         if too_fast(seen.velocity, self.velocity):
@@ -57,7 +57,7 @@ class MoveWatch:
 
 @dataclass(slots=True)
 class TurnWatch:
-    """A velocity that is to be reached (turns/s of the rotor); ``fastest`` is what was commanded by now, with what was before."""
+    """A velocity to reach (turns/s of the rotor); ``fastest`` is the highest of the present and the previous commands."""
 
     velocity: float
     fastest: float
@@ -65,7 +65,7 @@ class TurnWatch:
     _since: float = 0.0
 
     def judge(self, seen: StatusRead) -> ModbusMotionStatus:
-        """Return how it stands by one more look."""
+        """Return the state of the motion after one more reading."""
         if seen.velocity is None or seen.position is None:
             return ModbusMotionStatus.BLIND
         if too_fast(seen.velocity, self.fastest):
