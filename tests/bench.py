@@ -206,7 +206,7 @@ def codec() -> None:
 
 
 def an_hour() -> None:
-    """An hour of three axes at 10 ms, stand-ins included, against real time."""
+    """An hour of three axes at 10 ms, simulated drives included, against real time."""
     cell = (ROOT / "examples" / "cell.toml").read_text().replace('"4ms"', '"10ms"')
     path = ROOT / "tests" / ".bench-cell.toml"
     path.write_text(cell)

@@ -1,4 +1,4 @@
-"""What the stand-in costs, printed: run it by hand with ``python tests/bench_drive.py``."""
+"""What the simulated drive costs, printed: run it by hand with ``python tests/bench_drive.py``."""
 
 from __future__ import annotations
 

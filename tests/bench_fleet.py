@@ -83,7 +83,7 @@ def ages(fleet):
 
 
 def stand_ins(rate, processes=4):
-    """100 cells of 3 axes each by stand-ins in some processes, watched by this one."""
+    """100 cells of 3 axes each, imitated by some processes and watched by this one."""
     each = CELLS // processes
     endpoints = [free_endpoint() for _ in range(processes)]
     begun = [

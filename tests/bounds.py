@@ -1,4 +1,4 @@
-"""What axes that the master leads come to, as a share of what they may: ``make bounds``.
+"""The highest velocity, acceleration and jerk of axes that the master controls, as a share of the limits: ``make bounds``.
 
 ``python tests/bounds.py [--commands 10000] [--first SEED] [--jobs N]``: random lines, paths, circles, streams, trajectories,
 gears, replans, soft velocities and moves, overrides, halts and resumes, in virtual time, with a table of what was asked for and the

@@ -87,7 +87,7 @@ def checkout(tmp_path_factory):
 
 @pytest.fixture
 def axisbus(checkout, monkeypatch, capsys):
-    """Run the command line in the copy of the checkout, once for all pages. In this process: to load axisbus anew for each line
+    """Run the command line in the copy of the checkout, once for all pages. In this process: to load axisbus again for each line
     takes longer than most of them."""
     folder, ran = checkout
     monkeypatch.chdir(folder)

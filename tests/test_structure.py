@@ -29,7 +29,7 @@ def test_every_package_has_a_docstring(folder):
     assert re.fullmatch(r'"""[A-Z`a-z].*[.:]("""|)', first)
 
 
-def test_no_room_is_empty():
+def test_no_package_is_empty():
     assert [folder for folder in SOURCE.rglob("*/") if folder.is_dir() and _is_empty(folder)] == []
 
 

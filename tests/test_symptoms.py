@@ -225,7 +225,7 @@ def test_what_ends_a_program_names_the_page():
     assert ran.stderr.endswith("no\n  remedy:   look\n  more:     axisbus explain following-error\n")
 
 
-def test_of_what_is_no_error_of_ours_no_page_is_named():
+def test_a_foreign_error_has_no_page():
     assert with_page(ValueError("no")) == "no"
 
 

@@ -19,7 +19,7 @@ def test_scale_from_a_ratio_is_exact():
 
 
 @pytest.mark.parametrize("wrong", [0, "x", "1/0", float("nan"), float("inf")])
-def test_a_scale_that_cannot_be_is_refused(wrong):
+def test_an_invalid_scale_is_refused(wrong):
     with pytest.raises(ArgumentError):
         Scale.of(wrong, "deg")
 

@@ -1,4 +1,4 @@
-"""Boot-up and direct access on simulated cells: what is written, read back, reported, refused and restored."""
+"""Boot-up and direct access on simulated cells: values written, read back, reported, refused and restored."""
 
 import itertools
 import time
@@ -150,7 +150,7 @@ transmission = 255
 
 
 def reports_of(path, *, timer, enabled=False, **dials):
-    """Boot a stand-in on a bus whose TPDO1 has this event timer in ms; return its reports and the timer that it has then."""
+    """Boot a simulated drive on a bus whose TPDO1 has this event timer in ms; return its reports and the timer that it has then."""
     made = device()
     if enabled:
         made.power_on()
@@ -189,7 +189,7 @@ def test_a_drive_found_enabled_keeps_its_event_timer(tmp_path):
 
 
 @pytest.mark.parametrize("timer", [0, 5, 20])
-def test_an_event_timer_that_is_quick_enough_is_not_spoken_of(tmp_path, timer):
+def test_an_event_timer_that_is_short_enough_is_not_reported(tmp_path, timer):
     path = cell(tmp_path, ("[axes.x]", SLOW_STATUSWORD))
     (report,), now = reports_of(path, timer=timer)
     assert now == timer

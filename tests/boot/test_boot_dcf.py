@@ -1,4 +1,4 @@
-"""A node configured from ``dcf = "x.dcf"``: its values reach the drive, what the cell file says itself wins, the rest is told."""
+"""A node configured from ``dcf = "x.dcf"``: its values reach the drive, the cell file takes precedence, the rest is reported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What boot makes of the heartbeats and answers of a module that speaks CAN Simple: who it is, or in words who is there instead."""
+"""How boot evaluates heartbeats and answers of a module that speaks CAN Simple: its identity, or which node is there instead."""
 
 from __future__ import annotations
 

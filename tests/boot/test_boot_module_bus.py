@@ -105,7 +105,7 @@ def test_one_in_fault_is_up_and_its_words_are_reported(tmp_path):
         assert "MOTOR_FAILED" in told
 
 
-def test_another_firmware_is_refused_and_nobody_is_there_is_reported(tmp_path):
+def test_another_firmware_is_refused_and_a_missing_module_is_reported(tmp_path):
     with bus(tmp_path, firmware=Firmware(0, 5, 11)) as one:
         error = one.boot().report.error
         assert isinstance(error, BootError)

@@ -1,4 +1,4 @@
-"""A bus changes its bit rate: slaves first, then the adapter in their silence, then everybody is asked; nothing stays unsaid."""
+"""A bus changes its bit rate: first the slaves, then the adapter, then every slave is asked; each result is reported."""
 
 from __future__ import annotations
 
@@ -179,7 +179,7 @@ def test_nothing_is_activated_and_the_adapter_stays_when_one_named_is_silent(des
     assert table.before.is_open
 
 
-def test_an_adapter_that_cannot_be_opened_at_the_new_rate_leaves_nobody_in_doubt(desk) -> None:
+def test_if_the_adapter_cannot_be_opened_at_the_new_rate_the_state_of_every_slave_is_reported(desk) -> None:
     table = desk(AtOneRate(ONE))
     table.trouble = AdapterError(
         "the CAN adapter pcan:PCAN_USBBUS1 cannot be opened", observed="PcanError: illegal rate"
@@ -227,5 +227,5 @@ def test_a_link_of_the_systems_is_left_alone_and_the_lines_are_reported_in_order
         (Opening("udp_multicast", "239.0.0.1"), OwnRate.NONE),
     ],
 )
-def test_who_sets_the_rate(opening: Opening, own: OwnRate) -> None:
+def test_whether_the_adapter_or_the_system_sets_the_bit_rate(opening: Opening, own: OwnRate) -> None:
     assert opening.own_rate is own

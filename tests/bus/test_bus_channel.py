@@ -1,4 +1,4 @@
-"""The channel: what goes wrong on an adapter is known to everybody, at once and for good."""
+"""The channel: a failure of its adapter is reported at once, and by every later call."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long a channel tries, by a clock of our own, and what it tells of itself."""
+"""How long a channel retries, by a test clock, and its reports."""
 
 from __future__ import annotations
 

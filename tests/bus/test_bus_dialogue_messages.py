@@ -1,4 +1,4 @@
-"""What a module is told by messages alone, each time seen to be idle first."""
+"""Settings of a module by messages only, each sent after idle was seen."""
 
 from __future__ import annotations
 

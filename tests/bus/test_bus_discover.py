@@ -1,4 +1,4 @@
-"""Finding out who is on the bus: quickly, without overrunning a short queue, and without waiting for those that are not there."""
+"""Finding the nodes on the bus: quickly, without overrunning a short queue, and without waiting for absent nodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What error control tells of a node: losses, restarts and states with their reaction times, and the toggle bit of guarding."""
+"""Events of error control: losses, restarts and states with their reaction times, and the toggle bit of guarding."""
 
 from __future__ import annotations
 

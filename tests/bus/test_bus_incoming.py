@@ -141,7 +141,7 @@ def short_bus_off(node: CanopenNode) -> None:
         (lambda node: setattr(node.nmt, "bootups", 1), False),
     ],
 )
-def test_what_befalls_the_node_or_the_bus_ends_the_short_look_at_once(
+def test_any_event_of_the_node_or_the_bus_ends_the_fast_path_at_once(
     node: CanopenNode, change, back: bool
 ) -> None:
     port = port_on(node, DRIVES[0], {})

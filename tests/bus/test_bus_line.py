@@ -173,8 +173,8 @@ def test_a_program_sees_whether_its_drives_have_taken_what_it_sent(pair):
     assert not program.behind()
 
 
-def test_nobody_is_kept_busy_by_a_line_on_which_nothing_comes(pair):
-    """Or drives that go on alone, or a receive thread, would take a whole core of the computer."""
+def test_an_idle_line_keeps_no_process_busy(pair):
+    """Otherwise drives without a program, or a receive thread, would use a whole processor."""
     program, drives = pair
     assert _wait(program, 0.03) > 0.025
     program.shutdown()

@@ -196,7 +196,7 @@ def test_bit_rates_are_activated_and_the_silence_is_kept(master: LssMaster, fake
     assert fake.frames(0x7E5)[-1].hex() == "1532000000000000"  # and nothing after it
 
 
-def test_naming_nobody_is_a_mistake(master: LssMaster, fake: FakeBus) -> None:
+def test_naming_no_slave_is_an_error(master: LssMaster, fake: FakeBus) -> None:
     with pytest.raises(ArgumentError, match="no LSS slave is named"):
         master.activate([], 1.0)
     with pytest.raises(ArgumentError, match="no bit rate of 123"):

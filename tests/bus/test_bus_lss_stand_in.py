@@ -1,4 +1,4 @@
-"""Our LSS master and the stand-in's LSS slave on a virtual bus: two implementations that share no code."""
+"""Our LSS master and the simulated drive's LSS slave on a virtual bus: two implementations that share no code."""
 
 from __future__ import annotations
 

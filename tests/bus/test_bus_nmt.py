@@ -274,7 +274,7 @@ def test_a_node_id_out_of_range_is_refused(channel: Channel, node_id: int) -> No
 def test_a_node_that_nobody_guards_is_not_asked_by_remote_frames(
     channel: Channel, node: CanopenNode, slave: Slave, fake: FakeBus
 ) -> None:
-    """That would arm its life guarding, and nobody would go on with it."""
+    """That would arm its life guarding, and nobody would continue with it."""
     assert (
         nmt.command(channel, node.nmt, NmtCommand.START, timeout=0.05, answers_sdo=lambda: True)
         is Confirmation.SDO

@@ -1,4 +1,4 @@
-"""Bus-off and back again: nothing is given to the driver meanwhile, everybody is told once, and no node is known afterwards.
+"""Bus-off and back again: nothing is given to the driver meanwhile, one error for each command, every node unknown afterwards.
 
 Frames are typed off Linux's include/uapi/linux/can/error.h: class in the identifier, byte 1 the controller's status, bytes 6 and 7
 its transmit and receive error counters.

@@ -1,4 +1,4 @@
-"""The same work on many nodes at once, on one virtual bus with stand-ins that take their time."""
+"""The same work on many nodes at once, on one virtual bus with simulated drives that take their time."""
 
 from __future__ import annotations
 

@@ -194,7 +194,7 @@ def test_a_slow_event_timer_is_shortened_where_the_drive_takes_nothing_else(
     assert "1800:5" not in dict(writes_to(slave, 0x1800))
 
 
-def test_one_that_cannot_be_written_is_reported(sdo: SdoClient, slave: Slave) -> None:
+def test_a_pdo_parameter_that_cannot_be_written_is_reported(sdo: SdoClient, slave: Slave) -> None:
     keeps_its_pdos(slave, timer=False)
     plan = configure(sdo, PAIR)
     assert slave.number(0x1800, 5) == 1000

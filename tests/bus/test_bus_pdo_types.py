@@ -223,7 +223,7 @@ def test_a_tpdo_is_asked_for_at_its_period_with_its_length(
     assert port.take_requests(clock.time + 1.0) == [(0x185, 2)]
 
 
-def test_nobody_is_asked_otherwise(channel: Channel, node: CanopenNode, fake: FakeBus) -> None:
+def test_without_rtr_no_remote_frame_is_sent(channel: Channel, node: CanopenNode, fake: FakeBus) -> None:
     port = CanPort(node, plan_of(1), scan_period=SCAN)
     port.prime()
     operational(node, fake)

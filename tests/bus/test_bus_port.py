@@ -329,7 +329,7 @@ def test_one_that_is_only_assumed_to_be_operational_is_in_doubt_too(
     assert serves(port) == (False, [])
 
 
-def test_the_first_wish_that_the_node_stops_is_sent_and_sent_once(make: Maker) -> None:
+def test_the_first_request_to_stop_the_node_is_sent_once(make: Maker) -> None:
     port = make(WHOLE)
     port.write(Outputs(nmt_stop=True))
     assert port.take_frames() == [(0, b"\x02\x05")]

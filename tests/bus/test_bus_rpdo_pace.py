@@ -1,4 +1,4 @@
-"""When RPDOs are sent: event-driven ones on change and again in time; the drive always has what it would have by every frame."""
+"""When RPDOs are sent: event-driven ones on change and repeatedly; the drive always has the same values as if all were sent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The SDO client with many bytes: in blocks over a channel, given up, cut short, and beside a second channel."""
+"""The SDO client with many bytes: in blocks over a channel, abandoned, cut short, and together with a second channel."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def device() -> Device:
 
 
 class StandIn:
-    """A stand-in on the fake bus that answers at once."""
+    """A simulated drive on the fake bus that answers at once."""
 
     def __init__(self, fake: FakeBus) -> None:
         self.device = device()

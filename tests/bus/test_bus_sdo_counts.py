@@ -1,4 +1,4 @@
-"""How SDO transfers are counted: each by what its caller was told, and attempts beside the first."""
+"""How SDO transfers are counted: each by the result that its caller got, and the attempts after the first."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is heard and when, by a clock of our own: node events, SYNC of others, confirmations, TIME, and what is due in a cycle."""
+"""Received frames and their times, by a test clock: node events, external SYNC, confirmations, TIME, and the work of a cycle."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ class WireClock(SystemClock):
 
 
 class Wire:
-    """A channel without a bus, with a clock that goes on while somebody waits; ``coming`` are the stamps of SYNC."""
+    """A channel without a bus, with a clock that continues while somebody waits; ``coming`` are the stamps of SYNC."""
 
     behind = None
 
@@ -271,7 +271,7 @@ class Wire:
 
 
 class Changed:
-    """A condition whose wait lets the wire's clock go on."""
+    """A condition whose wait lets the wire's clock continue."""
 
     def __init__(self, wire: Wire) -> None:
         self.wire = wire

@@ -1,4 +1,4 @@
-"""The whole bus against the stand-in drive on python-can's virtual bus: from nothing to an enabled drive, in frames."""
+"""The whole bus package against the simulated drive on python-can's virtual bus: from boot-up to an enabled drive, by frames."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _stand_ins: list[Any] = []
 
 @pytest.fixture
 def nodes() -> Iterator[list[CanopenNode]]:
-    """Two stand-ins on a channel of their own, listened to since before they boot."""
+    """Two simulated drives on a channel of their own, listened to since before they boot."""
     name = f"stand-ins {next(_channels)}"
     with Channel.open(*line(name)) as channel, ExitStack() as stack:
         made = [stack.enter_context(CanopenNode(channel, node_id, load(EDS))) for node_id in NODES]

@@ -1,4 +1,4 @@
-"""SYNC of another producer as our clock, and TIME: when the scan begins a cycle, when it stops, and what it then sends."""
+"""SYNC of another producer as the clock of the scan, and TIME: when a cycle begins, when the scan stops, and what it then sends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An EDS held against a live device, and taken from one: stand-ins on the virtual bus."""
+"""An EDS held against a live device, and taken from one: simulated drives on the virtual bus."""
 
 import configparser
 import itertools
@@ -29,7 +29,7 @@ NUMBER = itertools.count(1)
 
 @pytest.fixture
 def live():
-    """A function that puts a stand-in of an EDS on a bus and returns an SDO client for it."""
+    """A function that puts a simulated drive of an EDS on a bus and returns an SDO client for it."""
     opened = []
 
     def put(text=GENERIC, dictionary=None):

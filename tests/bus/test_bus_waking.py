@@ -1,4 +1,4 @@
-"""How early a sleep is ended: what is learned from those before."""
+"""How early a sleep is ended, as learned from earlier sleeps."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_after_fifty_sleeps_it_is_little_more_than_they_needed():
     assert 20e-6 < lived(*[20] * 50).early < 30e-6
 
 
-def test_never_above_the_most():
+def test_a_sleep_is_shortened_by_at_most_the_maximum():
     assert lived(*[500] * 200).early == MOST
 
 

@@ -248,7 +248,7 @@ def test_forgetting_jobs_while_none_runs_harms_nothing(worker: SdoWorker) -> Non
     assert ends.all == [(1, -2, None)]
 
 
-def test_a_fault_of_ours_in_a_transfer_ends_its_job_and_no_other(
+def test_an_internal_error_in_a_transfer_ends_only_its_job(
     worker: SdoWorker, channel: Channel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(*_args: object, **_options: object) -> None:

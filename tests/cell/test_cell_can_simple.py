@@ -1,4 +1,4 @@
-"""A node that speaks CAN Simple in a cell file: what it needs, what it must not have, and that no command passes over it."""
+"""A node that speaks CAN Simple in a cell file: required and forbidden keys, and commands that include the node."""
 
 from __future__ import annotations
 

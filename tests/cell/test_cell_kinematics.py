@@ -1,4 +1,4 @@
-"""Kinematics in a cell file: a group's lines go through a workspace, and what is wrong with a table is told by its line."""
+"""Kinematics in a cell file: the lines of the group are in a workspace, and an error in the table is reported with its line."""
 
 from __future__ import annotations
 

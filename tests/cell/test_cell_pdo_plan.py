@@ -1,4 +1,4 @@
-"""With which SYNC what is not urgent comes: with each, unless the wire is too full for it."""
+"""The SYNC with which less urgent values are sent: every SYNC, unless the bus load is too high."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cell files become frozen values, and everything that is wrong with what is written is told at once, with its line."""
+"""Cell files become frozen values, and all errors of a file are reported together, each with its line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""TOML files: every entry has its line, and what cannot be read is told with file, line and remedy."""
+"""TOML files: every entry has its line, and a file that cannot be read is reported with file, line and remedy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A virtual axis in a cell file: what is its own is read, and what belongs to a node or a drive is refused, with its line."""
+"""A virtual axis in a cell file: its keys are read, and keys of a node or drive are refused with their line."""
 
 from __future__ import annotations
 

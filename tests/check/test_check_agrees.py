@@ -1,6 +1,6 @@
 """What ``check`` calls an error the machine refuses, and what the machine can run ``check`` lets pass: over every makers' file.
 
-Each file makes a stand-in; each command is given to it in virtual time. The machine's word is what the plant does.
+Each file makes a simulated drive; each command is given to it in virtual time. The machine's word is what the plant does.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a cell file may ask of a node's boot-up, and what is found wrong with it."""
+"""The boot-up keys of a cell file, and the findings about them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_date_and_time_are_those_of_1020():
         ('restore_defaults = "yes"', "true or false"),
     ],
 )
-def test_values_that_cannot_be(line, words):
+def test_invalid_values_are_errors(line, words):
     _, problems = node(line)
     assert len(problems) == 1
     assert words in problems[0].observed

@@ -1,4 +1,4 @@
-"""A module that speaks CAN Simple in a check: what it can be told, what is dangerous, and what its frames take of the bus."""
+"""A module that speaks CAN Simple in a check: its settings, its dangers, and the bus load of its frames."""
 
 from __future__ import annotations
 

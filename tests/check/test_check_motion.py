@@ -1,4 +1,4 @@
-"""Modes, limits, ways of stopping and what is left out; each cell has just one defect, the numbers are worked out by hand."""
+"""Modes, limits, stop reactions and missing keys; each cell has exactly one defect, and the numbers are calculated by hand."""
 
 from __future__ import annotations
 

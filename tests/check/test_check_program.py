@@ -1,4 +1,4 @@
-"""What a cell file may say of a node's program, and what is found wrong with it before the first frame."""
+"""The program table of a node in a cell file, and the findings about it before the first frame."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_a_node_without_the_table_has_no_expected_program():
         (DATE + "fiel = 'x.bin'\n", "did you mean file?"),
     ],
 )
-def test_values_that_cannot_be(lines, words):
+def test_invalid_values_are_errors(lines, words):
     _, problems = node(lines)
     assert len(problems) == 1
     assert words in str(problems[0])

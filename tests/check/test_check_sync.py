@@ -67,7 +67,7 @@ def test_everything_that_may_be_said_is_read(tmp_path: Path) -> None:
         ('time = "0s"', "a time with its unit"),
     ],
 )
-def test_a_value_that_cannot_be_is_one_error(tmp_path: Path, line: str, words: str) -> None:
+def test_an_invalid_value_is_one_error(tmp_path: Path, line: str, words: str) -> None:
     assert words in str(cells.only(cells.write(tmp_path, bus(line)), "error", line))
 
 

@@ -72,7 +72,7 @@ def test_letter_a_a_node_that_is_not_in_the_list_is_not_asked_for_anything():
     assert not slave.asked
 
 
-def test_letter_b_nobody_answers():
+def test_letter_b_the_node_does_not_answer():
     slave = Slave()
     slave.dead = True
     outcome = slave.run(plan(find_tries=4))

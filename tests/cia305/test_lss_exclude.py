@@ -1,4 +1,4 @@
-"""LSS fast scan beside slaves that go on answering it: each is reported and excluded, and hides nobody."""
+"""LSS fast scan with slaves that keep answering it: each is reported and excluded, and hides no other slave."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def test_node_ids_that_can_be_given(node_id: int) -> None:
 
 
 @pytest.mark.parametrize("node_id", [-1, 0, 128, 254, 256])
-def test_node_ids_that_cannot(node_id: int) -> None:
+def test_invalid_node_ids_are_refused(node_id: int) -> None:
     with pytest.raises(ArgumentError, match=f"node-ID {node_id} cannot"):
         services.require_node_id(node_id)
 

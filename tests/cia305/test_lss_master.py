@@ -101,7 +101,7 @@ def test_two_slaves_with_one_identity_are_refused_before_anything_is_changed() -
     assert all(one.pending == 255 and not one.stored for one in line.slaves)
 
 
-def test_nobody_of_that_name() -> None:
+def test_no_slave_with_that_identity() -> None:
     with pytest.raises(LssTimeout, match="no LSS slave has the identity 0xC0B00 0x8 0x10002 0x1") as caught:
         Line(slave()).run(master.inquire(AdaptiveLssTimeout(), other(1)))
     assert isinstance(caught.value, TimeoutError)

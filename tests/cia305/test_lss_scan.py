@@ -1,4 +1,4 @@
-"""LSS fast scan in virtual time: it finds everybody, also where frames get lost, come late, or several answer at once."""
+"""LSS fast scan in virtual time: it finds every slave, even if frames are lost or late, or several slaves answer at once."""
 
 from __future__ import annotations
 
@@ -223,7 +223,7 @@ def test_a_slave_that_stays_in_waiting_is_put_aside_by_its_name() -> None:
     assert ids(scan(Line(Sticky(1, 2, 3, 4), HandSlave(1, 2, 3, 5)))) == [(1, 2, 3, 4), (1, 2, 3, 5)]
 
 
-def test_a_slave_that_cannot_be_put_aside_is_reported_so_and_hides_nobody() -> None:
+def test_a_slave_that_cannot_be_excluded_is_reported_so_and_hides_no_other() -> None:
     sticky = Sticky(1, 2, 3, 4)
     sticky.deaf_for = {0x43}
     found = scan(Line(sticky, HandSlave(1, 2, 3, 5)))

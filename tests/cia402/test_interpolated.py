@@ -1,4 +1,4 @@
-"""The port that shows ip as csp, frame by frame: when bit 4 rises and falls, and which mode is told."""
+"""The port that presents ip as csp, frame by frame: when bit 4 rises and falls, and which mode it reports."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Bench:
     def cycle(
         self, word: int | None = ON, target: int | None = None, mode: int | None = None
     ) -> tuple[int, bool]:
-        """Return the mode that motion is told, and whether bit 4 was sent."""
+        """Return the mode that is reported to motion, and whether bit 4 was sent."""
         self.now += 0.01
         shown = self.port.read(self.now).mode
         assert shown is not None

@@ -1,4 +1,4 @@
-"""Meanings of values as tables and of one value: the same table tells both."""
+"""Meanings of values as tables, and of single values, from the same table."""
 
 import pytest
 

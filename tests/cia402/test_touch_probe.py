@@ -1,4 +1,4 @@
-"""The bits of a touch probe, held against a table of the standard that was typed off separately; what is not ours is kept."""
+"""The bits of a touch probe, compared with a separately typed table of the standard; the other bits are left unchanged."""
 
 from __future__ import annotations
 

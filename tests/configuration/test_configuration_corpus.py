@@ -1,4 +1,4 @@
-"""Backups by makers' files, where a folder of them is at hand: what was read comes back from the DCF, octet by octet."""
+"""Backups by the EDS files of manufacturers, if a folder of them exists: the values read come back from the DCF, byte by byte."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The EDS files that come with the library: whole, consistent, and what they claim to be."""
+"""The EDS files that come with the library are complete, consistent, and describe the devices that they name."""
 
 from __future__ import annotations
 

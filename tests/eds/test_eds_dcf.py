@@ -1,4 +1,4 @@
-"""From an EDS to the DCF of one node and back: only what was set changes, and only what can be set is."""
+"""From an EDS to the DCF of one node and back: only the given values change, and only writable ones."""
 
 from __future__ import annotations
 

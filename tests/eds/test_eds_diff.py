@@ -1,4 +1,4 @@
-"""Two files compared: what means the same is no difference, each change is found once, in its group, with what it means."""
+"""Two files compared: equal meanings are no difference, and each change is found once, in its group, with its effect."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ def fixed(body: str, head: str = HEAD) -> Fixed:
 
 
 def mended(body: str) -> str:
-    """Return the body as mended, without the usual head."""
+    """Return the body as fixed, without the usual head."""
     whole = writer.dumps(fixed(body).reading).decode()
     assert whole.startswith(HEAD)
     return whole[len(HEAD) :]
@@ -227,7 +227,7 @@ def test_a_letter_that_a_device_or_tool_compares_stays(key: str) -> None:
 
 
 def test_a_missing_sub_index_is_not_counted_away() -> None:
-    """The check says that a sub-index is missing: SubNumber is right, and what is to be mended is not it."""
+    """The check says that a sub-index is missing: SubNumber is correct and must not be changed."""
     missing = record(
         "2000",
         variable("2000sub0", DataType=U8, DefaultValue="3"),
@@ -374,7 +374,7 @@ def test_real_files_say_the_same_when_fixed() -> None:
 
 @pytest.mark.skipif(not FILES, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
 def test_fix_does_what_check_asks_for() -> None:
-    """Only what is found is mended, nothing new is found afterwards, and what was mended is found no more."""
+    """``fix`` repairs only findings; afterwards there is no new finding, and the repaired ones are gone."""
     for path in FILES:
         before = reader.read(path.read_bytes(), path.name)
         found = check(before)

@@ -1,4 +1,4 @@
-"""Objects from sections: what is there, what is missing, and what real files do instead."""
+"""Objects from sections: present and missing entries, and the deviations of real files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Writing: a file as it was, and a model that no file stands behind as an EDS that others read as it was meant."""
+"""Writing: an unchanged file, and a model without a file as an EDS that other tools read correctly."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_the_builtin_files_written_again_say_the_same(name: str) -> None:
         ({"a]": {}}, "x", "not a name of a section"),
     ],
 )
-def test_what_cannot_simulated_drive_an_eds_is_refused(
+def test_a_value_that_an_eds_cannot_hold_is_refused(
     info: dict[str, dict[str, str]], name: str, words: str
 ) -> None:
     entry = Variable(0x2000, 0, name, DataType.UNSIGNED8, "rw")

@@ -143,7 +143,7 @@ with Fleet("hall", connect=sys.argv[1:]) as fleet:
 
 @pytest.fixture
 def mover(plant):
-    """A program that turns an axis, and means to go on."""
+    """A program that turns an axis, and means to continue."""
     command = [sys.executable, "-c", PROGRAM, plant[0].endpoint]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as program:
         assert program.stdout.readline() == "moves\n"

@@ -1,4 +1,4 @@
-"""A fleet over real Zenoh sessions, before cells that stand-ins play: found, watched, commanded, cut and doubled."""
+"""A fleet over real Zenoh sessions, with imitated cells: found, watched, commanded, disconnected and doubled."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_a_cell_that_comes_later_is_seen_as_it_comes(plant):
         assert press["x"].name == "x"
 
 
-def test_nobody_is_seen_where_nobody_is():
+def test_without_cells_no_cell_is_shown():
     with Fleet("hall", listen=[free_endpoint()]) as fleet:
         assert list(fleet) == []
         assert fleet.quick_stop() == []

@@ -132,7 +132,7 @@ def test_a_bridge_that_waits_for_its_machine_is_there_and_its_cell_is_not(watch)
     assert not watch.alive
 
 
-def test_the_axes_simulated_drive_the_order_of_the_cell_file_where_it_is_known(watch):
+def test_the_axes_are_in_the_order_of_the_cell_file_if_it_is_known(watch):
     watch.take_state("x", state(1), 10.0, 100.0)
     watch.take_state("a", state(2), 10.0, 100.0)
     assert watch.axes == ("a", "x")

@@ -1,4 +1,4 @@
-"""Everything that listens on a channel, under any frames: the channel goes on working, and what is dropped is counted."""
+"""All listeners of a channel, under any frames: the channel keeps working, and dropped frames are counted."""
 
 from __future__ import annotations
 

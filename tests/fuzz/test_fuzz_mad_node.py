@@ -1,4 +1,4 @@
-"""A node that goes mad, at boot and in operation: the machine lives, the other axis goes on moving, all can be closed."""
+"""A node that sends nonsense, at boot and in operation: the machine and the other axis continue, and all can be closed."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def line(folder: Path) -> Iterator[Line]:
 
 @contextmanager
 def judged(cell: Line, machine: Machine) -> Iterator[None]:
-    """Leave a failure aside where the computer was too busy to move the stand-ins, or to run the scan, in time."""
+    """Leave a failure aside where the computer was too busy to move the simulated drives, or to run the scan, in time."""
     try:
         yield
     except (AssertionError, AxisbusError):
@@ -137,7 +137,7 @@ def test_at_boot_there_is_a_machine_or_one_clear_error_and_nothing_is_left_behin
 
 
 class Spoiled:
-    """Has a stand-in send some of its frames spoiled: cut, with other bits, twice, or not at all."""
+    """Has a simulated drive send some of its frames spoiled: cut, with other bits, twice, or not at all."""
 
     def __init__(self, cell: Line, seed: int, share: float) -> None:
         self.spoiled = 0

@@ -136,7 +136,7 @@ def test_a_segment_of_a_block_that_comes_again_and_again_is_no_sign_of_progress(
         "41 00 10 00 05",  # a size cut short
     ],
 )
-def test_a_frame_that_lacks_the_bytes_it_speaks_of_is_no_answer(answer):
+def test_a_frame_shorter_than_it_announces_is_no_answer(answer):
     session = SdoSession(SdoTransferRequest(0x1000, 0, None, TIMEOUT, 1))
     session.start()
     assert session.receive(bytes.fromhex(answer)) == ()
@@ -158,7 +158,7 @@ def test_a_short_frame_that_has_all_its_bytes_is_taken():
     assert writing.failure is None
 
 
-def test_a_segment_that_lacks_the_bytes_it_speaks_of_is_not_filled_with_zeros():
+def test_a_segment_shorter_than_it_announces_is_not_filled_with_zeros():
     session = upload()
     session.start()
     session.receive(bytes.fromhex("4008100000000000"))

@@ -223,7 +223,7 @@ def test_any_line_of_candump_is_a_frame_or_is_skipped(line):
         "  can0  800   [1]  11",
     ],
 )
-def test_a_time_or_an_identifier_that_cannot_be_makes_no_frame_of_nonsense(line):
+def test_an_impossible_time_or_identifier_makes_no_frame(line):
     frame = frame_files.parse(line)
     assert frame is None or (abs(frame.time) < 1e12 and frame.can_id <= 0x7FF)
 

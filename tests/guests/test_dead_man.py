@@ -1,4 +1,4 @@
-"""The dead-man: what is held goes on from beat to beat, and nothing that comes late, or after its end, revives it."""
+"""The dead-man check: a held command continues from message to message; a late message never revives it."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What tests share: cells with stand-ins behind them, and the probe of the plants that scenarios assert on."""
+"""What tests share: cells with simulated drives behind them, and the probe of the plants that scenarios assert on."""

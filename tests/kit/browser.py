@@ -156,7 +156,7 @@ class Page:
             self._settled(height)
 
     def _settled(self, height: int) -> None:
-        """Wait until the view has been drawn anew in its new height."""
+        """Wait until the view has been drawn again in its new height."""
         until(lambda: self.run("return innerHeight") == height, 2.0)
         drawn = "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done()))"
         self.driver.execute_async_script(drawn)

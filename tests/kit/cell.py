@@ -1,4 +1,4 @@
-"""Cells of stand-ins for tests, in virtual time or in real time on a private bus; each is a plant probe."""
+"""Cells of simulated drives for tests, in virtual time or in real time on a private bus; each is a plant probe."""
 
 from __future__ import annotations
 
@@ -204,7 +204,7 @@ class Cell(PlantProbe):
 
     @property
     def scan_lives(self) -> bool:
-        """Whether the machine's scan goes on."""
+        """Whether the machine's scan continues."""
         return not self.machine._core.scan.ended
 
     def each_cycle(self, call: Callable[..., object]) -> None:
@@ -342,7 +342,7 @@ class Stage:
         return Cell(machine)
 
     def real(self, names: str = "x", *, text: str | None = None, **changes: str) -> Cell:
-        """Open a cell whose stand-ins run in real time on a private virtual bus; ``changes``: see ``cell_text``."""
+        """Open a cell whose simulated drives run in real time on a private virtual bus; ``changes``: see ``cell_text``."""
         machine = Machine.open(self.file(text if text is not None else cell_text(names, **changes)))
         self._cells.append(machine)
         return Cell(machine)

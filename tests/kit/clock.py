@@ -28,7 +28,7 @@ class HandClock(SystemClock):
 
 
 class _Passing:
-    """A condition on which waiting lets the clock go on."""
+    """A condition on which waiting lets the clock continue."""
 
     def __init__(self, clock: HandClock) -> None:
         self._clock = clock

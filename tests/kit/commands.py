@@ -1,4 +1,4 @@
-"""The command line in this process, and stand-ins on a private virtual bus that it can be pointed at."""
+"""The command line in this process, and simulated drives on a private virtual bus that it can be pointed at."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class Pages:
     def beat(
         self, place: PageClient, axis: str = "x", times: int = 10, way: str = "1", **values: str
     ) -> None:
-        """One press's beats go on."""
+        """One press's beats continue."""
         for _ in range(times):
             self.ask(place, "jog", axis, press=self.press, values={"direction": way, **values})
             self.pass_(BEAT - 0.01)

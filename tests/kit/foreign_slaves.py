@@ -659,7 +659,7 @@ class EsppSlave(ForeignSlave):
     - One RPDO (6040h, 6060h) and one TPDO (6041h, 6064h, event-driven) are fixed; everything else goes by SDO.
     - Each RPDO sets the mode again, and that clears bit 12: set-point acknowledge and homing attained last until the next RPDO.
     - 6062h is the target of the move from its first moment on. Homing does not change the target, and neither does a quick stop:
-      pp goes on to it when it is enabled again. No halt option code; halt leaves bit 10 as it is.
+      pp continues to it when it is enabled again. No halt option code; halt leaves bit 10 as it is.
     - Writing 2000h provokes a fault with EMCY FF00h.
     """
 

@@ -67,7 +67,7 @@ PLANTS: Mapping[str, Plant] = {
 def devices(
     plant: Plant, names: str, folder: object, modules: Collection[int] = (), file: str = GENERIC
 ) -> Callable[[], Mapping[int, Device]]:
-    """Return what makes the stand-ins of a cell with one node for each letter of ``names``, and I/O ``modules``."""
+    """Return what makes the simulated drives of a cell with one node for each letter of ``names``, and I/O ``modules``."""
 
     def make() -> dict[int, Device]:
         model = eds.load(resolve(file, folder))  # type: ignore[arg-type]
@@ -90,7 +90,7 @@ def cell_on(
     modules: Collection[int] = (),
     **changes: str,
 ) -> Cell:
-    """Open a simulated cell on plants of this kind, enabled; the dials of the first are turned.
+    """Open a simulated cell on plants of this kind, enabled; the fault settings of the first are set.
 
     ``search``: its homing goes for a switch. ``limits``: the line of the axes' position limits. ``port``: as in
     ``Stage.simulated``. ``modules``: the nodes of ``more`` that are I/O modules.
@@ -110,7 +110,7 @@ def cell_on(
 
 
 def bring_up(cell: Cell, plant: Plant, names: str) -> Cell:
-    """Write the plant's objects, enable every axis, and turn the dials of the first."""
+    """Write the plant's objects, enable every axis, and set the fault settings of the first."""
     for axis in cell.machine:
         if axis.name not in names:
             continue
@@ -133,7 +133,7 @@ def jam(cell: Cell, plant: Plant, name: str = "x") -> None:
 
 
 class Ramp:
-    """A way of many seconds: it speeds up to 100 deg/s with 100 deg/s² and goes on."""
+    """A way of many seconds: it speeds up to 100 deg/s with 100 deg/s² and continues."""
 
     duration = 60.0
 

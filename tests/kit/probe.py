@@ -1,7 +1,7 @@
 """The plant probe: what the motors behind the axes do, now and over time, by the same calls in virtual and in real time.
 
 It looks at the stand-ins' motors alone, never at what the master believes. Every step of a plant is recorded by the plant's own
-clock, so that the record goes on when the scan is dead, the machine closed or the process's master hung.
+clock, so that the record continues when the scan is dead, the machine closed or the process's master hung.
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ class PlantProbe(ABC):
         return self.sample(name).torque
 
     def stage(self, name: str = "x") -> int:
-        """The state of the power stage, by the stand-in's number."""
+        """The state of the power stage, by the simulated drive's number."""
         return self.sample(name).stage
 
     def told(self, name: str = "x") -> str:
@@ -272,7 +272,7 @@ class PlantProbe(ABC):
 
 
 class RealTime:
-    """The clock of a cell whose stand-ins run by themselves; a mix-in of ``PlantProbe``."""
+    """The clock of a cell whose simulated drives run by themselves; a mix-in of ``PlantProbe``."""
 
     @property
     def now(self) -> float:

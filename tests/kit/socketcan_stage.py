@@ -1,4 +1,4 @@
-"""The stage of the SocketCAN tests: links made for a test, and a cell of two stand-ins with a look at their motors."""
+"""The stage of the SocketCAN tests: links made for a test, and a cell of two simulated drives with a look at their motors."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Ends:
 
 
 class Stage:
-    """Two stand-ins on ``theirs`` and a cell file for ``ours``."""
+    """Two simulated drives on ``theirs`` and a cell file for ``ours``."""
 
     def __init__(self, folder: Path, ours: str, theirs: str) -> None:
         self.file = folder / "cell.toml"

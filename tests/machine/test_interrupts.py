@@ -110,7 +110,7 @@ def test_between_two_cells_nothing_is_raised_and_what_turns_halts(cell, shell):
     assert moved_on(cell, shell)
 
 
-def test_a_cell_that_awaits_is_cancelled_by_whom_it_is_run(cell, shell):
+def test_a_cell_that_awaits_is_cancelled_by_the_event_loop_that_runs_it(cell, shell):
     cancelled = []
 
     def code():

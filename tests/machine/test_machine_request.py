@@ -1,4 +1,4 @@
-"""From units to increments: what is sent is never faster, harder, stronger or farther than was asked for or is allowed."""
+"""From units to increments: the sent values never exceed the requested or allowed velocity, acceleration, torque or distance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every argument of a command at the edges of what may be asked for: the increments that come out, or what is refused."""
+"""Every argument of a command at the edges of its range: the resulting increments, or the refusal."""
 
 from __future__ import annotations
 

@@ -274,7 +274,7 @@ def test_a_tpdo_that_stops_is_reported_and_its_values_are_not_passed_off_as_fres
         eventually(lambda: machine["x"].snapshot.position is not None)
 
 
-def test_a_fault_and_its_reset_are_an_incident_and_simulated_drive_1003(tmp_path: Path) -> None:
+def test_a_fault_and_its_reset_are_an_incident_and_an_entry_in_1003h(tmp_path: Path) -> None:
     with Machine.open(write(tmp_path)) as machine:
         node, x = machine.node(3), machine["x"]
         assert node.incidents == ()

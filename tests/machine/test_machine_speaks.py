@@ -1,4 +1,4 @@
-"""What a machine and its parts say of themselves: their repr, values beside the cyclic ones, and why they take no command."""
+"""The texts of a machine and its parts: repr, values other than the cyclic ones, and why a command is rejected."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``MitControl`` on a simulated module in real time: led by a loop, and let go by every way out of the block."""
+"""``MitControl`` on a simulated module in real time: commanded by a loop, and in idle after every end of the block."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a listener gathers of a bus: whatever comes, it can be told in lines and as JSON."""
+"""The overview that a listener makes of a bus: for any frames it can be printed as lines and as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A program that holds what it has set going to run: pure, and on a simulated cell in virtual time."""
+"""Hold to run: as a pure function, and on a simulated cell in virtual time."""
 
 from __future__ import annotations
 

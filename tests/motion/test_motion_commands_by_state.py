@@ -1,6 +1,6 @@
-"""Each command in each situation, by a table: how its handle ends, in which state the axis is then, and what moves.
+"""Each command in each situation, by a table: the end of its handle, the state of the axis afterwards, and the motion.
 
-The table is ``commands_by_state.csv``; with ``AXISBUS_UPDATE_GOLDEN=1`` it is written anew, to be read before it is kept.
+The table is ``commands_by_state.csv``; with ``AXISBUS_UPDATE_GOLDEN=1`` it is written again, to be read before it is kept.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def test_a_command_does_in_each_situation_what_the_table_says(situation, command
 
 
 def write() -> None:
-    """Write the table anew."""
+    """Write the table again."""
     with TABLE.open("w", newline="") as file:
         file.write(
             "# What each command does in each situation, within 2 s: its handle's end, the axis's state, the transitions\n"

@@ -1,4 +1,4 @@
-"""The ramps of csv and cst by themselves, and what they are asked with."""
+"""The ramps of csv and cst alone, and their arguments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drives whose 6062h leads nothing, or comes seldom: they move, turn, home and halt, and a jam is seen all the same."""
+"""Drives whose 6062h has no meaning, or is updated rarely: they move, turn, home and halt, and a jam is still detected."""
 
 from __future__ import annotations
 

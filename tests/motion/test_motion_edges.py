@@ -39,7 +39,7 @@ from kit.motion.steps import Drive, T
 
 
 def ladder(**changes) -> SimpleNamespace:
-    """A ladder that has come to its end as it was asked to."""
+    """A stop sequence that has ended as requested."""
     base = {
         "confirmed": True,
         "late": [],

@@ -1,4 +1,4 @@
-"""Enabling step by step: what each target is preloaded with, what is waited for and how long, and what is never done twice."""
+"""Enabling step by step: the preloaded targets, the awaited states and their time limits, and actions that are never repeated."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class Sine:
 
 @dataclass(frozen=True)
 class Own:
-    """A user's own trajectory: nobody knows in advance how far and how fast it goes."""
+    """A trajectory of the user: its range and highest velocity are not known in advance."""
 
     path: TrapezoidalTrajectory | SampledTrajectory
 
@@ -604,7 +604,7 @@ def test_a_quick_stop_does_not_wait_for_the_path():
     ids=["move_absolute", "move_velocity", "jog"],
 )
 def test_a_command_takes_over_from_a_trajectory_without_a_jolt(command, mode_delay):
-    """Drives take up to some cycles for a mode: until then the targets go on, or the axis would stop dead on the last one."""
+    """Drives take up to some cycles for a mode: until then the targets continue, or the axis would stop dead on the last one."""
     r = rig().enabled()
     handle = r.axis.follow(TrapezoidalTrajectory(0.0, 250.0, 100.0, 500.0))
     r.until(lambda: r.drive.position > 50_000)

@@ -1,4 +1,4 @@
-"""What an axis forgets when its drive leaves its state, loses its power, or counts anew: every attribute is in one of the lists."""
+"""What an axis forgets when its drive leaves its state, loses power, or gets a new origin: every attribute is in a list."""
 
 from __future__ import annotations
 

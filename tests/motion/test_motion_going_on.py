@@ -1,4 +1,4 @@
-"""A move that goes on from a trajectory, step by step: who leads the axis until it begins, how it is stopped, and its time."""
+"""A move that takes over from a trajectory, step by step: what controls the axis before it begins, how it stops, its time limit."""
 
 from __future__ import annotations
 

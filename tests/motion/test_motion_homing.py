@@ -1,4 +1,4 @@
-"""Homing by the methods that the stand-in knows: where home is, a real edge each time, stale bits, errors and time-outs."""
+"""Homing by the methods that the simulated drive knows: where home is, a real edge each time, stale bits, errors and time-outs."""
 
 from __future__ import annotations
 

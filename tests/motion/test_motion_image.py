@@ -1,4 +1,4 @@
-"""The small parts at their edges: the image's unwrapping and standstill, the order's controlword, the ladder's rungs."""
+"""The small parts at their edges: the image's unwrapping and standstill, the order's controlword, the stop sequence's steps."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_standstill_needs_the_whole_window_at_one_place():
     assert not img.standstill
 
 
-def test_creeping_is_not_standing():
+def test_creeping_is_no_standstill():
     """One increment per cycle is within the tolerance of the cycle before, but not of an anchor."""
     img = fresh_image()
     for number in range(200):
@@ -331,7 +331,7 @@ def test_the_edge_waits_for_the_statusword_also_behind_its_target():
 
 
 class Fall:
-    """A ladder against a drive of which every cycle is told by hand."""
+    """A stop sequence against a drive whose every cycle is written by hand."""
 
     def __init__(self, *, then=AfterStop.HOLD, start=StopLevel.HALT, **changes) -> None:
         times = StopTimes(halt=0.3, quick_stop=0.2, disable=0.2)
@@ -345,7 +345,7 @@ class Fall:
         self.place = 0
 
     def step(self, word: int | None, *, moving: bool, mode: int = 3, sdo=()) -> Outputs:
-        """One cycle; returns what is sent. ``self.done`` tells whether the ladder has ended."""
+        """One cycle; returns what is sent. ``self.done`` says whether the stop sequence has ended."""
         self.place += 100 * moving
         values = {"position": Sample(self.place, self.now), "mode": Sample(mode, self.now)}
         status = None if word is None else Sample(word, self.now)

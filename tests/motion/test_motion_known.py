@@ -33,7 +33,7 @@ READ_ONLY, LOCAL, GONE, BAD_VALUE = 0x0601_0002, 0x0800_0022, 0x0602_0000, 0x060
 
 
 def farthest(r, seconds: float = 8.0) -> float:
-    """Let an axis go on; return how far it came, in degrees."""
+    """Let an axis continue; return how far it came, in degrees."""
     top = 0.0
     for _ in range(round(seconds / 0.01)):
         r.run(0.01)

@@ -1,4 +1,4 @@
-"""The stop ladder and what an axis is known to do, step by step: ages of values, rungs, loads, what is blind, the way out."""
+"""The stop sequence and the observations of an axis, step by step: ages of values, steps, loads, missing values, the shutdown."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_each_value_is_known_up_to_its_own_age(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_a_late_cycle_makes_old_is_not_the_drive_s_silence(name):
+def test_values_that_are_old_because_of_a_late_cycle_are_no_silence_of_the_drive(name):
     """No SYNC went out meanwhile: being late by less than the age is taken off."""
     drive = Drive(ages={name: 0.25})
     first = dict(zip(NAMES, (ENABLED, 1, 5, 6, 7, 8), strict=True))
@@ -94,7 +94,7 @@ TIMES = StopTimes(halt=0.5, quick_stop=0.25, disable=1.0)
 
 
 class Stop:
-    """A ladder on a drive that is told what to say; notes each cycle's word, mode and NMT stop."""
+    """A stop sequence on a drive whose answers are given; notes each cycle's word, mode and NMT stop."""
 
     def __init__(
         self,
@@ -186,14 +186,14 @@ def test_a_quick_stop_that_the_drive_itself_will_leave_is_over_when_it_has_left(
     assert stop.ladder.confirmed
 
 
-def test_a_quick_stop_seen_during_a_halt_is_gone_along_with():
+def test_a_quick_stop_seen_during_a_halt_is_adopted():
     stop = Stop().run(1, True, statusword=QUICK, mode=1)
     assert stop.ladder.rung is StopLevel.QUICK_STOP
     assert stop.words == [0x02]
     assert not stop.ladder.descended
 
 
-def test_a_drive_that_is_not_heard_is_stopped_by_what_is_safe_in_every_state():
+def test_a_drive_that_is_not_heard_gets_a_controlword_that_is_safe_in_every_state():
     stop = Stop().run(1, True, statusword=None, mode=1)
     assert (stop.ladder.rung, stop.ladder.blind, stop.ladder.descended) == (StopLevel.QUICK_STOP, True, True)
     assert stop.words == [0x02]
@@ -206,7 +206,7 @@ def test_a_drive_that_is_not_heard_is_stopped_by_what_is_safe_in_every_state():
         (StopLevel.QUICK_STOP, QUICK, [0x02, 0x00], StopLevel.DISABLE_VOLTAGE, 0x00),
     ],
 )
-def test_while_it_is_being_taken_down_an_unknown_state_gets_a_word_that_is_safe_in_every_one(
+def test_while_disabling_an_unknown_state_gets_a_controlword_that_is_safe_in_every_state(
     start, word, first, rung, last
 ):
     stop = Stop(AfterStop.DISABLE, start).run(8, False, statusword=word, mode=1)
@@ -217,7 +217,7 @@ def test_while_it_is_being_taken_down_an_unknown_state_gets_a_word_that_is_safe_
     assert stop.words[-1] == last
 
 
-def test_being_taken_down_has_its_time_and_then_the_power_is_cut():
+def test_disabling_has_its_time_limit_and_then_the_power_is_cut():
     stop = Stop(AfterStop.DISABLE).run(6, False, statusword=ENABLED, mode=1)
     stood = len(stop.sent)
     stop.run(60, False, statusword=SWITCHED_ON)
@@ -229,7 +229,7 @@ def test_being_taken_down_has_its_time_and_then_the_power_is_cut():
     assert stop.words[-1] & 0x0F == 0x00
 
 
-def test_without_power_the_motor_must_be_seen_to_simulated_drive_the_time_that_it_has():
+def test_without_power_standstill_must_be_seen_within_the_time_limit():
     stop = Stop().before(3, True, statusword=ENABLED, mode=1).run(1000, True, statusword=READY)
     assert stop.done
     assert not stop.ladder.confirmed
@@ -374,7 +374,7 @@ def path(drive: Drive, end: float = 40.0) -> Follow:
     return Follow(TrapezoidalTrajectory(0.0, end, 20.0, 40.0), drive.parameters, OPEN)
 
 
-def test_a_path_is_braked_only_where_it_runs_and_something_is_known_to_do_it_with():
+def test_a_path_is_braked_only_while_it_runs_and_with_a_known_deceleration():
     drive = Drive(scan_period=0.01)
     follow = path(drive)
     drive.cycle(statusword=ENABLED, mode=8, position=0)
@@ -431,7 +431,7 @@ def stop_out_of_a_path(change: Change) -> tuple[Stop, list[str]]:
     return stop, asked
 
 
-def test_a_change_of_mode_is_seen_through_before_the_drive_s_own_halt():
+def test_a_mode_change_is_completed_before_the_drive_s_own_halt():
     stop, asked = stop_out_of_a_path(Change(False, False, True))
     stop.run(2, True, statusword=ENABLED, mode=8)
     assert asked == ["brake", "brake"]  # it goes on along the path by itself
@@ -454,7 +454,7 @@ def test_where_the_drive_does_not_take_its_new_mode_it_is_braked_along_the_path(
     assert not stop.drive.order.halt
 
 
-def test_a_harder_stop_takes_the_change_of_mode_back():
+def test_a_harder_stop_withdraws_the_mode_change():
     change = Change(False, False)
     stop, _ = stop_out_of_a_path(change)
     stop.run(1, True, statusword=ENABLED, mode=8)
@@ -511,7 +511,7 @@ def test_the_stop_at_the_end_has_the_time_of_all_steps():
     assert TIMES.ladder == 0.5 + 0.25 + 2.0
 
 
-def test_what_an_earlier_request_has_reported_is_reported_once():
+def test_a_report_of_an_earlier_request_is_not_repeated():
     """The same error may come from an axis whose stop was asked for again."""
     way_out, error, other = ShutdownStop(), StaleError("x: once"), StaleError("y: another")
     way_out._told = [error]
@@ -555,7 +555,7 @@ def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:
         ({"position": None, "velocity": 0}, True),
     ],
 )
-def test_an_axis_has_left_when_it_is_seen_at_rest(changes, over):
+def test_an_axis_has_left_its_path_when_it_is_seen_at_rest(changes, over):
     _, axis = leaving(**changes)
     axis.step(102.75)
     assert axis.over is over

@@ -1196,7 +1196,7 @@ def test_a_period_as_value_and_power_of_ten(period, said):
 
 
 @pytest.mark.parametrize("period", [1 / 64, 0.0123456, 1e-9])
-def test_a_period_that_cannot_be_said_is_refused(period):
+def test_a_period_that_60c2h_cannot_hold_is_refused(period):
     with pytest.raises(LimitError, match="cannot be written into 60C2h"):
         interpolation_period(period)
 

@@ -419,7 +419,7 @@ TOP = 2**31
 
 
 def at_the_top(names: str = "x", *, below: float = 20_000.0, **changes):
-    """An axis near the end of INTEGER32, on a drive that goes on with its other end."""
+    """An axis near the end of INTEGER32, on a drive that continues with its other end."""
     r = rig(names, motor=MotorParams(start_position=TOP - below), **changes)
     for device in r.devices:
         device.write(0x607D, 1, 0)

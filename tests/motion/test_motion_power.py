@@ -27,7 +27,7 @@ from kit.motion.watch import (
 
 
 def bring_to(r, stage: int) -> None:
-    """Put the stand-in into a power-stage state, as another master or tool would have left it."""
+    """Put the simulated drive into a power-stage state, as another master or tool would have left it."""
     power, drive = r.drive.power, r.drive
     if stage == NOT_READY:
         power.stage, power.pending, power._timer = power.stage.__class__(NOT_READY), 1, 0.05

@@ -1,4 +1,4 @@
-"""Touch probes under random edges, slow and missing answers, late cycles and further requests: what is told has happened."""
+"""Touch probes under random edges, slow and missing answers, late cycles and further requests: what is reported has happened."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ def test_an_axis_whose_drive_is_switched_off_while_it_is_halted_at_rest_is_disab
 
 
 def creeps(r) -> None:
-    """The drive lets its axis go by 50 deg/s, whatever it is told."""
+    """The drive lets its axis turn at 50 deg/s, whatever the command."""
     r.drive.dials.ignore_halt = True
     r.drive._mode.step = lambda axis, dt: axis.follow(axis.position + 50_000 * dt, 50_000, dt)
 

@@ -55,7 +55,7 @@ each_path = pytest.mark.parametrize("path", PATHS.values(), ids=list(PATHS))
 
 
 def nothing(r, _cycle: int) -> None:
-    """Let it go on."""
+    """Let it continue."""
 
 
 def blocked(r, cycle: int) -> None:

@@ -799,7 +799,7 @@ def test_a_velocity_is_reached_when_it_is_there(target, velocity, word, reached)
 
 
 @pytest.mark.parametrize(("after", "reached"), [(0.125 - T, False), (0.125, True)])
-def test_bit_10_speaks_of_the_new_velocity_only_some_time_after_it_went_out(after, reached):
+def test_bit_10_counts_for_the_new_velocity_only_some_time_after_that_was_sent(after, reached):
     drive = Drive()
     move = velocity_move(drive, 1000)
     assert not move.step(*drive.cycle(statusword=ENABLED | 0x0400, mode=3))

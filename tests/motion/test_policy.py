@@ -27,7 +27,7 @@ FAULT = DriveFault("fault", axis="x")
         ("report", "x", None, "y"),
     ],
 )
-def test_who_stops(word, failed, error, stopped):
+def test_which_axes_stop(word, failed, error, stopped):
     policy = FaultPolicy(AXES, GROUPS, LostNode(word))
     assert policy.stops(failed, error) == frozenset(stopped)
     assert policy.all_stops({failed: error}) == dict.fromkeys(stopped, failed)

@@ -139,7 +139,7 @@ def test_an_invalid_condition_is_refused_at_the_call(cell, tmp_path, when, text)
         cell.capture(tmp_path / "a.mcap", when)
 
 
-def test_times_and_axes_that_cannot_be_are_refused_at_the_call(cell, tmp_path):
+def test_invalid_times_and_axes_are_refused_at_the_call(cell, tmp_path):
     for times in ({"before": -1.0}, {"after": 61.0}, {"before": float("nan")}):
         with pytest.raises(ArgumentError, match="give seconds from 0 to 60"):
             cell.capture(tmp_path / "a.mcap", "fault", **times)

@@ -67,7 +67,7 @@ def test_the_value_of_an_object_is_in_the_row_after_it_was_read():
     assert table(recorded(objects={"x:1001": mixed}))[-1].values[1:3] == ["1", "two"]
 
 
-def test_nothing_makes_no_table(tmp_path):
+def test_an_empty_recording_makes_no_table(tmp_path):
     for empty in (Recorded({}), Recorded({"x": replace(track(), times=[])})):
         with pytest.raises(UserError, match="nothing was recorded"):
             write_csv(empty, tmp_path / "none.csv")

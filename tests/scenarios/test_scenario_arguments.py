@@ -87,7 +87,7 @@ def sends_nothing(cell, call) -> Exception:
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_a_value_that_cannot_be_is_refused_at_the_call(scenario, golden, name):
+def test_an_invalid_value_is_refused_at_the_call(scenario, golden, name):
     cell = scenario.simulated("x", axis=LIMITED).enabled()
     error = sends_nothing(cell, lambda: REFUSED[name](cell.x))
     assert isinstance(error, ArgumentError)
@@ -229,7 +229,7 @@ def test_no_absurd_number_ends_the_scan_or_raises_a_foreign_error(scenario, what
 
 
 def must_work(cell) -> None:
-    """Whatever has become of the axis, it stands when it is told to, and does what it is told next."""
+    """Whatever state the axis is in, it stops on command, and executes the next command."""
     cell.x.stop()
     cell.run(1.0)
     cell.x.reset().wait(1)

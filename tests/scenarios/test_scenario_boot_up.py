@@ -72,7 +72,7 @@ def refused(line: Line) -> BootError:
 # -- letters -------------------------------------------------------------------------------------------------------------
 
 
-def test_letter_b_nobody_is_there(tmp_path, impatient):
+def test_letter_b_no_node_is_there(tmp_path, impatient):
     with Line(tmp_path, present="") as line:
         error = refused(line)
     assert (error.letter, error.step, error.index) == ("B", "find", 0x1000)

@@ -1,4 +1,4 @@
-"""Random motion that the master leads keeps to velocity, acceleration and jerk; ``make bounds`` tries 10,000 commands."""
+"""Random motion that the master controls keeps to velocity, acceleration and jerk; ``make bounds`` tries 10,000 commands."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_every_kind_of_command_was_given_and_each_was_executed_or_interrupted(to
 
 
 def test_an_excess_over_the_allowed_values_would_be_measured(scenario):
-    """The ledger compares with what it is told: half of that acceleration is allowed, and none of that jerk."""
+    """The ledger compares with the given limits: twice that acceleration is allowed, and far less jerk."""
     cell = scenario.simulated("x", axis=f"max_acceleration = {HARDEST}").enabled()
     ledger = Ledger(cell, PERIOD)
     ledger.jerk = 1000.0

@@ -1,4 +1,4 @@
-"""Bus-off in mid-move: every command is told, nothing is kept to be sent later, and nothing moves by itself afterwards."""
+"""Bus-off during a move: every command ends with an error, nothing is queued for later, nothing moves uncommanded afterwards."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ def test_an_additive_move_of_an_axis_that_was_turned_by_hand_begins_where_it_is(
 
 
 def test_a_stop_that_is_asked_for_again_and_again_gets_no_more_time(scenario):
-    """A frightened operator, or a loop: each press must not begin the ladder anew."""
+    """An operator who presses repeatedly, or a loop, must not restart the stop sequence each time."""
     cell = scenario.simulated("x", stop='halt_time = "500ms"')
     cell.travelling()
     cell.drive().dials.ignore_halt = True

@@ -567,7 +567,7 @@ def hardest_of(targets: list[float]) -> float:
 def test_late_cycles_of_a_master_axis_that_its_drive_controls_do_not_shake_the_slave_axis(
     scenario, way, lateness
 ):
-    """The drive of a master in pv or pp goes on while the scan is late; the slave gets no target, and makes up for it later."""
+    """The drive of a master in pv or pp continues while the scan is late; the slave gets no target, and makes up for it later."""
     rng = random.Random(7)
     cell = two(scenario)
     x, y = cell["x"], cell["y"]

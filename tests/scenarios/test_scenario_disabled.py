@@ -1,4 +1,4 @@
-"""A disabled axis whose drive somebody else enables: it is disabled again, and one that drives its motor for longer is told."""
+"""A disabled axis whose drive somebody else enables: it is disabled again, and one that drives its motor for longer is reported."""
 
 from __future__ import annotations
 

@@ -302,7 +302,7 @@ def test_the_scan_that_dies_sends_0(scenario):
 
 
 def test_a_drive_that_was_lost_gets_0_before_it_is_enabled_again(scenario):
-    """It notices nothing of a dead master, and so goes on with what it has."""
+    """It notices nothing of a dead master, and so continues with what it has."""
     stop = 'connection_loss = "nothing"\ncommunication_error = "no-change"'
     cell, witness = made(scenario, forward(torque=2.0), stop=stop)
     cell.enabled()

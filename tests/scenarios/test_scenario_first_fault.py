@@ -1,4 +1,4 @@
-"""The first faults of a program are told without a look at the disk: what tells them was read before the scan began."""
+"""The first faults of a program are reported without reading the disk: their texts were read before the scan began."""
 
 from __future__ import annotations
 

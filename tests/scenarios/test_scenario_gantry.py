@@ -281,7 +281,7 @@ ALONE = {
 
 @pytest.mark.parametrize("verb", ALONE)
 @pytest.mark.parametrize("name", "xy")
-def test_neither_is_moved_alone(scenario, verb, name):
+def test_neither_axis_is_moved_alone(scenario, verb, name):
     pair = enabled(scenario, "xyz") if verb != "enable" else pair_of(scenario, "xyz")
     axis = pair[name]
     axis.mate_of_the_test = pair["z"]

@@ -231,7 +231,7 @@ def test_all_axes_are_energised_or_none_in_whatever_cycle_one_is_disabled(scenar
 
 
 def test_a_fault_before_the_common_start_keeps_all_from_moving(scenario):
-    """The fault is looked into for a while before it is told; nobody starts meanwhile."""
+    """The fault is looked into for a while before it is reported; nobody starts meanwhile."""
     cell, group = three(scenario, more='[groups.others]\naxes = ["y", "z"]\n')
     cell.enabled()
     cell.device("z").dials.sdo_delay = 0.1

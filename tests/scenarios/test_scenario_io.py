@@ -1,4 +1,4 @@
-"""Inputs and outputs in the cycle: seen, set, lost with their node, and safe on every way out."""
+"""Inputs and outputs in the cycle: seen, set, lost with their node, and safe at every end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stop ladder against drives that do not obey, and against gravity."""
+"""The stop sequence against drives that do not obey, and against gravity."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ HOLDING = (ENABLED,)
 
 
 class Ramp:
-    """A way of many seconds: it speeds up to 100 deg/s and goes on."""
+    """A way of many seconds: it speeds up to 100 deg/s and continues."""
 
     duration = 60.0
 

@@ -104,7 +104,7 @@ def test_a_drive_without_flash_status_is_taken_at_its_date(tmp_path):
 
 
 def test_a_drive_without_a_date_is_known_by_its_identification(tmp_path):
-    """Which in the stand-in is the sum of all bytes of its program."""
+    """Which in the simulated drive is the sum of all bytes of its program."""
     told = sum(program(NEW))
     lines = DOWNLOAD.replace("date_time = 2026-03-01T12:00:00", f"identification = {told}")
     with rig(tmp_path, lines, 0x1F52) as line:

@@ -227,7 +227,7 @@ def test_a_set_point_that_is_not_taken_is_no_move(scenario, golden, distance, tr
 @pytest.mark.parametrize("travels", ["with SYNC", "without 6062h"])
 @pytest.mark.parametrize("last", [-50.0, 80.0, 400.0])
 def test_a_replacement_that_is_not_taken_is_no_move(scenario, last, travels):
-    """It goes on to the target before: away from the new one, past it, or to a place short of it."""
+    """It continues to the target before: away from the new one, past it, or to a place short of it."""
     cell = played(scenario, "never", port=TRAVELS[travels])
     cell.x.move_absolute(300.0)
     cell.run(0.5)

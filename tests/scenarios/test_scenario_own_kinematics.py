@@ -1,4 +1,4 @@
-"""A program's own kinematics: the tool stays on its way, and what is wrong with them is told before anything moves."""
+"""User-defined kinematics: the tool stays on its path, and errors in them are reported before anything moves."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def away(place, a, b):
     return math.dist(place, [q + along * (r - q) for q, r in zip(a, b, strict=True)])
 
 
-def test_the_tool_continues_a_straight_line_and_nobody_is_asked_while_it_does(scenario):
+def test_the_tool_follows_a_straight_line_and_the_program_is_not_called_meanwhile(scenario):
     own = Arm()
     cell, xy = placed(scenario, own)
     since = cell.moment()

@@ -162,7 +162,7 @@ def test_of_more_axes_than_coordinates_each_does_its_part(scenario):
     ids=["nan", "one", "raises", "elsewhere", "out of reach"],
 )
 @pytest.mark.parametrize("at", [0, 1, 2, 30])
-def test_what_the_functions_say_is_reported_with_the_point_which_alone_is_not_taken(
+def test_an_error_of_the_functions_names_the_point_and_only_that_point_is_rejected(
     scenario, said, kind, told, at
 ):
     arm = Arm()

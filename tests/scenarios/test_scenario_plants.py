@@ -147,7 +147,7 @@ WAYS: Mapping[str, Callable[[Cell], Ending]] = {
 
 
 def must_keep_its_promise(cell: Cell, ending: Ending, *, jammed: bool) -> None:
-    """What is said to stand stands, stays, and does not leap when the jam is gone; what does not is told as moving."""
+    """An axis reported at standstill stays there, and does not jump when a jam is removed; any other axis is reported as moving."""
     if not ending.promises:
         return
     begin = cell.moment()

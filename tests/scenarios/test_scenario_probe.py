@@ -272,7 +272,7 @@ def test_what_another_tool_arms_in_between_stays_armed(scenario):
     assert function(cell) == 0x1111
 
 
-def test_a_position_that_cannot_be_placed_is_not_reported(scenario):
+def test_a_latched_position_without_a_fresh_6064h_is_not_reported(scenario):
     cell = scenario.simulated().enabled()
     probe = armed(cell)
     cell.device().dials.tpdos_stop = frozenset({1, 2, 3, 4})

@@ -1,4 +1,4 @@
-"""A straight line that was broken off goes on to its end, from where its axes stand; and never from anywhere else."""
+"""An interrupted straight line is resumed to its end from the position of its axes, and never from another position."""
 
 from __future__ import annotations
 

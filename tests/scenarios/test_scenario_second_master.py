@@ -355,7 +355,7 @@ def test_the_message_reports_what_was_heard_what_is_not_known_and_what_to_do(gol
     golden("second_master", detect_other_master.refusal("socketcan:can0", signs.heard, 100.0, 0.2))
 
 
-def test_a_tool_alone_is_reported_as_what_it_did(golden):
+def test_a_tool_is_reported_with_its_frames(golden):
     signs = MasterDetector(ExpectedMasters(frozenset({1}), frozenset({127})))
     signs.note(CanFrame(7.05, 0x601, bytes.fromhex("40 41 60 00 00 00 00 00")))
     golden("second_master_tool", detect_other_master.refusal("pcan:PCAN_USBBUS1", signs.heard, 7.0, 0.2))

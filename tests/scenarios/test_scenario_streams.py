@@ -156,7 +156,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("bad", BAD)
-def test_a_point_that_cannot_be_is_refused_and_nothing_of_it_is_taken(scenario, bad):
+def test_an_invalid_point_is_refused_as_a_whole(scenario, bad):
     off, kind, words = BAD[bad]
     cell = opened(scenario)
     points = stream(cell)

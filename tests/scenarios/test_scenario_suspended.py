@@ -1,4 +1,4 @@
-"""The master's process is suspended, or killed, while its drives, in this one, go on: nothing jumps, and nothing runs on."""
+"""The master's process is suspended, or killed, while its drives, in this one, continue: nothing jumps, and no motion continues."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def targets(cell: Cell) -> list[tuple[float, float, float]]:
 
 
 def begin_of(seen, start) -> float:
-    """The time of the last cycle in which both were where they began: in the next, time goes on."""
+    """The time of the last cycle in which both were where they began: in the next, time continues."""
     return next(before[0] for before, after in pairwise(seen) if after[1:] != start)
 
 

@@ -20,7 +20,7 @@ _frames = st.lists(st.tuples(st.integers(0, 31), _data, st.booleans(), st.boolea
 
 @settings(max_examples=40)
 @given(frames=_frames)
-def test_nobody_is_energised_who_was_not_asked_to_be(frames):
+def test_no_module_is_energised_without_a_request(frames):
     """Endpoints are left out: by one of them a state may be asked for."""
     bench = Bench(Module(5))
     for command, data, remote, ours in frames:

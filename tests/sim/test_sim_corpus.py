@@ -1,4 +1,4 @@
-"""A stand-in from every maker's EDS file: it can be enabled, and moved where the file has the objects for it."""
+"""A simulated drive from every maker's EDS file: it can be enabled, and moved where the file has the objects for it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The object dictionary of a stand-in: abort codes of CiA 301, storing and restoring, error history, PDO mapping rules."""
+"""The object dictionary of a simulated drive: abort codes of CiA 301, storing and restoring, error history, PDO mapping rules."""
 
 from __future__ import annotations
 

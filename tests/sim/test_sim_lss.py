@@ -1,4 +1,4 @@
-"""The stand-in's LSS slave: hand-written frames, canopen's master and ours against it, and what its dials do."""
+"""The simulated drive's LSS slave: hand-written frames, canopen's master and ours against it, and what its fault settings do."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _channels = (f"test-sim-lss-{number}" for number in itertools.count())
 
 
 class Wire:
-    """A stand-in without a bus: frames in as hex, LSS answers out as hex, time by hand."""
+    """A simulated drive without a bus: frames in as hex, LSS answers out as hex, time by hand."""
 
     def __init__(self, node_id: int = 255, serial: int = 7, dials: LssDials | None = None) -> None:
         self.device = Device(EDS, node_id, serial=serial)

@@ -1,4 +1,4 @@
-"""The stand-in on RS485, by bytes alone: what the manual (v2.2, 4.3) prints, and what it is made to do wrong."""
+"""The simulated drive on RS485, by bytes alone: what the manual (v2.2, 4.3) prints, and what it is made to do wrong."""
 
 from __future__ import annotations
 

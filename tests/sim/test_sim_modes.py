@@ -1,4 +1,4 @@
-"""Velocity, torque, homing and the cyclic modes of the stand-in, with times and places worked out by hand."""
+"""Velocity, torque, homing and the cyclic modes of the simulated drive, with times and places worked out by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Profile position mode of the stand-in: the handshake of CiA 402-2 10 and where the motor goes."""
+"""Profile position mode of the simulated drive: the handshake of CiA 402-2 10 and where the motor goes."""
 
 from __future__ import annotations
 

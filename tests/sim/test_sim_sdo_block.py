@@ -144,7 +144,7 @@ def test_without_a_checksum_the_size_must_be_right():
 
 
 @pytest.mark.parametrize("granted", [0, 128, 255])
-def test_a_block_size_that_cannot_be_is_refused(granted):
+def test_an_invalid_block_size_is_refused(granted):
     download = Download(*FILE, NINE, TIMEOUT, SdoTransferType.BLOCK)
     download.start()
     with pytest.raises(Garbled, match=f"blocks of {granted} segments") as caught:

@@ -1,4 +1,4 @@
-"""A stand-in node as a dialogue of frames, typed by hand."""
+"""A simulated node as a dialogue of frames, typed by hand."""
 
 from __future__ import annotations
 

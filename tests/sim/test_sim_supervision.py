@@ -1,4 +1,4 @@
-"""Stopping, faults, brake and load of the stand-in drive."""
+"""Stopping, faults, brake and load of the simulated drive."""
 
 from __future__ import annotations
 

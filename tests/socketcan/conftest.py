@@ -1,4 +1,4 @@
-"""Links and stand-ins for the SocketCAN tests; they are only collected where ``make test-socketcan`` has made a link."""
+"""Links and simulated drives for the SocketCAN tests; they are only collected where ``make test-socketcan`` has made a link."""
 
 from __future__ import annotations
 

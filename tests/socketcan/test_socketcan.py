@@ -93,7 +93,7 @@ def test_bus_off_in_mid_move_ends_every_command_and_the_drives_stand(stage):
     until(lambda: stage.speeds() == [0, 0], 10)
 
 
-def test_while_bus_off_not_one_frame_of_ours_reaches_the_link(stage):
+def test_during_bus_off_no_frame_of_the_master_reaches_the_link(stage):
     with suppress(AxisbusError, ExceptionGroup), stage.open() as machine:
         handles = stage.travelling(machine)
         put_error_frame(CAN_ERR_BUSOFF)

@@ -1,4 +1,4 @@
-"""A core in a process of its own on the kernel's CAN: it has the link to itself, and its warden opens it anew when it is dead."""
+"""A core in a process of its own on the kernel's CAN: its watchdog process opens the link again when the core is dead."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CAN Simple in a trace: the nodes that were named, and no other; what may be two things is told as both."""
+"""CAN Simple in a trace: only the named nodes are decoded, and an ambiguous frame is shown with both meanings."""
 
 from __future__ import annotations
 

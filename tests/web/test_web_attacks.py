@@ -255,7 +255,7 @@ def closed(page: ClientConnection) -> bool:
 
 
 def moving_values(page: ClientConnection) -> dict[str, Any]:
-    """The axes that a page is told of now."""
+    """The axes in the latest state that a page has received."""
     axes: dict[str, Any] = json.loads(page.recv(5.0))["axes"]
     return axes
 

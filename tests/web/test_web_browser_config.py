@@ -1,4 +1,4 @@
-"""The view of configurations and the scope's MCAP files in a real Chromium, compared with what the stand-in has."""
+"""The view of configurations and the scope's MCAP files in a real Chromium, compared with what the simulated drive has."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The objects of the page in a real Chromium: what is read and written is compared with what the stand-in has."""
+"""The objects of the page in a real Chromium, with values compared to those of the simulated drive."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def enabled(page: Page, axis: Axis) -> None:
 
 
 def has(scene: SimpleNamespace, key: str) -> int:
-    """What the stand-in itself has."""
+    """What the simulated drive itself has."""
     node, index, sub = key.split(":")
     found: int = scene.machine.simulated_node(int(node)).device.read(int(index, 16), int(sub, 16))
     return found

@@ -580,7 +580,7 @@ def test_a_file_of_one_browser_that_never_comes_keeps_no_other_one_waiting(desk)
         ("", 1, 404),
     ],
 )
-def test_a_file_of_nobody_is_not_taken(desk, bring, query, number, status):
+def test_a_file_without_a_page_is_refused(desk, bring, query, number, status):
     assert bring(query, b"[1000]", number=number).status_code == status
     assert bring.made(query, number).status_code == 404
     assert desk.job.files.of(1, BROUGHT) is None

@@ -191,7 +191,7 @@ def test_a_jog_of_an_axis_that_cannot_says_why_once(pages):
 
 
 @pytest.mark.parametrize("velocity", ["nan", "1e9"])
-def test_a_jog_with_a_velocity_that_cannot_be_is_refused_in_the_words_of_the_library(pages, velocity):
+def test_a_jog_with_an_invalid_velocity_is_refused_with_the_message_of_the_library(pages, velocity):
     place = pages.operator()
     pages.enabled(place, "x")
     pages.press += 1

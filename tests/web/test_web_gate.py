@@ -262,7 +262,7 @@ def test_reading_needs_no_origin_but_a_foreign_one_is_refused():
     assert judged(keys, get(cookies=(cookie,), origins=("http://evil.example",))).status == 403
 
 
-def test_another_name_of_ours_is_as_good_and_small_letters_do_not_matter():
+def test_another_name_of_the_server_is_accepted_in_any_case():
     keys, cookie = keys_with()
     other = socket(cookies=(cookie,), hosts=("LocalHost:8402",))
     assert isinstance(
@@ -271,7 +271,7 @@ def test_another_name_of_ours_is_as_good_and_small_letters_do_not_matter():
 
 
 @given(st.text(max_size=60), st.text(max_size=60), st.text(max_size=60))
-def test_without_a_cookie_of_ours_nothing_is_served(host, origin, cookie):
+def test_without_a_valid_cookie_nothing_is_served(host, origin, cookie):
     keys, _ = keys_with()
     for hosts, origins in itertools.product([(host,), (HOST,)], [(origin,), (ORIGIN,), ()]):
         for arrival in (get(), socket(), get("/own/page.js"), get("/stop", method="POST")):

@@ -55,7 +55,7 @@ class Nodes:
         return self.transfers.carry_out(ObjectJob(named(key), 1, TransferRequest(text, frozenset(agreed))))
 
     def has(self, key: str) -> int:
-        """What the stand-in itself has."""
+        """What the simulated drive itself has."""
         found = named(key)
         value: int = self.machine.simulated_node(found.node).device.read(found.index, found.subindex)
         return value

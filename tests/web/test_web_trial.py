@@ -1,4 +1,4 @@
-"""A trial as it is seen cycle by cycle: when it goes on, what disturbs it, and its figures, against curves computed here."""
+"""A trial as it is seen cycle by cycle: when it continues, what disturbs it, and its figures, against curves computed here."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STANDS, MOVES, TURNS = AxisState.STANDSTILL, AxisState.DISCRETE_MOTION, AxisStat
 
 
 class Seen:
-    """A trial, and cycles that it is told of."""
+    """A trial, and the cycles that it gets."""
 
     def __init__(self, step=MOVE):
         self.trial = TuningTrial(step, PERIOD, 0.0)

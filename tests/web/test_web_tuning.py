@@ -212,7 +212,7 @@ def test_what_cannot_be_is_refused_before_the_question_and_after(pages, place, c
 @pytest.mark.parametrize(
     ("velocity", "words"), [("0", "a step of 0"), ("nan", "not a finite"), ("-401", "max_velocity")]
 )
-def test_a_velocity_that_cannot_be_is_refused(pages, place, velocity, words):
+def test_an_invalid_velocity_is_refused(pages, place, velocity, words):
     pages.step(place, "velocity", velocity=velocity)
     assert words in pages.told(place)[0][1]
     assert pages.news == []

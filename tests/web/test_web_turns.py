@@ -1,4 +1,4 @@
-"""The queue of transfers: one after the other for all pages, none of which keeps the others waiting, and what each is told."""
+"""The queue of transfers: one after the other for all pages, fairly, and the results that each page gets."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ def test_plain_values_arrive_as_they_were(value):
         m.CommandEvents((CommandEvent(7, Status.DONE, None, "seen by its position"),)),
     ],
 )
-def test_values_of_ours_arrive_as_they_were(value):
+def test_values_of_known_classes_arrive_unchanged(value):
     assert crossed(value) == value
 
 
@@ -157,7 +157,7 @@ def test_values_of_unknown_classes_do_not_cross(value):
     ],
     ids=range(11),
 )
-def test_bytes_that_hold_nothing_of_ours_are_refused(data):
+def test_bytes_without_a_known_value_are_refused(data):
     with pytest.raises(NotForCrossing):
         m.CODEC.unpack(data)
 

@@ -1,1 +1,1 @@
-"""Random motion of axes that the master leads, with what it comes to as a share of what is allowed: ``make bounds``."""
+"""Random motion of axes that the master controls; its velocity, acceleration and jerk as shares of the limits: ``make bounds``."""

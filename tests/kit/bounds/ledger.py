@@ -1,4 +1,4 @@
-"""What every cycle of the axes that the master leads comes to, as a share of what it may; computed here from places alone."""
+"""Velocity, acceleration and jerk in every cycle of axes that the master controls, as shares of the limits, from positions."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class Play:
 
 @dataclass
 class Walk:
-    """A stream, and how its random walk goes on: where and how fast it is, a step apart in time."""
+    """A stream, and how its random walk continues: where and how fast it is, a step apart in time."""
 
     points: PointStream
     step: float
@@ -389,7 +389,7 @@ class Player:
         return self.group.set_override(self.random.choice([0.0, 0.3, 1.0, 1.0, 1.5]))
 
     def _axis_override(self) -> Handle:
-        """Of one axis, or of the cell: also of trajectories, and of moves that are planned anew."""
+        """Of one axis, or of the cell: also of trajectories, and of moves that are planned again."""
         whose = self.random.choice([*self.cell.machine, self.cell.machine])
         return whose.set_override(self.random.choice([0.0, 0.4, 1.0, 1.0, 1.2, 1.5]))
 

@@ -1,4 +1,4 @@
-"""In which SYNC each axis of a group sets off, by the stand-ins' own record: as often as one likes, out of rest."""
+"""In which SYNC each axis of a group sets off, by the simulated drives' own record: as often as one likes, out of rest."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Starts(NamedTuple):
 
 
 def starts(seed: int, count: int, folder: Path) -> Starts:
-    """Return what came of so many starts of three axes, in ways that their drives plan and that the master leads."""
+    """Return what came of so many starts of three axes, in ways that their drives plan and that the master controls."""
     chance = random.Random(seed)
     with Stage(folder) as stage:
         cell = stage.simulated("xyz", axis=_AXIS).enabled()

@@ -1,4 +1,4 @@
-"""A master of a few lines for stand-ins on a bus."""
+"""A master of a few lines for simulated drives on a bus."""
 
 from __future__ import annotations
 

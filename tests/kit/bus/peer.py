@@ -1,4 +1,4 @@
-"""The other end of the wire: a python-can bus with failure dials, and a slave written frame by frame after CiA 301."""
+"""The other end of the wire: a python-can bus with failure settings, and a slave written frame by frame after CiA 301."""
 
 from __future__ import annotations
 

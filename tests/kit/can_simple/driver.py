@@ -1,7 +1,7 @@
 """A program whose cell has a module: its axes turn, until something happens to one of its processes.
 
 ``python -m kit.can_simple.driver FOLDER SCENE``: it prints ``ready PROGRAM WARDEN CORE`` (process IDs, 0 where the core is a thread
-of the program) when all axes turn; the module by a velocity, which goes on when nobody says anything any more.
+of the program) when all axes turn; the module by a velocity, which continues when nobody says anything any more.
 """
 
 from __future__ import annotations

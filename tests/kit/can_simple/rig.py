@@ -245,7 +245,7 @@ def rig(
     warm: float = 0.3,
     **changes,
 ) -> Rig:
-    """Build a rig: one module as axis ``m``, and a CANopen stand-in for each letter of ``canopen``; let ``warm`` s pass."""
+    """Build a rig: one module as axis ``m``, and a CANopen simulated drive for each letter of ``canopen``; let ``warm`` s pass."""
     module = module or Module(settings.node, **OWN)
     port = ModulePort(settings)
     dictionary = dictionary_of(GENERIC)

@@ -1,4 +1,4 @@
-"""The seam of ``cia402.port`` over arithmetic: stand-ins in virtual time, without frames, threads or a clock.
+"""The seam of ``cia402.port`` over arithmetic: simulated drives in virtual time, without frames, threads or a clock.
 
 Theory of operation
 -------------------
@@ -29,7 +29,7 @@ Listener = Callable[[float, Mapping[int, tuple[Emcy, ...]]], None]
 
 
 class DirectCycle:
-    """One bus of stand-ins in virtual time; holds that time."""
+    """One bus of simulated drives in virtual time; holds that time."""
 
     def __init__(
         self,
@@ -167,7 +167,7 @@ class DirectCycle:
         return not self.closed
 
     def close(self) -> None:
-        """Release the bus: nothing can be sent any more, the plant goes on in ``wait_until``."""
+        """Release the bus: nothing can be sent any more, the plant continues in ``wait_until``."""
         self.closed = True
 
     def _check_open(self) -> None:

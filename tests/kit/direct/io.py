@@ -1,4 +1,4 @@
-"""The inputs and outputs of a stand-in in virtual time, as they travel in PDOs (``cia401.port.IoPort``)."""
+"""The inputs and outputs of a simulated drive in virtual time, as they travel in PDOs (``cia401.port.IoPort``)."""
 
 from __future__ import annotations
 

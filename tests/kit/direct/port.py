@@ -1,4 +1,4 @@
-"""One axis of a stand-in as a ``cia402.port.Port``: samples, outputs and SDO in virtual time, as each value travels."""
+"""One axis of a simulated drive as a ``cia402.port.Port``: samples, outputs and SDO in virtual time, as each value travels."""
 
 from __future__ import annotations
 

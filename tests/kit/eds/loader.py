@@ -46,6 +46,6 @@ def _entry(index: int, subindex: int, name: str, kind: int, access: str, default
 
 
 def program(version: tuple[int, int], size: int = 3000) -> bytes:
-    """Return a program for a stand-in: its date and time, and something behind them."""
+    """Return a program for a simulated drive: its date and time, and something behind them."""
     head = b"".join(number.to_bytes(4, "little") for number in version)
     return head + bytes(number * 7 % 251 for number in range(size - len(head)))

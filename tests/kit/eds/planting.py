@@ -178,7 +178,7 @@ def _listing(text: Text, name: str) -> tuple[str, int] | None:
 
 
 def unlisted(text: Text, name: str) -> dict[int, str | None]:
-    """Take an object out of its list, and number and count the others anew."""
+    """Take an object out of its list, and number and count the others again."""
     listed = _listing(text, name)
     assert listed is not None
     rows = sorted(

@@ -1,1 +1,1 @@
-"""Cells of a plant for tests: stand-ins on a Zenoh network of this computer, which play what a bridge tells."""
+"""Cells of a plant for tests: programs on a Zenoh network of this computer that imitate the messages of a bridge."""

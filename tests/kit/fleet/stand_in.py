@@ -26,7 +26,7 @@ VERBS = {
 
 
 class StandInCell:
-    """A cell of axes that are where they are told to be at once; ``moved`` counts how often each was moved."""
+    """A cell of axes that are where they are commanded to be at once; ``moved`` counts how often each was moved."""
 
     def __init__(
         self, session, plant, name, axes=("x",), *, version=__version__, protocol=m.PROTOCOL, rate=20.0

@@ -1,4 +1,4 @@
-"""A wire in virtual time: stand-ins answer by arithmetic, and what comes late comes into whatever is asked then."""
+"""A wire in virtual time: simulated modules answer, and a late answer arrives during a later request."""
 
 from __future__ import annotations
 

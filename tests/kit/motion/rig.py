@@ -1,4 +1,4 @@
-"""A rig for motion tests: stand-ins on direct ports in virtual time, with axes, groups and the scan on top."""
+"""A rig for motion tests: simulated drives on direct ports in virtual time, with axes, groups and the scan on top."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def parameters(name: str, dictionary, **changes) -> AxisParameters:
 
 @dataclass
 class Rig:
-    """A scan over stand-ins; ``axis`` and ``drive`` are the first."""
+    """A scan over simulated drives; ``axis`` and ``drive`` are the first."""
 
     scan: Scan
     axes: dict[str, Axis]
@@ -83,7 +83,7 @@ class Rig:
         return self.cycle.now()
 
     def drive_of(self, name: str):
-        """The stand-in's drive behind an axis."""
+        """The simulated drive of an axis."""
         return self.devices[list(self.axes).index(name)].drives[0]
 
     def run(self, seconds: float) -> None:
@@ -116,7 +116,7 @@ class Rig:
 
 @cache
 def dictionary_of(file: Path) -> eds.model.Eds:
-    """An EDS is read once for all tests; stand-ins do not change it."""
+    """An EDS is read once for all tests; simulated drives do not change it."""
     return eds.load(file)
 
 
@@ -130,7 +130,7 @@ def rig(
     each: dict[str, dict] | None = None,
     **changes,
 ) -> Rig:
-    """Build a rig with one stand-in per letter of ``names``.
+    """Build a rig with one simulated drive per letter of ``names``.
 
     ``port`` are DirectPort options, ``changes`` axis parameters (``each``: of single axes), ``motor`` the plant of every drive,
     ``groups`` those that the fault policy knows (by default one of all).

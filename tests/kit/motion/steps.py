@@ -66,6 +66,6 @@ class Drive:
         return self.image, self.order
 
     def later(self, seconds: float) -> Drive:
-        """Let the clock go on; the next cycle comes one period after that."""
+        """Let the clock continue; the next cycle comes one period after that."""
         self.now += seconds
         return self

@@ -1,4 +1,4 @@
-"""A drive of few lines, typed from CiA 402-2, as an oracle for the property tests; it shares nothing with the stand-in.
+"""A drive of few lines, typed from CiA 402-2, as an oracle for the property tests; it shares nothing with the simulated drive.
 
 It moves without acceleration and stops at once, so that whatever moves, moves because it was asked to.
 """

@@ -89,7 +89,7 @@ class Watch:
         )
 
     def forget(self) -> Watch:
-        """Begin anew."""
+        """Begin again."""
         self.rows, self.sent = [], []
         self._note()
         return self

@@ -1,1 +1,1 @@
-"""What scenarios share: a line of stand-ins, programs of their own, nets that can be cut, and golden messages."""
+"""What scenarios share: a line of simulated drives, programs of their own, nets that can be cut, and golden messages."""

@@ -126,7 +126,7 @@ def hoarding(folder: Path) -> None:
 
 
 def _have_closed(close: Callable[[int], None], hoarded: bool = False) -> Callable[[Path], None]:
-    """A scene that makes use of its machine's connection impossible when it is told to, and goes on computing then."""
+    """A scene that breaks the connection to its machine on request, and then continues computing."""
 
     def scene(folder: Path) -> None:
         machine, _ = turning(folder)

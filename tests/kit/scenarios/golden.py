@@ -1,4 +1,4 @@
-"""Golden messages: the full text of an error, compared exactly with a reviewed file. AXISBUS_UPDATE_GOLDEN=1 writes them anew."""
+"""Golden messages: the full text of an error, compared exactly with a reviewed file. AXISBUS_UPDATE_GOLDEN=1 writes them again."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """A master in a process of its own, whose drives are in another.
 
 ``python -m kit.scenarios.master FOLDER CHANNEL SOCKET NETS MOTION``:
-it sets its axis in MOTION, prints ``moving``, waits for the end, and writes what it was told to FOLDER/told.pickle.
+it sets its axis in MOTION, prints ``moving``, waits for the end, and writes the errors that it got to FOLDER/told.pickle.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ def recover(file: Path, machine: Machine) -> None:
 
 
 def under_way(axis: Axis) -> Handle:
-    """A move that goes on for longer than any scenario, to the other side; it turns already."""
+    """A move that continues for longer than any scenario, to the other side; it turns already."""
     handle = axis.move_relative(1000.0 if axis.position < 0 else -1000.0, velocity=30.0)
     until = time.monotonic() + 10.0
     while abs(axis.velocity) < 29.0:

@@ -24,12 +24,12 @@ class Demand:
         return max(abs(value) for row in self.rows for value in differences(row, order))
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Begin again."""
         self.rows = [[]]
 
 
 class Led(Demand):
-    """Where the master leads an axis, as it was computed; each time that it begins anew makes a row."""
+    """Where the master controls an axis, as it was computed; each time that it begins again makes a row."""
 
     def __init__(self, cell: Cell, name: str = "x") -> None:
         self.rows = [[]]

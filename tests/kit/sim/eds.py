@@ -1,4 +1,4 @@
-"""Small object dictionaries written by hand, so that the stand-in is tested without a file reader."""
+"""Small object dictionaries written by hand, so that the simulated drive is tested without a file reader."""
 
 from __future__ import annotations
 

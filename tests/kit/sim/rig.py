@@ -1,4 +1,4 @@
-"""A bench for one stand-in drive in virtual time: enable it, let time pass, wait for something."""
+"""A bench for one simulated drive in virtual time: enable it, let time pass, wait for something."""
 
 from __future__ import annotations
 

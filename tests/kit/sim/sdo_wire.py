@@ -1,4 +1,4 @@
-"""A client's session and the stand-in's server on a wire in virtual time: any frame can be lost or late."""
+"""A client's session and the simulated drive's server on a wire in virtual time: any frame can be lost or late."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class SdoWire:
         return session
 
     def begin(self, request: SdoTransferRequest) -> SdoSession:
-        """Send the first frames of a request; ``step`` goes on until the session is done."""
+        """Send the first frames of a request; ``step`` continues until the session is done."""
         self.session = SdoSession(request, late=self._late)
         self._send(self.session.start())
         self.heard = self.now
