@@ -257,8 +257,8 @@ MUTANTS: Mapping[str, Mutant] = {
         ((AxisCore, "_activity_failed", _astray),),
     ),
     "aimed-at-once": Mutant(
-        "a drive counts as going to a new velocity from the cycle on in which it was sent",
-        ((RampedWay, "_aim", _aimed_at_once),),
+        "a drive counts as going to a new velocity from the cycle on in which it was sent, and the difference stays",
+        ((RampedWay, "_aim", _aimed_at_once), (RampedWay, "_settle", _nothing)),
     ),
 }
 
