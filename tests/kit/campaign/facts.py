@@ -87,10 +87,14 @@ class Facts:
         self.drive = {name: self.cell.drive(name) for name in scene.names}
         self._lost_sight: set[str] = set()  # axes whose feedback lied while they coasted, and that turn still
         self.scale = {name: self.cell.scale_of(name) for name in scene.names}
+        self._clock = self.cell.clock
+        self._moving = {
+            name: max(MOVES * abs(self.scale[name]), self.unseen_speed(name)) for name in scene.names
+        }
 
     @property
     def now(self) -> float:
-        return self.cell.cycle.now()
+        return self._clock.now()
 
     # -- what has gone wrong ---------------------------------------------------------------------------------------------
 
@@ -228,8 +232,7 @@ class Facts:
         return (parameters.standstill_tolerance + 1.0 + 2.0 * noise) / parameters.timing.standstill_time
 
     def moves(self, name: str) -> bool:
-        moving = max(MOVES * abs(self.scale[name]), self.unseen_speed(name))
-        return abs(self.drive[name].axis.motor.velocity) > moving
+        return abs(self.drive[name].axis.motor.velocity) > self._moving[name]
 
     def stops_in(self, name: str) -> float:
         """Return how long a stop may take that goes through all its steps, in s: the times of the cell file, and a little more."""
