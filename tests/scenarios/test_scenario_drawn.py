@@ -58,6 +58,18 @@ NOTICED = {
         "drawn",
         cell=CellRecipe((AxisRecipe(limits=(-0.5, 0.5), noise=2.0),)),
     ),
+    "silent-after-boot-up": Script(
+        "stiff",
+        (Event(0.2, "move_velocity", "a", 0.5), Event(1.0, "second_device", "a"), Event(14.0, "probe", "a")),
+        "drawn",
+        cell=CellRecipe((AxisRecipe(),)),
+    ),
+    "age-by-reception": Script(
+        "stiff",
+        (Event(0.2, "move_velocity", "a", 0.5), Event(1.0, "wire_slows", "a"), Event(3.0, "probe", "a")),
+        "drawn",
+        cell=CellRecipe((AxisRecipe(),)),
+    ),
 }
 
 

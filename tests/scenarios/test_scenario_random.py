@@ -19,6 +19,21 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a stop was done before the sides had followed their last targets": Script(
+        "stiff",
+        (
+            Event(0.05, "pair_override", "a", -0.757),
+            Event(0.2, "pair_move_absolute", "a", -0.868),
+            Event(0.5, "pair_move_absolute", "a", -0.654),
+            Event(0.0, "pair_override", "a", -0.262),
+            Event(0.0, "pair_stop", "a", -0.602),
+        ),
+        "drawn",
+        "closed-twice",
+        CellRecipe(
+            (AxisRecipe(unit="mm", scale=26214.4, speed=10000.0, start=-2487),) * 2, period=50, gantry=True
+        ),
+    ),
     "slow SDO answers that look like a slow link where SYNC counts no TPDO": Script(
         "lagging",
         (

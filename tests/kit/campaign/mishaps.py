@@ -11,7 +11,7 @@ from typing import Any
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.errors import AxisbusError
 from axisbus.sim.virtual_can import VirtualAdapter
-from kit.campaign.wire import OTHER_MASTER, Wire
+from kit.campaign.wire import OTHER_MASTER, Wire, boot_up_frame, let_link_slow_down
 from kit.cell import Cell
 
 Doing = Callable[["Site", str, float], object]
@@ -222,6 +222,13 @@ MISHAPS: Mapping[str, Mishap] = {
     "wire_delays": Mishap(
         _fault_of_wire(delay=0.03), (*_STANDS, "come too late"), "wire_carries", shared=True
     ),
+    "wire_slows": Mishap(
+        lambda site, _axis, _: let_link_slow_down(site.cell),
+        (*_STANDS, *_SDO, "come too late"),
+        "wire_carries",
+        deaf=True,
+        shared=True,
+    ),
     "wire_cut": Mishap(
         _fault_of_wire(cut=True), (*_NO_FRAMES, *_SDO), "wire_carries", deaf=True, shared=True
     ),
@@ -249,6 +256,11 @@ MISHAPS: Mapping[str, Mishap] = {
     ),
     "other_program": Mishap(_other("other_program"), (*_BY_ITSELF, *_MODE, *_STANDS), moves=True),
     "other_stops_node": Mishap(_other("other_stops_node"), (*_UNSEEN, "went into fault"), "start", deaf=True),
+    "second_device": Mishap(
+        lambda site, axis, _: boot_up_frame(site.cell, axis),
+        (*_UNSEEN, "two devices", "restarted"),
+        "start",
+    ),
     "reboots": Mishap(_other("reboots"), _UNSEEN, "start", deaf=True),
 }
 

@@ -9,9 +9,12 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 from axisbus.boot import node as booting
+from axisbus.bus.pdo.freshness import LinkLag, SyncLag
+from axisbus.bus.port import CanPort
 from axisbus.cell import parameters as cell_parameters
 from axisbus.cell import scale_proposal
 from axisbus.cell.quantities import units_of
+from axisbus.core.node_stop import NodeStop
 from axisbus.errors import LimitError, MotionTimeout, UncommandedMotion
 from axisbus.machine import axis as axis_calls
 from axisbus.machine.axis import Axis
@@ -120,6 +123,10 @@ def _empty(_: Any) -> Callable[..., tuple[()]]:
     return lambda *_args: ()
 
 
+def _never_late(_: Any) -> Callable[..., float]:
+    return lambda *_args: 0.0
+
+
 def _zero(_: Any) -> float:
     return 0.0
 
@@ -173,6 +180,22 @@ def _true(_: Any) -> Callable[..., bool]:
 
 def _nobody(_: Any) -> Callable[..., frozenset[str]]:
     return lambda *_args: frozenset()
+
+
+def _silent_after_boot_up(original: Callable[..., None]) -> Callable[..., None]:
+    """Nothing is sent any more to a node under whose ID a boot-up frame came."""
+
+    def write(self: CanPort, outputs: Any) -> None:
+        if self._restarted_since is None:
+            original(self, outputs)
+        else:
+            self._frames = []
+
+    return write
+
+
+def _as_received(_: Any) -> Callable[..., float]:
+    return lambda self, *_args: self._slot.latest[1]
 
 
 def _no_allowance(original: Callable[..., Any]) -> Callable[..., Any]:
@@ -255,6 +278,14 @@ MUTANTS: Mapping[str, Mutant] = {
     "late-is-astray": Mutant(
         "a move that is late is answered as one that goes elsewhere",
         ((AxisCore, "_activity_failed", _astray),),
+    ),
+    "silent-after-boot-up": Mutant(
+        "a node under whose ID a boot-up frame came is sent nothing any more, not even a stop",
+        ((CanPort, "_write_any", _silent_after_boot_up), (NodeStop, "run", _empty)),
+    ),
+    "age-by-reception": Mutant(
+        "values count as new when they come, however late that is",
+        ((SyncLag, "step", _as_received), (LinkLag, "step", _never_late)),
     ),
     "aimed-at-once": Mutant(
         "a drive counts as going to a new velocity from the cycle on in which it was sent, and the difference stays",

@@ -13,7 +13,7 @@ from kit.probe import ENABLED, OFF, PlantSample
 
 _LATE = frozenset(
     {"frames_late", "late_feedback", "inputs_lost", "outputs_lost", "stutters", "demand_stuck"}
-    | {"wire_loses", "wire_jitters", "wire_delays"}
+    | {"wire_loses", "wire_jitters", "wire_delays", "wire_slows"}
 )
 # Another master leads the axis: its motion goes on for as long as that may take.
 _FOREIGN = frozenset({"other_sets_point", "other_takes_velocity"})

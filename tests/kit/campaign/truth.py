@@ -210,11 +210,10 @@ class Truth:
 
 _BLIND = frozenset(
     {"dead", "pre_operational", "sync_lost", "other_stops_node", "reboots", "stalls", "inputs_lost"}
-    | {"wire_loses", "wire_cut", "bus_off", "queue_full"}
+    | {"wire_loses", "wire_cut", "bus_off", "queue_full", "second_device"}
 )
 _LIES = frozenset(
-    {"encoder_frozen", "encoder_jumps", "late_feedback", "frames_late", "stalls", "jam"}
-    | {"wire_jitters", "wire_delays"}
+    {"encoder_frozen", "encoder_jumps", "late_feedback", "frames_late", "stalls", "jam", "wire_jitters"}
 )
 
 

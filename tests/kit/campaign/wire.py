@@ -5,10 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
+from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.sim.virtual_can import FrameFaults
 from axisbus.testing import Simulation
 from kit.cell import Cell
+
+_LATER, _EACH, _LATEST = (
+    0.003,
+    0.02,
+    0.3,
+)  # s by which frames come later, how often they do so more, and at most
 
 
 class Wire:
@@ -92,6 +99,26 @@ def _program(cell: Cell, name: str) -> None:
         for number in range(20):
             simulation.after(0.005 * number, partial(adapter.send, pdo.target.cob_id, data))
     simulation.after(0.11, adapter.shutdown)
+
+
+def boot_up_frame(cell: Cell, name: str) -> None:
+    """Let another device send the boot-up frame of the node of an axis."""
+    adapter = cell.wire.connect()
+    adapter.send(cob.HEARTBEAT + cell.device(name).node_id, b"\0")
+    Simulation(cell.machine).after(0.01, adapter.shutdown)
+
+
+def let_link_slow_down(cell: Cell) -> None:
+    """Let frames come later and later, without a gap, up to 0.3 s; until the delay is taken away."""
+    simulation, faults = Simulation(cell.machine), cell.wire.faults
+    faults.delay = _LATER
+
+    def later() -> None:
+        if 0.0 < faults.delay < _LATEST:
+            faults.delay += _LATER
+            simulation.after(_EACH, later)
+
+    simulation.after(_EACH, later)
 
 
 OTHER_MASTER: Mapping[str, Callable[[Cell, str, float], object]] = {

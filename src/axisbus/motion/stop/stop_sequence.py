@@ -105,6 +105,7 @@ class StopSequence:
         self._leaving = leaving
         self._resisted_since = resisted_since
         self._set_going_at = set_going_at
+        self._last_target: int | None = None  # of the trajectory along which the axis brakes
         self._deadline: float | None = None
         # Since the present step began; for the first one, since the first call of step().
         self._standing: StandstillCheck
@@ -309,7 +310,12 @@ class StopSequence:
             # The position is unknown, or a limit is in the path: only the drive's own halt remains.
             self._follow = None
             return None
-        return follow.at_rest and self._stands_now
+        if not follow.at_rest or order.target_position != self._last_target:
+            # The axis has not followed this target yet, so that its position proves nothing.
+            self._last_target = order.target_position
+            self._standing.begin(image.now)
+            return False
+        return self._stands_now
 
     def _has_left(self, leaving: ModeSwitch, image: AxisImage, order: CycleOutputs) -> bool:
         """Continue along the path, braking, until the drive has the requested mode. Return True once it has, or never will."""

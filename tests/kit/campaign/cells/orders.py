@@ -22,6 +22,7 @@ _MODES = ("low", "previous", "next", "high")
 _LOOP = 2.0  # seconds of a controller
 _LEFT_ON_ARCS = 0.6  # of an acceleration, for the speed along an arc; the other part of it turns the axes
 _HALTS = 1.0  # s that a halt on an arc takes
+HOLDS = -0.6  # the value of an event below which an override is 0
 HUGE: Sequence[float] = (
     math.nan,
     math.inf,
@@ -285,7 +286,7 @@ def _superimposed(args: Args) -> Handle:
 
 
 def _override(args: Args) -> float:
-    return 0.0 if args.value < -0.6 else 0.1 + 1.4 * abs(args.value)
+    return 0.0 if args.value < HOLDS else 0.1 + 1.4 * abs(args.value)
 
 
 def _position(args: Args) -> Handle:
@@ -553,7 +554,7 @@ GROUP: Mapping[str, GroupOrder] = {
     "override": GroupOrder(lambda args: args.group.set_override(0.3 + abs(args.value)), "override"),
     "cell_override": GroupOrder(
         lambda args: args.cell.machine.set_override(
-            0.0 if args.value < -0.6 else 0.1 + 1.4 * abs(args.value)
+            0.0 if args.value < HOLDS else 0.1 + 1.4 * abs(args.value)
         ),
         "override",
     ),

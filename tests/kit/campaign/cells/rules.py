@@ -81,6 +81,7 @@ RULES = (
     "back from beyond a limit",
     "usable after a reset",
     "who shares a fault stops",
+    "a drive that hears is stopped",
     "a stop that is done stands",
     "what was stopped stays",
     "Standstill is standing",
@@ -117,6 +118,7 @@ class Physics(Travel):
             str, tuple[float, Asked]
         ] = {}  # since when (by the plant's clock) a stop has kept it without power
         self._refusals: list[tuple[float, str, float, str]] = []
+        self._failed: dict[str, float] = {}  # since when it has been in ErrorStop
         self._faults: list[tuple[float, str, str]] = []  # when, who failed, who shares it
         self._errors: dict[str, int] = {}
         self._blind: dict[str, tuple[float, float]] = {}  # the speed that a torque adds, and since when
@@ -376,6 +378,7 @@ class Physics(Travel):
         self._keeps_acceleration(name)
         self._stays_off(name)
         self._no_false_error(name)
+        self._is_stopped(name)
         if self._watched:
             self._right_way(name)
         if self._refusals:
@@ -574,6 +577,22 @@ class Physics(Travel):
             false = type(error).__name__ in _FALSE and not self._may_be_so(name, error)
             false = false and not (isinstance(error, DriveError) and self._brakes_for_long(name, error))
             facts.must(not false, "no false error", f"{type(error).__name__}: {error}", error)
+
+    def _is_stopped(self, name: str) -> None:
+        """Check that an axis in ErrorStop comes to rest if its drive hears, whatever the master knows about its node."""
+        facts = self._facts
+        if facts.core[name].state is not AxisState.ERRORSTOP or not facts.moves(name):
+            stopped = self._failed.pop(name, None) is not None
+            facts.tally["rule: a drive that hears is stopped"] += stopped
+            return
+        since = self._failed.setdefault(name, facts.now)
+        for_long = facts.now - since
+        hindered = any(t.kind.deaf or t.kind.moves for t in facts.troubled(name, for_long + _SHARED))
+        if hindered or facts.is_pulled(name) or for_long < facts.stops_in(name) + _SHARED:
+            return
+        powered = facts.stage(name) == ENABLED
+        text = f"in ErrorStop for {for_long:.1f} s, and {facts.cell.told(name)}"
+        facts.must(not powered, "a drive that hears is stopped", text, facts.core[name].error)
 
     def _may_be_so(self, name: str, error: AxisbusError) -> bool:
         """Whether an error of a healthy axis is the truth about what its drive, or its cell file, does not say."""

@@ -16,7 +16,18 @@ _ENDINGS = ("close", "close", "close", "with", "exception", "ctrl-c", "closed-tw
 _MISHAPS = (
     *(what for what in MISHAPS if what not in ("pushed", "forks")),
     *["fault", "jam", "dead", "outputs_lost"] * 4,
-    *["wire_loses", "wire_doubles", "wire_jitters", "wire_delays", "wire_cut", "bus_off", "queue_full"] * 2,
+    *[
+        "wire_loses",
+        "wire_doubles",
+        "wire_jitters",
+        "wire_delays",
+        "wire_slows",
+        "wire_cut",
+        "bus_off",
+        "queue_full",
+    ]
+    * 2,
+    *["second_device"] * 3,
 )
 _TROUBLED = 0.3  # share of episodes in which something goes wrong
 _AT_ONCE = (150.0, 500.0)  # axis cycles per second up to which there are three episodes, and two
@@ -50,9 +61,11 @@ def _episode(chance: random.Random, cell: CellRecipe, number: int) -> Iterator[E
         yield Event(chance.choice(_PAUSES), "service", "")
     yield from _some(chance, actor, orders.MOTIONS, orders.GROUP_MOTIONS, orders.PAIR_MOTIONS, 1, 2)
     if chance.random() < 0.5:
-        yield from _some(
-            chance, actor, orders.ALONG, ("override", "cell_override"), ("pair_override", "pair_resume"), 1, 2
-        )
+        shared, paired = ("override", "cell_override"), ("pair_override", "pair_resume")
+        for event in _some(chance, actor, orders.ALONG, shared, paired, 1, 2):
+            yield event
+            if event.what.endswith("override") and event.value < orders.HOLDS and chance.random() < 0.7:
+                yield event._replace(pause=2.5, value=-event.value)  # it is held for a while, and goes on
     if chance.random() < _TROUBLED:
         what = chance.choice(_MISHAPS)
         axis = actor if actor in cell.names else chance.choice(cell.names)

@@ -32,12 +32,21 @@ _UNSEEN = frozenset(
         "stalls",
     }
     | {"pre_operational", "other_stops_node", "reboots", "stutters", "demand_stuck"}
-    | {"wire_loses", "wire_jitters", "wire_delays", "wire_cut", "bus_off", "queue_full"}
+    | {
+        "wire_loses",
+        "wire_jitters",
+        "wire_delays",
+        "wire_slows",
+        "wire_cut",
+        "bus_off",
+        "queue_full",
+        "second_device",
+    }
 )
 # By these the place of a side is unknown for a while, or another one.
 _FORGETS = frozenset(
     {"dead", "pre_operational", "other_stops_node", "reboots", "sync_lost", "encoder_jumps", "stalls"}
-    | {"wire_loses", "wire_cut", "bus_off"}
+    | {"wire_loses", "wire_slows", "wire_cut", "bus_off", "second_device"}
 )
 _RESTARTS = frozenset({"reboots"})
 _ELSEWHERE = frozenset(
