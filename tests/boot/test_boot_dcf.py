@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import itertools
 import os
+import time
 from pathlib import Path
 
 import pytest
 
 from axisbus import Machine, eds
+from axisbus.boot.dcf import settings
+from axisbus.cell import reader as cells
 from axisbus.check.run import check
+from axisbus.configuration import dcf_values
 from axisbus.drives import registry
+from axisbus.drives.make import GENERIC as GENERIC_MAKE
 from axisbus.drives.make import Make
 from axisbus.eds import assign, dcf, writer
 from axisbus.eds.io import reader
@@ -227,3 +232,20 @@ def test_a_drive_that_has_the_configuration_of_this_date_is_not_asked_for_the_va
     _booted(path, made)
     assert of_the_dcf <= set(transfers)
     assert made.read(0x1020, 1) == 15_431
+
+
+def test_the_settings_of_a_large_dcf_are_selected_in_time(cell):
+    each = "[{:04X}]\nParameterName=X\nDataType=7\nAccessType=rw\nParameterValue=1\n"
+    text = PATH.read_text() + "".join(each.format(index) for index in range(0x2000, 0x6000))
+    reading, path = reader.read(text.encode(), "large.dcf"), cell()
+    begun = time.process_time()
+    whole = dcf_values.select(reading.eds, 3, GENERIC_MAKE)
+    found = settings(cells.load(path), 3, reading.eds, GENERIC_MAKE, frozenset(((0x2001, 0),)), whole)
+    assert time.process_time() - begun < 5.0  # what is not linear takes minutes
+    assert [item.key for item in found.items] == [
+        (0x2000, 0),
+        *((index, 0) for index in range(0x2002, 0x6000)),
+    ]
+    assert {each.variable.index for each in found.skipped if each.why is dcf_values.SkipReason.MACHINE} == {
+        0x2001
+    }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -455,3 +456,27 @@ def test_a_number_of_mapped_objects_that_no_pdo_has_is_refused_at_once(index):
 def test_the_writes_of_a_mapping_are_as_many_as_there_are_values_and_not_as_the_count_says():
     wanted = {(0x1A00, 0): HUGE, (0x1A00, 1): GOLDEN[0x1A00, 1]}
     assert [write.key for write in ordered(wanted, {})] == [(0x1A00, 0), (0x1A00, 1), (0x1A00, 0)]
+
+
+SOME_SECONDS = 10.0  # of the processor, on a slow machine; a pass over all values for each PDO takes minutes
+
+
+def _large(sections):
+    """Return a DCF with a value for each (index, sub-index)."""
+    head = "[FileInfo]\nFileName=x.dcf\n[DeviceInfo]\nVendorNumber=1\n"
+    each = "[{:X}sub{:X}]\nDataType=7\nAccessType=rw\nParameterValue={}\n"
+    return reader.read((head + "".join(each.format(*keys) for keys in sections)).encode(), "x.dcf").eds
+
+
+def test_a_file_that_fills_every_pdo_is_restored_in_time_also_if_the_device_refuses_all_of_them():
+    communication = (*range(0x1400, 0x1600), *range(0x1800, 0x1A00))
+    values = [(index, 1, 0x8000_0185) for index in communication]
+    values += [(index + 0x200, sub, 40) for index in communication for sub in range(41)]
+    eds, start = _large(values), time.process_time()
+    selection = select(eds, NODE, GENERIC)
+    device = StrictDevice({item.key: bytes(4) for item in selection.items})
+    device.refuse = {(index + 0x200, 1): 0x0604_0041 for index in communication}
+    report = Restore(device, selection).run()
+    assert time.process_time() - start < SOME_SECONDS
+    assert len(report.results) == len(values)
+    assert len(report.of(ValueEnd.FAILED)) == len(values)

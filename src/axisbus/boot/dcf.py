@@ -156,18 +156,22 @@ def settings(
     Raises:
         ArgumentError: as ``own_values``.
     """
-    own = {item.key for item in own_values(cell, node_id, eds, make).items}
+    own = {item.key for item in own_values(cell, node_id, eds, make).items} - cyclic
     dictionary = Dictionary(eds, node_id)
 
     def is_setting(item: Item) -> bool:
         index, subindex = item.key
         return (
-            item.key in own - cyclic
+            item.key in own
             and index not in _COMMUNICATION
             and first_axis(index) not in BELIEVED
             and not guarded_write.moves(eds, dictionary.entry(index, subindex))
         )
 
-    kept = tuple(item for item in whole.items if is_setting(item))
-    left = tuple(SkippedValue(item.variable, SkipReason.MACHINE) for item in whole.items if item not in kept)
-    return Selection(kept, (*whole.skipped, *left))
+    kept, left = [], []
+    for item in whole.items:
+        if is_setting(item):
+            kept.append(item)
+        else:
+            left.append(SkippedValue(item.variable, SkipReason.MACHINE))
+    return Selection(tuple(kept), (*whole.skipped, *left))

@@ -10,7 +10,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType, encode
 from axisbus.cia301.pdo import MAX_BITS
 from axisbus.cia402.objects import order
-from axisbus.configuration.write_order import pdo_of
+from axisbus.configuration.write_order import by_pdo
 from axisbus.drives.make import Make
 from axisbus.eds import assign
 from axisbus.eds.concise_dcf_values import check_understood
@@ -121,9 +121,8 @@ def _companions(eds: Eds, node_id: int, items: list[Item], given: frozenset[Key]
     A handwritten DCF may contain a single mapping entry. The additional values come from the file and not from the device. So they
     are the same in each run, even after an interrupted run that left the PDO disabled.
     """
-    for pdo in sorted({pdo for item in items if (pdo := pdo_of(item.key[0])) is not None}):
-        subs = {item.key for item in items if pdo_of(item.key[0]) == pdo}
-        for key in _needed(eds, node_id, pdo, subs):
+    for pdo, keys in sorted(by_pdo(item.key for item in items).items()):
+        for key in _needed(eds, node_id, pdo, set(keys)):
             variable = eds.get(*key)
             if (
                 key not in given

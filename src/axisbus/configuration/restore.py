@@ -21,7 +21,7 @@ from axisbus.bus.sdo.access import SdoUploads, require_answering, try_upload, wh
 from axisbus.cia301 import abort
 from axisbus.cia301.datatypes import DataType, size_in_bytes
 from axisbus.configuration.dcf_values import Item, Key, Selection, SkippedValue
-from axisbus.configuration.write_order import OrderedWrite, ordered, pdo_back, pdo_of
+from axisbus.configuration.write_order import OrderedWrite, by_pdo, ordered, pdo_back
 from axisbus.errors import SdoAbort, SdoError
 from axisbus.wording import counted
 
@@ -91,6 +91,7 @@ class Restore:
         self._tell = tell
         self._items = {item.key: item for item in selection.items}
         self._wanted = {key: item.data for key, item in self._items.items()}
+        self._of_pdo = by_pdo(self._items)
         self._before: dict[Key, bytes | None] = {}
         self._now: dict[Key, bytes | None] = {}
         self._unreadable: dict[Key, SdoError] = {}
@@ -229,15 +230,16 @@ class Restore:
 
     def _fail_pdo(self, write: OrderedWrite, reason: str) -> None:
         where = f"{write.index:04X}h:{write.subindex:02X}"
-        for key in self._wanted:
-            if pdo_of(key[0]) == write.pdo and not self._same(key):
+        assert write.pdo is not None
+        for key in self._of_pdo[write.pdo]:
+            if not self._same(key):
                 self._refused.setdefault(
                     key, f"its PDO was left unchanged, because {where} is refused: {reason}"
                 )
 
     def _give_back(self, pdo: int) -> None:
         """Restore the values that a PDO had before this pass."""
-        had = {key: data for key, data in self._now.items() if pdo_of(key[0]) == pdo}
+        had = {key: self._now[key] for key in self._of_pdo[pdo] if key in self._now}
         now = {key: self._read(key) for key in had}
         self._written -= had.keys()
         for write in pdo_back(pdo, had, now):

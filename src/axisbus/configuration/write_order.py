@@ -18,7 +18,7 @@ device already holds: even if each run is interrupted after a single write, the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from axisbus.cia301 import cob
@@ -101,6 +101,22 @@ def pdo_of(index: int) -> int | None:
     return None
 
 
+def by_pdo(keys: Iterable[Key]) -> dict[int, list[Key]]:
+    """Return the keys of PDOs, in their order, by the communication parameter of their PDO."""
+    found: dict[int, list[Key]] = {}
+    for key in keys:
+        if (pdo := pdo_of(key[0])) is not None:
+            found.setdefault(pdo, []).append(key)
+    return found
+
+
+def _by_index(keys: Iterable[Key]) -> dict[int, list[Key]]:
+    found: dict[int, list[Key]] = {}
+    for key in keys:
+        found.setdefault(key[0], []).append(key)
+    return found
+
+
 def pdo_back(pdo: int, before: Held, now: Held) -> list[OrderedWrite]:
     """Return the writes that restore one PDO's values ``before``, whatever has changed since."""
     own = {key: data for key, data in before.items() if data is not None and pdo_of(key[0]) == pdo}
@@ -115,8 +131,10 @@ class _Plan:
         self._wanted = wanted
         self._held = held
         self._differing = differing
-        found = {pdo for index, _ in differing if (pdo := pdo_of(index)) is not None}
-        self._pdos = sorted(found)
+        self._sorted = sorted(differing)
+        self._pdos = sorted(by_pdo(differing))
+        self._differing_of = _by_index(self._sorted)
+        self._wanted_of = _by_index(sorted(wanted))
 
     # -- 1020h ----------------------------------------------------------------------------------------------------------
 
@@ -133,10 +151,10 @@ class _Plan:
                 yield OrderedWrite(*key, self._wanted[key])
 
     def _stamps(self) -> list[Key]:
-        return sorted(key for key in self._wanted if key[0] == VERIFY)
+        return self._wanted_of.get(VERIFY, [])
 
     def _beside_stamp(self) -> bool:
-        return any(index != VERIFY for index, _ in self._differing)
+        return any(index != VERIFY for index in self._differing_of)
 
     # -- PDOs -----------------------------------------------------------------------------------------------------------
 
@@ -148,25 +166,24 @@ class _Plan:
 
     def pdos(self) -> Iterator[OrderedWrite]:
         for pdo in self._pdos:
-            for key in sorted(self._differing):
-                if key[0] == pdo and key[1] != o.PDO_COB_ID:
+            for key in self._differing_of.get(pdo, ()):
+                if key[1] != o.PDO_COB_ID:
                     yield OrderedWrite(*key, self._wanted[key], pdo)
-            if any(index == pdo + _TO_MAPPING for index, _ in self._differing):
+            if pdo + _TO_MAPPING in self._differing_of:
                 yield from self._mapping(pdo)
 
     def _mapping(self, pdo: int) -> Iterator[OrderedWrite]:
         mapping = pdo + _TO_MAPPING
         count = self._wanted.get((mapping, 0))
         if count is None:  # the number is fixed: entries are changed one by one
-            for key in sorted(self._differing):
-                if key[0] == mapping:
-                    yield OrderedWrite(*key, self._wanted[key], pdo)
+            for key in self._differing_of[mapping]:
+                yield OrderedWrite(*key, self._wanted[key], pdo)
             return
         mapped = any(self._held.get((mapping, 0)) or b"\1")
         if mapped:
             yield OrderedWrite(mapping, 0, bytes(len(count)), pdo)
         used = range(1, int.from_bytes(count, "little") + 1)
-        for key in sorted(key for key in self._wanted if key[0] == mapping and key[1] in used):
+        for key in (key for key in self._wanted_of[mapping] if key[1] in used):
             data = self._wanted[key]
             # Setting the count to 0 may clear the entries too, so all entries are written afterwards.
             if mapped or self._held.get(key) != data:
@@ -209,7 +226,7 @@ class _Plan:
         now = self._number(key)
         if now is None or now & cob.INVALID or not self._settable(index, subindex):
             return False
-        others = any(index == of and sub not in _SDO_COB_IDS for of, sub in self._differing)
+        others = any(sub not in _SDO_COB_IDS for _, sub in self._differing_of.get(index, ()))
         return others or key in self._differing
 
     def channels(self) -> Iterator[OrderedWrite]:
@@ -222,8 +239,7 @@ class _Plan:
             yield from self._if_differing((o.CYCLE_PERIOD, 0))
         yield from self._if_differing((o.COB_ID_SYNC, 0))
         for index in self._sdo_channels():
-            keys = sorted((key for key in self._wanted if key[0] == index), key=lambda key: -key[1])
-            for key in keys:  # the COB-IDs last
+            for key in reversed(self._wanted_of[index]):  # the COB-IDs last
                 if self._switched_off(key) != self._wanted[key]:
                     yield OrderedWrite(*key, self._wanted[key])
 
@@ -240,25 +256,24 @@ class _Plan:
         return self._held.get(key) if now is None or not self._blocks(*key) else _u32(now | cob.INVALID)
 
     def _sdo_channels(self) -> list[int]:
-        return sorted({index for index, _ in self._differing if index in _SDO_CHANNELS})
+        return sorted(index for index in self._differing_of if index in _SDO_CHANNELS)
 
     # -- the rest -------------------------------------------------------------------------------------------------------
 
     def plain(self) -> Iterator[OrderedWrite]:
         special = {*_OFF, *_ERROR_CONTROL, _SYNC_OVERFLOW, o.CYCLE_PERIOD, VERIFY, *_SDO_CHANNELS}
-        for key in sorted(self._differing):
+        for key in self._sorted:
             if key[0] not in special and pdo_of(key[0]) is None:
                 yield OrderedWrite(*key, self._wanted[key])
 
     def error_control(self) -> Iterator[OrderedWrite]:
-        consumers = [key for key in sorted(self._differing) if key[0] == o.CONSUMER_HEARTBEAT]
+        consumers = self._differing_of.get(o.CONSUMER_HEARTBEAT, ())
         for key in consumers if len(consumers) > 1 else ():
             if any(self._held.get(key) or b"\1"):
                 yield OrderedWrite(*key, bytes(len(self._wanted[key])))
         for index in _ERROR_CONTROL:
-            for key in sorted(self._differing):
-                if key[0] == index:
-                    yield OrderedWrite(*key, self._wanted[key])
+            for key in self._differing_of.get(index, ()):
+                yield OrderedWrite(*key, self._wanted[key])
 
     def _if_differing(self, key: Key) -> Iterator[OrderedWrite]:
         if key in self._differing:
