@@ -19,7 +19,7 @@ import msgspec
 
 from axisbus.bus.link.claims import ChannelClaim
 from axisbus.core.process import listener
-from axisbus.errors import ScanError, StateError, UserError
+from axisbus.errors import AxisbusError, ScanError, StateError, UserError
 from axisbus.fleet import messages as f
 from axisbus.fleet.command_retry import CommandRetry, error_of
 from axisbus.fleet.lease_session import LeaseKeeper
@@ -40,6 +40,7 @@ from axisbus.web.access.middleware import arrival_of
 from axisbus.web.access.tokens import PageSessions, Role
 from axisbus.web.config.files import Dcf, about, named
 from axisbus.web.scope import saving, signals
+from axisbus.web.view.axes import explained
 from kit.cell import cell_text
 from kit.desk import Pages
 from kit.frame_readers import Conversations, reader_of, unshown
@@ -264,9 +265,10 @@ def _samples(path: Path) -> None:
 
 
 def _dcf_of_page(path: Path) -> None:
-    told = about(Dcf(named(path.name), path.read_bytes()))
-    if told["error"] is not None:
-        raise UserError(json.dumps(told["error"]))
+    try:
+        about(Dcf(named(path.name), path.read_bytes()))
+    except AxisbusError as error:
+        raise UserError(json.dumps(explained(error))) from error
 
 
 # -- a fleet --------------------------------------------------------------------------------------------------------------

@@ -72,6 +72,7 @@ SLOW = {
         "web/test_web_browser_objects.py",
         "web/test_web_browser_scope.py",
         "web/test_web_browser_tuning.py",
+        "web/test_web_file_process.py",
         "web/test_web_served.py",
         "gateway/test_gateway_metrics.py",
         "gateway/test_gateway_opcua.py",

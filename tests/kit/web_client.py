@@ -17,9 +17,11 @@ class Client:
         answer = self.ask("/enter" + self.path, Origin="")
         self.headers["Cookie"] = str(answer.getheader("set-cookie")).partition(";")[0]
 
-    def ask(self, path: str, method: str = "GET", body: str = "", **headers: str) -> http.client.HTTPResponse:
+    def ask(
+        self, path: str, method: str = "GET", body: str = "", seconds: float = 5.0, **headers: str
+    ) -> http.client.HTTPResponse:
         """Send a request; an empty header is left out."""
-        connection = http.client.HTTPConnection(self.host, timeout=5.0)
+        connection = http.client.HTTPConnection(self.host, timeout=seconds)
         given = {name: value for name, value in {**self.headers, **headers}.items() if value}
         connection.request(method, path, body or None, given)
         answer = connection.getresponse()

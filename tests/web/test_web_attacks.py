@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
+from pathlib import Path
 from subprocess import PIPE, Popen
 from types import SimpleNamespace
 from typing import Any
@@ -22,6 +24,7 @@ from websockets.sync.client import ClientConnection
 
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
+from axisbus.web.access.limits import FILE
 from kit.scenarios.own import own_cell, turns
 from kit.served_page import served, until
 from kit.web_client import Client
@@ -142,6 +145,76 @@ def test_files_that_are_too_large_or_junk_or_of_another_page_cost_nothing_and_wh
         until(lambda: told.extend(json.loads(page.recv(2.0))["own"]["told"]) or len(told) >= 2)
         assert {each["kind"] for each in told} == {"refused"}
     assert moving.speed() == pytest.approx(50.0, abs=1.0)
+
+
+def large_dcf() -> str:
+    """Return a DCF of almost 2 MB with 59,000 values."""
+    head = "[FileInfo]\nFileName=x.dcf\n[DeviceInfo]\nVendorNumber=0\n[DeviceComissioning]\nNodeID=1\n"
+    each = "[{:04X}]\nParameterValue=1\nDataType=7\n"
+    text = head + "".join(each.format(0x1001 + number) for number in range(59_000))
+    assert 0.95 * FILE < len(text) < FILE
+    return text
+
+
+def processor_time(process: int) -> float:
+    """Return the processor time (s) of a process without its children."""
+    fields = Path(f"/proc/{process}/stat").read_text("ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def file_processes(process: int) -> list[int]:
+    """Return the process IDs of the file processes of a server."""
+    found = []
+    for thread in Path(f"/proc/{process}/task").glob("*/children"):
+        with suppress(OSError):  # it has ended meanwhile
+            children = map(Path("/proc").joinpath, thread.read_text("ascii").split())
+            found += [int(one.name) for one in children if b"file_process" in (one / "cmdline").read_bytes()]
+    return found
+
+
+def job_of(page: ClientConnection) -> dict[str, Any]:
+    """Return the next news of the configuration job."""
+    found: list[dict[str, Any]] = []
+    until(lambda: found.append(json.loads(page.recv(2.0))["own"]["configured"]) or found[-1], 60.0)
+    return found[-1]
+
+
+@pytest.mark.parametrize("do", ["compare", "would_restore"])
+def test_a_large_file_of_an_observer_costs_the_server_little_processor_time(at, do):
+    """The server does not parse it: that would take seconds of its processor, and delay the stops and jogs of other pages."""
+    server = at.served.web.pid
+    with at.looker.page() as page:
+        number = json.loads(page.recv(2.0))["own"]["page"]
+        began, before = time.monotonic(), processor_time(server)
+        time.sleep(1.0)
+        idle = (processor_time(server) - before) / (time.monotonic() - began)
+        began, before = time.monotonic(), processor_time(server)
+        assert at.looker.ask(f"/config/file?page={number}", "POST", large_dcf(), seconds=60.0).status == 200
+        send(page, do, node=1)
+        until(lambda: job_of(page)["done"], 60.0)
+        cost = processor_time(server) - before - idle * (time.monotonic() - began)
+        send(page, "job_end")
+        until(lambda: job_of(page)["over"])
+    assert cost < 0.3
+
+
+def test_a_file_process_that_hangs_delays_no_stop_and_no_job_of_the_operator(moving):
+    with moving.looker.page() as page:
+        number = json.loads(page.recv(2.0))["own"]["page"]
+        assert (
+            moving.looker.ask(f"/config/file?page={number}", "POST", large_dcf(), seconds=60.0).status == 200
+        )
+        send(page, "compare", node=1)
+        until(lambda: file_processes(moving.served.web.pid))
+        (file,) = file_processes(moving.served.web.pid)
+        os.kill(file, signal.SIGSTOP)
+        send(moving.page, "backup", node=1)
+        until(lambda: job_of(page)["page"] != number, 5.0)
+        until(lambda: file not in file_processes(moving.served.web.pid), 5.0)
+        send(moving.page, "job_end")
+    assert moving.speed() == pytest.approx(50.0, abs=1.0)
+    send(moving.page, "halt")
+    until(lambda: moving.speed() < 0.1)
 
 
 def test_after_ten_thousand_junk_messages_a_stop_still_gets_through(moving):

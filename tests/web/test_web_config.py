@@ -7,6 +7,7 @@ import json
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -28,7 +29,7 @@ from axisbus.machine.machine import Machine
 from axisbus.web.access.middleware import SESSION
 from axisbus.web.access.tokens import PageSession, Role
 from axisbus.web.commands.clients import PageClients
-from axisbus.web.config import jobs, report
+from axisbus.web.config import file_process, files, jobs, report
 from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, PageFiles, about, named
 from axisbus.web.config.jobs import Configuring, refusal
 from axisbus.web.config.report import ConfigJob, ConfigJobKind, ConfigProgress
@@ -51,6 +52,14 @@ def machine(tmp_path: Path) -> Iterator[Machine]:
     path.write_text(cell_text("xy"), encoding="utf-8")
     with Machine.simulated(path) as machine:
         yield machine
+
+
+@pytest.fixture(params=["in the server", "in a process of its own"])
+def anywhere(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the file of a job is parsed."""
+    if request.param == "in a process of its own":
+        monkeypatch.setattr(files, "_SHORT", -1)
+        monkeypatch.setattr(file_process, "PATIENCE", 300.0)  # on a busy computer, too
 
 
 def device(machine: Machine, node: int = 1) -> Any:
@@ -109,6 +118,7 @@ def test_what_the_drive_refuses_is_left_out_and_said(machine):
 # -- comparisons --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("anywhere")
 def test_a_node_is_like_its_own_backup_and_then_is_not(machine):
     made = backup(machine)
     same = done(machine, ConfigJobKind.COMPARE, 1, made)
@@ -123,6 +133,7 @@ def test_a_node_is_like_its_own_backup_and_then_is_not(machine):
     assert other.text.endswith("1 differ")
 
 
+@pytest.mark.usefixtures("anywhere")
 def test_what_the_drive_refuses_to_show_is_a_difference_with_its_reason(machine):
     made = backup(machine)
     device(machine).dials.sdo_aborts[ACCELERATION] = abort.OBJECT_MISSING
@@ -133,6 +144,7 @@ def test_what_the_drive_refuses_to_show_is_a_difference_with_its_reason(machine)
 # -- what a restore would write -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("anywhere")
 def test_a_restore_is_reported_and_not_done(machine):
     made = backup(machine)
     device(machine).write(*ACCELERATION, 777)
@@ -149,6 +161,7 @@ def test_a_restore_is_reported_and_not_done(machine):
     assert found.command.startswith("axisbus config restore node-1.dcf 1 --cell cell.toml")
 
 
+@pytest.mark.usefixtures("anywhere")
 def test_an_energised_node_is_refused_by_that(machine):
     made = backup(machine)
     machine["x"].enable().wait(10)
@@ -160,6 +173,7 @@ def test_a_node_that_meets_the_conditions_is_not_restored_either_since_it_is_one
     assert "belongs to a running machine" in refusal(access, node_of(machine, 1)).message
 
 
+@pytest.mark.usefixtures("anywhere")
 def test_the_file_of_another_node_is_refused(machine):
     made = backup(machine, 2)
     with pytest.raises(UserError, match="was taken from another device than node 1") as caught:
@@ -179,6 +193,7 @@ def test_a_file_without_values_is_refused(machine):
         done(machine, ConfigJobKind.WOULD_RESTORE, 1, plain)
 
 
+@pytest.mark.usefixtures("anywhere")
 def test_a_value_beyond_the_limits_of_the_file_is_refused(machine):
     beyond = edited(backup(machine), "[6098]", "LowLimit=-3", "HighLimit=3", "ParameterValue=34")
     with pytest.raises(LimitError, match="beyond its own limits; nothing was written"):
@@ -195,6 +210,7 @@ def changed(machine: Machine) -> None:
     device(machine).write(*HEARTBEAT, 1234)
 
 
+@pytest.mark.usefixtures("anywhere")
 def test_the_settings_come_back_and_what_the_machine_goes_by_stays(machine):
     made = backup(machine)
     before = device(machine).read(*ACCELERATION)
@@ -218,6 +234,7 @@ def test_the_dry_run_says_what_this_page_would_write_and_what_not(machine):
     assert here["6065h:00"] == here["1017h:00"] == "no: the machine has set it, or uses it"
 
 
+@pytest.mark.usefixtures("anywhere")
 def test_an_energised_node_gets_nothing(machine):
     made = backup(machine)
     device(machine).write(*ACCELERATION, 777)
@@ -227,6 +244,7 @@ def test_an_energised_node_gets_nothing(machine):
     assert device(machine).read(*ACCELERATION) == 777
 
 
+@pytest.mark.usefixtures("anywhere")
 def test_a_drive_that_is_energised_during_a_restore_ends_it_and_the_progress_is_reported(
     machine, monkeypatch
 ):
@@ -275,22 +293,25 @@ def may_write(eds: Any, index: int) -> bool:
     "data", [b"", b"\0" * 100, b"<script>alert(1)</script>", b"PK\x03\x04" + bytes(range(256)) * 40]
 )
 def test_an_invalid_dcf_is_reported_with_a_message(data):
-    told = about(Dcf("x.dcf", data))
-    assert told["text"] == ""
-    assert told["error"]["message"]
+    with pytest.raises(EdsError, match=r"^x\.dcf") as caught:
+        about(Dcf("x.dcf", data))
+    assert caught.value.message
+    assert caught.value.remedy
 
 
 def test_a_file_that_describes_millions_of_entries_is_refused_before_they_are_made():
     each = "[{:04X}]\nObjectType=8\nDataType=7\nAccessType=rw\nCompactSubObj=254\n"
     data = "".join(each.format(index) for index in range(0x1000, 0x6000)).encode()
     began = time.process_time()
-    assert "more entries than any device" in str(about(Dcf("x.dcf", data))["error"])
+    with pytest.raises(EdsError, match="more entries than any device"):
+        about(Dcf("x.dcf", data))
     assert time.process_time() - began < 3.0
 
 
 @given(st.binary(max_size=2000))
 def test_no_bytes_are_a_mistake_of_the_page(data):
-    json.dumps(about(Dcf("x.dcf", data)))
+    with suppress(EdsError):
+        assert about(Dcf("x.dcf", data)).startswith("of ")
 
 
 @given(st.text(max_size=200))
@@ -498,6 +519,31 @@ def test_a_long_report_is_cut_and_says_how_long_it_is():
         ConfigJob(ConfigJobKind.COMPARE, 1, 1), report=report.ConfigReport("", rows=rows)
     ).told()
     assert (len(told["report"]["rows"]), told["report"]["all"]) == (report.MOST, report.MOST + 5)
+
+
+def test_a_report_with_many_and_long_texts_is_shortened_before_it_is_sent_to_the_pages():
+    """A file may have a name of 2 MB, and 100,000 of them."""
+    long = "x" * 100_000
+    given = report.ConfigReport(
+        long, (long,) * 1000, (), ((long,) * 5,) * 1000, {"message": long}, broken={"observed": long}
+    )
+    found = given.bounded()
+    job = ConfigJob(ConfigJobKind.COMPARE, 1, 1)
+    told = ConfigProgress(job, report=found).told()["report"]
+    assert len(json.dumps(told)) < 600_000
+    assert told["all"] == 1000
+    assert told["lines"][-1] == "... and 901 more lines"
+    assert told["rows"][0][0].endswith("x ...")
+    assert found.left_out == 700
+    assert found.bounded() == found
+    error = Configuring().failed(job, StateError(long, observed=long, remedy="r")).told()["error"]
+    assert len(error["message"]) + len(error["observed"]) < 10_000
+    assert error["remedy"] == "r"
+
+
+def test_a_short_report_is_not_changed():
+    given = report.ConfigReport("a", ("b",), ("c", "d"), (("e", "f"),), {"message": "g"}, "h")
+    assert given.bounded() == given
 
 
 # -- requests -------------------------------------------------------------------------------------------------------------

@@ -1,33 +1,22 @@
-"""The DCFs of the pages: the file that each has uploaded, and the last backup made for it; bounded, and only in memory.
-
-``python -m axisbus.web.config.files NAME`` reads a DCF from standard input and writes its description as JSON. The server runs this
-as a process of low priority, because parsing a large file must not delay the jog of another page.
-"""
+"""The DCFs of the pages: the file that each has uploaded, and the last backup made for it; bounded, and only in memory."""
 
 from __future__ import annotations
 
-import json
-import os
 import re
-import subprocess
-import sys
 from dataclasses import dataclass
 
 from axisbus.configuration import preconditions
 from axisbus.eds.io import reader
 from axisbus.eds.io.reader import EdsParseResult
-from axisbus.eds.model import Eds
-from axisbus.errors import AxisbusError, EdsError, StateError, one_line
+from axisbus.errors import EdsError
 from axisbus.web.access import limits
-from axisbus.web.view.axes import Values, explained
 from axisbus.wording import counted
 
 MOST = limits.FILE  # bytes of one file
 MOST_ENTRIES = 100_000  # several times the number of the largest device
 BROUGHT, MADE = "brought", "made"
 _LONGEST = 80  # characters of a file name
-_PATIENCE = 20.0  # seconds that reading a file may take
-_NICE = 15
+_SHORT = 128 * 1024  # bytes of a file that is parsed in some hundredths of a second
 _UNFIT = re.compile(r"[^\w.() +-]")
 
 
@@ -37,6 +26,14 @@ class Dcf:
 
     name: str
     data: bytes
+
+    @property
+    def is_short(self) -> bool:
+        """Whether it is parsed in so short a time that no page notices: it is small, and no line defines many entries."""
+        compact = (
+            b"compact" in self.data.replace(b"\0", b"").lower()
+        )  # CompactSubObj, CompactPDO; \0: in UTF-16
+        return len(self.data) <= _SHORT and not compact
 
     def reading(self) -> EdsParseResult:
         """Parse the file; may take a second.
@@ -85,59 +82,16 @@ def named(text: str) -> str:
     return _UNFIT.sub("_", last)[:_LONGEST].strip(" .") or "file.dcf"
 
 
-def about(file: Dcf) -> Values:
-    """Return the description of a file, or why it is invalid; may take a second."""
-    try:
-        eds = file.reading().eds
-    except AxisbusError as error:
-        return {"name": file.name, "text": "", "error": explained(error)}
-    return {"name": file.name, "text": _what(eds), "error": None}
+def about(file: Dcf) -> str:
+    """Return the description of a file; may take a second.
 
-
-def about_apart(file: Dcf) -> Values:
-    """Run ``about`` in a process of its own; blocks for at most 20 s."""
-    command = [sys.executable, "-m", __name__, file.name]
-    try:
-        with subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        ) as reading:  # Ctrl-C in the terminal must only end the server
-            try:
-                _let_wait(reading.pid)
-                read, _ = reading.communicate(file.data, _PATIENCE)
-            finally:
-                reading.kill()
-        told: Values = json.loads(read)
-    except (OSError, ValueError, subprocess.TimeoutExpired) as error:
-        unread = StateError(
-            f"{file.name} could not be read", observed=one_line(error), remedy="choose it again"
-        )
-        return {"name": file.name, "text": "", "error": explained(unread)}
-    return told
-
-
-def _let_wait(process: int) -> None:
-    """Lower the priority of a process as it starts, because starting it takes longer than parsing."""
-    if hasattr(os, "setpriority"):
-        os.setpriority(os.PRIO_PROCESS, process, _NICE)
-
-
-def _what(eds: Eds) -> str:
+    Raises:
+        EdsError: as ``Dcf.reading``.
+    """
+    eds = file.reading().eds
     said = preconditions.identity_of(eds)
     numbers = (("vendor", said.vendor_id), ("product", said.product_code), ("serial", said.serial))
     known = [f"{title} 0x{number:X}" for title, number in numbers if number]
     given = sum(sub.parameter_value is not None for entry in eds for sub in entry.subs.values())
     of = "no particular node" if said.node_id is None else f"node {said.node_id}"
     return ", ".join((f"of {of}", *known, counted(given, "value")))
-
-
-def main() -> None:
-    """Read one file, and print its description."""
-    sys.stdout.write(json.dumps(about(Dcf(sys.argv[1], sys.stdin.buffer.read()))))
-
-
-if __name__ == "__main__":
-    main()

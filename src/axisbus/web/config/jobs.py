@@ -8,43 +8,32 @@ type.
 
 from __future__ import annotations
 
-import shlex
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import NamedTuple
 
-from axisbus.boot.dcf import settings
 from axisbus.bus.link.listen import link_bitrate
 from axisbus.bus.node.node import read_identity
-from axisbus.configuration import compare as device_side
-from axisbus.configuration import dcf_backup, dcf_values, guarded_write, preconditions, report_text
-from axisbus.configuration.dcf_values import Item, Selection
-from axisbus.configuration.restore import Restore, Result, ValueEnd
-from axisbus.drives import registry
+from axisbus.configuration import dcf_backup, preconditions, report_text
 from axisbus.eds import builtin, dcf, writer
 from axisbus.eds.io import reader
-from axisbus.eds.model import Eds
-from axisbus.errors import AxisbusError, BusError, StateError, Stopped
+from axisbus.errors import AxisbusError, StateError
 from axisbus.machine.machine import Machine
 from axisbus.machine.machine_node import MachineNode
 from axisbus.machine.node_access import NodeAccess
 from axisbus.web.access.lease import Refusal
+from axisbus.web.config import file_jobs, file_process
+from axisbus.web.config.file_jobs import NAME, OBJECT, Tell
 from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, PageFiles
-from axisbus.web.config.report import ConfigJob, ConfigJobKind, ConfigProgress, ConfigReport
+from axisbus.web.config.report import ConfigJob, ConfigJobKind, ConfigProgress, ConfigReport, bounded_texts
 from axisbus.web.objects.verifying import PacedNode, PacedSdo, WritingSdo
 from axisbus.web.view.axes import explained
 from axisbus.wording import counted
 
-Tell = Callable[[int, int], None]
-_OBJECT, _NAME = "Object", "Name"
-_YES, _NO = "yes", "no: the machine has set it, or uses it"
-_IN_RAM = "; the written values are lost at the next power-off, unless the drive stores them: axisbus save"
-
 
 def carry_out(machine: Machine, node: PacedNode, wanted: ConfigJob, tell: Tell) -> ConfigReport:
     """Carry out a job; blocks for one transfer per object. ``tell(done, all)`` is called after each transfer.
+
+    A job with a file that takes long to parse runs in a process of its own.
 
     Raises:
         AxisbusError: any error of the library about the file or the node.
@@ -52,10 +41,10 @@ def carry_out(machine: Machine, node: PacedNode, wanted: ConfigJob, tell: Tell) 
     if wanted.kind is ConfigJobKind.BACKUP:
         return backup(machine, node, tell)
     assert wanted.file is not None
-    if wanted.kind is ConfigJobKind.COMPARE:
-        return compare(node, wanted.file, tell)
-    how = restore if wanted.kind is ConfigJobKind.RESTORE else would_restore
-    return how(machine, node, wanted.file, tell)
+    target = MachineJobNode(machine, node)
+    if wanted.file.is_short:
+        return file_jobs.carry_out(wanted.kind, target, wanted.file, tell)
+    return file_process.carry_out(wanted.kind, target, wanted.file, tell, node.sdo.require_not_cancelled)
 
 
 def backup(machine: Machine, node: PacedNode, tell: Tell) -> ConfigReport:
@@ -83,113 +72,25 @@ def backup(machine: Machine, node: PacedNode, tell: Tell) -> ConfigReport:
     lines = (*report_text.device(who, path.name, node.node_id), f"{name}: {counted(len(data), 'octet')}")
     rows = tuple((f"{each.index:04X}h:{each.subindex:02X}", each.name, each.reason) for each in made.left_out)
     return ConfigReport(
-        report_text.read(made), lines, (_OBJECT, _NAME, "Left out, because"), rows, dcf=Dcf(name, data)
+        report_text.read(made), lines, (OBJECT, NAME, "Left out, because"), rows, dcf=Dcf(name, data)
     )
 
 
-def compare(node: PacedNode, file: Dcf, tell: Tell) -> ConfigReport:
-    """Compare a file with the present values of a node."""
-    found = device_side.against(node, file.reading().eds, tell)
-    rows = tuple(
-        (
-            f"{each.variable.index:04X}h:{each.variable.subindex:02X}",
-            each.variable.name,
-            *(("", each.note) if each.note else report_text.sides(each)),
-        )
-        for each in found.differences
-    )
-    titles = (_OBJECT, _NAME, report_text.short(file.name), f"node {node.node_id}")
-    return ConfigReport(report_text.compared(found), (), titles, rows)
+class MachineJobNode:
+    """A node of a machine of this process, for a job that takes a file."""
 
+    def __init__(self, machine: Machine, node: PacedNode) -> None:
+        self.node_id, self.eds, self.sdo, self.cell = node.node_id, node.eds, node.sdo, machine.cell
+        self._access, self._node = machine.node(node.node_id), node
+        self.cyclic = frozenset(self._access.sdo.cyclic)
 
-def would_restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> ConfigReport:
-    """Report the values that a restore would write, which of them this page would write, and how to restore the others."""
-    chosen = _chosen(machine, node, file)
-    restore = Restore(node.sdo, chosen.whole, lambda _, done, whole: tell(done, whole))
-    differing = restore.look()
-    dcf_values.require_within_limits(differing, chosen.eds, node.node_id)
-    held = {each.item.key: each.before for each in restore.report().results}
-    here = {item.key for item in chosen.settings.items}
-    rows = tuple(
-        (
-            *_object(each),
-            _shown(each, held[each.key]),
-            _shown(each, each.data),
-            _YES if each.key in here else _NO,
-        )
-        for each in differing
-    )
-    all_here = here.issuperset(each.key for each in differing) and not guarded_write.energised(node)
-    return ConfigReport(
-        report_text.would(differing, chosen.whole),
-        tuple(f"a restore would skip {line}" for line in report_text.skipped(chosen.whole.skipped)),
-        (_OBJECT, _NAME, "Present value", "Value in the file", "Restored here"),
-        rows,
-        {} if all_here else explained(refusal(machine.node(node.node_id), node)),
-        _command(machine, node, file),
-    )
+    def require_not_energised(self) -> None:
+        """Raise StateError if a drive of the node is energised; blocks for a transfer for each axis."""
+        preconditions.require_not_energised(self._node)
 
-
-def restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> ConfigReport:
-    """Write a node's own settings from the file, and read them back; other objects are not changed."""
-    chosen = _chosen(machine, node, file)
-    preconditions.require_not_energised(node)
-    run = Restore(node.sdo, chosen.settings, lambda _, done, whole: tell(done, whole))
-    dcf_values.require_within_limits(run.look(), chosen.eds, node.node_id)
-    try:
-        found, broken = run.run(), {}
-    except (BusError, StateError, Stopped) as error:  # report the written values in any case
-        found, broken = run.report(), explained(error)
-    rows = tuple(
-        (*_object(each.item), _shown(each.item, each.before), _shown(each.item, each.after), _came(each))
-        for each in found.results
-        if each.outcome is not ValueEnd.SAME
-    )
-    return ConfigReport(
-        report_text.restored(found) + (_IN_RAM if found.writes else ""),
-        tuple(f"skipped {line}" for line in report_text.skipped(found.skipped)),
-        (_OBJECT, _NAME, "Previous value", "Present value", "Result"),
-        rows,
-        explained(refusal(machine.node(node.node_id), node)),
-        _command(machine, node, file),
-        broken=broken,
-    )
-
-
-class _Chosen(NamedTuple):
-    """The values of a file for a node: ``whole``, and the ``settings`` among them, which may be written while the machine runs."""
-
-    eds: Eds
-    whole: Selection
-    settings: Selection
-
-
-def _chosen(machine: Machine, node: PacedNode, file: Dcf) -> _Chosen:
-    reading = file.reading()
-    dcf_values.require_values(reading)
-    who = read_identity(node.sdo)
-    preconditions.require_same_device(reading.eds, who, node.node_id, replacement=False)
-    make = registry.find(who.vendor_id, who.product_code)
-    whole = dcf_values.select(reading.eds, node.node_id, make)
-    cyclic = frozenset(machine.node(node.node_id).sdo.cyclic)
-    return _Chosen(reading.eds, whole, settings(machine.cell, node.node_id, reading.eds, make, cyclic, whole))
-
-
-def _object(item: Item) -> tuple[str, str]:
-    return f"{item.variable.index:04X}h:{item.variable.subindex:02X}", item.variable.name
-
-
-def _shown(item: Item, data: bytes | None) -> str:
-    return report_text.data_shown(item.variable, data)
-
-
-def _came(result: Result) -> str:
-    return f"{result.outcome.value}: {result.reason}" if result.reason else result.outcome.value
-
-
-def _command(machine: Machine, node: PacedNode, file: Dcf) -> str:
-    cell = shlex.quote(Path(machine.cell.file).name)
-    return f"axisbus config restore {shlex.quote(file.name)} {node.node_id} --cell {cell}"
+    def refusal(self) -> StateError:
+        """Return why the node is not restored completely; blocks as ``require_not_energised``."""
+        return refusal(self._access, self._node)
 
 
 def refusal(access: NodeAccess, node: PacedNode) -> StateError:
@@ -302,12 +203,12 @@ class Configuring:
         def tell(done: int, whole: int) -> None:
             self.now = ConfigProgress(wanted, done, whole)
 
-        report = carry_out(machine, paced, wanted, tell)
+        report = carry_out(machine, paced, wanted, tell).bounded()
         return replace(self.now or ConfigProgress(wanted), over=True, report=report)
 
     def failed(self, wanted: ConfigJob, error: AxisbusError) -> ConfigProgress:
         """Return the end of a job that failed with an error."""
-        return replace(self.now or ConfigProgress(wanted), over=True, error=explained(error))
+        return replace(self.now or ConfigProgress(wanted), over=True, error=bounded_texts(explained(error)))
 
     def done(self, ended: ConfigProgress) -> None:
         """Note the end of the job; a backup is stored for its page, unless the job was cancelled."""

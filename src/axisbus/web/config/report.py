@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from axisbus.web.config.files import Dcf
 from axisbus.web.view.axes import Values
+from axisbus.wording import counted
 
-MOST = 300  # the most rows that are shown
+MOST, _MOST_LINES = 300, 100  # the most rows and lines that are shown
+_TEXT, _LINE = 200, 2000  # characters of a text in a row, and of a line
 
 
 class ConfigJobKind(Enum):
@@ -49,7 +51,8 @@ class ConfigReport:
     """``text`` is the summary, ``lines`` are the details; a table has ``titles`` and ``rows``.
 
     ``refusal`` has the three texts of an error that says why not everything is restored here; ``command`` is the command that does
-    it. ``dcf``: the backup. ``broken``: the three texts of an error that ended a restore early.
+    it. ``dcf``: the backup. ``broken``: the three texts of an error that ended a restore early. ``left_out``: the number of rows
+    that ``bounded`` has left out.
     """
 
     text: str
@@ -60,6 +63,23 @@ class ConfigReport:
     command: str = ""
     dcf: Dcf | None = None
     broken: Mapping[str, str] = field(default_factory=dict)
+    left_out: int = 0
+
+    def bounded(self) -> ConfigReport:
+        """Return the report without what is not shown: every page gets it, and a file may contain long and many names."""
+        lines = self.lines
+        if len(lines) > _MOST_LINES:
+            more = counted(len(lines) - _MOST_LINES + 1, "more line")
+            lines = (*lines[: _MOST_LINES - 1], f"... and {more}")
+        return replace(
+            self,
+            text=cut(self.text, _LINE),
+            lines=tuple(cut(line, _LINE) for line in lines),
+            rows=tuple(tuple(cut(text, _TEXT) for text in row) for row in self.rows[:MOST]),
+            refusal=bounded_texts(self.refusal),
+            broken=bounded_texts(self.broken),
+            left_out=self.left_out + max(0, len(self.rows) - MOST),
+        )
 
     def told(self) -> Values:
         """Return the report as plain values."""
@@ -68,7 +88,7 @@ class ConfigReport:
             "lines": list(self.lines),
             "titles": list(self.titles),
             "rows": [list(row) for row in self.rows[:MOST]],
-            "all": len(self.rows),
+            "all": len(self.rows) + self.left_out,
             "refusal": dict(self.refusal) or None,
             "command": self.command,
             "broken": dict(self.broken) or None,
@@ -100,3 +120,13 @@ class ConfigProgress:
             "report": None if self.report is None else self.report.told(),
             "error": dict(self.error) or None,
         }
+
+
+def cut(text: str, most: int) -> str:
+    """Return a text with at most so many characters, and a mark if it is longer."""
+    return text if len(text) <= most else f"{text[:most]} ..."
+
+
+def bounded_texts(texts: Mapping[str, str]) -> dict[str, str]:
+    """Return the texts of an error, none longer than a line may be."""
+    return {name: cut(text, _LINE) for name, text in texts.items()}

@@ -8,9 +8,13 @@ import json
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
+from axisbus.errors import AxisbusError
 from axisbus.web.access.middleware import SESSION
 from axisbus.web.commands.clients import PageClients
-from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, PageFiles, about_apart, named
+from axisbus.web.config import file_process
+from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, PageFiles, named
+from axisbus.web.config.report import bounded_texts
+from axisbus.web.view.axes import Values, explained
 
 _NOT_FOUND, _TOO_LARGE, _BUSY = 404, 413, 503
 _AT_ONCE = 2  # files that are parsed at the same time; the others wait
@@ -57,7 +61,7 @@ class ConfigRoutes:
 
     async def _taken(self, page: int, file: Dcf) -> Response:
         async with self._turn:
-            told = await asyncio.to_thread(about_apart, file)
+            told = await asyncio.to_thread(_described, file)
         if told["error"] is None and page in self._desk.places and len(file.data) <= MOST:
             self._files.keep(page, BROUGHT, file)
         return Response(json.dumps(told), media_type="application/json")
@@ -77,3 +81,11 @@ class ConfigRoutes:
         if place is None or place.session != request.scope[SESSION].number:
             return None
         return place.seat.number
+
+
+def _described(file: Dcf) -> Values:
+    """Return the description of a file, or why it is invalid."""
+    try:
+        return {"name": file.name, "text": file_process.about(file), "error": None}
+    except AxisbusError as error:
+        return {"name": file.name, "text": "", "error": bounded_texts(explained(error))}

@@ -139,10 +139,14 @@ class PacedSdo:
         self._cancelled = cancelled
         self._what = what
 
+    def require_not_cancelled(self, seconds: float = 0.0) -> None:
+        """Wait, but not longer than until the activity is cancelled; raises Stopped if it was."""
+        if self._cancelled.wait(seconds):
+            raise Stopped(f"{self._what} of node {self.node_id} was cancelled")
+
     def upload(self, index: int, subindex: int = 0, *, progress: Progress | None = None) -> bytes:
         """Read an object's bytes; raises Stopped if the activity was cancelled."""
-        if self._cancelled.wait(PACE):
-            raise Stopped(f"{self._what} of node {self.node_id} was cancelled")
+        self.require_not_cancelled(PACE)
         return self._sdo.upload(index, subindex, progress=progress)
 
     def download(self, index: int, subindex: int, data: bytes) -> None:  # noqa: ARG002  # signature of the interface
@@ -163,8 +167,7 @@ class WritingSdo(PacedSdo):
     def download(self, index: int, subindex: int, data: bytes) -> None:
         """Write an object's bytes; raises Stopped if the activity was cancelled, StateError if a drive is energised."""
         preconditions.require_not_energised(self._node)
-        if self._cancelled.wait(PACE):
-            raise Stopped(f"{self._what} of node {self.node_id} was cancelled")
+        self.require_not_cancelled(PACE)
         self._sdo.download(index, subindex, data)
 
 
