@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
+import struct
 import tracemalloc
+import zlib
+from pathlib import Path
 
 import can
 import pytest
@@ -132,6 +136,81 @@ def test_a_size_in_a_blf_that_is_larger_than_the_file_takes_no_memory(tmp_path):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 10_000_000
+
+
+# -- BLF: objects in containers, typed after the format; every size in it may be wrong ------------------------------------
+
+
+def blf_object(size: int | None = None, data: bytes = b"\1") -> bytes:
+    """Return an object with a frame of 181h; ``size`` is given instead of its own."""
+    frame = struct.pack("<HBBL8s", 1, 0, len(data), 0x181, data)
+    rest = struct.pack("<LHHQ", 2, 0, 0, 0) + frame
+    return struct.pack("<4sHHLL", b"LOBJ", 32, 1, 16 + len(rest) if size is None else size, 1) + rest
+
+
+def blf_file(path: Path, *containers: bytes, method: int = 2) -> Path:
+    """Write a file with these containers, each with so many bytes of objects."""
+    with can.BLFWriter(path):
+        pass
+    data = bytearray(path.read_bytes()[:144])
+    for content in containers:
+        packed = zlib.compress(content) if method == 2 else content
+        head = struct.pack("<H6xL4x", method, len(content))
+        size = 16 + len(head) + len(packed)
+        data += struct.pack("<4sHHLL", b"LOBJ", 16, 1, size, 10) + head + packed + bytes(size % 4)
+    path.write_bytes(data)
+    return path
+
+
+def blf_frames(path: Path, most: int = 1000) -> list[CanFrame]:
+    return list(itertools.islice(frame_files.read(path, frame_files.SkippedLines()), most))
+
+
+@pytest.mark.parametrize("method", [0, 2])
+def test_a_blf_is_read_whose_objects_go_on_in_the_next_container(tmp_path, method):
+    objects = b"".join(blf_object(data=bytes([number])) for number in range(100))
+    parts = [objects[at : at + 70] for at in range(0, len(objects), 70)]
+    found = blf_frames(blf_file(tmp_path / "run.blf", *parts, method=method))
+    assert [frame.data for frame in found] == [bytes([number]) for number in range(100)]
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("size", [0, 1, 15])
+@pytest.mark.parametrize("body", [blf_object(), bytes(32)], ids=["objects", "zeros"])
+def test_an_object_of_a_blf_that_is_shorter_than_its_header_ends_the_reading(tmp_path, size, body):
+    """Read by its size, it would be read again and again."""
+    wrong = blf_object(size)[:16] + body
+    with pytest.raises(UserError, match=r"run\.blf cannot be read after 2 frames") as caught:
+        blf_frames(blf_file(tmp_path / "run.blf", blf_object() * 2 + wrong + blf_object()))
+    assert "shorter than its header" in caught.value.observed
+
+
+def test_a_container_of_a_blf_that_decompresses_to_hundreds_of_mb_is_refused_before_it_does(tmp_path):
+    path = blf_file(tmp_path / "run.blf", blf_object() + bytes(200_000_000))
+    tracemalloc.start()
+    with pytest.raises(UserError, match="cannot be read at its beginning") as caught:
+        blf_frames(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert caught.value.observed == "ValueError: a container has more than 16 MB"
+    assert peak < 70_000_000
+
+
+def test_an_object_of_a_blf_that_never_ends_is_not_stored_without_end(tmp_path):
+    path = blf_file(tmp_path / "run.blf", blf_object(), blf_object(0xFFFF_FFFF), *[bytes(1 << 20)] * 100)
+    tracemalloc.start()
+    with pytest.raises(UserError, match="cannot be read after 1 frame") as caught:
+        blf_frames(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert caught.value.observed == "ValueError: an object has more than 4 MB"
+    assert peak < 30_000_000
+
+
+def test_a_blf_whose_compression_is_not_known_says_so(tmp_path):
+    with pytest.raises(UserError, match="cannot be read at its beginning") as caught:
+        blf_frames(blf_file(tmp_path / "run.blf", blf_object(), method=7))
+    assert "compression 7" in caught.value.observed
 
 
 ASC_HEAD = "date Mon Dec 6 11:21:13 am 2021\nbase hex  timestamps absolute\n"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+import zlib
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, TextIO, cast
 
 import can
+from can.io import blf
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.errors import UserError
@@ -29,6 +31,8 @@ _NO_EVENTS: dict[str, re.Pattern[str]] = {
 }
 # In these files channels count from 1, in python-can's messages from 0.
 _COUNTED_FROM_0 = frozenset({".asc", ".blf"})
+# Bytes of a container of a BLF, which has 128 kB by default, and of an object that goes on in the next container.
+_BLF_CONTAINER, _BLF_OBJECT = 16 << 20, 4 << 20
 
 
 @dataclass(slots=True)
@@ -185,9 +189,7 @@ def _by_library(path: Path, skipped: SkippedLines) -> Iterator[CanFrame]:
 def _reader(stack: ExitStack, path: Path, skipped: SkippedLines) -> Iterable[can.Message]:
     kind = path.suffix.lower()
     if kind == ".blf":  # this reader leaves a file open that it cannot read
-        return can.BLFReader(
-            cast(BinaryIO, _Sized(stack.enter_context(path.open("rb")), path.stat().st_size))
-        )
+        return _BlfReader(cast(BinaryIO, _Sized(stack.enter_context(path.open("rb")), path.stat().st_size)))
     if kind in _NO_EVENTS:
         file = stack.enter_context(path.open(encoding="utf-8", errors="replace"))
         text: Any = _Lines(file, _NO_EVENTS[kind], skipped, headed=kind == ".asc")
@@ -210,6 +212,60 @@ class _Sized:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._file, name)
+
+
+class _BlfReader(can.BLFReader):
+    """python-can's reader of BLF, with bounds for the sizes that a file gives.
+
+    python-can reads an object of size 0 again and again, without end. It decompresses containers whatever their size, and stores
+    whatever it takes for the beginning of an object.
+    """
+
+    def __iter__(self) -> Generator[can.Message]:
+        """Yield the frames; raises ValueError and struct.error at a damaged file."""
+        while data := self.file.read(blf.OBJ_HEADER_BASE_STRUCT.size):
+            signature, _, _, size, kind = blf.OBJ_HEADER_BASE_STRUCT.unpack(data)
+            if signature != b"LOBJ":
+                raise ValueError("there is no object where one must begin")
+            content = self.file.read(max(0, size - blf.OBJ_HEADER_BASE_STRUCT.size))
+            self.file.read(size % 4)  # padding
+            if kind == blf.LOG_CONTAINER:
+                yield from self._parse_container(_decompressed(content))
+                if len(self._tail) > _BLF_OBJECT:
+                    raise ValueError(f"an object has more than {_BLF_OBJECT >> 20} MB")
+
+    def _parse_data(self, data: bytes) -> Iterator[can.Message]:
+        """Yield the frames of the objects up to the first one whose size is impossible."""
+        wrong = _impossible_object(data)
+        yield from super()._parse_data(data if wrong is None else data[:wrong])
+        if wrong is not None:
+            raise ValueError("an object is shorter than its header")
+
+
+def _decompressed(container: bytes) -> bytes:
+    method, _ = blf.LOG_CONTAINER_STRUCT.unpack_from(container)
+    content = container[blf.LOG_CONTAINER_STRUCT.size :]
+    if method == blf.NO_COMPRESSION:
+        return content
+    if method != blf.ZLIB_DEFLATE:
+        raise ValueError(f"a container has compression {method}, which is neither 0 (none) nor 2 (zlib)")
+    found = zlib.decompressobj()
+    data = found.decompress(content, _BLF_CONTAINER)
+    if found.unconsumed_tail:
+        raise ValueError(f"a container has more than {_BLF_CONTAINER >> 20} MB")
+    return data
+
+
+def _impossible_object(data: bytes) -> int | None:
+    """Return where the first object begins that is shorter than its header; None if there is none."""
+    header = blf.OBJ_HEADER_BASE_STRUCT
+    at = data.find(b"LOBJ", 0, 8)
+    while 0 <= at <= len(data) - header.size:
+        size = header.unpack_from(data, at)[3]
+        if size < header.size:
+            return at
+        at = data.find(b"LOBJ", at + size, at + size + 8)
+    return None
 
 
 class _Lines:
