@@ -10,6 +10,7 @@ findings.
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
 import tempfile
 import time
@@ -89,6 +90,9 @@ def main() -> int:
     if given.o is not None:
         given.o.mkdir(parents=True, exist_ok=True)
     warnings.simplefilter("ignore")  # of readers about what they have repaired
+    logging.getLogger("can").setLevel(
+        logging.CRITICAL
+    )  # python-can logs each line that it does not understand
     print(f"seed {seed}", flush=True)
     names = given.reader or list(READERS)
     wrong = sum(fuzz(name, READERS[name], given.inputs, seed, given.o, given.seconds) for name in names)

@@ -15,6 +15,28 @@ def test_a_case_that_does_not_end_is_ended():
         time.sleep(5)
 
 
+def test_a_case_that_catches_its_interruption_is_interrupted_again():
+    caught: list[TooLongError] = []
+
+    def log_handler() -> None:
+        try:
+            time.sleep(5)
+        except TooLongError as error:
+            caught.append(error)
+
+    def case() -> None:
+        with within(0.05):
+            log_handler()
+            log_handler()
+            time.sleep(5)
+
+    began = time.monotonic()
+    with pytest.raises(TooLongError):
+        case()
+    assert len(caught) == 2
+    assert time.monotonic() - began < 4.0
+
+
 def test_the_time_out_of_the_test_continues_behind_a_case():
     handler = signal.getsignal(signal.SIGALRM)
     left, _ = signal.getitimer(signal.ITIMER_REAL)

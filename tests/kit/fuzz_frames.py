@@ -110,7 +110,8 @@ def within(seconds: float) -> Iterator[None]:
         raise TooLongError(f"not done after {seconds} s")
 
     before = signal.signal(signal.SIGALRM, ring)
-    left, _ = signal.setitimer(signal.ITIMER_REAL, seconds)
+    # Again after a while: a log handler, for one, catches whatever is raised in it.
+    left, _ = signal.setitimer(signal.ITIMER_REAL, seconds, min(1.0, seconds))
     until = time.monotonic() + left
     try:
         assert not left or seconds < left, (
