@@ -219,6 +219,13 @@ _TO_DRIVE: Conversations = [
         on_bus(0x000, "8105"),
         on_bus(0x605, "4000100000000000"),
     ],
+    [  # it gets another node-ID, and is still being reset at the end
+        on_bus(0x7E5, "0401000000000000"),
+        on_bus(0x7E5, "112c000000000000"),
+        on_bus(0x7E5, "1700000000000000"),
+        on_bus(0x7E5, "0400000000000000"),
+        on_bus(0x000, "8105"),
+    ],
     [
         on_bus(0x605, "2f60600001000000"),
         on_bus(0x605, "237a600000100000"),
@@ -245,6 +252,9 @@ def _drive(frames: Sequence[bytes]) -> None:
         for can_id, data in slave.take_frames():
             assert 0 <= can_id <= 0x7FF
             assert len(data) <= 8
+    for _ in range(4):  # a drive that is being reset hears nothing
+        now += 0.5
+        slave.step(now)
     for request in ("0401", f"11{ID:02x}", "17", "0400"):  # the input may have changed the node-ID
         slave.on_frame(0x7E5, bytes.fromhex(request).ljust(8, b"\0"), now)
         now += 0.01
