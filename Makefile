@@ -16,23 +16,19 @@ quick: $(READY)           ## run the quick tests in two processes, after each ed
 
 test: $(READY)            ## run all tests whose result does not depend on the load of the computer, in two processes
 	test -d tests/__pycache__ || $(BIN)/python -m pytest --collect-only -qq > /dev/null || true
-	$(BIN)/python -m pytest -m "not real_time" -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -m "not real_time" -n 2 --dist loadfile
 
-# A busy computer can delay a test in real time so that it fails: at most 24 such tests run once more, with no other test at the same time.
 test-real: $(READY)       ## run the tests that need real processes, sockets, a browser or the kernel
-	$(BIN)/python -m pytest -m real_time -n 3 --dist loadfile --no-loadscope-reorder || \
-	{ test $$? = 1 && $(BIN)/python -m pytest -m real_time --alone --last-failed --last-failed-no-failures none; }
+	$(BIN)/python -m pytest -m real_time -n 2 --dist loadfile
 	$(MAKE) test-web
 
 # The tests of the browser run alone: a browser and its page need the whole computer.
 test-web: $(READY)        ## test the page in a real Chromium, if there is one; writes pictures to demo-output/web
-	AXISBUS_BROWSER=1 $(BIN)/python -m pytest tests/web/test_web_browser*.py || \
-	{ test $$? = 1 && AXISBUS_BROWSER=1 $(BIN)/python -m pytest --alone --last-failed --last-failed-no-failures none; }
+	AXISBUS_BROWSER=1 $(BIN)/python -m pytest tests/web/test_web_browser*.py
 
 scenarios: $(READY)         ## run the scenarios in both modes: the core in its program, and in a process of its own
 	for mode in thread own; do \
-		AXISBUS_PROCESS=$$mode $(BIN)/python -m pytest tests/scenarios -n 2 --dist loadfile || { test $$? = 1 && \
-		AXISBUS_PROCESS=$$mode $(BIN)/python -m pytest --alone --last-failed --last-failed-no-failures none; } || exit 1; \
+		AXISBUS_PROCESS=$$mode $(BIN)/python -m pytest tests/scenarios -n 2 --dist loadfile || exit 1; \
 	done
 
 test-socketcan: $(READY)  ## run the bus-level tests over the kernel's CAN (vcan), on this kernel or in a user-mode Linux

@@ -11,8 +11,8 @@ import signal
 import sys
 import tempfile
 import warnings
-from collections.abc import Generator
-from functools import cache
+from collections.abc import Generator, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from hypothesis import HealthCheck, settings
 
 from kit import undisturbed
 from kit.scenarios import golden as scenario_golden
-from kit.slow import LONG, is_real_time, is_slow, is_virtual_time
+from kit.slow import is_real_time, is_slow, is_virtual_time, shares_virtual_time
 
 # The same examples in every run, so that a run says something of the change and not of chance; ``make explore`` tries fresh ones.
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -62,32 +62,11 @@ for _number in ("SIGHUP", "SIGQUIT"):
         signal.signal(getattr(signal, _number), signal.SIG_DFL)
 
 QUICK = "not slow"  # the choice of ``make quick``
-MOST_ALONE = 24  # a slow computer with two processors has failed 17 of 20,000 in seven processes at a time
-_IDLE = 10  # the niceness of what only computes: it has a tenth of what a test in real time has, where both want the processor
 undisturbed.begin()
+_shared: dict[Path, ExitStack] = {}  # of the file whose tests run now, if they share their virtual time
 _failed: set[str] = set()
 _used: set[str] = set()
 _kept: set[str] = set()
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption(
-        "--alone",
-        action="store_true",
-        help="with --last-failed: what failed is given once more, nothing beside it, if it runs in real time",
-    )
-
-
-def pytest_collection_finish(session: pytest.Session) -> None:
-    """Refuse to try again what does not run in real time, or too much of what does."""
-    if session.config.option.alone:
-        sure = [item.nodeid for item in session.items if not item.get_closest_marker("real_time")]
-        if sure:
-            pytest.exit(f"not in real time, so not tried again: {', '.join(sure)}", returncode=1)
-        if len(session.items) > MOST_ALONE:
-            pytest.exit(
-                f"{len(session.items)} tests failed; at most {MOST_ALONE} are tried again", returncode=1
-            )
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -97,7 +76,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 @pytest.hookimpl(tryfirst=True)  # before the tests are chosen by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the slow tests, and put the longest files first."""
+    """Mark the tests that are slow, or have a time."""
     for item in items:
         test = getattr(item, "originalname", item.name)
         if is_slow(item.path, test):
@@ -106,8 +85,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.real_time)
         elif is_virtual_time(item.path, test):
             item.add_marker(pytest.mark.virtual_time)
-    order = {name: number for number, name in enumerate(LONG)}
-    items.sort(key=lambda item: order.get(item.path.name, len(LONG)))
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -137,16 +114,22 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, Any, Any]:
-    """Run a test in virtual time if it is marked so, and give tests that only compute a lower priority than those in real time."""
-    if _may_rank():
-        real_time = item.get_closest_marker("real_time") is not None
-        os.setpriority(os.PRIO_PROCESS, 0, _rank() if real_time else _IDLE)
+    """Run a test in virtual time if it is marked so; some files have one virtual time for all their tests."""
     if not item.get_closest_marker("virtual_time"):
         return (yield)
     from kit.virtual_time import virtual_time  # imports the bus, which quick tests do not need
 
-    with virtual_time():
+    if not shares_virtual_time(item.path):
+        with virtual_time():
+            return (yield)
+    if item.path not in _shared:
+        _shared[item.path] = ExitStack()
+        _shared[item.path].enter_context(virtual_time())
+    try:
         return (yield)
+    finally:
+        if nextitem is None or nextitem.path != item.path:
+            _shared.pop(item.path).close()
 
 
 @pytest.hookimpl(trylast=True)
@@ -166,25 +149,6 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
         gc.collect()
 
 
-@cache
-def _rank() -> int:
-    """The niceness that this process began with."""
-    return os.getpriority(os.PRIO_PROCESS, 0)
-
-
-@cache
-def _may_rank() -> bool:
-    """Whether this process may take back what it has given way by."""
-    if sys.platform != "linux":
-        return False
-    try:
-        os.setpriority(os.PRIO_PROCESS, 0, _rank() + 1)
-        os.setpriority(os.PRIO_PROCESS, 0, _rank())
-    except OSError:
-        return False
-    return True
-
-
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, Any, Any]:
     """Fail a test in which a scan waited for a disk, and the last one of a file that leaves a machine open for the next."""
@@ -198,3 +162,12 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
             way_out.EXIT.part(session)
         assert not left, f"{len(left)} machines were left open by tests of this file"
     return result
+
+
+@pytest.fixture(scope="module")
+def core_in_threads() -> Iterator[None]:
+    """Machines of cells with a core of its own run that in threads, which virtual time reaches."""
+    from kit.core_in_threads import core_in_threads  # imports the core, which quick tests do not need
+
+    with core_in_threads():
+        yield

@@ -13,7 +13,7 @@ from axisbus import Cam, Machine, Signal
 from axisbus.cia401.signal import IoPoint
 from kit.pages import PAGES as ALL_PAGES
 from kit.pages import README, ROOT, blocks, blocks_of_all, name_of, text_of
-from kit.slow import IN_REAL_TIME, IN_VIRTUAL_TIME, LONG, NAMES
+from kit.slow import IN_REAL_TIME, IN_VIRTUAL_TIME, NAMES, REAL_TIME
 
 SOURCE = ROOT / "src" / "axisbus"
 README_WORDS = 900
@@ -352,13 +352,16 @@ def test_no_test_puts_a_folder_on_the_path():
     assert [file.name for file in FILES if changing.search(file.read_text(encoding="utf-8"))] == []
 
 
-@pytest.mark.parametrize("name", LONG)
-def test_a_file_that_is_begun_first_is_there(name):
-    assert len(list(TESTS.rglob(name))) == 1
-
-
 @pytest.mark.parametrize("name", sorted(NAMES | IN_REAL_TIME | IN_VIRTUAL_TIME))
 def test_every_test_named_as_slow_or_with_a_time_exists(name):
     path, _, function = name.partition("::")
     assert (TESTS / path).exists()
     assert not function or f"\ndef {function}(" in (TESTS / path).read_text(encoding="utf-8")
+
+
+def test_each_test_in_real_time_has_one_reason_and_no_virtual_time():
+    names = [name for names in REAL_TIME.values() for name in names]
+    assert len(names) == len(IN_REAL_TIME)
+    assert {name.partition("::")[0] for name in names} - IN_VIRTUAL_TIME >= {
+        name for name in names if "::" not in name
+    }

@@ -59,7 +59,7 @@ class Peer:
         self.bus.shutdown()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def peer() -> Iterator[Peer]:
     peer = Peer()
     yield peer

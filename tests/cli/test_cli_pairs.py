@@ -125,7 +125,7 @@ def test_a_rehearsal_judges_a_pair_by_where_it_is_seen(cell):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
-def test_in_a_machine_that_runs_a_pair_is_enabled_halted_and_disabled(axisbus, tmp_path):
+def test_in_a_machine_that_runs_a_pair_is_enabled_halted_and_disabled(axisbus, tmp_path, core_in_threads):
     file = own_cell(tmp_path, axis=LIMITS, more='[gantries.b]\naxes = ["x", "y"]\nmax_skew = 8.0\n')
     with Machine.open(file) as machine:
         code, out, err = axisbus("enable", file, "--take")

@@ -27,7 +27,7 @@ OVER_TEMPERATURE = 0x4310
 
 
 @pytest.fixture
-def file(tmp_path, monkeypatch):
+def file(tmp_path, monkeypatch, core_in_threads):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return own_cell(tmp_path)
 

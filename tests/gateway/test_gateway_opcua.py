@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import copy
-import json
 import os
 import shutil
-import signal
 import socket
 import ssl
 import struct
-import subprocess
 import sys
 import threading
 import time
-from contextlib import ExitStack, contextmanager, suppress
-from pathlib import Path
+from contextlib import suppress
 from types import SimpleNamespace
 
 import pytest
@@ -31,51 +27,33 @@ from asyncua.ua.uaerrors import UaStatusCodeError
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
 
-from axisbus.cell import reader
 from axisbus.errors import ConfigError, StateError
 from axisbus.gateway.opcua import limits, trust, users
 from axisbus.gateway.opcua.event_mapping import OpcuaEvent
 from axisbus.gateway.opcua.limited_server import CHECKED, OpcuaUserManager
-from axisbus.gateway.opcua.server import OpcUaServer
 from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
 from axisbus.gateway.opcua.session import GuardedSession
 from axisbus.gateway.opcua.status_code import ImageFreshness
 from axisbus.gateway.opcua.trust import TrustingFactory
 from axisbus.machine.machine import Machine
-from axisbus.web import address as page_address
 from kit import commands
 from kit.cell import cell_text
 from kit.connections import closed
+from kit.opcua.serving import (
+    ANNA,
+    POSITION,
+    X,
+    Y,
+    address,
+    crowd_of,
+    entered_again,
+    good,
+    halt,
+    refused,
+    served,
+    until,
+)
 from kit.opcua.visiting import Visit, Who, come_in, papers, visit
-from kit.scenarios.own import own_cell, under_way
-
-CLIENT = Path(__file__).parents[1] / "kit" / "opcua" / "client.js"
-X, Y = "/Axes/x", "/Axes/y"
-POSITION = f"{X}/PositionActualValue"
-ANNA = Who("anna", "right")
-
-
-def until(seen, within=10.0):
-    end = time.monotonic() + within
-    while not (found := seen()):
-        assert time.monotonic() < end
-        time.sleep(0.05)
-    return found
-
-
-def refused(status):
-    """A call that the server refuses with this status."""
-    return pytest.raises((UaStatusCodeError, ServiceError), match=status)
-
-
-@contextmanager
-def served(file, keeping):
-    listening, _ = page_address.opened("127.0.0.1", 0, tls=False)
-    server = OpcUaServer(reader.load(file), "cell", listening, keeping)
-    try:
-        yield server
-    finally:
-        server.close()
 
 
 @pytest.fixture(scope="module")
@@ -109,10 +87,6 @@ def machine(file, server):
         server.follow(opened)
         yield opened
         server.follow(None)
-
-
-def good(url):
-    return until(lambda: visit(url, lambda seen: seen.value(POSITION))[1] == "Good")
 
 
 # -- what is seen ---------------------------------------------------------------------------------------------------------
@@ -219,6 +193,14 @@ class Heard:
     def event_notification(self, event):
         self.events.append(event)
 
+    async def event(self):
+        """Wait until an event has come, at most 5 s, and another moment in which a second one would."""
+        for _ in range(100):
+            if self.events:
+                break
+            await asyncio.sleep(0.05)
+        await asyncio.sleep(0.3)
+
 
 def test_what_happens_is_one_event_for_each_who_listens_at_the_server_or_the_incidents(server, machine):
     told = OpcuaEvent(server.now(), 900, "x: a fault", "seen", "do this", "x")
@@ -247,10 +229,6 @@ def test_what_happens_is_one_event_for_each_who_listens_at_the_server_or_the_inc
 
 
 # -- who may do what ------------------------------------------------------------------------------------------------------
-
-
-async def halt(seen: Visit):
-    return await seen.call(X, "Halt")
 
 
 async def write(seen: Visit):
@@ -302,7 +280,7 @@ def test_without_a_machine_a_method_is_refused_and_says_so_as_an_event(server):
         )
         with refused("BadNoCommunication"):
             await seen.call(X, "Halt")
-        await asyncio.sleep(0.3)
+        await heard.event()
         return [event.Cause for event in heard.events], heard.events[0].Message.Text
 
     server.follow(None)
@@ -384,10 +362,6 @@ def test_it_is_no_directory_of_servers(server):
 
 
 # -- who does not behave ----------------------------------------------------------------------------------------------------
-
-
-def address(server):
-    return "127.0.0.1", int(server.url.rpartition(":")[2].partition("/")[0])
 
 
 def hello(receives, sends):
@@ -504,24 +478,6 @@ def test_a_crowd_without_a_name_is_served_and_leaves_room_for_another_address_an
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a computer has more than one loopback address on Linux")
-@pytest.mark.parametrize("from_address", ["127.0.0.1", "127.0.0.2"])
-def test_a_thousand_connections_that_say_nothing_keep_nobody_from_halting(server, machine, from_address):
-    with crowd_of(server, *[from_address] * 1000):
-        assert visit(server.url, halt, ANNA) is not None
-    until(lambda: entered_again(server))
-
-
-@contextmanager
-def crowd_of(server, *addresses):
-    """Connections that say nothing, from these addresses of this computer."""
-    with ExitStack() as stack:
-        yield [
-            stack.enter_context(socket.create_connection(address(server), 3.0, (each, 0)))
-            for each in addresses
-        ]
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="a computer has more than one loopback address on Linux")
 def test_one_address_holds_not_all_connections_and_who_says_nothing_none_that_is_asked_for(server):
     others = [f"127.0.0.{number % 4 + 2}" for number in range(limits.CONNECTIONS + 8)]
     with crowd_of(server, *["127.0.0.2"] * (limits.OF_ADDRESS.connections + 3)) as lines:
@@ -592,12 +548,6 @@ def test_a_connection_by_which_nobody_is_in_any_more_is_closed(server, monkeypat
         return stays, left
 
     assert asyncio.run(leave()) == (1, 0)
-
-
-def entered_again(server):
-    with suppress(Exception):
-        return visit(server.url, lambda seen: seen.value("/Running"))[1] == "Good"
-    return False
 
 
 def literal(octets):
@@ -704,7 +654,7 @@ def test_an_event_is_of_its_own_type_and_of_that_which_all_have_also_by_a_filter
         (changed,) = await seen.client.uaclient.modify_monitored_items(changes)
         assert changed.StatusCode.is_good()
         await asyncio.to_thread(server.tell, [OpcuaEvent(server.now(), 900, "after")], ())
-        await asyncio.sleep(0.5)
+        await heard.event()
         return [event.Message.Text for event in heard.events]
 
     assert visit(server.url, listen) == (["after"] if comes else [])
@@ -986,134 +936,6 @@ def test_a_user_s_line_is_printed_without_his_password(run):
     assert out.startswith("anna:scrypt:")
     assert "right" not in out
     assert run("bridge", "opcua-user", "an na").code == 2
-
-
-@contextmanager
-def bridge(file, *words):
-    """The command, in a process of its own; yields the process and where it serves."""
-    command = [
-        sys.executable,
-        "-u",
-        "-m",
-        "axisbus",
-        "bridge",
-        "opcua",
-        str(file),
-        "--port",
-        "0",
-        *map(str, words),
-    ]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            yield process, process.stdout.readline().split()[-1]
-        finally:
-            process.kill()
-
-
-own_process = pytest.mark.skipif(
-    sys.platform != "linux", reason="a core in a process of its own is for Linux"
-)
-
-
-@own_process
-@pytest.mark.timeout(120)
-def test_the_bridge_follows_machines_halts_them_and_its_end_changes_none(tmp_path, folder, known):
-    file = own_cell(tmp_path)
-    with bridge(file, "--users", folder / "users", "--allow-reset") as (process, url):
-
-        def position():
-            return visit(url, lambda seen: seen.value(POSITION))  # of the bridge that is there
-
-        assert position() == (None, "BadWaitingForInitialData")
-        with Machine.open(file) as machine:
-            until(lambda: position()[1] == "Good")
-            machine["x"].enable().wait(20)
-            handle = under_way(machine["x"])
-            first = position()[0]
-            until(lambda: position()[0] != first)
-            text = visit(url, halt, ANNA)
-            assert text.startswith("x: Standstill at")
-            assert handle.exception() is not None
-            assert "x.halt() by process" in str(handle.exception())
-            with refused("BadUserAccessDenied"):  # this program has the command
-                visit(url, lambda seen: seen.call(X, "Reset"), ANNA)
-        until(lambda: position() == (None, "BadNoCommunication"))
-        with Machine.open(file, shared=True):
-            until(lambda: position()[1] == "Good")
-            assert "Disabled" in visit(url, lambda seen: seen.call("", "Reset"), ANNA)
-        until(lambda: position() == (None, "BadNoCommunication"))
-        with Machine.open(file) as machine:
-            until(lambda: position()[1] == "Good")
-            machine["x"].enable().wait(20)
-            handle = machine["x"].move_relative(20.0)
-            process.send_signal(signal.SIGKILL)
-            handle.wait(20)
-            with bridge(file) as (another, url):
-                until(lambda: position()[1] == "Good")
-                another.send_signal(signal.SIGTERM)
-                assert another.wait(10) == 143
-
-
-# -- another stack ----------------------------------------------------------------------------------------------------------
-
-
-def has_node_opcua():
-    node = shutil.which("node")
-    asked = [node, "-e", "require.resolve('node-opcua-client')"]
-    return node is not None and subprocess.run(asked, capture_output=True, check=False).returncode == 0
-
-
-another_stack = pytest.mark.skipif(
-    not has_node_opcua(),
-    reason="another stack is not here: npm install node-opcua-client, and NODE_PATH=.../node_modules",
-)
-
-
-def seen_by_node(server, *who):
-    ran = subprocess.run(
-        ["node", str(CLIENT), server.url, "cell", "x", *who],
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
-        timeout=50,
-    )
-    return json.loads(ran.stdout.splitlines()[-1])
-
-
-@another_stack
-def test_a_client_of_another_stack_sees_it_all_and_without_a_name_calls_nothing(server, machine):
-    good(server.url)
-    seen = seen_by_node(server)
-    assert seen["axes"] == ["x", "y"]
-    assert sorted(seen["methods"]) == ["Halt", "Stop"]
-    assert seen["variables"]["PositionActualValue"]["unit"] == {"symbol": "deg", "number": 17476}
-    assert seen["variables"]["AxisState"]["text"] == "Disabled"
-    assert seen["variables"]["AxisState"]["states"][0] == [0, "Disabled"]
-    assert seen["positions"][0][1] == "Good"
-    assert "BadUserAccessDenied" in seen["halt"][0]
-    assert "BadUserAccessDenied" in seen["written"]
-
-
-@another_stack
-def test_a_client_of_another_stack_with_a_name_halts_and_writes_nothing(server, machine):
-    good(server.url)
-    seen = seen_by_node(server, "anna", "right")
-    assert seen["halt"] == ["Good", "x: Disabled at 0 deg"]
-    assert seen["written"] == "BadNotWritable"
-
-
-@another_stack
-def test_a_client_of_another_stack_hears_what_is_refused(server):
-    server.follow(None)
-    seen = seen_by_node(server, "anna", "right")
-    assert seen["halt"][0] == "BadNoCommunication"
-    (event,) = seen["events"]
-    message, severity, cause, remedy, axis = event
-    assert "anna" in message
-    assert severity == 500
-    assert "no machine is running" in cause
-    assert (remedy, axis) == ("", "x")
-    assert all(status.startswith("Bad") for _, status in seen["positions"])
 
 
 @pytest.mark.parametrize(("there", "instead"), [("a003020102", "a003020107"), ("0603551d0f", "0603551d11")])

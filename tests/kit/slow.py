@@ -8,62 +8,10 @@ from pathlib import Path
 
 TESTS = Path(__file__).parents[1]
 
-REAL_TIME = "they run in real time, on a bus or in programs of their own"
-VIRTUAL_TIME = "they run with all threads of a bus, in virtual time"
+# Why a test must run in real time, so that a computer which keeps it waiting can delay it. Each other test must not.
 # Folders, files, and tests of a file (behind ``::``), from the folder of the tests.
-SLOW = {
-    REAL_TIME: (
-        "machine/test_mit_control.py::test_a_signal_lets_it_go",
-        "scenarios/test_scenario_boot_up.py::test_boot_prints_letter_step_object_expected_and_got",
-        "scenarios/test_scenario_second_master.py::test_ctrl_c_while_it_listens_leaves_nothing_behind",
-        "socketcan",
-        "scenarios/test_scenario_beside.py",
-        "scenarios/test_scenario_first_fault.py",
-        "scenarios/test_scenario_flood.py",
-        "scenarios/test_scenario_io_bus.py",
-        "scenarios/test_scenario_killed.py",
-        "scenarios/test_scenario_modules.py",
-        "scenarios/test_scenario_processes.py",
-        "scenarios/test_scenario_signals.py",
-        "scenarios/test_scenario_starved.py",
-        "scenarios/test_scenario_suspended.py",
-        "scenarios/test_scenario_virtual.py::test_in_real_time_it_is_moved_by_the_core_wherever_that_runs",
-        "scenarios/test_scenario_virtual.py::test_where_its_core_is_killed_there_is_nothing_of_it_to_be_stopped",
-        "scenarios/test_scenario_ways_out.py",
-        "test_pages.py",
-        "test_examples.py",
-        "test_notebooks.py",
-        "test_start.py",
-        "bus/test_bus_durand.py",
-        "core/test_core_own_kinematics.py",
-        "core/test_core_stream_resume.py",
-        "core/test_core_faults.py",
-        "core/test_core_joined.py",
-        "core/test_core_process.py",
-        "bus/test_bus_parallel.py",
-        "bus/test_bus_tshark.py",
-        "cli/test_cli_gim6010_modbus.py",
-        "machine/test_machine_modbus.py",
-        "cli/test_cli_jitter.py",
-        "cli/test_cli_joined.py",
-        "cli/test_cli_found.py",
-        "core/test_core_probe.py",
-        "cli/test_cli_record.py",
-        "cli/test_cli_sim.py",
-        "sim/test_sim_network.py",
-        "mutation/test_mutation_trial.py",
-        "core/test_core_door.py",
-        "fleet/test_fleet_cells.py",
-        "fleet/test_fleet_network.py",
-        "cli/test_cli_check.py::test_scan_draws_a_table_on_a_terminal",
-        "cli/test_cli_check.py::test_monitor_keeps_one_table_on_a_terminal",
-        "cli/test_cli_check.py::test_no_color_holds_for_trace_too",
-        "cli/test_cli_turning.py",
-        "cli/test_cli_pairs.py",
-        "record/test_record_edges_bus.py",
-        "sim/test_sim_served.py",
-        "web/test_web_acceptor.py",
-        "web/test_web_attacks.py",
+REAL_TIME = {
+    "a browser shows the page": (
         "web/test_web_browser.py",
         "web/test_web_browser_access.py",
         "web/test_web_browser_axis.py",
@@ -72,15 +20,79 @@ SLOW = {
         "web/test_web_browser_objects.py",
         "web/test_web_browser_scope.py",
         "web/test_web_browser_tuning.py",
-        "web/test_web_file_process.py",
-        "web/test_web_served.py",
-        "gateway/test_gateway_metrics.py",
-        "gateway/test_gateway_opcua.py",
-        "gateway/test_gateway_zenoh.py",
-        "gateway/test_ros_bridge.py",
-        "gateway/test_gateway_zenoh_tls.py",
     ),
+    "the kernel's CAN carries the frames, or the kernel stamps them": (
+        "socketcan",
+        "bus/test_bus_cyclic.py::test_the_time_of_a_frame_is_not_that_of_the_one_before_in_its_place",
+        "bus/test_bus_intake.py::test_what_came_together_is_taken_together_with_the_kernels_time",
+    ),
+    "processes end, hang, or are killed, suspended or signalled": (
+        "core/test_core_faults.py::test_a_fault_that_a_program_dies_of_is_kept_with_its_stop",
+        "core/test_core_joined_processes.py",
+        "core/test_core_process.py",
+        "cli/test_cli_joined_processes.py",
+        "machine/test_mit_control.py::test_a_signal_lets_it_go",
+        "machine/test_wakeup.py",
+        "mutation/test_mutation_trial.py",
+        "scenarios/test_scenario_boot_up.py::test_boot_prints_letter_step_object_expected_and_got",
+        "scenarios/test_scenario_flood.py::test_four_threads_that_command_without_a_pause_take_no_cycles_and_keep_no_stop_waiting",
+        "core/test_core_door.py::test_a_request_to_stop_is_taken_while_others_come_again_and_again",
+        "core/test_core_door.py::test_a_machine_of_another_user_is_found_and_neither_joined_nor_believed",
+        "core/test_core_door.py::test_another_user_is_sent_away_from_the_door_whatever_is_said",
+        "core/test_core_door.py::test_root_comes_in_to_a_machine_of_the_user_whose_cell_file_it_is",
+        "scenarios/test_scenario_io_bus.py",
+        "scenarios/test_scenario_killed.py",
+        "scenarios/test_scenario_modules.py",
+        "scenarios/test_scenario_processes.py",
+        "scenarios/test_scenario_second_master.py::test_ctrl_c_while_it_listens_leaves_nothing_behind",
+        "scenarios/test_scenario_signals.py",
+        "scenarios/test_scenario_starved.py",
+        "scenarios/test_scenario_suspended.py",
+        "scenarios/test_scenario_virtual.py::test_in_real_time_it_is_moved_by_the_core_wherever_that_runs",
+        "scenarios/test_scenario_virtual.py::test_where_its_core_is_killed_there_is_nothing_of_it_to_be_stopped",
+        "scenarios/test_scenario_ways_out.py",
+    ),
+    "programs are started as users start them": (
+        "cli/test_cli_check.py::test_scan_draws_a_table_on_a_terminal",
+        "cli/test_cli_check.py::test_monitor_keeps_one_table_on_a_terminal",
+        "cli/test_cli_check.py::test_no_color_holds_for_trace_too",
+        "cli/test_cli_found.py",
+        "cli/test_cli_gim6010_modbus.py",
+        "cli/test_cli_jitter.py",
+        "cli/test_cli_record.py",
+        "cli/test_cli_sim.py",
+        "cli/test_cli_turning.py",
+        "core/test_core_probe.py",
+        "machine/test_machine_modbus.py",
+        "record/test_record_edges_bus.py",
+        "sim/test_sim_network.py",
+        "sim/test_sim_served.py",
+        "test_examples.py",
+        "test_notebooks.py",
+        "test_pages.py",
+        "test_start.py",
+    ),
+    "a program or library that is not ours is at the other end": (
+        "bus/test_bus_tshark.py",
+        "cli/test_cli_fleet.py",
+        "fleet/test_fleet_cells.py",
+        "fleet/test_fleet_network.py",
+        "gateway/test_gateway_metrics.py",
+        "gateway/test_gateway_opcua_processes.py",
+        "gateway/test_gateway_zenoh.py",
+        "gateway/test_gateway_zenoh_tls.py",
+        "gateway/test_ros_bridge.py",
+        "web/test_web_acceptor.py",
+        "web/test_web_attacks.py",
+        "web/test_web_served.py",
+    ),
+}
+VIRTUAL_TIME = "they run with all threads of a bus, in virtual time"
+SLOW = {
+    **REAL_TIME,
     VIRTUAL_TIME: (
+        "bus/test_bus_durand.py",
+        "bus/test_bus_parallel.py",
         "boot/test_boot_cells.py",
         "boot/test_boot_dcf.py",
         "boot/test_boot_module_bus.py",
@@ -110,6 +122,7 @@ SLOW = {
         "cli/test_cli_init.py",
         "cli/test_cli_lss.py",
         "cli/test_cli_od.py",
+        "cli/test_cli_pairs.py",
         "cli/test_cli_probe.py",
         "cli/test_cli_save.py",
         "cli/test_cli_simulated.py",
@@ -117,6 +130,10 @@ SLOW = {
         "cli/test_cli_underway.py",
         "cli/test_cli_virtual.py",
         "core/test_core_can_simple.py",
+        "core/test_core_door.py",
+        "core/test_core_faults.py",
+        "core/test_core_own_kinematics.py",
+        "core/test_core_stream_resume.py",
         "drives/test_modbus_serial.py",
         "machine/test_machine_services.py",
         "machine/test_machine_speaks.py",
@@ -125,12 +142,14 @@ SLOW = {
         "record/test_record_capture.py::test_in_real_time_the_capture_is_written_outside_the_cycle",
         "record/test_record_readers.py",
         "sim/test_sim_lss.py",
+        "scenarios/test_scenario_beside.py",
         "scenarios/test_scenario_boot_up.py",
         "scenarios/test_scenario_bus_off.py",
         "scenarios/test_scenario_controller_bus.py",
         "scenarios/test_scenario_cyclic_bus.py",
         "scenarios/test_scenario_dead_bus.py",
         "scenarios/test_scenario_event_timer.py",
+        "scenarios/test_scenario_first_fault.py",
         "scenarios/test_scenario_exit.py",
         "scenarios/test_scenario_feed_forward_bus.py",
         "scenarios/test_scenario_foreign_slaves.py",
@@ -218,75 +237,18 @@ SLOW = {
         "sim/test_sim_corpus.py",
     ),
 }
-# Begun first: a long file that one process begins last is waited for by all the others. Those that wait for drives and clocks are
-# mixed with those that compute, so that neither is ever left alone.
-WAITING = (
-    "test_web_attacks.py",
-    "test_scenario_processes.py",
-    "test_scenario_suspended.py",
-    "test_cli_record.py",
-    "test_core_joined.py",
-    "test_pages.py",
-    "test_scenario_signals.py",
-    "test_scenario_ways_out.py",
-    "test_fuzz_mad_node.py",
-    "test_core_process.py",
-    "test_scenario_beside.py",
-    "test_cli_joined.py",
-    "test_cli_turning.py",
-    "test_core_faults.py",
-    "test_cli_sim.py",
-    "test_scenario_starved.py",
-    "test_scenario_virtual.py",
-    "test_scenario_io_bus.py",
-    "test_core_probe.py",
-    "test_record_edges_bus.py",
-)
-COMPUTING = (
-    "test_scenario_drawn.py",
-    "test_scenario_random.py",
-    "test_examples.py",
-    "test_scenario_plants.py",
-    "test_notebooks.py",
-    "test_motion_calm.py",
-    "test_scenario_groups.py",
-    "test_eds_corpus.py",
-    "test_cell_schema.py",
-    "test_motion_streaming.py",
-    "test_sim_sdo_sweep.py",
-    "test_eds_fix.py",
-    "test_eds_check_planted.py",
-    "test_scenario_arguments.py",
-    "test_eds_code.py",
-    "test_motion_invariants.py",
-    "test_scenario_killed.py",
-)
-_SHARE = 2  # of those that wait, for each that computes
-LONG = (
-    *(
-        name
-        for at, busy in enumerate(COMPUTING)
-        for name in (*WAITING[_SHARE * at : _SHARE * at + _SHARE], busy)
-    ),
-    *WAITING[_SHARE * len(COMPUTING) :],
-)
 NAMES = frozenset(name for names in SLOW.values() for name in names)
 # Quick tests, and tests that are slow for another reason, whose threads wait for each other.
-ALSO_REAL_TIME = (
-    "cli/test_cli_fleet.py",
-    "bus/test_bus_cyclic.py",
-    "bus/test_bus_intake.py",
-    "machine/test_wakeup.py",
-    "wire/test_wire_stream.py",
-)
 ALSO_VIRTUAL_TIME = (
     "bus/test_bus_adapter.py",
     "bus/test_bus_alone.py",
     "bus/test_bus_channel.py",
     "bus/test_bus_controller.py",
     "bus/test_bus_cycle.py",
+    "bus/test_bus_cyclic.py",
     "bus/test_bus_emcy.py",
     "bus/test_bus_events.py",
+    "bus/test_bus_intake.py",
     "bus/test_bus_line.py",
     "bus/test_bus_monitor.py",
     "bus/test_bus_nmt.py",
@@ -303,9 +265,16 @@ ALSO_VIRTUAL_TIME = (
     "fuzz/test_fuzz_mad_node.py",
     "fuzz/test_fuzz_shown.py",
     "record/test_record_edges.py",
+    "wire/test_wire_stream.py",
 )
-IN_REAL_TIME = frozenset((*SLOW[REAL_TIME], *ALSO_REAL_TIME))
-IN_VIRTUAL_TIME = frozenset((*SLOW[VIRTUAL_TIME], *ALSO_VIRTUAL_TIME))
+# Files in virtual time whose tests share a machine or a server, with its threads: the clock goes on from test to test.
+SHARED_VIRTUAL_TIME = (
+    "cli/test_cli_joined.py",
+    "core/test_core_joined.py",
+    "gateway/test_gateway_opcua.py",
+)
+IN_REAL_TIME = frozenset(name for names in REAL_TIME.values() for name in names)
+IN_VIRTUAL_TIME = frozenset((*SLOW[VIRTUAL_TIME], *ALSO_VIRTUAL_TIME, *SHARED_VIRTUAL_TIME))
 
 
 def is_slow(path: Path, test: str = "") -> bool:
@@ -322,6 +291,11 @@ def is_real_time(path: Path, test: str = "") -> bool:
 def is_virtual_time(path: Path, test: str = "") -> bool:
     """Whether a test runs in virtual time (kit/virtual_time.py); a test that is named as real time does not."""
     return bool(_names(path, test) & IN_VIRTUAL_TIME) and not is_real_time(path, test)
+
+
+def shares_virtual_time(path: Path) -> bool:
+    """Whether all tests of a file run in one virtual time."""
+    return bool(set(_named(path)) & set(SHARED_VIRTUAL_TIME)) and not is_real_time(path)
 
 
 def _beyond_threads() -> bool:

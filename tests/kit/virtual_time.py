@@ -6,8 +6,11 @@ Inside ``virtual_time`` only one thread runs at a time, until it blocks on a loc
 next thread is then the one that has been ready longest. If no thread is ready, the clock advances to the earliest deadline. Waiting
 therefore takes no real time, computing takes no virtual time, and the order of events is the same in every run.
 
-This works below ``threading``: its locks, its thread start and the clock functions are replaced, so ``Condition``, ``Event``,
-``Queue``, ``Timer`` and thread pools follow. Locks that already exist are not replaced; a thread must not block while it holds one.
+This works below ``threading``: its locks, its thread start, the clock functions and blocking calls of sockets are replaced, so
+``Condition``, ``Event``, ``Queue``, ``Timer``, thread pools and ``asyncio`` follow. Locks that already exist are not replaced; a
+thread must not block while it holds one. The kernel delivers data of TCP and of terminals a moment after they were sent: the clock
+does not advance in that moment.
+
 Not suitable: tests with other processes, and tests that poll in a loop without sleeping.
 """
 
@@ -15,17 +18,20 @@ from __future__ import annotations
 
 import _thread
 import concurrent.futures.thread
+import errno
 import heapq
 import itertools
+import os
 import queue
 import select
 import selectors
 import socket
+import struct
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from typing import Any
 from unittest import mock
@@ -39,9 +45,12 @@ _allocate = _thread.allocate_lock
 _monotonic, _sleep = time.monotonic, time.sleep
 _poll = select.poll
 _CLOCK_STEP = 1e-6  # seconds that each reading of the clock takes, so that a polling loop ends
+_TIMEVAL = struct.Struct("ll")
 _FOREVER = float("inf")
 _POLL_SLICE = 0.2  # real seconds; between two rounds of _next() while only descriptors are waited for
 _POLL_LIMIT = 60.0  # real seconds after which a wait for descriptors alone counts as a deadlock
+_QUEUE_ROUND = 0.001  # virtual seconds between two attempts to connect; no descriptor reports a free place
+_DELIVERY = 0.01  # real seconds; the kernel delivers data on loopback and of terminals in threads of its own
 _STOP_LIMIT = 5.0  # real seconds that the remaining threads may take to end
 
 
@@ -79,6 +88,7 @@ class Scheduler:
         self._timers: list[tuple[float, int, int, VirtualThread]] = []
         self._order = itertools.count()
         self._polling: dict[VirtualThread, dict[int, int]] = {}
+        self._arrival = 0.0  # real time until which sent data may be on their way
 
     # -- threads -----------------------------------------------------------------------------------------------------------
 
@@ -174,7 +184,7 @@ class Scheduler:
         """Return the thread that runs next; advances the clock if none is ready."""
         began = _monotonic()
         while not self._ready:
-            if self._polling and self._poll_descriptors(0.0):
+            if self._polling and self._poll_descriptors(max(0.0, self._arrival - _monotonic())):
                 continue
             while self._timers:
                 at, _, number, thread = heapq.heappop(self._timers)
@@ -200,6 +210,10 @@ class Scheduler:
             if events:
                 self.wake(thread, events)
         return bool(ready)
+
+    def has_sent(self) -> None:
+        """Let the clock stand until the data have arrived: the kernel delivers those of TCP and terminals a moment later."""
+        self._arrival = _monotonic() + _DELIVERY
 
     # -- replacements of the functions of time ---------------------------------------------------------------------------------
 
@@ -320,19 +334,122 @@ def _select(scheduler: Scheduler) -> Callable[..., tuple[list[Any], list[Any], l
     return selects
 
 
-def _when_ready(scheduler: Scheduler, name: str) -> Callable[..., Any]:
+def _when_ready(scheduler: Scheduler, name: str, events: int) -> Callable[..., Any]:
     known = getattr(socket.socket, name)
 
     def does(line: socket.socket, *given: Any, **named: Any) -> Any:
-        limit = line.gettimeout()
-        if scheduler.current() is not None and limit != 0.0:
-            poll = Poll(scheduler)
-            poll.register(line, select.POLLIN)
-            if not poll.poll(_milliseconds(limit)):
-                raise TimeoutError("timed out")
+        if scheduler.current() is not None:
+            _await(scheduler, line, events)
         return known(line, *given, **named)
 
     return does
+
+
+def _await(scheduler: Scheduler, line: socket.socket, events: int) -> None:
+    """Block until a socket is ready, as long as a call of it would; ``SO_RCVTIMEO`` limits those that receive."""
+    limit = line.gettimeout()
+    if limit == 0.0:
+        return
+    kernel_limit = _receive_timeout(line) if limit is None and events == select.POLLIN else 0.0
+    poll = Poll(scheduler)
+    poll.register(line, events)
+    if not poll.poll(_milliseconds(kernel_limit or limit)):
+        raise BlockingIOError if kernel_limit else TimeoutError("timed out")
+
+
+def _receive_timeout(line: socket.socket) -> float:
+    """Return ``SO_RCVTIMEO`` in seconds; 0: none."""
+    seconds, microseconds = _TIMEVAL.unpack(
+        line.getsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _TIMEVAL.size)
+    )
+    return seconds + microseconds / 1e6
+
+
+def _send(scheduler: Scheduler) -> Callable[..., int]:
+    """Return a ``socket.send`` that blocks in virtual time."""
+    known = socket.socket.send
+
+    def send(line: socket.socket, data: Any, flags: int = 0) -> int:
+        _note_sent(scheduler, line)
+        if scheduler.current() is None or line.gettimeout() == 0.0:
+            return known(line, data, flags)
+        while True:
+            with suppress(BlockingIOError):
+                return known(line, data, flags | socket.MSG_DONTWAIT)
+            _await(scheduler, line, select.POLLOUT)
+
+    return send
+
+
+def _send_all(scheduler: Scheduler) -> Callable[..., None]:
+    """Return a ``socket.sendall`` that blocks in virtual time."""
+    known = socket.socket.sendall
+
+    def send_all(line: socket.socket, data: Any, flags: int = 0) -> None:
+        if scheduler.current() is None or line.gettimeout() == 0.0:
+            return known(line, data, flags)
+        left = memoryview(data).cast("B")
+        while left:
+            left = left[line.send(left, flags) :]
+        return None
+
+    return send_all
+
+
+def _connect(scheduler: Scheduler) -> Callable[..., None]:
+    """Return a ``socket.connect`` that blocks in virtual time."""
+    known = socket.socket.connect
+
+    def connect(line: socket.socket, address: Any) -> None:
+        limit = line.gettimeout()
+        _note_sent(scheduler, line)
+        if scheduler.current() is None or limit == 0.0:
+            return known(line, address)
+        until = _FOREVER if limit is None else scheduler.now + limit
+        line.setblocking(False)
+        try:
+            while (error := line.connect_ex(address)) == errno.EAGAIN:  # the queue of a local server is full
+                if scheduler.now >= until:
+                    raise BlockingIOError(error, os.strerror(error))
+                scheduler.sleep(_QUEUE_ROUND)
+        finally:
+            line.settimeout(limit)
+        if error == errno.EINPROGRESS:
+            _await(scheduler, line, select.POLLOUT)
+            error = line.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if error:
+            raise OSError(error, os.strerror(error))
+        return None
+
+    return connect
+
+
+def _marked(scheduler: Scheduler, name: str) -> Callable[..., Any]:
+    known = getattr(socket.socket, name)
+
+    def does(line: socket.socket, *given: Any) -> Any:
+        _note_sent(scheduler, line)
+        return known(line, *given)
+
+    return does
+
+
+def _note_sent(scheduler: Scheduler, line: socket.socket) -> None:
+    if line.family != socket.AF_UNIX:
+        scheduler.has_sent()
+
+
+def _write(scheduler: Scheduler) -> Callable[[int, Any], int]:
+    """Return an ``os.write`` that notes when a terminal gets data."""
+    known = os.write
+
+    def write(descriptor: int, data: Any) -> int:
+        written = known(descriptor, data)
+        if os.isatty(descriptor):
+            scheduler.has_sent()
+        return written
+
+    return write
 
 
 def _held(scheduler: Scheduler) -> Lock:
@@ -394,13 +511,18 @@ def virtual_time() -> Iterator[Scheduler]:
         (can.bus, "time", scheduler.time),
         (queue, "SimpleQueue", queue._PySimpleQueue),  # type: ignore[attr-defined]
         (concurrent.futures.thread, "_global_shutdown_lock", Lock(scheduler)),
+        (os, "write", _write(scheduler)),
         (select, "poll", partial(Poll, scheduler)),
         (select, "select", _select(scheduler)),
         (selectors, "DefaultSelector", Selector),
         *(
-            (socket.socket, name, _when_ready(scheduler, name))
+            (socket.socket, name, _when_ready(scheduler, name, select.POLLIN))
             for name in ("recv", "recv_into", "recvmsg", "accept")
         ),
+        *((socket.socket, name, _marked(scheduler, name)) for name in ("close", "shutdown")),
+        (socket.socket, "connect", _connect(scheduler)),
+        (socket.socket, "send", _send(scheduler)),
+        (socket.socket, "sendall", _send_all(scheduler)),
     ]
     with ExitStack() as stack:
         for owner, name, replacement in changes:

@@ -1,0 +1,192 @@
+"""The OPC UA bridge as a program, a client of another stack, and a crowd that fills the queue of the kernel."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("asyncua", reason="OPC UA needs asyncua")
+
+
+from axisbus.gateway.opcua import users
+from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
+from axisbus.machine.machine import Machine
+from kit.cell import cell_text
+from kit.opcua.serving import ANNA, POSITION, X, crowd_of, entered_again, good, halt, refused, served, until
+from kit.opcua.visiting import visit
+from kit.scenarios.own import own_cell, under_way
+
+CLIENT = Path(__file__).parents[1] / "kit" / "opcua" / "client.js"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("opcua")
+
+
+@pytest.fixture(scope="module")
+def file(folder):
+    (folder / "cell.toml").write_text(cell_text("xy"), "utf-8")
+    return folder / "cell.toml"
+
+
+@pytest.fixture(scope="module")
+def known(folder):
+    (folder / "users").write_text(users.line_of("anna", "right"), "utf-8")
+    return users.read(folder / "users")
+
+
+@pytest.fixture(scope="module")
+def server(file, known):
+    """On loopback, without certificates."""
+    access = decide(Given(True, users=True))
+    with served(file, ServerOptions(access, users=known)) as found:
+        yield found
+
+
+@pytest.fixture
+def machine(file, server):
+    with Machine.simulated(file) as opened:
+        server.follow(opened)
+        yield opened
+        server.follow(None)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a computer has more than one loopback address on Linux")
+@pytest.mark.parametrize("from_address", ["127.0.0.1", "127.0.0.2"])
+def test_a_thousand_connections_that_say_nothing_keep_nobody_from_halting(server, machine, from_address):
+    with crowd_of(server, *[from_address] * 1000):
+        assert visit(server.url, halt, ANNA) is not None
+    until(lambda: entered_again(server))
+
+
+@contextmanager
+def bridge(file, *words):
+    """The command, in a process of its own; yields the process and where it serves."""
+    command = [
+        sys.executable,
+        "-u",
+        "-m",
+        "axisbus",
+        "bridge",
+        "opcua",
+        str(file),
+        "--port",
+        "0",
+        *map(str, words),
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield process, process.stdout.readline().split()[-1]
+        finally:
+            process.kill()
+
+
+own_process = pytest.mark.skipif(
+    sys.platform != "linux", reason="a core in a process of its own is for Linux"
+)
+
+
+@own_process
+@pytest.mark.timeout(120)
+def test_the_bridge_follows_machines_halts_them_and_its_end_changes_none(tmp_path, folder, known):
+    file = own_cell(tmp_path)
+    with bridge(file, "--users", folder / "users", "--allow-reset") as (process, url):
+
+        def position():
+            return visit(url, lambda seen: seen.value(POSITION))  # of the bridge that is there
+
+        assert position() == (None, "BadWaitingForInitialData")
+        with Machine.open(file) as machine:
+            until(lambda: position()[1] == "Good")
+            machine["x"].enable().wait(20)
+            handle = under_way(machine["x"])
+            first = position()[0]
+            until(lambda: position()[0] != first)
+            text = visit(url, halt, ANNA)
+            assert text.startswith("x: Standstill at")
+            assert handle.exception() is not None
+            assert "x.halt() by process" in str(handle.exception())
+            with refused("BadUserAccessDenied"):  # this program has the command
+                visit(url, lambda seen: seen.call(X, "Reset"), ANNA)
+        until(lambda: position() == (None, "BadNoCommunication"))
+        with Machine.open(file, shared=True):
+            until(lambda: position()[1] == "Good")
+            assert "Disabled" in visit(url, lambda seen: seen.call("", "Reset"), ANNA)
+        until(lambda: position() == (None, "BadNoCommunication"))
+        with Machine.open(file) as machine:
+            until(lambda: position()[1] == "Good")
+            machine["x"].enable().wait(20)
+            handle = machine["x"].move_relative(20.0)
+            process.send_signal(signal.SIGKILL)
+            handle.wait(20)
+            with bridge(file) as (another, url):
+                until(lambda: position()[1] == "Good")
+                another.send_signal(signal.SIGTERM)
+                assert another.wait(10) == 143
+
+
+def has_node_opcua():
+    node = shutil.which("node")
+    asked = [node, "-e", "require.resolve('node-opcua-client')"]
+    return node is not None and subprocess.run(asked, capture_output=True, check=False).returncode == 0
+
+
+another_stack = pytest.mark.skipif(
+    not has_node_opcua(),
+    reason="another stack is not here: npm install node-opcua-client, and NODE_PATH=.../node_modules",
+)
+
+
+def seen_by_node(server, *who):
+    ran = subprocess.run(
+        ["node", str(CLIENT), server.url, "cell", "x", *who],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+        timeout=50,
+    )
+    return json.loads(ran.stdout.splitlines()[-1])
+
+
+@another_stack
+def test_a_client_of_another_stack_sees_it_all_and_without_a_name_calls_nothing(server, machine):
+    good(server.url)
+    seen = seen_by_node(server)
+    assert seen["axes"] == ["x", "y"]
+    assert sorted(seen["methods"]) == ["Halt", "Stop"]
+    assert seen["variables"]["PositionActualValue"]["unit"] == {"symbol": "deg", "number": 17476}
+    assert seen["variables"]["AxisState"]["text"] == "Disabled"
+    assert seen["variables"]["AxisState"]["states"][0] == [0, "Disabled"]
+    assert seen["positions"][0][1] == "Good"
+    assert "BadUserAccessDenied" in seen["halt"][0]
+    assert "BadUserAccessDenied" in seen["written"]
+
+
+@another_stack
+def test_a_client_of_another_stack_with_a_name_halts_and_writes_nothing(server, machine):
+    good(server.url)
+    seen = seen_by_node(server, "anna", "right")
+    assert seen["halt"] == ["Good", "x: Disabled at 0 deg"]
+    assert seen["written"] == "BadNotWritable"
+
+
+@another_stack
+def test_a_client_of_another_stack_hears_what_is_refused(server):
+    server.follow(None)
+    seen = seen_by_node(server, "anna", "right")
+    assert seen["halt"][0] == "BadNoCommunication"
+    (event,) = seen["events"]
+    message, severity, cause, remedy, axis = event
+    assert "anna" in message
+    assert severity == 500
+    assert "no machine is running" in cause
+    assert (remedy, axis) == ("", "x")
+    assert all(status.startswith("Bad") for _, status in seen["positions"])
