@@ -23,7 +23,6 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="signals, and a core that others can join"),
     pytest.mark.timeout(120),
 ]
-NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 SPEED = 40.0  # deg/s
 SLOW = SPEED**2 / 2 / 500.0  # degrees: what the ramp of a halt takes
 STANDS_WITHIN = 1.5  # seconds on a busy computer; the ramp takes 0.08
@@ -67,22 +66,6 @@ def printed(outputs):
 
 def is_picture(png):
     return len(png) > 20_000 and png.startswith("iVBORw0KGgo")
-
-
-def test_there_are_notebooks():
-    assert [path.stem for path in NOTEBOOKS] == ["eds_inspection", "first_steps", "tuning_by_capture"]
-
-
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_is_kept_without_what_it_came_to(path):
-    cells = [cell for cell in read(path).cells if cell.cell_type == "code"]
-    assert all(cell.outputs == [] and cell.execution_count is None for cell in cells)
-
-
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_closes_its_machine(path):
-    code = "\n".join(cell.source for cell in read(path).cells if cell.cell_type == "code")
-    assert ("Machine" in code) == ("cell.close()" in code)
 
 
 def test_the_first_steps_arrive_and_are_drawn(ran):

@@ -304,7 +304,7 @@ def until(seen, within=20.0):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
 @pytest.mark.timeout(120)
-def test_a_guest_tells_what_the_core_has_counted(exporter, url, tmp_path):
+def test_a_guest_tells_what_the_core_has_counted(exporter, url, tmp_path, core_in_threads):
     with Machine.open(own_cell(tmp_path)) as machine, Machine.attach(machine.cell.file) as guest:
         exporter.machine = guest
         exporter.look()

@@ -26,7 +26,9 @@ import queue
 import select
 import selectors
 import socket
+import socketserver
 import struct
+import subprocess
 import threading
 import time
 from collections import deque
@@ -46,6 +48,12 @@ _monotonic, _sleep = time.monotonic, time.sleep
 _poll = select.poll
 _CLOCK_STEP = 1e-6  # seconds that each reading of the clock takes, so that a polling loop ends
 _TIMEVAL = struct.Struct("ll")
+_READING = {"recv": 1, "recv_into": 2, "recvmsg": 2, "accept": 0}  # of a socket; and where their flags are
+_SELECTORS = (
+    (selectors, "DefaultSelector"),
+    (socketserver, "_ServerSelector"),
+    (subprocess, "_PopenSelector"),
+)
 _FOREVER = float("inf")
 _POLL_SLICE = 0.2  # real seconds; between two rounds of _next() while only descriptors are waited for
 _POLL_LIMIT = 60.0  # real seconds after which a wait for descriptors alone counts as a deadlock
@@ -334,12 +342,13 @@ def _select(scheduler: Scheduler) -> Callable[..., tuple[list[Any], list[Any], l
     return selects
 
 
-def _when_ready(scheduler: Scheduler, name: str, events: int) -> Callable[..., Any]:
+def _when_readable(scheduler: Scheduler, name: str, flags_at: int) -> Callable[..., Any]:
     known = getattr(socket.socket, name)
 
     def does(line: socket.socket, *given: Any, **named: Any) -> Any:
-        if scheduler.current() is not None:
-            _await(scheduler, line, events)
+        flags = named.get("flags", 0) or (given[flags_at] if len(given) > flags_at else 0)
+        if scheduler.current() is not None and not flags & socket.MSG_DONTWAIT:
+            _await(scheduler, line, select.POLLIN)
         return known(line, *given, **named)
 
     return does
@@ -371,7 +380,7 @@ def _send(scheduler: Scheduler) -> Callable[..., int]:
 
     def send(line: socket.socket, data: Any, flags: int = 0) -> int:
         _note_sent(scheduler, line)
-        if scheduler.current() is None or line.gettimeout() == 0.0:
+        if scheduler.current() is None or line.gettimeout() == 0.0 or flags & socket.MSG_DONTWAIT:
             return known(line, data, flags)
         while True:
             with suppress(BlockingIOError):
@@ -514,11 +523,8 @@ def virtual_time() -> Iterator[Scheduler]:
         (os, "write", _write(scheduler)),
         (select, "poll", partial(Poll, scheduler)),
         (select, "select", _select(scheduler)),
-        (selectors, "DefaultSelector", Selector),
-        *(
-            (socket.socket, name, _when_ready(scheduler, name, select.POLLIN))
-            for name in ("recv", "recv_into", "recvmsg", "accept")
-        ),
+        *((module, name, Selector) for module, name in _SELECTORS),
+        *((socket.socket, name, _when_readable(scheduler, name, at)) for name, at in _READING.items()),
         *((socket.socket, name, _marked(scheduler, name)) for name in ("close", "shutdown")),
         (socket.socket, "connect", _connect(scheduler)),
         (socket.socket, "send", _send(scheduler)),
