@@ -164,10 +164,10 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
     return result
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def core_in_threads() -> Iterator[None]:
     """Machines of cells with a core of its own run that in threads, which virtual time reaches."""
-    from kit.core_in_threads import core_in_threads  # imports the core, which quick tests do not need
+    from kit import core_in_threads  # imports the core, which quick tests do not need
 
-    with core_in_threads():
+    with core_in_threads.core_in_threads():
         yield

@@ -1,8 +1,10 @@
-"""The programs of examples/, the ten lines of README.md and the demo run, each in a process of its own, as a reader starts them."""
+"""The programs of examples/ run; one of them, the ten lines of README.md and the demo in a process, as a reader starts them."""
 
 import os
+import runpy
 import subprocess
 import sys
+import warnings
 
 import pytest
 
@@ -45,8 +47,22 @@ def run(*arguments, cwd=ROOT, process="own"):
     ],
     ids=lambda value: getattr(value, "stem", value),
 )
-def test_each_example_runs(example, process):
-    ran = run(str(example), process=process)
+def test_each_example_runs(example, process, monkeypatch, capsys, core_in_threads):
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setenv("AXISBUS_PROCESS", process)
+    monkeypatch.setattr(sys, "argv", [str(example)])
+    monkeypatch.setattr(sys, "path", [str(example.parent), *sys.path])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        runpy.run_path(str(example), run_name="__main__")
+    printed = capsys.readouterr()
+    assert printed.out.strip()
+    assert "Traceback" not in printed.err
+
+
+@IN_BOTH
+def test_an_example_runs_as_a_program(process):
+    ran = run(str(ROOT / "examples" / "with_asyncio.py"), process=process)
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.strip()
     assert "Traceback" not in ran.stderr

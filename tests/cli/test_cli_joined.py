@@ -13,6 +13,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit import commands
 from kit.cell import cell_text
+from kit.core_in_threads import core_in_threads
 from kit.scenarios.own import enabled, own_cell, turns, under_way
 
 pytestmark = [
@@ -32,8 +33,8 @@ def file(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def opened(file, core_in_threads):
-    with Machine.open(file) as machine:
+def opened(file):
+    with core_in_threads(), Machine.open(file) as machine:
         yield machine
 
 

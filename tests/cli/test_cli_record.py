@@ -143,7 +143,9 @@ def test_what_cannot_be_recorded_is_refused_and_nothing_is_written(axisbus, cell
 
 
 @LINUX
-def test_a_machine_that_runs_is_joined_and_what_its_program_does_is_recorded(axisbus, tmp_path):
+def test_a_machine_that_runs_is_joined_and_what_its_program_does_is_recorded(
+    axisbus, tmp_path, core_in_threads
+):
     file, path = own_cell(tmp_path), tmp_path / "run.mcap"
     with Machine.open(file) as machine:
         x = machine["x"]

@@ -35,7 +35,7 @@ def moment(run) -> float:
 
 @BOTH
 @pytest.mark.parametrize("bus", ["", "sync = false"], ids=["SYNC", "events"])
-def test_a_short_pulse_of_an_input_is_seen(tmp_path, process, bus):
+def test_a_short_pulse_of_an_input_is_seen(tmp_path, process, bus, core_in_threads):
     path = tmp_path / "moment.mcap"
     with Machine.open(file_of(tmp_path, process, bus)) as machine:
         wired = machine.simulated_node(5).device.io
@@ -54,7 +54,7 @@ def test_a_short_pulse_of_an_input_is_seen(tmp_path, process, bus):
 
 
 @BOTH
-def test_a_touch_probe_is_a_moment(tmp_path, process):
+def test_a_touch_probe_is_a_moment(tmp_path, process, core_in_threads):
     path = tmp_path / "moment.mcap"
     with Machine.open(file_of(tmp_path, process)) as machine:
         x = machine["x"]
@@ -71,7 +71,7 @@ def test_a_touch_probe_is_a_moment(tmp_path, process):
     assert moment(load(path)) == pytest.approx(0.2, abs=0.05)
 
 
-def test_another_program_keeps_the_moment_of_an_input_and_of_a_touch_probe(tmp_path):
+def test_another_program_keeps_the_moment_of_an_input_and_of_a_touch_probe(tmp_path, core_in_threads):
     file = file_of(tmp_path, "own")
     with Machine.open(file) as machine:
         drive, module = machine.simulated_node(1).drive(), machine.simulated_node(5).device.io

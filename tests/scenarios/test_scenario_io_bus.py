@@ -64,7 +64,7 @@ def until(happened, limit: float = 5.0) -> None:
 
 @BOTH
 @pytest.mark.parametrize("bus", ["", "sync = false"], ids=["SYNC", "events"])
-def test_they_are_seen_and_set_over_the_bus(tmp_path, process, bus):
+def test_they_are_seen_and_set_over_the_bus(tmp_path, process, bus, core_in_threads):
     with opened(tmp_path, process, bus=bus) as cell:
         wired, io = cell.simulated_node(5).device.io, cell.io
         wired.set_bit(0x6000, 1, 2, True)
@@ -81,7 +81,7 @@ def test_they_are_seen_and_set_over_the_bus(tmp_path, process, bus):
 
 
 @BOTH
-def test_they_are_in_a_recording_by_their_names(tmp_path, process):
+def test_they_are_in_a_recording_by_their_names(tmp_path, process, core_in_threads):
     pytest.importorskip("mcap")
     path = tmp_path / "io.mcap"
     with opened(tmp_path, process) as cell:
@@ -100,7 +100,7 @@ def test_they_are_in_a_recording_by_their_names(tmp_path, process):
     assert seen["valve"][-1] == 700
 
 
-def test_a_lost_module_is_unknown_and_comes_back_safe(tmp_path):
+def test_a_lost_module_is_unknown_and_comes_back_safe(tmp_path, core_in_threads):
     with opened(tmp_path, node='on_lost = "report"') as cell:
         device, io = cell.simulated_node(5).device, cell.io
         io.set({"lamp": True, "clamp": False}).wait(2)
@@ -116,7 +116,7 @@ def test_a_lost_module_is_unknown_and_comes_back_safe(tmp_path):
         device.dials.dead = False
 
 
-def test_after_a_loss_no_frame_brings_back_what_shares_it(tmp_path):
+def test_after_a_loss_no_frame_brings_back_what_shares_it(tmp_path, core_in_threads):
     """The RPDO of the module holds its second byte, too, which nobody has named, and which was found on at boot."""
     with opened(tmp_path, node='on_lost = "report"\n[nodes.5.objects]\n"6200:02" = 0x55') as cell:
         device, lamp = cell.simulated_node(5).device, cell.io["lamp"]
@@ -143,7 +143,7 @@ def _is_known(signal) -> bool:
         return False
 
 
-def test_a_module_that_does_not_take_its_error_value_does_not_come_up(tmp_path):
+def test_a_module_that_does_not_take_its_error_value_does_not_come_up(tmp_path, core_in_threads):
     path = tmp_path / "cell.toml"
     path.write_text(cell_text("x", bus='process = "thread"', more=IO.format(node="")))
     eds = (Path(__file__).parents[2] / "eds" / "generic-cia401.eds").read_text()
@@ -223,7 +223,7 @@ def told_by(path: Path) -> str:
     return path_of(str(path)).read_text()
 
 
-def test_a_dead_module_faults_nobody_else_on_the_way_out(tmp_path):
+def test_a_dead_module_faults_nobody_else_on_the_way_out(tmp_path, core_in_threads):
     """It is asked for longer than the drive waits for our heartbeat, which goes on meanwhile."""
     cell = opened(tmp_path, node='on_lost = "report"', beat="200ms")
     cell.io.set({"lamp": True, "valve": 5}).wait(2)

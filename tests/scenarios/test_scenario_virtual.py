@@ -403,7 +403,7 @@ def test_what_only_a_drive_has_is_refused_and_the_reason_is_said(scenario):
 @pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
 @pytest.mark.parametrize("names", ["x", ""], ids=["beside a drive", "alone"])
 @pytest.mark.parametrize("process", ["own", "thread"])
-def test_in_real_time_it_is_moved_by_the_core_wherever_that_runs(tmp_path, names, process):
+def test_on_a_bus_it_is_moved_by_the_core_wherever_that_runs(tmp_path, names, process, core_in_threads):
     path = tmp_path / "cell.toml"
     path.write_text(cell_text(names, bus=f'process = "{process}"', more=virtual()))
     with Machine.open(path) as machine:
