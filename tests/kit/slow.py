@@ -58,7 +58,7 @@ REAL_TIME = {
         "cli/test_cli_check.py::test_scan_draws_a_table_on_a_terminal",
         "cli/test_cli_check.py::test_monitor_keeps_one_table_on_a_terminal",
         "cli/test_cli_check.py::test_no_color_holds_for_trace_too",
-        "cli/test_cli_found.py",
+        "cli/test_cli_found_processes.py",
         "cli/test_cli_gim6010_modbus.py::test_state_and_errors_are_told_and_cleared",
         "cli/test_cli_gim6010_modbus.py::test_values_are_read_and_written_by_name",
         "cli/test_cli_gim6010_modbus.py::test_parameters_are_read_and_written_by_the_list_of_the_firmware",
@@ -315,8 +315,10 @@ ALSO_VIRTUAL_TIME = (
 )
 # Files in virtual time whose tests share a machine or a server, with its threads: the clock goes on from test to test.
 SHARED_VIRTUAL_TIME = (
+    "cli/test_cli_found.py",
     "cli/test_cli_joined.py",
     "core/test_core_joined.py",
+    "core/test_core_remote.py",
     "gateway/test_gateway_opcua.py",
 )
 IN_REAL_TIME = frozenset(name for names in REAL_TIME.values() for name in names)
