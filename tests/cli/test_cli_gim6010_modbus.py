@@ -113,38 +113,6 @@ def test_parameters_are_read_and_written_by_the_list_of_the_firmware(line):
     assert (code, "not written here" in err) == (2, True)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "word"),
-    [
-        (("read", "speed"), 2, "'speed' is not a register"),
-        (("read", "axis0.error"), 2, "--list"),
-        (("write",), 2, "give NAME=VALUE"),
-        (("write", "velocity_limit"), 2, "write NAME=VALUE"),
-        (("write", "velocity_limit=fast"), 2, "not a value of type float32"),
-        (("write", "velocity_limit=nan"), 2, "not a value of type float32"),
-        (("write", "current_limit=51"), 2, "to 50 A"),
-        (("write", "position_gain=5", "state_control=8"), 2, "modbus move"),
-        (("write", "node_id=5", "position_gain=5"), 2, "must be the only NAME=VALUE"),
-        (("write", "node_id=0"), 2, "from 1"),
-        (("zero",), 2, "--list"),
-        (("move", *MOVE), 2, "--to"),
-        (("move", "--to", "1", "--by", "1", *MOVE), 2, "--to"),
-        (("move", "--to", "1", "--velocity", "1"), 2, "--acceleration"),
-        (("move", "--to", "nan", *MOVE), 2, "give a number"),
-        (("move", "--to", "1", "--velocity", "0", *MOVE[2:]), 2, "above 0"),
-        (("torque", "2", "--slope", "1", "--most", "1", "--max-velocity", "5"), 2, "beyond the limit"),
-        (("velocity", "1", "--acceleration", "-1"), 2, "above 0"),
-    ],
-    ids=lambda each: " ".join(each) if isinstance(each, tuple) else "",
-)
-def test_what_cannot_be_is_told_before_anything_is_sent(line, arguments, code, word):
-    command, *rest = arguments
-    result = line(command, *rest)
-    assert result.code == code
-    assert word in result.err
-    assert line.station.frames == []
-
-
 def test_a_port_or_a_module_that_is_not_there_is_told(line):
     code, _, err = line("state", port="/dev/none")
     assert (code, "the serial port /dev/none cannot be used" in err) == (3, True)
@@ -286,31 +254,6 @@ def test_without_a_warden_nothing_is_enabled(line, monkeypatch):
     assert code == 1
     assert "could not be started; nothing was enabled" in err
     assert {frame[1] for frame in line.station.frames} <= {3, 4}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        ((), "--can-simple or --modbus"),
-        (("--modbus", "0"), "broadcast address"),
-        (("--modbus", "64"), "is not a module"),
-        (("--modbus", "1", "--modbus", "1"), "two modules have node ID 1"),
-    ],
-    ids=str,
-)
-def test_what_cannot_be_served_is_told(monkeypatch, capsys, arguments, word):
-    code, _, err = commands.runner(monkeypatch, capsys)("sim", *arguments, "--for", "0.01")
-    assert code == 2
-    assert word in err
-
-
-def test_modules_on_rs485_are_served_for_a_time_beside_a_cell(monkeypatch, capsys):
-    run = commands.runner(monkeypatch, capsys)
-    assert run("sim", "--modbus", "1", "--for", "0.01").code == 0
-    code, out, _ = run("sim", "--modbus", "1", "--can-simple", "5", "--port", "0", "--for", "0.01")
-    assert code == 0
-    assert "on RS485" in out
-    assert "node 5" in out
 
 
 def test_who_is_on_the_line_is_found(line, monkeypatch, capsys):

@@ -15,11 +15,25 @@ import pytest
 pytest.importorskip("asyncua", reason="OPC UA needs asyncua")
 
 
-from axisbus.gateway.opcua import users
+from axisbus.gateway.opcua import limits, users
 from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text
-from kit.opcua.serving import ANNA, POSITION, X, crowd_of, entered_again, good, halt, refused, served, until
+from kit.connections import closed
+from kit.opcua.serving import (
+    ANNA,
+    POSITION,
+    X,
+    connections,
+    crowd_of,
+    entered_again,
+    good,
+    halt,
+    refused,
+    running,
+    served,
+    until,
+)
 from kit.opcua.visiting import visit
 from kit.scenarios.own import own_cell, under_way
 
@@ -64,6 +78,20 @@ def machine(file, server):
 def test_a_thousand_connections_that_say_nothing_keep_nobody_from_halting(server, machine, from_address):
     with crowd_of(server, *[from_address] * 1000):
         assert visit(server.url, halt, ANNA) is not None
+    until(lambda: entered_again(server))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a computer has more than one loopback address on Linux")
+def test_one_address_holds_not_all_connections_and_who_says_nothing_none_that_is_asked_for(server):
+    others = [f"127.0.0.{number % 4 + 2}" for number in range(limits.CONNECTIONS + 8)]
+    with crowd_of(server, *["127.0.0.2"] * (limits.OF_ADDRESS.connections + 3)) as lines:
+        assert closed(lines[0], 3.0)  # the oldest
+        until(lambda: len(connections(server)) == limits.OF_ADDRESS.connections)
+        assert visit(server.url, running)[1] == "Good"
+    with crowd_of(server, *others) as lines:
+        assert closed(lines[0], 3.0)
+        assert visit(server.url, running)[1] == "Good"
+        assert len(connections(server)) <= limits.CONNECTIONS
     until(lambda: entered_again(server))
 
 

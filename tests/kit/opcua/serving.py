@@ -73,3 +73,11 @@ def entered_again(server):
     with suppress(Exception):
         return visit(server.url, lambda seen: seen.value("/Running"))[1] == "Good"
     return False
+
+
+def connections(server):
+    return server._updater._server.bserver.clients
+
+
+async def running(seen: Visit):
+    return await seen.value("/Running")
