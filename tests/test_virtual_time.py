@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import queue
+import socket
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 
 import can
@@ -59,6 +61,63 @@ def test_a_lock_has_a_timeout_in_virtual_time() -> None:
         taken.join()
         assert lock.locked()
         assert time.monotonic() - start == pytest.approx(3.0, abs=0.01)
+
+
+def test_sockets_block_in_virtual_time() -> None:
+    with virtual_time():
+        near, far = socket.socketpair()
+        with near, far:
+            near.settimeout(3.0)
+            start = time.monotonic()
+            with pytest.raises(TimeoutError):
+                near.recv(1)
+            assert time.monotonic() - start == pytest.approx(3.0, abs=0.01)
+            near.settimeout(None)
+            data = bytes(1_000_000)  # more than the kernel takes at once
+            sends = threading.Thread(target=near.sendall, args=(data,))
+            sends.start()
+            time.sleep(2.0)
+            assert sends.is_alive()
+            assert far.recv(len(data)) != b""
+            with pytest.raises(BlockingIOError):
+                near.recv(1, socket.MSG_DONTWAIT)
+            while sends.is_alive():
+                far.recv(len(data))
+            assert time.monotonic() - start == pytest.approx(5.0, abs=0.01)
+
+
+def test_the_clock_stands_while_data_are_on_their_way() -> None:
+    with virtual_time(), socket.create_server(("127.0.0.1", 0)) as server:
+
+        def echo() -> None:
+            line, _ = server.accept()
+            with line:
+                while data := line.recv(100):
+                    line.sendall(data)
+
+        threading.Thread(target=echo).start()
+        with socket.create_connection(server.getsockname(), 0.001) as line:
+            for number in range(300):
+                line.sendall(bytes((number % 256,)))
+                assert line.recv(100) == bytes((number % 256,))
+
+
+def test_a_local_server_whose_queue_is_full_lets_a_client_wait(tmp_path: Path) -> None:
+    with virtual_time(), ExitStack() as stack:
+        server = stack.enter_context(socket.socket(socket.AF_UNIX))
+        server.bind(str(tmp_path / "server"))
+        server.listen(0)
+        clients = [stack.enter_context(socket.socket(socket.AF_UNIX)) for _ in range(3)]
+        clients[0].connect(server.getsockname())
+        clients[1].settimeout(1.0)
+        with pytest.raises(BlockingIOError):
+            clients[1].connect(server.getsockname())
+        late = threading.Timer(2.0, lambda: stack.enter_context(server.accept()[0]))
+        late.start()
+        start = time.monotonic()
+        clients[2].connect(server.getsockname())
+        assert time.monotonic() - start == pytest.approx(2.0, abs=0.01)
+        late.join()
 
 
 def test_a_deadlock_is_reported() -> None:

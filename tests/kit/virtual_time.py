@@ -33,7 +33,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import Any
 from unittest import mock
@@ -57,7 +57,7 @@ _SELECTORS = (
 _FOREVER = float("inf")
 _POLL_SLICE = 0.2  # real seconds; between two rounds of _next() while only descriptors are waited for
 _POLL_LIMIT = 60.0  # real seconds after which a wait for descriptors alone counts as a deadlock
-_QUEUE_ROUND = 0.001  # virtual seconds between two attempts to connect; no descriptor reports a free place
+_QUEUE_ROUND = 0.001  # virtual seconds between two attempts to connect to a local server whose queue is full
 _DELIVERY = 0.01  # real seconds; the kernel delivers data on loopback and of terminals in threads of its own
 _STOP_LIMIT = 5.0  # real seconds that the remaining threads may take to end
 
@@ -376,15 +376,17 @@ def _receive_timeout(line: socket.socket) -> float:
 
 def _send(scheduler: Scheduler) -> Callable[..., int]:
     """Return a ``socket.send`` that blocks in virtual time."""
-    known = socket.socket.send
+    known = _marked(scheduler, "send")
 
     def send(line: socket.socket, data: Any, flags: int = 0) -> int:
-        _note_sent(scheduler, line)
-        if scheduler.current() is None or line.gettimeout() == 0.0 or flags & socket.MSG_DONTWAIT:
+        if scheduler.current() is None or line.gettimeout() == 0.0:
             return known(line, data, flags)
         while True:
-            with suppress(BlockingIOError):
+            try:
                 return known(line, data, flags | socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                if flags & socket.MSG_DONTWAIT:
+                    raise
             _await(scheduler, line, select.POLLOUT)
 
     return send
@@ -407,26 +409,27 @@ def _send_all(scheduler: Scheduler) -> Callable[..., None]:
 
 def _connect(scheduler: Scheduler) -> Callable[..., None]:
     """Return a ``socket.connect`` that blocks in virtual time."""
-    known = socket.socket.connect
+    known = _marked(scheduler, "connect")
 
     def connect(line: socket.socket, address: Any) -> None:
         limit = line.gettimeout()
-        _note_sent(scheduler, line)
         if scheduler.current() is None or limit == 0.0:
             return known(line, address)
-        until = _FOREVER if limit is None else scheduler.now + limit
         line.setblocking(False)
         try:
-            while (error := line.connect_ex(address)) == errno.EAGAIN:  # the queue of a local server is full
-                if scheduler.now >= until:
-                    raise BlockingIOError(error, os.strerror(error))
+            while True:
+                try:
+                    return known(line, address)
+                except BlockingIOError as full:
+                    if full.errno == errno.EINPROGRESS:
+                        break
+                    if limit is not None:
+                        raise
                 scheduler.sleep(_QUEUE_ROUND)
         finally:
             line.settimeout(limit)
-        if error == errno.EINPROGRESS:
-            _await(scheduler, line, select.POLLOUT)
-            error = line.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
-        if error:
+        _await(scheduler, line, select.POLLOUT)
+        if error := line.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
             raise OSError(error, os.strerror(error))
         return None
 
@@ -434,18 +437,17 @@ def _connect(scheduler: Scheduler) -> Callable[..., None]:
 
 
 def _marked(scheduler: Scheduler, name: str) -> Callable[..., Any]:
+    """Return a method of ``socket.socket`` after which something may be on its way through the network."""
     known = getattr(socket.socket, name)
 
     def does(line: socket.socket, *given: Any) -> Any:
-        _note_sent(scheduler, line)
-        return known(line, *given)
+        try:
+            return known(line, *given)
+        finally:
+            if line.family != socket.AF_UNIX:
+                scheduler.has_sent()
 
     return does
-
-
-def _note_sent(scheduler: Scheduler, line: socket.socket) -> None:
-    if line.family != socket.AF_UNIX:
-        scheduler.has_sent()
 
 
 def _write(scheduler: Scheduler) -> Callable[[int, Any], int]:
