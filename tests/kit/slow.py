@@ -82,6 +82,7 @@ REAL_TIME = {
         "gateway/test_gateway_metrics.py::test_the_bridge_follows_one_machine_after_the_other_and_changes_none",
         "gateway/test_gateway_opcua_processes.py",
         "mutation/test_mutation_trial.py::test_a_planted_mutant_that_nobody_notices_is_reported_as_a_survivor",
+        "record/test_record_edges_bus.py::test_another_program_keeps_the_moment_of_an_input_and_of_a_touch_probe",
         "test_examples.py::test_an_example_runs_as_a_program",
         "test_examples.py::test_the_demo_runs_as_printed_and_leaves_a_cell_file_to_continue_with",
         "test_examples.py::test_the_ten_line_program_runs_as_printed",

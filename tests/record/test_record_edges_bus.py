@@ -71,7 +71,7 @@ def test_a_touch_probe_is_a_moment(tmp_path, process, core_in_threads):
     assert moment(load(path)) == pytest.approx(0.2, abs=0.05)
 
 
-def test_another_program_keeps_the_moment_of_an_input_and_of_a_touch_probe(tmp_path, core_in_threads):
+def test_another_program_keeps_the_moment_of_an_input_and_of_a_touch_probe(tmp_path):
     file = file_of(tmp_path, "own")
     with Machine.open(file) as machine:
         drive, module = machine.simulated_node(1).drive(), machine.simulated_node(5).device.io

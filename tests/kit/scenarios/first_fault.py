@@ -13,6 +13,7 @@ from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 from kit import undisturbed
 from kit.scenarios.bus import Line, enable, until
+from kit.virtual_time import virtual_time
 
 
 def told(machine: Machine) -> None:
@@ -56,7 +57,8 @@ def main() -> None:
     undisturbed.begin()
     for scene in (drives_fault, node_is_lost, drive_refuses):
         try:
-            scene(folder)
+            with virtual_time():
+                scene(folder)
         except AxisbusError as error:
             print(error)
     print("opened:", undisturbed.taken())
