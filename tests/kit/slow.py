@@ -89,6 +89,7 @@ REAL_TIME = {
         "test_notebooks.py",
         "test_pages.py::test_each_command_line_beside_simulated_drives_runs_as_printed",
         "web/test_web_attacks.py",
+        "web/test_web_file_process.py",
         "web/test_web_served.py",
     ),
     "a terminal of the kernel carries the bytes of a serial line, and pymodbus waits for them": (
