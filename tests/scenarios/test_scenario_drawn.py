@@ -58,6 +58,16 @@ NOTICED = {
         "drawn",
         cell=CellRecipe((AxisRecipe(limits=(-0.5, 0.5), noise=2.0),)),
     ),
+    "aimed-at-once": Script(
+        "stiff",
+        (
+            Event(0.2, "move_velocity", "a", 0.5),
+            Event(2.0, "axis_override", "a", -0.9),
+            Event(4.0, "probe", "a"),
+        ),
+        "drawn",
+        cell=CellRecipe((AxisRecipe(),)),
+    ),
     "silent-after-boot-up": Script(
         "stiff",
         (Event(0.2, "move_velocity", "a", 0.5), Event(1.0, "second_device", "a"), Event(14.0, "probe", "a")),

@@ -22,7 +22,7 @@ _MODES = ("low", "previous", "next", "high")
 _LOOP = 2.0  # seconds of a controller
 _LEFT_ON_ARCS = 0.6  # of an acceleration, for the speed along an arc; the other part of it turns the axes
 _HALTS = 1.0  # s that a halt on an arc takes
-HOLDS = -0.6  # the value of an event below which an override is 0
+HOLDS = -0.4  # the value of an event below which an override is 0
 HUGE: Sequence[float] = (
     math.nan,
     math.inf,
