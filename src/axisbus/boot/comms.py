@@ -194,7 +194,8 @@ class CanComms:
         plans += [] if self.io is None else [self.io.plan]
         own = {(table.receive, table.number) for table in self._config.pdos}
         texts = []
-        for use, other in self._cob_ids.conflicts(self._node.node_id, uses_of(plans)):
+        node_id = self._node.node_id
+        for use, other in self._cob_ids.conflicts(node_id, uses_of(node_id, plans)):
             if use.used or not disturb or (use.receive, use.number) in own:
                 raise conflict(use, other)
             try:

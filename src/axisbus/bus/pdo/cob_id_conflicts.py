@@ -94,28 +94,16 @@ class CobIdUses:
         return use.used and not unused.used and any(use.cob_id == each.cob_id for each in own)
 
 
-def uses_of(plans: Sequence[PdoPlan]) -> list[PdoUse]:
+def uses_of(node_id: int, plans: Sequence[PdoPlan]) -> list[PdoUse]:
     """Return the PDOs of a node that are switched on after its plans (those of its axes, and of its inputs and outputs)."""
-    used = {
-        (pdo.receive, pdo.target.number): pdo.target
-        for plan in plans
-        for pdo in plan.active
-        if pdo.target.valid
-    }
-    changed = {(pdo.receive, pdo.target.number) for plan in plans for pdo in plan.pdos}
-    unused = {
-        (receive, pdo.number): pdo
-        for plan in plans
-        for receive, pdo in plan.unused
-        if (receive, pdo.number) not in changed
-    }
-    node_ids = {plan.node_id for plan in plans}
-    return [
-        PdoUse(node_id, receive, number, pdo.cob_id, is_used)
-        for node_id in node_ids
-        for pdos, is_used in ((used, True), (unused, False))
-        for (receive, number), pdo in pdos.items()
-    ]
+    planned = [pdo for plan in plans for pdo in plan.pdos]
+    used = {(pdo.receive, pdo.target.number) for plan in plans for pdo in plan.active}
+    on = {(pdo.receive, pdo.target.number): pdo.target for pdo in planned if pdo.target.valid}
+    changed = {(pdo.receive, pdo.target.number) for pdo in planned}
+    for receive, pdo in (each for plan in plans for each in plan.unused):
+        if (receive, pdo.number) not in changed:
+            on[receive, pdo.number] = pdo
+    return [PdoUse(node_id, *key, pdo.cob_id, key in used) for key, pdo in on.items()]
 
 
 def error(use: PdoUse, other: PdoUse) -> BootError:
