@@ -118,15 +118,6 @@ UNCLEAR_MODULES = re.compile(
     r"ours|own|door|desk|ear|outlet|duty|tally|ledger|warden|guest|guests|place|places|words|speech|case|sheet|house|"
     r"cruise|relief|aftermath|rundown|room|gate|stage|board|roster|linger|reach|drops|grain"
 )
-# Modules that have such a name nevertheless, each with the reason.
-UNCLEAR_FOR_NOW = {
-    "drives.gim6010.modbus.motion.warden": "its package is removed when Modbus modules have one motion path",
-    "cell.commanded": "to be renamed: the read-only entries that commands set",
-    "core.listening": "to be renamed: opening a bus to listen on it",
-    "drives.gim6010.can_simple.port.stage": "a power stage",
-    "drives.gim6010.can_simple.protected": "protected parameters",
-    "motion.stop.following": "to be renamed: the following error",
-}
 
 
 def unclear_modules():
@@ -138,11 +129,7 @@ def unclear_modules():
 
 
 def test_modules_are_named_by_nouns():
-    assert unclear_modules() - set(UNCLEAR_FOR_NOW) == set()
-
-
-def test_a_module_with_an_unclear_name_is_still_there():
-    assert set(UNCLEAR_FOR_NOW) - unclear_modules() == set()  # if it is gone, its row goes
+    assert unclear_modules() == set()
 
 
 # -- language ------------------------------------------------------------------------------------------------------------------

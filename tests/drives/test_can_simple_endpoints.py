@@ -20,7 +20,7 @@ from axisbus.drives.gim6010.can_simple.endpoints import (
     parse,
     proposed_version,
 )
-from axisbus.drives.gim6010.can_simple.protected import TABLE, protected
+from axisbus.drives.gim6010.can_simple.protected_parameters import TABLE, protected
 from axisbus.errors import ArgumentError, LimitError
 
 V13 = Firmware(0, 5, 13)

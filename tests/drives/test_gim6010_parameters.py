@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, Firmware, parse
-from axisbus.drives.gim6010.can_simple.protected import protected
+from axisbus.drives.gim6010.can_simple.protected_parameters import protected
 from axisbus.drives.gim6010.parameters import backup, rules, values
 from axisbus.errors import ArgumentError, NodeTimeout, StateError
 from axisbus.sim.can_simple.module import Module

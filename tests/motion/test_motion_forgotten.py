@@ -15,7 +15,7 @@ from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import DemandUse
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.active_stop import Stopping
-from axisbus.motion.stop.following import FollowingErrorMonitor
+from axisbus.motion.stop.following_error import FollowingErrorMonitor
 from axisbus.motion.stop.standstill_monitor import StandstillMonitor
 from kit.motion.rig import Rig, rig
 

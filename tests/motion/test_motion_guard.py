@@ -11,7 +11,7 @@ from axisbus.cia402.options import Ramp
 from axisbus.errors import LimitError, StaleError
 from axisbus.motion.parameters import AxisLimits, Defaults, HoldsLoad
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.following import FollowingErrorMonitor, RecentPeak
+from axisbus.motion.stop.following_error import FollowingErrorMonitor, RecentPeak
 from axisbus.motion.stop.limits import LimitMonitor, stop_of
 from axisbus.motion.stop.stop_sequence import StopLevel
 from axisbus.motion.stop_deceleration import Braking, CommandedMotion

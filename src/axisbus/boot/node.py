@@ -32,12 +32,12 @@ from axisbus.boot.stop_report import Watchdog, stop_ladder
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell import scale_proposal, sync_window, torque
 from axisbus.cell.axis_description import Drive
-from axisbus.cell.commanded import contradictions
 from axisbus.cell.cyclic_modes import carried, feed_forward, led_modes
 from axisbus.cell.io_signals import points_of
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.parameters import axis_parameters, braking_of, fixed_ramps, known_units, mode_list
 from axisbus.cell.parameters import modes as used_modes
+from axisbus.cell.read_only_values import contradictions
 from axisbus.cell.writes import node_writes
 from axisbus.cia301 import objects as o301
 from axisbus.cia301.emcy import Emcy

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.cell.axis_description import Drive
-from axisbus.cell.commanded import contradictions
 from axisbus.cell.model import ObjectSetting
 from axisbus.cell.parameters import modes
 from axisbus.cell.problem import CellProblem
+from axisbus.cell.read_only_values import contradictions
 from axisbus.cell.writes import CellWrite, initial, is_fixed, known_writes, resolve, setting_write
 from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.cia301 import objects as cia301

@@ -30,7 +30,7 @@ from axisbus.motion.parameters import DemandUse
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.position_limits import UNLIMITED
 from axisbus.motion.stop import limits, supervision
-from axisbus.motion.stop.following import FollowingErrorMonitor
+from axisbus.motion.stop.following_error import FollowingErrorMonitor
 from axisbus.motion.stop.limits import LimitMonitor
 from axisbus.motion.stop.policy import FaultPolicy
 from axisbus.motion.stop.standstill import StandstillCheck

@@ -13,7 +13,7 @@ from axisbus.cell import reader
 from axisbus.cia301.master_detection import words
 from axisbus.cli.shared.common import OK, say, say_json, say_next
 from axisbus.core.files import load_dictionaries
-from axisbus.core.listening import listen_to
+from axisbus.core.listen_only import listen_to
 from axisbus.drives.gim6010.factory_protocols import told
 from axisbus.machine.bus_monitor import Beat, BusMonitor, NodeHeard
 from axisbus.trace import frame_formats

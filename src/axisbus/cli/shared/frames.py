@@ -138,7 +138,7 @@ def _live(
     stack: ExitStack, asked: FrameSourceOptions, loaded: CellConfig | None, seconds: float | None
 ) -> Iterator[CanFrame]:
     if asked.interface == SIMULATED:
-        from axisbus.core.listening import listen_to
+        from axisbus.core.listen_only import listen_to
 
         return listen_to(simulated(asked.channel, asked.option), stack).frames(seconds)
     if asked.interface is not None:
@@ -149,7 +149,7 @@ def _live(
         return stack.enter_context(listen(asked.interface, asked.channel, asked.bitrate, options)).frames(
             seconds
         )
-    from axisbus.core.listening import listen_to
+    from axisbus.core.listen_only import listen_to
 
     assert loaded is not None  # ``FrameSourceOptions.check``
     bus = with_options(loaded, asked.channel, asked.bitrate, asked.option)

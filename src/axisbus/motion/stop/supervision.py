@@ -35,7 +35,7 @@ from axisbus.motion.stop.diagnosis import (
     start_and_reset,
     when_back,
 )
-from axisbus.motion.stop.following import FollowingErrorMonitor
+from axisbus.motion.stop.following_error import FollowingErrorMonitor
 from axisbus.motion.stop.limits import LimitMonitor, stop_of
 from axisbus.motion.stop.overspeed import SpeedWatch
 from axisbus.motion.stop.standstill_monitor import StandstillMonitor

@@ -19,7 +19,7 @@ from axisbus.drives.gim6010.modbus.registers import RATES
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.modbus.module import ModbusModule
     from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
-    from axisbus.drives.gim6010.modbus.motion.warden import Warden
+    from axisbus.drives.gim6010.modbus.motion.watchdog_process import Warden
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 
 PARITIES = ("none", "even", "odd")
@@ -149,7 +149,7 @@ def guard(target: ModbusTarget) -> Iterator[Warden]:
     Raises:
         StateError: it cannot be started.
     """
-    from axisbus.drives.gim6010.modbus.motion.warden import Warden
+    from axisbus.drives.gim6010.modbus.motion.watchdog_process import Warden
     from axisbus.drives.gim6010.modbus.serial_wire import Parity
 
     warden = Warden(target.port, target.node, rate=target.rate, parity=Parity[target.parity.upper()])

@@ -99,7 +99,7 @@ def _parsed(module: ModuleParameters, text: str) -> tuple[str, Value]:
 
 
 def _warn(path: str) -> None:
-    from axisbus.drives.gim6010.can_simple.protected import protected
+    from axisbus.drives.gim6010.can_simple.protected_parameters import protected
 
     found = protected(path)
     if found is not None:

@@ -14,7 +14,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from axisbus.drives.gim6010.can_simple import protected as protection
+from axisbus.drives.gim6010.can_simple import protected_parameters as protection
 from axisbus.drives.gim6010.can_simple.codec import (
     DecodedMessage,
     Outgoing,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, Firmware
-from axisbus.drives.gim6010.can_simple.protected import protected
+from axisbus.drives.gim6010.can_simple.protected_parameters import protected
 from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.drives.gim6010.parameters.interface import ModuleParameters, Value
 from axisbus.errors import ArgumentError, NodeTimeout, StateError

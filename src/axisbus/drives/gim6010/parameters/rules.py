@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 from axisbus.drives.gim6010.can_simple.endpoints import FORMATS, Endpoint
-from axisbus.drives.gim6010.can_simple.protected import protected
+from axisbus.drives.gim6010.can_simple.protected_parameters import protected
 from axisbus.errors import ArgumentError
 
 NODE_ID = "axis0.config.can.node_id"

@@ -8,9 +8,14 @@ from axisbus.cia402.state import PowerState
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
 from axisbus.drives.gim6010.can_simple.port.modes import Means, ModuleMode, ModuleProfile, Targets, modes_of
+from axisbus.drives.gim6010.can_simple.port.power_stage import (
+    WORDS,
+    ModulePowerAction,
+    ModulePowerStage,
+    Power,
+)
 from axisbus.drives.gim6010.can_simple.port.setpoints import TRAPEZOID, ModuleSetPoints, Orders
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
-from axisbus.drives.gim6010.can_simple.port.stage import WORDS, ModulePowerAction, ModulePowerStage, Power
 
 _ALWAYS = sw.VOLTAGE_ENABLED | sw.REMOTE
 _LETTING_GO = frozenset({Power.OFF, Power.FOUND})
