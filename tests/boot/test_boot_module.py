@@ -85,7 +85,7 @@ def test_one_that_answers_no_endpoint_is_compared_by_its_heartbeats_alone():
     counted = heard(*beats())  # a life counter goes on: firmware 0.5.12 or later
     silent = SimpleFacts(silent=["endpoints"])
     identity.require_firmware(counted, silent, "0.5.12")
-    assert "those of firmware 0.5.12 or" in refused(identity.require_firmware, counted, silent, "0.5.11")
+    assert "show firmware 0.5.12 or" in refused(identity.require_firmware, counted, silent, "0.5.11")
     assert "which it does not confirm" in identity.words(counted, silent, "0.5.13")
     system = heard(*beats(byte=8))  # the system's flag, which is in the newest layout alone
     assert "0.5.13 and later" in refused(identity.require_firmware, system, silent, "0.5.12")

@@ -184,7 +184,7 @@ class FileProcess:
 
     def __init__(self, file: Dcf, task: FileTask) -> None:
         self._file, self._task = file, task
-        self._messages: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._messages: queue.Queue[bytes] = queue.Queue()
 
     def __enter__(self) -> Self:
         try:
