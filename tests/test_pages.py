@@ -244,7 +244,7 @@ def test_each_command_and_option_that_the_text_names_exists():
     named = named_in_the_text()
     assert len(named) > 12
     for words in named:
-        command, context = cli, click.Context(cli, info_name="axisbus")
+        command, context = cli, click.Context(cli, info_name="axisbus", **cli.context_settings)
         while words and isinstance(command, click.Group) and words[0] in command.list_commands(context):
             command = command.get_command(context, words.pop(0))
             context = click.Context(command, parent=context, info_name=command.name)

@@ -130,7 +130,7 @@ def _stand_in(span):
 
 def parsed(words):
     """Give the words to the command that they name, as far as its arguments and options go; nothing is run."""
-    command, context, left = cli, click.Context(cli, info_name="axisbus"), list(words)
+    command, context, left = cli, click.Context(cli, info_name="axisbus", **cli.context_settings), list(words)
     while isinstance(command, click.Group):
         name = left.pop(0)
         command = command.get_command(context, name)
