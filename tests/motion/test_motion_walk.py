@@ -44,6 +44,15 @@ def test_from_rest_it_takes_what_a_ramp_takes_and_the_time_of_the_mean():
     assert highest(places, 3) == pytest.approx(500.0 / 0.2, rel=0.02)
 
 
+@pytest.mark.parametrize("start", [790836.0, 764657.0, 724325.0, 689619.0, -40284.0])
+@pytest.mark.parametrize("window", [1, 5, 25])
+def test_a_move_to_0_from_a_large_number_of_increments_ends(start, window):
+    places = to_the_end(
+        walk_from(ReferenceState(start), 0.0, JerkLimits(98300.0, 196600.0, 98300.0), window, T), []
+    )
+    assert places[-1] == 0.0
+
+
 @settings(deadline=None, derandomize=True, max_examples=150)
 @given(
     st.integers(0, 10**6),

@@ -17,7 +17,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 from axisbus.motion.group.path_speed import slow_enough
 
-_NEXT = 1e-12  # of the position: the resolution of the arithmetic
+_NEXT = 1e-12  # of the largest position: the resolution of the arithmetic
 _LEAST = 1e-9  # of the change within a cycle: a slower speed counts as standstill
 
 
@@ -48,7 +48,19 @@ class ProfileState(Protocol):
 class OnlineProfile:
     """A move to a target. For the axis it is the clock of its path (``Follow``): ``t`` is 0 during the move, and 1 at its end."""
 
-    __slots__ = ("_gait", "_places", "_rests", "ahead", "braking", "factor", "led", "speed", "t", "target")
+    __slots__ = (
+        "_gait",
+        "_next",
+        "_places",
+        "_rests",
+        "ahead",
+        "braking",
+        "factor",
+        "led",
+        "speed",
+        "t",
+        "target",
+    )
 
     def __init__(
         self, target: float, gait: JerkLimits, places: deque[float], speed: float, led: ReferenceState
@@ -58,6 +70,7 @@ class OnlineProfile:
         self._gait = gait
         self._places = places
         self.ahead, self.speed = places[-1], speed
+        self._next = _NEXT * max(1.0, abs(target), abs(self.ahead))
         self.led = led
         self.factor = 1.0  # the override
         self.braking = False
@@ -112,7 +125,7 @@ class OnlineProfile:
         w = max(v - change, min(v + change, self._wanted, slow_enough(v, 0.0, ramp, left, period)))
         w = 0.0 if abs(w) < _LEAST * change else w
         covered = 0.5 * v * abs(v) / ramp if w == 0.0 and abs(v) < change else 0.5 * (v + w) * period
-        if abs(left - covered) <= _NEXT * max(1.0, abs(self.target)) and abs(w) <= change:
+        if abs(left - covered) <= self._next and abs(w) <= change:
             self.ahead, self.speed = self.target, 0.0
         else:
             self.ahead, self.speed = self.ahead + way * covered, way * w
