@@ -106,9 +106,9 @@ class Doomed:
         return bool(before) and all(abs(row.velocity - SPEED) < 1.0 for row in before)
 
     def moves(self, at: float) -> bool:
-        """Whether the motors moved just before a time, at whatever speed."""
-        before = [row for row in self.plant() if at - 0.1 <= row.time <= at]
-        return bool(before) and all(row.velocity > 0.3 * SPEED for row in before)
+        """Whether a motor moved in the half second before a time; a late program may let its points run out for a moment."""
+        before = [row for row in self.plant() if at - 0.5 <= row.time <= at]
+        return any(row.velocity > 0.3 * SPEED for row in before)
 
     def stands_after(self, at: float, stages: tuple[int, ...], within: float = STOPS_WITHIN) -> float | None:
         """Return how many seconds after a time all motors stood for good in these stages; None if they do not in time."""
