@@ -356,17 +356,13 @@ def silence(parameters: AxisParameters, image: AxisImage) -> AxisbusError:
             observed=f"no value of the axis is fresh; statusword (6041h): {seen}",
             remedy=remedy_for_silence(node),
         )
+    remedy = "check cable, bus load and that the drive still sends the TPDO (axisbus monitor); the axis was stopped"
     if image.statusword_by_sdo:
-        return StaleError(
-            f"{name}: the statusword (6041h) of node {node} is unknown",
-            axis=name,
-            observed=f"{seen}; it is read by SDO, and the answers come too late or not at all",
-            remedy="check cable and bus load, and look for a slow gateway or adapter; better, let a TPDO carry the statusword "
-            "(axisbus boot reports why none does); the axis was stopped",
+        seen += "; it is read by SDO, and the answers come too late or not at all"
+        remedy = (
+            "check cable and bus load, and look for a slow gateway or adapter; better, let a TPDO carry the statusword "
+            "(axisbus boot reports why none does); the axis was stopped"
         )
     return StaleError(
-        f"{name}: the statusword (6041h) of node {node} is unknown",
-        axis=name,
-        observed=seen,
-        remedy="check cable, bus load and that the drive still sends the TPDO (axisbus monitor); the axis was stopped",
+        f"{name}: the statusword (6041h) of node {node} is unknown", axis=name, observed=seen, remedy=remedy
     )
