@@ -6,6 +6,7 @@ import os
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from axisbus.cia301.nmt import NmtCommand
@@ -41,42 +42,24 @@ class Mishap:
     shared: bool = False
 
 
-def _dial(**values: Any) -> Doing:
+def _set(of: Callable[[Site, str], object], **values: Any) -> Doing:
     def turn(site: Site, axis: str, _: float) -> None:
         for name, value in values.items():
-            setattr(site.cell.drive(axis).dials, name, value)
+            setattr(of(site, axis), name, value)
 
     return turn
 
 
-def _node_dial(**values: Any) -> Doing:
-    def turn(site: Site, axis: str, _: float) -> None:
-        for name, value in values.items():
-            setattr(site.cell.device(axis).dials, name, value)
-
-    return turn
+_dial = partial(_set, lambda site, axis: site.cell.drive(axis).dials)
+_node_dial = partial(_set, lambda site, axis: site.cell.device(axis).dials)
+_bus_dial = partial(_set, lambda site, _: site.cell.faults)
+_fault_of_wire = partial(_set, lambda site, _: site.cell.wire.faults)
 
 
 def _wire_dial(**values: Any) -> Doing:
     def turn(site: Site, axis: str, _: float) -> None:
         for name, value in values.items():
             site.wires[axis].turn(name, value)
-
-    return turn
-
-
-def _bus_dial(**values: Any) -> Doing:
-    def turn(site: Site, _axis: str, _: float) -> None:
-        for name, value in values.items():
-            setattr(site.cell.faults, name, value)
-
-    return turn
-
-
-def _fault_of_wire(**values: Any) -> Doing:
-    def turn(site: Site, _axis: str, _: float) -> None:
-        for name, value in values.items():
-            setattr(site.cell.wire.faults, name, value)
 
     return turn
 
