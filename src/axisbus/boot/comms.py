@@ -15,7 +15,7 @@ from axisbus.bus.node.nmt import guarding_answer
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.cob_id_conflicts import CobIdUses, uses_of
 from axisbus.bus.pdo.cob_id_conflicts import error as conflict
-from axisbus.bus.pdo.configure import configure, configure_io, set_pdo, switch_off
+from axisbus.bus.pdo.configure import configure, configure_io, set_pdo
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.bus.pdo.plan import PdoRequirements
 from axisbus.bus.pdo.read import read_number
@@ -33,7 +33,7 @@ from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
 from axisbus.cia302.types import DEADLINE, LEAST_CONSUMER
 from axisbus.cia401.signal import IoPoint, addresses
 from axisbus.cia402.port import Capabilities
-from axisbus.errors import NodeTimeout, SdoAbort
+from axisbus.errors import BootError, NodeTimeout
 
 
 class CanComms:
@@ -199,8 +199,8 @@ class CanComms:
             if use.used or not disturb or (use.receive, use.number) in own:
                 raise conflict(use, other)
             try:
-                switch_off(self._node.sdo, use.receive, use.number)
-            except SdoAbort as error:
+                set_pdo(self._node.sdo, use.receive, use.number, on=False)
+            except BootError as error:
                 raise conflict(use, other) from error
             self._cob_ids.drop(use)
             texts.append(f"{use.name} switched off: it has the COB-ID {use.cob_id:03X}h of {other.name}")

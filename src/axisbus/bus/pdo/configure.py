@@ -109,11 +109,13 @@ def set_pdo(
     cob_id: int | None = None,
     sync_start: int | None = None,
     rtr: bool | None = None,
+    on: bool = True,
 ) -> PdoConfiguration:
-    """Set one PDO as the user requests, read it back and return it; None leaves a parameter as it is. Blocks.
+    """Set one PDO as requested, read it back and return it; None leaves a parameter as it is. Blocks.
 
-    ``event_timer`` in ms, ``inhibit_time`` in 100 µs, ``sync_start`` a value of the SYNC counter (0: none). ``rtr``: whether the
-    drive shall answer remote frames (bit 30 of 18xxh:01). The node should be pre-operational.
+    ``on``: whether it is switched on in the end. ``event_timer`` in ms, ``inhibit_time`` in 100 µs, ``sync_start`` a value of the
+    SYNC counter (0: none). ``rtr``: whether the drive shall answer remote frames (bit 30 of 18xxh:01). The node should be
+    pre-operational.
 
     Raises:
         BootError: the node has no such PDO, refuses a step, or the values read back are different.
@@ -131,7 +133,7 @@ def set_pdo(
         )
     target = replace(
         before,
-        valid=True,
+        valid=on,
         mapping=before.mapping if mapping is None else mapping,
         transmission_type=before.transmission_type if transmission_type is None else transmission_type,
         event_timer=before.event_timer if event_timer is None else event_timer,
@@ -148,18 +150,6 @@ def set_pdo(
     except _Refusal as refusal:
         raise _boot_error(sdo, refusal.what, refusal.abort) from refusal.abort
     return plan.pdos[0].target
-
-
-def switch_off(sdo: SdoClient, receive: bool, number: int) -> None:
-    """Set bit 31 of a PDO's COB-ID (CiA 301 7.5.2.36), so that it is neither sent nor received. Blocks.
-
-    Raises:
-        SdoAbort: the drive refuses.
-        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
-    """
-    at = Indices.of(receive, number)
-    value = (read_number(sdo, at.communication, o.PDO_COB_ID) or 0) | cob.INVALID
-    sdo.download(at.communication, o.PDO_COB_ID, value.to_bytes(4, "little"))
 
 
 def _less(sdo: SdoClient, policy: Policy, refusal: _Refusal) -> Policy:
