@@ -1232,6 +1232,20 @@ def test_objects_written_before_a_move():
     ],
 )
 def test_what_brakes_an_axis_under_torque_is_written_before(changes, written):
+    assert slow_ramp_writes(Drive(**changes).parameters, by_torque=True) == written
+
+
+@pytest.mark.parametrize(
+    ("changes", "written"),
+    [
+        ({}, []),  # the quick stop has no option code
+        ({"braking": Braking(quick_stop=Ramp.SLOW)}, [(0x6084, 0, 500_000)]),
+        ({"braking": Braking(quick_stop=Ramp.QUICK)}, []),
+    ],
+)
+def test_before_set_points_the_slow_down_ramp_is_written_only_if_the_quick_stop_brakes_on_it(
+    changes, written
+):
     assert slow_ramp_writes(Drive(**changes).parameters) == written
 
 

@@ -6,10 +6,13 @@ from dataclasses import replace
 
 import pytest
 
+from axisbus.cia402.options import Ramp
 from axisbus.cia402.state import PowerState
 from axisbus.errors import DriveError, Replaced, StateError, Stopped, UncommandedMotion
-from axisbus.motion.parameters import HoldsLoad, StopTimes
+from axisbus.motion.parameters import AxisLimits, HoldsLoad, StopTimes
 from axisbus.motion.states import AxisState
+from axisbus.motion.stop_deceleration import Braking
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.motor import MotorParams
 from kit.motion.rig import PERIOD, rig
 from kit.motion.watch import DISABLED, ENABLED, HALT, QUICK_STOP, Watch
@@ -237,6 +240,28 @@ def test_disable_out_of_a_stop_takes_the_power_away():
 
 
 # Quick stop.
+
+
+@pytest.mark.parametrize("streamed", ["csp", "csv"])
+@pytest.mark.parametrize("accepts", [True, False], ids=["accepts-6084h", "refuses-6084h"])
+def test_a_quick_stop_on_the_slow_ramp_brakes_set_points_with_the_deceleration_of_the_cell_file(
+    streamed, accepts
+):
+    """Such a motion needs no 6084h itself, so the drive may still have the value of a gentle move, or of another program."""
+    r = rig(braking=Braking(quick_stop=Ramp.SLOW), limits=AxisLimits()).enabled()
+    r.device.write(0x605A, 0, 1)
+    r.device.write(0x6084, 0, 200_000)
+    if not accepts:
+        r.device.dials.sdo_write_aborts[0x6084, 0] = 0x06010002
+    if streamed == "csp":
+        r.axis.follow(TrapezoidalTrajectory(0.0, 300.0, 100.0, 500.0))
+    else:
+        r.axis.cyclic_velocity(100.0).wait(5)
+    r.run(1.0)
+    before = r.drive.position
+    r.axis.quick_stop().wait(5)
+    braked = (r.drive.position - before) / 1000.0
+    assert braked == pytest.approx(100.0**2 / 2 / (500.0 if accepts else 200.0), abs=3.0)  # 2 periods of lag
 
 
 def test_quick_stop_with_an_option_that_disables_ends_disabled():

@@ -335,7 +335,7 @@ def torque(core: AxisCore, command: c.TorqueControl, ticket: CommandStatus, gate
     writes: list[tuple[int, int, int | None]] = []
     if command.slope is not None and parameters.has(objects.TORQUE_SLOPE):
         writes.append((objects.TORQUE_SLOPE, 0, command.slope))
-    writes += slow_ramp_writes(parameters)
+    writes += slow_ramp_writes(parameters, by_torque=True)
     require_stop(core, _M.PROFILE_TORQUE, CommandedMotion(by_torque=True), ticket)
     prepare = _prepare(core, _M.PROFILE_TORQUE, writes, gate)
     activity = TorqueMove(command.torque, command.timeout, parameters, prepare, command.slope)

@@ -39,7 +39,7 @@ class CyclicTorqueMove(Activity):
     ) -> None:
         """``before``: the ramp that commands the axis in cst already; None: the axis is at standstill and changes to cst first."""
         self._parameters = parameters
-        writes = slow_ramp_writes(parameters)
+        writes = slow_ramp_writes(parameters, by_torque=True)
         fresh = before is None
         self._ready = ModeEntry(self.mode, parameters, gate, writes, self._keep) if fresh else None
         self._ramp = before

@@ -18,6 +18,7 @@ from axisbus.motion.moves.continuous_motion import (
     is_resisted,
     velocity_missed,
 )
+from axisbus.motion.moves.prepare import slow_ramp_writes
 from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.override import scaled
 from axisbus.motion.parameters import AxisParameters
@@ -47,7 +48,8 @@ class CyclicVelocityMove(Activity):
     ) -> None:
         """``before``: the ramp that commands the axis in csv already; None: the axis is at standstill and changes to csv first."""
         self._parameters = parameters
-        self._ready = None if before is not None else ModeEntry(self.mode, parameters, gate)
+        writes = slow_ramp_writes(parameters)
+        self._ready = None if before is not None else ModeEntry(self.mode, parameters, gate, writes)
         self._ramp = before
         self._way = led_way(parameters)
         self._mean: float | None = None

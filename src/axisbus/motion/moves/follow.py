@@ -19,6 +19,7 @@ from axisbus.motion.moves.activity import Activity, require_position, where_text
 from axisbus.motion.moves.interpolation import CyclicSetup
 from axisbus.motion.moves.interpolation import interpolation_period as interpolation_period
 from axisbus.motion.moves.mode_switch import ModeSwitch
+from axisbus.motion.moves.prepare import RampTransfers, slow_ramp_writes
 from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 from axisbus.motion.moves.remote_trajectory import Streamed
 from axisbus.motion.moves.setpoint import SetPoint
@@ -100,6 +101,7 @@ class Follow(Activity):
         self.clock: PathParameter = travel or self._time
         self._mode = ModeSwitch(ModeOfOperation.CYCLIC_SYNC_POSITION, parameters)
         self._setup = CyclicSetup(parameters)
+        self._stop_ramp = RampTransfers(slow_ramp_writes(parameters), parameters)
         self._prepared = False
         self._running = False
         self._last: int | None = None
@@ -396,6 +398,7 @@ class Follow(Activity):
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel the queued requests."""
         self._setup.cancel(order)
+        self._stop_ramp.cancel(order)
         self._mode.cancel(order)
 
     def _way(self, trajectory: Trajectory, t: float) -> float:
@@ -405,7 +408,8 @@ class Follow(Activity):
     def _prepare(self, image: AxisImage, order: CycleOutputs) -> bool:
         require_position(image, self._parameters.name, "cyclic synchronous position mode")
         if not self._prepared:
-            self._prepared = self._setup.step(image, order) and self._mode.step(image, order)
+            written = self._setup.step(image, order) and self._stop_ramp.step(image, order)
+            self._prepared = written and self._mode.step(image, order)
         return self._prepared and self._may_begin(image) and self._gate.pass_through(self)
 
     def _may_begin(self, image: AxisImage) -> bool:

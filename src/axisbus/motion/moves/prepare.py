@@ -46,10 +46,18 @@ def profile_writes(
     return [(index, 0, value) for index, value in wanted if parameters.has(index)]
 
 
-def slow_ramp_writes(parameters: AxisParameters) -> list[tuple[int, int, int | None]]:
-    """Return the write of 6084h before a move under torque, if 6084h is the ramp that will brake the axis ahead of its limits."""
+def slow_ramp_writes(
+    parameters: AxisParameters, *, by_torque: bool = False
+) -> list[tuple[int, int, int | None]]:
+    """Return the write of 6084h before a motion that does not set it itself, if a stop of the drive brakes on this ramp.
+
+    Otherwise a quick stop would brake with the value of the last profile move, or with the one that the drive was switched on with.
+    ``by_torque``: a torque moves the axis, so a halt may also brake it, in another mode.
+    """
     deceleration = parameters.path_deceleration
-    by_slow_ramp = parameters.halts_torque_by_mode or parameters.braking.quick_stop is Ramp.SLOW
+    by_slow_ramp = parameters.braking.quick_stop is Ramp.SLOW or (
+        by_torque and parameters.halts_torque_by_mode
+    )
     if deceleration is None or not by_slow_ramp or not parameters.has(objects.PROFILE_DECELERATION):
         return []
     raw = max(1, abs(parameters.units.acceleration.to_increments(deceleration)))
