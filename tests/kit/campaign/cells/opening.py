@@ -328,7 +328,8 @@ def _axis_lines(recipe: CellRecipe, name: str, file: str, model: Eds) -> list[st
     }
     lines += [f"[axes.{name}.stop]"]
     lines += [f"{key} = {value}" for key, value in stop.items() if _writable(model, _OBJECTS[key])]
-    times = max(2.0, 4.0 * axis.speed / axis.acceleration / min(1.0, axis.ease[1]))
+    # A command may ask for a fifth of max_acceleration, from max_velocity.
+    times = max(2.0, 6.0 * axis.speed / axis.acceleration / min(1.0, axis.ease[1]))
     return [*lines, f'halt_time = "{times:.3g}s"', f'quick_stop_time = "{times:.3g}s"']
 
 
