@@ -71,7 +71,9 @@ def _arrange(sdo: SdoClient, wanted: PdoRequirements, policy: Policy, axis: int,
             mapping=tuple(_mapped(INPUT_OBJECTS, name, axis) for name in names),
             transmission_type=_EVENT if is_event else max(every.get(name, _SYNC) for name in names),
             event_timer=round((timer or 0.0) * 1000) if is_event else None,
-            cob_id=_own_cob_id(sdo, False, number),
+            cob_id=cob.of_pdo(
+                number, sdo.node_id, receive=False
+            ),  # a maker's file may give all nodes the same
         )
     _empty(sdo, False, first + len(groups), first + 4)
     there = [name for name in wanted.outputs if sdo.dictionary.has(own_index(ALL_OUTPUTS[name], axis))]
@@ -89,7 +91,7 @@ def _arrange(sdo: SdoClient, wanted: PdoRequirements, policy: Policy, axis: int,
             number,
             mapping=tuple(_mapped(ALL_OUTPUTS, name, axis) for name in ordered),
             transmission_type=_EVENT if transport is ValueTransport.EVENT_PDO else _SYNC,
-            cob_id=_own_cob_id(sdo, True, number),
+            cob_id=cob.of_pdo(number, sdo.node_id, receive=True),
         )
     kept = replace(policy, remap=False, communication=False, timers=False)
     asked = replace(
@@ -100,12 +102,6 @@ def _arrange(sdo: SdoClient, wanted: PdoRequirements, policy: Policy, axis: int,
     )
     plan = configure(sdo, asked, kept, axis)
     return replace(plan, inputs=plan.inputs | {n: t for n, t in inputs.items() if t is ValueTransport.NONE})
-
-
-def _own_cob_id(sdo: SdoClient, receive: bool, number: int) -> int | None:
-    """Return the predefined COB-ID of PDOs 1 to 4: a maker's file may give all nodes the same one. None: as the drive has it."""
-    bases = cob.RPDO if receive else cob.TPDO
-    return bases[number - 1] + sdo.node_id if number <= len(bases) else None
 
 
 def _empty(sdo: SdoClient, receive: bool, begin: int, end: int) -> None:

@@ -97,7 +97,7 @@ def policy_of(cell: CellConfig, node: NodeConfig) -> Policy:
     return Policy(
         sync=cell.bus.sync,
         remap=node.remappable and not node.pdos,
-        taken=frozenset(base + other for other in others for base in (*cob.RPDO, *cob.TPDO)),
+        taken=frozenset().union(*map(cob.all_of_pdos, others)),
         spare=spare_cob_ids(frozenset(cell.nodes), node.node_id),
         fixed=pdo_tables.fixed_pdos(node.pdos),
         timed=pdo_tables.timed_pdos(node.pdos),

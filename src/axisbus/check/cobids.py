@@ -71,13 +71,13 @@ def restricted(case: CheckContext) -> Problems:
                     line,
                     f"node {node.node_id}: {each.name} cannot have the COB-ID {cob_id:03X}h",
                     f"it is {'restricted' if use == 'reserved' else f'that of {use}'} (CiA 301 7.3.5)",
-                    f"leave cob_id out, or choose one from 181h to 57Fh: by default {_predefined(each, node):03X}h",
+                    f"leave cob_id out, or choose one from 181h to 57Fh{_by_default(each, node)}",
                 )
 
 
-def _predefined(each: NodePdo, node: NodeConfig) -> int:
-    bases = cob.RPDO if each.receive else cob.TPDO
-    return bases[(each.pdo.number - 1) % len(bases)] + node.node_id
+def _by_default(each: NodePdo, node: NodeConfig) -> str:
+    predefined = cob.of_pdo(each.pdo.number, node.node_id, receive=each.receive)
+    return "" if predefined is None else f": by default {predefined:03X}h"
 
 
 def _uses(case: CheckContext) -> Iterator[Use]:
@@ -133,7 +133,7 @@ def _pdo_uses(node: NodeConfig, eds: Eds) -> Iterator[Use]:
             continue  # disabled, 29 bits long, or written without node-ID: boot assigns a COB-ID
         line = each.config.at.of("cob_id") if each.config is not None else node.at.line
         what = f"{each.name} {'to' if each.receive else 'of'} node {node.node_id}"
-        odd = cob_id != _predefined(each, node)
+        odd = cob_id != cob.of_pdo(each.pdo.number, node.node_id, receive=each.receive)
         remedy = f"another cob_id in [nodes.{node.node_id}.pdo.{each.name.lower()}]" if odd else ""
         yield Use(cob_id, what, line, remedy, "" if each.own_id else _MOVED)
 

@@ -26,3 +26,14 @@ TIME_CONSUMER = 1 << 31
 TIME_PRODUCER = 1 << 30
 ID_MASK_11 = 0x7FF
 ID_MASK_29 = 0x1FFF_FFFF
+
+
+def of_pdo(number: int, node_id: int, *, receive: bool) -> int | None:
+    """Return the predefined COB-ID of a PDO with ``number`` (from 1) of a node; None after the fourth, which has none."""
+    bases = RPDO if receive else TPDO
+    return bases[number - 1] + node_id if number <= len(bases) else None
+
+
+def all_of_pdos(node_id: int) -> frozenset[int]:
+    """Return the predefined COB-IDs of all PDOs of a node."""
+    return frozenset(base + node_id for base in (*RPDO, *TPDO))

@@ -130,10 +130,9 @@ class CobIds:
 
         The predefined one comes first because files and drives often contain the COB-ID of another node.
         """
-        bases = cob.RPDO if receive else cob.TPDO
-        predefined = (bases[pdo.number - 1] + self._node_id,) if pdo.number <= len(bases) else ()
-        for candidate in chain(predefined, (pdo.cob_id,), self._spare):
-            if _is_pdo_cob_id(candidate) and self._is_free(candidate, pdo):
+        predefined = cob.of_pdo(pdo.number, self._node_id, receive=receive)
+        for candidate in chain((predefined, pdo.cob_id), self._spare):
+            if candidate is not None and _is_pdo_cob_id(candidate) and self._is_free(candidate, pdo):
                 self._used.add(candidate)
                 return candidate
         return None
