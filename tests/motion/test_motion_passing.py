@@ -25,8 +25,10 @@ def profile(speed: float, down: float = 400_000.0, timeout: float | None = None)
 class Passed:
     """A move from 0 to 100,000 increments, and a second one to 200,000."""
 
-    def __init__(self, mode: str, first: MoveProfile, second: MoveProfile, taken: float = 0.0) -> None:
-        self.drive = Drive()
+    def __init__(
+        self, mode: str, first: MoveProfile, second: MoveProfile, taken: float = 0.0, **changes
+    ) -> None:
+        self.drive = Drive(**changes)
         self.first, self.second = CommandStatus("first"), CommandStatus("second")
         self.first.begin()
         self.passing = PpBlending(
@@ -111,6 +113,14 @@ def test_a_deceleration_that_would_come_too_late_is_not_taken(down, kept):
     (_, asked), *_ = Passed("previous", FAST, weak := profile(100_000.0, down)).asked_at()
     assert (asked.deceleration, asked.down) == ((400, 400_000.0) if kept else (weak.deceleration, down))
     assert (asked.velocity, asked.acceleration) == (weak.velocity, weak.acceleration)
+
+
+def test_a_drive_without_6084h_keeps_the_acceleration_with_which_it_brakes_as_well():
+    without = Drive().parameters.objects - {0x6084}
+    weak = profile(100_000.0, 100_000.0)
+    (_, asked), *_ = Passed("previous", FAST, weak, objects=without).asked_at()
+    assert (asked.velocity, asked.acceleration, asked.deceleration) == (100_000, 400, 400)
+    assert (asked.up, asked.down) == (400_000.0, 400_000.0)
 
 
 def test_one_that_takes_over_slower_says_so():

@@ -106,10 +106,13 @@ def test_a_path_that_begins_at_a_limit_may_return_to_it():
 
 @pytest.mark.parametrize("lap", [0, 1, -3])
 def test_a_count_ends_where_its_drive_begins_again(lap):
-    room = room_of_count(lap * 2**32 + 17)
-    assert room == (lap * 2**32 - 2**31, lap * 2**32 + 2**31 - 1)
+    room, low, high = room_of_count(lap * 2**32 + 17), lap * 2**32 - 2**31, lap * 2**32 + 2**31 - 1
+    assert room == (low + 10, high - 10)
     assert room_of_count(int(room.low)) == room_of_count(int(room.high)) == room
-    assert room_of_count(int(room.high) + 1).low == room.high + 1
+    # An axis that is nearer to an end may stay there, and return.
+    assert room_of_count(low + 3) == (low + 3, room.high)
+    assert room_of_count(high) == (room.low, high)
+    assert room_of_count(high + 1) == (high + 1, room.high + 2**32)
 
 
 # Back into the limits, from a position that wanders at a limit, and from beyond it.

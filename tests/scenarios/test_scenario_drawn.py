@@ -70,7 +70,7 @@ NOTICED = {
     ),
     "silent-after-boot-up": Script(
         "stiff",
-        (Event(0.2, "move_velocity", "a", 0.5), Event(1.0, "second_device", "a"), Event(14.0, "probe", "a")),
+        (Event(0.2, "move_velocity", "a", 0.5), Event(1.0, "second_device", "a"), Event(20.0, "probe", "a")),
         "drawn",
         cell=CellRecipe((AxisRecipe(),)),
     ),

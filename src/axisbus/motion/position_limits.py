@@ -25,6 +25,8 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from axisbus.motion.moves.profile import braking_distance
 from axisbus.units import INT32_HALF, INT32_LEAST, wrap
 
+_END_OF_COUNT = 10  # increments, more than the noise of a position
+
 
 class Room(NamedTuple):
     """The lowest and the highest permitted position of a motion."""
@@ -122,9 +124,14 @@ def steps_to_rest(position: float, velocity: float, deceleration: float, period:
 
 
 def room_of_count(position: int) -> Room:
-    """Return the range of unwrapped increments that a drive at ``position`` can report without a wrap of its count."""
+    """Return the range of unwrapped increments within which a drive at ``position`` can be held without a wrap of its count.
+
+    It ends a little earlier than the count, unless the axis is there already: at the very end, noise alone would wrap the position,
+    and a drive may go the long way round to a target that has wrapped.
+    """
     lap = position - wrap(position)
-    return Room(lap + INT32_LEAST, lap + INT32_HALF - 1)
+    low, high = lap + INT32_LEAST + _END_OF_COUNT, lap + INT32_HALF - 1 - _END_OF_COUNT
+    return Room(min(low, position), max(high, position))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 from axisbus.errors import AxisbusError
@@ -46,6 +47,9 @@ class Travel:
         self._foreign: set[str] = set()  # on the way to where another master has sent it
         # When the motor was not where the demand had it last: in a torque mode, or led away by a drive that creeps.
         self._pushed = dict.fromkeys(facts.names, facts.now)
+        self._crept = dict.fromkeys(
+            facts.names, -math.inf
+        )  # when a drive last held its motor beside its demand
         self._mode: dict[str, tuple[int, float]] = {}  # what mode the drive shows, and since when
 
     def ended(self, asked: Asked) -> None:
@@ -68,6 +72,8 @@ class Travel:
         drive = self._facts.drive[name]
         if drive.axis.drift or drive.mode_display in TORQUE_MODES or drive.mode in TORQUE_MODES:
             self._pushed[name] = self._facts.now
+        if drive.axis.drift:
+            self._crept[name] = self._facts.now
         if self._mode.get(name, (None,))[0] != drive.mode_display:
             self._mode[name] = drive.mode_display, self._facts.now
         samples = self._facts.cell.record(name).since(self._seen[name])
@@ -133,13 +139,18 @@ class Travel:
             facts.must(beyond <= self.reaction(name), "never beyond a limit", text)
 
     def _not_too_fast(self, name: str) -> None:
-        """Nor is it faster than max_velocity by more than what a torque adds before it is seen (see ``reaction``)."""
+        """Nor is it faster than max_velocity by more than what a torque adds before it is seen (see ``reaction``).
+
+        A drive that has crept away from its demand takes that back as fast as it can.
+        """
         facts = self._facts
         limit = self._top_speed(name)
         if limit is None or facts.stage(name) in OFF:
             return
         speed = abs(facts.drive[name].axis.motor.velocity / facts.scale[name])
         allowed = _OVERSPEED * limit + self._blind_speed(name)
+        if facts.now - self._crept[name] < _SEIZED:
+            self._astray[name] = facts.now
         if name in self._astray:
             if speed > limit:
                 self._astray[name] = facts.now
@@ -153,11 +164,11 @@ class Travel:
         return self._facts.core[name].parameters.limits.velocity
 
     def _blind_speed(self, name: str) -> float:
-        """What an unknown torque adds to the speed, in deg/s, before a stop can act."""
+        """What an unknown torque adds to the speed, in deg/s, before a stop can act; a drive may leave the one it had gradually."""
         drive, facts = self._facts.drive[name], self._facts
         if drive.mode_display not in TORQUE_MODES and drive.mode not in TORQUE_MODES:
             return 0.0
-        torque = max(0.0, abs(drive.target_torque) - drive.params.friction)
+        torque = max(0.0, max(abs(drive.target_torque), abs(drive.axis.motor.torque)) - drive.params.friction)
         per_second = torque / 1000.0 * drive.params.rated_acceleration / abs(facts.scale[name])
         return per_second * _CYCLES * facts.scene.period
 

@@ -11,7 +11,7 @@ from kit.campaign.orders import OVERRIDES
 _LATEST = 20.0  # s after which no command may be under way
 _LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
 _STEP = 10.0  # increments by which it has gone on, however slowly
-_HALF_WAY = 2**30  # increments: of the half of INTEGER32
+_FAR = 2**28  # increments: hours at any speed
 _HALF_COUNT = 2**31  # increments: half the span of INTEGER32
 _FARTHEST = 600.0  # s, the same where it moves: a drive that leapt to an old target may be tens of thousands of degrees away
 _ARRIVES = 3.0  # s that a command may take when its axes have come to rest
@@ -82,7 +82,7 @@ class Truth:
 
     def takes_hours(self, asked: Asked) -> bool:
         """Whether it goes to the other end of the drive's count, at any speed, or back from where that is called a place nearby."""
-        far = (abs(goal - self._facts.place(name)) > _HALF_WAY for name, goal in asked.goals.items())
+        far = (abs(goal - self._facts.place(name)) > _FAR for name, goal in asked.goals.items())
         return asked.kind == "extreme" or any(far)
 
     def _has_far_to_go(self, asked: Asked) -> bool:

@@ -20,6 +20,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+from axisbus.cia402.objects import PROFILE_DECELERATION
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.blending.command_ends import CommandEnds
 from axisbus.motion.blending.mode import BufferMode, brakes_harder, passed_slower
@@ -116,7 +117,8 @@ class PpBlending:
     def _braking(self, before: MoveProfile, after: MoveProfile, image: AxisImage) -> MoveProfile:
         """Return the second profile, with the first one's deceleration if its own is too low to stop at the last end.
 
-        The drive brakes only for the last end, which was planned with the first deceleration until now.
+        The drive brakes only for the last end, which was planned with the first deceleration until now. A drive without 6084h
+        brakes with its acceleration (6083h), so it keeps this as well.
         """
         position, speed = image.position, (before.speed or 0.0) * image.override
         assert position is not None
@@ -128,6 +130,8 @@ class PpBlending:
         )
         if after.down >= before.down or braking_distance(speed, after.down) <= left:
             return after
+        if not self._parameters.has(PROFILE_DECELERATION):
+            after = after._replace(acceleration=before.acceleration, up=before.up)
         ramp = min(after.up or before.down, before.down)
         return after._replace(deceleration=before.deceleration, down=before.down, ramp=ramp)
 

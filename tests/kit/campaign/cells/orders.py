@@ -522,6 +522,8 @@ def _stream(args: GroupArgs) -> Handle:
         except AxisbusError:  # no more points come, and it must not be waited for them
             ended = True
             break
+    else:
+        ended = True  # there is still room for more points, and until there is none it does not begin
     if ended:
         with suppress(AxisbusError):
             points.finish()

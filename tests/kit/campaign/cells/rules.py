@@ -48,6 +48,7 @@ _COUNTED = 10.0  # s for which an axis may turn on before it comes to the end of
 _ACTS = 6.0  # periods until a stop acts, from when the master has to think of it
 _LAG_UNKNOWN = 0.02  # s, which the master reckons with where it does not know the lag
 _SETTLED = 4  # cycles in csp before its targets are looked at
+_TURNED = 0.5  # s from when a motor has turned round until a stop right after that has ended
 _REFUSED = (CommandError, StateError)
 _TOO_HIGH = "0x06090031"  # the abort code of a value that is too high
 _BLOCKED = "was blocked during a move"
@@ -297,14 +298,17 @@ class Physics(Travel):
         return needs > self._facts.core[name].parameters.stop_times.halt
 
     def _crawls(self, name: str, error: DriveError) -> bool:
-        """Whether a move was so slow (by an extreme override) that the master cannot know that nothing holds the axis.
+        """Whether a move was so slow that the master cannot know that nothing holds it: by an extreme override, or where it turned.
 
         Without a demand that has been seen to lead the axis, it then takes the power as a precaution.
         """
         drive, image = self._facts.drive[name], self._facts.core[name].image
         if _BLOCKED not in error.message or image.demand is not None or drive.mode_display != _PP:
             return False
-        return drive.axis.speed(drive.settings.profile_velocity) < self._facts.unseen_speed(name)
+        cell = self._facts.cell
+        velocities = [sample.velocity for sample in cell.record(name).since(cell.moment(name) - _TURNED)]
+        turned = min(velocities) < 0.0 < max(velocities)
+        return turned or drive.axis.speed(drive.settings.profile_velocity) < self._facts.unseen_speed(name)
 
     def _is_limited_by_drive(self, name: str) -> bool:
         """Whether the drive limits the axis by 6080h to less than max_velocity, which nobody has told the master.
