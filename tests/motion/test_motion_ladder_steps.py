@@ -311,6 +311,16 @@ def test_only_an_axis_at_rest_in_the_middle_of_its_move_counts_as_held_and_loses
     assert not again.ladder.held
 
 
+@pytest.mark.parametrize(("asked_before", "shown", "held"), [(20, 1, False), (20, 3, False), (400, 1, True)])
+def test_an_axis_that_stopped_for_another_mode_is_not_held_by_anything(asked_before, shown, held):
+    """The drive may show the requested mode late. A mode that it has not shown for long is not the reason."""
+    stop = edge(Stop().before(10, False, statusword=ENABLED, mode=1), 90_000).before(30, False)
+    stop.drive.order.mode = ModeOfOperation.PROFILE_VELOCITY
+    stop.before(asked_before, False, statusword=ENABLED, mode=1)
+    stop.run(12, False, statusword=ENABLED, mode=shown)
+    assert stop.ladder.held is held
+
+
 def test_a_pull_that_is_seen_keeps_a_halted_axis_from_counting_as_stopped():
     stop = Stop().run(400, False, statusword=ENABLED, mode=1, demand=5000)
     assert stop.ladder.path[:2] == [StopLevel.HALT, StopLevel.QUICK_STOP]

@@ -297,6 +297,10 @@ class PendingOutputs:
         """Whether the state shown at ``now`` is the answer to the last controlword, and no earlier word can still take effect."""
         return now >= self._word_since + _ANSWERED * self._period
 
+    def awaits_mode(self, shown: int | None, since: float) -> bool:
+        """Whether another mode than the one shown was requested at ``since`` or later."""
+        return self._mode is not None and self._mode != shown and self._mode_since >= since
+
     def mode_answered(self, now: float) -> bool:
         """Whether the mode shown at ``now`` is the answer to the last requested mode."""
         return now >= self._mode_since + _MODE_TAKEN * self._period

@@ -182,6 +182,8 @@ class StopSequence:
         return ended
 
     def _is_held_unseen(self, image: AxisImage) -> bool:
+        if image.flight.awaits_mode(image.mode, image.now - self._parameters.timing.mode):
+            return False  # it has stopped for another mode, which the drive may have taken without having shown it yet
         if image.now > self._resisted_since + _STARTS and image.pull is None:
             return True
         led = image.led
