@@ -6,7 +6,10 @@ READY  := $(VENV)/.ready
 # Some systems tell Python not to write bytecode. Then each of the many processes that the tests start would compile all modules.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo quick test test-real test-web test-socketcan check bench scenarios bench-cycle bench-core bench-guests bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
+.PHONY: help dist demo quick test test-real test-web test-socketcan check bench scenarios bench-cycle bench-core bench-guests bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
+
+help:                     ## list the targets
+	@sed -n 's/^\([a-z-]*\):[^#]*## /\1\t/p' Makefile | expand -t 16
 
 demo: $(READY)            ## run the demo on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -15,6 +18,7 @@ quick: $(READY)           ## run the quick tests in two processes, after each ed
 	$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile
 
 test: $(READY)            ## run all tests whose result does not depend on the load of the computer, in two processes
+	@echo "collecting the tests: up to a minute before the first result"
 	test -d tests/__pycache__ || $(BIN)/python -m pytest --collect-only -qq > /dev/null || true
 	$(BIN)/python -m pytest -m "not real_time" -n 2 --dist loadfile
 
@@ -80,7 +84,10 @@ pictures: $(READY)        ## draw the pictures of docs/motion.md
 mutants: $(READY)         ## insert small errors into the source: tests must notice at least 90 % of them
 	$(BIN)/python tests/mutants.py
 
-format: $(READY)
+dist: $(READY)            ## build wheel and sdist into dist/, check them, and try the wheel with each Python of this computer
+	$(BIN)/python tests/dist.py
+
+format: $(READY)          ## format the sources
 	$(BIN)/ruff check --fix src tests examples docs/site
 	$(BIN)/ruff format src tests examples docs/site
 
@@ -89,5 +96,5 @@ $(READY): pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,plot,record]'
 	touch $(READY)
 
-clean:
-	rm -rf $(VENV) build demo-output .mutants-map .pytest_cache .mypy_cache .ruff_cache .hypothesis
+clean:                    ## delete the virtual environment and all that was built
+	rm -rf $(VENV) build dist demo-output .mutants-map .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,11 +1,8 @@
 """Read an EDS: objects, COB-IDs and findings. This needs no bus, no drive and no other library."""
 
-from pathlib import Path
-
 from axisbus import eds
-from axisbus.eds.builtin import resolve
 
-drive = eds.load(resolve("builtin:gim6010-8", Path()))
+drive = eds.load("builtin:gim6010-8")
 print(drive.source, "has", len(drive.objects), "objects")
 print("vendor:", hex(drive.identity.vendor_id or 0))
 target = drive.get(0x607A)

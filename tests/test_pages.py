@@ -26,6 +26,7 @@ from axisbus.cli.shared.common import run
 from axisbus.core.sim_faults_file import load_faults
 from axisbus.motion.parameters import StopTimes
 from axisbus.sim.can_simple.module import Module
+from axisbus.version import __version__
 from kit.pages import (
     PAGES,
     README,
@@ -48,8 +49,10 @@ LANGUAGES = {"sh", "bat", "python", "toml", "text", "c"}
 FOUND_SOMETHING = {("lss", "find"), ("eds", "diff")}
 MAY_FIND = {"jitter"}  # 1: a busy computer leaves cycles out
 SET_UP = re.compile(r"python -m venv |.*python -m (pip install|pytest)")  # done already where this test runs
+RUN_ELSEWHERE = {"make", "pip", "python"}  # ``test_examples`` runs the programs; ``make dist`` installs the wheel
 INIT = ("init", "-i", "sim", "-c", "examples/cell.toml", "-o", "cell.toml")
 BOOT = ("boot", "examples/cell.toml")
+WHEEL = f"axisbus-{__version__}-py3-none-any.whl"
 PORT = "29536"  # that of axisbus sim, as printed
 
 
@@ -73,7 +76,8 @@ class Ran(NamedTuple):
 def command_lines(page):
     """The command lines of a page as lists of words, without their comments."""
     printed = [line for block in blocks(page, "sh") for line in block.splitlines() if line.strip()]
-    return [words for line in printed if (words := shlex.split(line, comments=True)) and words[0] != "make"]
+    lines = [words for line in printed if (words := shlex.split(line, comments=True))]
+    return [words for words in lines if words[0] not in RUN_ELSEWHERE]
 
 
 @pytest.fixture(scope="module")
@@ -195,6 +199,11 @@ def test_every_line_of_commands_is_run():
         line for _, block in blocks_of_all("sh") for line in block.splitlines() if line.startswith("make ")
     ]
     assert [line.split()[1] for line in others] == ["demo", "test"]
+    lines = [line.split() for _, block in blocks_of_all("sh") for line in block.splitlines()]
+    assert [words[:3] for words in lines if words and words[0] == "pip"] == [["pip", "install", WHEEL]]
+    programs = [words[1] for words in lines if words and words[0] == "python"]
+    assert programs == ["examples/velocity.py"]
+    assert all((ROOT / name).is_file() for name in programs)
     assert len({tuple(words) for page in PAGES for words in command_lines(page)}) > 30
     windows = [
         line for _, block in blocks_of_all("bat") for line in block.splitlines() if not SET_UP.match(line)

@@ -11,6 +11,7 @@ import click
 from axisbus import Recorder, wait
 from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.check.run import checked
+from axisbus.cli import examples
 from axisbus.cli.shared.common import FAILURE, OK, say, say_next, with_page
 from axisbus.cli.shared.options import PATH
 from axisbus.cli.shared.output import output_option, require_writable, write_whole
@@ -19,8 +20,6 @@ from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 from axisbus.wording import counted
 
-# In an installed package the cell file is beside this module; in a checkout, among the examples.
-_CELLS = (Path(__file__).parent / "demo_cell.toml", Path(__file__).parents[3] / "examples" / "cell.toml")
 _FAULT = 0x4310  # excess temperature of the drive
 _FAULT_BITS = 0x40000  # the module's own bit for it: MOSFET temperature
 
@@ -49,7 +48,7 @@ def command(cell: Path | None, output: Path, plot: bool, record: Path | None) ->
     Everything is simulated: no hardware is needed or touched. Writes recording.csv and motion.png. Also writes cell.toml, the
     cell file that was used, unless a file of that name exists.
     """
-    path = cell or next(path for path in _CELLS if path.exists())
+    path = cell or examples.folder() / "cell.toml"
     _require_simulated(checked(path))
     for name in ("recording.csv", "motion.png", "cell.toml"):
         require_writable(output / name)

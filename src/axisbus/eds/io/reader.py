@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
+from axisbus.eds import builtin
 from axisbus.eds.io import modules, sections, text
 from axisbus.eds.io.file_suggestions import files_near
 from axisbus.eds.io.lazy_objects import FileObjects, node_id
@@ -51,12 +52,13 @@ class EdsParseResult:
 def load(path: str | Path) -> Eds:
     """Read an EDS or DCF file; the same content is parsed once, however many nodes use it.
 
-    Blocks for the time the file takes to read. Oddities of the file are in ``findings`` of the result.
+    ``path`` may also be a text such as ``builtin:gim6010-8``: one of the files that come with axisbus. Blocks for the time the file
+    takes to read. Oddities of the file are in ``findings`` of the result.
 
     Raises:
         EdsError: the file is missing, cannot be read, is larger than 16 MiB, or is no EDS at all.
     """
-    path = Path(path)
+    path = builtin.resolve(path, Path()) if isinstance(path, str) else path
     return loads(file_bytes(path), str(path))
 
 
