@@ -402,7 +402,7 @@ class Axis:
         commands the move in csp. ``jerk`` does not change a halt or a stop. ``direction`` is for endless axes (``modulo``): 0 is
         the shortest path, 1 positive, -1 negative. ``timeout`` in seconds replaces the deadline that the master calculates.
 
-        With ``buffer`` (True, or ``"buffered"``) the move begins when the present command of the axis has ended well (100 may be
+        With ``buffer`` (True, or ``"buffered"``) the move begins when the axis's present command has ended successfully (100 may be
         queued); without it, the move replaces that command. With ``"blending_low"``, ``"blending_previous"``, ``"blending_next"``
         or ``"blending_high"`` (PLCopen's BufferMode) the axis passes the end of the previous move without a stop: at the lower
         velocity of the two, that of the previous move, that of this move, or the higher one. If the drive generates the previous

@@ -115,7 +115,7 @@ class Gantry(AxisSet):
         """Move the beam to ``position`` (MC_MoveAbsolute), from rest, and square: the second axis moves to that plus the offset.
 
         Missing values are the smaller of the axes' defaults; ``jerk`` as ``Group.move_linear``. Does not block. With ``buffer`` the
-        move begins when the pair's present command has ended well.
+        move begins when the pair's present command has ended successfully.
 
         Raises:
             LimitError: beyond the limits of either axis.

@@ -102,7 +102,7 @@ class Group(AxisSet):
         ``velocity`` (unit/s) and ``acceleration`` (unit/s², by default the smallest of the defaults) are those of the path: the
         Euclidean length over all axes. If an axis would exceed its own limits, all axes are slower. ``jerk`` (unit/s³) limits the
         change of the acceleration along the path, also in a halt and under an override; None: no limit. With ``buffer`` (True, or
-        ``"buffered"``) the line begins when the group's present command has ended well, from the end of that command; at most 100
+        ``"buffered"``) the line begins when the group's present command has ended successfully, from its end; at most 100
         commands are queued.
 
         With ``"blending_low"``, ``"blending_previous"``, ``"blending_next"`` or ``"blending_high"`` (PLCopen's BufferMode) the line
