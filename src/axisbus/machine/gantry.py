@@ -97,7 +97,7 @@ class Gantry(AxisSet):
         if wide <= self.max_skew:
             raise LimitError(
                 f"{self.name}.enable: skew {wide:g} {self.unit} is not above max_skew = {self.max_skew:g} {self.unit}",
-                remedy="leave it out: without it max_skew applies",
+                remedy="leave skew out: max_skew then applies",
             )
         return self._submit(f"enable(skew={wide:g} {self.unit})", g.GantryEnable(self._pair.axes, wide))
 

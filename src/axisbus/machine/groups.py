@@ -165,7 +165,7 @@ class Group(AxisSet):
         if goes_on and jerk is not None:
             raise ArgumentError(
                 f"{self.name}.{text}: with a jerk limit no points can be added to a path",
-                remedy="leave more out, and give all points at once; or leave jerk out",
+                remedy="give all points at once, without more=True; or leave jerk out",
             )
         request = self._request(
             text, "move_path", velocity, acceleration, jerk, mode, blend=wide, more=goes_on or _blends(mode)
@@ -426,7 +426,7 @@ class Group(AxisSet):
         if self._kinematics is not None:
             raise ArgumentError(
                 f"{self.name}.{name}: acceleration is missing",
-                observed="in a workspace the defaults of its axes do not give one",
+                observed="in a workspace, the default accelerations of the axes do not apply",
                 remedy="give acceleration = ... in the call, in units of the workspace per s²",
             )
         known = [axis.default_acceleration for axis in self._axes.values()]

@@ -36,8 +36,8 @@ class Activity(ABC):
 
     ``mode`` is the mode of operation in which it works. If ``goes_on``, it is stepped further after a successful end, because the
     axis continues to move. Only an activity that ``clears_error`` can leave ErrorStop. An activity that ``ends_at_rest`` has ended
-    well only when the axis is seen at standstill. One that ``stops_at_limit`` ends in a halt ahead of a position limit. ``course``
-    describes the commanded motion (None: unknown).
+    successfully only when the axis is seen at standstill. One that ``stops_at_limit`` ends in a halt ahead of a position limit.
+    ``course`` describes the commanded motion (None: unknown).
 
     ``behind``: increments by which the axis is behind its commanded position, if the command knows this better than 6062h.
     ``led_speed``: the commanded speed in increments per s. ``lag``: see ``RampedWay`` (None: not known). ``ramped``: the monitor of
