@@ -95,7 +95,7 @@ class Scale:
         if not math.isfinite(value):
             return ArgumentError(f"{value} {self.unit} is not a finite number")
         return LimitError(
-            f"{value:g} {self.unit} cannot be counted",
+            f"{value:g} {self.unit} cannot be converted to increments",
             observed=f"one {self.unit} is {self.factor:g} increments",
             remedy="give a smaller value, or check the scale",
         )

@@ -102,7 +102,7 @@ def test_a_link_that_is_down_gets_the_line_that_brings_it_up() -> None:
 
 
 def test_a_link_at_another_bitrate_than_configured() -> None:
-    with pytest.raises(AdapterError, match="runs at 500000 bit/s, configured are 1000000") as caught:
+    with pytest.raises(AdapterError, match="runs at 500000 bit/s, but 1000000 is configured") as caught:
         adapter.check_link("can0", 1_000_000, lambda name: CanInterface(name, up=True, bitrate=500_000))
     assert "down" in caught.value.remedy
     assert "bitrate 1000000" in caught.value.remedy

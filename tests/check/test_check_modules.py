@@ -116,7 +116,7 @@ def test_its_frames_are_in_the_load_and_in_the_timetable(tmp_path):
     ("name", "text", "words"),
     [
         ("endpoints_0.5.13.json", None, "cannot be read"),
-        ("endpoints_0.5.13.json", "{", "no JSON"),
+        ("endpoints_0.5.13.json", "{", "is not JSON"),
         ("endpoints_0.5.11.json", "[]", "for firmware 0.5.11 by its name, and the node must have 0.5.13"),
         ("endpoints.json", "[]", ""),
     ],

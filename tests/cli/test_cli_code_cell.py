@@ -260,7 +260,7 @@ def test_a_two_axis_drive_has_the_objects_of_both_and_the_pdos_that_there_are(ru
         (("--axis", "q"), "the cell has no axis 'q'"),
         (("--axis", "v"), "axis v is virtual: it has no PDOs"),
         (("--axis", "x", "--node", "1"), "--axis names a node of a cell"),
-        (("builtin:generic-cia402",), "an input file is missing"),
+        (("builtin:generic-cia402",), "both a file and --cell are given"),
     ],
 )
 def test_what_has_no_pdos_is_refused_in_words(run, file, arguments, said):
@@ -284,7 +284,7 @@ def test_a_module_that_speaks_can_simple_has_none_and_the_others_are_named(run, 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ((), "of what?"),
+        ((), "no input is given"),
         (("--axis", "x", "builtin:generic-cia402"), "--axis names a node of a cell"),
         (
             ("--cell", EXAMPLES / "cell.toml", "-o", "x.h"),

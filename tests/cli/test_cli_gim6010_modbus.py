@@ -244,7 +244,7 @@ def test_a_warden_that_is_killed_ends_the_motion(sim):
     os.kill(int(found[0]), signal.SIGKILL)
     _, err = ran.communicate(timeout=30)
     assert ran.returncode == 3
-    assert "the warden of this motion is gone" in err
+    assert "the watchdog process of this motion has ended" in err
     assert "it stood, and is in idle, without power" in err
 
 

@@ -68,7 +68,7 @@ def test_nothing_is_written_where_one_of_several_cannot_be(params):
             ("can.config.break_timeout=70000", "beyond the range of uint16"),
             ("axis0.none=1", "there is no parameter"),
             ("vbus_voltage", "write PATH=VALUE"),
-            ("vbus_voltage=3", "not for writing"),
+            ("vbus_voltage=3", "cannot be written"),
         ):
             code, _, err = params("set", f"{LIMIT}=12.5", wrong, channel=channel)
             assert code == 2, wrong

@@ -149,7 +149,7 @@ def test_the_braking_resistor(axisbus):
         assert "config.brake_resistance = 2" in axisbus(channel, "brake-resistor").out
         assert one.usb_read("config.enable_brake_resistor") == 1
         code, _, err = axisbus(channel, "brake-resistor", "--ohm", 2, "--ramp", 26, 72)
-        assert (code, "lets go of its motor at 72 V" in err) == (1, True)
+        assert (code, "switches its motor off at 72 V" in err) == (1, True)
         assert one.usb_read("config.dc_bus_overvoltage_ramp_end") == 28.0
         code, out, _ = axisbus(channel, "brake-resistor", "--off")
         assert (code, one.usb_read("config.enable_brake_resistor")) == (0, 0)

@@ -106,7 +106,7 @@ def test_the_manuals_way_needs_its_bounds(axisbus):
         code, _, err = axisbus(channel, *POSITION, "--raise-to", 40, "--yes")
         assert (code, "give --pos-gain" in err) == (2, True)
         code, _, err = axisbus(channel, *POSITION, "--pos-gain", 41, "--raise-to", 40, "--yes")
-        assert (code, "pos_gain: from 41" in err) == (2, True)
+        assert (code, "pos_gain: gains from 41" in err) == (2, True)
         code, out, err = axisbus(channel, *POSITION, "--pos-gain", 26, "--raise-to", 40)
         assert (code, "--yes" in err, "IT IS RAISED UNTIL" in out) == (2, True, True)
     assert one.usb_read(GAIN) == 20

@@ -295,7 +295,7 @@ def test_a_moment_that_does_not_come_is_told(axisbus, cell, tmp_path):
     assert (code, path.exists()) == (1, False)
     assert "the condition did not become true" in out
     for options, text in (
-        (("--when", "x > 3"), "is no condition"),
+        (("--when", "x > 3"), "is not a condition"),
         (("--when", "fault", "--objects", "x:6041"), "leave --objects out"),
     ):
         code, _, err = axisbus("record", cell, "-o", path, *options)

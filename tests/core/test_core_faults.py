@@ -116,7 +116,7 @@ def test_the_newest_are_kept_listed_and_drawn(file, monkeypatch, capsys, tmp_pat
     code, out, err = axisbus("record", "faults", file)
     assert code == 0
     assert "x in ErrorStop; node 1: 0x4310" in out
-    assert "is not a whole fault of axisbus" in out
+    assert "is not a complete fault file of axisbus" in out
     assert f"next: axisbus plot {found[-1]}" in out + err
     pytest.importorskip("matplotlib")
     assert axisbus("plot", found[-1], "-o", tmp_path / "fault.png").code == 0

@@ -55,7 +55,7 @@ def test_whoever_asks_for_the_faults_of_a_user_without_a_home_is_told_what_to_se
 
 
 def test_a_file_in_a_home_that_is_not_known_is_told(homeless, tmp_path):
-    with pytest.raises(EdsError, match="the home that it begins with is not known"):
+    with pytest.raises(EdsError, match="the home directory with which it begins is not known"):
         resolve("~/drive.eds", tmp_path)
 
 

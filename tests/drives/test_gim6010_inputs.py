@@ -94,7 +94,7 @@ def test_a_brake_resistor_is_switched_on_last_and_its_power_is_reported():
         "enable_dc_bus_overvoltage_ramp",
         "enable_brake_resistor",
     ]
-    assert wanted.notes == ("at 28 V it takes 14 A and 392 W: see that it bears that",)
+    assert wanted.notes == ("at 28 V it takes 14 A and 392 W: make sure that it can dissipate this",)
 
 
 @pytest.mark.parametrize(

@@ -556,7 +556,7 @@ def test_a_motion_whose_watchdog_process_is_gone_is_ended():
         there.append(False)
         axis.watch(10.0)
 
-    with pytest.raises(CommandError, match="warden of this motion is gone"), axis:
+    with pytest.raises(CommandError, match="watchdog process of this motion has ended"), axis:
         body(axis)
     assert is_off(rig)
 

@@ -95,7 +95,7 @@ def test_ctrl_c_takes_the_power_away(number):
 def test_a_watchdog_process_that_is_gone_ends_it():
     rig = Calibrated()
     rig.at(40, lambda _: setattr(rig, "guards", False))
-    with pytest.raises(CommandError, match="warden"):
+    with pytest.raises(CommandError, match="watchdog process of this calibration has ended"):
         rig.calibration.run()
     assert rig.is_off
 

@@ -60,7 +60,7 @@ def test_a_dead_line_is_reported_with_what_to_check(fault):
 
 def test_an_exception_is_reported_and_not_asked_again():
     station, _, dialogue = line(exceptions={(0x13, False): 2})
-    with pytest.raises(ModbusRefused, match="refuses that bus_voltage") as caught:
+    with pytest.raises(ModbusRefused, match="refuses the request: bus_voltage") as caught:
         dialogue.read(read("bus_voltage"))
     assert caught.value.code == 2
     assert "no such register" in caught.value.observed

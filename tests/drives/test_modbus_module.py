@@ -222,7 +222,7 @@ def test_a_node_id_in_use_is_refused():
         set_node_id(module, 7)
     with pytest.raises(LimitError):
         set_node_id(module, 64)
-    with pytest.raises(StateError, match="is the node ID"):
+    with pytest.raises(StateError, match="already has the node ID"):
         set_node_id(module, 1)
     assert bytes.fromhex("01 06 00 62 00 07") not in station.frames
 

@@ -105,13 +105,13 @@ def test_values_and_parameters_that_are_refused():
         ("axis0.requested_state", 8, "not written here"),
         ("axis0.config.can.node_id", 5, "not written as a parameter"),
         ("axis0.encoder.config.index_offset", 0.5, "protected"),
-        ("vbus_voltage", 5.0, "not for writing"),
+        ("vbus_voltage", 5.0, "cannot be written"),
         (LIMIT, "fast", "not a value of type float"),
         ("axis0.none", 1, "there is no parameter"),
     ):
         with pytest.raises(ArgumentError, match=error):
             parameters.write(path, value)
-    with pytest.raises(ArgumentError, match="does not travel in 32 bits"):
+    with pytest.raises(ArgumentError, match="does not fit into 32 bits"):
         parameters.read("axis0.motor.error")
     station.module.usb_write("axis0.requested_state", 8)
     with pytest.raises(StateError, match="closed loop"):

@@ -212,14 +212,14 @@ def test_a_value_of_several_registers_has_no_half(register):
         ("state_control", 11, "not in the manual's list"),
         ("control_mode", 0, "not in the manual's list"),
         ("input_mode", 9, "not in the manual's list"),
-        ("node_id", 0, "is not sent"),
-        ("node_id", 64, "is not sent"),
+        ("node_id", 0, "cannot be sent"),
+        ("node_id", 64, "cannot be sent"),
         ("current_limit", 50.1, "to 50"),
         ("velocity_limit", -1.0, "from 0"),
         ("velocity_setpoint", math.nan, "not a number"),
         ("position_setpoint", 1e39, "beyond the range of float32"),
         ("endpoint_number", 1 << 16, "to 65535"),
-        ("position_feedback", 1.0, "not for writing"),
+        ("position_feedback", 1.0, "cannot be written"),
     ],
 )
 def test_writes_that_are_never_sent(name, value, error):

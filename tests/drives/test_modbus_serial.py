@@ -70,7 +70,7 @@ def test_faults_of_the_line_are_lived_through_or_reported(line):
     assert module.write("velocity_limit", 12.0) == 12.0
     assert module.read("current_limit") == 45.0
     station.dials.exceptions[0x13, False] = 4
-    with pytest.raises(ModbusRefused, match="refuses that bus_voltage"):
+    with pytest.raises(ModbusRefused, match="refuses the request: bus_voltage"):
         module.read("bus_voltage")
     begin = time.monotonic()
     with pytest.raises(ModbusTimeout):

@@ -95,7 +95,7 @@ def test_lines_that_all_change_are_still_reported_by_their_own_numbers() -> None
 
 
 def test_more_lines_than_any_eds_has_are_refused() -> None:
-    with pytest.raises(EdsError, match="more lines than any EDS"):
+    with pytest.raises(EdsError, match="too many lines for an EDS"):
         reader.read((HEAD + "\n" * (reader.MAX_LINES + 1)).encode(), "big.eds")
 
 

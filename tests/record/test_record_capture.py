@@ -124,9 +124,9 @@ def test_a_function_that_fails_and_a_file_that_cannot_be_made_end_the_capture_an
 @pytest.mark.parametrize(
     ("when", "text"),
     [
-        ("", "is no condition"),
-        ("x", "is no condition"),
-        ("velocity > 3", "is no condition"),
+        ("", "is not a condition"),
+        ("x", "is not a condition"),
+        ("velocity > 3", "is not a condition"),
         ("w.velocity > 3", "there is no axis 'w'"),
         ("x.speed > 3", "there is no value 'speed'"),
         ("x.velocity > fast", "'fast' cannot be compared"),

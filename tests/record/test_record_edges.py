@@ -128,7 +128,7 @@ def test_an_edge_latched_by_a_touch_probe_is_a_moment_and_an_old_edge_is_not(cel
         ("level > high", "cannot be compared"),
         ("z.probe", "there is no axis 'z'"),
         ("x.probe = 3", "there is no value 'probe'"),
-        ("part rises", "is no condition"),
+        ("part rises", "is not a condition"),
     ],
 )
 def test_an_invalid_moment_is_refused_at_the_call(cell, tmp_path, when, text):

@@ -146,7 +146,7 @@ def test_the_tool_goes_softly_under_an_override_and_a_halt(scenario, what, jerk)
         (
             lambda g: g.move_linear((200.0, 100.0), velocity=50.0),
             ArgumentError,
-            "in a workspace the defaults",
+            "in a workspace, the default accelerations",
         ),
         (
             lambda g: g.move_linear((200.0,), velocity=50.0, acceleration=500.0),

@@ -319,4 +319,4 @@ def _boots(monitor: NodeMonitor) -> bool:
 
 def _require_some(addresses: Sequence[LssAddress] | None) -> None:
     if addresses is not None and not addresses:
-        raise ArgumentError("no LSS slave is named", remedy="give the identity of each slave slave")
+        raise ArgumentError("no LSS slave is named", remedy="give the identity of each slave")

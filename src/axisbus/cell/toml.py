@@ -164,7 +164,7 @@ def _bytes(path: Path) -> bytes:
                 remedy=_nearby(path, "") or "name a .toml file",
             )
         if path.exists() and not path.is_file():
-            raise ConfigError("this is not an ordinary file", file=str(path), remedy="name a .toml file")
+            raise ConfigError("this is not a regular file", file=str(path), remedy="name a .toml file")
         data = path.read_bytes()
     except FileNotFoundError:
         remedy = _nearby(path.parent, path.name) or f"there is no .toml file in {path.parent}: check the path"

@@ -115,8 +115,8 @@ class PdoCodec:
         bits = sum(entry.bits for entry in mapping)
         if bits > MAX_BITS:
             raise ArgumentError(
-                f"a PDO of {counted(bits, 'bit')}",
-                observed=f"mapped are {', '.join(map(str, mapping))}",
+                f"a PDO cannot carry {counted(bits, 'bit')}",
+                observed=f"the mapped objects are {', '.join(map(str, mapping))}",
                 remedy="a CAN frame holds 64 bits: split the mapping over two PDOs",
             )
         self.size = (bits + 7) // 8

@@ -37,7 +37,7 @@ class TimeOfDay(NamedTuple):
         days, rest = divmod(moment - EPOCH, timedelta(days=1))
         if not 0 <= days <= _DAYS:
             raise ArgumentError(
-                f"{moment:%Y-%m-%d} cannot be sent as TIME", observed="days count from 1984 to 2163"
+                f"{moment:%Y-%m-%d} cannot be sent as TIME", observed="its days cover the years 1984 to 2163"
             )
         return cls(rest // timedelta(milliseconds=1), days)
 

@@ -87,7 +87,7 @@ class IoPoint:
             raise ArgumentError(
                 f"{self.name} cannot be {_shown(value)}{self._in_unit}",
                 observed=f"{self.object_text} holds {self.shown(low):g} to {self.shown(high):g}{self._in_unit}",
-                remedy="give a value within that",
+                remedy="give a value in this range",
             )
         return raw
 

@@ -43,11 +43,11 @@ def command(
     cell: Path | None, ignore: tuple[str, ...], as_json: bool, as_sarif: bool, errors_only: bool,
     explain: str | None, as_list: bool, schema: bool,
 ) -> int:  # fmt: skip
-    """Find everything wrong with CELL (a cell.toml) before the first frame is sent.
+    """Find the errors and dangers in CELL (a cell.toml) before the first frame is sent.
 
-    Errors keep the cell from being opened (exit code 1) and come last; warnings are dangerous or will surprise; notes are worth
-    knowing. A finding that several axes or nodes share is shown once, with their names and lines. Each finding ends with the id of
-    its check, such as [C017], which --explain and --ignore take.
+    An error prevents the cell from being opened (exit code 1). A warning points to a danger, or to behaviour that can surprise. A
+    note gives useful information. Errors are shown last. A finding that several axes or nodes share is shown once, with their
+    names and lines. Each finding ends with the id of its check, such as [C017], for --explain and --ignore.
     """
     if (cell is None) is not (schema or as_list or explain is not None):
         raise click.UsageError("give a cell file, or --schema (of all cell files), --list or --explain ID")

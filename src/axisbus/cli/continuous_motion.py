@@ -45,7 +45,7 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 def for_option(function: _Function) -> _Function:
     """Add --for: the seconds after which the axes are halted."""
     return click.option(
-        "--for", "seconds", type=Seconds(0.0), help="Halt after so many seconds; without it, at Ctrl-C."
+        "--for", "seconds", type=Seconds(0.0), help="Halt after this many seconds; without it, at Ctrl-C."
     )(function)
 
 

@@ -31,7 +31,7 @@ _US = 1e6
 @click.command("jitter")
 @click.argument("cell", type=PATH)
 @click.option(
-    "--for", "seconds", type=Seconds(0.1), default=10.0, show_default=True, help="How long, in seconds."
+    "--for", "seconds", type=Seconds(0.1), default=10.0, show_default=True, help="Duration in seconds."
 )
 @output_option("The picture to write, .png or .svg; without it, none is drawn.")
 @force_option

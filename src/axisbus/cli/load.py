@@ -45,8 +45,8 @@ def command(
     """Show the load of a bus, by node and by service: planned for a cell.toml, measured in a recording or (--seconds) on the
     bus.
 
-    SOURCE is a cell.toml, a recording, or - for candump's output. Planned figures are from no stuff bit to the highest possible
-    number of stuff bits; measured figures count the actual stuff bits. It sends nothing. Exit code 1 above 90 %.
+    SOURCE is a cell.toml, a recording, or - for candump's output. Planned figures are a range, from no stuff bits to the highest
+    possible number of them; measured figures count the actual stuff bits. It sends nothing. Exit code 1 above 90 %.
     """
     asked = FrameSourceOptions(source, interface, channel, bitrate, option, cell, eds)
     asked.check()

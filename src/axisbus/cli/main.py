@@ -15,7 +15,7 @@ COMMANDS = {
     "demo": ("axisbus.cli.demo", "Demonstrate axisbus on the simulated cell, and draw the motion."),
     "examples": ("axisbus.cli.examples", "List the example programs and cell files, or copy them into a folder."),
     "eds": ("axisbus.cli.eds.group", "Check, fix, show, compare and document EDS and DCF files."),
-    "check": ("axisbus.cli.check", "Find everything wrong with a cell file before the first frame."),
+    "check": ("axisbus.cli.check", "Find the errors and dangers in a cell file before the first frame."),
     "explain": ("axisbus.cli.explain", "Print the meaning of a symptom, and what to check."),
     "plan": ("axisbus.cli.plan", "Show the timetable of a cell's cycle, and how short it can be."),
     "scan": ("axisbus.cli.scan", "Show the nodes on a bus and their identities."),

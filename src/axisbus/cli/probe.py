@@ -32,7 +32,9 @@ _ARMED = 30.0  # seconds: a refused or unanswered request ends earlier
     help="Which edges; rising if not given.",
 )
 @click.option("--zero-pulse", is_flag=True, help="Use the zero pulse of the encoder instead of the input.")
-@click.option("--for", "seconds", type=Seconds(0.0), help="End after so many seconds; without it, at Ctrl-C.")
+@click.option(
+    "--for", "seconds", type=Seconds(0.0), help="End after this many seconds; without it, at Ctrl-C."
+)
 @beside_option
 @take_option
 def command(

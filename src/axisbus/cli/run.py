@@ -15,7 +15,7 @@ from axisbus.machine.machine import Machine
 @click.command("run")
 @click.argument("cell", type=PATH)
 @every_option
-@click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without it, until Ctrl-C.")
+@click.option("--for", "seconds", type=Seconds(), help="Duration in seconds; without it, until Ctrl-C.")
 @beside_option
 def command(cell: Path, every: float | None, seconds: float | None, beside: bool) -> int:
     """Boot CELL, keep its machine running, and show its axes; energises nothing unless a client commands it.

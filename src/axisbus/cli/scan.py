@@ -40,7 +40,7 @@ def command(
 
     Asks each of the 127 node IDs once or twice; takes under 3 s. Changes nothing. Exit code 1 when no node answers. A GIM6010-8
     that uses its factory protocol is recognised by its heartbeats. If nothing is received at all, it listens at other bit
-    rates, if the adapter has a listen-only mode (some 6 s); never otherwise, because a wrong rate destroys every frame of a
+    rates, if the adapter has a listen-only mode (about 6 s); never otherwise, because a wrong rate destroys every frame of a
     working bus.
     """
     from axisbus.drives.gim6010.factory_protocols import ProtocolListener, told

@@ -144,7 +144,8 @@ def _stations(wanted: Sequence[Wanted]) -> list[Station]:
     "on_line",
     type=Modbus(),
     multiple=True,
-    help="One that speaks Modbus RTU, with this node ID (1 to 63) and firmware, on a pseudo-terminal; repeat it for more.",
+    help="In addition, a GIM6010-8 that speaks Modbus RTU on a pseudo-terminal, with this node ID (1 to 63) and firmware; repeat "
+    "it for more.",
 )
 @port_option(_PORT)
 @output_option("Write CELL with the [bus] to use into this file.")
@@ -155,7 +156,7 @@ def _stations(wanted: Sequence[Wanted]) -> list[Station]:
     type=PATH,
     help="Make a socket at this path, for tests to control the drives (axisbus.SimulationControl).",
 )
-@click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without it, until Ctrl-C.")
+@click.option("--for", "seconds", type=Seconds(), help="Duration in seconds; without it, until Ctrl-C.")
 def command(
     cell: Path | None,
     wanted: tuple[Wanted, ...],

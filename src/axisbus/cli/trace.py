@@ -70,7 +70,7 @@ class TraceCounts(NamedTuple):
     "--absolute", is_flag=True, help="Show the times of the recording, not seconds since the first frame."
 )
 @click.option("--seconds", type=Seconds(), help="Listen for this time; without it, until Ctrl-C.")
-@click.option("--count", type=click.IntRange(min=1), help="End after so many frames shown.")
+@click.option("--count", type=click.IntRange(min=1), help="End when this many frames have been shown.")
 def command(
     source: str | None,
     interface: str | None,

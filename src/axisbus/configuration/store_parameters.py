@@ -50,7 +50,7 @@ def keep(node: CanopenNode, tell: Tell | None = None) -> StoreResult:
         storing(1, 1)
     if node.identity() != who:
         raise NodeError(
-            f"node {node.node_id} is another device since the command to store its parameters",
+            f"node {node.node_id} has been another device since the command to store its parameters",
             node=node.node_id,
             remedy="list the nodes: axisbus scan",
         )

@@ -178,7 +178,7 @@ def not_safe(unsafe: Unsafe) -> NodeError:
         f"{unsafe.output} could not be confirmed as safe",
         node=unsafe.node,
         observed=unsafe.text,
-        remedy="CHECK IT before a person goes near; the module still monitors this master's heartbeat, and may have "
+        remedy="CHECK IT before a person approaches it; the module still monitors this master's heartbeat, and may have "
         "switched the output itself",
     )
 

@@ -211,22 +211,24 @@ class _Reading(Tables):
         of_axis = [key for key in table if key in OF_AXIS or key in ("fault", "maker_bits")]
         if "node" in table and of_axis:
             remedy = 'write axis = "..." instead of node'
-            self._error((name, of_axis[0]), f"{of_axis[0]} belongs to an axis", remedy=remedy)
+            self._error(
+                (name, of_axis[0]), f"{of_axis[0]!r} is a key of an axis, not of a node", remedy=remedy
+            )
         if "for" in table and not any(key in OF_AXIS or key in OF_NODE or key in PARTS for key in table):
-            self._error((name, "for"), "a fault and a restart have no duration", remedy="leave for out")
+            self._error((name, "for"), "a fault and a restart have no duration", remedy="leave 'for' out")
 
     def _require_moment(self, name: str, table: Fields) -> None:
         if ("begin" in table) == ("when" in table):
             remedy = 'write begin = "10s" (since the drives began), or when = "x.position > 45"'
-            self._error((name,), f"[{name}] needs either begin or when", remedy=remedy)
+            self._error((name,), f"[{name}] needs either 'begin' or 'when'", remedy=remedy)
         if "after" in table and "when" not in table:
-            self._error((name, "after"), "after belongs to when", remedy="add it to begin instead")
+            self._error((name, "after"), "'after' requires 'when'", remedy="add its time to 'begin' instead")
 
     def _moment(self, name: str, fields: Fields) -> Moment:
         begin, when, every, lasts = (fields.get(key) for key in ("begin", "when", "every", "for"))
         if every is not None and lasts is not None and lasts >= every:
             what = "it would begin again before it has ended"
-            self._error((name, "every"), what, remedy="make every longer than for")
+            self._error((name, "every"), what, remedy="make 'every' longer than 'for'")
         met = None if when is None else self._condition(name, when)
         return Moment(begin, met, fields.get("after", 0.0), every, lasts)
 

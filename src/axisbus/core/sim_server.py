@@ -196,7 +196,7 @@ def _listening(path: Path) -> socket.socket:
     except OSError as error:
         made.close()
         raise UserError(
-            f"{path} cannot be made the drives' control",
+            f"{path} cannot be made the control socket of the drives",
             observed=str(error.strerror or error),
             remedy="give a path in a folder of your own with --control, of at most 100 bytes",
         ) from error

@@ -31,9 +31,9 @@ def resolve(spec: str, base: Path) -> Path:
             return base / Path(spec).expanduser()
         except RuntimeError as error:
             raise EdsError(
-                f"{spec}: the home that it begins with is not known",
+                f"{spec}: the home directory with which it begins is not known",
                 observed=str(error),
-                remedy="give the whole path, or ./~... for a file whose name begins so",
+                remedy="give the full path, or ./~... for a file whose name begins with ~",
             ) from error
     name = spec[len(PREFIX) :].strip()
     known = names()

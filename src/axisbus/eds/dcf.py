@@ -166,7 +166,7 @@ def _no_place(reading: EdsParseResult, index: int, subindex: int) -> EdsError:
     return EdsError(
         f"the file has no place for a value of {index:04X}h:{subindex:02X}",
         file=reading.eds.source,
-        observed="the object is implied, by CompactPDO or by its object",
+        observed="the entry has no section of its own: CompactPDO or the section of its object implies it",
         remedy=f"describe it in a separate section, [{index:04X}sub{subindex:X}]",
     )
 

@@ -216,7 +216,7 @@ class FleetCell:
             )
         if self.info is not None and self.info.protocol != PROTOCOL:
             raise StateError(
-                f"{name}: nothing was sent",
+                f"{name}: the cell has another protocol; nothing was sent",
                 observed=self.version_mismatch,
                 remedy="install the same version on both",
             )

@@ -402,7 +402,7 @@ class Axis:
         commands the move in csp. ``jerk`` does not change a halt or a stop. ``direction`` is for endless axes (``modulo``): 0 is
         the shortest path, 1 positive, -1 negative. ``timeout`` in seconds replaces the deadline that the master calculates.
 
-        With ``buffer`` (True, or ``"buffered"``) the move begins when the present command of the axis has ended well (100 may be
+        With ``buffer`` (True, or ``"buffered"``) the move begins when the axis's present command has ended successfully (100 may be
         queued); without it, the move replaces that command. With ``"blending_low"``, ``"blending_previous"``, ``"blending_next"``
         or ``"blending_high"`` (PLCopen's BufferMode) the axis passes the end of the previous move without a stop: at the lower
         velocity of the two, that of the previous move, that of this move, or the higher one. If the drive generates the previous
@@ -878,7 +878,7 @@ class Axis:
         probe = probe_command(request, self._parameters, input, edge, source, None, continuous=False)
         if len(probe.edges) != 1:
             raise ArgumentError(
-                f"{request.text}: it moves until one edge", remedy='give edge="rising" or "falling"'
+                f"{request.text}: it moves until a single edge", remedy='give edge="rising" or "falling"'
             )
         handle = ProbeHandle(f"{self.name}.{name}", self._session.waiter, self._parameters.units, self.halt)
         alone = (self.name,)
@@ -994,9 +994,9 @@ class Axis:
         if off > allowed:
             raise StateError(
                 f"{text}: {self.name} is not at the start of the stream",
-                observed=f"{self.name} is at {self.commanded_position:.6g} {units.unit}, the point at {position:.6g}; allowed are "
-                f"{allowed:.3g} between them",
-                remedy="begin the stream at the present position of the axes, or move to its first point before",
+                observed=f"{self.name} is at {self.commanded_position:.6g} {units.unit}, the point is at {position:.6g}; the "
+                f"allowed distance is {allowed:.3g}",
+                remedy="begin the stream at the present position of the axes, or first move to its first point",
             )
 
     def _require_homed(self, name: str) -> None:

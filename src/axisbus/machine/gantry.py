@@ -97,7 +97,7 @@ class Gantry(AxisSet):
         if wide <= self.max_skew:
             raise LimitError(
                 f"{self.name}.enable: skew {wide:g} {self.unit} is not above max_skew = {self.max_skew:g} {self.unit}",
-                remedy="leave it out: without it max_skew applies",
+                remedy="leave skew out: max_skew then applies",
             )
         return self._submit(f"enable(skew={wide:g} {self.unit})", g.GantryEnable(self._pair.axes, wide))
 
@@ -115,7 +115,7 @@ class Gantry(AxisSet):
         """Move the beam to ``position`` (MC_MoveAbsolute), from rest, and square: the second axis moves to that plus the offset.
 
         Missing values are the smaller of the axes' defaults; ``jerk`` as ``Group.move_linear``. Does not block. With ``buffer`` the
-        move begins when the pair's present command has ended well.
+        move begins when the pair's present command has ended successfully.
 
         Raises:
             LimitError: beyond the limits of either axis.

@@ -102,7 +102,7 @@ class Group(AxisSet):
         ``velocity`` (unit/s) and ``acceleration`` (unit/s², by default the smallest of the defaults) are those of the path: the
         Euclidean length over all axes. If an axis would exceed its own limits, all axes are slower. ``jerk`` (unit/s³) limits the
         change of the acceleration along the path, also in a halt and under an override; None: no limit. With ``buffer`` (True, or
-        ``"buffered"``) the line begins when the group's present command has ended well, from the end of that command; at most 100
+        ``"buffered"``) the line begins when the group's present command has ended successfully, from its end; at most 100
         commands are queued.
 
         With ``"blending_low"``, ``"blending_previous"``, ``"blending_next"`` or ``"blending_high"`` (PLCopen's BufferMode) the line
@@ -165,7 +165,7 @@ class Group(AxisSet):
         if goes_on and jerk is not None:
             raise ArgumentError(
                 f"{self.name}.{text}: with a jerk limit no points can be added to a path",
-                remedy="leave more out, and give all points at once; or leave jerk out",
+                remedy="give all points at once, without more=True; or leave jerk out",
             )
         request = self._request(
             text, "move_path", velocity, acceleration, jerk, mode, blend=wide, more=goes_on or _blends(mode)
@@ -426,7 +426,7 @@ class Group(AxisSet):
         if self._kinematics is not None:
             raise ArgumentError(
                 f"{self.name}.{name}: acceleration is missing",
-                observed="in a workspace the defaults of its axes do not give one",
+                observed="in a workspace, the default accelerations of the axes do not apply",
                 remedy="give acceleration = ... in the call, in units of the workspace per s²",
             )
         known = [axis.default_acceleration for axis in self._axes.values()]

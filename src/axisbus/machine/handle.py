@@ -78,7 +78,7 @@ class Handle:
 
     @property
     def done(self) -> bool:
-        """Whether the command ended well."""
+        """Whether the command ended successfully."""
         return self._look() is Status.DONE
 
     @property

@@ -105,7 +105,7 @@ def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[C
     cell = checked(path)
     if is_line(cell.bus):
         raise StateError(
-            f"{cell.file} is of a serial line, which does not run in virtual time",
+            f"{cell.file} uses a serial line, which does not run in virtual time",
             remedy="axisbus sim --modbus 1 serves a simulated module on a port, which it prints: write that into [bus]",
         )
     dictionaries = load_dictionaries(cell)

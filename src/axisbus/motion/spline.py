@@ -126,7 +126,7 @@ def trajectory_of(given: Followed, duration: float | None, text: str) -> Traject
     if duration is not None and (is_one or not callable(given)):
         raise ArgumentError(
             f"{text}: a trajectory and points have their own duration",
-            remedy="leave duration out: it belongs to a function",
+            remedy="leave duration out: only a function needs it",
         )
     if is_one:
         return cast("Trajectory", given)

@@ -14,6 +14,8 @@ def broken(error: Exception, what: str) -> AxisbusError:
     """Return the error that ends command ``what``, in which ``error`` was raised."""
     if isinstance(error, AxisbusError):
         return error
-    failure = CommandError(f"{what}: broke off", observed=one_line(error), remedy=_REMEDY)
+    failure = CommandError(
+        f"{what}: ended by an unexpected exception", observed=one_line(error), remedy=_REMEDY
+    )
     failure.__cause__ = error
     return failure

@@ -36,7 +36,7 @@ def condition(text: str, axes: Iterable[str], kinds: Kinds, examples: str = _EXA
     """
     found = _TEXT.fullmatch(text.strip())
     if found is None:
-        raise ArgumentError(f"{text!r} is no condition", remedy=examples)
+        raise ArgumentError(f"{text!r} is not a condition", remedy=examples)
     axis, name = found["axis"], found["name"]
     if axis not in (there := list(axes)):
         raise ArgumentError(f"{text!r}: there is no axis {axis!r}", observed=f"there are {', '.join(there)}")
@@ -77,7 +77,7 @@ def _wanted(text: str, value: str, kind: str, sign: str, examples: str) -> Any:
         return int(value, 0) if kind == "integer" else float(value)
     except ValueError:
         raise ArgumentError(
-            f"{text!r} is no condition: {value!r} cannot be compared so", remedy=examples
+            f"{text!r} is not a condition: {value!r} cannot be compared in this manner", remedy=examples
         ) from None
 
 

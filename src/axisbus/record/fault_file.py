@@ -56,9 +56,9 @@ def read(path: Path) -> Recorded:
         return _recorded(msgspec.json.decode(head, type=_Head), rows)
     except (ValueError, LookupError, ArithmeticError, RecursionError) as error:
         raise UserError(
-            f"{path} is not a whole fault of axisbus",
+            f"{path} is not a complete fault file of axisbus",
             observed=f"{type(error).__name__}: {error}",
-            remedy="choose another one: axisbus record faults CELL lists them",
+            remedy="choose another file: axisbus record faults CELL lists them",
         ) from error
 
 

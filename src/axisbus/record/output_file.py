@@ -184,7 +184,7 @@ def texts_of(what: str, given: Iterable[str]) -> list[str]:
     found = [given] if isinstance(given, str) else _all_of(given)
     if found is None or not all(isinstance(each, str) for each in found):
         raise ArgumentError(
-            f"{what}: {told(given)} are no names", remedy=f'give {what} as texts in a list, such as ["x"]'
+            f"{what}: {told(given)} are not names", remedy=f'give {what} as texts in a list, such as ["x"]'
         )
     return list(dict.fromkeys(found))
 

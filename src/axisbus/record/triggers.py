@@ -36,7 +36,7 @@ def moment_of(when: str | Condition, machine: Watched, forms: Mapping[str, AxisF
         return Trigger(when, forms)
     if not isinstance(when, str):
         raise ArgumentError(
-            f"{told(when)} is not a moment",
+            f"{told(when)} is not a condition",
             remedy='give a text such as "x.velocity > 100" or "fault", or a function of the axes\' values',
         )
     text = when.strip()
@@ -59,7 +59,7 @@ def _of_io(text: str, found: re.Match[str], machine: Watched) -> RecordingTrigge
     if name not in machine.cell.io:
         there = ", ".join(machine.cell.io) or "none"
         raise ArgumentError(
-            f"{text!r} is no condition: there is no input or output {name!r}",
+            f"{text!r} is not a condition: there is no input or output {name!r}",
             observed=f"the cell has {there}",
             remedy=EXAMPLES,
         )

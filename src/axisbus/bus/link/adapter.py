@@ -114,7 +114,7 @@ def check_link(name: str, bitrate: int | None, ask: Callable[[str], socketcan.Ca
         )
     if bitrate is not None and found.bitrate is not None and found.bitrate != bitrate:
         raise AdapterError(
-            f"the CAN interface {name!r} runs at {found.bitrate} bit/s, configured are {bitrate}",
+            f"the CAN interface {name!r} runs at {found.bitrate} bit/s, but {bitrate} is configured",
             observed=f"ip -details link show {name}: bitrate {found.bitrate}",
             remedy=f"set the link: {socketcan.change_command(name, bitrate)}; or correct bitrate in [bus]",
         )

@@ -79,7 +79,7 @@ def inherited(name: str) -> AdapterError:
     """Return the error for a copy of the channel in a forked child."""
     return AdapterError(
         f"the CAN channel {name} belongs to the process that opened it",
-        observed="this process was forked from that one, and two on one adapter would be two masters",
+        observed="this process was forked from that one; if both used the adapter, two masters would be on the bus",
         remedy="use it in the process that opened it; start worker processes before that, or with the start method 'spawn'",
     )
 

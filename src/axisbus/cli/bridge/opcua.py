@@ -70,7 +70,7 @@ def command(
     """Serve the machine of CELL by OPC UA: its axes, read-only, and its faults as events; users may halt and stop.
 
     It joins the running machine. If no machine is running, or when the machine ends, it waits for the next one; meanwhile all
-    values are bad. Without --users no client can call a method. Ctrl-C ends it.
+    values have a bad status. Without --users no client can call a method. Ctrl-C ends it.
     """
     require("asyncua", "OPC UA needs asyncua", "opcua")
     access = _access(listen, certificate, key, trust, users, insecure)

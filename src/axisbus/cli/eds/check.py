@@ -44,13 +44,13 @@ def _severities(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -
     "--select",
     multiple=True,
     metavar="IDS",
-    help="Only these rules: V003, or V for all of V; commas between several.",
+    help="Apply only these rules: V003, or V for all rules of V; commas between several.",
 )
 @click.option(
     "--ignore",
     multiple=True,
     metavar="IDS",
-    help="Not these; if both options match a rule, the longer text applies.",
+    help="Do not apply these rules; if --select matches a rule as well, the longer text decides.",
 )
 @click.option(
     "--fail-on",
@@ -84,7 +84,7 @@ def command(
 ) -> int:  # fmt: skip
     """Check FILES (EDS, DCF, builtin:NAME, or patterns such as 'eds/*.eds') by CiA DS 306, CiA 301 and CiA 402.
 
-    An error makes a tool or the device fail, a warning deviates from the standard, a note is worth knowing. For each file, the
+    An error makes a tool or the device fail, a warning deviates from the standard, a note is useful to know. For each file, the
     report lists the broken rules, with the number of findings, the remedy, and line and column of the first findings. --all
     shows every finding, and --explain describes a rule.
 

@@ -78,7 +78,7 @@ def _require_source(
 ) -> None:
     if (file is None) == (cell is None):
         raise ArgumentError(
-            "of what?" if file is None else "an input file is missing",
+            "no input is given" if file is None else "both a file and --cell are given",
             remedy="give an EDS, a DCF or builtin:NAME; or --c --cell cell.toml",
         )
     if cell is not None and not as_c:

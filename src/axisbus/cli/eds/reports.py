@@ -70,7 +70,7 @@ def _row(name: str) -> dict[str, str]:
 @click.option("--expand", is_flag=True, help="Show every sub-index, even if many are alike.")
 @click.option("--json", "as_json", is_flag=True, help="Print entries and PDOs as JSON.")
 def show_command(file: str, wanted: str | None, node: int | None, expand: bool, as_json: bool) -> int:
-    """Show the dictionary of FILE (an EDS, a DCF or builtin:NAME) as a tree: types, access, defaults, limits, PDOs drawn.
+    """Show the dictionary of FILE (an EDS, a DCF or builtin:NAME) as a tree: types, access, defaults, limits, PDO layouts.
 
     OBJECT shows one object in full: 6041, 1018:1, TPDO1, or a part of a name; if several objects match, they are listed.
     """
@@ -133,7 +133,7 @@ def _layout(eds: Eds, wanted: tuple[bool, int], node_id: int | None = None) -> l
 @node_option
 @click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
 def diff_command(a: str, b: str, node: int | None, as_json: bool) -> int:
-    """Compare the meaning of two EDS or DCF files: 0x0A equals 10, the order does not matter, $NODEID+x equals $NODEID+x.
+    """Compare the meaning of two EDS or DCF files: 0x0A equals 10, the order and the spelling of $NODEID+x do not matter.
 
     It is made for comparing two firmware versions of one drive: the differences that matter for a master come first. With
     --node (or when one file is a DCF), values are compared as they are for that node. [FileInfo] is not compared.
@@ -181,7 +181,7 @@ _WRITERS = {".html": html, ".htm": html, ".md": markdown, ".markdown": markdown}
 @force_option
 @node_option
 def doc_command(file: str, output: Path | None, force: bool, node: int | None) -> int:
-    """Write a complete reference of the device of FILE (an EDS, a DCF or builtin:NAME): every object, the PDOs drawn.
+    """Write a complete reference of the device of FILE (an EDS, a DCF or builtin:NAME): every object, and the layouts of the PDOs.
 
     -o names the file, x.html (one self-contained page, also suited for printing) or x.md; without it, the name of FILE with
     .html in this folder. With --node, values are those for this node ID.

@@ -87,7 +87,9 @@ def _with_options(function: Decorated) -> Decorated:
             metavar="ENDPOINT",
             help="A bridge or a router, such as tcp/10.0.0.5:7447; repeatable.",
         ),
-        click.option("--plant", required=True, metavar="NAME", help="The plant, as its bridges name it."),
+        click.option(
+            "--plant", required=True, metavar="NAME", help="The name of the plant, as given to its bridges."
+        ),
     ):
         function = decorate(function)
     return function
@@ -159,7 +161,7 @@ _RECORDINGS = 10.0  # seconds between two queries for recordings
     type=Seconds(0.05),
     help=f"Seconds between two updates  [default: {_PRINTED:g}; {_REPAINTED:g} in a terminal]",
 )
-@click.option("--count", type=click.IntRange(min=1), help="How many updates; without it, until Ctrl-C.")
+@click.option("--count", type=click.IntRange(min=1), help="Number of updates; without it, until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON value per update.")
 def watch_command(
     place: FleetOptions,

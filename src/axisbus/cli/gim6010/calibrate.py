@@ -35,12 +35,12 @@ def command(
     node: int,
     yes: bool,
 ) -> int:
-    """Calibrate the motor, the encoder, or both: THE OUTPUT MAY TURN DURING THE CALIBRATION. It explains, asks, follows, and
-    judges.
+    """Calibrate the motor, the encoder, or both: THE OUTPUT MAY TURN DURING THE CALIBRATION.
 
-    It requires that exactly one module of CAN Simple sends heartbeats under this node ID, idle and without an error. Ctrl-C,
-    SIGTERM, a lost module, an error and too many turns end it by idle, then ESTOP, and the state of the module after that is
-    shown. Nothing is saved. Exit code 0 only if the calibration was completed without an error.
+    The command explains the calibration, asks for confirmation, monitors the calibration, and assesses the result. It requires
+    that exactly one module of CAN Simple sends heartbeats under this node ID, and that the module is idle and reports no error.
+    Ctrl-C, SIGTERM, a lost module, an error and too many turns end it by idle, then ESTOP, and the state of the module after that
+    is shown. Nothing is saved. Exit code 0 only if the calibration was completed without an error.
     """
     from axisbus.bus.gim6010.run import run_guarded
     from axisbus.bus.link import ownership

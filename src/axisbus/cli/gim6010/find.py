@@ -38,7 +38,7 @@ def command(
 
     It listens for 1.5 s and then sends requests: one at a time, at least 10 ms apart, at most 24 for each module, and none that
     commands anything. Nothing is sent on an identifier that another node uses; at the first sign that no node acknowledges, it
-    ends. Takes some 10 s if all node IDs are asked. Exit code 1 when no module is found, or several have one node ID.
+    ends. Takes about 10 s if all node IDs are asked. Exit code 1 when no module is found, or several have one node ID.
 
     It listens at other bit rates only in an adapter's listen-only mode; if the adapter has none, only the given rate is tried.
     """

@@ -34,7 +34,7 @@ def to_canopen_command(asked: ModuleSelection) -> int:
     """Change a module from CAN Simple to CANopen: write the protocol, save, and find it again.
 
     Needs its list of endpoints, and a module that answers them; for a module that does not, the steps over USB are shown. First
-    the command searches the whole bus (some 10 s). It refuses node ID 0, and an ID that is taken or that clashes with another
+    the command searches the whole bus (about 10 s). It refuses node ID 0, and an ID that is taken or that clashes with another
     module on the bus. Over --modbus and --usb there is no search; if RS485 is the interface of the module, it speaks CANopen
     only after CAN becomes its interface, and the command says so.
     """

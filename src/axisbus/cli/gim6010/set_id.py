@@ -39,7 +39,7 @@ def command(
 ) -> int:
     """Give a module that speaks CAN Simple or Modbus RTU (--modbus) the node ID NEW, save it, and check that it comes back.
 
-    First the command searches the whole bus (some 10 s). It refuses if NEW is taken or clashes with a CANopen node, if several
+    First the command searches the whole bus (about 10 s). It refuses if NEW is taken or clashes with a CANopen node, if several
     modules have the old ID, or if the module is not idle. Over --modbus it looks for NEW only, over --usb there is no search.
     Saving restarts the module.
     """

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @click.command("find")
 @lss_options
-@click.option("--vendor", type=NumberType(32), help="Only this vendor-ID (spares 32 bits).")
+@click.option("--vendor", type=NumberType(32), help="Only this vendor-ID (saves 32 bits of the search).")
 @click.option("--product", type=NumberType(32), help="Only this product code.")
 @click.option("--revision", type=NumberType(32), help="Only this revision number.")
 @click.option("--serial", type=NumberType(32), help="Only this serial number.")
@@ -155,7 +155,7 @@ def inquire_command(
 @click.option(
     "--reset",
     is_flag=True,
-    help="Reset the communication of a slave that has a node-ID, or did not boot, so that it takes the new one.",
+    help="If the slave has a node-ID, or does not boot, reset its communication, so that it takes the new one.",
 )
 def set_node_id_command(
     node_id: int,

@@ -43,7 +43,7 @@ A node without LSS must be set by its switches or its own tool."""
     help="Silence before and after the change-over, 0.01 to 65.",
 )
 @click.option("--store", is_flag=True, help="Store it.")
-@click.option("--yes", is_flag=True, help="I know how a change of the bit rate affects the other nodes.")
+@click.option("--yes", is_flag=True, help="Confirm that you know how the change affects the other nodes.")
 def command(
     rate: int,
     where: Where,

@@ -37,7 +37,7 @@ every_option = click.option(
 @click.command("monitor")
 @click.argument("cell", type=PATH)
 @every_option
-@click.option("--count", type=click.IntRange(min=1), help="How many updates; without it, until Ctrl-C.")
+@click.option("--count", type=click.IntRange(min=1), help="Number of updates; without it, until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON value per update.")
 @click.option("--listen", is_flag=True, help="Boot nothing and send nothing: only listen to the bus.")
 @beside_option

@@ -287,7 +287,7 @@ def _dump_plain(node_id: int, value: ObjectValue, refusal: str) -> dict[str, obj
     show_default=True,
     help="Seconds between two reads.",
 )
-@click.option("--count", type=click.IntRange(min=1), help="How many reads; without it, until Ctrl-C.")
+@click.option("--count", type=click.IntRange(min=1), help="Number of reads; without it, until Ctrl-C.")
 @click.option("--all", "everything", is_flag=True, help="Show every read, not only changes.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per line.")
 def watch_command(

@@ -26,13 +26,13 @@ _LOOK = 0.2  # seconds
 @click.argument("cell", type=PATH)
 @output_option("The MCAP file to write.", required=True)
 @force_option
-@click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without it, until Ctrl-C.")
+@click.option("--for", "seconds", type=Seconds(), help="Duration in seconds; without it, until Ctrl-C.")
 @click.option("--axes", metavar="AXIS,...", help="Only these axes; without it, all of them.")
 @click.option(
     "--objects",
     metavar="AXIS:OBJECT,...",
-    help="Record these too: x:6074, x:6099:01, 3:1001 (3: a node), lamp (an input or output). Each frame of a PDO that carries "
-    "one, else by SDO, in turn.",
+    help="Also record these objects: x:6074, x:6099:01, 3:1001 (3: a node), lamp (an input or output). If a PDO "
+    "carries the object, each of its frames is recorded; otherwise the object is read by SDO, in turn.",
 )
 @click.option(
     "--when",
@@ -61,8 +61,8 @@ def command(
 ) -> int:
     """Record CELL into an MCAP file: each cycle of its axes, commands with their ends, faults, lost and recovered nodes.
 
-    Joins the machine of the cell if it is already running, otherwise boots the cell; energises nothing. However the recording
-    ends, the file can be read, up to its last second.
+    Joins the machine of the cell if it is already running, otherwise boots the cell; energises nothing. The file can be read up
+    to its last second, no matter how the recording ends.
     """
     library()
     require_free(output, force=force)

@@ -190,6 +190,7 @@ def eds_of(text: str) -> tuple[int, Eds]:
     number, sign, file = text.partition("=")
     if not sign or not number.strip().isdigit() or not 1 <= int(number) <= 127:
         raise ArgumentError(
-            f"--eds {text}: no node and file", remedy="write --eds 5=drive.eds, with the node ID before the ="
+            f"--eds {text} does not name a node and a file",
+            remedy="write --eds 5=drive.eds, with the node ID before the =",
         )
     return int(number), load(builtin.resolve(file, Path()))

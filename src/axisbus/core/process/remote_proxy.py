@@ -98,7 +98,7 @@ def _told(error: Exception) -> AxisbusError:
     """Return an error that can be sent."""
     if isinstance(error, AxisbusError):
         return error
-    made = StateError("the simulated drive could not do that", observed=one_line(error))
+    made = StateError("the simulated drive could not execute this", observed=one_line(error))
     made.__cause__ = error
     return made
 

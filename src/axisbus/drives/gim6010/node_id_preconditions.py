@@ -114,5 +114,5 @@ def _require_no_clash(simple: Collection[int], canopen: Collection[int]) -> None
         more = f", and {len(both) - 1} more" if len(both) > 1 else ""
         raise StateError(
             f"these cannot be on one bus: {both[0]}{more}",
-            remedy="choose node IDs that go together (docs/gim6010-8.md), or change one module alone on its bus",
+            remedy="choose node IDs that can share a bus (docs/gim6010-8.md), or change one module alone on its bus",
         )

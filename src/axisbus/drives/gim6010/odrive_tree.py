@@ -103,7 +103,7 @@ def _require_alone(odrive: Any) -> None:
     except TimeoutError:
         return
     raise StateError(
-        "several modules are on USB, and any of them may be meant",
+        "several modules are on USB, and none of them is selected",
         observed="serial numbers " + ", ".join(str(getattr(each, _LIST).serial_number) for each in several),
         remedy="give --serial with one of these, or connect one alone",
     )

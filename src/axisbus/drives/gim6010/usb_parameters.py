@@ -86,7 +86,7 @@ class UsbParameters:
         """Return a parameter's value in RAM; see ``ModuleParameters.read``."""
         endpoint = self.endpoint(path)
         if not endpoint.readable:
-            raise ArgumentError(f"{endpoint.path} is not for reading", remedy="it can be written only")
+            raise ArgumentError(f"{endpoint.path} cannot be read", remedy="it is write-only")
         if not rules.travels(endpoint, self.widest):
             raise ArgumentError(f"{endpoint.path} is of type {endpoint.type}, which holds no number")
         with self._there():
@@ -173,7 +173,7 @@ class UsbParameters:
             raise NodeError(
                 f"{self._name} got the command to clear its errors, and the error word of its axis is {left:08X}h",
                 node=self.node,
-                remedy="remove the cause first: docs/gim6010-8.md has the bits",
+                remedy="remove the cause first: docs/gim6010-8.md explains the bits",
             )
 
     def require_idle(self) -> None:

@@ -97,12 +97,12 @@ def read(data: bytes, source: str) -> EdsParseResult:
     size = len(content.text)  # a text shorter than the limits needs no counting
     if size > MAX_LINES and max(content.text.count("\n"), content.text.count("\r")) > MAX_LINES:
         raise EdsError(
-            "the file has more lines than any EDS", file=source, observed=f"more than {MAX_LINES} lines",
+            "the file has too many lines for an EDS", file=source, observed=f"more than {MAX_LINES} lines",
             remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",
         )  # fmt: skip
     if size > MAX_SECTIONS and content.text.count("[") > MAX_SECTIONS:
         raise EdsError(
-            "the file has more sections than any device has objects", file=source, observed=f"more than {MAX_SECTIONS} brackets",
+            "the file has too many sections for an EDS", file=source, observed=f"more than {MAX_SECTIONS} brackets",
             remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",
         )  # fmt: skip
     return read_document(text.parse(content), source)
@@ -154,7 +154,7 @@ def file_bytes(path: Path) -> bytes:
                 remedy=_suggestion(path, "") or "name a file in it",
             )
         if path.exists() and not path.is_file():
-            raise EdsError("this is not an ordinary file", file=str(path), remedy="give an EDS or DCF file")
+            raise EdsError("this is not a regular file", file=str(path), remedy="give an EDS or DCF file")
         _check_size(path.stat().st_size, str(path))
         return path.read_bytes()
     except FileNotFoundError:

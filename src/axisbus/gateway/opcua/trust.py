@@ -59,9 +59,9 @@ def trusted(folder: Path) -> Trust:
         raise ConfigError("the folder cannot be read", file=str(folder), observed=str(error)) from error
     if not files:
         raise ConfigError(
-            "it contains no certificate of a client",
+            "the folder contains no certificate of a client",
             file=str(folder),
-            remedy=f"put them there, each in a file that ends in {', '.join(_ENDINGS)}",
+            remedy=f"put the certificates there, each in a file that ends in {', '.join(_ENDINGS)}",
         )
     return Trust(frozenset(_der(path) for path in files))
 

@@ -101,10 +101,10 @@ def read(path: Path) -> Users:
             continue
         name, secret = _read_line(line.strip(), str(path), number)
         if name in found:
-            raise ConfigError(f"{name} is there twice", file=str(path), line=number)
+            raise ConfigError(f"the user {name} is listed twice", file=str(path), line=number)
         found[name] = secret
     if not found:
-        raise ConfigError("it contains no user", file=str(path), remedy=_FORM)
+        raise ConfigError("the file contains no user", file=str(path), remedy=_FORM)
     return Users(found)
 
 
@@ -121,9 +121,9 @@ def _read_line(line: str, file: str, number: int) -> tuple[str, Secret]:
             base64.b64decode(kept, validate=True),
         )
     except (ValueError, binascii.Error):
-        raise ConfigError("this is not a user", file=file, line=number, remedy=_FORM) from None
+        raise ConfigError("this line does not define a user", file=file, line=number, remedy=_FORM) from None
     if kind != "scrypt" or not _NAME.fullmatch(name) or not _is_sound(secret):
-        raise ConfigError("this is not a user", file=file, line=number, remedy=_FORM)
+        raise ConfigError("this line does not define a user", file=file, line=number, remedy=_FORM)
     return name, secret
 
 

@@ -67,7 +67,7 @@ class RecordingsWorker:
             return refused(
                 StateError(
                     "this cell does not publish recordings",
-                    remedy="name their folder there: --recordings FOLDER",
+                    remedy="start its bridge with --recordings FOLDER",
                 )
             )
         command = [sys.executable, "-m", "axisbus.gateway.zenoh.recordings_worker", str(self._folder)]

@@ -46,8 +46,8 @@ def chosen(folder: Path, name: str) -> Path:
     if there.size > LARGEST:
         raise StateError(
             f"{name} is too large to be read over the network",
-            observed=f"it has {there.size / 1e6:.0f} MB, and may have {LARGEST / 1e6:.0f}",
-            remedy="take the file itself, or record shorter ones",
+            observed=f"it has {there.size / 1e6:.0f} MB; at most {LARGEST / 1e6:.0f} MB are allowed",
+            remedy="copy the file itself, or make shorter recordings",
         )
     return folder / name
 

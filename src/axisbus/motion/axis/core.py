@@ -604,7 +604,7 @@ class AxisCore:
         self._drop_waiting(doing, error)
 
     def _drop_waiting(self, before: str, error: AxisbusError | None) -> None:
-        """End the commands that wait for the end of ``before``, which has not ended well."""
+        """End the commands that wait for the end of ``before``, which has not ended successfully."""
         if self.queue and self.queue.drop(before, error):
             self.running.ended = True
 
@@ -651,7 +651,7 @@ class AxisCore:
             self.finish(ticket, addition.error)
 
     def _completed(self, activity: Activity) -> None:
-        """Set the state that follows an activity that has ended well."""
+        """Set the state that follows an activity that has ended successfully."""
         ticket, self.running.ticket = self.running.ticket, None
         if ticket is not None:
             self.finish(ticket)
@@ -668,7 +668,7 @@ class AxisCore:
             self._settle()
 
     def _settle(self) -> None:
-        """Set the state that the power stage shows, after a command that has ended well."""
+        """Set the state that the power stage shows, after a command that has ended successfully."""
         image = self.image
         self.error = None
         held = image.state is PowerState.QUICK_STOP_ACTIVE

@@ -45,7 +45,7 @@ class Queue:
         self._waiting.append(_Waiting(ticket, begin, joins))
 
     def next(self) -> None:
-        """Begin the first waiting command, if any, and the commands that join it: the command before it has ended well."""
+        """Begin the first waiting command, if any, and the commands that join it: the command before it has ended successfully."""
         while self._waiting:
             ticket, begin, _ = self._waiting.popleft()
             # A command that takes over ends those that wait behind another one.

@@ -271,7 +271,7 @@ class GantryHoming:
         missing = [name for name in self._probes if name not in self._edges]
         raise HomingError(
             f"{self.name}: a switch was not found within {abs(self._plan.distance):g} {self._watch.unit}",
-            observed=f"missing is that of {' and '.join(missing)}",
+            observed=f"not found: the switch of {' and '.join(missing)}",
             remedy="check the switch and its wiring (60FDh shows the inputs), and distance and edge in "
             f"[gantries.{self._parameters.name}.homing]",
         )

@@ -253,7 +253,7 @@ class GroupCore:
             )
         if command.stream is not None and getattr(left, "number", None) != command.stream:
             raise StateError(
-                f"{ticket.name}: the axes have run another command since",
+                f"{ticket.name}: the axes have run another command since then",
                 remedy="begin a new stream at the present position of the axes",
             )
         if any(undertaking.line is left and undertaking.busy for undertaking in self._under_way):

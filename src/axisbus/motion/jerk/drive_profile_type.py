@@ -134,7 +134,7 @@ class JerkProfileWritten(SdoTransfers):
     def _not_taken(self, item: tuple[int, int, int | None], seen: str) -> DriveError:
         name = self._parameters.name
         return DriveError(
-            f"{name}: {object_text(item[0], item[1])}: the drive does not limit the jerk as asked",
+            f"{name}: {object_text(item[0], item[1])}: the drive does not limit the jerk as requested",
             axis=name,
             observed=seen,
             remedy="move without jerk, or on a line of a group, which the master streams; see the drive's manual about this "

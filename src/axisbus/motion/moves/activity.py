@@ -34,10 +34,10 @@ LATE_REMEDY = (
 class Activity(ABC):
     """A running command. It is pure: process image in, requests out; a failure is raised as an ``AxisbusError``.
 
-    ``mode`` is the mode of operation in which it works. If ``goes_on``, it is stepped further after it has ended well, because the
+    ``mode`` is the mode of operation in which it works. If ``goes_on``, it is stepped further after a successful end, because the
     axis continues to move. Only an activity that ``clears_error`` can leave ErrorStop. An activity that ``ends_at_rest`` has ended
-    well only when the axis is seen at standstill. One that ``stops_at_limit`` ends in a halt ahead of a position limit. ``course``
-    describes the commanded motion (None: unknown).
+    successfully only when the axis is seen at standstill. One that ``stops_at_limit`` ends in a halt ahead of a position limit.
+    ``course`` describes the commanded motion (None: unknown).
 
     ``behind``: increments by which the axis is behind its commanded position, if the command knows this better than 6062h.
     ``led_speed``: the commanded speed in increments per s. ``lag``: see ``RampedWay`` (None: not known). ``ramped``: the monitor of
@@ -79,7 +79,7 @@ class Activity(ABC):
 
     @abstractmethod
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Do one cycle's work; return True when the command has ended well."""
+        """Do one cycle's work; return True when the command has ended successfully."""
 
     def override(self, image: AxisImage) -> None:  # noqa: B027  # most activities do this in their step
         """Update ``course`` for a new override, because the supervision reads it before the next step."""

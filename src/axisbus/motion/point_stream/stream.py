@@ -262,7 +262,7 @@ class PointStreamMotion:
             f"{self._name}: underrun, no further point came in time",
             observed=f"at {self.travel.t:.3f} s of the stream; {self._course.length:.3f} s of it are known",
             remedy='give points earlier, with a larger buffer, or end the stream when there are no more; on_underrun = "hold" '
-            "waits for more; the axes were braked along the points that there were",
+            "waits for more; the axes were braked along the known points",
         )
 
 

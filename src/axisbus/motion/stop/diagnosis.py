@@ -289,7 +289,7 @@ def not_to_be_reset(name: str, node: int, image: AxisImage, *, stopping: bool) -
     if image.restarted and (image.overdue or image.nmt != NmtState.OPERATIONAL):
         return NodeStateError(
             f"{name}: node {node} has restarted, or may have, so a reset is not enough",
-            observed=f"{nmt_text(image)}; whether it still has the configuration of this master is not known{still}",
+            observed=f"{nmt_text(image)}; it is not known whether it still has the configuration of this master{still}",
             remedy=ANEW,
         )
     if image.overdue or image.nmt == NmtState.UNKNOWN:
@@ -302,8 +302,8 @@ def not_to_be_reset(name: str, node: int, image: AxisImage, *, stopping: bool) -
     if image.nmt == NmtState.OPERATIONAL:
         return NodeStateError(
             f"{name}: node {node} has returned, but a reset is not enough",
-            observed="it has restarted, or may have: whether it still has the configuration of this master is not "
-            f"known{still}",
+            observed="it has restarted, or may have: it is not known whether it still has the configuration of this "
+            f"master{still}",
             remedy=ANEW,
         )
     return NodeStateError(

@@ -76,7 +76,7 @@ def move_command(
     "--acceleration", type=float, required=True, help="In turns/s²; the module's own ramp may be slower."
 )
 @click.option(
-    "--for", "seconds", type=Seconds(), help="How long, after it has reached it; without it, until Ctrl-C."
+    "--for", "seconds", type=Seconds(), help="Duration in seconds at this velocity; without it, until Ctrl-C."
 )
 def velocity_command(
     target: ModbusTarget, velocity: float, acceleration: float, seconds: float | None
@@ -114,10 +114,10 @@ def velocity_command(
     "--max-velocity",
     type=float,
     required=True,
-    help="Velocity in turns/s above which this program stops it; nothing else does.",
+    help="Velocity in turns/s above which this program stops the module; nothing else stops it.",
 )
 @click.option(
-    "--for", "seconds", type=Seconds(), help="How long, after it has reached it; without it, until Ctrl-C."
+    "--for", "seconds", type=Seconds(), help="Duration in seconds at this torque; without it, until Ctrl-C."
 )
 def torque_command(
     target: ModbusTarget, torque: float, slope: float, most: float, max_velocity: float, seconds: float | None
@@ -172,10 +172,10 @@ def stop_command(target: ModbusTarget) -> int:
 @list_options
 @yes_option
 def calibrate_command(what: str, target: ModbusTarget, yes: bool) -> int:
-    """Calibrate the motor, the encoder, or both: THE OUTPUT MAY TURN DURING THE CALIBRATION. It explains, asks, follows, and
-    judges.
+    """Calibrate the motor, the encoder, or both: THE OUTPUT MAY TURN DURING THE CALIBRATION.
 
-    Needs the list of endpoints (--list), to see how far the rotor turns. Only if the module is idle and without an error.
+    The command explains the calibration, asks for confirmation, monitors the calibration, and assesses the result. It needs the
+    list of endpoints (--list), to see how far the rotor turns. The module must be idle and report no error.
     Ctrl-C, SIGTERM, a lost module, a state that does not belong to a calibration, and too many turns end it by idle, then
     emergency stop, and the state of the module after that is shown. Nothing is saved. Exit code 0 only if the calibration was
     completed without an error.

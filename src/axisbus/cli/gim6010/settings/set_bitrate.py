@@ -23,7 +23,7 @@ _BACK = 25.0  # s, the time of a restart as reported by owners
 def command(asked: ModuleSelection, rate: int) -> int:
     """Give a module that speaks CAN Simple the bit rate RATE (bit/s), save it, and find it again at that rate.
 
-    Needs its list of endpoints. First the command searches the whole bus (some 10 s). It refuses if the module is not alone,
+    Needs its list of endpoints. First the command searches the whole bus (about 10 s). It refuses if the module is not alone,
     since it would destroy the others' frames, or if it is not idle. Saving restarts it; the new rate applies from then on. Over
     --modbus and --usb there is no search: the rate is that of its CAN interface, which need not be connected.
     """

@@ -24,7 +24,7 @@ _BETWEEN = 0.3  # s between two readings that show whether it turns
 @click.option(
     "--until-restart",
     is_flag=True,
-    help="By a message and without --list: its count is 0 here until its next start.",
+    help="Set the count to 0 by a message, without --list; the next start undoes it.",
 )
 def command(asked: ModuleSelection, until_restart: bool) -> int:
     """Set the present position of a module as its zero; only while it is idle and does not turn.

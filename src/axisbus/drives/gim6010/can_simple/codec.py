@@ -101,7 +101,7 @@ class Outgoing:
         if self.can_id & 0x1F == _MIT and (self.remote or not any(self.data)):
             raise ArgumentError(
                 "Mit_Control without data, or with zeros alone, is full negative torque and never sent",
-                remedy="pack the command that is meant",
+                remedy="pack the intended command",
             )
 
 

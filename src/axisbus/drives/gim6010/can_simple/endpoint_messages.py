@@ -79,7 +79,7 @@ def read(node: int, listed: FittedList, path: str) -> Outgoing:
     """
     endpoint = listed.endpoint(path)
     if not endpoint.readable:
-        raise ArgumentError(f"{endpoint.path} is not for reading", remedy="it can be written only")
+        raise ArgumentError(f"{endpoint.path} cannot be read", remedy="it is write-only")
     _letter(endpoint)
     return _frame(node, _READ, endpoint.id, 0)
 
@@ -179,7 +179,7 @@ def _letter(endpoint: Endpoint, most: int = _BYTES) -> str:
     letter = FORMATS[endpoint.type]
     if not letter or struct.calcsize(f"<{letter}") > most:
         raise ArgumentError(
-            f"{endpoint.path} is of type {endpoint.type}, which does not travel in {counted(8 * most, 'bit')}",
+            f"{endpoint.path} is of type {endpoint.type}, which does not fit into {counted(8 * most, 'bit')}",
             remedy="read or write it over USB",
         )
     return letter
@@ -195,7 +195,7 @@ def _allow(path: str, *, by_name: bool) -> None:
 
 def _written(node: int, endpoint: Endpoint, value: Number | bool) -> Outgoing:
     if not endpoint.writable:
-        raise ArgumentError(f"{endpoint.path} is not for writing", remedy="it can be read only")
+        raise ArgumentError(f"{endpoint.path} cannot be written", remedy="it is read-only")
     return _frame(node, _WRITE, endpoint.id, int.from_bytes(value_bytes(endpoint, value), "little"))
 
 

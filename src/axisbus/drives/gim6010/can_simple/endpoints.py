@@ -90,7 +90,7 @@ def parse(text: str | bytes, source: str) -> EndpointList:
         document = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise ArgumentError(
-            f"{source}: no JSON: {error}",
+            f"{source}: this is not JSON: {error}",
             remedy="give the manufacturer's list of endpoints for the module's firmware",
         ) from None
     reader = _Reader(source)
@@ -230,9 +230,9 @@ class FittedList:
         for path, number in VERSION_ENDPOINTS.items():
             found = self.listed.endpoints.get(path)
             if found is None or found.id != number:
-                where = "not at all" if found is None else f"at {found.id}"
+                here = f"it has no {path}" if found is None else f"it has {path} at {found.id}"
                 raise ArgumentError(
-                    f"{self.listed.source}: it has {path} {where}, and every list that is known has it at {number}",
+                    f"{self.listed.source}: {here}, but every known list has it at {number}",
                     remedy="this is not a list of the module's firmware: get it from the manufacturer",
                 )
 

@@ -165,5 +165,5 @@ class MessageField:
             if math.isfinite(bound)
         )
         return LimitError(
-            f"{self.name}: {value:.10g}{unit} is not sent", remedy=f"give a value {bounds}{unit}"
+            f"{self.name}: {value:.10g}{unit} cannot be sent", remedy=f"give a value {bounds}{unit}"
         )

@@ -61,7 +61,7 @@ class MessageSupport(Enum):
     """Whether owners report that a module accepts or answers the message over CAN."""
 
     YES = "owners saw it work"
-    NO_REPORT = "no report by an owner"
+    NO_REPORT = "not reported by owners"
     SILENT = "owners got no answer"
     OTHERWISE = "owners' reports contradict the manual"
 

@@ -180,5 +180,5 @@ def parse(text: str) -> tuple[str, int]:
             f"{category!r} is not a category of errors", remedy=f"there are {', '.join(CATEGORIES)}"
         )
     if not 0 <= word < 1 << _LONGEST.get(category, 32):
-        raise ArgumentError(f"{text}: no error word", remedy=f"write it as {category}=0x40")
+        raise ArgumentError(f"{text} is not an error word", remedy=f"write it as {category}=0x40")
     return category, word

@@ -143,10 +143,10 @@ class ModbusClient:
     def _refused(self, request: ModbusRequest, code: int) -> ModbusRefused:
         what = "written" if request.writes else "read"
         return ModbusRefused(
-            f"module {self.device} refuses that {request.register.name} ({request.address:02X}h) is {what}",
+            f"module {self.device} refuses the request: {request.register.name} ({request.address:02X}h) is not {what}",
             node=self.device,
             code=code,
             observed=exception_words(code),
-            remedy="a firmware without this register, or a value that it does not accept: see the manufacturer's notes on "
+            remedy="the firmware does not have this register, or does not accept the value: see the manufacturer's notes on "
             "this firmware",
         )

@@ -98,7 +98,7 @@ class ModbusModule:
         """
         register = named(name)
         if not register.readable:
-            raise ArgumentError(f"{name} is not for reading", remedy="it can be written only")
+            raise ArgumentError(f"{name} cannot be read", remedy="it is write-only")
         return register.value(self.dialogue.read(requests.read(register)))
 
     def write(self, name: str, value: Number) -> Number:
@@ -231,7 +231,7 @@ class ModbusModule:
                     f"module {self.device} does not come back",
                     node=self.device,
                     observed=f"no answer within {_BACK:g} s",
-                    remedy="switch it off and on; a node ID, protocol or interface that was saved holds from now on",
+                    remedy="switch it off and on; a node ID, protocol or interface that was saved applies from now on",
                 )
             self.wire.sleep(_LOOK)
 

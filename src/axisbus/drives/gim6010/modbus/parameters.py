@@ -70,10 +70,10 @@ class ModbusParameters:
         """Return a parameter's value in RAM; see ``ModuleParameters.read``."""
         endpoint = self._list.endpoint(path)
         if not endpoint.readable:
-            raise ArgumentError(f"{endpoint.path} is not for reading", remedy="it can be written only")
+            raise ArgumentError(f"{endpoint.path} cannot be read", remedy="it is write-only")
         if not rules.travels(endpoint):
             raise ArgumentError(
-                f"{endpoint.path} is of type {endpoint.type}, which does not travel in 32 bits",
+                f"{endpoint.path} is of type {endpoint.type}, which does not fit into 32 bits",
                 remedy="read it over USB",
             )
         return endpoint_messages.value(endpoint, self.fetch(endpoint.id))
@@ -138,7 +138,9 @@ class ModbusParameters:
     @property
     def _list(self) -> FittedList:
         if self._fitted is None:
-            raise StateError("no list of endpoints is shown to fit", remedy="open it first")
+            raise StateError(
+                "no list of endpoints has been checked against the module", remedy="open it first"
+            )
         return self._fitted
 
     def _version(self) -> Firmware:

@@ -119,7 +119,7 @@ def write(register: Register, value: Number) -> ModbusRequest:
         LimitError: the value is beyond its bounds or type.
     """
     if not register.writable:
-        raise ArgumentError(f"{register.name} is not for writing", remedy="it can be read only")
+        raise ArgumentError(f"{register.name} cannot be written", remedy="it is read-only")
     words = register.words(value)
     function = ModbusFunction.WRITE_ONE if register.count == 1 else ModbusFunction.WRITE_SEVERAL
     return ModbusRequest(function, register.address, register.count, words)

@@ -22,7 +22,7 @@ def set_node_id(module: ModbusModule, new: int, *, save: bool = True) -> ModbusM
     request = requests.write(_NODE_ID, new)
     moved = ModbusModule(module.wire, new)
     if new == module.device:
-        raise StateError(f"{new} is the node ID that module {new} has", remedy="give another one")
+        raise StateError(f"the module already has the node ID {new}", remedy="give another one")
     module.require_idle("its node ID is written")
     if moved.answers():
         raise StateError(

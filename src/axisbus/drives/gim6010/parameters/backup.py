@@ -60,7 +60,8 @@ def read(text: str, source: str) -> ParameterBackup:
         )
     if found["version"] != _VERSION or not isinstance(found["values"], dict):
         raise ArgumentError(
-            f"{source}: a backup of version {found['version']!r}", remedy=f"give one of version {_VERSION}"
+            f"{source}: its backup format {found['version']!r} is not supported",
+            remedy=f"give a backup of format {_VERSION}",
         )
     try:
         serial = int(str(found["serial"]), 16)
@@ -215,7 +216,7 @@ def take(module: ModuleParameters, tell: Told | None = None) -> ParameterBackup:
     many = read_all(module, filter(rules.kept, module.listed.endpoints.values()), tell)
     if many.silent:
         raise StateError(
-            f"there is no backup: {', '.join(many.silent)} was not answered",
+            f"no backup was made: {', '.join(many.silent)} was not answered",
             remedy="try again, or back it up over USB",
         )
     return ParameterBackup(module.serial, module.firmware, many.values)

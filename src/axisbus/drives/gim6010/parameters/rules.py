@@ -41,7 +41,7 @@ def require_writable(path: str, *, by_name: bool) -> None:
     if found.kind == "act":
         raise ArgumentError(
             f"{path} is not written here: {found.why}",
-            remedy="nothing here enables, turns or erases a module",
+            remedy="parameters that enable, turn or erase a module are never written",
         )
     if path == NODE_ID:
         raise ArgumentError(
@@ -60,7 +60,7 @@ def require_setting(endpoint: Endpoint, *, by_name: bool) -> None:
     """
     require_writable(endpoint.path, by_name=by_name)
     if not endpoint.writable:
-        raise ArgumentError(f"{endpoint.path} is not for writing", remedy="it can be read only")
+        raise ArgumentError(f"{endpoint.path} cannot be written", remedy="it is read-only")
     if not endpoint.readable:
         raise ArgumentError(
             f"{endpoint.path} cannot be read back, and so is not written", remedy="write it over USB"

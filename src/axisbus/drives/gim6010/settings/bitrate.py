@@ -27,9 +27,7 @@ def wanted(rate: int) -> ParameterBatch:
         ArgumentError: the bit rate is not in ``RATES``.
     """
     if rate not in RATES:
-        raise ArgumentError(
-            f"{rate} bit/s is not set here", remedy=f"give one of {', '.join(map(str, RATES))}"
-        )
+        raise ArgumentError(f"{rate} bit/s cannot be set", remedy=f"give one of {', '.join(map(str, RATES))}")
     return ParameterBatch(((PATH, rate),), () if rate in NAMED else (_UNNAMED,))
 
 

@@ -34,7 +34,8 @@ def wanted(ohms: float, current: float | None, ramp: tuple[float, float] | None)
     """
     if current is None and ramp is None:
         raise ArgumentError(
-            "nothing says when the resistor is used", remedy="give --max-regen in A, --ramp in V, or both"
+            "it is not specified when the resistor is used",
+            remedy="give --max-regen in A, --ramp in V, or both",
         )
     _require("resistance", ohms, above=True)
     if current is not None:
@@ -55,7 +56,7 @@ def off() -> ParameterBatch:
 
 def bears(ohms: float, volts: float) -> str:
     """Return a text with current and power of a resistor at the supply's voltage."""
-    return f"at {volts:g} V it takes {volts / ohms:.3g} A and {volts * volts / ohms:.3g} W: see that it bears that"
+    return f"at {volts:g} V it takes {volts / ohms:.3g} A and {volts * volts / ohms:.3g} W: make sure that it can dissipate this"
 
 
 def require_below_trip(module: ModuleParameters, ramp: tuple[float, float] | None) -> None:
@@ -69,7 +70,7 @@ def require_below_trip(module: ModuleParameters, ramp: tuple[float, float] | Non
     trip = float(module.read(TRIP))
     if not ramp[1] < trip:
         raise StateError(
-            f"the ramp ends at {ramp[1]:g} V, and the module lets go of its motor at {trip:g} V ({TRIP})",
+            f"the ramp ends at {ramp[1]:g} V, and the module switches its motor off at {trip:g} V ({TRIP})",
             remedy="end it below that voltage, and begin it above the voltage of the supply",
         )
 
@@ -78,7 +79,7 @@ def _require(what: str, value: float, *, above: bool) -> None:
     if not math.isfinite(value) or value < 0.0 or (above and value == 0.0):
         raise ArgumentError(
             f"{what}: {value!r} is not {'above 0' if above else '0 or more'}",
-            remedy="give the value that is meant",
+            remedy="give the intended value",
         )
 
 

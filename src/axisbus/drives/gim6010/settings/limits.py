@@ -38,10 +38,10 @@ def check(velocity: float | None, current: float | None) -> None:
     for name, value in (("velocity", velocity), ("current", current)):
         if value is not None and not 0.0 < value < math.inf:
             raise ArgumentError(
-                f"limit of {name}: {value!r} is not above 0", remedy="give the limit that is meant"
+                f"limit of {name}: {value!r} is not above 0", remedy="give the intended limit"
             )
     if current is not None and current > HIGHEST_CURRENT:
         raise LimitError(
-            f"limit of current: {current:g} A is more than the module bears",
+            f"limit of current: {current:g} A is more than the module permits",
             remedy=f"give at most {HIGHEST_CURRENT:g} A (manual v2.2, 3.1.3)",
         )

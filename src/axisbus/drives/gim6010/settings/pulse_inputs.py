@@ -96,7 +96,7 @@ class Mapping:
         if not SHORTEST <= width <= LONGEST:
             raise LimitError(
                 f"a pulse of {width:g} ms is not within {SHORTEST:g} to {LONGEST:g} ms",
-                remedy="give one within that",
+                remedy="give one in this range",
             )
         share = (width - SHORTEST) / (LONGEST - SHORTEST)
         return self.low + share * (self.high - self.low)

@@ -83,7 +83,7 @@ def wanted(first: RotorZero, second: RotorZero) -> ParameterBatch:
         )
     if apart(second.by_estimate, second.by_count) > NEAR:
         raise StateError(
-            "the estimate of its position does not agree with its encoder's count: it is dead in idle in many modules",
+            "the estimate of its position does not agree with its encoder's count: in many modules it does not work in idle",
             observed=f"within a turn of the rotor {second.by_estimate:.4f} by the estimate, {second.by_count:.4f} by the count",
             remedy="set the zero over USB, with the listed steps; nothing was written",
         )
@@ -107,8 +107,8 @@ def verify(node: int, zero: float, after: RotorZero) -> None:
         raise NodeError(
             f"the module is at its zero, and its position is {after.estimate:.4f} rotor turns",
             node=node,
-            observed="owners saw positions that jump to and fro by 0.1425 turns from one start to the next",
-            remedy="home the axis after each start, and count on no zero of the module's",
+            observed="owners saw positions that jump back and forth by 0.1425 turns from one start to the next",
+            remedy="home the axis after each start, and do not rely on the zero of the module",
         )
 
 

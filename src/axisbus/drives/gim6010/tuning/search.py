@@ -42,8 +42,8 @@ class GainSearch:
     def __post_init__(self) -> None:
         if not 0.0 < self.first <= self.most < math.inf:
             raise ArgumentError(
-                f"{self.name}: from {self.first!r} up to {self.most!r}",
-                remedy="give the gain to begin with, above 0, and one to which it may be raised, not below that",
+                f"{self.name}: gains from {self.first!r} up to {self.most!r} are not a range",
+                remedy="give a first gain above 0, and a highest gain that is not below it",
             )
         self.next = self.first
 

@@ -42,7 +42,7 @@ class Gains:
             value = getattr(self, each.name)
             if value is not None and not 0.0 <= value < math.inf:
                 raise ArgumentError(
-                    f"{each.name} gain: {value!r}", remedy="give a number that is not below 0"
+                    f"{each.name} gain: {value!r} is not allowed", remedy="give a number that is not below 0"
                 )
         if (self.velocity is None) is not (self.integrator is None):
             raise ArgumentError(
@@ -89,7 +89,8 @@ class ModuleTrial:
             )
         if not 0.0 < self.seconds <= LONGEST:
             raise ArgumentError(
-                f"{self.seconds!r} s for each side", remedy=f"give more than 0 and at most {LONGEST:g} s"
+                f"{self.seconds!r} s for each side is not allowed",
+                remedy=f"give more than 0 and at most {LONGEST:g} s",
             )
         if self.loop is Loop.POSITION:
             self._check_trapezoid()
@@ -102,7 +103,7 @@ class ModuleTrial:
             )
         if self.takes >= self.seconds:
             raise ArgumentError(
-                f"the step takes {self.takes:.3g} s, and is looked at for {self.seconds:g} s",
+                f"the step takes {self.takes:.3g} s, and is recorded for {self.seconds:g} s",
                 remedy="give more time, or a smaller step",
             )
 

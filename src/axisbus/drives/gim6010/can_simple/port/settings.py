@@ -81,7 +81,7 @@ class ModuleSettings:
         _check(self, "module")
         if self.current_limit > HIGHEST_CURRENT:
             raise LimitError(
-                f"current_limit: {self.current_limit:g} A is more than the module bears",
+                f"current_limit: {self.current_limit:g} A is more than the module permits",
                 remedy=f"give at most {HIGHEST_CURRENT:g} A (manual v2.2, 3.1.3)",
             )
 

@@ -109,7 +109,7 @@ class ModbusAxis(PoweredModule):
         """
         course = self._enabled()
         if not seconds > 0.0:
-            raise ArgumentError(f"seconds is {seconds!r}", remedy="give seconds above 0")
+            raise ArgumentError(f"seconds = {seconds!r} is not above 0", remedy="give seconds above 0")
         with self._signals.sheltered():
             end = self.module.wire.now() + seconds
             while self.module.wire.now() < end:

@@ -137,8 +137,8 @@ class Calibrating:
     def _require_guarded(self) -> None:
         if not self._guarded():
             raise CommandError(
-                f"module {self._module.device}: the warden of this calibration is gone",
-                observed="its process has ended: nothing would switch the module off if this program were killed",
+                f"module {self._module.device}: the watchdog process of this calibration has ended",
+                observed="nothing would switch the module off if this program were killed",
                 remedy="find out which program ended it, then repeat the command",
             )
 

@@ -104,7 +104,9 @@ def require_positive(**values: float) -> None:
     """
     for name, value in values.items():
         if not 0.0 < value < math.inf:
-            raise ArgumentError(f"{name} is {value!r}", remedy=f"give a {name} above 0")
+            raise ArgumentError(
+                f"{name} = {value!r} is not a number above 0", remedy=f"give a {name} above 0"
+            )
 
 
 def require_finite(**values: float) -> None:
@@ -115,7 +117,9 @@ def require_finite(**values: float) -> None:
     """
     for name, value in values.items():
         if not math.isfinite(value):
-            raise ArgumentError(f"{name} is {value!r}", remedy=f"give a number for {name}")
+            raise ArgumentError(
+                f"{name} = {value!r} is not a finite number", remedy=f"give a number for {name}"
+            )
 
 
 def require_torque(torque: float, most: float) -> None:

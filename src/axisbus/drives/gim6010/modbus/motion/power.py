@@ -171,8 +171,8 @@ class PoweredModule:
         self._signals.check()
         if not self._guarded():
             raise CommandError(
-                f"module {self.module.device}: the warden of this motion is gone",
-                observed="its process has ended: nothing would stop the module if this program were killed",
+                f"module {self.module.device}: the watchdog process of this motion has ended",
+                observed="nothing would stop the module if this program were killed",
                 remedy="find out which program ended it, then repeat the command",
             )
         course, seen = self._enabled(), look(self.module, TRIES)
