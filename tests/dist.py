@@ -104,7 +104,9 @@ def check_wheel(wheel: Path) -> None:
         Wrong: a file is missing or superfluous.
     """
     with zipfile.ZipFile(wheel) as archive:
-        there = {name for name in archive.namelist() if not PurePosixPath(name).parts[0].endswith(".dist-info")}
+        there = {
+            name for name in archive.namelist() if not PurePosixPath(name).parts[0].endswith(".dist-info")
+        }
     wanted = {
         inside + name.removeprefix(prefix)
         for name in tracked()
@@ -166,7 +168,9 @@ def try_out(wheel: Path, python: Path) -> None:
         for command in COMMANDS:
             first = inside if command[0] == "{python}" else folder / command[0]
             _run([first, *command[1:]], empty)
-        version = subprocess.run([inside, "--version"], capture_output=True, text=True, check=True).stdout.strip()
+        version = subprocess.run(
+            [inside, "--version"], capture_output=True, text=True, check=True
+        ).stdout.strip()
         print(f"{version}: installed in a new environment, {len(COMMANDS)} commands ran", flush=True)
 
 

@@ -49,7 +49,11 @@ LANGUAGES = {"sh", "bat", "python", "toml", "text", "c"}
 FOUND_SOMETHING = {("lss", "find"), ("eds", "diff")}
 MAY_FIND = {"jitter"}  # 1: a busy computer leaves cycles out
 SET_UP = re.compile(r"python -m venv |.*python -m (pip install|pytest)")  # done already where this test runs
-RUN_ELSEWHERE = {"make", "pip", "python"}  # ``test_examples`` runs the programs; ``make dist`` installs the wheel
+RUN_ELSEWHERE = {
+    "make",
+    "pip",
+    "python",
+}  # ``test_examples`` runs the programs; ``make dist`` installs the wheel
 INIT = ("init", "-i", "sim", "-c", "examples/cell.toml", "-o", "cell.toml")
 BOOT = ("boot", "examples/cell.toml")
 WHEEL = f"axisbus-{__version__}-py3-none-any.whl"

@@ -72,7 +72,9 @@ def copy_command(target: Path) -> int:
 
 def _files() -> list[Path]:
     found = sorted(path for path in folder().rglob("*") if path.is_file())
-    return [path for path in found if "__pycache__" not in path.parts and ".ipynb_checkpoints" not in path.parts]
+    return [
+        path for path in found if "__pycache__" not in path.parts and ".ipynb_checkpoints" not in path.parts
+    ]
 
 
 def _summary(path: Path) -> str:

@@ -13,7 +13,10 @@ from axisbus.version import __version__
 # In the order of commissioning.
 COMMANDS = {
     "demo": ("axisbus.cli.demo", "Demonstrate axisbus on the simulated cell, and draw the motion."),
-    "examples": ("axisbus.cli.examples", "List the example programs and cell files, or copy them into a folder."),
+    "examples": (
+        "axisbus.cli.examples",
+        "List the example programs and cell files, or copy them into a folder.",
+    ),
     "eds": ("axisbus.cli.eds.group", "Check, fix, show, compare and document EDS and DCF files."),
     "check": ("axisbus.cli.check", "Find the errors and dangers in a cell file before the first frame."),
     "explain": ("axisbus.cli.explain", "Print the meaning of a symptom, and what to check."),
