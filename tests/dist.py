@@ -1,15 +1,16 @@
 """Build the wheel and the sdist, check them, and try the wheel in a new environment of each Python here: ``make dist``.
 
-``python tests/dist.py [--output dist] [--no-install]``. Both are built twice: the bytes must be the same. The wheel must contain each
-file of ``src/axisbus``, each built-in EDS file and each example, and nothing else. The sdist must contain what git tracks, and the
-wheel is built from it. Then the wheel is installed for each Python of ``PYTHONS`` that is found, and the commands of README's first
-screen run in an empty folder. Exit code 1 if something is wrong.
+``python tests/dist.py [--output dist] [--no-install]``. Both are built twice: the bytes must be the same. The wheel must contain
+each file of ``src/axisbus``, each built-in EDS file and each example, and nothing else. The sdist must contain the files that git
+tracks, and the wheel is built from it. Then the wheel is installed for each Python of ``PYTHONS`` that is found. In an empty folder
+the commands of README's first block run there, its first program, and ``MORE``. Exit code 1 if something is wrong.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -19,7 +20,8 @@ import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 
-ROOT = Path(__file__).parents[1]
+from kit.pages import README, ROOT, blocks
+
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 # Where each tracked file of the tree lies in the wheel: prefix in the tree, prefix in the wheel.
 PLACES = (
@@ -28,17 +30,13 @@ PLACES = (
     ("examples/", "axisbus/example_files/"),
 )
 # Tracked files that neither archive has: the checks and forms of the place where the source is kept.
-LEFT_OUT = (".ci/", ".github/", ".gitignore")
-# After ``pip install``, in an empty folder. ``{python}`` is the interpreter of the new environment.
-COMMANDS = (
-    ("axisbus", "--version"),
-    ("axisbus", "demo", "--no-plot"),
-    ("axisbus", "examples", "copy", "examples"),
-    ("axisbus", "check", "examples/cell.toml"),
-    ("axisbus", "boot", "examples/cell.toml"),
-    ("axisbus", "eds", "show", "builtin:gim6010-8"),
-    ("{python}", "examples/velocity.py"),
-    ("{python}", "examples/read_eds.py"),
+LEFT_OUT = (".ci/", ".github/")
+MORE = (
+    "axisbus --version",
+    "axisbus boot examples/cell.toml",
+    "axisbus eds show builtin:gim6010-8",
+    "python examples/read_eds.py",
+    "python -m axisbus explain",
 )
 
 
@@ -153,7 +151,7 @@ def _is_version(python: str, version: str) -> bool:
 
 
 def try_out(wheel: Path, python: Path) -> None:
-    """Install a wheel into a new environment, and run ``COMMANDS`` there in an empty folder.
+    """Install a wheel into a new environment, and run the commands and the program of README there, in an empty folder.
 
     Raises:
         Wrong: a command fails.
@@ -165,13 +163,16 @@ def try_out(wheel: Path, python: Path) -> None:
         folder = environment / ("Scripts" if os.name == "nt" else "bin")
         inside = folder / "python"
         _run([inside, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", wheel], empty)
-        for command in COMMANDS:
-            first = inside if command[0] == "{python}" else folder / command[0]
-            _run([first, *command[1:]], empty)
+        (empty / "first.py").write_text(blocks(README, "python")[0], encoding="utf-8")
+        lines = [line for line in blocks(README, "sh")[0].splitlines() if not line.startswith("pip install ")]
+        lines += ["python first.py", *MORE]
+        for line in lines:
+            first, *rest = shlex.split(line, comments=True)
+            _run([folder / first, *rest], empty)
         version = subprocess.run(
             [inside, "--version"], capture_output=True, text=True, check=True
         ).stdout.strip()
-        print(f"{version}: installed in a new environment, {len(COMMANDS)} commands ran", flush=True)
+        print(f"{version}: installed in a new environment, {len(lines)} commands ran", flush=True)
 
 
 def _run(command: Sequence[Path | str], folder: Path) -> None:
