@@ -19,6 +19,7 @@ COMMANDS = {
     ),
     "eds": ("axisbus.cli.eds.group", "Check, fix, show, compare and document EDS and DCF files."),
     "check": ("axisbus.cli.check", "Find the errors and dangers in a cell file before the first frame."),
+    "report": ("axisbus.cli.report", "Collect in one archive what a report of a fault needs."),
     "explain": ("axisbus.cli.explain", "Print the meaning of a symptom, and what to check."),
     "plan": ("axisbus.cli.plan", "Show the timetable of a cell's cycle, and how short it can be."),
     "scan": ("axisbus.cli.scan", "Show the nodes on a bus and their identities."),
