@@ -109,7 +109,7 @@ def test_an_identity_that_the_node_does_not_have_is_not_the_expected_one(letter,
     assert (outcome.letter, outcome.got, outcome.abort) == (b.Letter[letter], None, MISSING)
 
 
-def test_a_lenient_expectation_takes_a_node_that_does_not_say():
+def test_a_lenient_expectation_accepts_a_node_that_does_not_report_the_value():
     slave = Slave()
     del slave.objects[0x1018, 2]
     lenient = {(0x1018, 1): b.Expected(0x999, lenient=True), (0x1018, 2): b.Expected(0x456, lenient=True)}
@@ -325,7 +325,7 @@ def test_every_request_may_lose_its_first_answer():
     assert outcome.retries == 15  # 12 transfers, two commands and a heartbeat
 
 
-def test_with_a_tenth_of_the_answers_lost_five_hundred_nodes_come_up():
+def test_with_a_tenth_of_the_answers_lost_five_hundred_nodes_boot():
     for seed in range(500):
         slave = Slave()
         slave.loses, slave.loss = random.Random(seed), 0.1

@@ -154,7 +154,7 @@ def test_one_frame_in_a_hundred_lost_at_random(seed: int) -> None:
     assert ids(scan(Line(*slaves, lost=lambda _: chance.random() < 0.01))) == addresses
 
 
-def test_well_behaved_slaves_are_in_configuration_at_the_end_and_nobody_was_changed() -> None:
+def test_correct_slaves_are_in_configuration_state_at_the_end_and_unchanged() -> None:
     stubborn, good = AnswersOn(1, 2, 3, 4), HandSlave(1, 2, 3, 5)
     scan(Line(stubborn, good))
     assert (stubborn.state, good.state) == ("waiting", "configuration")
@@ -206,7 +206,7 @@ def test_others_than_the_known_ones_are_mentioned_and_left() -> None:
     assert not alone.others
 
 
-def test_a_slave_that_answers_whatever_is_asked_ends_the_search_with_a_reason_and_what_is_sure() -> None:
+def test_a_slave_that_answers_every_request_ends_the_search_with_a_reason() -> None:
     class Liar(HandSlave):
         """Answers every fast scan request, and has no selection."""
 

@@ -165,7 +165,7 @@ def test_every_slave_at_once() -> None:
     assert [(one.bit_timing, one.activated) for one in slaves] == [((0, 4), 1000)] * 2
 
 
-def test_nothing_is_activated_when_one_of_those_named_is_silent() -> None:
+def test_nothing_is_activated_if_a_named_slave_is_silent() -> None:
     there, gone = slave(1), slave(2)
     gone.silent = True
     with pytest.raises(LssTimeout, match="0x2"):
