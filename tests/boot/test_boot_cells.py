@@ -65,7 +65,7 @@ def simulated(path, made=None):
     return Machine.simulated(path, {3: made} if made is not None else None)
 
 
-def test_what_the_cell_file_says_is_in_the_drive(tmp_path):
+def test_values_of_the_cell_file_are_written_into_the_drive(tmp_path):
     made = device()
     with simulated(cell(tmp_path), made):
         assert made.read(0x6065) == 3000
@@ -422,7 +422,7 @@ def test_axes_groups_and_names(tmp_path):
     machine.close()  # once more does nothing
 
 
-def test_a_drive_that_says_to_have_more_consumer_heartbeats_than_there_are_nodes_is_not_asked_for_all(
+def test_the_number_of_consumer_heartbeats_that_are_read_is_limited_by_the_number_of_nodes(
     tmp_path,
 ):
     asked = []

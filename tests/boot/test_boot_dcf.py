@@ -76,7 +76,7 @@ def test_the_values_of_the_dcf_reach_the_drive(cell):
     assert made.read(0x607D, 1) == -9000
 
 
-def test_what_the_drive_has_already_is_not_written_again(cell):
+def test_values_that_the_drive_has_already_are_not_written_again(cell):
     path = cell()
     made = _booted(path, device_from_eds(GENERIC, 3))
     written = []
@@ -94,7 +94,7 @@ def test_what_the_drive_has_already_is_not_written_again(cell):
     ],
     ids=["the node's objects", "the axis's objects", "the axis's words"],
 )
-def test_what_the_cell_file_says_itself_wins_and_the_dcf_is_not_even_written(cell, more, index, value):
+def test_values_of_the_cell_file_take_precedence_over_the_dcf(cell, more, index, value):
     made = device_from_eds(GENERIC, 3)
     written = []
     made.dictionary.on_write(index << 8, written.append)

@@ -111,13 +111,13 @@ def test_the_identity_of_a_module_as_text():
         ),
     ],
 )
-def test_one_that_is_not_heard_is_reported_by_what_is(frames, message, remedy):
+def test_a_silent_module_is_reported_with_the_received_frames(frames, message, remedy):
     told = str(identity.no_answer_error(heard(*frames), 3.0, "nothing is wrong with the channel"))
     assert message in told
     assert remedy in told
 
 
-def test_its_stop_sequence_says_what_holds_and_what_coasts():
+def test_its_stop_sequence_names_the_steps_that_hold_and_those_that_coast():
     off = ladder("m", SETTINGS, StopTimes(), HoldsLoad.NO)
     rows = {title: text for title, _, text in off.rows}
     assert list(rows)[:4] == ["1 halt", "2 quick stop", "3 power off", "4 NMT stop"]
@@ -128,20 +128,20 @@ def test_its_stop_sequence_says_what_holds_and_what_coasts():
     assert "coasts" in off.warnings[0]
 
 
-def test_one_that_holds_after_a_quick_stop_says_so():
+def test_the_stop_sequence_of_a_module_that_holds_after_a_quick_stop():
     held = ladder("m", replace(SETTINGS, quick_stop_holds=True), StopTimes(), HoldsLoad.TORQUE)
     rows = {title: text for title, _, text in held.rows}
     assert "holds its position" in rows["2 quick stop"]
     assert "never switched off before it is at standstill" in rows["holds a load"]
 
 
-def test_nothing_on_it_is_said_to_notice_a_dead_master():
+def test_no_monitoring_of_the_master_is_reported_for_a_module():
     assert WATCHDOG.kind is Watchdog.NONE
     for word in ("break_timeout", "watchdog_timeout", "CAN_BUS_FAILED", "untested"):
         assert word in WATCHDOG.text
 
 
-def test_over_canopen_the_report_says_that_break_timeout_is_not_read(tmp_path):
+def test_over_canopen_the_report_notes_that_break_timeout_is_not_read(tmp_path):
     (tmp_path / "cell.toml").write_text(
         """
 [bus]

@@ -78,7 +78,7 @@ def test_a_module_is_up_with_its_axis_and_nothing_was_commanded(tmp_path):
         assert not one.module.energised
 
 
-def test_one_that_answers_no_endpoint_is_up_and_said_not_to_confirm_its_firmware(tmp_path):
+def test_a_module_that_answers_no_endpoint_is_booted_with_unconfirmed_firmware(tmp_path):
     with bus(tmp_path) as one:
         one.module.dials.endpoints = False
         assert "which it does not confirm" in one.boot().report.identity
@@ -170,7 +170,7 @@ def armed(
         ),
     ],
 )
-def test_with_its_list_boot_reports_what_is_armed_and_writes_nothing(tmp_path, set_to, kind, words):
+def test_with_its_list_boot_reports_armed_time_outs_and_writes_nothing(tmp_path, set_to, kind, words):
     with bus(tmp_path, **set_to) as one:
         before = one.module.usb_read("can.config.break_timeout")
         report = armed(one, tmp_path).report
@@ -206,7 +206,7 @@ def test_a_time_out_that_the_scan_cannot_feed_in_time_fails_the_boot(tmp_path):
         assert "scan_period of at most 19.75 ms" in error.remedy
 
 
-def test_on_a_serial_line_an_armed_time_out_is_not_fed_and_said_to_trip():
+def test_on_a_serial_line_an_armed_time_out_is_not_fed_and_reported_to_trip():
     settings = ModuleSettings(1, 20.0, 10.0, 40.0, 80.0, 0.02, relayed=True)
     found = Armed(0.05, 0.0)
     assert feed_time(found, Given(0, 5, 13), settings) == 0.0
@@ -228,7 +228,7 @@ def test_a_module_that_answers_one_of_two_time_outs_is_reported_so():
     assert "no function is known to detect" in found.text
 
 
-def test_a_module_that_answers_no_endpoint_is_up_and_its_list_said_to_be_of_no_use(tmp_path):
+def test_a_module_that_answers_no_endpoint_is_booted_and_its_list_reported_as_unused(tmp_path):
     with bus(tmp_path) as one:
         one.module.dials.endpoints = False
         report = armed(one, tmp_path).report
@@ -239,7 +239,7 @@ def test_a_module_that_answers_no_endpoint_is_up_and_its_list_said_to_be_of_no_u
         assert any("was not used" in text for text in report.warnings)
 
 
-def test_a_list_of_another_firmware_is_read_by_nobody(tmp_path):
+def test_a_list_of_another_firmware_is_not_used(tmp_path):
     with bus(tmp_path) as one:
         report = armed(one, tmp_path, listed=Module(MODULE, firmware=Firmware(0, 6, 0))).report
         assert not report.ok
@@ -247,7 +247,7 @@ def test_a_list_of_another_firmware_is_read_by_nobody(tmp_path):
         assert {each & 0x1F for each in one.sent} <= QUESTIONS
 
 
-def test_a_list_that_is_not_there_fails_the_boot_and_says_so(tmp_path):
+def test_a_missing_list_fails_the_boot_with_the_reason(tmp_path):
     with bus(tmp_path) as one:
         path = write(tmp_path, 'interface = "sim"')
         path.write_text(

@@ -50,7 +50,7 @@ def errors(path) -> list[str]:
     return [str(problem) for problem in check(path) if problem.severity.value == "error"]
 
 
-def test_it_is_read_with_what_its_port_needs(cell):
+def test_a_module_is_read_with_its_settings(cell):
     found = reader.load(cell())
     node, axis = found.nodes[16], found.axes["m"]
     assert (node.protocol, node.firmware) == ("can_simple", "0.5.13")
@@ -105,7 +105,7 @@ def test_mistakes_are_reported_with_their_line(cell, old, new, words):
         ("node = 16", "node = 16\ndrive_axis = 2", "a module with one axis"),
     ],
 )
-def test_a_check_finds_what_cannot_be(cell, old, new, words):
+def test_a_check_finds_invalid_keys(cell, old, new, words):
     assert any(words in each for each in errors(cell(old, new)))
 
 
@@ -115,7 +115,7 @@ def test_the_manuals_node_ids_go_together_and_a_free_one_is_reported(cell):
     assert "free:" in found
 
 
-def test_half_of_what_torques_need_is_reported(cell):
+def test_incomplete_keys_for_torques_are_reported(cell):
     warnings = [str(each) for each in check(cell("torque_ramp = 1.0\n", ""))]
     assert any("axis m has no torques" in each and "torque_ramp" in each for each in warnings)
 

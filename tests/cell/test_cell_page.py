@@ -71,7 +71,7 @@ def test_ranges_are_looked_at() -> None:
 
 
 @each_table
-def test_the_page_says_which_keys_are_needed(heading: str) -> None:
+def test_the_page_lists_the_required_keys(heading: str) -> None:
     needed = {key for key, cells in told(heading).items() if cells[1] == "needed"}
     assert needed == {key for key, each in TABLES[heading].items() if each.missing}
 

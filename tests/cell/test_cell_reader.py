@@ -162,7 +162,7 @@ def test_scales_of_zero_or_without_meaning_are_refused(written: str) -> None:
     assert "scale in [axes.x] cannot be used" in problems[0].message
 
 
-def test_the_error_for_a_negative_scale_says_how_to_invert_an_axis() -> None:
+def test_the_error_for_a_negative_scale_names_the_key_that_inverts_an_axis() -> None:
     _, problems = read(MINIMAL.replace("364.0888888888889", "-364"))
     assert 'invert = "master"' in problems[0].remedy
 
@@ -273,7 +273,7 @@ def test_load_takes_a_cell_with_warnings_only(tmp_path: Path) -> None:
     assert [problem.severity.value for problem in reader.read(path)[1]] == ["warning"]
 
 
-def test_read_returns_what_load_would_raise(tmp_path: Path) -> None:
+def test_read_returns_the_error_that_load_would_raise(tmp_path: Path) -> None:
     cell, problems = reader.read(tmp_path / "missing.toml")
     assert cell is None
     (problem,) = problems
@@ -284,7 +284,7 @@ def test_read_returns_what_load_would_raise(tmp_path: Path) -> None:
     )
 
 
-def test_a_syntax_error_is_not_said_with_its_place_twice() -> None:
+def test_a_syntax_error_has_its_location_once() -> None:
     cell, (problem,) = reader.loads("[bus]\na = \n", "cell.toml")
     assert cell is None
     assert problem.line == 2

@@ -181,7 +181,9 @@ def good_ones(key: str) -> list[Any]:
 
 @pytest.mark.parametrize(("table", "key"), KEYS, ids=[f"{table}-{key}" for table, key in KEYS])
 @given(data=st.data())
-def test_nothing_that_the_reader_takes_is_refused(table: str, key: str, data: st.DataObject) -> None:
+def test_no_value_that_the_reader_accepts_is_refused_by_the_schema(
+    table: str, key: str, data: st.DataObject
+) -> None:
     read = TABLES[table][key].read
     good = good_ones(key)
     value = data.draw(st.one_of(anything, st.sampled_from(good)) if good else anything)

@@ -190,7 +190,7 @@ def test_without_a_scale_it_counts_finely(unit: str, scale: int) -> None:
     assert units.ratio_known
 
 
-def test_nothing_brakes_it_by_a_guess() -> None:
+def test_no_deceleration_of_a_virtual_axis_is_guessed() -> None:
     bare = MINIMAL + '[axes.v]\nvirtual = true\nunit = "mm"\n'
     _, wrong = read(bare)
     assert [(at, message) for at, message, _ in wrong] == [(10, "no deceleration is given for [axes.v]")]
@@ -237,14 +237,14 @@ def checked(tmp_path, text: str) -> list[str]:
     return [f"{each.severity.value} {each.line}: {each.message}" for each in check(path)]
 
 
-def test_check_finds_nothing_wrong_with_it_and_says_how_finely_it_counts(tmp_path) -> None:
+def test_check_of_a_valid_virtual_axis_reports_its_default_scale(tmp_path) -> None:
     found = checked(tmp_path, BUS + WHOLE)
     assert found == []
     found = checked(tmp_path, BUS + VIRTUAL + "velocity = 3.0\n")
     assert found == ["note 4: virtual axis v counts 10000 increments per mm, because scale is left out"]
 
 
-def test_check_warns_where_it_begins_outside_its_limits(tmp_path) -> None:
+def test_check_warns_if_a_virtual_axis_begins_outside_its_limits(tmp_path) -> None:
     found = checked(tmp_path, BUS + WHOLE.replace("-10.0", "10.0"))
     assert found == ["warning 8: virtual axis v begins outside its position limits"]
 

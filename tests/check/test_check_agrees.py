@@ -158,7 +158,7 @@ def test_check_and_machine_agree_on_every_makers_file(tmp_path: Path, part: int)
     assert seen["pp: runs"] > 3, seen
 
 
-def test_check_and_machine_agree_on_the_files_that_come_with_axisbus(tmp_path: Path) -> None:
+def test_check_and_machine_agree_on_the_built_in_files(tmp_path: Path) -> None:
     seen: Counter[str] = Counter()
     for file in sorted((CHECKOUT / "eds").glob("*cia402.eds")) + sorted((CHECKOUT / "eds").glob("gim*.eds")):
         assert disagreements(tmp_path, file, seen) == []

@@ -77,7 +77,7 @@ def test_check_and_plan_report_the_same_shortest_period_and_the_same_load(tmp_pa
     assert f"{timetable(cell, files, 250_000).load:.0%}" in problem.message
 
 
-def test_what_comes_more_than_once_in_a_cycle_counts_as_often(tmp_path: Path) -> None:
+def test_frames_sent_more_than_once_in_a_cycle_count_as_often(tmp_path: Path) -> None:
     """Three heartbeats every 10 ms are six in a cycle of 20 ms, for ``check`` and for ``plan``."""
     path = cells.write(tmp_path, ('"4ms"', '"20ms"'), ('heartbeat = "100ms"', 'heartbeat = "20ms"'))
     once = timetable(reader.load(path), load_dictionaries(reader.load(path)), 1_000_000)

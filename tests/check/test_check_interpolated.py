@@ -31,14 +31,14 @@ def told(
     return [each for each in found if "ip" in each.message.replace(",", " ").split() or "csp" in each.message]
 
 
-def test_it_is_said_that_ip_is_used(tmp_path: Path) -> None:
+def test_the_use_of_ip_is_reported(tmp_path: Path) -> None:
     found = told(tmp_path, more=GROUP)
     assert any("has ip and no csp" in each.message for each in found)
     assert not any("refused" in each.message for each in found)  # a group goes along lines
 
 
 @pytest.mark.parametrize(("modes", "axis"), [(USUAL | CSP, ""), (USUAL, 'modes = ["pp", "pv"]')])
-def test_where_it_is_not_used_nothing_is_said(tmp_path: Path, modes: int, axis: str) -> None:
+def test_if_ip_is_not_used_it_is_not_reported(tmp_path: Path, modes: int, axis: str) -> None:
     assert not any("has ip and no csp" in each.message for each in told(tmp_path, modes, axis))
 
 

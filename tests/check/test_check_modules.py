@@ -44,7 +44,7 @@ def test_a_reaction_that_it_has_not_is_an_error(tmp_path, stop, words):
     assert words in found
 
 
-def test_its_own_ramp_may_be_said_again(tmp_path):
+def test_its_own_ramp_may_be_repeated_in_the_cell_file(tmp_path):
     """40 turns/s² of the rotor are 1800 deg/s² of the output."""
     assert errors(write(tmp_path, SIM, 'quick_stop = "ramp"\ndeceleration = 1800.0')) == []
 
@@ -56,7 +56,7 @@ def test_its_own_ramp_may_be_said_again(tmp_path):
         ("[axes.m.feed_forward]\nvelocity = true\n", "a module with CAN Simple gets no feed-forward"),
     ],
 )
-def test_what_its_port_has_no_place_for_is_an_error(tmp_path, more, words):
+def test_a_key_that_a_module_does_not_support_is_an_error(tmp_path, more, words):
     path = write(tmp_path, SIM)
     path.write_text(path.read_text() + more, "utf-8")
     assert any(words in each for each in errors(path))
@@ -83,7 +83,7 @@ def test_a_limit_is_checked_as_that_of_any_drive(tmp_path):
         ('interface = "socketcan"\nchannel = "can0"\nprocess = "thread"', True),
     ],
 )
-def test_nobody_stops_it_for_a_program_that_is_killed_with_its_core(tmp_path, bus, worse):
+def test_a_module_without_detection_of_a_dead_master_is_a_warning(tmp_path, bus, worse):
     (found,) = told(write(tmp_path, bus), "is known to detect a dead master")
     assert found.split(":")[2].strip() == "warning"
     assert ("nothing stops it when this program is killed" in found) is worse

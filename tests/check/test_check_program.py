@@ -157,7 +157,7 @@ def test_a_file_that_vanishes_between_check_and_boot_is_reported_with_its_line(t
 # -- the device ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_drive_that_does_not_say_which_program_it_has(tmp_path):
+def test_a_drive_that_does_not_report_its_program(tmp_path):
     problem = cells.only(cell(tmp_path, DATE, 0x1F52), "warning", "[nodes.1.program]")
     assert "1F52h:01, 1F52h:02" in problem.observed
     assert "letter G" in problem.remedy

@@ -14,7 +14,7 @@ def test_the_clean_cell_has_neither_error_nor_warning(tmp_path: Path) -> None:
     assert cells.serious(cells.write(tmp_path)) == []
 
 
-def test_problems_come_in_the_order_of_the_lines_the_worst_of_a_line_first(tmp_path: Path) -> None:
+def test_findings_are_in_the_order_of_the_lines_with_the_worst_of_a_line_first(tmp_path: Path) -> None:
     path = cells.write(
         tmp_path, ("master_id = 127", "master_id = 2"), ('axes = ["x", "y"]', 'axes = ["x", "z"]')
     )
@@ -39,7 +39,7 @@ def test_slips_and_contradictions_are_reported_together(tmp_path: Path) -> None:
 # -- references ------------------------------------------------------------------------------------------------------
 
 
-def test_the_masters_own_id_is_nobody_elses(tmp_path: Path) -> None:
+def test_the_masters_own_id_must_be_unique(tmp_path: Path) -> None:
     problem = cells.only(
         cells.write(tmp_path, ("master_id = 127", "master_id = 2")), "error", "master_id = 2"
     )
@@ -47,7 +47,7 @@ def test_the_masters_own_id_is_nobody_elses(tmp_path: Path) -> None:
     assert "master_id = 127" in problem.remedy
 
 
-def test_the_id_that_the_master_has_by_default_is_nobody_elses(tmp_path: Path) -> None:
+def test_the_default_id_of_the_master_must_be_unique(tmp_path: Path) -> None:
     path = cells.write(
         tmp_path, ("master_id = 127\n", ""), ("[nodes.2]", "[nodes.127]"), ("node = 2", "node = 127")
     )

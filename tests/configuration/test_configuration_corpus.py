@@ -35,7 +35,7 @@ class Scrambled:
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem[:40])
-def test_what_a_device_answered_is_what_a_restore_brings_back(path):
+def test_a_restore_writes_the_values_that_the_device_had_answered(path):
     drive = Dictionary(reader.read(path.read_bytes(), str(path)).eds, NODE)
     made = backup(drive, reader.read(path.read_bytes(), str(path)), dcf.Settings(NODE))
     again = reader.read(writer.dumps(made.reading), "backup.dcf").eds

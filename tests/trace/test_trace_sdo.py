@@ -182,7 +182,7 @@ def test_an_answer_to_another_question_is_named():
     assert wire(0x585, "4B 41 60 00 50 02 00 00").problem == ""
 
 
-def test_an_answer_that_nobody_asked_for_is_named():
+def test_an_answer_without_a_request_is_reported():
     wire = Wire()
     wire(0x605, "40 41 60 00 00 00 00 00")
     wire(0x585, "4B 41 60 00 50 02 00 00")

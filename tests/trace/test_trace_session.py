@@ -62,7 +62,7 @@ def test_every_frame_is_decoded_without_complaint(session):
     }
 
 
-def test_every_pdo_is_decoded_by_what_boot_up_showed_alone(session):
+def test_every_pdo_is_decoded_by_the_mapping_in_the_recording(session):
     """Without any file: mappings are learned from the SDO transfers of the recording."""
     frames, cell = session
     with_files = _decode(frames, cell)
@@ -73,7 +73,7 @@ def test_every_pdo_is_decoded_by_what_boot_up_showed_alone(session):
             assert one.values
 
 
-def test_the_story_of_the_axis_can_be_read(session):
+def test_the_states_of_the_axis_can_be_read(session):
     frames, cell = session
     words = [
         value.words

@@ -22,7 +22,7 @@ def made(*held: RescueRpdo, axes: int = 4) -> tuple[mmap.mmap, LifelineWriter]:
     return memory, writer
 
 
-def test_nothing_is_stopped_that_was_not_commanded():
+def test_a_node_that_was_not_commanded_is_not_stopped():
     memory, _ = made(RescueRpdo(0, 0x201), RescueRpdo(1, 0x202))
     assert rescue_memory.found(memory, AT) == rescue_memory.RescueTargets((), ())
     assert rescue_memory.stage_of(memory, AT) is CoreStage.RUNNING
@@ -53,7 +53,7 @@ def test_an_axis_with_two_such_frames_is_stopped_by_both():
     assert found.frames == ((0x201, QUICK_STOP), (0x301, b"\x01\x02\x03\x04" + QUICK_STOP))
 
 
-def test_what_comes_later_is_entered_behind():
+def test_nodes_that_are_added_later_are_entered_at_the_end():
     memory, writer = made(RescueRpdo(0, 0x201))
     writer.enter([RescueRpdo(3, 0x204)])
     writer.stage(CoreStage.LEAVING)

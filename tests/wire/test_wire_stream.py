@@ -66,7 +66,7 @@ def test_nonsense_ends_the_messages():
         assert list(stream.messages()) == []
 
 
-def test_who_sends_does_not_wait_for_one_who_reads_nothing():
+def test_a_sender_does_not_wait_for_a_reader_that_reads_nothing():
     with line() as (stream, _):
         began = time.monotonic()
         for _ in range(200):
