@@ -80,7 +80,7 @@ def test_an_output_that_is_set_is_a_moment(cell, tmp_path):
         assert capture.wait(1.0)
 
 
-def test_an_input_that_comes_back_with_another_value_has_no_edge(cell, tmp_path):
+def test_an_input_that_returns_with_another_value_has_no_edge(cell, tmp_path):
     machine = cell.machine
     with machine.capture(tmp_path / "moment.mcap", "part = true", after=0.1) as capture:
         machine.sleep(0.1)
@@ -202,7 +202,7 @@ def test_an_edge_has_the_time_of_its_frame_and_waits_for_its_cycle():
 
 
 @pytest.mark.parametrize("known", [1, None])
-def test_what_a_frame_says_first_is_no_edge_where_it_was_so_or_unknown(known):
+def test_the_first_value_of_an_input_is_no_edge_if_it_was_so_or_unknown(known):
     session, moment = watching(known)
     session.comes((1.0, 4))
     assert moment.seen(1.1, {}) is None
@@ -228,7 +228,7 @@ def test_on_change_alone_the_first_frame_is_the_edge():
     assert moment.seen(3.1, {}) == 3.0
 
 
-def test_what_came_before_the_first_cycle_that_is_kept_is_no_moment():
+def test_an_edge_before_the_first_stored_cycle_is_no_moment():
     session, moment = watching(0)
     session.comes((3.0, 4))
     session.knows(1)

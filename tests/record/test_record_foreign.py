@@ -166,7 +166,7 @@ def read_within(path: Path) -> tuple[str, int]:
         (2**63, MB, True, "times as many in memory"),
     ],
 )
-def test_what_becomes_large_when_it_is_decompressed_is_not(tmp_path, size, frame, said, expected):
+def test_data_that_become_large_when_decompressed_are_refused(tmp_path, size, frame, said, expected):
     path = tmp_path / "a.mcap"
     path.write_bytes(with_chunk(size, "zstd", small(frame, said=said)))
     found, most = read_within(path)
@@ -181,7 +181,7 @@ def test_a_message_of_few_octets_cannot_become_many_values(tmp_path):
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "", "snappy"])
-def test_a_chunk_that_is_not_what_it_says_ends_the_reading_and_is_reported(tmp_path, compression):
+def test_a_damaged_chunk_ends_the_reading_and_is_reported(tmp_path, compression):
     path = tmp_path / "a.mcap"
     path.write_bytes(with_chunk(100, compression, b"nothing of the kind"))
     assert "is damaged before octet" in load(path).lacks

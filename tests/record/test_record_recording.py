@@ -238,7 +238,7 @@ def test_a_disk_that_is_full_ends_the_recording_and_never_the_motion(tmp_path, c
     assert "run.mcap has ended: it cannot be written" in told[0]
 
 
-def test_what_cannot_be_taken_in_time_is_counted_and_reported(tmp_path):
+def test_cycles_that_cannot_be_written_in_time_are_counted_and_reported(tmp_path):
     path = tmp_path / "run.mcap"
     with Machine.simulated(CELL) as cell, cell.recording(path) as recording:
         cell.sleep(0.1)
@@ -321,7 +321,7 @@ def test_an_mcap_file_of_another_program_is_refused(tmp_path):
         load(path)
 
 
-def test_without_the_package_it_is_said_how_to_get_it(tmp_path, monkeypatch):
+def test_without_the_package_the_error_names_it(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "mcap.writer", None)
     with Machine.simulated(CELL) as cell, pytest.raises(UserError, match="need the package mcap") as told:
         cell.recording(tmp_path / "run.mcap").__enter__()
