@@ -54,7 +54,7 @@ TWICE = "2005>AccessType=rw"  # S004, an error
 SHARED = "2001:ParameterName=Gain"  # O027, a note
 
 
-def test_a_clean_file_says_so_and_what_to_do_next(check: Call) -> None:
+def test_a_clean_file_is_reported_with_the_next_command(check: Call) -> None:
     code, out, err = check(write("a.eds"))
     assert (code, err) == (0, "")
     assert out.splitlines() == ["a.eds: 0 errors, 0 warnings, 0 notes", "next: axisbus eds show a.eds"]
@@ -65,7 +65,7 @@ def line_of(text: str) -> int:
     return Path("a.eds").read_text().splitlines().index(text) + 1
 
 
-def test_findings_stand_below_their_file_and_their_rule_with_the_remedy(check: Call) -> None:
+def test_findings_are_printed_below_their_file_and_their_rule_with_the_remedy(check: Call) -> None:
     write("a.eds", BEYOND)
     code, out, _ = check("a.eds")
     assert code == 0  # a warning alone
@@ -129,7 +129,7 @@ def test_json_and_sarif_have_every_place(check: Call) -> None:
     assert len(sarif_of(check, "many.eds", "--select", "O020")["runs"][0]["results"]) == 5000
 
 
-def test_what_reading_finds_is_complete_too(check: Call) -> None:
+def test_all_findings_of_the_reader_are_listed(check: Call) -> None:
     text = "".join(
         f"[{index:04X}]\nParameterName=P\nDataType=0x0007 ; text\n" for index in range(0x2000, 0x2800)
     )
@@ -138,7 +138,7 @@ def test_what_reading_finds_is_complete_too(check: Call) -> None:
     assert [each["rule"] for each in found].count("S011") == 0x800
 
 
-def test_errors_come_last_in_a_file_and_in_the_table_of_several_files(check: Call) -> None:
+def test_errors_are_printed_last_in_a_file_and_in_the_table_of_several_files(check: Call) -> None:
     names = [write("a.eds", BEYOND, TWICE, SHARED), write("b.eds", SHARED)]
     out = check(*names)[1]
     one = check("a.eds")[1].splitlines()
@@ -164,7 +164,7 @@ def test_a_path_is_printed_once_for_its_file(check: Call) -> None:
     assert check(names[0])[1].count("drives/a.eds") == 1
 
 
-def test_severity_filters_what_is_shown_and_reports_what_is_not(check: Call) -> None:
+def test_severity_filters_the_findings_and_counts_the_others(check: Call) -> None:
     write("a.eds", BEYOND, TWICE, SHARED)
 
     def shown(*options: str) -> list[str]:
@@ -188,7 +188,7 @@ def test_an_invalid_severity_is_wrong_use(check: Call) -> None:
     assert "error, warning, note" in err
 
 
-def test_long_texts_are_folded_below_their_rule_where_the_width_is_known(
+def test_long_texts_are_folded_below_their_rule_if_the_width_is_known(
     check: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "50")
@@ -201,7 +201,7 @@ def test_long_texts_are_folded_below_their_rule_where_the_width_is_known(
     ("edit", "codes"),
     [(TWICE, (1, 1, 1)), (BEYOND, (0, 1, 1)), (SHARED, (0, 0, 1)), ("2000:PDOMapping=1", (0, 0, 0))],
 )
-def test_fail_on_says_from_where_on_it_fails(check: Call, edit: str, codes: tuple[int, ...]) -> None:
+def test_fail_on_sets_the_severity_that_fails(check: Call, edit: str, codes: tuple[int, ...]) -> None:
     name = write("a.eds", edit)
     assert tuple(check(name, "--fail-on", level)[0] for level in ("error", "warning", "note")) == codes
     assert check(name)[0] == codes[0]
@@ -298,7 +298,7 @@ def sarif_of(check: Call, *files: str) -> dict[str, Any]:
     return log
 
 
-def test_sarif_has_what_code_hosts_ask_for(check: Call) -> None:
+def test_sarif_has_the_properties_that_code_hosts_require(check: Call) -> None:
     log = sarif_of(check, write("drives/my drive.eds", BEYOND, TWICE, SHARED))
     assert log["version"] == "2.1.0"
     assert log["$schema"].endswith("sarif-2.1.0.json")

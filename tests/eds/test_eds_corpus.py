@@ -82,7 +82,7 @@ def test_every_file_reaches_canopen_as_we_read_it(readings: dict[str, reader.Eds
         assert theirs == comparable(our_facts(reading.eds, 5)), name
 
 
-def test_clean_files_mean_to_us_what_they_mean_to_canopen(readings: dict[str, reader.EdsParseResult]) -> None:
+def test_clean_files_are_read_as_by_canopen(readings: dict[str, reader.EdsParseResult]) -> None:
     compared = 0
     for path in FILES:
         eds = readings[path.name].eds
@@ -143,7 +143,7 @@ def accepted(data: bytes) -> bool:
     return True
 
 
-def test_what_canopen_reads_it_reads_after_a_fix_and_as_a_dcf(
+def test_files_that_canopen_reads_it_still_reads_after_a_fix_and_as_a_dcf(
     readings: dict[str, reader.EdsParseResult],
 ) -> None:
     some = list(readings)[::4]  # canopen takes most of the time

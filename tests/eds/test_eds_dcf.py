@@ -50,7 +50,7 @@ def test_names_of_files_go_to_the_file_info_and_back() -> None:
     assert text(dcf.to_eds(made, "drive.eds")) == text(eds)
 
 
-def test_a_dcf_made_of_a_dcf_keeps_what_is_not_set() -> None:
+def test_a_dcf_made_of_a_dcf_keeps_keys_that_are_not_set() -> None:
     first = dcf.make(
         file(), Settings(5, 500, "lift", net_number=3), [(file().eds.objects[0x6081].subs[0], "7")]
     )

@@ -97,7 +97,7 @@ def test_the_page_can_be_printed() -> None:
     assert "table-header-group" in style
 
 
-def test_what_a_name_contains_is_text_and_not_markup() -> None:
+def test_the_content_of_a_name_is_text_and_not_markup() -> None:
     eds = small(
         variable("2000", ParameterName=NASTY, PDOMapping="1") + STATUS.replace("0x60410010", "0x20000010")
     )
@@ -157,7 +157,7 @@ def test_words_of_the_profile_are_explained_once_and_linked_to_afterwards() -> N
     assert "#o6041" in seen.links
 
 
-def test_a_page_says_in_which_pdo_an_object_travels_and_what_the_standard_has() -> None:
+def test_a_page_names_the_pdo_of_an_object_and_its_definition_in_the_standard() -> None:
     said = page(small(STATUS)).said
     assert "in: TPDO1 bytes 3-6" in said
     assert "standard: CiA 402: Position actual value, INTEGER32, ro, TPDO" in said

@@ -51,7 +51,7 @@ def test_an_empty_value_is_filled_and_a_full_one_emptied() -> None:
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("end", ["", "\n", "\n\n"])
-def test_a_new_key_comes_behind_the_last_entry_with_the_files_line_end(newline: str, end: str) -> None:
+def test_a_new_key_is_inserted_behind_the_last_entry_with_the_files_line_end(newline: str, end: str) -> None:
     content = ("[6081]\nDataType=7\n; c\n\n[6083]\nDataType=7" + end).replace("\n", newline)
     file = document(content)
     changes = [edit.set_value(file, file.sections[name], "DefaultValue", "1") for name in ("6081", "6083")]
@@ -144,21 +144,21 @@ def test_a_letter_that_the_encoding_has_not_is_refused() -> None:
 
 
 @pytest.mark.parametrize("value", ["a\nb", "a\rb", " a", "a ", "a\0", "\x85", "\u2028"])
-def test_what_would_not_be_read_back_is_refused_as_a_value(value: str) -> None:
+def test_a_value_that_would_not_be_read_back_is_refused(value: str) -> None:
     file = document(SPEED)
     with pytest.raises(ArgumentError, match="the value of DefaultValue"):
         edit.set_value(file, file.sections["6081"], "DefaultValue", value)
 
 
 @pytest.mark.parametrize("key", ["", "a=b", ";a", "[a", "a\n"])
-def test_what_would_be_no_key_is_refused(key: str) -> None:
+def test_an_invalid_key_is_refused(key: str) -> None:
     file = document(SPEED)
     with pytest.raises(ArgumentError):
         edit.set_value(file, file.sections["6081"], key, "1")
 
 
 @pytest.mark.parametrize("name", ["", "a]", "[a", "a\nb", " a"])
-def test_what_would_be_no_section_is_refused(name: str) -> None:
+def test_an_invalid_section_name_is_refused(name: str) -> None:
     with pytest.raises(ArgumentError):
         edit.add_section(document(SPEED), name, {})
 

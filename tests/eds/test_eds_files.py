@@ -88,7 +88,7 @@ def test_a_missing_file_names_the_nearest_ones(tmp_path: Path) -> None:
     assert isinstance(caught.value, UserError)
 
 
-def test_a_missing_file_where_there_is_nothing_like_it_says_so(tmp_path: Path) -> None:
+def test_a_missing_file_without_a_similar_one_is_reported(tmp_path: Path) -> None:
     with pytest.raises(EdsError, match="there is no EDS or DCF in"):
         load(tmp_path / "x.eds")
     with pytest.raises(EdsError, match="there is no folder"):

@@ -99,7 +99,7 @@ def test_a_value_is_written_as_the_standard_has_it(rule: str, data_type: str, gi
         (TEXT, '" "'),
     ],
 )
-def test_what_needs_judgement_is_left_alone(data_type: str, given: str) -> None:
+def test_values_that_need_judgement_are_left_unchanged(data_type: str, given: str) -> None:
     before = variable("2000", DataType=data_type, DefaultValue=given)
     assert fixed(before).mended == ()
     assert mended(before) == before
@@ -151,7 +151,7 @@ def test_the_number_of_sub_indices_counts_all_but_the_structure() -> None:
     assert mended(before.replace("SubNumber=9\n", "")) == before.replace("SubNumber=9", "SubNumber=2")
 
 
-def test_255_compact_sub_indices_are_254_and_stand_alone() -> None:
+def test_255_compact_sub_indices_become_254_without_a_further_change() -> None:
     before = "[2000]\nParameterName=a\nObjectType=8\nDataType=5\nAccessType=rw\nCompactSubObj=0xFF\nSubNumber=255\n"
     done = fixed(before)
     assert [each.rule for each in done.mended] == ["O013", "B001"]
@@ -186,7 +186,7 @@ def test_leading_zeros_are_removed_unless_the_name_is_taken() -> None:
     assert "O012" not in [each.rule for each in fixed(taken).mended]
 
 
-def test_a_comment_behind_a_value_comes_below_it_before_the_value_is_fixed() -> None:
+def test_a_comment_behind_a_value_is_moved_below_it_before_the_value_is_fixed() -> None:
     before = variable("2000", DataType=I8, DefaultValue="0xFF ; minus one", AccessType="RW ; both")
     after = variable("2000", DataType=I8, DefaultValue="-1\n; minus one", AccessType="rw\n; both")
     assert mended(before) == after
@@ -263,7 +263,7 @@ def test_the_counts_of_a_file_that_ends_in_the_middle_are_not_made_to_fit() -> N
         variable("2000", AccessType="READ"),
     ],
 )
-def test_what_the_check_does_not_count_or_know_is_not_fixed(body: str) -> None:
+def test_texts_that_the_check_does_not_count_or_know_are_not_fixed(body: str) -> None:
     assert fixed(body).mended == ()
 
 
@@ -359,7 +359,7 @@ def test_whatever_the_lines_mending_twice_is_mending_once(lines: list[str], newl
 
 
 @pytest.mark.skipif(not FILES, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
-def test_real_files_say_the_same_when_fixed() -> None:
+def test_fixed_real_files_are_read_with_the_same_content() -> None:
     for path in FILES:
         before = reader.read(path.read_bytes(), path.name)
         done = fix(before)
@@ -373,7 +373,7 @@ def test_real_files_say_the_same_when_fixed() -> None:
 
 
 @pytest.mark.skipif(not FILES, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
-def test_fix_does_what_check_asks_for() -> None:
+def test_fix_repairs_findings_of_check() -> None:
     """``fix`` repairs only findings; afterwards there is no new finding, and the repaired ones are gone."""
     for path in FILES:
         before = reader.read(path.read_bytes(), path.name)
@@ -387,7 +387,7 @@ def test_fix_does_what_check_asks_for() -> None:
         assert after - counts == Counter(), path.name
 
 
-def test_a_fixed_file_means_to_canopen_what_it_means_to_us() -> None:
+def test_a_fixed_file_is_read_by_canopen_as_by_us() -> None:
     body = variable("2000", DataType=I32, DefaultValue="0xFFFFFFFF", AccessType="RW") + variable(
         "2001", DefaultValue="0x180+$NodeID"
     )

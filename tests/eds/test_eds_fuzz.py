@@ -120,7 +120,7 @@ def test_any_bytes_are_read_or_refused(data: bytes) -> None:
 
 @settings(max_examples=250, deadline=None)
 @given(st.lists(lines, max_size=25), st.sampled_from(["\n", "\r\n", "\r"]))
-def test_any_lines_are_read_and_what_was_understood_reaches_canopen(some: list[str], newline: str) -> None:
+def test_random_lines_are_read_and_all_entries_reach_canopen(some: list[str], newline: str) -> None:
     data = (HEAD + "\n".join(some)).replace("\n", newline).encode("utf-8", errors="replace")
     reading = reader.read(data, "fuzz.eds")
     assert writer.dumps(reading.document) == data

@@ -43,7 +43,7 @@ def test_it_compiles_without_a_warning(path: Path, tmp_path: Path) -> None:
 
 
 @needs_compiler
-def test_it_compiles_as_cpp_where_there_is_one(tmp_path: Path) -> None:
+def test_it_compiles_as_cpp_if_there_is_a_compiler(tmp_path: Path) -> None:
     compiled(header(builtin("gim6010-8"), 5), tmp_path, cpp=True)
 
 
@@ -134,7 +134,7 @@ def test_packed_data_matches_the_mapping_and_unpacks_to_the_same_values(tmp_path
     assert found[7:] == ["205", "37F", "2001"]
 
 
-def test_the_command_writes_it(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_the_command_writes_the_header(tmp_path: Path, monkeypatch, capsys) -> None:
     run = commands.runner(monkeypatch, capsys)
     target = tmp_path / "drive.h"
     code, out, err = run("eds", "code", "--c", "builtin:gim6010-8", "-o", target, "--node", 5)

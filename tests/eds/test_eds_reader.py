@@ -15,7 +15,7 @@ from kit.eds.texts import HEAD, HEAD_LINES, only, read, record, rules, variable
 EDS_FOLDER = Path(__file__).parents[2] / "eds"
 
 
-def test_a_plain_variable_has_everything_that_its_section_says() -> None:
+def test_a_plain_variable_has_all_keys_of_its_section() -> None:
     eds = read(
         "[6081]\nParameterName=Profile velocity\nObjectType=0x7\nDataType=0x0007\nAccessType=rww\n"
         "DefaultValue=1000\nPDOMapping=1\nLowLimit=1\nHighLimit=5000\nObjFlags=0x1\n"
@@ -45,7 +45,7 @@ def test_sub_indices_are_hexadecimal() -> None:
     assert list(eds.objects[0x2000].subs) == [0x0A, 0x10, 0xFE]
 
 
-def test_objects_come_by_index_whatever_the_order_in_the_file() -> None:
+def test_objects_are_ordered_by_index_whatever_the_order_in_the_file() -> None:
     eds = read(variable("6040") + variable("2000") + variable("1005"))
     assert [entry.index for entry in eds] == [0x1000, 0x1005, 0x2000, 0x6040]
 
@@ -143,7 +143,7 @@ def test_a_type_that_the_file_defines_means_its_base_type() -> None:
     assert (entry.data_type, entry.default) == (DataType.UNSIGNED16, Number(12))
 
 
-def test_a_wrong_type_is_kept_as_the_file_says_it() -> None:
+def test_a_wrong_type_is_kept_as_in_the_file() -> None:
     eds = read(variable("60FF", DataType="0x0007", DefaultValue="4294967295"))
     entry = eds.get(0x60FF)
     assert entry is not None
@@ -255,7 +255,7 @@ def test_entries_that_differ_in_name_alone_are_distinguished_by_name_and_line() 
     assert [entry.subs[0].line for entry in (first, second, third)] == lines
 
 
-def test_one_text_means_what_the_place_of_its_section_makes_of_it() -> None:
+def test_the_meaning_of_a_section_depends_on_its_position() -> None:
     text = "ParameterName=x\nObjectType=0x8\nDataType=0x0007\nAccessType=rw\n"
     untyped = text.replace("ObjectType=0x8\n", "")
     body = f"[2000]\n{text}[2000sub1]\n{text}[2001]\n{text}[2001sub1]\n{text}[2002]\n{text}"

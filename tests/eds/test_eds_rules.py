@@ -64,7 +64,7 @@ def only(rule: str, *edits: Edit) -> EdsFinding:
     return hit
 
 
-def test_what_the_standard_leaves_open_is_a_note() -> None:
+def test_cases_that_the_standard_leaves_open_are_notes() -> None:
     assert only("V006", "1014:DefaultValue=$NodeID+0x80").severity is Severity.NOTE
     assert only("V006", "1014:DefaultValue=0x80+$NODEID").severity is Severity.WARNING
     assert only("V001", "2005:DataType=0x000C", "2005:DefaultValue=365 43200000").severity is Severity.NOTE
@@ -95,7 +95,7 @@ def test_a_value_that_is_wrong_for_either_type_is_reported_in_addition_to_the_ty
     assert {each.rule for each in found(edits)} == {"M002", "V001"}
 
 
-def test_a_misspelt_key_is_one_finding_and_an_error_where_the_key_is_mandatory() -> None:
+def test_a_misspelt_key_is_one_finding_and_an_error_if_the_key_is_mandatory() -> None:
     edits = (
         without(
             "[2000]\nParameterName=Gain\nObjectType=0x7\nDataType",
@@ -123,7 +123,7 @@ def test_the_object_that_a_list_meant_is_named() -> None:
     assert (hit.rule, hit.message.rpartition("; ")[2]) == ("L005", "2005 may be meant")
 
 
-def test_modes_are_shown_by_their_objects_where_the_file_does_not_claim_any() -> None:
+def test_modes_are_derived_from_their_objects_if_the_file_does_not_claim_any() -> None:
     assert only("M006", "6502:DefaultValue").message.endswith("the objects show pp")
 
 
@@ -251,7 +251,7 @@ def test_the_identifier_of_each_service_is_in_its_range(
         ("7", "begins in ip, without"),
     ],
 )
-def test_a_mode_without_objects_is_reported_where_6502h_is_missing(default: str, words: str) -> None:
+def test_a_mode_without_objects_is_reported_if_6502h_is_missing(default: str, words: str) -> None:
     edits = (
         "-6502",
         "OptionalObjects:24",
@@ -262,7 +262,7 @@ def test_a_mode_without_objects_is_reported_where_6502h_is_missing(default: str,
     assert only("M011", "6060:DefaultValue=5").message.endswith("a mode that CiA 402 does not have")
 
 
-def test_a_target_of_which_no_mode_is_whole_is_reported_where_6502h_is_missing() -> None:
+def test_a_target_without_a_complete_mode_is_reported_if_6502h_is_missing() -> None:
     edits = ("6502:DefaultValue", *with_object("60FF", 4, "0"))
     assert only("M018", *edits).message == (
         "60FF (Target velocity) is there, but pv would need 606C (Velocity actual value) too; "

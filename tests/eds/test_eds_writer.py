@@ -61,7 +61,7 @@ def by_hand() -> Eds:
     return Eds("by hand", objects, info, 5)
 
 
-def test_a_model_made_in_a_program_becomes_a_file_that_says_the_same() -> None:
+def test_a_model_made_in_a_program_is_written_and_read_without_a_difference() -> None:
     eds = by_hand()
     data = writer.dumps(eds)
     again = loads(data, "again.dcf")
@@ -112,7 +112,7 @@ def test_a_read_model_with_other_objects_is_written_again() -> None:
 
 
 @pytest.mark.parametrize("name", names())
-def test_the_builtin_files_written_again_say_the_same(name: str) -> None:
+def test_the_builtin_files_written_again_are_read_without_a_difference(name: str) -> None:
     eds = reader.load(resolve(f"builtin:{name}", Path()))
     text = writer.dumps(replace(eds, objects=dict(eds.objects))).decode()
     again = loads(text.encode(), "again.eds")
