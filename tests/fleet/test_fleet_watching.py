@@ -50,7 +50,7 @@ def watch():
 # -- states ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_value_grows_old_by_the_local_clock_from_the_age_that_it_came_with(watch):
+def test_the_age_of_a_value_counts_by_the_local_clock_from_its_received_age(watch):
     watch.take_state("x", state(1, age=0.3), 10.0, 100.0)
     assert watch.seen("x", 10.0).fresh
     assert watch.seen("x", 10.5).age == pytest.approx(0.8)
@@ -58,7 +58,7 @@ def test_a_value_grows_old_by_the_local_clock_from_the_age_that_it_came_with(wat
     assert not watch.seen("x", 10.0 + FRESH - 0.29).fresh
 
 
-def test_what_came_late_or_twice_changes_nothing(watch):
+def test_late_and_duplicate_values_change_nothing(watch):
     assert watch.take_state("x", state(5, position=5.0), 10.0, 100.0)
     assert not watch.take_state("x", state(5, position=6.0), 10.9, 100.0)
     assert not watch.take_state("x", state(4, position=4.0), 10.9, 100.0)
@@ -67,7 +67,7 @@ def test_what_came_late_or_twice_changes_nothing(watch):
 
 
 @pytest.mark.parametrize("odd", [state(1, age=None), state(1, told="unknown"), state(1, age=1.5)])
-def test_what_the_cell_does_not_know_is_not_known_here(watch, odd):
+def test_a_value_unknown_to_the_cell_is_unknown_here(watch, odd):
     watch.take_state("x", odd, 10.0, 100.0)
     assert not watch.seen("x", 10.0).fresh
 
@@ -112,7 +112,7 @@ def test_of_two_bridges_that_are_there_the_first_counts_until_it_is_gone(watch):
     assert watch.take_state("x", state(2, "a"), 14.0, 100.0)
 
 
-def test_what_says_it_is_of_a_bridge_that_is_not_there_changes_nothing(watch):
+def test_messages_of_a_bridge_that_is_not_present_change_nothing(watch):
     watch.presence("a", True, 10.0)
     watch.take_state("x", state(1, "a"), 10.0, 100.0)
     assert not watch.take_state("x", state(9, "nobody"), 10.1, 100.0)
@@ -193,7 +193,7 @@ def caught_up(log, bridge):
 
 
 @given(st.integers(0, 2**32), st.integers(1, 400), st.integers(0, 200))
-def test_whatever_is_lost_or_comes_late_or_twice_all_events_are_here_in_their_order(seed, count, before):
+def test_with_random_losses_delays_and_duplicates_all_events_are_stored_in_order(seed, count, before):
     chance, bridge, log, late = random.Random(seed), Bridge(), EventLog(), []
     for _ in range(before):
         bridge.happen()
@@ -217,7 +217,7 @@ def test_whatever_is_lost_or_comes_late_or_twice_all_events_are_here_in_their_or
     assert log.lost == 0
 
 
-def test_what_the_bridge_does_not_keep_is_counted_as_lost():
+def test_events_that_the_bridge_does_not_keep_are_counted_as_lost():
     bridge, log = Bridge(kept=10), EventLog()
     log.begin("a")
     caught_up(log, bridge)
@@ -241,7 +241,7 @@ def test_events_from_a_cut_connection_are_requested_even_if_no_new_one_came():
     assert [each.n for each in log.events] == [1, 2]
 
 
-def test_a_bridge_that_begins_again_is_asked_and_what_was_before_stays():
+def test_a_restarted_bridge_is_asked_and_earlier_events_are_kept():
     log = EventLog()
     log.begin("a")
     log.answered(NEWEST, EventsAnswer("a"))
@@ -363,7 +363,7 @@ def test_an_answer_ends_a_command_as_it_ended_there():
     assert order().answered(CommandAnswer("error", to_fields(Stopped("halt"))), 10.0).status is Status.ABORTED
 
 
-def test_what_runs_is_asked_again_and_is_active():
+def test_a_running_command_is_asked_again_and_is_active():
     one = order()
     assert isinstance(one.answered(CommandAnswer("running"), 10.0), Again)
     assert one.active
@@ -382,7 +382,7 @@ def test_what_runs_is_asked_again_and_is_active():
         (HERE._replace(now=10.0 + SILENCE + 0.1), {}, "did not answer"),
     ],
 )
-def test_a_command_without_an_answer_is_asked_again_until_nobody_can_report(situation, more, why):
+def test_a_command_without_an_answer_is_asked_again_until_its_end_is_unknown(situation, more, why):
     found = order(**more).unanswered(situation)
     if why is None:
         assert isinstance(found, Again)
@@ -418,7 +418,7 @@ def test_an_error_without_all_its_texts_can_be_printed():
     assert str(error) == "no\n  observed: 3"
 
 
-def test_what_a_cell_is_is_asked_again_where_its_machine_may_be_another_one():
+def test_the_description_of_a_cell_is_read_again_after_a_loss():
     watch = CellWatch("press", 0.0)
     watch.token(True, 0.0)
     watch.take_info(info(), 100.0)
