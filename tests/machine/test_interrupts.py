@@ -103,7 +103,7 @@ def test_a_cell_is_ended_and_the_machine_stays_open(cell, shell):
     assert moved_on(cell, shell)
 
 
-def test_between_two_cells_nothing_is_raised_and_what_turns_halts(cell, shell):
+def test_an_interrupt_between_two_cells_raises_nothing_and_halts_moving_axes(cell, shell):
     shell.cell(lambda: cell["x"].move_velocity(20.0).wait())
     assert isinstance(signal.getsignal(signal.SIGINT), Interrupt)
     interrupt()
@@ -122,7 +122,7 @@ def test_a_cell_that_awaits_is_cancelled_by_the_event_loop_that_runs_it(cell, sh
     assert moved_on(cell, shell)
 
 
-def test_what_comes_in_the_midst_of_a_cycle_is_raised_after_it(cell, shell):
+def test_an_interrupt_during_a_cycle_is_raised_after_it(cell, shell):
     whole = []
 
     def look(now, snapshots):
@@ -138,9 +138,7 @@ def test_what_comes_in_the_midst_of_a_cycle_is_raised_after_it(cell, shell):
     assert moved_on(cell, shell)
 
 
-def test_what_comes_in_the_midst_of_giving_a_command_is_raised_when_it_has_been_given(
-    cell, shell, monkeypatch
-):
+def test_an_interrupt_while_a_command_is_given_is_raised_after_that(cell, shell, monkeypatch):
     submit, given = cell.session.submit, []
 
     def submitted(*command):
@@ -282,7 +280,7 @@ def test_a_postponed_signal_is_handled_once_after_the_outermost_block():
     assert not postpone(sys._getframe(), lambda: done.append("again"))
 
 
-def test_what_does_not_return_is_interrupted_by_the_next(monkeypatch):
+def test_a_function_that_does_not_return_is_interrupted_by_the_next_signal(monkeypatch):
     @sheltered
     def endless():
         assert postpone(sys._getframe(), lambda: None)
@@ -294,7 +292,7 @@ def test_what_does_not_return_is_interrupted_by_the_next(monkeypatch):
     assert endless() is False
 
 
-def test_another_thread_leaves_what_is_postponed_to_the_main_thread():
+def test_another_thread_leaves_postponed_interrupts_to_the_main_thread():
     done = []
 
     @sheltered

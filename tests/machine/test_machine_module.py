@@ -36,7 +36,7 @@ def up(cell) -> None:
     wait([axis.home() for axis in cell])
 
 
-def test_opening_it_gives_it_no_power_and_says_what_it_found(cell, module):
+def test_opening_it_gives_it_no_power_and_reports_its_firmware(cell, module):
     report = next(report for report in cell.reports if report.node_id == MODULE)
     assert "firmware 0.5.13, by its endpoints" in report.text()
     assert [axis.state for axis in cell] == [AxisState.DISABLED] * 3
@@ -120,7 +120,7 @@ def test_a_module_that_restarts_has_to_be_opened_again(cell, module):
 
 
 @pytest.mark.parametrize("stop", ['quick_stop = "ramp"', 'quick_stop = "ramp-hold"'])
-def test_leaving_it_in_motion_leaves_it_at_rest_and_off(tmp_path, stop):
+def test_closing_in_motion_leaves_it_at_standstill_and_off(tmp_path, stop):
     with Machine.simulated(write(tmp_path, SIM, stop)) as cell:
         module = cell.simulated_node(MODULE).module
         up(cell)
@@ -228,7 +228,7 @@ def test_when_the_core_sends_nothing_any_more_the_break_timeout_takes_the_power_
             cell.close()
 
 
-def test_a_break_timeout_that_was_not_read_is_not_fed_and_the_report_says_so(tmp_path, monkeypatch):
+def test_a_break_timeout_that_was_not_read_is_not_fed_and_reported(tmp_path, monkeypatch):
     def silent(module):
         _armed(module)
         module.dials.endpoints = False

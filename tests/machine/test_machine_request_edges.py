@@ -145,7 +145,7 @@ def test_a_homing_method_is_a_whole_number_of_one_byte(configured, asked, expect
     assert (found[0] if isinstance(found, tuple) else found) == expected
 
 
-def test_homing_speeds_are_given_where_they_are_needed():
+def test_homing_speeds_are_required_if_the_method_needs_them():
     r = request()
     assert [r.homing_speed("speed_zero", value, False) for value in (None, 2.5)] == [None, 2500]
     assert [r.homing_acceleration(value) for value in (None, 2.5)] == [None, 2500]
@@ -187,7 +187,7 @@ def test_a_magnitude_is_a_finite_number_above_0(value):
         ((None, None, 5.0), (100_000, 500_000, 5000, 100_000.0, 5000.0, None, 500_000.0, 5000.0)),
     ],
 )
-def test_values_that_a_profile_leaves_out_come_from_the_defaults(arguments, expected):
+def test_values_missing_in_a_profile_are_the_defaults(arguments, expected):
     expected = (*expected, None, None)  # and no jerk
     assert tuple(request().profile(*arguments)) == expected
     if arguments[0] is not None:
@@ -210,7 +210,7 @@ def test_a_default_deceleration_goes_before_the_acceleration():
         request(defaults=Defaults()).profile(1.0)
 
 
-def test_where_the_ratio_of_the_units_is_not_known_no_speed_is_compared():
+def test_with_an_unknown_ratio_of_the_units_no_speed_is_compared():
     base = parameters("x", dictionary_of(GENERIC))
     unknown = AxisCall(replace(base, units=replace(base.units, ratio_known=False)), "call()")
     assert tuple(unknown.profile(2.0, 10.0, timeout=3.0)) == (

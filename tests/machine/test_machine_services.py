@@ -139,7 +139,7 @@ def _locked(made: Device) -> None:
         (EXTERNAL, 2_000, False),
     ],
 )
-def test_a_window_that_closes_before_our_rpdos_come_is_reported(
+def test_a_window_that_closes_before_our_rpdos_are_sent_is_reported(
     tmp_path: Path, bus: str, window: int, warned: bool
 ) -> None:
     path = write(tmp_path, bus)
@@ -300,7 +300,7 @@ def test_a_fault_and_its_reset_are_an_incident_and_an_entry_in_1003h(tmp_path: P
         assert "error reset" in words[2]
 
 
-def test_a_node_without_1003_says_so(tmp_path: Path) -> None:
+def test_a_node_without_1003h_is_reported(tmp_path: Path) -> None:
     path = write(tmp_path)
     made = device(tmp_path)
     made.dials.sdo_aborts[0x1003, 0] = 0x0602_0000

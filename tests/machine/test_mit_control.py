@@ -148,7 +148,7 @@ def test_a_lost_module_is_reported_and_not_passed_off_as_stopped():
     assert "it is not known whether module" in str(caught.value)
 
 
-def test_where_what_decides_fails_itself_damping_and_idle_go_out(monkeypatch):
+def test_if_the_control_function_fails_damping_and_idle_are_sent(monkeypatch):
     module = Module(5)
     monkeypatch.setattr(threading, "excepthook", lambda _: None)
 
