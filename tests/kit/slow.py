@@ -58,7 +58,7 @@ REAL_TIME = {
         "scenarios/test_scenario_starved.py::test_a_thread_that_holds_the_interpreter_is_named_and_no_hardware",
         "scenarios/test_scenario_starved.py::test_simulated_drives_that_are_given_no_time_are_named_and_no_node_is_called_lost",
         "scenarios/test_scenario_starved.py::test_where_a_thread_is",
-        "sim/test_sim_served.py::test_who_does_not_read_and_who_says_nonsense_is_let_go_and_nobody_waits",
+        "sim/test_sim_served.py::test_a_client_that_does_not_read_or_sends_nonsense_is_disconnected_without_a_delay",
     ),
     "computing must take time, or its processor time is measured": (
         "scenarios/test_scenario_boot_up.py::test_boot_prints_letter_step_object_expected_and_got",
@@ -104,7 +104,7 @@ REAL_TIME = {
         "gateway/test_gateway_zenoh.py",
         "gateway/test_gateway_zenoh_tls.py",
         "gateway/test_ros_bridge.py",
-        "sim/test_sim_network.py::test_canopens_own_402_master_enables_and_moves_a_stand_in",
+        "sim/test_sim_network.py::test_canopens_own_402_master_enables_and_moves_a_simulated_drive",
         "sim/test_sim_network.py::test_canopens_own_402_master_sees_a_quick_stop_at_standstill",
     ),
 }

@@ -65,7 +65,7 @@ def test_it_beats_and_reports_its_position_by_the_factorys_periods(bench):
     assert {frame.command for frame in bench.heard} == {HEARTBEAT, ESTIMATES}
 
 
-def test_other_messages_come_where_they_are_given_a_period():
+def test_other_messages_are_sent_at_their_configured_periods():
     bench = Bench(
         heartbeat_rate_ms=0, encoder_rate_ms=0, iq_rate_ms=20, bus_vi_rate_ms=50, encoder_count_rate_ms=10,
         motor_error_rate_ms=100, encoder_error_rate_ms=100, controller_error_rate_ms=100,
@@ -149,7 +149,7 @@ def test_the_supply_is_reported(bench):
     assert bench.floats(BUS) == (36.5, 0.0)
 
 
-def test_what_a_turning_motor_takes_is_reported(bench):
+def test_current_torque_and_power_of_a_turning_motor_are_reported(bench):
     bench.enable(2, 1)
     bench.order(VEL, 10.0, 0.0)
     bench.run(0.4)
@@ -266,7 +266,7 @@ def test_the_manuals_example_of_position_control():
     bench.must_be_smooth()
 
 
-def test_a_trapezoid_goes_by_its_limits_and_says_when_it_is_done(bench):
+def test_a_trapezoid_keeps_its_limits_and_reports_its_end(bench):
     bench.order(TRAJ_VEL, 4.0)
     bench.order(TRAJ_ACCEL, 8.0, 16.0)
     bench.order(TRAJ_INERTIA, 0.001)

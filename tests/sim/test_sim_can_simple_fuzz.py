@@ -34,7 +34,7 @@ def test_no_module_is_energised_without_a_request(frames):
 
 @settings(max_examples=60)
 @given(frames=_frames, mode=_modes)
-def test_whatever_comes_in_closed_loop_nothing_raises_or_jumps(frames, mode):
+def test_random_frames_in_closed_loop_neither_raise_nor_cause_a_jump(frames, mode):
     bench = Bench(Module(5))
     bench.send(5 << 5 | SET_MODE, mode)
     bench.order(SET_STATE, CLOSED_LOOP)

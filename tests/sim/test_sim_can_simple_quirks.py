@@ -141,7 +141,7 @@ def test_a_break_timeout_is_armed_by_writing_it_also_in_idle(bench):
 
 
 @pytest.mark.parametrize(("firmware", "trips"), [("0.5.13", True), ("0.6.5", False)])
-def test_the_watchdog_latches_where_the_firmware_has_one(firmware, trips):
+def test_the_watchdog_latches_if_the_firmware_has_one(firmware, trips):
     bench = Bench(Module(5, firmware=Firmware.read(firmware), watchdog_timeout=0.2, enable_watchdog=1))
     bench.order(SET_MODE, 3, 3)
     bench.order(SET_STATE, CLOSED_LOOP)
@@ -315,7 +315,7 @@ def test_a_function_takes_its_argument_from_the_number_behind_it(bench):
 # -- protocols --------------------------------------------------------------------------------------------------------------------
 
 
-def test_it_becomes_a_canopen_drive_on_the_same_motor_and_comes_back():
+def test_it_becomes_a_canopen_drive_on_the_same_motor_and_changes_back():
     bench = Bench(Module(0, eds=gim_eds()))
     bench.run(0.01)
     bench.order(SET_ID, 5)

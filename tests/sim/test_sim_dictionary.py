@@ -47,7 +47,7 @@ def device() -> Device:
     return made
 
 
-def test_what_sdo_may_not_do_is_refused_with_the_standards_codes():
+def test_invalid_sdo_requests_are_refused_with_the_standards_codes():
     dictionary = Device(small()).dictionary
     assert abort_of(dictionary.upload, 0x5000, 0) == 0x0602_0000
     assert abort_of(dictionary.upload, 0x2000, 1) == 0x0609_0011
@@ -213,7 +213,7 @@ def test_a_mapping_changes_in_the_order_of_the_standard(device):
     assert (pdo.valid, pdo.cob_id, pdo.size) == (True, 0x185, 8)
 
 
-def test_what_cannot_be_mapped_is_refused(device):
+def test_an_invalid_mapping_is_refused(device):
     device.write(0x1800, 1, 0x8000_0185)
     device.write(0x1A00, 0, 0)
     assert abort_of(device.write, 0x1A00, 1, 0x50000010) == 0x0602_0000

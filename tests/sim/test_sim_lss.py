@@ -109,7 +109,7 @@ def test_a_configured_node_takes_a_new_node_id_at_a_reset_of_communication() -> 
     assert (0x706, "00") in wire.frames
 
 
-def test_only_what_was_stored_survives_a_restart() -> None:
+def test_only_stored_settings_survive_a_restart() -> None:
     wire = Wire(node_id=5)
     wire.pass_time(0.2)
     wire.send("0400", *SELECT, "1106", "17", "1107", "0400")

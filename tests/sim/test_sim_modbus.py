@@ -41,7 +41,7 @@ def test_the_checksum_is_that_of_the_standard():
 
 
 @given(st.lists(st.binary(min_size=0, max_size=6), min_size=1, max_size=4), st.data())
-def test_frames_are_cut_wherever_their_bytes_come_apart(values, data):
+def test_frames_are_separated_wherever_their_bytes_are_split(values, data):
     sent = [
         bytes([1, 0x10, 0, 0x66, 0, len(value) // 2, len(value) & 0xFE]) + value[: len(value) & 0xFE]
         for value in values
@@ -164,7 +164,7 @@ def test_saving_restarts_and_a_new_node_id_holds():
     assert later.ask("05 03 00 62 00 01") == "05 03 02 00 05"
 
 
-def test_without_saving_the_old_node_id_comes_back():
+def test_without_saving_the_old_node_id_is_restored():
     line = Line()
     line.ask("01 06 00 62 00 05")
     line.ask("05 06 00 7E 00 01")
@@ -193,7 +193,7 @@ def test_faults_of_the_line():
     assert checksum(data[:-2]) != data[-2:]
 
 
-def test_a_module_on_rs485_says_nothing_on_can():
+def test_a_module_on_rs485_sends_nothing_on_can():
     station = Station(module=Module(1, comm_intf_mux=1))
     station.step(0.0)
     station.step(1.0)
@@ -201,7 +201,7 @@ def test_a_module_on_rs485_says_nothing_on_can():
 
 
 @given(st.binary(max_size=300))
-def test_nothing_that_comes_raises_or_enables(data):
+def test_no_frame_raises_and_only_a_request_enables(data):
     station = Station()
     station.take(data, 0.0)
     station.take(framed(data), 1.0)

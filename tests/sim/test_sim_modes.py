@@ -40,7 +40,7 @@ def test_velocity_bits_10_and_12_by_their_windows():
     assert abs(rig.drive.velocity) <= 1_000
 
 
-def test_a_halt_of_a_velocity_comes_to_rest_and_the_motion_continues_afterwards():
+def test_a_halt_of_a_velocity_stops_and_the_motion_continues_afterwards():
     rig = Rig().enable(PV)
     rig.drive.target_velocity = 20_000
     rig.run(0.5)
@@ -60,7 +60,7 @@ def test_velocity_without_acceleration_does_not_get_on():
     assert rig.drive.position == 0
 
 
-def test_velocity_beyond_607f_saturates_and_says_so():
+def test_velocity_beyond_607fh_saturates_and_sets_the_limit_bit():
     rig = Rig(x607F=15_000).enable(PV)
     rig.drive.target_velocity = 50_000
     rig.run(1.0)
@@ -355,7 +355,7 @@ def test_csp_follows_a_ramp_and_runs_straight_between_two_syncs():
     assert rig.has(BIT_12)
 
 
-def test_csp_stays_where_it_is_when_sync_stops():
+def test_csp_keeps_its_position_when_sync_stops():
     rig = Rig().enable(CSP)
 
     def target(number):
@@ -459,7 +459,7 @@ def test_a_mode_that_6502_does_not_have_is_refused_by_sdo():
     assert rig.read(0x6061) == PP
 
 
-def test_the_display_follows_late_or_never_as_the_dials_say():
+def test_the_mode_display_follows_late_or_never_according_to_the_fault_settings():
     rig = Rig().enable(PP)
     rig.dials.mode_delay = 0.2
     rig.write(0x6060, PV)

@@ -57,7 +57,7 @@ def test_a_load_lets_it_droop_by_load_over_stiffness_and_stay_there(dt):
     assert motor.error == pytest.approx(200.0)
 
 
-def test_it_rings_when_its_demand_comes_to_rest():
+def test_it_rings_when_its_demand_stops():
     motor = make_motor(SOFT)
     ramp_and_rest(motor, 0.001, 0.7)
     place, speeds = 14_000.0, []
@@ -71,7 +71,7 @@ def test_it_rings_when_its_demand_comes_to_rest():
     assert (motor.position, motor.velocity) == (pytest.approx(place), 0.0)
 
 
-def test_a_jammed_one_pulls_with_what_its_spring_gives_and_not_more_than_the_limit():
+def test_a_jammed_motor_pulls_with_the_force_of_its_spring_up_to_the_limit():
     motor = make_motor(SOFT)
     motor.seize()
     motor.blocked = True
@@ -83,7 +83,7 @@ def test_a_jammed_one_pulls_with_what_its_spring_gives_and_not_more_than_the_lim
 
 
 @pytest.mark.parametrize("dt", STEPS)
-def test_with_little_torque_it_still_comes_to_rest_where_it_should(dt):
+def test_with_little_torque_it_still_stops_at_its_target(dt):
     motor = make_motor(SOFT)
     motor.seize()
     for _ in range(round(20.0 / dt)):
@@ -151,7 +151,7 @@ def test_a_sticking_drive_does_not_slide_when_it_is_pushed():
 # -- feedback ------------------------------------------------------------------------------------------------------------
 
 
-def test_feedback_that_is_late_shows_where_the_motor_was():
+def test_delayed_feedback_shows_an_earlier_position_of_the_motor():
     rig = Rig().enable(PV)
     rig.dials.feedback_delay = 0.1
     rig.drive.target_velocity = 10_000
@@ -169,7 +169,7 @@ def test_feedback_that_is_late_shows_where_the_motor_was():
 @pytest.mark.parametrize(
     ("dial", "shown"), [("demand_frozen", 0), ("demand_is_actual", 5000), (None, 20_000)]
 )
-def test_what_6062_shows_of_a_jammed_drive(dial, shown):
+def test_the_value_of_6062h_of_a_jammed_drive(dial, shown):
     rig = Rig(x6065=0xFFFF_FFFF).enable(PP)
     if dial is not None:
         setattr(rig.dials, dial, True)
@@ -182,7 +182,7 @@ def test_what_6062_shows_of_a_jammed_drive(dial, shown):
 
 @pytest.mark.parametrize("shown", [False, True], ids=["hidden", "shown"])
 @pytest.mark.parametrize("mode", [PP, PV, CSP])
-def test_a_drive_that_creeps_moves_by_itself_while_it_is_energised(mode, shown):
+def test_a_drive_that_creeps_moves_without_a_command_while_it_is_energised(mode, shown):
     rig = Rig(x6065=0xFFFF_FFFF).enable(mode)
     rig.dials.drift_velocity, rig.dials.creep_shown = 50.0, shown
     rig.run(2.0)

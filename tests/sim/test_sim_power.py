@@ -113,7 +113,7 @@ def test_fault_reset_needs_a_rising_edge_of_bit_7():
     assert stage.stage is Stage.SWITCH_ON_DISABLED
 
 
-def test_enable_operation_given_early_goes_through_switched_on_by_itself():
+def test_enable_operation_given_early_passes_switched_on():
     stage = stage_in("ready to switch on")
     stage.command(0x0F)
     stage.step(TICK, True)
@@ -146,7 +146,7 @@ def test_disabling_waits_for_the_ramp_and_is_called_off_by_enable_operation():
         (8, Effort.LIMIT),
     ],
 )
-def test_quick_stop_options_choose_the_ramp_and_where_it_ends(option, effort):
+def test_quick_stop_options_select_the_ramp_and_the_final_state(option, effort):
     stage = stage_in("operation enabled", Options(quick_stop_option=option))
     stage.command(2)
     stage.step(TICK, False)

@@ -90,7 +90,7 @@ def test_the_client_takes_the_block_size_that_the_server_grants_each_time():
     assert download.progress == (21, 35)
 
 
-def test_a_segment_that_was_not_confirmed_is_sent_again_with_what_follows():
+def test_an_unconfirmed_segment_is_sent_again_with_all_after_it():
     download = Download(*FILE, bytes(range(28)), TIMEOUT, SdoTransferType.BLOCK)
     download.start()
     assert len(download.receive(raw("a40021007f000000"))) == 4
@@ -101,7 +101,7 @@ def test_a_segment_that_was_not_confirmed_is_sent_again_with_what_follows():
     ]
 
 
-def test_the_client_confirms_only_what_came_in_order():
+def test_the_client_confirms_only_segments_received_in_order():
     upload = Upload(*FILE, TIMEOUT, SdoTransferType.BLOCK, block_size=4)
     assert hexed(upload.start()) == ["a400210004000000"]
     upload.receive(raw("c600210020000000"))
@@ -152,7 +152,7 @@ def test_an_invalid_block_size_is_refused(granted):
     assert caught.value.code == 0x0504_0002
 
 
-def test_a_confirmation_of_what_was_never_sent_is_refused():
+def test_a_confirmation_of_a_segment_that_was_never_sent_is_refused():
     download = Download(*FILE, NINE, TIMEOUT, SdoTransferType.BLOCK)
     download.start()
     download.receive(raw("a40021007f000000"))

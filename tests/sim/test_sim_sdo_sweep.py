@@ -48,7 +48,7 @@ def _is_lost(number: int) -> bool:
 
 @pytest.mark.parametrize("tries", [1, 2])
 @pytest.mark.parametrize("writing", [False, True], ids=["reading", "writing"])
-def test_the_sweep_finds_what_whole_transfers_find(writing, tries):
+def test_the_sweep_finds_the_same_losses_as_whole_transfers(writing, tries):
     """The oracle of the sweep itself: with one attempt only some losses end a transfer, and it must name just those."""
     data = BIG[:3000]
     sweep = Sweep(data, writing, tries)

@@ -109,7 +109,7 @@ def test_disable_voltage_lets_it_coast_at_once_unless_ignored():
 # Faults.
 
 
-def test_a_fault_brakes_as_605e_says_and_is_reset_by_an_edge():
+def test_a_fault_brakes_according_to_605eh_and_is_reset_by_an_edge():
     rig = running(x605E=2)
     rig.drive.fault(0x2310, maker_bits=0x1_0000_0002)
     assert rig.state == "fault reaction active"
@@ -175,7 +175,7 @@ def test_an_encoder_that_jumps_is_a_following_error():
     assert rig.dials.encoder_jump == 0
 
 
-def test_a_fault_on_enabling_comes_by_the_dial():
+def test_a_fault_on_enabling_is_caused_by_the_fault_setting():
     rig = Rig()
     rig.dials.fault_on_enable = 0x7122
     rig.run(0.05)

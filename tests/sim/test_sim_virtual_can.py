@@ -92,7 +92,7 @@ def test_frames_of_one_sender_keep_their_order_and_the_lowest_identifier_of_all_
     assert [can_id for _, can_id, _ in order] == [0x300, 0x200, 0x201, 0x700, 0x080]
 
 
-def test_nothing_passes_while_nobody_waits() -> None:
+def test_virtual_time_does_not_pass_without_a_wait() -> None:
     bench = Bench()
     bench.one.send(0x123, b"")
     assert not bench.ear.frames
@@ -129,7 +129,7 @@ def test_the_objects_of_a_node_are_at_hand_as_those_of_a_local_node_of_canopen()
     assert bench.wire.devices[0].drive.target_position == 1234
 
 
-def test_a_late_answer_comes_at_its_time() -> None:
+def test_a_late_answer_is_sent_at_its_time() -> None:
     device = node()
     device.dials.sdo_delay = 0.0123
     bench = Bench(device)
@@ -208,7 +208,7 @@ def test_jitter_alone_makes_frames_late() -> None:
     assert 0.005 < max(delays) <= 0.025
 
 
-def test_a_wire_that_is_cut_carries_what_is_sent_when_it_is_whole_again() -> None:
+def test_frames_sent_while_the_wire_is_cut_are_lost() -> None:
     bench = Bench()
     bench.wire.faults.cut = True
     bench.one.send(0x100, b"")
@@ -328,7 +328,7 @@ def test_the_same_seeds_give_the_same_frames_in_another_process(tmp_path: Path) 
     assert ran.stdout.split() == [frames_of(tmp_path, seed) for seed in SCENARIOS]
 
 
-def test_who_is_called_with_a_frame_must_not_wait_for_another() -> None:
+def test_a_frame_callback_must_not_wait_for_another_frame() -> None:
     """As in the receive thread of an adapter: what runs in virtual time runs on hardware too."""
     clock = VirtualClock()
     with Channel(VirtualWire(clock, [node()]).connect(), "simulated", clock=clock) as channel:
