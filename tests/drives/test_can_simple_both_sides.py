@@ -43,7 +43,7 @@ def enabled(bench: Bench, control: int, inputs: int) -> None:
     assert bench.module.energised
 
 
-def test_all_that_a_module_says_by_itself_is_read():
+def test_all_messages_that_a_module_sends_unasked_are_decoded():
     bench = Bench()
     enabled(bench, 3, 1)
     bench.run(1.0)

@@ -73,7 +73,7 @@ def test_a_constant_byte_is_not_a_counter():
     assert watched.last.trajectory_done is True
 
 
-def test_a_frame_that_comes_twice_proves_nothing():
+def test_a_repeated_frame_proves_no_layout():
     assert heard(["00 00 02", "00 00 03", "00 00 03", "00 00 04"]).layouts == {COUNTED, NEWEST}
 
 

@@ -128,7 +128,7 @@ def sendings(draw):
 
 
 @given(sendings())
-def test_every_message_decodes_to_what_was_encoded(sending):
+def test_every_message_decodes_to_its_encoded_values(sending):
     node, message, values = sending
     frame = codec.encode(node, message, values)
     assert len(frame.data) == 8
@@ -163,7 +163,7 @@ def test_no_frame_raises(identifier, data, from_module, remote, extended):
 
 
 @pytest.mark.parametrize("message", [each for each in MESSAGES if each.answer], ids=lambda each: each.name)
-def test_a_short_answer_is_a_value_that_says_so(message):
+def test_a_short_answer_is_an_unexpected_value_with_its_reason(message):
     identifier = can_id(3, message.command)
     for length in range(message.answer_bytes):
         found = codec.decode(identifier, bytes(length), from_module=True)
@@ -279,7 +279,7 @@ def test_get_error_names_its_type_in_eight_bytes():
         ("CONTROLLER", "00 00 00 00 08 00 00 00", Reason.VALUE),
     ],
 )
-def test_the_answer_is_read_by_what_was_asked(which, data, error):
+def test_the_answer_of_get_error_is_decoded_by_the_requested_type(which, data, error):
     found = error_query.read(1, bytes.fromhex(data), error_query.ErrorType[which])
     assert (found.reason if isinstance(found, Unexpected) else found) == error
 

@@ -73,7 +73,7 @@ def homed(r):
 # -- power -----------------------------------------------------------------------------------------------------------------------
 
 
-def test_nothing_but_questions_is_sent_before_a_command(made):
+def test_only_requests_are_sent_before_a_command(made):
     r = made()
     r.run(1.0)
     assert r.commands() == []
@@ -116,7 +116,7 @@ def test_a_module_that_does_not_go_to_closed_loop_is_reported_and_let_go(made):
 
 
 @pytest.mark.parametrize("load", [0.0, 300.0, -300.0])
-def test_a_loaded_axis_is_held_where_it_was_when_it_gets_power(made, load):
+def test_a_loaded_axis_is_held_at_the_position_at_which_it_was_enabled(made, load):
     """Without power the load moves it; it is caught there, as fast as it was, and not led back or on."""
     r = made(module=module(motor=MotorParams(load=load)), warm=0.12, holds_load=HoldsLoad.TORQUE)
     r.rough = bool(load)  # the module catches it as hard as it can
@@ -127,14 +127,14 @@ def test_a_loaded_axis_is_held_where_it_was_when_it_gets_power(made, load):
     assert r.core.image.position == pytest.approx(r.module.position * COUNTS, abs=3)
 
 
-def test_what_turns_without_power_is_refused_unless_it_is_meant(made):
+def test_a_motor_turning_without_power_is_not_enabled_unless_allowed(made):
     r = made(module=module(motor=MotorParams(load=300.0)), warm=0.12)
     with pytest.raises(StateError, match="because it moves"):
         r.axis.enable().wait(5)
     assert SET_STATE not in r.commands()
 
 
-def test_disable_takes_the_power_and_says_so_only_when_it_is_seen(made):
+def test_disable_removes_the_power_and_is_done_only_when_that_is_seen(made):
     r = made().enabled()
     handle = r.axis.disable()
     r.until(lambda: not r.module.energised)
@@ -144,7 +144,7 @@ def test_disable_takes_the_power_and_says_so_only_when_it_is_seen(made):
     assert r.core.state is AxisState.DISABLED
 
 
-def test_what_fell_out_of_closed_loop_is_not_asked_for_it_again(made):
+def test_a_module_that_left_closed_loop_is_not_enabled_again(made):
     r = made().enabled()
     r.module.axis.request(1)  # another tool
     since = r.now
@@ -186,7 +186,7 @@ def test_a_module_found_turning_is_braked_along_a_trajectory_when_taken_over(mad
 # -- moves -----------------------------------------------------------------------------------------------------------------------
 
 
-def test_a_move_is_a_trapezoid_of_the_module_with_the_values_of_the_command(made):
+def test_a_move_is_a_trapezoid_of_the_module_with_the_values_of_the_call(made):
     r = homed(made())
     since = r.now
     r.axis.move_absolute(90.0, velocity=90.0, acceleration=360.0, deceleration=180.0).wait(5)
@@ -225,7 +225,7 @@ def test_a_new_target_in_motion_replaces_the_old_one(made):
 
 @pytest.mark.parametrize("way", [90.0, -90.0])
 @pytest.mark.parametrize("after", [0.02, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.62, 0.7])
-def test_a_halt_at_any_moment_comes_to_rest_without_going_back_or_beyond(made, after, way):
+def test_a_halt_at_any_moment_stops_without_reversing_or_overshooting(made, after, way):
     r = homed(made())
     sign = 1.0 if way > 0 else -1.0
     r.axis.move_absolute(way)
@@ -374,7 +374,7 @@ def test_the_last_step_is_estop_which_latches_until_a_reset(made):
 
 
 @pytest.mark.parametrize("doing", ["pp", "pv", "csp", "tq"])
-def test_when_the_scan_dies_what_it_sends_brakes(made, doing):
+def test_the_frames_sent_when_the_scan_dies_brake_the_module(made, doing):
     r = homed(made("a", groups={"all": ["m", "a"]}))
     if doing == "pp":
         r.axis.move_absolute(900.0)
@@ -425,7 +425,7 @@ def test_without_a_master_positions_hold_and_a_velocity_continues(made, doing):
 
 
 @pytest.mark.parametrize("timeout", [0.2, 4 * PERIOD])
-def test_break_timeout_is_fed_where_it_was_read_back_and_trips_when_the_master_dies(made, timeout):
+def test_a_confirmed_break_timeout_is_fed_and_trips_when_the_master_dies(made, timeout):
     one = Module(5, break_timeout=round(timeout * 1000), **OWN)
     r = rig(module=one, warm=0.1)
     r.port.feed_within(timeout)
@@ -526,7 +526,7 @@ def test_a_fault_whose_cause_stays_is_not_reset(made):
     r.axis.reset().wait(5)
 
 
-def test_error_words_that_nobody_answers_are_said_to_be_so(made):
+def test_error_words_without_an_answer_are_reported_as_such(made):
     r = made(module=module(get_error_answered=False)).enabled()
     r.module.dials.motor_error = 0x10000
     r.run(1.5)

@@ -108,7 +108,7 @@ def test_closed_loop_without_a_position_is_not_operation_enabled():
     assert talk.cycle(0x0F) & 0x6F == 0x27
 
 
-def test_a_set_point_is_reached_by_a_heartbeat_that_came_after_it():
+def test_a_set_point_is_reached_by_a_heartbeat_received_after_it():
     talk = Talk().enabled()
     for index, value in ((0x6081, COUNTS), (0x6083, COUNTS), (0x6084, COUNTS)):
         talk.port.objects.write(index, 0, value)
@@ -306,7 +306,7 @@ def test_on_a_bus_without_remote_frames_it_is_asked_by_data_frames_alone(remote,
 
 @pytest.mark.parametrize("speed", [0.0, 0.09, -3.0, 12.0])
 @pytest.mark.parametrize("seed", range(5))
-def test_counts_that_come_in_pairs_or_are_taken_late_do_not_make_it_run_away(speed, seed):
+def test_counts_received_twice_or_late_do_not_distort_the_estimated_position(speed, seed):
     """Each count comes twice, as to two programs that ask; some are taken up to 20 ms late, in one go with those behind them."""
     chance = random.Random(seed)
     place, true, free, now = RotorPosition(fastest=20.0), 10.0, 0.0, 0.0

@@ -78,7 +78,7 @@ def must_come_to_rest(r: Rig) -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_whatever_is_commanded_is_smooth_and_ends_at_rest(seed):
+def test_random_commands_move_smoothly_and_end_at_standstill(seed):
     r = play(seed, mishaps=False, loss=0.0)
     judge(r)
     r.must_be_smooth(HARDEST)
@@ -88,7 +88,7 @@ def test_whatever_is_commanded_is_smooth_and_ends_at_rest(seed):
 
 
 @pytest.mark.parametrize("seed", range(100, 106))
-def test_whatever_goes_wrong_it_ends_at_rest(seed):
+def test_random_faults_end_at_standstill(seed):
     r = play(seed, mishaps=True, loss=0.0)
     judge(r)
     r.must_be_smooth(HARDEST)
@@ -97,14 +97,14 @@ def test_whatever_goes_wrong_it_ends_at_rest(seed):
 
 
 @pytest.mark.parametrize("seed", range(200, 204))
-def test_whatever_is_lost_on_the_wire_it_ends_at_rest(seed):
+def test_random_frame_losses_end_at_standstill(seed):
     r = play(seed, mishaps=True, loss=0.05)
     r.cycle.lose = lambda *_: False
     must_come_to_rest(r)
 
 
 @pytest.mark.parametrize("seed", range(300, 305))
-def test_whenever_the_scan_dies_its_last_frames_bring_the_module_to_rest(seed):
+def test_whenever_the_scan_dies_its_last_frames_stop_the_module(seed):
     r = play(seed, mishaps=False, loss=0.0)
     led = r.module.energised
     r.cycle.quick_stop_all()

@@ -55,7 +55,7 @@ def test_each_node_id_is_recognised_by_its_heartbeats(node):
 
 
 @pytest.mark.parametrize("node", [0, 1, 2, 3])
-def test_old_firmware_without_a_life_counter_is_recognised_where_nothing_of_canopen_may_be(node):
+def test_old_firmware_without_a_life_counter_is_recognised_if_no_canopen_device_may_use_the_identifier(node):
     assert [each.node for each in recognise(beats(node, life=False))] == [node]
 
 
@@ -237,7 +237,7 @@ def test_a_module_is_found_on_a_bus_with_plain_canopen_traffic(frames, node, sta
         )
     )
 )
-def test_nothing_makes_it_raise(frames):
+def test_no_frame_makes_it_raise(frames):
     listening = ProtocolListener()
     for frame in frames:
         listening.note(frame)

@@ -76,7 +76,7 @@ def test_an_unknown_drive_is_generic(vendor_id: int | None) -> None:
     assert (make.store_restarts, make.fault_objects, make.calibration_objects) == (False, (), ())
 
 
-def test_product_codes_narrow_a_make_where_they_are_given() -> None:
+def test_product_codes_narrow_a_make_if_they_are_given() -> None:
     make = Make("one product", vendor_id=1, product_codes=frozenset((5,)))
     assert make.matches(1, 5)
     assert not make.matches(1, 6)
@@ -153,7 +153,7 @@ def test_without_a_code_the_error_register_narrows() -> None:
     assert with_register.startswith("system DC_BUS_UNDER_VOLTAGE")
 
 
-def test_the_fault_that_the_code_names_comes_first() -> None:
+def test_the_fault_named_by_the_code_is_first() -> None:
     first, second = GIM6010.explain(0x2311, {LOW: 0x1040})
     assert first.startswith("motor CURRENT_LIMIT_VIOLATION")
     assert "axis MOTOR_FAILED" in second
@@ -167,7 +167,7 @@ def test_a_code_without_bits_is_explained_as_far_as_it_goes() -> None:
     assert GIM6010.explain(0x9999, {}) == []
 
 
-def test_a_bit_that_nobody_knows_is_named_as_such() -> None:
+def test_an_unknown_fault_bit_is_named_as_such() -> None:
     (sentence,) = GIM6010.explain(0xFF00, {HIGH: 0x80000000})
     assert sentence == "bit 0x8000000000000000 is not in the module's fault table"
 

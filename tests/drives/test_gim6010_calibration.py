@@ -66,7 +66,7 @@ def test_it_is_asked_for_once_and_followed_to_its_end(kind, number, news, turns)
     one.must_be_smooth()
 
 
-def test_nothing_is_sent_while_it_listens():
+def test_nothing_is_sent_while_it_listens_to_the_bus():
     _, _, sent = calibrated(CalibrationKind.MOTOR)
     assert sent[0].time >= 1.5
     assert sent[0].command == SET_STATE

@@ -49,7 +49,7 @@ def test_anything_else_is_not(modules, words):
         node_id_preconditions.require_one(finder, found, 5)
 
 
-def test_where_no_node_acknowledges_nothing_is_changed():
+def test_if_no_node_acknowledges_nothing_is_changed():
     finder, found = surveyed(Module(5))
     finder.unacknowledged = "no acknowledge"
     with pytest.raises(StateError, match="no node acknowledges"):

@@ -81,7 +81,7 @@ def test_a_module_is_found_in_each_layout_of_its_heartbeat(node, firmware, layou
 
 
 @pytest.mark.parametrize("node", [0, 3, 12, 23, 47, 48, 51, 63])
-def test_a_module_that_sends_nothing_by_itself_is_found_by_asking(node):
+def test_a_module_that_sends_nothing_unasked_is_found_by_requests(node):
     found = search(silent(node))
     must_be_bounded(found)
     one = found.found["CAN Simple", node]
@@ -178,7 +178,7 @@ def test_answers_on_the_other_command_are_taken():
     assert found.found["CAN Simple", 5].firmware == "0.5.13"
 
 
-def test_error_words_that_come_by_themselves_are_not_taken_for_answers():
+def test_error_words_sent_unasked_are_not_mistaken_for_answers():
     found = search(Module(5, dials=ModuleDials(motor_error=8), motor_error_rate_ms=20))
     assert not [each for each in found.sent if each.can_id == 5 << 5 | 3]
     one = found.found["CAN Simple", 5]
@@ -258,7 +258,7 @@ def test_two_canopen_modules_of_one_id_are_reported_by_their_answers():
 
 
 @pytest.mark.parametrize("late", [40, 70, 110])
-def test_answers_that_come_late_are_not_taken_for_those_of_a_second_module(late):
+def test_late_answers_are_not_mistaken_for_those_of_a_second_module(late):
     """A voltage and a count of CAN Simple's node 9 and uploads of CANopen node 5, each so many milliseconds late."""
     coming = []
 
@@ -285,7 +285,7 @@ def test_answers_that_come_late_are_not_taken_for_those_of_a_second_module(late)
         assert {*found.found} == {("CAN Simple", 9), ("CANopen", 5)}
 
 
-def test_what_comes_later_without_having_been_asked_for_is_left_alone_too():
+def test_identifiers_on_which_unasked_frames_are_received_later_are_not_used():
     """Somebody speaks every other second, on identifiers of node 60 of CAN Simple and on the SDO of CANopen node 100."""
 
     def strangers(now):
@@ -328,7 +328,7 @@ def test_answers_of_wrong_lengths_are_reported_and_not_believed(length):
 # -- what must not be asked ---------------------------------------------------------------------------------------------------
 
 
-def test_foreign_traffic_is_named_and_nobody_silent_is_asked():
+def test_foreign_traffic_is_named_and_silent_nodes_are_not_probed():
     found = search(Module(5), silent(9), strangers=lambda _: [(0x3E8, b"\1\2\3")])
     must_be_bounded(found)
     assert [each.can_id for each in found.finder.picture.foreign()] == [0x3E8]
@@ -376,7 +376,7 @@ def test_random_traffic_is_never_answered_to(seed):
         )
 
 
-def test_without_remote_frames_who_was_heard_is_asked_by_data_frames_and_nobody_silent():
+def test_without_remote_frames_known_modules_are_probed_by_data_frames_and_silent_ones_not_at_all():
     found = search(Module(16), silent(24), canopen(33), ask=ProbeScope.ALL, remote=False)
     must_be_bounded(found)
     assert {*found.found} == {("CAN Simple", 16), ("CANopen", 33)}

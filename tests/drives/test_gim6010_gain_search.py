@@ -45,7 +45,7 @@ def test_one_that_is_too_much_from_the_beginning_is_lowered_first_and_then_raise
     assert search.best == pytest.approx(0.1625)
 
 
-def test_nothing_above_the_most_is_ever_tried():
+def test_no_gain_above_the_maximum_is_tried():
     search, tried = played(Loop.POSITION, 20.0, 30.0, 1000.0)
     assert tried == [20.0, 26.0]
     assert "may not be raised beyond 30" in search.ends

@@ -40,7 +40,7 @@ JOLTS = (  # after which the plant is not smooth by itself
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("name", DIALOGUES)
-def test_whatever_is_lost_and_whatever_happens_it_ends_and_what_it_says_is_so(name, seed):
+def test_each_dialogue_ends_and_reports_the_truth_under_random_losses_and_faults(name, seed):
     chance = random.Random(f"{name} {seed}")
     one = Bench(Module(5, vel_ramp_rate=20.0, dials=ModuleDials(calibration_time=0.2, restart_time=0.3)))
     one.run(0.3)

@@ -194,7 +194,7 @@ def test_under_mit_control_a_stiff_command_moves_the_output_to_its_position():
     led.bench.must_be_smooth()
 
 
-def test_stiffness_at_the_output_is_what_the_gear_makes_of_it():
+def test_stiffness_at_the_output_is_converted_by_the_gear():
     """A load of 100 ‰ (0.0625 N·m at the rotor, 0.5 N·m at the output) turns the spring by load over stiffness.
 
     The wire has no exact 0: half a step of torque (50/4095 N·m) and of velocity (65/4095 rad/s, times kd) carry some of it.
@@ -209,7 +209,7 @@ def test_stiffness_at_the_output_is_what_the_gear_makes_of_it():
     assert SETTINGS.output_damping(2.0) == pytest.approx(2.0 * 8.0 / math.tau)
 
 
-def test_what_lies_beyond_its_range_is_brought_to_it_and_reported():
+def test_a_value_beyond_its_range_is_limited_and_reported():
     led = Led().enabled()
     led.lead(0.05, MitCommand(20.0, 0.0, 0.0, 5.0, -60.0))
     assert [(each.name, each.sent) for each in led.leader.answered.saturated] == [
@@ -465,7 +465,7 @@ def test_invalid_settings_are_refused(wrong):
     assert caught.value.remedy
 
 
-def test_nothing_has_a_default():
+def test_no_setting_has_a_default():
     with pytest.raises(TypeError):
         MitSettings(5)
     assert json.dumps(sorted(MitSettings.__dataclass_fields__)) == json.dumps(

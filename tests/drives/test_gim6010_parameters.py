@@ -84,7 +84,7 @@ def test_the_node_id_is_no_parameter_to_be_written():
             rules.require_writable(NODE, by_name=by_name)
 
 
-def test_what_belongs_to_a_backup():
+def test_parameters_that_belong_to_a_backup():
     listed = Fake().listed
     kept = {each.path for each in listed.endpoints.values() if rules.kept(each)}
     assert {LIMIT, KT, NODE} < kept
@@ -205,7 +205,7 @@ def test_some_that_are_not_answered_are_reported_and_the_others_read():
 
 
 @given(SETS, SETS)
-def test_differences_are_what_differs_and_nothing_else(one, other):
+def test_differences_are_exactly_the_values_that_differ(one, other):
     found = {each.path: each for each in backup.differences(one, other)}
     for path in {*one, *other}:
         equal = path in one and path in other and values.same(one[path], other[path])
@@ -223,7 +223,7 @@ def changed(fake, **more):
     )
 
 
-def test_a_restore_leaves_what_is_protected_unless_it_is_named():
+def test_a_restore_leaves_protected_parameters_unless_they_are_named():
     fake = Fake()
     present = backup.take(fake).values
     plan = backup.plan(changed(fake), fake, present, frozenset())
@@ -236,7 +236,7 @@ def test_a_restore_leaves_what_is_protected_unless_it_is_named():
     }
 
 
-def test_what_the_backup_does_not_have_is_left_as_it_is():
+def test_a_parameter_that_the_backup_does_not_have_is_left_unchanged():
     fake = Fake()
     present = backup.take(fake).values
     short = backup.ParameterBackup(fake.serial, V13, {LIMIT: 10.0})
@@ -270,7 +270,7 @@ def test_a_backup_of_another_module_or_firmware_is_refused_unless_it_is_asked_fo
     backup.require_same(newer, fake, **{**good, "other_firmware": True})
 
 
-def test_every_protected_setting_says_why():
+def test_every_protected_setting_has_a_reason():
     for path in (KT, OFFSET, NODE, "can.config.baud_rate"):
         found = protected(path)
         assert found is not None

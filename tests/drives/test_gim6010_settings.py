@@ -101,13 +101,13 @@ def test_the_same_is_reported_as_steps_over_usb():
         (lambda: bitrate.wanted(0), ArgumentError),
     ],
 )
-def test_nothing_is_guessed(make, error):
+def test_no_missing_setting_is_guessed(make, error):
     with pytest.raises(error) as caught:
         make()
     assert caught.value.remedy
 
 
-def test_nothing_is_written_where_one_of_several_cannot_be():
+def test_no_setting_is_written_if_one_of_several_is_invalid():
     found = PlainParameters(Module(5))
     with pytest.raises(ArgumentError):
         apply(found, ParameterBatch(((VEL, 12.0), ("vbus_voltage", 3.0))), lambda _: None)
@@ -117,7 +117,7 @@ def test_nothing_is_written_where_one_of_several_cannot_be():
     assert found.acts == 0
 
 
-def test_what_the_module_does_not_take_is_reported():
+def test_a_setting_that_the_module_does_not_accept_is_reported():
     with pytest.raises(NodeError):
         applied(termination.wanted(on=False), stubborn=[R120])
 

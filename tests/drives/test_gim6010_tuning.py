@@ -145,7 +145,7 @@ def when(moment, act):
 
 @settings(max_examples=12, deadline=None)
 @given(st.floats(0.3, 5.5), st.integers(0, 2), st.sampled_from([POSITION, VELOCITY]))
-def test_interrupted_at_any_moment_it_comes_to_rest(moment, more, trial):
+def test_a_trial_interrupted_at_any_moment_stops(moment, more, trial):
     one = bench()
     found = ModuleTuning(trial, Gains())
 
@@ -317,7 +317,7 @@ def test_one_that_falls_short():
     assert measure([(t / 10, 0.9) for t in range(20)], 0.0, 1.0).left == pytest.approx(0.1)
 
 
-def test_what_the_manual_has_one_try_next():
+def test_the_next_step_of_tuning_according_to_the_manual():
     calm, wild = measure([(t / 10, 1.0) for t in range(20)], 0.0, 1.0), measure(ring(0.0, 1.0), 0.0, 1.0)
     assert "30 %, to 0.26" in search.following(Loop.VELOCITY, calm, 0.2)
     assert "halved, to 0.1" in search.following(Loop.VELOCITY, wild, 0.2)

@@ -42,7 +42,7 @@ class Calibrated(Rig):
 
 
 @pytest.mark.parametrize("kind", CalibrationKind)
-def test_it_comes_to_its_end_and_is_judged(kind):
+def test_a_calibration_runs_to_its_end_and_is_judged(kind):
     rig = Calibrated(kind)
     found = rig.calibration.run()
     assert found.good, found
@@ -65,7 +65,7 @@ def test_a_module_that_is_enabled_or_has_errors_is_not_calibrated():
     assert rig.asked == []
 
 
-def test_errors_that_come_of_it_are_reported():
+def test_errors_during_a_calibration_are_reported():
     rig = Calibrated(CalibrationKind.MOTOR)
     rig.at(30, lambda _: setattr(rig.plant.axis, "motor_error", 0x1))
     found = rig.calibration.run()
@@ -125,7 +125,7 @@ def test_one_that_does_not_begin_is_reported():
     assert rig.is_off
 
 
-def test_a_line_that_falls_silent_ends_it_and_says_that_nothing_is_confirmed():
+def test_a_line_that_falls_silent_ends_it_and_is_reported_as_not_confirmed():
     rig = Calibrated()
     rig.at(60, lambda _: rig.deafen(-1))
     with pytest.raises(NodeError) as caught:
@@ -133,7 +133,7 @@ def test_a_line_that_falls_silent_ends_it_and_says_that_nothing_is_confirmed():
     assert "NOT CONFIRMED" in str(caught.value)
 
 
-def test_who_is_there_is_found_and_nothing_is_written():
+def test_modules_on_the_line_are_found_without_a_write():
     rig = Rig()
     found = list(present(rig.wire, range(1, 4)))
     assert found[1:] == [2, 3]

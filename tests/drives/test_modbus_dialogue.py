@@ -26,7 +26,7 @@ def read(name):
 
 
 @pytest.mark.parametrize("device", [-1, 0, 248])
-def test_there_is_nobody_at_such_an_address(device):
+def test_an_invalid_address_is_refused(device):
     with pytest.raises(ArgumentError, match="not an address of a module"):
         line(device)
 
@@ -46,7 +46,7 @@ def test_a_read_is_asked_again(fault):
 
 
 @pytest.mark.parametrize("fault", ["silent", "deaf"])
-def test_a_dead_line_is_reported_with_what_to_check(fault):
+def test_a_dead_line_is_reported_with_the_checks(fault):
     station, wire, dialogue = line(**{fault: -1})
     with pytest.raises(NodeTimeout) as caught:
         dialogue.read(read("bus_voltage"))
@@ -151,7 +151,7 @@ def test_no_value_is_another_one_s_or_older_than_its_question(registers, delays)
 
 @settings(max_examples=100)
 @given(st.lists(st.none() | st.floats(0.001, LATEST), min_size=1, max_size=8))
-def test_after_a_shout_that_nobody_heard_nothing_is_taken_for_an_answer(delays):
+def test_after_an_unanswered_urgent_write_no_old_frame_is_mistaken_for_an_answer(delays):
     wire = Numbered(delays)
     dialogue = ModbusClient(wire, 1)
     request = requests.write(named("control_mode"), 2)
@@ -165,7 +165,7 @@ def test_after_a_shout_that_nobody_heard_nothing_is_taken_for_an_answer(delays):
     assert wire.sent[words[0]].register is named("control_mode")
 
 
-def test_an_answer_that_comes_while_the_line_is_probed_is_not_taken_for_the_probe_s():
+def test_a_late_answer_during_a_probe_is_not_mistaken_for_its_answer():
     wire = Numbered([0.6, 0.15])
     words = ModbusClient(wire, 1).read(read("error_flags"))
     assert wire.sent[words[0]].register is named("error_flags")
@@ -178,7 +178,7 @@ def test_a_shout_that_is_refused_is_not_heard():
     assert dialogue.shout(requests.write(named("input_mode"), 2)) is True
 
 
-def test_a_shout_does_not_wait_for_what_is_owed():
+def test_an_urgent_write_does_not_wait_for_owed_answers():
     station, wire, dialogue = line(silent=1)
     dialogue.write(requests.write(named("velocity_limit"), 12.0))
     begin = wire.time

@@ -154,7 +154,7 @@ def whole_range(register):
 
 
 @given(st.data(), st.sampled_from(WRITTEN))
-def test_every_value_is_what_struct_makes_of_it_and_comes_back(data, register):
+def test_every_value_is_encoded_as_by_struct_and_restored(data, register):
     value = data.draw(whole_range(register))
     request = requests.write(register, value)
     packed = b"".join(word.to_bytes(2, "big") for word in request.words)
@@ -163,7 +163,7 @@ def test_every_value_is_what_struct_makes_of_it_and_comes_back(data, register):
 
 
 @given(st.sampled_from(REGISTERS), st.binary(min_size=8, max_size=8))
-def test_whatever_comes_is_read_as_struct_reads_it(register, data):
+def test_any_registers_are_decoded_as_by_struct(register, data):
     size = 2 * register.count
     words = tuple(int.from_bytes(data[at : at + 2], "big") for at in range(0, size, 2))
     (expected,) = struct.unpack(f">{letter(register)}", data[:size])

@@ -23,7 +23,7 @@ def move(**other):
     )
 
 
-def test_a_move_has_arrived_when_it_was_seen_twice_standing_within_its_window():
+def test_a_move_has_arrived_when_two_samples_show_standstill_within_its_window():
     watch = move()
     looks = [
         (seen(9.99, 1.0), ModbusMotionStatus.UNDER_WAY),  # it is there, and passes
