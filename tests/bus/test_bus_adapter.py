@@ -45,7 +45,7 @@ def test_no_more_than_the_three_nearest_names_are_reported() -> None:
     assert caught.value.remedy == "did you mean 'socketcan' or 'socketcand' or 'slcan'?"
 
 
-def test_a_bitrate_is_needed_where_the_adapter_sets_it() -> None:
+def test_a_bitrate_is_required_if_the_adapter_sets_it() -> None:
     with pytest.raises(AdapterError, match="no bitrate") as caught:
         adapter.open_adapter("pcan", "PCAN_USBBUS1", None, {})
     assert "bitrate" in caught.value.remedy
@@ -60,7 +60,7 @@ def test_a_bitrate_is_needed_where_the_adapter_sets_it() -> None:
         (can.CanInitializationError("in use"), "plugged in"),
     ],
 )
-def test_what_the_driver_raises_becomes_a_remedy(
+def test_an_error_of_the_driver_has_a_remedy(
     error: Exception, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(**_: object) -> can.BusABC:
@@ -129,7 +129,9 @@ def test_an_unusable_answer_of_ip_is_ignored(text: str) -> None:
     assert socketcan.parse_ip(text) is None
 
 
-def test_without_ip_sysfs_reports_what_it_can(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_ip_sysfs_gives_state_and_queue_length(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for name, kind, flags in (
         ("can0", "280", "0x10041"),
         ("eth0", "1", "0x1003"),

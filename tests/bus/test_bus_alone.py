@@ -51,7 +51,7 @@ def test_a_remote_frame_of_guarding_is_heard_too(channel: Channel, fake: FakeBus
         require_alone(channel, CAST, 0.2)
 
 
-def test_what_came_before_and_what_comes_after_does_not_count(channel: Channel, fake: FakeBus) -> None:
+def test_frames_from_before_or_after_listening_do_not_count(channel: Channel, fake: FakeBus) -> None:
     fake.inject(0x77F, "05")
     eventually(lambda: channel.counters.received == 1)
     require_alone(channel, CAST, 0.05)

@@ -121,7 +121,7 @@ def test_the_adapter_goes_along_in_the_slaves_silence_and_each_is_asked_at_the_n
     assert table.after.frames(0x7E5)[-1].hex() == "0400000000000000"  # everybody is back in waiting
 
 
-def test_nothing_is_said_at_the_new_rate_before_the_second_delay_is_over(desk) -> None:
+def test_no_frame_is_sent_at_the_new_rate_before_the_second_delay_has_passed(desk) -> None:
     table = desk(AtOneRate(ONE))
     sent_at: list[float] = []
     table.after.peers.append(lambda *_: sent_at.append(time.monotonic()) or [])
@@ -164,13 +164,13 @@ def test_one_that_is_silent_is_asked_until_five_seconds_are_over(
     assert clock.slept == [0.2] * (asked - 1)
 
 
-def test_one_that_has_not_come_along_is_named(desk) -> None:
+def test_a_slave_that_did_not_change_its_rate_is_named(desk) -> None:
     table = desk(AtOneRate(ONE), AtOneRate(OTHER, stubborn=True))
     done = table.change([ONE, OTHER])
     assert (done.answered, done.silent, done.complete) == ((ONE,), (OTHER,), False)
 
 
-def test_nothing_is_activated_and_the_adapter_stays_when_one_named_is_silent(desk) -> None:
+def test_if_a_named_slave_is_silent_nothing_is_activated_and_the_adapter_keeps_its_rate(desk) -> None:
     table = desk(AtOneRate(ONE))
     table.master.set_bit_rate([ONE], 250_000)
     with pytest.raises(LssTimeout):

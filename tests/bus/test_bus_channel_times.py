@@ -103,7 +103,7 @@ def test_stop_frames_wait_for_a_full_queue_together_and_in_their_order(
         (OSError(errno.EIO, "device gone"), False),
     ],
 )
-def test_which_errors_of_drivers_are_a_full_queue(error: Exception, full: bool) -> None:
+def test_driver_errors_that_mean_a_full_queue(error: Exception, full: bool) -> None:
     assert failures.is_full(error) is full
 
 
@@ -161,7 +161,7 @@ def test_an_identifier_above_7ff_has_29_bits(
     )
 
 
-def test_what_the_wire_looks_like(open_channel: Channel) -> None:
+def test_the_health_of_the_channel_names_error_frames_and_controller_state(open_channel: Channel) -> None:
     assert open_channel.health() == ""
     open_channel.controller.condition = CanErrorState.PASSIVE
     assert open_channel.health() == "the CAN controller is error passive"
@@ -202,7 +202,7 @@ def test_a_bus_off_is_reported_once_and_ends_with_a_restart(open_channel: Channe
     assert (open_channel.offs, open_channel.controller.counters) == (2, ErrorCounters(97, 0))
 
 
-def test_a_driver_that_cannot_say_its_state_is_asked_no_more(fake: FakeBus, clock: HandClock) -> None:
+def test_a_driver_that_cannot_report_its_state_is_not_asked_again(fake: FakeBus, clock: HandClock) -> None:
     asked: list[float] = []
 
     class Asked(FakeBus):
@@ -251,7 +251,7 @@ def test_a_driver_is_not_asked_for_its_state_while_it_is_opened(fake: FakeBus) -
         assert made.failure is None
 
 
-def test_what_a_driver_says_on_closing_is_kept(fake: FakeBus, clock: HandClock) -> None:
+def test_an_error_of_the_driver_on_closing_is_stored(fake: FakeBus, clock: HandClock) -> None:
     made = Channel(fake, "fake", clock=clock)
     shutdown = fake.shutdown
 
@@ -264,7 +264,7 @@ def test_what_a_driver_says_on_closing_is_kept(fake: FakeBus, clock: HandClock) 
     assert made.counters.errors[-1] == "on closing: gone already"
 
 
-def test_one_that_is_closed_says_so(fake: FakeBus, clock: HandClock) -> None:
+def test_a_closed_channel_refuses_to_send_and_names_itself(fake: FakeBus, clock: HandClock) -> None:
     made = Channel(fake, "fake", clock=clock)
     made.check()
     made.close()

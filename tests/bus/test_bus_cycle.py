@@ -108,7 +108,7 @@ def test_the_end_of_a_wait_is_watched_and_not_slept_through(channel: Channel) ->
     assert clock.looks[-1] >= 100.004
 
 
-def test_real_time_never_comes_back_too_early(channel: Channel) -> None:
+def test_a_wait_in_real_time_never_ends_too_early(channel: Channel) -> None:
     cycle = CanCycle(channel, [])
     for _ in range(20):
         t = cycle.now() + 0.002
@@ -266,7 +266,7 @@ def test_a_cycle_without_frames_finds_out_by_sync_or_heartbeat_that_the_queue_ha
     assert fake.sent.count((0x80, b"")) <= 1
 
 
-def test_a_queue_that_is_full_again_in_mid_cycle_drops_the_rest_of_it(
+def test_a_queue_that_fills_in_mid_cycle_drops_the_rest_of_the_cycle(
     channel: Channel, fake: FakeBus, ports: list[CanPort]
 ) -> None:
     cycle = CanCycle(channel, ports)
@@ -381,7 +381,7 @@ def test_a_quick_stop_passes_the_scan_thread_that_is_stuck_in_send(
     scan.join()
 
 
-def test_a_quick_stop_comes_back_from_a_driver_that_does_not(
+def test_a_quick_stop_returns_even_if_the_driver_does_not(
     channel: Channel, fake: FakeBus, ports: list[CanPort]
 ) -> None:
     cycle = CanCycle(channel, ports)

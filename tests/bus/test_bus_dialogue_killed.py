@@ -83,7 +83,7 @@ def explained(module, rate, since, ask=ProbeScope.HEARD):
 
 
 @pytest.mark.parametrize("name", PLAYS)
-def test_how_many_frames_there_are_and_what_it_comes_to(name):
+def test_the_number_of_frames_of_each_dialogue_and_its_result(name):
     module, channel = played(name)
     _, after, frames = PLAYS[name]
     assert len(channel.sent) == frames
@@ -101,7 +101,7 @@ def test_how_many_frames_there_are_and_what_it_comes_to(name):
         for at in sorted({0, *range(max(0, frames - 3), frames)})
     ],
 )
-def test_killed_before_any_frame_it_is_where_it_was_after_a_start(name, killed_at):
+def test_a_dialogue_killed_before_any_frame_leaves_the_old_settings_after_a_restart(name, killed_at):
     module, channel = played(name, killed_at)
     assert len(channel.sent) == killed_at
     in_ram = ("CAN Simple", module.node_id, 500_000)

@@ -117,7 +117,9 @@ def test_its_refusals_are_raised_with_their_code(node: CanopenNode, index, data,
 
 @pytest.mark.parametrize("way", list(SdoTransferType))
 @pytest.mark.parametrize("size", [1, 4, 5, 7, 8, 255, 256, 889, 890])
-def test_domains_travel_both_ways(peer: Peer, node: CanopenNode, size: int, way: SdoTransferType) -> None:
+def test_domains_are_transferred_in_both_directions(
+    peer: Peer, node: CanopenNode, size: int, way: SdoTransferType
+) -> None:
     node.sdo.download(0x2100, 0, BIG[:size], way=way)
     assert peer.od.read(0x2100, 0) == BIG[:size]
     assert node.sdo.upload(0x2100, way=way) == BIG[:size]
@@ -180,7 +182,9 @@ def test_an_rpdo_that_we_mapped_sets_its_objects(peer: Peer, node: CanopenNode, 
     peer.od.write(0x6064, 0, -123456)
 
 
-def test_a_tpdo_that_we_mapped_comes_on_change(peer: Peer, node: CanopenNode, wire: Channel) -> None:
+def test_a_tpdo_that_the_master_mapped_is_sent_on_change(
+    peer: Peer, node: CanopenNode, wire: Channel
+) -> None:
     mapping = (MappedObject(0x6041, 0, 16), MappedObject(0x6064, 0, 32))
     pdo = set_pdo(node.sdo, False, 1, mapping=mapping, transmission_type=255)
     came: list[bytes] = []
@@ -193,7 +197,7 @@ def test_a_tpdo_that_we_mapped_comes_on_change(peer: Peer, node: CanopenNode, wi
     peer.od.write(0x6041, 0, 0x0250)
 
 
-def test_a_synchronous_tpdo_comes_with_sync(peer: Peer, node: CanopenNode, wire: Channel) -> None:
+def test_a_synchronous_tpdo_is_sent_with_sync(peer: Peer, node: CanopenNode, wire: Channel) -> None:
     pdo = set_pdo(node.sdo, False, 2, mapping=(MappedObject(0x6041, 0, 16),), transmission_type=1)
     assert pdo.synchronous
     came: list[bytes] = []

@@ -62,7 +62,7 @@ def test_a_drive_gone_mad_fills_no_memory(channel: Channel, fake: FakeBus) -> No
     assert len(monitor.history) == 64
 
 
-def test_messages_are_grouped_and_a_boot_up_ends_what_was_open(channel: Channel, fake: FakeBus) -> None:
+def test_messages_are_grouped_and_a_boot_up_ends_the_open_incident(channel: Channel, fake: FakeBus) -> None:
     monitor = EmcyMonitor(channel, 5)
     fake.inject(0x085, "10 23 03")
     fake.inject(0x085, "20 32 07")
@@ -87,7 +87,7 @@ def test_a_closed_monitor_hears_nothing(channel: Channel, fake: FakeBus) -> None
     monitor.close()
 
 
-def test_a_node_whose_1014_says_another_identifier_is_heard_there(channel: Channel, fake: FakeBus) -> None:
+def test_a_node_with_another_identifier_in_1014h_is_received_there(channel: Channel, fake: FakeBus) -> None:
     monitor = EmcyMonitor(channel, 5)
     monitor.listen_to(0x0F5)
     fake.inject(0x085, "10 23 03")

@@ -23,7 +23,7 @@ def hear(fake: FakeBus, node: CanopenNode, data: str) -> float:
     return node.nmt.stamp
 
 
-def test_nothing_is_reported_while_all_is_well(node: CanopenNode, fake: FakeBus) -> None:
+def test_no_event_is_reported_while_heartbeats_arrive(node: CanopenNode, fake: FakeBus) -> None:
     hear(fake, node, "05")
     node.nmt.watch(0.3)
     events = NodeEvents(node.nmt)

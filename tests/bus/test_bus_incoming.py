@@ -72,7 +72,7 @@ def events(node: CanopenNode, port: CanPort, now: float) -> tuple[object, list[o
 
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("seed", range(6))
-def test_the_short_look_gives_what_the_whole_one_gives(node: CanopenNode, drive, seed: int) -> None:
+def test_the_short_look_gives_the_samples_of_the_whole_one(node: CanopenNode, drive, seed: int) -> None:
     dice = random.Random(f"{seed} {drive}")
     primed = {"demand": Sample(7, 0.5), "position": Sample(3, dice.choice((0.5, 1.01)))}
     short, whole = port_on(node, drive, primed), port_on(node, drive, primed)
@@ -164,7 +164,7 @@ def test_any_event_of_the_node_or_the_bus_ends_the_fast_path_at_once(
     port.close()
 
 
-def test_a_short_look_ends_where_frames_fall_behind_sync_and_their_values_have_its_time(
+def test_a_short_look_ends_if_frames_fall_behind_sync_and_their_values_have_its_time(
     node: CanopenNode, monkeypatch
 ) -> None:
     """From cycle 20 on each frame comes six SYNCs after the one that it answers; none is lost."""

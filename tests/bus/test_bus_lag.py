@@ -150,9 +150,7 @@ KINDS = {
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("kind", KINDS)
-def test_data_that_come_in_time_have_the_time_of_their_reception_within_what_is_allowed(
-    kind: str, seed: int
-) -> None:
+def test_data_in_time_have_their_reception_time_within_the_tolerance(kind: str, seed: int) -> None:
     world = World(seed, **KINDS[kind]).run(60.0 if kind != "every 240th" else 400.0)
     longest = max(later - earlier for (earlier, _, _), (later, _, _) in itertools.pairwise(world.looks))
     assert world.oldest() - longest <= world.max_age
@@ -247,7 +245,7 @@ def test_a_link_that_was_slow_from_the_beginning_is_known_by_its_round_trips() -
     assert all(now - stated >= 0.4 - ALLOWED for now, stated, _ in world.looks if now > 101.0)
 
 
-def test_nothing_is_counted_before_the_node_is_operational_and_begins_again_after() -> None:
+def test_counting_begins_when_the_node_is_operational_and_restarts_after_a_loss() -> None:
     world = World(1)
     world.run(1.0)
     assert world.lags.is_known
@@ -280,7 +278,7 @@ def test_a_frame_that_was_sent_before_the_first_sync_belongs_to_no_sync() -> Non
 @pytest.mark.parametrize(
     "behind", [SyncTimes.KEPT - 1, SyncTimes.KEPT, SyncTimes.KEPT + 1, 3 * SyncTimes.KEPT]
 )
-def test_frames_that_come_later_than_the_times_of_syncs_are_kept_are_old_and_end_nothing(behind: int) -> None:
+def test_frames_later_than_the_stored_sync_times_are_old_and_raise_no_error(behind: int) -> None:
     world = World(1, period=0.001)
     world.run(1.0)
     for _ in range(behind):
@@ -318,9 +316,7 @@ def test_two_slow_answers_in_succession_are_a_delay_and_one_is_a_busy_node() -> 
     assert steps == pytest.approx([0, 0, 0, 0, 0, 0, 0, 0, 0.196, 0.196, 0, 0])
 
 
-def test_a_node_without_a_count_is_asked_again_and_again_and_its_values_are_as_old_as_its_answers_say() -> (
-    None
-):
+def test_a_node_without_a_count_is_polled_and_its_values_are_as_old_as_its_answers_show() -> None:
     trips = RoundTrips()
     changing, timed = (SimpleNamespace(frames=1, latest=(b"", 10.0)) for _ in range(2))
     lags = Lags([(changing, 0, float("inf")), (timed, 0, 0.35)], 0.01, SyncTimes(), trips)
@@ -352,7 +348,7 @@ def test_a_node_without_a_count_is_asked_again_and_again_and_its_values_are_as_o
     assert seen[1] == pytest.approx(10.0 - LONGEST - 0.096)
 
 
-def test_round_trips_know_the_nodes_own_time_up_to_what_may_be_its_own() -> None:
+def test_round_trips_exclude_the_allowed_processing_time_of_the_node() -> None:
     trips = RoundTrips()
     assert (trips.delay(), trips.shortest_delay, trips.own_time) == (0.0, 0.0, ALLOWED)
     trips.note(1.0, 1.3)

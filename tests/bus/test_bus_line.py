@@ -65,7 +65,7 @@ def test_a_full_queue_is_refused_at_once_and_may_be_tried_again(ends):
     line.send(0x205, bytes(8))
 
 
-def test_a_socket_that_is_gone_says_so_as_python_can_does():
+def test_a_closed_socket_raises_the_error_of_python_can():
     line = SocketCanLine(_closed())
     with pytest.raises(can.CanOperationError, match="Failed to transmit") as gone:
         line.send(0x205, b"")
@@ -128,7 +128,7 @@ def pair():
         (0x1234_5678, True, True, b""),
     ],
 )
-def test_a_frame_comes_out_of_the_other_end_as_it_went_in(pair, can_id, extended, remote, data):
+def test_a_frame_arrives_unchanged_at_the_other_end(pair, can_id, extended, remote, data):
     sent = can.Message(
         arbitration_id=can_id,
         is_extended_id=extended,
@@ -156,7 +156,7 @@ def test_the_program_notices_that_the_other_end_is_gone_and_the_drives_continue(
     assert drives.recv(0.0) is None
 
 
-def test_a_program_sees_whether_its_drives_have_taken_what_it_sent(pair):
+def test_a_program_can_see_if_its_drives_have_taken_its_frames(pair):
     program, drives = pair
     assert not program.behind()
     for _ in range(2):

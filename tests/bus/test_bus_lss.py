@@ -223,9 +223,7 @@ def test_a_bus_in_operation_is_left_alone(
     assert fake.sent == []
 
 
-def test_with_beside_the_command_does_not_check_that_the_bus_is_quiet(
-    channel: Channel, fake: FakeBus
-) -> None:
+def test_with_beside_operation_lss_does_not_require_a_quiet_bus(channel: Channel, fake: FakeBus) -> None:
     fake.peers.append(slave())
     with again(lambda: fake.inject(0x080, ""), 0.02):
         assert LssMaster(channel, PATIENT, beside_operation=True).inquire(ADDRESS).address == ADDRESS
@@ -299,7 +297,7 @@ def test_it_cannot_be_called_in_the_receive_thread(
     assert "receive thread" in str(raised[0])
 
 
-def test_nothing_stays_subscribed(master: LssMaster, channel: Channel, fake: FakeBus) -> None:
+def test_after_lss_there_is_no_subscription(master: LssMaster, channel: Channel, fake: FakeBus) -> None:
     fake.peers.append(slave())
     master.set_node_id(ADDRESS, 5)
     with pytest.raises(LssTimeout):
@@ -308,7 +306,7 @@ def test_nothing_stays_subscribed(master: LssMaster, channel: Channel, fake: Fak
     assert channel.on_failure == []
 
 
-def test_who_is_there_by_range_and_without_a_node_id(master: LssMaster, fake: FakeBus) -> None:
+def test_slaves_are_identified_by_a_range_and_without_a_node_id(master: LssMaster, fake: FakeBus) -> None:
     fake.peers.append(slave(node_id=7))
     assert master.identify(LssAddress(0xC0B00, 8, 0, 0), LssAddress(0xC0B00, 8, 9, 9999))
     assert not master.any_unconfigured()

@@ -104,7 +104,7 @@ def test_its_nodes_are_stopped_at_once_and_again_as_long_as_it_continues(bus, wa
         (0x701, "05", None),
     ],
 )
-def test_whom_each_frame_commands(bus, watch, stopped, can_id, data, nodes):
+def test_the_nodes_that_each_frame_commands(bus, watch, stopped, can_id, data, nodes):
     bus.hear(can_id, data, 10.0)
     assert [set(found) for _, found in stopped] == ([nodes] if nodes else [])
     assert len(watch.events) == (0 if nodes is None else 1)
@@ -120,7 +120,7 @@ def test_a_write_after_many_reads_is_reported_at_once(bus, watch, stopped):
     )
 
 
-def test_time_is_a_sign_where_we_send_it_and_sync_commands_nobody_where_we_do_not(bus, stopped):
+def test_time_is_a_sign_if_we_send_it_and_sync_commands_no_node_if_we_do_not(bus, stopped):
     watch = MasterWatch(bus, stops=True)
     watch.on_command = lambda _, nodes: stopped.append(nodes)
     watch.begin(ExpectedMasters(frozenset({1}), frozenset(), times=frozenset({0x100})))
@@ -130,7 +130,7 @@ def test_time_is_a_sign_where_we_send_it_and_sync_commands_nobody_where_we_do_no
     assert stopped == []
 
 
-def test_nodes_that_come_later_are_watched_too_and_closing_ends_all_of_it(bus, watch):
+def test_nodes_added_later_are_watched_too_and_closing_ends_all_subscriptions(bus, watch):
     watch.begin(ExpectedMasters(frozenset({1, 5, 9}), frozenset({127}), produced=0x80))
     bus.hear(0x209, "00", 10.0)
     assert [event.node for event in watch.events] == [9]

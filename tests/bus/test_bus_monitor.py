@@ -186,7 +186,7 @@ def test_a_heartbeat_has_no_toggle_bit(node: NodeMonitor, line: Line) -> None:
         ("03 05", NmtState.UNKNOWN),
     ],
 )
-def test_what_another_master_commands_is_assumed_of_a_node_without_heartbeat(
+def test_a_node_without_heartbeat_is_assumed_in_the_state_that_another_master_commands(
     node: NodeMonitor, line: Line, data: str, state: NmtState
 ) -> None:
     line.brings(NMT, data)
@@ -260,7 +260,7 @@ def test_one_that_is_closed_hears_nothing(node: NodeMonitor, line: Line) -> None
         (None, "", []),
     ],
 )
-def test_what_shows_that_a_machine_is_running(
+def test_frames_that_show_a_running_machine(
     line: Line, can_id: int | None, data: str, told: list[str]
 ) -> None:
     looks: list[int] = []
@@ -281,7 +281,7 @@ def test_a_sign_of_a_master_ends_the_listening(line: Line, clock: HandClock) -> 
     assert clock.time == pytest.approx(100.05)
 
 
-def test_nobody_listens_in_the_receive_thread(line: Line) -> None:
+def test_listening_in_the_receive_thread_is_refused(line: Line) -> None:
     line.in_receive_thread = True
     with pytest.raises(StateError, match="listening to the bus"):
         detect_other_master.bus_activity(line, 0.05)
@@ -325,7 +325,7 @@ def test_with_each_answer_a_guarded_node_has_two_tries_again(
     assert asked == pytest.approx([0.0, 0.1, 0.2, 0.3])
 
 
-def test_a_guarded_node_that_stays_where_it_is_is_asked_until_the_time_is_over(
+def test_a_guarded_node_that_keeps_its_state_is_polled_until_the_timeout(
     node: NodeMonitor, line: Line, clock: HandClock
 ) -> None:
     asked = guarded(node, line, clock, *["7F", "FF"] * 9)

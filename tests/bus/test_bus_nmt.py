@@ -52,7 +52,7 @@ def test_every_boot_up_is_counted_even_between_two_looks(node: CanopenNode, fake
     node.nmt.wait_bootup(timeout=0.0, after=1)  # it has come: no waiting, no matter how long ago
 
 
-def test_a_boot_up_that_never_comes_is_a_time_out_with_its_remedy(node: CanopenNode) -> None:
+def test_a_missing_boot_up_is_a_time_out_with_its_remedy(node: CanopenNode) -> None:
     with pytest.raises(NodeTimeout, match="no boot-up") as caught:
         node.nmt.wait_bootup(timeout=0.02)
     assert caught.value.node == 5
@@ -130,7 +130,7 @@ def test_a_command_that_is_lost_is_sent_again(node: CanopenNode, slave: Slave, f
     assert fake.frames(0) == [b"\x01\x05", b"\x01\x05"]
 
 
-def test_a_heartbeat_from_before_the_command_confirms_nothing(
+def test_a_heartbeat_from_before_the_command_does_not_confirm_it(
     node: CanopenNode, slave: Slave, fake: FakeBus
 ) -> None:
     slave.nmt_state = 5
@@ -139,7 +139,7 @@ def test_a_heartbeat_from_before_the_command_confirms_nothing(
         node.command(NmtCommand.START, timeout=0.02)
 
 
-def test_a_node_that_stays_where_it_is_is_named(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
+def test_a_node_that_keeps_its_state_is_named(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
     beat(fake, slave, node)
     answers_with_heartbeat(slave, fake)
     slave.nmt_state = 127
@@ -182,7 +182,7 @@ def test_a_reset_is_confirmed_by_the_boot_up(node: CanopenNode, reset: NmtComman
     assert node.nmt.bootups == 1
 
 
-def test_another_masters_command_is_seen_where_no_heartbeat_reports(node: CanopenNode, fake: FakeBus) -> None:
+def test_the_command_of_another_master_is_seen_without_a_heartbeat(node: CanopenNode, fake: FakeBus) -> None:
     node.nmt.assume(NmtState.OPERATIONAL)
     fake.inject(0x000, "02 00")
     eventually(lambda: node.nmt.state is NmtState.STOPPED)
@@ -271,7 +271,7 @@ def test_a_node_id_out_of_range_is_refused(channel: Channel, node_id: int) -> No
         CanopenNode(channel, node_id)
 
 
-def test_a_node_that_nobody_guards_is_not_asked_by_remote_frames(
+def test_a_node_without_guarding_is_not_polled_by_remote_frames(
     channel: Channel, node: CanopenNode, slave: Slave, fake: FakeBus
 ) -> None:
     """That would arm its life guarding, and nobody would continue with it."""

@@ -210,7 +210,7 @@ def test_a_driver_that_cannot_report_its_state_still_receives(fake: FakeBus) -> 
         channel.check()
 
 
-def test_a_driver_that_raises_at_bus_off_is_dead_and_says_why(fake: FakeBus) -> None:
+def test_a_driver_that_raises_at_bus_off_has_failed_with_the_reason(fake: FakeBus) -> None:
     """PCAN's read fails with the words of its status; only opening it again resets it."""
     with Channel(fake, "pcan:PCAN_USBBUS1") as channel:
         fake.fail_receiving(can.CanOperationError("The CAN controller is in bus-off state. [Error Code 16]"))
@@ -248,7 +248,7 @@ def test_a_state_that_was_only_assumed_is_not_assumed_any_more(can0: Channel, fa
         assert not node.nmt.operational(time.monotonic())
 
 
-def test_where_another_device_sends_sync_a_bus_off_ends_the_scan(can0: Channel, fake: FakeBus) -> None:
+def test_if_another_device_sends_sync_a_bus_off_ends_the_scan(can0: Channel, fake: FakeBus) -> None:
     consumer = SyncConsumer(can0, 0x80, 60.0)
     fake.inject(0x80, b"")
     cycle = CanCycle(can0, [], sync_cob_id=None, sync_consumer=consumer)

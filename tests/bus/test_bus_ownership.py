@@ -213,13 +213,13 @@ def test_on_a_device_file_the_claim_of_another_user_counts_if_that_user_may_open
     assert ownership._counts(claimed(STRANGER), Adapter("device:1:1", device=device)) is counts
 
 
-def test_where_nobody_can_report_the_claim_of_another_user_counts():
+def test_if_the_owner_cannot_be_verified_the_claim_of_another_user_counts():
     assert ownership._counts(claimed(STRANGER), Adapter("pcan:PCAN_USBBUS1"))
 
 
 @needs_root
 @pytest.mark.parametrize("name", ["axisbus socketcan:can7", "axisbus xn {key} - - 0000000000000000aaaaaaaa"])
-def test_a_socket_of_another_user_who_has_no_bus_keeps_nobody_off(name):
+def test_a_socket_of_another_user_without_a_bus_excludes_no_program(name):
     name = "\0" + name.format(key=claims.digest("socketcan:can7"))
     with as_user(lambda: claims.HeldClaim(name, None)):
         assert claims._holder(name, "0")[1] == STRANGER

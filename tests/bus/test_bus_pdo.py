@@ -149,7 +149,7 @@ def test_a_fixed_mapping_is_found_out_and_left_as_it_was(sdo: SdoClient, slave: 
     assert any("the mapping of RPDO1 is fixed (abort code 06010002h)" in note for note in plan.notes)
 
 
-def test_a_pdo_that_the_next_plan_does_not_use_has_back_what_it_had(sdo: SdoClient, slave: Slave) -> None:
+def test_a_pdo_that_the_next_plan_does_not_use_is_restored(sdo: SdoClient, slave: Slave) -> None:
     """TPDO1 brings a maker's object to somebody; it is switched off for remapping, and that is refused."""
     slave.objects.update(pdo_objects(0x1800, 0x1A00, 0x185, 255, [0x20000010], inhibit=7, event=70))
     slave.fixed_mapping = True
@@ -179,7 +179,7 @@ def keeps_its_pdos(slave: Slave, *, timer: bool) -> None:
         del slave.abort_on[0x1800, 5]
 
 
-def test_a_slow_event_timer_is_shortened_where_the_drive_takes_nothing_else(
+def test_a_slow_event_timer_is_shortened_if_the_drive_takes_nothing_else(
     sdo: SdoClient, slave: Slave
 ) -> None:
     """It is written while the PDO is on: such a drive cannot be told to switch it off."""
@@ -253,7 +253,9 @@ def test_by_its_abort_code_a_refused_entry_costs_its_object_or_the_mapping(
     assert plan.outputs["mode"] is ValueTransport.SDO
 
 
-def test_a_drive_that_says_yes_and_does_not_do_it(sdo: SdoClient, slave: Slave) -> None:
+def test_a_drive_that_accepts_a_mapping_and_does_not_store_it_is_reported(
+    sdo: SdoClient, slave: Slave
+) -> None:
     original = slave._write
 
     def write(index: int, subindex: int, value: bytes) -> int:

@@ -90,7 +90,7 @@ def test_without_the_users_word_motions_values_travel_with_every_sync(kind: int)
     assert [pdo.target.transmission_type for pdo in plan.active] == [1, 1]
 
 
-def test_the_plan_says_what_is_asked_for_and_what_starts_late() -> None:
+def test_the_plan_names_requested_pdos_and_their_sync_start() -> None:
     assert "TPDO1 185h requested every 100 ms (type 253)" in describe(plan_of(253, 0.1))
     device = DevicePdos((rpdo(1, "6040/16", 1),), (replace(tpdo(1, "6041/16", 4), sync_start=3),))
     plan = make_plan(NODE, device, objects(), WANTED, Policy(fixed=frozenset({(False, 1)})))
@@ -140,7 +140,7 @@ def test_a_sync_start_value_is_written_while_the_pdo_is_off(sdo: SdoClient, slav
     assert (pdo.transmission_type, pdo.sync_start) == (4, 3)
 
 
-def test_a_drive_that_refuses_the_start_value_has_back_what_it_had(sdo: SdoClient, slave: Slave) -> None:
+def test_a_pdo_is_restored_if_the_drive_refuses_the_start_value(sdo: SdoClient, slave: Slave) -> None:
     slave.abort_on[0x1800, 6] = 0x0609_0030
     with pytest.raises(BootError, match="TPDO1 does not accept the SYNC start value 3"):
         set_pdo(sdo, False, 1, transmission_type=4, sync_start=3)
@@ -158,7 +158,7 @@ def test_remote_frames_are_allowed_only_when_they_are_asked_for(sdo: SdoClient, 
     assert slave.writes == []
 
 
-def test_a_drive_without_remote_frames_says_so(sdo: SdoClient, slave: Slave) -> None:
+def test_a_drive_without_remote_frames_is_reported(sdo: SdoClient, slave: Slave) -> None:
     """Bit 30 cannot be cleared where the device does not answer remote frames (CiA 301 7.5.2.37)."""
     before = slave._write
 
@@ -285,7 +285,7 @@ def looks(
     return events
 
 
-def test_a_tpdo_that_stops_coming_is_one_event_with_its_age() -> None:
+def test_a_tpdo_that_is_missing_is_one_event_with_its_age() -> None:
     (event,) = looks(0.005, 0.015, 0.025, until=1.0)
     assert (event.what, event.pdo, event.cob_id, event.never) == (Reception.MISSING, "TPDO1", 0x185, False)
     assert event.age == pytest.approx(0.055, abs=0.011)
@@ -303,7 +303,7 @@ def test_its_return_is_an_event_too_and_reports_how_long_it_was_away() -> None:
     assert "comes again after 500 ms" in str(returned)
 
 
-def test_one_that_never_came_is_reported_as_such() -> None:
+def test_a_tpdo_never_received_is_reported_as_such() -> None:
     (event,) = looks(until=0.2)
     assert event.never
     assert "has not come since the node became operational" in str(event)

@@ -101,7 +101,7 @@ def values(port: CanPort) -> tuple[int | None, ...]:
 # -- inputs
 
 
-def test_priming_reads_what_no_frame_has_brought(make: Maker) -> None:
+def test_priming_reads_the_values_that_no_frame_has_carried(make: Maker) -> None:
     port = make(WHOLE)
     assert values(port) == (0x0231, 1, -112, -3, -4, None)
 
@@ -145,7 +145,9 @@ def test_bits_and_dummies_in_a_tpdo_are_stepped_over(make: Maker, node: CanopenN
     assert values(port)[2] == -2
 
 
-def test_emergencies_and_the_nmt_state_come_along(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
+def test_emergencies_and_the_nmt_state_are_in_the_inputs(
+    make: Maker, node: CanopenNode, fake: FakeBus
+) -> None:
     port = make(WHOLE)
     assert port.read(0.0).nmt == -1
     arrived(node, fake, 0x085, "11 86 20")
@@ -177,7 +179,7 @@ def rebooted(make: Maker, node: CanopenNode, fake: FakeBus, *then: str) -> CanPo
     return port
 
 
-def test_after_a_boot_up_message_only_what_has_come_since_is_reported_and_the_node_is_not_operational(
+def test_after_a_boot_up_message_only_newer_values_are_reported_and_the_node_is_not_operational(
     make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
     port = rebooted(make, node, fake, "05")
@@ -295,7 +297,7 @@ def test_a_node_that_is_still_operational_after_a_bus_off_serves_again(
 
 
 @pytest.mark.parametrize("short", [False, True], ids=["several RPDOs", "one RPDO"])
-def test_one_that_may_have_restarted_unheard_gets_only_a_stop_whatever_it_says_later(
+def test_a_node_that_may_have_restarted_unnoticed_gets_only_a_stop_whatever_its_later_state(
     make: Maker, node: CanopenNode, fake: FakeBus, slave: Slave, short: bool
 ) -> None:
     arrived(node, fake, 0x705, "05")
@@ -379,7 +381,7 @@ def test_one_that_was_dropped_goes_out_later_though_nothing_has_changed(
     assert rpdos(port) == [0x205]
 
 
-def test_a_node_that_comes_back_to_operational_gets_them_again(
+def test_a_node_that_is_operational_again_gets_its_rpdos_again(
     make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
     """In any other state it takes none, so what was sent then does not count."""
@@ -451,7 +453,7 @@ def test_a_silent_event_tpdo_is_watched_by_polling(make: Maker) -> None:
     assert ages["statusword"] == ages["position"] == pytest.approx(3 * 0.1 + 0.05)
 
 
-def test_a_standing_axis_with_a_silent_tpdo_has_fresh_positions(make: Maker, slave: Slave) -> None:
+def test_an_axis_at_standstill_with_a_silent_tpdo_has_fresh_positions(make: Maker, slave: Slave) -> None:
     """Or nobody could tell whether it stands."""
     port = make(DevicePdos((), (tpdo(1, "6041/16 6064/32"),)), sync=False)
     first = port.read(time.monotonic()).position
@@ -509,14 +511,14 @@ def test_a_slow_scan_has_older_values() -> None:
 # -- outputs
 
 
-def test_an_rpdo_starts_with_what_the_drive_has(make: Maker) -> None:
+def test_an_rpdo_starts_with_the_values_of_the_drive(make: Maker) -> None:
     """canopen would send target position 0 with the first controlword."""
     port = make(WHOLE)
     port.write(Outputs(controlword=0x06))
     assert port.take_frames() == [(0x205, struct.pack("<Hbi", 0x06, 1, -111))]
 
 
-def test_what_cannot_be_read_starts_with_what_shows_the_same(make: Maker, slave: Slave) -> None:
+def test_unreadable_targets_start_with_the_actual_values(make: Maker, slave: Slave) -> None:
     for index in (0x607A, 0x6060, 0x60FF, 0x6071):
         del slave.objects[index, 0]
     port = make(WHOLE)
@@ -749,7 +751,7 @@ def test_the_second_axis_has_its_own_objects(make: Maker, slave: Slave, node: Ca
     )
 
 
-def test_what_the_port_can_do_is_reported(make: Maker) -> None:
+def test_the_capabilities_of_the_port_are_reported(make: Maker) -> None:
     told = make(GENERIC, NO_TORQUE).capabilities
     assert set(told.inputs.values()) == {ValueTransport.SYNC_PDO}
     assert told.outputs == dict.fromkeys(NO_TORQUE.outputs, ValueTransport.SYNC_PDO)

@@ -91,7 +91,7 @@ def test_a_synchronous_rpdo_goes_in_every_cycle() -> None:
     assert [master.cycle(mode=1, target_position=5) for _ in range(50)] == [[whole(1, 5, 0x0F)]] * 50
 
 
-def test_what_does_not_change_is_repeated_ten_times_a_second() -> None:
+def test_an_unchanged_rpdo_is_repeated_ten_times_a_second() -> None:
     master = Master(ONE)
     for _ in range(1000):
         master.cycle(mode=1, target_position=5)
@@ -118,7 +118,7 @@ def test_a_drive_that_watches_for_an_rpdo_gets_it_well_within_its_time(deadline:
     assert worst <= max(PERIOD, min(REPEAT, deadline / 1000 / 3)) + 1e-9
 
 
-def test_a_watched_rpdo_is_due_where_with_the_next_cycle_a_third_of_its_time_would_have_passed() -> None:
+def test_a_watched_rpdo_is_due_if_the_next_cycle_would_be_after_a_third_of_its_time() -> None:
     plan = plan_of(ONE, ON_ARRIVAL, {1: 750})
     pace = RpdoPace(
         [pdo for pdo in plan.active if pdo.receive], images_of(plan), scan_period=0.125, repeat=math.inf
@@ -141,7 +141,7 @@ def test_a_watched_rpdo_continues_when_nothing_of_it_is_in_use(policy: Policy) -
     assert len(master.gaps(0x305)) <= 501 * PERIOD / 0.01  # and not in every cycle
 
 
-def test_one_that_nobody_watches_is_not_sent_when_it_is_not_in_use() -> None:
+def test_an_unwatched_rpdo_is_not_sent_while_it_is_not_in_use() -> None:
     master = Master(ONE)
     master.cycle(mode=3, target_velocity=9)
     for _ in range(500):
@@ -200,7 +200,7 @@ class Drive:
 
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("mappings", [ONE, APART, EACH], ids=["one", "apart", "each"])
-def test_the_drive_has_in_every_cycle_what_it_would_have_by_every_frame(
+def test_the_drive_has_the_same_values_in_every_cycle_as_with_every_frame(
     mappings: tuple[str, ...], seed: int
 ) -> None:
     chance = random.Random(seed)

@@ -86,7 +86,7 @@ def test_an_expedited_upload_frame_by_frame(sdo: SdoClient, fake: FakeBus) -> No
         ("43 41 60 00 37 06 00 00", 0x6041, "37 06 00 00"),  # it says that it sends four
     ],
 )
-def test_an_answer_that_does_not_say_its_size_has_that_of_the_type(
+def test_an_answer_without_a_size_has_the_size_of_the_type(
     fake: FakeBus, channel: Channel, answer: str, index: int, taken: str
 ) -> None:
     fake.peers.append(lambda can_id, *_: [(0x585, bytes.fromhex(answer))] if can_id == 0x605 else [])
@@ -102,7 +102,9 @@ def test_an_answer_that_does_not_say_its_size_has_that_of_the_type(
         (b"\x78\x56\x34\x12", "23 60 60 00 78 56 34 12"),
     ],
 )
-def test_an_expedited_download_says_its_size(sdo: SdoClient, fake: FakeBus, data: bytes, frame: str) -> None:
+def test_an_expedited_download_contains_its_size(
+    sdo: SdoClient, fake: FakeBus, data: bytes, frame: str
+) -> None:
     sdo.download(0x6060, 0, data)
     assert fake.sent == [(0x605, bytes.fromhex(frame))]
 
@@ -150,7 +152,7 @@ def test_the_late_answer_of_a_timed_out_write_is_not_taken_for_the_next(
     assert caught.value.code == 0x0609_0031
 
 
-def test_a_late_answer_that_comes_after_the_next_request_is_drained(
+def test_a_late_answer_received_after_the_next_request_is_drained(
     hasty: SdoClient, slave: Slave, fake: FakeBus
 ) -> None:
     """The server is slow, not dead: it answers everything in order, once the second transfer has begun."""
@@ -367,7 +369,7 @@ def test_a_channel_that_fails_ends_the_waiting_at_once(sdo: SdoClient, slave: Sl
 # -- behind the end
 
 
-def test_an_answer_behind_the_end_of_a_transfer_is_counted_at_once_as_one_that_nobody_waits_for(
+def test_an_answer_after_the_end_of_a_transfer_is_counted_as_unexpected_at_once(
     sdo: SdoClient, fake: FakeBus, channel: Channel
 ) -> None:
     assert sdo.upload(0x6041) == b"\x37\x06"
@@ -378,7 +380,7 @@ def test_an_answer_behind_the_end_of_a_transfer_is_counted_at_once_as_one_that_n
     ]
 
 
-def test_what_a_transfer_has_left_is_dropped_and_counted_when_the_next_one_begins(
+def test_answers_left_from_a_transfer_are_dropped_and_counted_when_the_next_one_begins(
     channel: Channel, fake: FakeBus
 ) -> None:
     line = SdoConnection(channel, NODE)

@@ -208,7 +208,7 @@ def test_cancel_in_a_block_aborts_it_at_the_node_and_the_next_transfer_is_correc
     assert sdo.read(0x2000) == 0x1234
 
 
-def test_an_urgent_write_goes_before_the_rest_of_a_block(
+def test_an_urgent_write_is_sent_before_the_rest_of_a_block(
     sdo: SdoClient, fake: FakeBus, stand_in: StandIn
 ) -> None:
     """A quick stop of a drive without a mapped controlword, while its firmware is written."""

@@ -90,7 +90,7 @@ def test_each_change_is_one_event_with_its_times():
     )
 
 
-def test_a_heartbeat_that_stays_away_and_comes_back_is_an_event_each():
+def test_a_missing_heartbeat_and_its_return_are_an_event_each():
     node = monitor(deadline=2.0)
     events = NodeEvents(node)
     for now in (2.0, 2.25, 2.5):
@@ -131,7 +131,7 @@ def test_a_node_that_was_never_heard_has_no_silence():
     assert events_of(events) == [(NodeEventKind.LOST, 3.0, 0.0, 1.0), (NodeEventKind.BACK, 4.0, 0.0, 0.0)]
 
 
-def test_what_comes_while_the_scan_looks_is_not_of_the_future():
+def test_an_event_during_the_scan_has_no_time_in_the_future():
     node = monitor()
     events = NodeEvents(node)
     node.state, node.stamp = STOPPED, 2.5
@@ -170,7 +170,7 @@ def test_a_held_event_is_reported_when_it_is_due_even_if_nothing_else_happens():
     assert [event.stamp for event in events.history] == [2.0, 2.5]
 
 
-def test_what_happens_at_once_is_reported_in_its_order_however_often_it_was_before():
+def test_simultaneous_events_are_reported_in_order_however_often_they_were_before():
     node = monitor()
     events = NodeEvents(node)
     node.bootups = 1
@@ -191,7 +191,7 @@ def test_each_event_reaches_every_subscriber():
     assert first == second == list(events.history)
 
 
-def test_which_events_are_bad_and_how_many_are_kept():
+def test_events_that_are_bad_and_the_number_that_is_kept():
     assert {kind.name for kind in BAD} == {
         *("LOST", "UNANSWERED", "BOOT_UP", "STATE", "UNKNOWN", "DUPLICATE", "MASTER")
     }
@@ -328,7 +328,7 @@ def test_a_sync_that_stays_away_is_reported_after_its_patience():
 
 
 @pytest.mark.parametrize(("asleep", "said"), [(1.5, "1.5 s"), (5.0, "1.9 s")])
-def test_where_this_program_did_not_run_that_is_reported_before_the_producer_is_blamed(asleep, said):
+def test_if_this_program_did_not_run_that_is_reported_before_the_producer_is_blamed(asleep, said):
     wire = Wire(10.0, 10.125)
     made = consumer(wire)
     wire.now = 9.9
@@ -357,7 +357,7 @@ def test_that_this_program_did_not_run_long_ago_is_no_reason_for_a_missing_sync(
         made.wait()
 
 
-def test_where_we_come_too_late_ourselves_what_came_meanwhile_counts():
+def test_if_we_are_late_ourselves_a_sync_received_meanwhile_counts():
     wire = Wire(0.125, 0.25, 2.0)
     made = consumer(wire)
     made.wait()
@@ -378,7 +378,7 @@ def test_where_we_come_too_late_ourselves_what_came_meanwhile_counts():
         (0.625 + 0.03, 0.68, False),
     ],
 )
-def test_where_we_come_too_late_ourselves_it_may_be_half_a_period_late(now, comes, begins):
+def test_if_we_are_late_ourselves_sync_may_be_half_a_period_late(now, comes, begins):
     wire = Wire(0.0625, 0.125, comes)
     made = consumer(wire, 0.0625, 0.5)
     made.wait()
@@ -567,7 +567,7 @@ class Port:
         return self.stops
 
 
-def test_the_frames_of_all_ports_go_out_and_what_they_ask_for():
+def test_the_frames_and_sdo_requests_of_all_ports_are_sent():
     wire = Wire()
     ports = [Port(5, [(0x205, b"a"), (0x305, b"b")]), Port(6, [(0x206, b"c")])]
     cycle = CanCycle(wire, ports)
@@ -587,7 +587,7 @@ def test_the_frames_of_all_ports_go_out_and_what_they_ask_for():
     assert [port.closed for port in ports] == [1, 1]
 
 
-def test_nothing_more_goes_out_after_a_quick_stop_that_came_in_between():
+def test_no_frame_is_sent_after_a_quick_stop_during_the_commit():
     """A frame that was stuck must not be followed by one that would enable the drive again."""
     for stop_at in (0x205, 0x305):
         wire = Wire()
@@ -645,7 +645,7 @@ def test_a_port_that_fails_keeps_no_other_from_being_stopped():
 # TIME.
 
 
-def test_time_is_sent_in_its_period_and_heard_with_what_has_passed_since():
+def test_time_is_sent_in_its_period_and_received_with_the_elapsed_time():
     wire = Wire()
     noon = datetime(2024, 3, 25, 12, 0, tzinfo=UTC)
     producer = TimeProducer(wire, 1.0, wall_clock=lambda: noon)
@@ -785,7 +785,7 @@ def test_an_outcome_in_words(clock):
         (NmtCommand.ENTER_PRE_OPERATIONAL, 0.0, math.inf, True, 0.0),
     ],
 )
-def test_where_nothing_else_shows_it_the_sdo_server_does(clock, wanted, from_, until, ok, seconds):
+def test_without_other_confirmation_the_sdo_server_confirms(clock, wanted, from_, until, ok, seconds):
     node = Named(clock)
     node.serves_from, node.serves_until = from_, until
     found = outcome(node, wanted, NmtConfirmation(Confirmation.SDO, None))
@@ -867,7 +867,7 @@ def test_a_channel_is_opened_as_it_was_before():
         assert opened.failure is None
 
 
-def test_where_another_device_sends_sync_the_cycle_begins_with_it():
+def test_if_another_device_sends_sync_the_cycle_begins_with_it():
     wire = Wire()
     cycle = CanCycle(wire, [], sync_consumer=SimpleNamespace(wait=lambda: 7.5))
     wire.now = 7.75

@@ -49,7 +49,7 @@ def test_syncs_close_together_begin_one_cycle() -> None:
     assert watch.skipped == 2
 
 
-def test_syncs_that_came_while_we_were_busy_are_counted() -> None:
+def test_syncs_received_while_we_were_busy_are_counted() -> None:
     watch = SyncWatch(PERIOD)
     watch.take(1.0)
     watch.take(1.012, heard=3)
@@ -233,7 +233,7 @@ def test_time_is_sent_at_its_period(channel: Channel, fake: FakeBus) -> None:
     assert fake.sent == [(0x100, bytes.fromhex("00 2e 93 02 d4 16"))] * 3
 
 
-def test_time_has_the_identifier_that_the_cell_says(channel: Channel, fake: FakeBus) -> None:
+def test_time_has_the_identifier_of_the_cell_file(channel: Channel, fake: FakeBus) -> None:
     TimeProducer(channel, 1.0, 0x104, wall_clock=lambda: NOON).step(0.0)
     assert [can_id for can_id, _ in fake.sent] == [0x104]
 

@@ -176,7 +176,7 @@ def of(decoded: Layers, kind: str) -> list[dict[str, object]]:
     return [each for each in found if isinstance(each, dict)]
 
 
-def test_the_decoder_reads_what_we_meant(decoded: Layers) -> None:
+def test_the_decoder_reads_the_sent_values(decoded: Layers) -> None:
     counters = [int(str(each["canopen.sync.counter"])) for each in of(decoded, "SYNC")]
     assert counters == [number % 10 + 1 for number in range(len(counters))]
     times = {str(each["canopen.time_stamp"]) for each in of(decoded, "TIME STAMP")}

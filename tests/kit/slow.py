@@ -23,9 +23,9 @@ REAL_TIME = {
     ),
     "the kernel's CAN carries the frames, or the kernel stamps them": (
         "bus/test_bus_cyclic.py::test_a_clock_that_is_set_makes_no_frame_older_than_the_last_look_or_of_the_future",
-        "bus/test_bus_cyclic.py::test_a_frame_has_the_time_at_which_it_came_and_not_at_which_it_was_read",
+        "bus/test_bus_cyclic.py::test_the_stamp_of_a_frame_is_its_reception_and_not_its_reading",
         "bus/test_bus_cyclic.py::test_the_time_of_a_frame_is_not_that_of_the_one_before_in_its_place",
-        "bus/test_bus_intake.py::test_what_came_together_is_taken_together_with_the_kernels_time",
+        "bus/test_bus_intake.py::test_frames_received_together_are_taken_together_with_the_kernels_time",
         "socketcan",
     ),
     "processes end, hang, or are killed, suspended or signalled, or belong to another user": (
