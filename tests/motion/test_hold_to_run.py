@@ -27,7 +27,7 @@ def never() -> bool:
     return False
 
 
-def test_who_says_it_in_time_is_trusted_and_who_does_not_is_reported_of_once():
+def test_a_missing_confirmation_of_hold_to_run_is_reported_once():
     held = HoldToRun()
     assert held.broken(1e9, never) is None
     held.hold(10.0, 0.5, "the page")

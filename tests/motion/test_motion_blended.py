@@ -80,7 +80,7 @@ def test_the_time_of_a_path_is_that_of_its_ramps_and_of_the_part_between():
     assert (course.top_speed, course.top_acceleration) == (50.0, 100.0)
 
 
-def test_if_the_path_reverses_the_axis_stops_and_the_note_says_so():
+def test_if_the_path_reverses_the_axis_stops_at_the_transition_which_notes_it():
     legs = [Leg(100.0, 50.0, 200.0, 200.0), Leg(20.0, 80.0, 200.0, 200.0, BufferMode.HIGH)]
     course = course_of(0.0, legs)
     assert course.joints[0].speed == 0.0
@@ -141,7 +141,7 @@ def test_the_part_planned_beyond_the_time_of_joining_is_planned_again(ahead):
 
 
 @pytest.mark.parametrize("seed", range(100))
-def test_random_legs_that_join_at_random_times_keep_their_limits_and_what_was_planned_before(seed):
+def test_random_legs_that_join_at_random_times_keep_their_limits_and_the_planned_path(seed):
     chance = random.Random(seed)
 
     def leg(end: float) -> Leg:

@@ -112,7 +112,7 @@ class GroupPlay(Play):
 
 @pytest.mark.parametrize("kind", [Play, GroupPlay])
 @pytest.mark.parametrize("seed", range(8))
-def test_calm_cycles_change_nothing_of_what_an_axis_does_and_holds(seed, kind):
+def test_calm_cycles_give_the_outputs_and_state_of_whole_cycles(seed, kind):
     play = kind(seed, 2)
     core, other = play.cores
     thorough = Thorough(other)
@@ -302,7 +302,7 @@ def test_one_thing_out_of_the_ordinary_is_enough_for_a_cycle_not_to_be_calm(part
     assert not core._is_calm(core.image)
 
 
-def test_a_cycle_that_comes_later_than_the_longest_gap_is_not_calm():
+def test_a_cycle_after_more_than_the_longest_gap_is_not_calm():
     core = rig().enabled().core
     longest = core.supervision.longest_gap
     calm = []

@@ -48,7 +48,7 @@ def test_a_cam_goes_through_its_points_and_neither_slope_nor_bend_jumps(points, 
 
 @SAME
 @given(POINTS, st.booleans(), st.floats(-3.0, 3.0))
-def test_what_a_cam_reports_of_its_slope_is_so(points, periodic, where):
+def test_slope_and_span_of_a_cam_agree_with_its_positions(points, periodic, where):
     cam = Cam(points, periodic=periodic)
     law, at = cam._transfer_function(), points[0][0] + where * (points[-1][0] - points[0][0])
     if any(abs((at - master) % law.period) < 1e-3 for master, _ in points):
@@ -98,7 +98,7 @@ def test_a_blend_joins_place_slope_and_bend(begin, length, back, p, s, q, u, b):
     assert abs(ahead[2] - 2 * ahead[1] + ahead[0]) < 1e-5 * large * 20
 
 
-def test_a_blend_from_rest_to_rest_never_turns_round():
+def test_a_blend_from_standstill_to_standstill_never_reverses():
     blend = SyncInCurve(0.0, 10.0, SlaveReference(0.0, 0.0, 0.0), SlaveReference(5.0, 0.0, 0.0))
     places = [blend.at(n / 10.0) for n in range(101)]
     assert all(a <= b for a, b in pairwise(places))

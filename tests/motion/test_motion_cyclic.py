@@ -51,7 +51,7 @@ def test_a_turn_brakes_with_the_deceleration_and_speeds_up_with_the_acceleration
     assert next_velocity(100.0, -50.0, 200.0, 1000.0, 0.2) == pytest.approx(-20.0)
 
 
-def test_the_ramp_of_a_halt_ends_at_0_and_rests():
+def test_the_ramp_of_a_halt_ends_at_0_and_stays_there():
     ramp, order = VelocityRamp(1000.0, 500.0, 20_000.0, 0.01), CycleOutputs()
     assert not ramp.at_rest
     assert ramp.begin_braking()
@@ -77,7 +77,7 @@ def test_a_hold_keeps_the_present_velocity():
 
 
 @given(st.integers(-3000, 3000), st.integers(-3000, 3000), st.integers(1, 10_000))
-def test_a_torque_comes_to_its_target_by_its_slope_and_no_farther(start, target, slope):
+def test_a_torque_reaches_its_target_by_its_slope_and_does_not_exceed_it(start, target, slope):
     ramp, order = TorqueRamp(float(start), slope, 0.01, lets_go=True), CycleOutputs()
     ramp.aim(target, slope)
     before = float(start)
@@ -118,7 +118,7 @@ def dictionary_parameters():
 
 
 @pytest.mark.parametrize("own", [None, 0])
-def test_a_slope_that_nobody_knows_is_never_guessed(own):
+def test_an_unknown_torque_slope_is_never_guessed(own):
     r = rig(torque_slope=own).enabled()
     with pytest.raises(ArgumentError, match="slope is missing"):
         r.axis.cyclic_torque(0.1)

@@ -135,7 +135,7 @@ def test_without_the_comparison_the_drives_own_watch_stays_and_so_does_standstil
         ("right", {"demand": DemandUse.USE}, ""),
     ],
 )
-def test_a_stop_that_was_seen_by_the_position_alone_says_so(habit, changes, told):
+def test_a_stop_that_was_seen_by_the_position_alone_has_a_note(habit, changes, told):
     r = drive_with(habit, "with each SYNC", **changes)
     r.axis.enable().wait(5)
     r.axis.move_absolute(300.0)

@@ -169,7 +169,7 @@ def test_a_stop_that_is_asked_for_again_keeps_the_harder_kind_and_its_lock():
         (0x7121, "the motor is blocked"),
     ],
 )
-def test_what_to_check_first(code, words):
+def test_each_error_code_has_its_remedy(code, words):
     assert words in remedy(code)
 
 
@@ -197,9 +197,7 @@ def test_what_to_check_first(code, words):
         (1000, 500, None, None, None),
     ],
 )
-def test_the_target_with_which_a_drive_that_adds_an_offset_stays_where_it_is(
-    found, offset, position, demand, target
-):
+def test_the_target_that_holds_a_drive_which_adds_an_offset(found, offset, position, demand, target):
     drive = Drive()
     drive.cycle(statusword=0x0237, mode=8, position=position, demand=demand)
     assert resting_target(drive.image, found, offset) == target
@@ -273,7 +271,7 @@ def test_how_long_the_targets_of_a_drive_that_is_taken_over_are_held(found, aske
         (M.PROFILE_TORQUE, True, None, (500, 0, 50)),
     ],
 )
-def test_what_a_drive_that_is_taken_over_does_it_continues_doing(mode, standstill, torque, targets):
+def test_a_drive_that_is_taken_over_gets_the_targets_of_its_present_motion(mode, standstill, torque, targets):
     taken = DriveAdoption(mode, Drive().parameters)
     taken._read.values.update(
         {
@@ -370,14 +368,14 @@ def test_a_step_is_held_against_velocity_and_acceleration(before, position, told
     assert (None if found is None else found.what) == told
 
 
-def test_what_arithmetic_may_be_off_is_still_allowed():
+def test_a_velocity_within_the_rounding_error_is_allowed():
     most = 4.0 * (1.0 + 1e-6) + 8.0 * math.ulp(2.0) / 0.5
     before = PathSample(2.0, 4.0)
     assert PACE.excess(before, PathSample(2.0, most)) is None
     assert PACE.excess(before, PathSample(2.0, math.nextafter(most, 5.0))).what == "faster than max_velocity"
 
 
-def test_what_a_path_is_allowed_in_any_case():
+def test_a_path_may_always_brake_and_round():
     before = PathSample(0.0, 4.0)
     after = PACE.next(before, -1.0)
     assert PACE.excess(before, after, 11.0).what == "harder than max_acceleration"
@@ -397,7 +395,7 @@ def test_numbers_far_from_0_are_as_exact_as_they_can_be():
     assert PACE.excess(before, PACE.next(before, far + 2.0 + 1 / 256)) is not None
 
 
-def test_where_a_limit_comes_from_is_not_a_part_of_it():
+def test_the_source_of_a_limit_is_not_in_its_repr():
     assert (
         repr(AxisLimits(velocity=4.0))
         == "AxisLimits(position=None, velocity=4.0, acceleration=None, torque=None)"
@@ -430,7 +428,7 @@ def test_where_a_limit_comes_from_is_not_a_part_of_it():
         ),
     ],
 )
-def test_what_a_path_may_ask_for(limits, defaults, trajectory, expected):
+def test_the_pace_of_a_path_comes_from_limits_defaults_and_trajectory(limits, defaults, trajectory, expected):
     base = parameters("x", dictionary_of(GENERIC), limits=limits, defaults=defaults)
     found = pace_of(base, trajectory)
     assert (found.velocity, found.acceleration) == expected
@@ -450,7 +448,7 @@ def test_what_a_path_may_ask_for(limits, defaults, trajectory, expected):
         (lambda t: 2.4 * t, 4.0, 2.0, False),
     ],
 )
-def test_which_path_can_be_slowed_down_without_a_jolt(path, speed, deceleration, smooth):
+def test_a_path_brakes_smoothly_if_its_deceleration_suffices(path, speed, deceleration, smooth):
     assert brakes_smoothly(path, 1.0, 0.5, speed, deceleration) is smooth
 
 
@@ -471,7 +469,7 @@ def test_a_path_is_looked_at_as_far_ahead_as_braking_takes(start, speed, found):
     assert (None if seen is None else tuple(seen)) == found
 
 
-def test_one_from_outside_may_come_back():
+def test_a_position_outside_the_limits_widens_them_as_far_as_itself():
     assert widened((-1.0, 1.0), 0.0, 0.5) == (-1.5, 1.5)
     assert widened((-1.0, 1.0), 3.0, 0.5) == (-1.5, 3.5)
     assert widened((-1.0, 1.0), -3.0, 0.5) == (-3.5, 1.5)
@@ -524,7 +522,7 @@ def test_a_line_of_more_than_a_year_was_not_meant():
         (1 + 0j, None),
     ],
 )
-def test_what_counts_as_a_number(value, found):
+def test_numeric_values_are_converted_and_others_are_none(value, found):
     assert number(value) == found
 
 
@@ -602,7 +600,7 @@ def test_a_late_cycle_skips_the_points_that_have_passed_or_are_less_than_half_a_
 
 
 @pytest.mark.parametrize(("came", "skipped"), [(10.5, 0), (10.6875, 0), (10.75, 1), (11.5, 2)])
-def test_where_another_device_s_sync_is_the_grid_its_time_counts(came, skipped):
+def test_if_another_device_sends_sync_its_time_is_the_grid(came, skipped):
     cycle = Grid()
     scan = Scan(cycle, {}, {}, 0.5, {})
     scan._wait(cycle)
@@ -614,7 +612,7 @@ def test_where_another_device_s_sync_is_the_grid_its_time_counts(came, skipped):
     assert cycle.asked[-1] == came + 0.5
 
 
-def test_where_the_supervisor_has_taken_over_nothing_follows_a_frame_that_was_stuck():
+def test_after_the_supervisor_takes_over_nothing_is_sent_behind_a_stuck_frame():
     cycle = Grid()
     done = []
     scan = Scan(cycle, {}, {}, 0.5, {})
@@ -626,7 +624,7 @@ def test_where_the_supervisor_has_taken_over_nothing_follows_a_frame_that_was_st
     assert done == ["sync", "commit", "heartbeat", "seen", "sync", "commit"]
 
 
-def test_where_the_supervisor_has_taken_over_between_two_cycles_nothing_is_sent():
+def test_after_the_supervisor_takes_over_between_two_cycles_nothing_is_sent():
     cycle = Grid()
     done = []
     scan = Scan(cycle, {}, {}, 0.5, {})
@@ -750,7 +748,7 @@ def test_a_pump_waits_in_virtual_time():
 
 
 @pytest.mark.parametrize("look", ["exception", "done", "aborted", "wait", None])
-def test_a_failure_that_nobody_has_looked_at_is_reported(look, caplog):
+def test_a_failure_that_the_program_never_read_is_logged(look, caplog):
     handle = Handle("x.stop()", SimpleNamespace(wait=lambda *_: True))
     handle._finish(Status.ERROR, DriveError("broken"))
     if look == "wait":
@@ -776,7 +774,7 @@ def test_a_failure_that_nobody_has_looked_at_is_reported(look, caplog):
         (90.0, 80.0, False),
     ],
 )
-def test_a_weaker_deceleration_is_refused_where_it_would_not_stop_the_axis_in_time(at, deceleration, fits):
+def test_a_deceleration_too_weak_to_stop_within_the_limits_is_refused(at, deceleration, fits):
     """From 50 deg/s: 2.5 deg with 500 deg/s², 15.6 with 80, 62.5 with 20."""
     r = rig(limits=AxisLimits(position=(-100.0, 100.0), velocity=400.0)).enabled()
     r.axis.home(37).wait(3)

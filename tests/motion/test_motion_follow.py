@@ -346,7 +346,7 @@ def test_no_step_of_velocity_beyond_the_limit_of_acceleration_is_sent(velocity):
 @pytest.mark.parametrize(
     "limits", [AxisLimits(), AxisLimits(acceleration=500.0)], ids=["no limits", "acceleration"]
 )
-def test_without_max_velocity_a_jump_is_reported_by_what_the_axis_can_make(limits):
+def test_without_max_velocity_a_jump_is_detected_by_the_acceleration_of_the_axis(limits):
     r = rig(limits=limits).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="harder than"):
@@ -367,7 +367,7 @@ def test_a_trapezoid_names_its_own_acceleration():
     limited.axis.follow(TrapezoidalTrajectory(0.0, 50.0, 100.0, 1000.0)).wait(5)
 
 
-def test_where_nothing_would_report_a_jump_a_path_of_one_s_own_is_refused():
+def test_without_any_limit_that_detects_a_jump_a_path_of_the_program_is_refused():
     r = rig(limits=AxisLimits(), defaults=Defaults(velocity=100.0)).enabled()
     with pytest.raises(ArgumentError, match="max_velocity is missing"):
         r.axis.follow(Own(TrapezoidalTrajectory(0.0, 50.0, 100.0, 500.0)))
@@ -436,7 +436,7 @@ def test_a_trajectory_that_would_leave_the_position_limits_is_braked_ahead_of_th
     r.axis.move_absolute(0.0).wait(5)
 
 
-def test_a_trajectory_that_brakes_in_time_by_itself_is_left_alone_however_hard_it_does():
+def test_a_trajectory_that_brakes_before_the_limit_is_allowed_however_hard_it_brakes():
     r = rig(limits=TEN, defaults=Defaults(velocity=100.0, acceleration=100.0)).enabled()
     r.axis.follow(Own(TrapezoidalTrajectory(0.0, 10.0, 100.0, 2000.0))).wait(5)
     assert r.drive.position == 10_000
@@ -463,7 +463,7 @@ def test_a_path_that_turns_round_at_the_limit_is_distinguished_from_one_that_goe
     assert max(abs(end) for end in watch.travel) <= 10_001
 
 
-def test_a_path_that_jumps_beyond_the_limit_is_held_where_it_is():
+def test_a_path_that_jumps_beyond_the_limit_leaves_the_axis_at_its_position():
     r = rig(limits=AxisLimits(position=(-10.0, 10.0))).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="leaves the position limits"):
@@ -482,7 +482,7 @@ def test_the_limits_count_in_the_user_s_own_count():
 
 
 @pytest.mark.parametrize("own", [True, False], ids=["own", "known"])
-def test_an_axis_at_rest_outside_its_limits_may_come_back_but_not_go_farther_out(own):
+def test_an_axis_outside_its_limits_may_return_and_not_move_farther_out(own):
     wrap = Own if own else lambda path: path
     r = rig(limits=TEN, motor=MotorParams(start_position=15_000)).enabled()
     watch = Watch(r)
@@ -537,7 +537,7 @@ def test_a_trajectory_with_a_mistake_ends_its_command_and_not_the_scan(wrong):
     assert r.axis.state is AxisState.ERRORSTOP
 
 
-def test_an_axis_that_does_not_come_up_with_its_end_fails():
+def test_an_axis_that_does_not_reach_the_end_of_its_trajectory_fails():
     r = rig(position_window=100, following_error=BLIND).enabled()
     r.device.write(0x6065, 0, 0xFFFFFFFF)
     handle = r.axis.follow(TrapezoidalTrajectory(0.0, 10.0, 100.0, 500.0))

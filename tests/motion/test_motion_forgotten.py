@@ -260,7 +260,7 @@ def unseen(option: int) -> Rig:
 @pytest.mark.parametrize(
     ("how", "option"), [("disable", 2), ("fault", 2), ("quick stop", 2), ("quick stop", 6)]
 )
-def test_after_a_broken_off_move_an_axis_at_rest_can_be_halted(how, option):
+def test_after_an_interrupted_move_an_axis_at_standstill_can_be_halted(how, option):
     """Nothing of the move outlives it, although nobody sees by 6062h that the drive leads the axis nowhere."""
     r = unseen(option)
     axis = r.axis

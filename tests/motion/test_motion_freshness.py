@@ -164,7 +164,7 @@ def test_a_disabled_axis_that_goes_silent_is_sent_nothing():
     assert r.axis.state is AxisState.DISABLED
 
 
-def test_after_the_word_comes_back_only_a_reset_and_an_enable_bring_the_axis_back():
+def test_after_a_lost_statusword_the_axis_needs_a_reset_and_an_enable():
     r = rig().enabled()
     port = r.ports["x"]
     read = port.read
@@ -220,7 +220,7 @@ def test_an_event_word_without_a_timer_is_polled_by_sdo_and_stays_known():
     r.axis.move_absolute(10.0).wait(5)
 
 
-def test_what_an_axis_shows_ends_with_its_scan():
+def test_the_position_of_an_axis_is_stale_after_its_scan_has_ended():
     r = rig()
     r.enabled()
     assert r.axis.position == pytest.approx(0.0, abs=0.01)
@@ -230,7 +230,7 @@ def test_what_an_axis_shows_ends_with_its_scan():
     assert "nothing more is received" in caught.value.observed
 
 
-def test_what_an_axis_shows_is_not_of_now_while_the_scan_hangs():
+def test_the_position_of_an_axis_is_stale_while_the_scan_hangs():
     r = rig()
     r.enabled()
     r.cycle.wait_until(r.now + 0.2)

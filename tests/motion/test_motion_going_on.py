@@ -207,13 +207,13 @@ def test_on_the_plant_it_continues_without_a_jolt():
         (Jog, 3, True, False, False),
     ],
 )
-def test_what_each_command_works_in_and_how_it_ends(activity, mode, goes_on, clears_error, ends_at_rest):
+def test_mode_and_end_conditions_of_each_activity(activity, mode, goes_on, clears_error, ends_at_rest):
     assert (activity.mode, activity.goes_on, activity.clears_error, activity.ends_at_rest) == (
         *(mode, goes_on, clears_error, ends_at_rest),
     )
 
 
-def test_a_trajectory_that_is_planned_begins_at_the_demand_or_else_where_the_axis_is():
+def test_a_planned_trajectory_begins_at_the_demand_or_else_at_the_actual_position():
     drive = Drive(scan_period=PERIOD)
     follow = Follow(None, drive.parameters, OPEN)
     assert follow.reference(drive.cycle(statusword=0x1237, mode=1, position=500, demand=510)[0]) == 510
@@ -222,7 +222,7 @@ def test_a_trajectory_that_is_planned_begins_at_the_demand_or_else_where_the_axi
         follow.reference(drive.cycle(position=None)[0])
 
 
-def test_an_axis_has_two_seconds_to_come_up_with_the_end_of_its_trajectory():
+def test_an_axis_has_two_seconds_to_reach_the_end_of_its_trajectory():
     drive = Drive(scan_period=PERIOD)
     follow = Follow(TrapezoidalTrajectory(0.0, 1.0, 20.0, 40.0), drive.parameters, OPEN)
     ended = None

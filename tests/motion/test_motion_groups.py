@@ -102,7 +102,7 @@ def test_waiting_threads_wake_in_the_cycle_in_which_a_group_command_ends_and_in_
     assert woken[-1:] == [r.now]
 
 
-def test_an_axis_that_is_being_enabled_by_itself_does_not_keep_its_group_waiting_for_ever():
+def test_an_axis_that_is_being_enabled_alone_does_not_block_its_group():
     r = rig("xy")
     r.drive_of("x").dials.transition_delay[3] = 0.2
     one = r.axes["x"].enable()
@@ -126,7 +126,7 @@ def test_a_group_enable_that_was_asked_for_twice_and_fails_fails_for_both():
 
 
 @pytest.mark.parametrize("how", ["halt", "stop", "disable", "quick_stop", "reset"])
-def test_what_a_group_is_asked_for_twice_ends_well_for_both(how):
+def test_a_group_command_given_twice_ends_well_for_both(how):
     r = rig("xy").enabled()
     for axis in r.axes.values():
         axis.move_velocity(50.0)
@@ -160,7 +160,7 @@ def test_a_halt_that_is_asked_for_again_stops_an_axis_that_has_begun_to_move_mea
     assert all(abs(device.drives[0].axis.motor.velocity) < 1.0 for device in r.devices)
 
 
-def test_enabling_a_group_of_which_one_is_enabled_already():
+def test_a_group_is_enabled_if_one_axis_is_enabled_already():
     r = rig("xyz")
     r.axes["y"].enable().wait(2)
     seen = watches(r)
@@ -305,7 +305,7 @@ def test_braking_along_the_line_never_asks_for_more_than_the_path_s_acceleration
     assert seen["y"].acceleration(2) <= 400_000 * 0.8 * 1.1
 
 
-def test_one_axis_halted_by_itself_brakes_the_whole_line():
+def test_a_halt_of_one_axis_brakes_all_axes_on_the_line():
     r = rig("xy").enabled()
     handle = r.groups["all"].move_linear((90.0, 120.0), velocity=100.0, acceleration=400.0)
     r.run(0.8)
@@ -358,7 +358,7 @@ def test_a_fault_of_one_member_stops_the_others_along_the_line(known):
 
 
 @pytest.mark.parametrize("trouble", ["disabled", "found enabled", "moving", "fault", "locked"])
-def test_a_line_with_a_member_that_cannot_go_is_refused_and_nobody_moves(trouble):
+def test_a_line_with_an_axis_that_cannot_move_is_refused_without_a_motion(trouble):
     r = rig("xyz")
     for name in "xz":
         r.axes[name].enable().wait(2)
@@ -417,7 +417,7 @@ def test_a_line_brings_back_an_axis_that_is_outside_its_limits():
     assert watch.travel[1] <= 15_001
 
 
-def test_a_line_without_an_acceleration_takes_the_smallest_default_or_says_whose_is_missing():
+def test_a_line_without_an_acceleration_uses_the_smallest_default_or_names_the_axis_without_one():
     r = rig("xy", each={"y": {"defaults": Defaults(velocity=10.0, acceleration=50.0)}}).enabled()
     seen = watches(r)
     r.groups["all"].move_linear((30.0, 40.0), velocity=50.0).wait(10)
@@ -524,7 +524,7 @@ def test_a_group_command_is_not_done_if_an_axis_that_had_ended_its_part_was_take
         handle.wait(5)
 
 
-def test_what_an_axis_is_asked_for_after_the_end_of_a_group_command_leaves_it_done():
+def test_a_later_command_of_one_axis_leaves_an_ended_group_command_done():
     r = rig("xy").enabled()
     handle = r.groups["all"].move_direct((1.0, 2.0))
     handle.wait(5)
@@ -576,7 +576,7 @@ def test_a_fault_stops_the_moving_axes_of_its_group_and_no_others():
     assert abs(r.drive_of("z").axis.motor.velocity) > 90_000
 
 
-def test_a_drive_found_moving_by_itself_is_not_touched_by_the_policy():
+def test_a_drive_found_moving_is_not_stopped_by_the_policy():
     r = rig("xy")
     r.drive_of("y").start_enabled(3)
     r.drive_of("y").target_velocity = 20_000

@@ -395,7 +395,7 @@ def test_queued_transfers_are_cancelled():
         (None, HoldsLoad.NO, None),
     ],
 )
-def test_what_a_drive_would_continue_after_a_halt_by_mode(mode, load, left):
+def test_the_remains_of_a_halted_motion_by_mode(mode, load, left):
     drive = Steps(holds_load=load)
     image, _ = drive.cycle(statusword=ENABLED, mode=mode, position=0)
     assert after_halt(image, drive.parameters) is left
@@ -425,7 +425,7 @@ def test_when_the_master_knows_that_the_drive_has_no_set_point(seen, idle):
     assert image.led.idle is idle
 
 
-def test_every_mode_says_what_is_left_of_a_halted_motion():
+def test_every_mode_defines_the_remains_of_a_halted_motion():
     left = {mode: conduct.after_halt for mode, conduct in CONDUCT.items()}
     assert left.pop(MODE.PROFILE_POSITION) is AfterHalt.SET_POINT
     assert left.pop(MODE.HOMING) is AfterHalt.SEARCH

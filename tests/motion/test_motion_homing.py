@@ -231,7 +231,7 @@ def test_an_axis_that_was_past_the_wrap_of_integer32_counts_from_home_again():
     assert r.drive.position == pytest.approx(5_000, abs=60)
 
 
-def test_a_home_offset_of_the_drive_is_what_home_reads_as():
+def test_a_home_offset_of_the_drive_is_the_position_at_home():
     r = rig(motor=MACHINE, homing=SEARCH).enabled()
     r.device.write(0x607C, 0, 5_000)
     r.axis.home(18).wait(20)
@@ -368,7 +368,7 @@ def test_homing_while_the_axis_moves_is_refused():
     assert r.axis.state is AxisState.CONTINUOUS_MOTION
 
 
-def test_a_fault_during_the_search_names_what_it_interrupted():
+def test_a_fault_during_the_search_names_the_interrupted_command():
     r = rig(motor=MACHINE, homing=SEARCH).enabled()
     handle = r.axis.home(17)
     r.until(lambda: abs(r.drive.axis.motor.velocity) > 40_000)

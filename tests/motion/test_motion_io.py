@@ -43,7 +43,7 @@ def there(value: int = 1, stamp: float = 0.0) -> IoInputs:
     return IoInputs(SignalValidity.YES, (Sample(value, stamp),))
 
 
-def test_nothing_is_sent_before_something_is_set():
+def test_nothing_is_sent_before_an_output_is_set():
     assert node().step(0.0, there()) == (None, None)
 
 
@@ -112,7 +112,7 @@ def test_a_loss_ends_commands_and_makes_safe(known, sent):
     assert one.refusal("lamp", "lamp = True") is None
 
 
-def test_an_input_of_before_a_loss_says_nothing_after_it():
+def test_an_input_from_before_a_loss_is_unknown_after_it():
     one = node()
     for now, inputs, known in [
         (0.00, IoInputs(SignalValidity.YES, (None,)), SignalValidity.NOT_YET),

@@ -185,7 +185,7 @@ class Bump:
 
 @pytest.mark.parametrize("jerk", [4100.0, 20_000.0, 100_000.0])
 @pytest.mark.parametrize("hard", [None, 1000.0])
-def test_where_an_axis_reaches_its_limits_briefly_a_jerk_limited_path_keeps_them_too(hard, jerk):
+def test_a_jerk_limited_path_keeps_limits_that_an_axis_reaches_briefly(hard, jerk):
     """There it is slow, and in time before and behind: what the axes are led to is a mean."""
     limits, velocity, acceleration = [AxisLimits(velocity=400.0, acceleration=hard)] * 2, 600.0, 1000.0
     piece = KinematicSegment(Straight((-100.0,), (100.0,), 200.0), Bump())
@@ -206,7 +206,7 @@ def test_where_an_axis_reaches_its_limits_briefly_a_jerk_limited_path_keeps_them
     assert hard is not None or max(map(abs, speeds)) > 0.8 * 400.0
 
 
-def test_a_line_that_comes_too_near_to_the_middle_is_refused():
+def test_a_line_too_near_to_the_centre_is_refused():
     straight = Scara(150.0, 150.0)
     with pytest.raises(ValueError, match="too near to a jump"):
         survey(KinematicSegment(Straight((200.0, 0.05), (-200.0, 0.05), 400.0), straight))

@@ -181,7 +181,7 @@ def test_a_torque_that_could_not_be_stopped_within_its_limits_is_refused(changes
     assert r.drive.axis.motor.position == 0.0
 
 
-def test_where_no_limit_holds_nothing_is_refused():
+def test_without_an_active_limit_nothing_is_refused():
     for changes in ({}, {"homing": HomingParameters(required=True), "limits": BOUNDED["limits"]}):
         r = rig(**unknown_ratio(), **changes).enabled()
         r.axis.move_velocity(10.0).wait(5)
@@ -280,7 +280,7 @@ def test_an_axis_that_brakes_to_a_lower_speed_is_not_too_fast():
     assert watched.go(400, 10) is not None  # what was excused has gone with the speed
 
 
-def test_what_a_trajectory_before_may_still_do_is_no_overspeed():
+def test_the_end_of_the_previous_trajectory_is_no_overspeed():
     watched = Watched(CommandedMotion(speed=640.0))
     watched.activity.leading, watched.activity.in_effect = object(), False
     for step in range(10, 900, 30):

@@ -289,7 +289,7 @@ def edge(stop: Stop, target: int) -> Stop:
     ("waited", "moving", "held"),
     [(30, False, True), (10, False, False), (30, True, False)],
 )
-def test_only_an_axis_at_rest_in_the_middle_of_its_move_counts_as_held_and_loses_its_power(
+def test_only_an_axis_at_standstill_in_the_middle_of_its_move_counts_as_held_and_loses_its_power(
     waited, moving, held
 ):
     """Three tenths of a second after its set-point a free axis moves; where nobody sees what pulls it, it is not let go softly."""
@@ -454,7 +454,7 @@ def test_a_mode_change_is_completed_before_the_drive_s_own_halt():
     assert asked == ["brake"] * 3
 
 
-def test_where_the_drive_does_not_take_its_new_mode_it_is_braked_along_the_path():
+def test_if_the_drive_does_not_take_its_new_mode_it_is_braked_along_the_path():
     change = Change(False, DriveError("no"))
     stop, asked = stop_out_of_a_path(change)
     stop.run(3, True, statusword=ENABLED, mode=8)
@@ -475,7 +475,7 @@ def test_a_harder_stop_withdraws_the_mode_change():
     assert stop.ladder.leaving is None
 
 
-def test_a_path_that_is_over_is_at_rest():
+def test_a_path_that_has_ended_is_at_standstill():
     drive = Drive(scan_period=0.01)
     follow = path(drive, 0.5)
     for _ in range(60):
@@ -565,7 +565,7 @@ def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:
         ({"position": None, "velocity": 0}, True),
     ],
 )
-def test_an_axis_has_left_its_path_when_it_is_seen_at_rest(changes, over):
+def test_an_axis_has_left_its_path_when_standstill_is_seen(changes, over):
     _, axis = leaving(**changes)
     axis.step(102.75)
     assert axis.over is over

@@ -87,7 +87,7 @@ def test_trapezoids_samples_and_lines_report_how_far_and_how_fast_they_go():
     assert [path.top_speed for path in known] == [3.0, 2.0, 6.0, 4.0]
 
 
-def test_limits_are_widened_to_where_a_motion_starts():
+def test_limits_are_widened_to_the_start_of_a_motion():
     assert widened(LIMITS, 3.0, 0.5) == (-10.5, 10.5)
     assert widened(LIMITS, 12.0, 0.5) == (-10.5, 12.5)
     assert widened(LIMITS, -12.0, 0.0) == (-12.0, 10.0)

@@ -434,7 +434,7 @@ def test_a_relative_move_beyond_the_limits_ends_its_handle_and_nothing_moves():
     assert r.axis.state is AxisState.STANDSTILL
 
 
-def test_before_homing_absolute_moves_are_refused_where_homing_is_required():
+def test_before_homing_absolute_moves_are_refused_if_homing_is_required():
     r = rig(homing=HomingParameters(method=37, required=True)).enabled()
     with pytest.raises(ArgumentError, match="not homed"):
         r.axis.move_absolute(0.0)
@@ -470,7 +470,7 @@ def test_a_missing_default_is_reported_and_never_guessed():
 # Deadlines.
 
 
-def test_a_blocked_motor_that_nobody_sees_fall_behind_fails_at_twice_its_time():
+def test_a_blocked_motor_without_following_error_monitoring_fails_at_twice_its_time():
     r = rig(following_error=BLIND).enabled()
     r.device.write(0x6065, 0, 0xFFFFFFFF)  # the drive itself does not notice
     r.drive.dials.blocked = True
@@ -519,7 +519,7 @@ def test_without_a_known_ratio_progress_is_the_deadline():
     assert "6064h has not changed for 2 s" in caught.value.observed
 
 
-def test_a_move_whose_bit_10_never_comes_fails_and_says_which_bit():
+def test_a_move_without_bit_10_fails_and_names_the_bit():
     r = rig().enabled()
     r.drive.dials.target_reached_never = True
     with pytest.raises(MotionTimeout) as caught:
@@ -558,7 +558,7 @@ def test_an_object_that_is_not_answered_fails_the_move_in_time():
 
 
 @pytest.mark.parametrize("how", ["move_velocity", "halt", "policy"])
-def test_what_an_interrupted_move_still_has_queued_is_cancelled(how):
+def test_queued_transfers_of_an_interrupted_move_are_cancelled(how):
     r = rig("xy", port={"sdo_time": 0.5}).enabled()
     watch = Watch(r)
     r.axes["x"].move_absolute(10.0)
@@ -737,7 +737,7 @@ def test_whatever_is_asked_the_last_target_is_reached_within_velocity_and_accele
         (0x6098, lambda axis: axis.home(), "hm"),
     ],
 )
-def test_what_the_drive_has_no_object_for_is_refused(index, call, mode):
+def test_a_command_without_its_object_in_the_drive_is_refused(index, call, mode):
     r = rig(objects=frozenset(dictionary_of(GENERIC).objects) - {index}).enabled()
     with pytest.raises(StateError, match=rf"cannot run {mode} \(") as caught:
         call(r.axis).wait(5)

@@ -80,7 +80,7 @@ def test_under_an_override_the_change_is_shorter():
     assert not more
 
 
-def test_what_took_long_because_it_was_held_is_no_measure():
+def test_the_duration_of_a_change_that_was_held_is_not_used():
     (asked, _), *_ = Passed("low", FAST, SLOW, taken=30.0).asked_at()
     assert asked == pytest.approx(100_000 - CHANGE - 0.25 * 200_000.0, abs=100)
 
@@ -109,7 +109,7 @@ def test_the_same_profile_is_not_asked_for_but_a_time_begins_again():
 
 
 @pytest.mark.parametrize(("down", "kept"), [(400_000.0, False), (250_000.0, False), (100_000.0, True)])
-def test_a_deceleration_that_would_come_too_late_is_not_taken(down, kept):
+def test_a_deceleration_that_would_be_written_too_late_is_not_taken(down, kept):
     (_, asked), *_ = Passed("previous", FAST, weak := profile(100_000.0, down)).asked_at()
     assert (asked.deceleration, asked.down) == ((400, 400_000.0) if kept else (weak.deceleration, down))
     assert (asked.velocity, asked.acceleration) == (weak.velocity, weak.acceleration)
@@ -123,7 +123,7 @@ def test_a_drive_without_6084h_keeps_the_acceleration_with_which_it_brakes_as_we
     assert (asked.up, asked.down) == (400_000.0, 400_000.0)
 
 
-def test_one_that_takes_over_slower_says_so():
+def test_a_move_that_takes_over_more_slowly_has_a_note():
     play = Passed("low", FAST, FAST)
     play.drive.says(velocity=0)
     image, _ = play.drive.cycle(position=100_000, velocity=100_000, statusword=0x1237, mode=1)
@@ -131,7 +131,7 @@ def test_one_that_takes_over_slower_says_so():
     assert "instead of 200" in play.second.note
 
 
-def test_a_drive_that_has_reached_the_first_end_has_not_reached_what_joined_meanwhile():
+def test_target_reached_of_the_first_move_does_not_end_the_move_that_joined():
     drive, reached, acknowledge = Drive(), 0x0400, 0x1000
     ready = SimpleNamespace(step=lambda *_: True, cancel=lambda _: None, leading=None, leaving=None)
     ready.ramps = RampTransfers((), drive.parameters)

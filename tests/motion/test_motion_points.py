@@ -81,7 +81,7 @@ def test_neither_place_nor_speed_nor_acceleration_jumps_and_points_are_met():
 
 
 @pytest.mark.parametrize("path", [lambda t: 7.0 - 50.0 * t, lambda t: 100.0 * t * t])
-def test_straight_lines_and_constant_accelerations_stay_what_they_are(path):
+def test_straight_lines_and_constant_accelerations_are_unchanged(path):
     for number, span in enumerate(joined((0.01 * n, path(0.01 * n)) for n in range(9))):
         assert at(span.curves[0], 0.004) == pytest.approx(path(0.01 * number + 0.004))
 
@@ -113,7 +113,7 @@ def test_accepted_points_can_be_ended_anywhere():
     assert taken > 40
 
 
-def test_no_point_leads_to_where_the_axis_cannot_brake_in_time():
+def test_a_point_from_which_the_axis_could_not_brake_in_time_is_refused():
     lame = MAY._replace(braking=10.0)
     joining = CurveFit({"x": lame}, "x.stream")
     with pytest.raises(LimitError, match="could not brake in time"):
@@ -137,7 +137,7 @@ def random_spans(rnd: random.Random) -> list[Span]:
 
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(st.integers(0, 100_000))
-def test_no_pace_whatever_comes_when_asks_more_of_an_axis_than_it_may(seed):
+def test_late_points_halts_and_overrides_never_exceed_the_limits_of_an_axis(seed):
     """Spans come in bursts, late and not at all; it is halted, and slowed by an override. The last place is the end."""
     rnd = random.Random(seed)
     spans, course, travel = random_spans(rnd), StreamTimeline(), StreamTravel()

@@ -53,7 +53,7 @@ def test_a_motion_ends_within_the_limits_or_no_farther_out_than_it_began(start, 
 
 
 @given(places, windows, windows)
-def test_an_end_that_is_beyond_by_what_a_position_wanders_is_the_limit(start, window, beyond):
+def test_an_end_beyond_the_limit_by_no_more_than_the_window_becomes_the_limit(start, window, beyond):
     assume(LIMITS[0] <= start <= LIMITS[1])
     for limit, end in ((LIMITS[0], LIMITS[0] - beyond), (LIMITS[1], LIMITS[1] + beyond)):
         inside = LIMITS[0] <= end <= LIMITS[1]
@@ -89,7 +89,7 @@ def test_a_brake_is_no_harder_than_its_room_needs_and_than_it_may_be(position, v
 
 
 @given(st.floats(-200.0, 200.0), st.floats(10.0, 5000.0))
-def test_in_each_cycle_of_a_brake_the_velocity_falls_by_what_it_may(velocity, deceleration):
+def test_the_velocity_of_a_brake_falls_by_its_deceleration_in_each_cycle(velocity, deceleration):
     places = steps_to_rest(5.0, velocity, deceleration, PERIOD)
     speeds = [velocity, *((b - a) / PERIOD for a, b in pairwise(places))]
     falls = [(a - b) / PERIOD for a, b in pairwise(speeds)]
@@ -105,7 +105,7 @@ def test_a_path_that_begins_at_a_limit_may_return_to_it():
 
 
 @pytest.mark.parametrize("lap", [0, 1, -3])
-def test_a_count_ends_where_its_drive_begins_again(lap):
+def test_the_range_of_the_count_ends_at_the_wrap_of_the_drive(lap):
     room, low, high = room_of_count(lap * 2**32 + 17), lap * 2**32 - 2**31, lap * 2**32 + 2**31 - 1
     assert room == (low + 10, high - 10)
     assert room_of_count(int(room.low)) == room_of_count(int(room.high)) == room
@@ -176,7 +176,7 @@ PLACES = (None, -0.002, -0.03, -5.0, 60.0, 60.002, 60.03, 65.0)
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("way", WAYS)
-def test_an_axis_comes_back_from_a_limit_and_from_beyond_it(way, place, seed):
+def test_an_axis_moves_back_from_a_limit_and_from_beyond_it(way, place, seed):
     r = bounded("xy", seed=seed, place=place, each={"y": {"limits": AxisLimits(velocity=400.0)}})
     farthest = out_of(r)
     handle = WAYS[way](r)
@@ -225,7 +225,7 @@ def test_no_motion_takes_an_axis_beyond_a_limit_farther_out(way, place):
 
 
 @pytest.mark.parametrize("place", [0.0, -0.002, 60.0, 60.002])
-def test_an_arc_may_begin_where_a_position_wanders_at_a_limit(place):
+def test_an_arc_may_begin_at_a_limit_with_a_noisy_position(place):
     r = bounded("xy", place=place, each={"y": {"limits": AxisLimits(velocity=400.0)}})
     here, begun = (r.axis.commanded_position, r.axes["y"].commanded_position), out_of(r)
     centre, end = ((here[0] + inward(r) * way, here[1]) for way in (10.0, 20.0))
@@ -280,7 +280,7 @@ class ToldBefore(InAndOut):
 
 
 @pytest.mark.parametrize("path", [InAndOut, ToldBefore])
-def test_a_trajectory_that_comes_in_from_beyond_a_limit_does_not_go_out_again(path):
+def test_a_trajectory_that_enters_from_beyond_a_limit_does_not_leave_again(path):
     r = bounded(place=-5.0, motor=None)
     watch = Watch(r)
     handle = r.axis.follow(path())
@@ -291,7 +291,7 @@ def test_a_trajectory_that_comes_in_from_beyond_a_limit_does_not_go_out_again(pa
     assert watch.transitions == []  # it was braked along its path
 
 
-def test_a_slave_axis_that_came_back_from_beyond_a_limit_is_not_moved_out_again():
+def test_a_slave_axis_that_returned_from_beyond_a_limit_is_not_moved_out_again():
     r = bounded("xy", place=-5.0, motor=None, each={"y": {"limits": AxisLimits(velocity=400.0)}})
     handle = _gear(r, 10.0)
     r.until(lambda: r.axis.position > 2.0)
@@ -409,7 +409,7 @@ def test_a_path_that_is_braked_is_no_harder_than_its_deceleration(period, after,
 
 
 @given(st.floats(1.0, 300.0), st.floats(10.0, 3000.0), st.floats(-100.0, 100.0))
-def test_an_axis_that_brakes_now_rests_where_its_path_ends(velocity, deceleration, position):
+def test_the_computed_stop_is_the_end_of_the_braked_path(velocity, deceleration, position):
     stop = rest(position, velocity, deceleration)
     path = ProfileFromSpeed(Start(position, velocity), stop, velocity, deceleration, deceleration)
     assert path.position(path.duration + 1.0) == stop

@@ -66,7 +66,7 @@ def test_enable_takes_transitions_2_3_4_and_holds_the_axis():
     assert watch.displacement == 0.0
 
 
-def test_nothing_is_sent_before_the_first_command():
+def test_nothing_is_sent_before_the_first_command_to_an_axis():
     r = rig()
     watch = Watch(r)
     r.run(1.0)
@@ -187,7 +187,7 @@ def test_a_drive_held_in_quick_stop_keeps_its_power_until_enable_asks_for_transi
     assert watch.transitions == [16]
 
 
-def test_a_drive_that_leaves_quick_stop_by_itself_is_enabled_from_there():
+def test_a_drive_that_left_quick_stop_is_enabled_after_a_reset():
     r = rig()
     r.device.write(0x605A, 0, 6)
     r.enabled()
@@ -203,7 +203,7 @@ def test_a_drive_that_leaves_quick_stop_by_itself_is_enabled_from_there():
     assert watch.transitions == [12, 2, 3, 4]
 
 
-def test_enable_from_fault_says_reset_first_and_sends_no_enable():
+def test_enable_in_fault_is_refused_with_reset_first_and_sends_no_enable():
     r = rig()
     bring_to(r, FAULT)
     watch = Watch(r)
@@ -294,7 +294,7 @@ def test_a_node_that_was_lost_is_not_enabled():
     assert r.drive.power.stage == DISABLED
 
 
-def test_enable_needs_to_know_where_the_axis_is():
+def test_enable_needs_a_position():
     r = rig(port={"inputs": {"position": ValueTransport.NONE}})
     with pytest.raises(StaleError, match="6064h"):
         r.axis.enable().wait(3)
@@ -327,7 +327,7 @@ def test_an_axis_that_is_enabled_holds_the_target_that_it_was_enabled_with():
 
 
 @pytest.mark.parametrize("blind_from", range(0, 14, 2))
-def test_a_position_that_comes_late_is_awaited_while_enabling(blind_from):
+def test_a_late_position_is_awaited_while_enabling(blind_from):
     """For 0.6 s nothing is heard of 6064h, from a cycle of the way up on: it is enabled with a fresh one, and nothing jumps."""
     r = rig()
     r.run(0.5)
@@ -563,7 +563,7 @@ def test_a_drive_that_drops_out_in_errorstop_is_not_enabled_again():
     assert r.axis.state is AxisState.ERRORSTOP
 
 
-def test_a_drive_that_drops_out_at_standstill_says_so_and_stays_off():
+def test_a_drive_that_drops_out_at_standstill_is_reported_and_stays_off():
     r = rig().enabled()
     watch = Watch(r)
     r.drive.controlword = 0x00

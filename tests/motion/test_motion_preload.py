@@ -65,7 +65,7 @@ def test_stale_targets_move_nothing_when_a_drive_is_enabled_in_whatever_mode_it_
 
 @pytest.mark.parametrize("mode", [PP, PV, TQ, HM, CSP, CSV, CST])
 @pytest.mark.parametrize("refused", [frozenset({PP}), frozenset({PP, CSP})], ids=["no pp", "no pp, no csp"])
-def test_stale_targets_move_nothing_where_another_resting_mode_must_be_taken(mode, refused):
+def test_stale_targets_move_nothing_if_another_resting_mode_must_be_taken(mode, refused):
     r = rig(motor=MotorParams(start_position=7_000.0))
     stale(r.drive, mode)
     r.drive.dials.modes_refused = refused - {mode}
@@ -75,7 +75,7 @@ def test_stale_targets_move_nothing_where_another_resting_mode_must_be_taken(mod
     assert watch.displacement == 0.0
 
 
-def test_an_axis_that_was_pushed_while_disabled_is_held_where_it_is():
+def test_an_axis_that_was_pushed_while_disabled_is_held_at_its_new_position():
     r = rig().enabled()
     r.axis.move_absolute(20.0).wait(5)
     r.axis.disable().wait(3)
@@ -106,7 +106,7 @@ def test_an_axis_that_turns_while_it_is_enabled_is_caught_and_not_thrown_back():
 
 
 @pytest.mark.parametrize(("first", "second"), list(permutations([PP, PV, TQ, HM, CSP], 2)))
-def test_no_change_of_mode_moves_a_standing_axis(first, second):
+def test_no_change_of_mode_moves_an_axis_at_standstill(first, second):
     r = rig(homing=SEARCH, limits=AxisLimits()).enabled()
     run_in(r, first)
     r.drive.dials.mode_delay = 0.03

@@ -146,7 +146,7 @@ def test_a_counted_latch_never_pairs_a_position_with_the_count_of_another(looks)
 
 
 @given(st.lists(st.integers(-5, 5), max_size=40))
-def test_without_a_counter_what_is_reported_is_each_change(places):
+def test_without_a_counter_each_change_of_the_position_is_reported(places):
     latch, told = Latch(0x60BA, None), []
     for place in places:
         latch.begin()

@@ -39,7 +39,7 @@ def samples(path, steps: int = STEPS) -> tuple[float, list[float]]:
 
 @SAME
 @given(TRAPEZOIDS)
-def test_a_trapezoid_begins_and_ends_exactly_where_it_should(path):
+def test_a_trapezoid_begins_and_ends_exactly_at_its_ends(path):
     assert path.position(0.0) == path.start
     assert path.position(path.duration) == path.end
     assert path.position(-1.0) == path.start

@@ -27,7 +27,7 @@ def gone(shift: Shift, most: int = 20000) -> int:
 
 @SAME
 @given(ENDS, FAST, HARD, HARD)
-def test_an_end_is_come_to_from_rest_and_never_gone_beyond(end, velocity, up, down):
+def test_an_end_is_reached_from_standstill_and_never_exceeded(end, velocity, up, down):
     shift, rates, places = Shift(PERIOD), [0.0], []
     shift.aim(end, velocity, up, down)
     while not shift.at_rest:
@@ -45,7 +45,7 @@ def test_an_end_is_come_to_from_rest_and_never_gone_beyond(end, velocity, up, do
 
 @SAME
 @given(ENDS, ENDS, st.integers(0, 60), FAST, HARD)
-def test_another_end_is_come_to_from_any_rate(first, second, cycles, velocity, ramp):
+def test_another_end_is_reached_from_any_rate(first, second, cycles, velocity, ramp):
     shift = Shift(PERIOD)
     shift.aim(first, velocity, ramp, ramp)
     for _ in range(cycles):
@@ -59,7 +59,7 @@ def test_another_end_is_come_to_from_any_rate(first, second, cycles, velocity, r
 
 @SAME
 @given(ENDS, HARD, st.lists(st.floats(-1.0, 1.0), min_size=20, max_size=400))
-def test_a_sum_is_never_beyond_what_a_path_within_it_leaves(distance, ramp, changes):
+def test_a_sum_never_exceeds_the_limits_beside_a_path_within_them(distance, ramp, changes):
     """The path changes its speed at will, as hard and as fast as the axis itself may be."""
     fastest, hardest = 100.0, 1000.0
     addition = Addition(MoveSuperimposed(distance, fastest, ramp, ramp), PERIOD)

@@ -49,7 +49,7 @@ def shortest(change: float, ramp: float, jerk: float) -> float:
 
 
 @pytest.mark.parametrize("goal", [3.0, 40.0, 90.0, -90.0, 300.0])
-def test_from_rest_it_takes_the_shortest_time_and_a_cycle_or_two(goal):
+def test_from_standstill_it_takes_the_shortest_time_and_a_cycle_or_two(goal):
     ramp = SoftRamp(ReferenceState(5.0), RAMPS)
     ramp.goal = goal
     places = to_goal(ramp, [5.0] * 4)
@@ -74,7 +74,7 @@ def test_away_from_0_and_towards_it_each_has_its_own_acceleration_and_through_0_
     assert ramp.led.velocity == -300.0
 
 
-def test_a_brake_comes_to_rest_as_softly_and_is_not_forgotten():
+def test_a_jerk_limited_brake_ends_at_0_and_is_not_replaced_by_another_goal():
     ramp = SoftRamp(ReferenceState(0.0), RAMPS)
     ramp.goal = 100.0
     places = [0.0] * 4
@@ -125,7 +125,7 @@ def test_whatever_is_asked_meanwhile_no_limit_is_passed_and_it_ends_at_the_last_
 @pytest.mark.parametrize("rate", [-450.0, 0.0, 450.0])
 @pytest.mark.parametrize("speed", [-80.0, 0.0, 80.0])
 @pytest.mark.parametrize("goal", [-100.0, 0.0, 30.0])
-def test_what_continues_from_another_motion_has_its_velocity_and_its_acceleration(rate, speed, goal):
+def test_a_ramp_that_takes_over_begins_with_the_present_velocity_and_acceleration(rate, speed, goal):
     led = ReferenceState(10.0, speed, rate)
     ramp = SoftRamp(led, RAMPS)
     ramp.goal = goal

@@ -86,7 +86,7 @@ def gone(way: Path, cycles: int, velocity: float, t: float, factors: tuple[float
     st.sampled_from([0.004, 0.01]),
     st.sampled_from([(), (0.3, 1.0, 1.5), (0.05, 1.5)]),
 )
-def test_nothing_is_faster_harder_or_more_sudden_than_it_may_be(
+def test_no_path_exceeds_velocity_acceleration_or_jerk(
     points, blend, limits, velocity, hard, mean, period, factors
 ):
     limits = limits[: len(points[0])]
@@ -115,7 +115,7 @@ def test_a_tiny_line_is_still_a_segment_of_the_path(tiny, blend):
     assert trip.highest(2, 0.004) <= 100.0 * (1 + 1e-6)
 
 
-def test_the_jerk_is_used_where_corners_are_what_limits():
+def test_the_allowed_jerk_is_used_in_corners():
     way, cycles = planned(SQUARE, 3.0, [AxisLimits()] * 2, 120.0, 500.0, 5000.0, 0.004)
     trip = gone(way, cycles, 120.0, 0.004)
     assert 0.9 * 5000.0 < trip.highest(3, 0.004) <= 5000.0 * (1 + 1e-6)
@@ -138,7 +138,7 @@ def test_the_limits_of_a_short_corner_apply_before_and_behind_it_as_far_as_the_m
 
 @pytest.mark.parametrize("turn", [0.3, 1.5, 2.9])
 @pytest.mark.parametrize("hard", [100.0, 5000.0])
-def test_through_a_corner_what_speeds_up_and_what_turns_together_make_the_jerk(turn, hard):
+def test_the_jerk_in_a_corner_combines_acceleration_and_turning(turn, hard):
     """At its highest speed and acceleration, and that changing, either way: by differences of its places in a very short time."""
     soft, t = Soft(2.0 * hard / 0.3, 0.3, hard), 1e-4
     found = corner((0.0, 0.0), (1.0, 0.0), (math.cos(turn), math.sin(turn)), within=3.0, room=50.0)
@@ -176,7 +176,7 @@ def test_a_higher_jerk_is_never_slower_and_a_very_high_one_is_as_fast_as_no_limi
     assert counts[-1] <= 1.06 * len(without.places)  # of the acceleration, corners have a smaller share
 
 
-def test_at_a_stop_within_the_path_the_mean_comes_to_rest_before_it_continues():
+def test_at_a_stop_within_the_path_the_mean_reaches_standstill_before_it_continues():
     way, cycles = planned(SQUARE, 0.0, [AxisLimits()] * 2, 120.0, 500.0, 5000.0, 0.004)
     trip = gone(way, cycles, 120.0, 0.004)
     for tip in SQUARE[1:-1]:

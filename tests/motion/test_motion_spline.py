@@ -62,7 +62,7 @@ def test_a_curve_goes_through_its_points_smoothly_and_reports_how_far_fast_and_h
     assert abs(speeds[-1]) <= curve.top_acceleration * dt + noise * dt  # to rest
 
 
-def test_a_curve_of_two_points_is_the_cubic_from_rest_to_rest():
+def test_a_curve_of_two_points_is_the_cubic_from_standstill_to_standstill():
     curve = SplineTrajectory((0.0, 2.0), (10.0, 20.0))
     assert (curve.position(0.5), curve.position(1.0)) == (11.5625, 15.0)
     assert (curve.span, curve.top_speed, curve.top_acceleration) == ((10.0, 20.0), 7.5, 15.0)
@@ -88,7 +88,7 @@ def test_points_that_make_no_curve_are_refused(times, positions, words):
         SplineTrajectory(times, positions)
 
 
-def test_what_may_be_followed():
+def test_trajectories_rows_and_functions_can_be_followed():
     numpy = pytest.importorskip("numpy")
     ready = TrapezoidalTrajectory(0.0, 1.0, 1.0, 1.0)
     assert trajectory_of(ready, None, "x.follow") is ready
@@ -113,6 +113,6 @@ def test_what_may_be_followed():
         (TrapezoidalTrajectory(0.0, 1.0, 1.0, 1.0), 2.0, "their own duration"),
     ],
 )
-def test_what_may_not(what, duration, words):
+def test_an_invalid_trajectory_is_refused_with_the_reason(what, duration, words):
     with pytest.raises(ArgumentError, match=words):
         trajectory_of(what, duration, "x.follow")

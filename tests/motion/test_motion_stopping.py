@@ -72,7 +72,7 @@ def test_a_new_motion_may_interrupt_a_halt():
 
 
 @pytest.mark.parametrize("how", ["halt", "stop", "quick_stop"])
-def test_where_no_motor_is_driven_there_is_nothing_to_stop_and_that_is_success(how):
+def test_without_a_driven_motor_a_stop_succeeds_at_once(how):
     r = rig()
     r.run(0.1)
     watch = Watch(r)
@@ -82,7 +82,7 @@ def test_where_no_motor_is_driven_there_is_nothing_to_stop_and_that_is_success(h
     assert r.axis.state is AxisState.DISABLED
 
 
-def test_an_axis_whose_drive_is_switched_off_while_it_is_halted_at_rest_is_disabled_at_once():
+def test_a_drive_switched_off_during_a_halt_at_standstill_disables_its_axis_at_once():
     r = rig().enabled()
     r.run(0.3)
     halted = r.axis.halt()
@@ -293,7 +293,7 @@ def test_a_drive_that_takes_its_time_to_switch_off_after_a_quick_stop_is_waited_
     r.axis.enable().wait(3)
 
 
-def test_a_drive_that_says_nothing_of_605ah_and_stays_in_quick_stop_is_held_there_after_its_time():
+def test_a_drive_without_605ah_that_stays_in_quick_stop_is_held_there_after_its_time():
     r = turning()
     r.device.write(0x605A, 0, 6)
     assert not r.core.parameters.quick_stop_holds
@@ -370,7 +370,7 @@ def test_quick_stop_during_a_halt_is_harder_at_once():
     assert standing(r)
 
 
-def test_a_motion_that_a_stop_has_ended_says_so():
+def test_a_motion_that_a_stop_has_ended_names_the_stop():
     r = rig().enabled()
     move = r.axis.move_absolute(300.0)
     r.run(0.3)
@@ -427,7 +427,7 @@ def test_disabling_without_a_quick_stop_active_never_takes_transition_9_while_it
     assert abs(last.velocity) < 1.0
 
 
-def test_nothing_is_sent_that_enables_while_a_stop_runs_without_a_statusword():
+def test_no_enabling_controlword_is_sent_while_a_stop_runs_without_a_statusword():
     r = turning(port={"max_age": {"statusword": 0.05}})
     read = r.ports["x"].read
     r.ports["x"].read = lambda now: read(now)._replace(statusword=None)

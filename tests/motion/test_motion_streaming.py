@@ -127,7 +127,7 @@ def stands_on(path, watch: Watch, until: float, tolerance: float = 5.0) -> None:
 @each_path
 @pytest.mark.parametrize("mishap", list(MISHAPS))
 @pytest.mark.parametrize("late", [0.0, 0.3])
-def test_what_comes_bit_by_bit_gives_the_same_targets_in_each_cycle(path, mishap, late):
+def test_a_streamed_trajectory_gives_the_same_targets_in_each_cycle(path, mishap, late):
     direct = rig().enabled()
     there = sent(direct, MISHAPS[mishap], lambda: direct.axis.follow(path))
     streamed = rig().enabled()
@@ -184,7 +184,7 @@ def test_up_to_a_stop_they_are_the_same_and_then_as_near_as_its_corners_are_shar
     assert abs(counts[0] - counts[1]) <= 1  # a stop of one may be seen a cycle earlier, by an increment
 
 
-def test_what_limits_say_of_a_path_is_the_same():
+def test_limits_refuse_a_streamed_path_as_they_refuse_a_direct_one():
     """Those of position, looked at ahead; of velocity and acceleration; and of a path that jumps."""
     jump = SampledTrajectory([0.0, 0.0, 50.0, 50.0], PERIOD)
     for limits, path in (
@@ -268,7 +268,7 @@ def test_an_axis_whose_program_sends_nothing_more_is_braked_along_the_known_part
     r.axis.move_absolute(0.0).wait(10)
 
 
-def test_the_error_of_a_silent_program_says_how_far_the_trajectory_is_known():
+def test_the_error_of_a_silent_program_gives_the_known_part_of_the_trajectory():
     r = rig().enabled()
     wire = Wire(r, LONG, delay=late_at(0.01))
     handle = wire.follow()
@@ -324,7 +324,7 @@ def test_a_slow_brake_has_the_path_known_as_far_ahead_as_it_takes():
     stands_on(path, watch, wire.stream.known_until)
 
 
-def test_where_no_deceleration_is_known_it_is_stopped_by_the_drive_before_its_targets_end():
+def test_without_a_known_deceleration_the_drive_stops_it_before_its_targets_end():
     r = rig(defaults=Defaults(velocity=100.0)).enabled()
     watch = Watch(r)
     wire = Wire(r, LONG, delay=late_at(0.5))
@@ -345,7 +345,7 @@ class Fails(Waves):
         return super().position(t)
 
 
-def test_what_a_program_s_own_code_raises_ends_the_command_and_the_axis_is_braked_along_what_is_known():
+def test_an_exception_of_the_program_ends_the_command_and_brakes_the_axis_along_the_known_part():
     r = rig().enabled()
     watch = Watch(r)
     path = Fails(8.0)
@@ -387,7 +387,7 @@ def test_samples_that_are_not_of_the_scan_s_period_are_refused():
     st.sampled_from([None, None, "halt", "stop", "disable"]),
     st.integers(10, 500),
 )
-def test_whichever_samples_come_late_the_axis_stops_on_its_path(waves, deceleration, delays, what, when):
+def test_whichever_samples_are_late_the_axis_stops_on_its_path(waves, deceleration, delays, what, when):
     path = Waves(5.0, tuple(waves))
     fastest = max(abs(path.position(t / 100 + 0.01) - path.position(t / 100)) for t in range(500)) / 0.01
     assume(

@@ -109,7 +109,7 @@ def test_it_stays_on_the_path_and_within_the_limits_of_the_axes(machine, seed):
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 4])
-def test_neither_slope_nor_bend_jumps_where_pieces_join_without_a_stop(seed):
+def test_neither_slope_nor_bend_jumps_at_a_transition_without_a_stop(seed):
     base, stops = made(ARM, seed)
     pieces = sampled(ARM, base, stops)
     for number, (before, behind) in enumerate(pairwise(pieces)):

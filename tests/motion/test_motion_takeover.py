@@ -55,7 +55,7 @@ def take_over(r) -> Watch:
 
 @pytest.mark.parametrize("offset", [30_000, -30_000, 21, 1])
 @pytest.mark.parametrize("demand", [True, False], ids=["6062h", "no 6062h"])
-def test_a_drive_in_csp_with_a_position_offset_stays_where_it_is(offset, demand):
+def test_a_drive_in_csp_with_a_position_offset_keeps_its_position(offset, demand):
     r = found(
         CSP, offsets=(offset, 0, 0), port=None if demand else {"inputs": {"demand": ValueTransport.NONE}}
     )
@@ -71,7 +71,7 @@ def test_a_drive_in_csp_with_a_position_offset_stays_where_it_is(offset, demand)
     assert watch.acceleration() <= 500_000 * 1.1
 
 
-def test_nothing_is_sent_before_the_offsets_are_known():
+def test_no_controlword_is_sent_before_the_offsets_are_known():
     r = found(CSP, offsets=(30_000, 0, 0))
     watch = Watch(r)
     r.device.dials.sdo_delay = 0.1

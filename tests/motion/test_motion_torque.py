@@ -133,7 +133,7 @@ def test_a_drive_without_torque_feedback_is_believed_by_bit_10():
     assert r.drive.axis.torque_demand == pytest.approx(100.0)
 
 
-def test_halt_takes_the_torque_away_and_the_axis_comes_to_rest():
+def test_halt_removes_the_torque_and_the_axis_stops():
     r = rig(motor=FREE, limits=AxisLimits()).enabled()
     handle = r.axis.torque_control(1.0, slope=100.0)
     handle.wait(2)
@@ -177,7 +177,7 @@ def test_a_torque_slope_that_the_drive_refuses_fails_before_any_torque():
     ("factor", "rated", "read"),
     [(1000.0, 10.0, 3.0), (-1000.0, -10.0, -3.0), (1000.0, None, 0.3), (-1000.0, None, -0.3)],
 )
-def test_the_actual_torque_is_turned_where_the_master_turns_the_direction(factor, rated, read):
+def test_the_sign_of_the_actual_torque_follows_the_direction_of_the_axis(factor, rated, read):
     """300 in 6077h are 3 N·m of 10; without a rated torque, 0.3 of it: in the direction in which the axis counts."""
     units = Units(
         Scale.of(factor, "deg"),

@@ -167,7 +167,7 @@ def test_a_drive_that_counts_in_rpm_is_not_at_its_velocity_before_it_turns():
     assert speed(r) >= 5.0
 
 
-def test_a_noisy_velocity_is_reached_when_the_drive_says_so():
+def test_a_noisy_velocity_is_reached_when_the_drive_reports_it():
     r = rig().enabled()
     read = r.ports["x"].read
     noise = [0, 70, -80, 90, -60, 75]
@@ -192,7 +192,7 @@ def test_a_bit_10_from_the_velocity_before_does_not_count():
     assert speed(r) > 250.0
 
 
-def test_a_bit_10_that_reports_target_reached_while_the_motor_is_at_rest_is_not_believed():
+def test_a_bit_10_without_motion_does_not_confirm_a_velocity():
     r = rig(following_error=BLIND).enabled()
     r.device.write(0x606D, 0, 0xFFFF)  # a window as wide as the velocity
     r.drive.dials.blocked = True
@@ -253,7 +253,7 @@ def test_a_turning_axis_brakes_in_time_before_its_position_limits(direction):
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 @pytest.mark.parametrize("move", ["move_velocity", "cyclic_velocity"])
-def test_an_override_that_would_lead_beyond_a_limit_is_found_before_the_drive_gets_it(move, direction):
+def test_an_override_that_would_exceed_a_limit_is_an_error_before_it_is_sent(move, direction):
     r = rig(limits=AxisLimits(position=(-90.0, 90.0), velocity=400.0)).enabled()
     r.core.set_override(cell=0.05)
     getattr(r.axis, move)(direction * 200.0)
@@ -457,7 +457,7 @@ def test_a_jog_stops_ahead_of_a_position_limit_and_the_axis_can_be_jogged_back(w
     r.until(lambda: r.axis.state is AxisState.STANDSTILL, 1.0)
 
 
-def test_a_jog_that_ends_at_a_limit_before_it_has_its_velocity_says_why():
+def test_a_jog_that_ends_at_a_limit_before_it_has_its_velocity_gives_the_reason():
     r = rig(limits=AxisLimits(position=(-90.0, 90.0), velocity=400.0)).enabled()
     r.axis.move_absolute(85.0).wait(3)
     handle = r.axis.jog(390.0)

@@ -33,7 +33,7 @@ def to_the_end(walk: OnlineProfile, places: list[float]) -> list[float]:
     return places
 
 
-def test_from_rest_it_takes_what_a_ramp_takes_and_the_time_of_the_mean():
+def test_from_standstill_it_takes_the_time_of_a_ramp_and_of_the_mean():
     walk = walk_from(ReferenceState(5.0), 95.0, JerkLimits(100.0, 500.0, 150.0), 50, T)
     places = to_the_end(walk, [5.0] * 4)
     assert places[-1] == 95.0
@@ -86,7 +86,7 @@ def test_whatever_is_asked_meanwhile_nothing_jumps(seed, window, targets, gait):
 @pytest.mark.parametrize("rate", [-300.0, 0.0, 300.0])
 @pytest.mark.parametrize("speed", [-80.0, 0.0, 80.0])
 @pytest.mark.parametrize("window", [3, 60])
-def test_what_continues_from_another_motion_has_its_velocity_and_its_acceleration(rate, speed, window):
+def test_a_walk_that_takes_over_begins_with_the_present_velocity_and_acceleration(rate, speed, window):
     walk = walk_from(ReferenceState(10.0, speed, rate), -50.0, JerkLimits(100.0, 500.0, 150.0), window, T)
     step = speed * T
     places = [10.0 - 2.0 * step + rate * T * T, 10.0 - step, 10.0]  # what came before, with the same
@@ -105,7 +105,7 @@ def test_it_speeds_up_no_further_than_it_may_be_fast():
     assert highest(places[1:], 2) <= 500.0 * (1 + 1e-9)
 
 
-def test_a_brake_comes_to_rest_as_softly():
+def test_a_jerk_limited_brake_stops_the_walk():
     walk = walk_from(ReferenceState(0.0), 400.0, JerkLimits(100.0, 500.0, 150.0), 50, T)
     places = [0.0] * 4
     for _ in range(200):

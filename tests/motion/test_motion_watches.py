@@ -125,7 +125,7 @@ def test_a_guarded_node_is_lost_by_the_answers_that_stay_away():
     assert "it does not answer node guarding" in refused.observed
 
 
-def test_a_node_is_lost_with_its_bus_whatever_it_said_last():
+def test_a_node_is_lost_with_its_bus_whatever_its_last_state_was():
     drive, supervision = watched()
     node(drive, supervision)
     finding = node(
@@ -204,7 +204,7 @@ def test_how_long_this_program_may_not_have_run(age, period, longest):
         (-1, False, False),
     ],
 )
-def test_after_what_a_node_may_have_another_position(nmt, operational, restarted):
+def test_nmt_states_after_which_a_node_may_have_another_position(nmt, operational, restarted):
     drive, supervision = watched()
     node(drive, supervision, operational, nmt)
     assert supervision.has_restarted(drive.image) is restarted
@@ -230,7 +230,7 @@ def test_after_what_a_node_may_have_another_position(nmt, operational, restarted
         (AxisState.DISABLED, READY, None),
     ],
 )
-def test_what_an_axis_with_power_must_not_do(state, word, told):
+def test_an_axis_with_power_in_a_wrong_state_is_stopped_by_quick_stop(state, word, told):
     drive, supervision = watched()
     drive.cycle(statusword=ENABLED, position=0)
     drive.cycle(statusword=word, position=0)
@@ -239,7 +239,7 @@ def test_what_an_axis_with_power_must_not_do(state, word, told):
     assert finding is None or finding.rung is StopLevel.QUICK_STOP
 
 
-def test_a_drive_of_which_no_value_is_fresh_is_lost():
+def test_a_drive_without_any_fresh_value_is_lost():
     drive, supervision = watched()
     drive.cycle()
     assert (
@@ -270,7 +270,7 @@ def test_a_statusword_that_is_very_old_was_never_received(age, told):
     assert f"statusword (6041h): {told}" in silence(Drive().parameters, image).observed
 
 
-def test_an_axis_at_rest_that_moves_is_stopped_and_one_that_something_moves_is_not():
+def test_uncommanded_motion_at_standstill_is_stopped_and_commanded_motion_is_not():
     drive, supervision = watched()
     for position in (0, 4001):
         drive.cycle(statusword=ENABLED, mode=1, position=position)
@@ -318,7 +318,7 @@ def replace_mode(mode: int, course: CommandedMotion | None = None) -> SimpleName
         (Braking(), 4, ENABLED, StopLevel.HALT, False),  # it is halted by another mode
     ],
 )
-def test_an_axis_that_coasts_out_of_a_torque_is_stopped_harder_where_it_gets_too_fast(
+def test_an_axis_that_coasts_out_of_a_torque_is_stopped_harder_if_it_gets_too_fast(
     braking, mode, word, rung, told
 ):
     drive, supervision = watched(braking=braking, limits=AxisLimits(velocity=400.0))
@@ -344,7 +344,7 @@ def test_an_axis_that_coasts_out_of_a_torque_is_stopped_harder_where_it_gets_too
         ([0, 0], -4001, "pulls it to another position"),
     ],
 )
-def test_what_rests_stays_where_it_is_and_is_not_pulled_elsewhere(positions, demand, told):
+def test_an_axis_at_standstill_must_keep_its_position_and_its_demand(positions, demand, told):
     drive = Drive()
     resting = StandstillMonitor(drive.parameters)
     errors = [
@@ -355,7 +355,7 @@ def test_what_rests_stays_where_it_is_and_is_not_pulled_elsewhere(positions, dem
     assert (errors[-1] is None) if told is None else told in errors[-1].message
 
 
-def test_a_rest_goes_by_positions_that_are_new_and_begins_again_when_it_is_forgotten():
+def test_standstill_is_judged_by_new_positions_and_restarts_when_forgotten():
     drive = Drive()
     resting = StandstillMonitor(drive.parameters)
     resting.error(drive.cycle(statusword=ENABLED, mode=1, position=0)[0])
@@ -391,7 +391,7 @@ def test_a_pulled_axis_that_yields_within_the_window_is_at_standstill(place, mes
     assert message in resting.error(drive.cycle(position=place, demand=20_000)[0]).message
 
 
-def test_a_velocity_that_is_seen_again_says_nothing_new():
+def test_a_velocity_that_is_read_again_does_not_count():
     drive = Drive()
     resting = StandstillMonitor(drive.parameters)
     for _ in range(2):
@@ -419,7 +419,7 @@ def test_a_velocity_that_is_seen_again_says_nothing_new():
         ([0, 500_000, *[0] * 64, *[8100] * 4], False),  # long ago
     ],
 )
-def test_what_rests_without_a_position_is_watched_by_its_velocity(velocities, told):
+def test_standstill_without_a_position_is_watched_by_velocity(velocities, told):
     drive = Drive()
     resting = StandstillMonitor(drive.parameters)
     errors = [resting.error(drive.cycle(statusword=ENABLED, mode=1, velocity=each)[0]) for each in velocities]
@@ -430,7 +430,7 @@ def test_what_rests_without_a_position_is_watched_by_its_velocity(velocities, to
         assert "it moved by about " in found[0].observed
 
 
-def test_by_velocity_a_rest_begins_again_too_and_counts_no_time_in_which_nothing_was_known():
+def test_by_velocity_standstill_restarts_too_and_unknown_time_does_not_count():
     drive = Drive()
     resting = StandstillMonitor(drive.parameters)
     for _ in range(2):
@@ -462,7 +462,7 @@ def test_a_mode_counts_as_left_after_it_was_shown_and_two_others_in_a_row():
         assert watch.error(drive.cycle(mode=7)[0], activity) is None
 
 
-def test_what_continues_in_the_mode_of_what_was_before_must_find_the_drive_in_it():
+def test_a_command_that_keeps_the_mode_must_find_the_drive_in_it():
     """It asks for no mode: one that was left in the cycle in which it takes over would never be missed."""
     drive = Drive()
     watch = ModeWatch("x")
@@ -484,7 +484,7 @@ def at_rest(rests_from: float = -math.inf) -> SimpleNamespace:
     return SimpleNamespace(mode=1, ends_at_rest=True, rests_from=rests_from)
 
 
-def test_a_rest_from_before_the_axis_could_set_off_is_no_end():
+def test_standstill_from_before_the_axis_could_start_is_no_arrival():
     drive = Drive()
     arrival, move = ArrivalCheck(drive.parameters), at_rest()
     arrival.begin(move, drive.now)
@@ -500,7 +500,7 @@ def test_a_rest_from_before_the_axis_could_set_off_is_no_end():
 
 
 @pytest.mark.parametrize("rests_from", [-math.inf, 10.0])
-def test_a_rest_from_before_the_command_is_no_end_either(rests_from):
+def test_standstill_from_before_the_command_is_no_arrival(rests_from):
     drive = Drive()
     arrival, move = ArrivalCheck(drive.parameters), at_rest(rests_from)
     for _ in range(20):
@@ -512,7 +512,7 @@ def test_a_rest_from_before_the_command_is_no_end_either(rests_from):
 
 
 @pytest.mark.parametrize(("mode", "arrives"), [(1, False), (6, True)])
-def test_only_a_homing_may_end_where_the_demand_is_elsewhere(mode, arrives):
+def test_only_a_homing_may_end_with_a_demand_elsewhere(mode, arrives):
     """Its position has another name since, and 6062h may still have the old one."""
     drive = Drive()
     arrival, command = ArrivalCheck(drive.parameters), at_rest()
@@ -524,7 +524,7 @@ def test_only_a_homing_may_end_where_the_demand_is_elsewhere(mode, arrives):
     assert ended is arrives
 
 
-def test_a_command_that_ends_at_rest_waits_for_standstill_and_at_most_two_seconds():
+def test_a_command_that_ends_at_standstill_waits_for_it_at_most_two_seconds():
     drive = Drive()
     arrival = ArrivalCheck(drive.parameters)
     drive.cycle(statusword=ENABLED, mode=1, position=0)
@@ -550,7 +550,7 @@ def test_a_command_that_ends_at_rest_waits_for_standstill_and_at_most_two_second
 # After a fault, and without power.
 
 
-def test_a_drive_in_fault_that_does_not_come_to_rest_is_reported_once_after_its_time():
+def test_a_drive_in_fault_that_does_not_stop_is_reported_once_after_its_time():
     drive = Drive()  # one second for the quick stop, three to disable
     aftermath, run_down = FaultReaction(drive.parameters), CoastDown(drive.parameters)
     began = drive.now + T
@@ -579,7 +579,7 @@ def test_a_drive_in_fault_that_does_not_come_to_rest_is_reported_once_after_its_
         (FAULT, False, True, False),
     ],
 )
-def test_which_drive_in_fault_may_still_move(word, driven, moves, told):
+def test_a_drive_in_fault_that_may_still_move_is_reported(word, driven, moves, told):
     drive = Drive()
     aftermath, run_down = FaultReaction(drive.parameters), CoastDown(drive.parameters)
     run_down.look(drive.cycle(statusword=ENABLED, position=0)[0], True)
@@ -592,7 +592,7 @@ def test_which_drive_in_fault_may_still_move(word, driven, moves, told):
     assert not told or "its power is off, at" in found[0].observed
 
 
-def test_a_motor_without_power_runs_down_until_it_is_seen_to_stand():
+def test_a_motor_without_power_runs_down_until_standstill_is_seen():
     drive = Drive()
     run_down = CoastDown(drive.parameters)
     run_down.look(drive.cycle(statusword=READY, position=0)[0], True)
@@ -664,7 +664,7 @@ def test_a_move_has_arrived_with_bit_10_within_its_window(window, distance, off,
     assert move.step(*drive.cycle(statusword=ENABLED | 0x0400, position=distance - off)) is arrived
 
 
-def test_where_no_position_travels_bit_10_is_enough():
+def test_without_a_position_bit_10_is_enough():
     drive = Drive()
     move = moving(drive, 500, PROFILE._replace(timeout=9.0))
     handshake(drive, move)
@@ -700,7 +700,7 @@ def test_a_move_has_twice_the_time_of_its_profile_or_the_time_out_of_the_call(pr
     assert drive.now - began == pytest.approx(seconds, abs=1.01 * T)
 
 
-def test_a_move_whose_time_nobody_knows_must_get_on():
+def test_a_move_of_unknown_duration_must_make_progress():
     drive = Drive()
     move = moving(drive, 50_000, PROFILE._replace(speed=None, ramp=None))
     handshake(drive, move, position=0)
@@ -817,7 +817,7 @@ def test_bit_10_counts_for_the_new_velocity_only_some_time_after_that_was_sent(a
         ({"ramp": None}, 0, 10.0),
     ],
 )
-def test_a_velocity_has_four_times_its_ramp_or_what_the_caller_gives(changes, velocity, seconds):
+def test_a_velocity_has_four_times_its_ramp_or_the_time_of_the_caller(changes, velocity, seconds):
     drive = Drive()
     move = velocity_move(drive, 10_000, **changes)
     move.step(*drive.cycle(statusword=ENABLED, mode=3, velocity=velocity))
@@ -876,7 +876,7 @@ def test_a_torque_has_the_time_that_the_caller_gives_and_else_ten_seconds():
             patient.step(*drive.cycle(statusword=ENABLED, torque=5))
 
 
-def test_a_torque_with_a_slope_has_four_times_what_the_slope_takes_and_two_seconds():
+def test_a_torque_with_a_slope_has_four_times_its_ramp_and_two_seconds():
     drive = Drive()
     move = TorqueMove(400, None, drive.parameters, ready(), 100)
     began = drive.now
@@ -887,7 +887,7 @@ def test_a_torque_with_a_slope_has_four_times_what_the_slope_takes_and_two_secon
     assert drive.now - began > 22.0
 
 
-def test_what_waits_sends_nothing_and_is_taken_back():
+def test_a_move_that_waits_sends_nothing_and_can_be_cancelled():
     drive = Drive()
     wait = ready()
     wait.done = False
@@ -994,7 +994,7 @@ def test_the_path_of_a_drive_is_its_last_four_states():
     assert not history(Drive(), READY, FAULT).began_in_fault
 
 
-def test_a_fault_is_explained_by_its_code_and_where_it_came_from():
+def test_a_fault_is_explained_by_its_code_and_its_previous_state():
     drive = Drive(fault_objects=((0x603F, 0),))
     told = FaultDiagnosis(drive.parameters, drive.now)
     assert told.tell(drive.image, DriveHistory()).observed.startswith(
@@ -1045,7 +1045,7 @@ def test_the_code_of_a_fault_is_603fh_and_else_the_newest_emergency_of_the_last_
     assert error.observed.split("; ")[1:] == [*shown, "path: fault"]
 
 
-def test_what_the_make_says_of_a_fault_is_reported_with_it():
+def test_the_explanation_of_the_make_is_in_the_report_of_a_fault():
     drive = Drive(
         explain_fault=lambda code, values: [f"{code:04X}h and {values}"], fault_objects=((0x6041, 0),)
     )
@@ -1108,7 +1108,7 @@ def test_a_drive_that_does_not_explain_its_fault_has_its_time():
     assert refused.step(*drive.cycle())
 
 
-def test_an_error_is_reported_with_what_was_seen_of_the_drive():
+def test_an_error_is_reported_with_the_observed_states_of_the_drive():
     drive = Drive()
     made = history(drive, READY, ENABLED)
     drive.cycle(mode=3)
@@ -1139,7 +1139,7 @@ def test_only_emergencies_of_the_last_seconds_that_are_no_resets_are_reported():
     assert [entry.code for entry in made.recent_emcy(10.0)] == [0x3210, 0x4210, 0x5210]
 
 
-def test_of_a_drive_that_says_much_the_last_sixteen_emergencies_are_kept():
+def test_the_last_sixteen_emergencies_of_a_drive_are_kept():
     drive = Drive()
     made = DriveHistory()
 
