@@ -152,7 +152,7 @@ def test_a_fault_of_one_stops_all(bus):
     assert bus.rest(3.0)
 
 
-def test_a_scan_that_dies_leaves_all_at_rest(bus):
+def test_a_scan_that_dies_stops_all_axes(bus):
     bus.homed()
     bus.group.move_linear((400.0, 200.0, 300.0), velocity=60.0)
     bus.moves()
@@ -176,7 +176,7 @@ def test_a_rescue_without_the_scan_brakes_and_lets_go(bus):
     assert bus.rest(1.0)
 
 
-def test_a_module_that_is_gone_is_told_as_not_confirmed(bus):
+def test_a_lost_module_is_reported_as_not_confirmed(bus):
     with bus.stand_ins.lock:
         bus.module.dials.dead = True
     (stopped,) = stop_modules(bus.channel, {"m": bus.settings})

@@ -73,7 +73,7 @@ def turning() -> Talk:
     return talk
 
 
-def test_while_the_bus_is_off_it_is_not_operational_and_why_is_told():
+def test_during_bus_off_a_module_is_not_operational_and_the_reason_is_reported():
     talk = turning()
     inputs, _ = talk.cycle(ENABLE)
     assert inputs.operational
@@ -89,7 +89,7 @@ def test_while_the_bus_is_off_it_is_not_operational_and_why_is_told():
     assert inputs.operational
 
 
-def test_a_bus_off_that_is_over_before_the_next_cycle_is_told_once():
+def test_a_bus_off_that_ends_before_the_next_cycle_is_reported_once():
     talk = turning()
     talk.channel.last_off = BusOff("the controller is bus-off")
     talk.channel.offs += 1
@@ -99,7 +99,7 @@ def test_a_bus_off_that_is_over_before_the_next_cycle_is_told_once():
     assert inputs.operational
 
 
-def test_what_was_dropped_is_given_anew_the_mode_and_a_halt_included():
+def test_dropped_frames_are_sent_again_with_the_mode_and_a_halt():
     talk = turning()
     _, before = talk.cycle(ENABLE | HALT, target_velocity=3 * 16384)
     assert VELOCITY_MODE not in [data for command, data in before if command == 0x0B]

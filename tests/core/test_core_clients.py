@@ -63,7 +63,7 @@ def test_a_client_knows_that_the_scan_is_over_before_its_commands_end(scene, els
     assert [event.number for event in told.events] == [1, 2]
 
 
-def test_what_ends_after_the_scan_is_told_as_well(scene):
+def test_a_command_that_ends_after_the_scan_is_reported_too(scene):
     scene.session.fail()
     scene.clients.tell_condition()
     scene.session.hear(end(3))
@@ -71,7 +71,7 @@ def test_what_ends_after_the_scan_is_told_as_well(scene):
     assert [type(message) for message in scene.sent] == [CoreCondition, CommandEvents]
 
 
-def test_each_end_is_told_once_by_however_many_threads(scene):
+def test_each_end_is_reported_once_by_any_number_of_threads(scene):
     scene.session.fail(*map(end, range(200)))
     tellers = [threading.Thread(target=scene.clients.tell_condition) for _ in range(8)]
     for teller in tellers:
@@ -102,7 +102,7 @@ class Deaf:
         self.sent.append(message)
 
 
-def test_what_a_program_does_not_take_is_counted_by_program_and_told_to_it_once(monkeypatch):
+def test_images_that_a_program_does_not_take_are_counted_and_reported_to_it_once(monkeypatch):
     monkeypatch.setattr(publisher, "_MOST", 3)
     monkeypatch.setattr(frames, "_MOST", 5)
     place = Publisher(mmap.mmap(-1, size_of(0)), ())

@@ -38,11 +38,11 @@ def cycle(collector, spent=0.0):
     return list(collector.ran)
 
 
-def test_nothing_else_starts_it(collector):
+def test_automatic_collection_is_off(collector):
     assert not gc.isenabled()
 
 
-def test_nothing_is_collected_before_it_is_due(collector):
+def test_no_collection_before_it_is_due(collector):
     collector.counts = list(DUE)
     assert cycle(collector) == []
 
@@ -53,7 +53,7 @@ def test_the_oldest_generation_that_is_due_is_collected(collector, oldest):
     assert cycle(collector) == [oldest]
 
 
-def test_what_took_too_long_for_what_is_left_waits_and_a_younger_one_runs(collector):
+def test_a_collection_too_long_for_the_rest_of_the_cycle_waits_and_a_younger_one_runs(collector):
     collector.counts = [due + 1 for due in DUE]
     collector.took = [0.0, 0.0, 0.3]
     assert cycle(collector) == [2]
@@ -61,7 +61,7 @@ def test_what_took_too_long_for_what_is_left_waits_and_a_younger_one_runs(collec
     assert cycle(collector) == [2]  # three times as long is left
 
 
-def test_where_nothing_fits_nothing_is_done_until_there_is_far_too_much(collector):
+def test_if_no_collection_fits_none_runs_until_there_is_far_too_much_garbage(collector):
     collector.counts = [DUE[0] + 1, 0, 0]
     collector.took = [0.4, 0.0, 0.0]
     assert cycle(collector) == [0]

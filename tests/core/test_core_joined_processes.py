@@ -48,7 +48,7 @@ def machine(opened):
         axis.halt().wait(10)
 
 
-def test_a_program_that_takes_the_command_and_dies_leaves_it_to_who_had_it(machine, file):
+def test_control_of_a_program_that_dies_returns_to_its_previous_owner(machine, file):
     program = "import os, sys; from axisbus import Machine; guest = Machine.attach(sys.argv[1]); guest.take_control(); os._exit(0)"
     subprocess.run([sys.executable, "-c", program, str(file)], check=True)
     until = time.monotonic() + 20.0
@@ -88,7 +88,7 @@ time.sleep(60)
 
 @pytest.mark.parametrize("way", ["follow", "velocity"])
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
-def test_a_guest_that_is_gone_while_it_commands_leaves_nothing_in_motion(machine, file, way, number):
+def test_a_client_that_ends_while_it_has_control_leaves_nothing_in_motion(machine, file, way, number):
     with subprocess.Popen(
         [sys.executable, "-c", KILLED, str(file), way],
         stdout=subprocess.PIPE,
@@ -124,7 +124,7 @@ for beat in range(1000):
 """
 
 
-def test_a_guest_that_holds_what_moves_to_run_and_is_stopped_is_halted_for(machine, file):
+def test_a_suspended_client_with_hold_to_run_halts_its_axes(machine, file):
     with subprocess.Popen(
         [sys.executable, "-c", HELD, str(file)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     ) as program:
@@ -162,7 +162,7 @@ def skipped_in_a_second(machine):
 
 
 @pytest.mark.parametrize("attack", list(ATTACKS))
-def test_whoever_comes_in_disturbs_neither_the_cycle_nor_the_motion(machine, file, attack, caplog):
+def test_hostile_clients_disturb_neither_the_cycle_nor_the_motion(machine, file, attack, caplog):
     handle = under_way(machine["x"])
     # A busy computer skips some by itself, and not evenly; an attack that disturbs does it each time.
     for _ in range(3):

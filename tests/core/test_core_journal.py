@@ -48,18 +48,18 @@ def test_a_core_of_a_user_without_a_home_runs_without_a_journal(homeless, caplog
     assert "one line" in caplog.text
 
 
-def test_whoever_asks_for_the_faults_of_a_user_without_a_home_is_told_what_to_set(homeless):
+def test_reading_the_faults_of_a_user_without_a_home_names_the_variable_to_set(homeless):
     with pytest.raises(StateError) as caught:
         faults_of("/a/cell.toml")
     assert "XDG_STATE_HOME" in caught.value.remedy
 
 
-def test_a_file_in_a_home_that_is_not_known_is_told(homeless, tmp_path):
+def test_a_path_in_an_unknown_home_is_reported(homeless, tmp_path):
     with pytest.raises(EdsError, match="the home that it begins with is not known"):
         resolve("~/drive.eds", tmp_path)
 
 
-def test_what_is_logged_in_between_is_in_it_and_goes_on_from_before(state):
+def test_log_lines_of_several_runs_are_appended_to_the_journal(state):
     for text in ("first", "second"):
         with journal("/a/cell.toml"):
             LOG.info("the %s", text)
@@ -78,7 +78,7 @@ def test_it_stays_small(state):
     assert " INFO 2999 x" in path_of("/a/cell.toml").read_text(encoding="utf-8")
 
 
-def test_a_folder_that_cannot_be_made_is_said_and_done_without(state, caplog):
+def test_a_folder_that_cannot_be_created_is_reported_and_the_core_runs_without_a_journal(state, caplog):
     (state / "axisbus").write_text("a file", encoding="utf-8")
     with journal("/a/cell.toml"):
         LOG.warning("one line")

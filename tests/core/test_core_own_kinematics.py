@@ -17,7 +17,7 @@ pytestmark = [
 ]
 
 
-def test_a_way_is_gone_along_halted_and_gone_on_with(tmp_path, core_in_threads):
+def test_a_path_is_followed_halted_and_resumed(tmp_path, core_in_threads):
     here = 100.0
 
     class Turntable:  # which no other process could have

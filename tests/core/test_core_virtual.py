@@ -57,7 +57,7 @@ def test_each_state_is_shown_as_itself(state):
 
 
 @pytest.mark.parametrize("word", range(0x100))
-def test_no_word_enables_it_but_enable_operation_from_where_that_may_be(word):
+def test_only_enable_operation_in_an_allowed_state_enables_it(word):
     for state in STATUSWORDS:
         enabled = (
             after(state, word) is PowerState.OPERATION_ENABLED and state is not PowerState.OPERATION_ENABLED
@@ -82,7 +82,7 @@ def run(way: RampProfile, dt: float = PERIOD, limit: int = 10_000_000) -> tuple[
 
 
 @given(speeds, rates)
-def test_to_rest_takes_the_braking_distance(velocity, down):
+def test_to_rest_needs_the_braking_distance(velocity, down):
     way = to_rest(velocity, down)
     gone = way.advance(abs(velocity) / down + 1.0)
     assert way.over
@@ -91,7 +91,7 @@ def test_to_rest_takes_the_braking_distance(velocity, down):
 
 
 @given(speeds, speeds, ramps)
-def test_to_a_velocity_ends_at_it_and_goes_on(velocity, target, by):
+def test_to_velocity_ends_at_its_target_and_keeps_it(velocity, target, by):
     way = to_velocity(velocity, target, by)
     way.advance(3e6)
     assert way.over
@@ -100,7 +100,7 @@ def test_to_a_velocity_ends_at_it_and_goes_on(velocity, target, by):
 
 
 @given(speeds, st.floats(-1e9, 1e9), ramps)
-def test_to_a_distance_ends_there_at_rest_and_breaks_no_ramp(velocity, distance, by):
+def test_to_distance_ends_there_at_standstill_within_its_ramps(velocity, distance, by):
     way = to_distance(velocity, distance, by)
     gone, seen, hardest = 0.0, way.velocity, max(by.up, by.down)
     fastest = max(by.speed, abs(velocity)) * (1 + 1e-9)
@@ -119,7 +119,7 @@ def test_to_a_distance_ends_there_at_rest_and_breaks_no_ramp(velocity, distance,
     assert gone == pytest.approx(distance, rel=1e-9, abs=1e-6 * (1 + far))
 
 
-def test_a_way_from_rest_takes_the_time_of_its_trapezoid():
+def test_a_motion_from_standstill_takes_the_time_of_its_trapezoid():
     gone, seconds = run(to_distance(0.0, 1000.0, RampLimits(100.0, 200.0, 400.0)), 1e-3)
     assert gone == pytest.approx(1000.0)
     assert seconds == pytest.approx(1000.0 / 100.0 + 0.5 * (100 / 200 + 100 / 400), abs=2e-3)
@@ -234,7 +234,7 @@ def test_a_quick_stop_ends_without_power():
         (SdoRequest(7, 0x6083, 1, 500), None, abort.OBJECT_MISSING),
     ],
 )
-def test_what_would_be_an_sdo_transfer_is_answered_in_the_next_cycle(request_, value, code):
+def test_an_sdo_request_is_answered_in_the_next_cycle(request_, value, code):
     led = Led()
     led.port.write(Outputs(None, sdo=(request_,)))
     (reply,) = led.port.read(PERIOD).sdo
@@ -242,7 +242,7 @@ def test_what_would_be_an_sdo_transfer_is_answered_in_the_next_cycle(request_, v
     assert led.port.read(2 * PERIOD).sdo == ()
 
 
-def test_it_tells_no_torque_and_all_else_in_each_cycle():
+def test_it_reports_all_values_but_torque_in_each_cycle():
     led = Led()
     led.cycle(None)
     seen, how = led.seen, led.port.capabilities
@@ -316,7 +316,7 @@ def test_a_cyclic_target_does_not_act_again_once_the_axis_was_without_power():
     must_rest_beyond(led, led.drive.position, 0x07)
 
 
-def test_a_cyclic_target_does_not_act_again_after_a_halt_even_one_that_came_with_it():
+def test_a_cyclic_target_does_not_act_again_after_a_halt_even_one_sent_with_it():
     led = Led(1000.0, 5000.0).enabled(CSP, target_position=0)
     moving_in_csp(led)
     place = led.drive.position

@@ -53,7 +53,7 @@ def test_time_in_which_the_core_itself_did_not_run_does_not_count():
     assert found([Look(passed=0.5, state="T")] * 50) is None
 
 
-def test_a_byte_that_was_on_its_way_when_the_state_was_read_is_waited_for():
+def test_a_byte_sent_before_the_state_was_read_is_waited_for():
     starved = [Look(state="R")] * 20
     assert found([*starved, Look(state="S"), Look(came=True), *starved]) is None
 

@@ -31,8 +31,8 @@ REAL_TIME = {
     "processes end, hang, or are killed, suspended or signalled, or belong to another user": (
         "cli/test_cli_joined_processes.py",
         "core/test_core_door.py::test_a_machine_of_another_user_is_found_and_neither_joined_nor_believed",
-        "core/test_core_door.py::test_another_user_is_sent_away_from_the_door_whatever_is_said",
-        "core/test_core_door.py::test_root_comes_in_to_a_machine_of_the_user_whose_cell_file_it_is",
+        "core/test_core_door.py::test_a_request_of_another_user_is_refused_whatever_it_contains",
+        "core/test_core_door.py::test_root_may_stop_a_machine_of_the_owner_of_the_cell_file",
         "core/test_core_faults.py::test_a_fault_that_a_program_dies_of_is_kept_with_its_stop",
         "core/test_core_joined_processes.py",
         "core/test_core_process.py",
@@ -51,7 +51,7 @@ REAL_TIME = {
     ),
     "the load of the computer is what it is about: floods, crowds, and threads that hold the interpreter": (
         "cli/test_cli_jitter.py",
-        "core/test_core_door.py::test_a_request_to_stop_is_taken_while_others_come_again_and_again",
+        "core/test_core_door.py::test_a_request_to_stop_is_taken_while_others_connect_repeatedly",
         "gateway/test_gateway_metrics.py::test_who_connects_and_says_nothing_keeps_nobody_out_and_few_threads",
         "scenarios/test_scenario_flood.py::test_four_threads_that_command_without_a_pause_take_no_cycles_and_keep_no_stop_waiting",
         "scenarios/test_scenario_starved.py::test_a_callback_that_holds_the_scan_up_is_named_and_no_adapter",
@@ -218,7 +218,7 @@ SLOW = {
         "fuzz",
         "cia305/test_lss_scan.py",
         "core/test_core_inbox.py::test_a_flood_of_jogs_is_one_jog_and_keeps_nothing_in_memory",
-        "core/test_core_inbox.py::test_what_several_threads_give_is_taken_once_each_and_each_thread_s_in_its_order",
+        "core/test_core_inbox.py::test_commands_of_several_threads_are_taken_once_each_and_in_the_order_of_each_thread",
         "motion/test_motion_calm.py",
         "motion/test_motion_commands_by_state.py",
         "motion/test_motion_groups_random.py",
