@@ -169,7 +169,7 @@ def test_a_read_after_a_pause_looks_at_the_machine_first(server, machine, monkey
     assert visit(server.url, paused) == (None, "BadNoCommunication")
 
 
-def test_where_the_machine_cannot_be_looked_at_nothing_stays_good(server, machine, monkeypatch, caplog):
+def test_if_the_machine_cannot_be_read_no_value_stays_good(server, machine, monkeypatch, caplog):
     good(server.url)
 
     def fails():
@@ -204,7 +204,7 @@ class Heard:
         await asyncio.sleep(0.3)
 
 
-def test_what_happens_is_one_event_for_each_who_listens_at_the_server_or_the_incidents(server, machine):
+def test_each_event_is_sent_once_to_each_subscriber_at_the_server_or_the_incidents(server, machine):
     told = OpcuaEvent(server.now(), 900, "x: a fault", "seen", "do this", "x")
 
     async def listen(seen: Visit):
@@ -237,7 +237,7 @@ async def write(seen: Visit):
     await seen.node(POSITION).write_value(ua.Variant(7.0, ua.VariantType.Double))
 
 
-def test_nobody_writes(server, machine):
+def test_no_client_can_write(server, machine):
     good(server.url)
     with refused("BadUserAccessDenied"):
         visit(server.url, write)
@@ -246,7 +246,7 @@ def test_nobody_writes(server, machine):
     assert visit(server.url, lambda seen: seen.value(POSITION)) == (machine["x"].position, "Good")
 
 
-def test_who_has_no_name_calls_nothing_and_who_has_one_halts_and_stops(server, machine):
+def test_anonymous_clients_call_no_method_and_users_halt_and_stop(server, machine):
     with refused("BadUserAccessDenied"):
         visit(server.url, halt)
     assert visit(server.url, halt, ANNA).startswith("x: Disabled at 0 deg")
@@ -254,7 +254,7 @@ def test_who_has_no_name_calls_nothing_and_who_has_one_halts_and_stops(server, m
     assert [line.partition(":")[0] for line in text.splitlines()] == ["x", "y"]
 
 
-def test_a_method_of_another_object_is_refused_and_so_is_what_it_does_not_take(server, machine):
+def test_a_method_of_another_object_and_extra_arguments_are_refused(server, machine):
     async def ask(seen: Visit):
         method = seen.node(f"{X}/Halt").nodeid
         with refused("BadMethodInvalid"):
@@ -273,7 +273,7 @@ def test_a_reset_is_not_there_unless_it_is_allowed(server, machine):
     assert visit(server.url, methods, ANNA) == ["Halt", "Stop"]
 
 
-def test_without_a_machine_a_method_is_refused_and_says_so_as_an_event(server):
+def test_without_a_machine_a_method_is_refused_and_an_event_reports_it(server):
     async def ask(seen: Visit):
         heard = Heard()
         subscription = await seen.client.create_subscription(50, heard)
@@ -299,7 +299,7 @@ def test_a_wrong_password_is_refused_each_time(server):
     assert visit(server.url, running, ANNA)[1] == "Good"
 
 
-def test_a_crowd_with_wrong_passwords_locks_nobody_out(server, machine):
+def test_many_clients_with_wrong_passwords_lock_no_user_out(server, machine):
     """Neither a user that comes for the first time, nor one that comes back."""
     server._updater._server.iserver.gate._right.clear()
     over = threading.Event()
@@ -405,7 +405,7 @@ def without_a_channel():
         "no channel",
     ],
 )
-def test_what_is_no_opc_ua_is_sent_away(server, junk):
+def test_a_connection_with_another_protocol_is_closed(server, junk):
     with socket.create_connection(address(server), timeout=3.0) as line:
         with suppress(OSError):
             line.sendall(junk)
@@ -413,7 +413,7 @@ def test_what_is_no_opc_ua_is_sent_away(server, junk):
     assert visit(server.url, lambda seen: seen.value("/Running"))[1] == "Good"
 
 
-def test_what_asks_and_never_reads_is_let_go_of(server, monkeypatch):
+def test_a_client_that_sends_requests_and_never_reads_is_disconnected(server, monkeypatch):
     monkeypatch.setattr(limits, "PATIENCE", 0.5)
     large = ua.NodeId("Machines/cell/Axes/x/ControlMode/EnumValues", 2)
     asked = ua.ReadValueId(NodeId=large, AttributeId=ua.AttributeIds.Value)
@@ -446,7 +446,7 @@ def test_what_asks_and_never_reads_is_let_go_of(server, monkeypatch):
     assert visit(server.url, running)[1] == "Good"
 
 
-def test_a_crowd_without_a_name_is_served_and_leaves_room_for_another_address_and_for_who_has_a_name(server):
+def test_many_anonymous_clients_leave_room_for_other_addresses_and_for_users(server):
     most = limits.OF_ADDRESS.sessions
 
     async def crowd():
@@ -475,7 +475,7 @@ def test_a_crowd_without_a_name_is_served_and_leaves_room_for_another_address_an
     assert {ua.StatusCode(each.code).name for each in others} == {"BadTooManySessions"}
 
 
-def test_clients_that_are_gone_leave_room_for_who_comes(server):
+def test_disconnected_clients_leave_room_for_new_ones(server):
     """Each has a session and a subscription, and is cut off: those wait for a client that comes again, but not for ever."""
 
     async def lose():
@@ -496,7 +496,7 @@ def test_clients_that_are_gone_leave_room_for_who_comes(server):
     asyncio.run(crowd())
 
 
-def test_a_connection_whose_client_has_gone_on_by_another_one_is_closed(server, monkeypatch):
+def test_a_connection_whose_client_uses_another_one_is_closed(server, monkeypatch):
     monkeypatch.setattr(limits, "PATIENCE", 0.5)
 
     async def stay():
@@ -515,7 +515,7 @@ def test_a_connection_whose_client_has_gone_on_by_another_one_is_closed(server, 
     assert asyncio.run(stay())
 
 
-def test_a_connection_by_which_nobody_is_in_any_more_is_closed(server, monkeypatch):
+def test_a_connection_without_a_session_is_closed(server, monkeypatch):
     monkeypatch.setattr(limits, "PATIENCE", 0.5)
 
     async def leave():
@@ -555,7 +555,7 @@ def literal(octets):
     ],
     ids=["of nothing", "backwards", "longer than its chunk", "of many chunks", "deep"],
 )
-def test_what_a_message_claims_of_itself_takes_neither_memory_nor_time(server, octets):
+def test_a_length_claimed_by_a_message_costs_neither_memory_nor_time(server, octets):
     async def ask():
         client = Client(server.url, timeout=5)
         await client.connect_socket()
@@ -651,7 +651,7 @@ def event_item(given):
     return item
 
 
-def test_an_item_with_a_filter_that_is_none_is_refused_alone_and_many_are_changed_at_once(server):
+def test_an_item_with_an_invalid_filter_is_refused_alone_and_many_are_changed_at_once(server):
     async def ask(seen: Visit):
         params = ua.CreateMonitoredItemsParameters()
         params.SubscriptionId = (await seen.client.create_subscription(500, Heard())).subscription_id
@@ -691,7 +691,7 @@ def test_an_item_with_a_filter_that_is_none_is_refused_alone_and_many_are_change
     assert wrong.StatusCode.name == "BadFilterNotAllowed"
 
 
-def test_a_client_is_told_how_much_it_may_ask_for_at_once(server):
+def test_a_client_can_read_the_operation_limits(server):
     async def ask(seen: Visit):
         told = seen.client.get_node(ua.ObjectIds.Server_ServerCapabilities_OperationLimits)
         return {
@@ -772,7 +772,7 @@ def secured(file, folder, known, own, friend):
         yield found
 
 
-def test_who_is_trusted_reads_and_with_a_name_halts(secured, own, friend):
+def test_a_trusted_client_reads_and_a_trusted_user_halts(secured, own, friend):
     assert visit(secured.url, running, Who(papers=friend, server=own.certificate)) == (False, "Good")
     anna = Who("anna", "right", friend, own.certificate)
     with refused("BadNoCommunication"):  # it was let through: no machine is there
@@ -789,9 +789,7 @@ def test_a_certificate_that_is_not_known_opens_no_channel(secured, own, folder):
         visit(secured.url, running, Who("anna", "right", stranger, own.certificate))
 
 
-def test_a_certificate_that_is_over_opens_no_channel_and_without_a_name_none_comes_in_that_is_not_trusted(
-    folder, known, own
-):
+def test_an_expired_certificate_opens_no_channel_and_untrusted_ones_need_a_user(folder, known, own):
     opened = []
     factory = SimpleNamespace(matches=lambda *_: True, create=opened.append)
     old, fresh = (trusted_of(papers(folder, name, days=days)) for name, days in (("old", -1), ("fresh", 5)))
@@ -821,7 +819,7 @@ def trusted_of(made):
     return ssl.PEM_cert_to_DER_cert(made.certificate.read_text("ascii"))
 
 
-def test_without_encryption_only_the_endpoints_are_told(secured):
+def test_without_encryption_only_the_endpoints_are_served(secured):
     async def endpoints():
         return await Client(secured.url).connect_and_get_server_endpoints()
 
@@ -857,7 +855,7 @@ def test_a_session_without_encryption_is_refused_by_the_server_itself(secured):
     asyncio.run(enter())
 
 
-def test_a_trusted_certificate_that_another_shows_helps_nobody(secured, own, friend, folder):
+def test_a_trusted_certificate_of_another_client_in_the_request_is_refused(secured, own, friend, folder):
     """What is looked at is the certificate of the channel, not the one that stands in a request."""
     thief = papers(folder, "thief")
     who = Who(papers=type(thief)(thief.certificate, thief.key, friend.uri), server=own.certificate)
@@ -878,7 +876,7 @@ def run(monkeypatch, capsys):
     return commands.runner(monkeypatch, capsys)
 
 
-def test_a_port_that_is_taken_is_told(run, server, file):
+def test_a_port_in_use_is_reported_with_the_option(run, server, file):
     code, _, err = run("bridge", "opcua", file, "--port", address(server)[1])
     assert code == 1
     assert "in use" in err
@@ -896,13 +894,13 @@ def test_a_port_that_is_taken_is_told(run, server, file):
         (("--rate", "0"), "rate"),
     ],
 )
-def test_what_does_not_go_together_is_told_before_anything_is_served(run, file, words, said):
+def test_incompatible_options_are_refused_before_anything_is_served(run, file, words, said):
     code, _, err = run("bridge", "opcua", file, "--port", "0", *words)
     assert code in (1, 2)
     assert said in err
 
 
-def test_a_certificate_without_a_uri_is_told(run, file, folder, known):
+def test_a_certificate_without_a_uri_is_refused(run, file, folder, known):
     bare = papers(folder, "bare", server=True, names=False)
     words = ("--certificate", bare.certificate, "--key", bare.key, "--users", folder / "users")
     code, _, err = run("bridge", "opcua", file, "--port", "0", *words)

@@ -75,14 +75,14 @@ def machine(file, server):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a computer has more than one loopback address on Linux")
 @pytest.mark.parametrize("from_address", ["127.0.0.1", "127.0.0.2"])
-def test_a_thousand_connections_that_say_nothing_keep_nobody_from_halting(server, machine, from_address):
+def test_a_thousand_silent_connections_prevent_no_halt(server, machine, from_address):
     with crowd_of(server, *[from_address] * 1000):
         assert visit(server.url, halt, ANNA) is not None
     until(lambda: entered_again(server))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a computer has more than one loopback address on Linux")
-def test_one_address_holds_not_all_connections_and_who_says_nothing_none_that_is_asked_for(server):
+def test_one_address_cannot_hold_all_connections_and_silent_ones_are_closed_first(server):
     others = [f"127.0.0.{number % 4 + 2}" for number in range(limits.CONNECTIONS + 8)]
     with crowd_of(server, *["127.0.0.2"] * (limits.OF_ADDRESS.connections + 3)) as lines:
         assert closed(lines[0], 3.0)  # the oldest
@@ -207,7 +207,7 @@ def test_a_client_of_another_stack_with_a_name_halts_and_writes_nothing(server, 
 
 
 @another_stack
-def test_a_client_of_another_stack_hears_what_is_refused(server):
+def test_a_client_of_another_stack_receives_refusals(server):
     server.follow(None)
     seen = seen_by_node(server, "anna", "right")
     assert seen["halt"][0] == "BadNoCommunication"

@@ -150,7 +150,7 @@ def test_the_plant_follows_a_trajectory_with_velocities_in_its_time(ros, machine
     until(lambda: not commander(machine))  # it gives the command back
 
 
-def test_whoever_asks_for_the_lease_is_told_that_a_trajectory_has_the_command(ros, machine, endpoint):
+def test_the_lease_is_refused_while_a_trajectory_has_control(ros, machine, endpoint):
     with Client(endpoint) as client:
         until(lambda: client.lease("look").holder is None)
         ros.send(["x"], (1.0, rad(place(machine) + 5)))
@@ -182,7 +182,7 @@ def test_without_points_it_halts_and_while_one_runs_no_other_begins(ros, machine
     assert moves_nothing(machine)
 
 
-def test_of_two_that_come_at_once_the_first_is_followed_to_its_end(ros, machine):
+def test_of_two_simultaneous_trajectories_the_first_is_followed_to_its_end(ros, machine):
     x = place(machine)
     ros.send(["x"], (1.4, rad(x - 9)))
     ros.send(["x"], (0.5, rad(x + 9)))
@@ -191,7 +191,7 @@ def test_of_two_that_come_at_once_the_first_is_followed_to_its_end(ros, machine)
     assert place(machine) == pytest.approx(x - 9, abs=0.1)
 
 
-def test_what_is_wrong_stale_huge_or_junk_moves_nothing(ros, machine):
+def test_wrong_stale_huge_or_random_messages_move_nothing(ros, machine):
     x, y = place(machine), place(machine, 2)
     chance = random.Random(2)
     good = joint_trajectory(["x", "y"], [(1.0, rad(x + 5, y + 5), (), (), ())])
@@ -223,7 +223,7 @@ def test_what_is_wrong_stale_huge_or_junk_moves_nothing(ros, machine):
     until(lambda: place(machine) > x + 4.9 and stands(machine))
 
 
-def test_what_is_not_enabled_stays_so(ros, file, machine):
+def test_a_disabled_axis_stays_disabled(ros, file, machine):
     with Machine.attach(file, command=True) as guest:
         guest["x"].disable().wait(10)
     x, y = place(machine), place(machine, 2)
@@ -232,7 +232,7 @@ def test_what_is_not_enabled_stays_so(ros, file, machine):
     assert machine["x"].state is AxisState.DISABLED
 
 
-def test_another_program_with_the_command_keeps_it_or_takes_it(ros, file, machine):
+def test_another_program_keeps_control_or_takes_it(ros, file, machine):
     x, y = place(machine), place(machine, 2)
     with Machine.attach(file, command=True) as guest:
         ros.send(["x"], (0.5, rad(x + 5)))
@@ -245,7 +245,7 @@ def test_another_program_with_the_command_keeps_it_or_takes_it(ros, file, machin
         assert moves_nothing(machine)
 
 
-def test_a_bridge_that_stands_still_or_is_killed_lets_its_axes_halt(ros, file, machine, endpoint, config):
+def test_a_suspended_or_killed_bridge_halts_its_axes(ros, file, machine, endpoint, config):
     words = ("--config", config, "--cell", "two", "--ros", "--ros-command", "--ros-namespace", "arm")
     with BridgeProcess(file, *words) as own, Ros(endpoint, "0/arm") as arm:
         own.await_line("joined")

@@ -52,7 +52,7 @@ REAL_TIME = {
     "the load of the computer is what it is about: floods, crowds, and threads that hold the interpreter": (
         "cli/test_cli_jitter.py",
         "core/test_core_door.py::test_a_request_to_stop_is_taken_while_others_connect_repeatedly",
-        "gateway/test_gateway_metrics.py::test_who_connects_and_says_nothing_keeps_nobody_out_and_few_threads",
+        "gateway/test_gateway_metrics.py::test_silent_connections_exclude_no_client_and_use_few_threads",
         "scenarios/test_scenario_flood.py::test_four_threads_that_command_without_a_pause_take_no_cycles_and_keep_no_stop_waiting",
         "scenarios/test_scenario_starved.py::test_a_callback_that_holds_the_scan_up_is_named_and_no_adapter",
         "scenarios/test_scenario_starved.py::test_a_thread_that_holds_the_interpreter_is_named_and_no_hardware",
