@@ -214,7 +214,7 @@ def connections(*sessions: int | None, kept: bool = False) -> list[Connection]:
     return [Connection(None, session, kept) for session in sessions]
 
 
-def test_who_has_most_loses_the_oldest_and_strangers_count_as_one():
+def test_the_client_with_most_connections_loses_its_oldest_and_unknown_ones_count_as_one():
     found = connections(1, None, 2, 1, None, None, 2)
     assert one_too_many(found, 8) is None
     assert one_too_many(found, 7) is found[1]

@@ -97,7 +97,7 @@ def test_strangers_are_refused_on_every_path(at):
                 at.operator.page(path, **headers)
 
 
-def test_who_looks_on_moves_nothing_and_stops_by_socket_and_by_request(moving):
+def test_an_observer_moves_nothing_and_stops_by_socket_and_by_request(moving):
     with moving.looker.page() as page:
         for do in ("take", "take_over", "disable", "jog", "move_velocity", "move_relative"):
             send(page, do, values={"velocity": "-20", "distance": "5", "direction": "1"})
@@ -126,7 +126,7 @@ def test_an_observer_reads_objects_and_writes_none(at):
         assert at.looker.ask(f"/objects/{wrong}").status in (200, 422)
 
 
-def test_files_that_are_too_large_or_junk_or_of_another_page_cost_nothing_and_who_looks_on_restores_nothing(
+def test_large_invalid_or_foreign_files_cost_nothing_and_an_observer_restores_nothing(
     moving,
 ):
     with moving.looker.page() as page:
@@ -258,7 +258,7 @@ def test_attacks_on_the_page_s_server_cost_no_cycles(moving):
     assert crowded <= 2 * quiet + 3
 
 
-def test_a_page_is_reported_no_more_than_a_second_ahead_of_what_it_shows(moving):
+def test_a_page_is_sent_at_most_a_second_more_than_it_has_shown(moving):
     """What would wait on its way on a network that is too slow for it would be old when it is shown."""
     with moving.looker.page() as page:
         now = json.loads(page.recv(2.0))["own"]["now"]
@@ -333,7 +333,7 @@ def moving_values(page: ClientConnection) -> dict[str, Any]:
     return axes
 
 
-def test_it_has_complained_of_nothing_but_said_that_it_joined(at):
+def test_the_server_has_printed_only_that_it_joined(at):
     assert at.served.errors.read_text("utf-8") == "joined the running machine; this command has control\n"
 
 

@@ -127,7 +127,7 @@ def test_a_limit_in_increments_is_reported_no_finer_than_they_report(increments,
     assert bars_of(parameters)[-1].span == pytest.approx((-limit, limit), rel=1e-9)
 
 
-def test_limits_that_nobody_keeps_at_present_are_said_not_to_hold(tmp_path):
+def test_limits_that_do_not_apply_at_present_are_marked_so(tmp_path):
     text = cell_text("x", axis=LIMITED).replace("required = false", "required = true")
     path = tmp_path / "cell.toml"
     path.write_text(text, encoding="utf-8")

@@ -145,7 +145,7 @@ def test_a_page_that_hangs_ends_its_jog_and_does_not_continue_with_it_afterwards
     assert x.speed() < 0.1
 
 
-def test_the_space_bar_stops_and_never_presses_what_has_the_focus(x):
+def test_the_space_bar_stops_and_never_presses_the_focused_button(x):
     x.page.type("distance", "1000")
     x.page.press("move_relative")
     until(lambda: x.speed() > FAST)
@@ -247,7 +247,7 @@ def until_text(page: Page, selector: str, text: str) -> str:
     return page.text(selector)
 
 
-def test_a_move_arrives_and_what_is_refused_is_said_in_the_words_of_the_library(x):
+def test_a_move_arrives_and_a_refusal_has_the_words_of_the_library(x):
     x.page.type("position", "10,5")
     x.page.press("move_absolute")
     until(lambda: abs(x.axis.position - 10.5) < 0.1, 20.0)
@@ -282,7 +282,7 @@ def test_a_fault_is_shown_with_its_cause_and_reset(x):
     until(lambda: x.axis.state is AxisState.STANDSTILL)
 
 
-def test_values_are_grey_within_a_second_when_the_server_says_nothing_more(scene):
+def test_values_are_grey_within_a_second_after_the_server_falls_silent(scene):
     page = scene.page
     until(lambda: not page.gone)
     os.kill(scene.web.pid, signal.SIGSTOP)
@@ -296,7 +296,7 @@ def test_values_are_grey_within_a_second_when_the_server_says_nothing_more(scene
     until(lambda: not page.gone)
 
 
-def test_a_link_opens_one_page_once_and_that_may_stop_what_another_moves(scene, x):
+def test_a_link_opens_one_page_once_which_may_stop_the_motions_of_others(scene, x):
     driver, first = x.page.driver, x.page.driver.current_window_handle
     x.page.type("velocity", "50")
     x.page.type("position", "5000")
@@ -323,7 +323,7 @@ def test_the_console_of_the_browser_stays_empty(scene):
     assert told == []
 
 
-def test_when_it_ends_the_machine_continues_and_what_it_moved_halts(scene, x):
+def test_when_the_server_ends_the_machine_continues_and_its_motions_halt(scene, x):
     x.page.type("velocity", "50")
     x.page.press("move_velocity")
     until(lambda: x.speed() > FAST)

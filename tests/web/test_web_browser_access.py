@@ -56,7 +56,7 @@ def test_the_page_meets_the_accessibility_rules(scene, width, scheme):
         assert violations(scene.page) == [], view
 
 
-def test_what_keeps_people_out_is_found(scene):
+def test_the_search_finds_violations_of_accessibility(scene):
     page = scene.page
     page.view("cell")
     page.as_seen(1280, "light")

@@ -74,7 +74,7 @@ def bar(page: Page, name: str) -> SimpleNamespace:
     )
 
 
-def test_a_bar_reports_where_a_value_lies_within_its_limits(x):
+def test_a_bar_shows_the_position_of_a_value_within_its_limits(x):
     x.page.type("velocity", "-380")
     x.page.press("move_velocity")
     until(lambda: x.speed() > 370)
@@ -118,7 +118,7 @@ def test_a_torque_beyond_the_limit_is_refused_in_the_words_of_the_library(x):
     assert x.speed() < 0.1
 
 
-def test_the_command_that_another_program_took_is_taken_back(scene, x):
+def test_control_that_another_program_took_is_taken_back(scene, x):
     assert not x.page.one("#command").is_displayed()
     with Machine.attach(scene.file, command=True, force=True) as other:
         until(lambda: x.page.one("#command").is_displayed())
@@ -167,7 +167,7 @@ def late(tmp_path: Path) -> Iterator[SimpleNamespace]:
                 server.end()
 
 
-def test_an_axis_that_joins_comes_onto_the_page_that_is_open(late):
+def test_an_axis_that_joins_appears_on_the_open_page(late):
     page, y = late.page, "[data-view='axis-y']"
     assert not page.driver.find_elements("css selector", "nav a[href='#axis-y']")
     page.view("axis-x")

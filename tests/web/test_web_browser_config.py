@@ -134,7 +134,7 @@ def test_a_file_is_held_against_the_node(at):
     assert "the device refuses it" in page.text("#config-rows")
 
 
-def test_what_a_restore_would_write_is_reported_and_nothing_is_written(at):
+def test_a_dry_run_of_a_restore_is_shown_and_nothing_is_written(at):
     page, device = at.page, at.machine.simulated_node(1).device
     device.write(*ACCELERATION, 4711)
     backed_up(at)
@@ -150,7 +150,7 @@ def test_what_a_restore_would_write_is_reported_and_nothing_is_written(at):
     page.pictures("config")
 
 
-def test_the_settings_are_restored_after_a_yes_and_the_rest_is_left(at):
+def test_the_settings_are_restored_after_a_yes_and_others_are_left_unchanged(at):
     page, device = at.page, at.machine.simulated_node(1).device
     device.write(*ACCELERATION, 4711)
     backed_up(at)
@@ -190,7 +190,7 @@ def test_a_file_that_does_not_fit_this_node_is_refused_with_a_message(at):
     assert "was taken from another device than node 1" in page.text("#config-error")
 
 
-def test_a_file_is_sent_again_where_the_connection_was_gone_for_a_moment(at):
+def test_a_file_is_sent_again_after_a_short_loss_of_the_connection(at):
     page = at.page
     chosen(at, saved(at, "dcf").read_bytes(), "mine.dcf")
     page.run("sockets.filter((each) => each.url.endsWith('/live')).forEach((each) => each.close())")
@@ -199,7 +199,7 @@ def test_a_file_is_sent_again_where_the_connection_was_gone_for_a_moment(at):
     assert "objects compared" in done(page, "#compare")  # without the controls
 
 
-def test_a_node_that_is_lost_in_the_middle_is_said(at):
+def test_a_node_lost_during_a_backup_is_reported(at):
     page = at.page
     press(page, "#backup")
     until(lambda: float(page.run("return document.querySelector('#config-bar').value")) > 5)

@@ -126,7 +126,7 @@ def has(scene: SimpleNamespace, key: str) -> int:
     return found
 
 
-def test_objects_are_found_by_index_name_and_what_a_pdo_may_carry(at):
+def test_objects_are_found_by_index_name_and_pdo_mapping(at):
     page = at.page
     everything = sought(page, "")
     assert len(everything) > 90
@@ -279,7 +279,7 @@ def test_pdos_and_findings_are_shown(at):
     page.pictures("objects-findings")
 
 
-def test_a_verification_continues_may_be_cancelled_and_finds_what_differs(at):
+def test_a_verification_continues_may_be_cancelled_and_finds_differences(at):
     page = at.page
     at.machine.simulated_node(1).device.dials.sdo_aborts = {(0x6083, 0): abort.OBJECT_MISSING}
     press(page, page.one("[data-part=verify]"))

@@ -88,7 +88,7 @@ def test_an_unknown_value_is_no_number(seen):
     assert [math.isnan(each) for each in velocity] == [True, True]
 
 
-def test_one_that_is_slow_gets_what_is_left_and_how_many_are_not():
+def test_a_slow_reader_gets_the_remaining_cycles_and_the_number_of_lost_ones():
     cycles = ScopeBuffer(kept=10)
     for number in range(25):
         cycles.add(number / 1000, {})
@@ -100,7 +100,7 @@ def test_one_that_is_slow_gets_what_is_left_and_how_many_are_not():
     assert ScopeBuffer().since(0, 5) == ((), 0, 0)
 
 
-def test_cycles_that_come_meanwhile_are_neither_lost_nor_doubled():
+def test_cycles_added_during_a_read_are_neither_lost_nor_doubled():
     cycles, over, found, lost, at = ScopeBuffer(kept=500), threading.Event(), [], 0, 0
 
     def add():

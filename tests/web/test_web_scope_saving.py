@@ -72,7 +72,7 @@ def test_a_file_is_read_back_with_the_values_that_were_shown(machine, tmp_path):
     assert found.facts["drives"] == "simulated"
 
 
-def test_an_unknown_value_is_left_out_as_the_schema_of_its_channel_says(machine):
+def test_an_unknown_value_is_left_out_as_the_schema_of_its_channel_requires(machine):
     from mcap.reader import make_reader
 
     data = mcap(machine, packed([1000.0, 1000.01], x_position=[1.0, 2.0], x_velocity=[math.nan, 3.0]))
@@ -194,7 +194,7 @@ def test_as_much_as_a_browser_keeps_of_ten_signals_may_be_sent():
 
 
 @pytest.mark.parametrize("there", [True, False])
-def test_without_the_package_the_button_says_what_is_needed(monkeypatch, there):
+def test_without_the_package_the_button_names_it(monkeypatch, there):
     pytest.importorskip("nicegui", reason="the page needs nicegui")
     from nicegui import Client, ui
 

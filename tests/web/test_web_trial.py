@@ -44,7 +44,7 @@ def rising(start, end, slowness=0.05):
     return lambda time: start + (end - start) * (1.0 - math.exp(-time / slowness))
 
 
-def test_it_goes_there_looks_comes_back_looks_and_is_over():
+def test_a_trial_moves_measures_returns_measures_and_ends():
     seen = Seen()
     assert seen.cycle() is NextAction.GO
     assert seen.trial.phase is TrialPhase.THERE
@@ -68,7 +68,7 @@ def test_a_velocity_goes_back_to_0_and_is_in_motion_all_the_time():
 
 
 @pytest.mark.parametrize("state", [each for each in AxisState if each is not STANDS])
-def test_it_begins_with_nothing_that_does_not_stand(state):
+def test_a_trial_begins_only_at_standstill(state):
     seen = Seen()
     assert seen.cycle(state) is NextAction.WAIT
     assert state.value in seen.trial.why
@@ -93,7 +93,7 @@ def test_a_second_motion_disturbs_it():
     assert "moved again" in seen.trial.why
 
 
-def test_a_turning_axis_that_comes_to_rest_disturbs_it():
+def test_a_turning_axis_that_stops_ends_the_trial():
     seen = Seen(TURN)
     seen.cycle()
     seen.cycle(TURNS, 5.0)
@@ -163,7 +163,7 @@ def test_the_first_reason_is_the_one_that_is_reported():
     assert trial.why == "one"
 
 
-def test_one_that_rings_comes_back_by_its_new_target_and_is_measured():
+def test_an_axis_that_rings_returns_by_its_new_target_and_is_measured():
     """The drive never says that it has arrived: the axis is in motion all the time."""
     seen = Seen()
     seen.cycle()

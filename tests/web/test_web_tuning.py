@@ -99,7 +99,7 @@ def test_limits_that_do_not_hold_before_it_is_homed_are_reported_as_such(tmp_pat
         assert "position from -100 to 100 deg, after homing" in pages.last["question"]
 
 
-def test_it_asks_first_and_says_what_moves_and_within_which_limits(pages, place):
+def test_the_question_names_the_motion_and_the_limits(pages, place):
     pages.step(place, sure=False)
     pages.go_on(place, 0.5)
     asked = pages.last["question"]
@@ -199,7 +199,7 @@ def test_another_trial_may_follow_and_only_the_last_are_kept(pages, place):
     ],
 )
 @pytest.mark.parametrize("sure", [False, True])
-def test_what_cannot_be_is_refused_before_the_question_and_after(pages, place, changes, words, sure):
+def test_invalid_values_are_refused_before_the_question_and_after(pages, place, changes, words, sure):
     pages.step(place, sure=sure, **changes)
     pages.go_on(place, 0.3)
     (told,) = pages.told(place)
@@ -240,7 +240,7 @@ def test_it_needs_the_controls_an_operator_and_an_enabled_axis_at_standstill(pag
     assert pages.news == []
 
 
-def test_a_yes_that_comes_too_late_moves_nothing(pages, place):
+def test_a_late_yes_moves_nothing(pages, place):
     pages.press += 1
     pages.ask(place, "beat")
     pages.ask(place, "step_position", "x", sure=True, press=1, values=MOVE, sent=pages.now - 90.0 - 0.3)
@@ -281,7 +281,7 @@ def test_it_ends_by_silence_and_late_words_do_not_revive_it(pages, place):
     pages.ended(place, "the server received nothing from its page")
 
 
-def test_it_ends_by_words_that_come_too_late(pages, place):
+def test_a_late_beat_ends_it(pages, place):
     pages.under_way(place)
     pages.ask(place, "trial_beat", press=pages.press, sent=pages.now - 90.0 - 0.3)
     pages.ended(place, "the server received nothing from its page")
