@@ -218,7 +218,7 @@ def test_one_node_is_named_by_its_number_or_by_an_axis(run, file):
 
 
 @needs_compiler
-def test_files_whose_names_could_be_mixed_up_are_told_apart(run, tmp_path):
+def test_files_with_similar_names_have_different_prefixes(run, tmp_path):
     for name in ("a/drive.eds", "b/drive.eds", "drive_controlword.eds"):
         path = tmp_path / name
         path.parent.mkdir(exist_ok=True)
@@ -263,7 +263,7 @@ def test_a_two_axis_drive_has_the_objects_of_both_and_the_pdos_that_there_are(ru
         (("builtin:generic-cia402",), "an input file is missing"),
     ],
 )
-def test_what_has_no_pdos_is_refused_in_words(run, file, arguments, said):
+def test_a_device_without_pdos_is_refused_with_the_reason(run, file, arguments, said):
     code, out, err = run("eds", "code", "--c", "--cell", file, *arguments)
     assert code in (1, 2)
     assert out == ""
@@ -294,7 +294,7 @@ def test_a_module_that_speaks_can_simple_has_none_and_the_others_are_named(run, 
         (("--c", "--cell", "none.toml"), "none.toml"),
     ],
 )
-def test_what_cannot_be_meant_is_refused_in_words(run, arguments, said):
+def test_invalid_arguments_of_eds_code_are_refused_with_the_reason(run, arguments, said):
     code, out, err = run("eds", "code", *arguments)
     assert code in (1, 2)
     assert out == ""

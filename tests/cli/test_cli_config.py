@@ -74,7 +74,7 @@ def _objects(report, outcome):
 # -- backup ------------------------------------------------------------------------------------------------------------
 
 
-def test_backup_holds_the_values_and_who_they_are_of(axisbus, bus, saved, tmp_path):
+def test_a_backup_contains_the_values_and_the_identity(axisbus, bus, saved, tmp_path):
     eds = load(tmp_path / "x.dcf")
     assert eds.node_id == 5
     assert {key: eds.get(*key).initial(5) for key in CHANGES} == CHANGES
@@ -192,7 +192,7 @@ def test_two_files_of_different_nodes_differ_in_values_only(axisbus, bus, saved)
         (("5",), "give a cell file with --cell, or the bus"),
     ],
 )
-def test_what_cannot_be_compared_is_misuse(axisbus, arguments, words):
+def test_an_invalid_comparison_is_misuse(axisbus, arguments, words):
     result = axisbus("config", "diff", *arguments)
     assert result.code == 2
     assert words in result.err
@@ -256,7 +256,7 @@ def test_calibration_stays_as_the_drive_has_it_unless_it_is_named(
     assert _held(stand_ins) == CHANGES
 
 
-def test_pdos_come_back_with_their_mapping(axisbus, bus):
+def test_pdos_are_restored_with_their_mapping(axisbus, bus):
     options, stand_ins = bus
     tpdo1 = {(0x1800, 1): 0x8000_0185, (0x1A00, 0): 0, (0x1A00, 1): 0x6064_0020, (0x1800, 2): 255}
     after = {(0x1A00, 0): 1, (0x1800, 1): 0x185}
@@ -293,7 +293,7 @@ def _set_nmt(stand_ins, command):
         stand_ins.devices[0].nmt_command(command)
 
 
-def test_what_a_restart_loses_is_found_by_reading_again(axisbus, bus, saved):
+def test_a_value_lost_in_a_restart_is_found_by_reading_again(axisbus, bus, saved):
     """A drive that says yes to storing, restarts, and has forgotten one object."""
     options, stand_ins = bus
     device = stand_ins.devices[0]
@@ -306,7 +306,7 @@ def test_what_a_restart_loses_is_found_by_reading_again(axisbus, bus, saved):
     assert "it restarted, and all was read again" in out
 
 
-def test_a_drive_that_refuses_to_store_is_told_and_keeps_what_it_has_in_ram(axisbus, bus, saved):
+def test_a_drive_that_refuses_to_store_is_reported_and_keeps_its_values_in_ram(axisbus, bus, saved):
     options, stand_ins = bus
     stand_ins.devices[0].dials.sdo_write_aborts[0x1010, 1] = 0x0800_0022
     code, out, err = axisbus("config", "restore", "x.dcf", "5", *options, "--store")
@@ -373,7 +373,7 @@ def test_an_operational_node_is_not_configured(axisbus, bus, saved, monkeypatch)
     assert _held(stand_ins) == saved
 
 
-def test_a_cable_that_is_pulled_on_the_way_is_told_and_the_next_run_finishes(axisbus, bus, saved):
+def test_a_cable_pulled_during_a_restore_is_reported_and_the_next_run_completes_it(axisbus, bus, saved):
     options, stand_ins = bus
     device = stand_ins.devices[0]
     hook = [lambda _: setattr(device.dials, "sdo_silent", True)]
@@ -389,7 +389,7 @@ def test_a_cable_that_is_pulled_on_the_way_is_told_and_the_next_run_finishes(axi
     assert _held(stand_ins) == CHANGES
 
 
-def test_what_the_drive_refuses_is_named(axisbus, bus, saved):
+def test_an_object_that_the_drive_refuses_is_named(axisbus, bus, saved):
     options, stand_ins = bus
     stand_ins.devices[0].dials.sdo_write_aborts[0x6083, 0] = 0x0800_0021
     code, out, _ = axisbus("config", "restore", "x.dcf", "5", *options)

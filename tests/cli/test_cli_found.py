@@ -98,7 +98,7 @@ def test_a_machine_whose_cell_file_cannot_be_read_any_more_is_stopped_all_the_sa
 
 
 @pytest.mark.usefixtures("moving")
-def test_an_axis_that_the_machine_does_not_have_is_not_told_as_stopped(axisbus, file):
+def test_an_axis_that_the_machine_does_not_have_is_not_reported_as_stopped(axisbus, file):
     before = file.read_text()
     try:
         file.write_text(before.replace("axes.y", "axes.q"))
@@ -121,7 +121,7 @@ def test_of_two_machines_of_one_simulated_cell_both_are_stopped(axisbus, moving,
     assert turns(machine) == pytest.approx(0.0, abs=0.1)
 
 
-def test_where_nothing_answers_under_a_claim_no_axis_is_told_as_stopped(axisbus, tmp_path):
+def test_a_claim_without_an_answer_reports_no_axis_as_stopped(axisbus, tmp_path):
     file = own_cell(tmp_path, "x")
     with claim(None, CellFileId.of(file), exclusive=False, door=False):
         code, out, _ = axisbus("stop", file)

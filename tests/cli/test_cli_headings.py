@@ -80,7 +80,7 @@ def test_by_its_file_it_is_called_by_its_device_type(axisbus, device, tmp_path):
         assert not [line for line in headings(text) if WRONG.search(line)]
 
 
-def test_what_comes_next_is_no_homing_where_there_is_no_axis(axisbus, device):
+def test_without_an_axis_homing_is_not_the_next_command(axisbus, device):
     out = axisbus("boot", device[2]).out
     assert "axisbus monitor" in out
     assert "axisbus home" not in out

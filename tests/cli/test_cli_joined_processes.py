@@ -48,7 +48,7 @@ def moving(opened):
     x.halt().wait(10)
 
 
-def test_a_machine_that_is_run_has_its_command_free_for_whoever_comes(axisbus, tmp_path):
+def test_a_machine_of_axisbus_run_leaves_control_to_any_client(axisbus, tmp_path):
     path = own_cell(tmp_path, "x")
     with subprocess.Popen(
         [sys.executable, "-m", "axisbus", "run", path, "--every", "0.2"], stdout=subprocess.PIPE, text=True
@@ -89,7 +89,7 @@ def test_a_command_that_is_interrupted_leaves_the_axes_as_it_found_them(axisbus,
         running.send_signal(signal.SIGINT)
 
 
-def test_a_command_that_took_the_command_tells_what_it_leaves_enabled(opened, file):
+def test_a_command_that_took_control_names_the_axes_that_it_leaves_enabled(opened, file):
     opened["y"].disable().wait(10)
     turning = subprocess.Popen(
         [sys.executable, "-m", "axisbus", "velocity", file, "y=30", "--take"],

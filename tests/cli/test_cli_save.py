@@ -53,7 +53,7 @@ def test_a_restart_is_waited_for_and_all_is_read_again(axisbus, bus):
     assert device.answers_sdo
 
 
-def test_what_a_restart_loses_is_told(axisbus, bus):
+def test_a_value_lost_in_a_restart_is_reported(axisbus, bus):
     options, device, lock = bus
     with lock:
         device.write(0x6083, 0, 777_777)
@@ -98,7 +98,7 @@ def test_it_is_refused_while_a_drive_is_energised(axisbus, bus, state, monkeypat
     assert device.dictionary.snapshot() == before
 
 
-def test_a_refusal_is_told_with_its_reason(axisbus, bus):
+def test_a_refusal_is_reported_with_its_reason(axisbus, bus):
     options, device, _ = bus
     device.dials.sdo_write_aborts[0x1010, 1] = 0x0800_0022
     code, _, err = axisbus("save", NODE, *options)

@@ -69,7 +69,7 @@ def test_its_axes_are_homed_and_moved(axisbus, served):
     assert at == pytest.approx({"x": 10.0, "y": -5.0}, abs=0.05)
 
 
-def test_its_objects_are_read_and_its_frames_told(axisbus, served, tmp_path):
+def test_its_objects_are_read_and_its_frames_traced(axisbus, served, tmp_path):
     mine, options = served
     assert axisbus("od", "read", "x:6041", "--cell", mine).code == 0
     assert axisbus("config", "backup", "x", "--cell", mine, "-o", tmp_path / "x.dcf").code == 0
@@ -115,7 +115,7 @@ blocked = true
 """
 
 
-def test_faults_come_as_they_are_planned_and_a_test_sees_the_plant(axisbus, tmp_path):
+def test_faults_occur_as_planned_and_a_test_can_observe_the_plant(axisbus, tmp_path):
     cell, mine, faults, control = (tmp_path / name for name in ("cell.toml", "mine.toml", "faults.toml", "c"))
     cell.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
     faults.write_text(FAULTS, encoding="utf-8")

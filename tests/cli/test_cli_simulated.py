@@ -24,7 +24,7 @@ def test_scan_finds_the_nodes_of_the_cell(axisbus):
     assert f"next: a first cell file of them: axisbus init -i sim -c {commands.CELL} -o cell.toml" in out
 
 
-def test_scan_of_a_cell_file_names_what_is_next(axisbus):
+def test_scan_of_a_cell_file_names_the_next_command(axisbus):
     assert f"next: axisbus boot {commands.CELL}" in axisbus("scan", commands.CELL).out
 
 

@@ -31,7 +31,7 @@ def shell(command: str, *arguments: str, **environment: str) -> subprocess.Compl
     )
 
 
-def test_a_pipe_that_nobody_reads():
+def test_a_pipe_without_a_reader_ends_without_an_error():
     ran = shell("set -o pipefail; axisbus | head -0", *SHOW)
     assert (ran.returncode in (0, 1, 3), ran.stdout, ran.stderr) == (True, "", "")
 

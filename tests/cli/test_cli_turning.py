@@ -55,7 +55,7 @@ def test_a_torque_is_pressed_with_for_its_time(axisbus, cell):
     assert "all axes are at standstill and disabled" in out
 
 
-def test_what_the_drive_alone_knows_is_told_before_it_is_enabled(axisbus, tmp_path, monkeypatch):
+def test_a_value_missing_in_the_drive_is_reported_before_it_is_enabled(axisbus, tmp_path, monkeypatch):
     cell = tmp_path / "cell.toml"
     cell.write_text(cell_text("x", period="20ms", heartbeat="1s", eds=MODULE, axis="rated_torque = 10.0"))
     monkeypatch.setattr(Axis, "enable", lambda *_, **__: pytest.fail("it was enabled"))
@@ -78,14 +78,14 @@ def test_what_the_drive_alone_knows_is_told_before_it_is_enabled(axisbus, tmp_pa
     ],
     ids=lambda each: " ".join(each) if isinstance(each, tuple) else "",
 )
-def test_what_cannot_be_is_told_before_the_bus_is_opened(axisbus, cell, words, told, monkeypatch):
+def test_invalid_commands_are_refused_before_the_bus_is_opened(axisbus, cell, words, told, monkeypatch):
     monkeypatch.setattr(Machine, "open", lambda *_, **__: pytest.fail("it was opened"))
     code, _, err = axisbus(words[0], cell, *words[1:])
     assert code in (1, 2)
     assert told in err
 
 
-def test_an_axis_that_is_halted_by_another_program_ends_the_command(tmp_path):
+def test_a_halt_of_another_program_ends_the_command(tmp_path):
     if sys.platform != "linux":
         pytest.skip("a core in a process of its own is for Linux")
     path = own_cell(tmp_path, "x")
@@ -190,7 +190,7 @@ def _stands(terminal: Terminal, axis) -> None:
 
 
 @pty_only
-def test_a_halt_by_somebody_else_is_not_undone_by_a_key_that_is_held(tmp_path):
+def test_a_held_key_does_not_undo_a_halt_of_another_program(tmp_path):
     path = own_cell(tmp_path, "x")
     terminal = Terminal(path, "x", "--velocity", "30", "--acceleration", "60")
     terminal.await_text("arrow keys move it at 30 deg/s")

@@ -56,11 +56,11 @@ class FakeHandle:
         (FakeAxis(None, None, None), 0.0, "x position unknown"),
     ],
 )
-def test_the_words_for_a_way(axis, whole, text):
+def test_the_text_of_the_progress_of_a_move(axis, whole, text):
     assert MoverProgress(axis, FakeHandle(), whole).text() == text
 
 
-def test_an_axis_that_is_there_shows_where():
+def test_an_axis_that_has_arrived_shows_its_position():
     assert MoverProgress(FakeAxis(90.0, 0.0, 0.001), FakeHandle(busy=False), 90.0).text() == "x 90.000 deg"
 
 

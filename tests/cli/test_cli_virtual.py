@@ -47,7 +47,7 @@ def test_it_is_moved_with_the_others_and_homing_passes_it_over(axisbus, cell):
     assert code == 0
 
 
-def test_what_it_has_not_is_refused_before_the_bus_is_opened(axisbus, cell):
+def test_commands_that_need_a_drive_are_refused_before_the_bus_is_opened(axisbus, cell):
     for arguments, words in (
         (("home", cell, "v"), "no drive that could be homed"),
         (("torque", cell, "v=1"), "no torque"),

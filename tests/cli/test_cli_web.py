@@ -22,7 +22,7 @@ def axisbus(monkeypatch, capsys) -> commands.Run:
     return commands.runner(monkeypatch, capsys)
 
 
-def test_without_nicegui_it_says_how_to_install_it(axisbus, monkeypatch):
+def test_without_nicegui_the_error_names_the_package_to_install(axisbus, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     code, _, err = axisbus("web", commands.CELL)
     assert code == 1
@@ -39,7 +39,7 @@ def test_another_address_needs_tls_or_an_explicit_insecure(axisbus, address):
 
 @pytest.mark.parametrize("address", ["0.0.0.0", "::"])
 @pytest.mark.parametrize("more", [(), ("--insecure",)])
-def test_every_address_at_once_is_none(axisbus, address, more):
+def test_listening_at_every_address_is_refused(axisbus, address, more):
     code, _, err = axisbus("web", commands.CELL, "--listen", address, *more)
     assert code == 2
     assert "every address" in err
@@ -53,7 +53,7 @@ def test_a_certificate_and_its_key_go_together(axisbus, option, tmp_path):
     assert "go together" in err
 
 
-def test_a_certificate_that_is_none_is_told_before_the_machine_is_opened(axisbus, tmp_path):
+def test_an_invalid_certificate_is_refused_before_the_machine_is_opened(axisbus, tmp_path):
     (tmp_path / "file").write_text("x", "utf-8")
     code, _, err = axisbus(
         "web", commands.CELL, "--certificate", tmp_path / "file", "--key", tmp_path / "file"
@@ -62,7 +62,7 @@ def test_a_certificate_that_is_none_is_told_before_the_machine_is_opened(axisbus
     assert str(tmp_path / "file") in err
 
 
-def test_a_port_that_is_taken_is_told_before_the_machine_is_opened(axisbus):
+def test_a_port_in_use_is_reported_before_the_machine_is_opened(axisbus):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         code, _, err = axisbus("web", commands.CELL, "--port", port)
@@ -71,7 +71,7 @@ def test_a_port_that_is_taken_is_told_before_the_machine_is_opened(axisbus):
     assert "--port" in err
 
 
-def test_a_cell_file_that_is_wrong_is_told_first(axisbus, tmp_path):
+def test_an_invalid_cell_file_is_reported_first(axisbus, tmp_path):
     path = tmp_path / "cell.toml"
     path.write_text("[bus]\n", "utf-8")
     code, _, err = axisbus("web", path)
