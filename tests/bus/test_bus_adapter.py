@@ -153,7 +153,7 @@ def test_without_ip_sysfs_gives_state_and_queue_length(
     ("script", "answer"),
     [
         ("echo answer", "answer\n"),
-        ("echo answer; exit 1", "answer\n"),  # what it does not know it says in its own way
+        ("echo answer; exit 1", "answer\n"),  # it rejects unknown options in its own way
         ("sleep 9", ""),
         (None, ""),
     ],
@@ -249,7 +249,7 @@ def test_a_socketcand_server_that_reads_no_more_is_a_full_queue_and_gets_every_f
         assert sent > 100
         server.end.settimeout(0.5)
         came = b""
-        for _ in range(2):  # what waits is read, then a frame finds room again
+        for _ in range(2):  # the waiting frames are read, then a frame finds room again
             with suppress(TimeoutError):
                 while True:
                     came += server.end.recv(65536)

@@ -118,7 +118,7 @@ def test_the_adapter_goes_along_in_the_slaves_silence_and_each_is_asked_at_the_n
         (),
         True,
     )
-    assert table.after.frames(0x7E5)[-1].hex() == "0400000000000000"  # everybody is back in waiting
+    assert table.after.frames(0x7E5)[-1].hex() == "0400000000000000"  # all slaves are back in waiting state
 
 
 def test_no_frame_is_sent_at_the_new_rate_before_the_second_delay_has_passed(desk) -> None:
@@ -148,7 +148,7 @@ def test_one_that_restarts_for_it_is_asked_again(desk, monkeypatch: pytest.Monke
 def test_one_that_is_silent_is_asked_until_five_seconds_are_over(
     monkeypatch: pytest.MonkeyPatch, answers_after: float, asked: int
 ) -> None:
-    """With a pause between the questions, of which each takes 0.3 s here."""
+    """With a pause between the requests, each of which takes 0.3 s here."""
     monkeypatch.setattr(bitrate_change, "ANSWER_TIME", 5.0)
     clock, questions = HandClock(1000.0), list[LssAddress]()
 
@@ -221,7 +221,7 @@ def test_a_link_of_the_systems_is_left_alone_and_the_lines_are_reported_in_order
         (
             Opening("pcan", "PCAN_USBBUS1", None, {"timing": object()}),
             OwnRate.SYSTEM,
-        ),  # whoever wrote it must change it
+        ),  # its writer must change it
         (Opening("socketcand", "can0"), OwnRate.SYSTEM),
         (Opening("virtual", "here"), OwnRate.NONE),
         (Opening("udp_multicast", "239.0.0.1"), OwnRate.NONE),

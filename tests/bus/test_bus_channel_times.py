@@ -300,7 +300,7 @@ class Held:
             3.0,
             4,
             "hardly ran for 12 s",
-        ),  # ten seconds in which this program hardly ran: nobody's fault but its own
+        ),  # ten seconds in which this program hardly ran: only the program is to blame
         (9.0, 2, "hardly ran for 18 s"),
     ],
 )

@@ -1,4 +1,4 @@
-"""What a CAN controller is in, followed by error frames and by the driver's own state: one event for each change."""
+"""The state of a CAN controller from error frames and from the driver's own state: one event for each change."""
 
 from __future__ import annotations
 

@@ -194,7 +194,7 @@ def test_a_deaf_master_sends_no_more_set_points(
 
 
 def once(cycle: CanCycle, ports: list[CanPort], position: int) -> None:
-    """Do what a scan does in a cycle, with a target for each port."""
+    """Run one cycle as a scan does, with a target for each port."""
     cycle.sync()
     for port in ports:
         port.read(cycle.now())
@@ -223,7 +223,7 @@ def test_a_full_queue_ends_no_cycle_and_nothing_of_it_is_sent_later(
     assert "its transmit queue is full" in seen[0].bus.message
     assert fake.sent == before
     fake.full = False
-    # What the drives hold is replaced before SYNC makes it act, and SYNC counts what was sent.
+    # The outputs of the drives are replaced before SYNC, and SYNC counts the sent frames.
     once(cycle, ports, 5)
     assert fake.sent[4:] == [target(5, 0x0F, 5), target(6, 0x0F, 5), (0x80, b"\x02"), (0x77F, b"\x05")]
     seen = [port.read(cycle.now()) for port in ports]

@@ -22,7 +22,7 @@ SO_TIMESTAMPNS = 35
 
 
 class Line(CyclicSocket):
-    """A pair of sockets instead of a CAN link; ``asked`` holds what was to be listened to."""
+    """A pair of sockets instead of a CAN link; ``asked`` holds the requested identifiers."""
 
     def __init__(self, stamps: bool = True) -> None:
         self.far, near = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)

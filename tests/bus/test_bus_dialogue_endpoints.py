@@ -142,7 +142,7 @@ def test_a_list_whose_version_fits_is_not_proven_by_that():
     assert module.restarts == 0
 
 
-# -- what may come between --------------------------------------------------------------------------------------------------------
+# -- interruptions ----------------------------------------------------------------------------------------------------------------
 
 
 def test_a_module_that_answers_no_endpoint_is_reported_with_the_remedy():
@@ -151,7 +151,7 @@ def test_a_module_that_answers_no_endpoint_is_reported_with_the_remedy():
 
 
 def test_answers_of_wrong_lengths_are_reported():
-    """Somebody answers instead, with too few bytes."""
+    """Another device answers instead, with too few bytes."""
 
     def answer(message):
         if message.arbitration_id == 5 << 5 | 4 and len(message.data) == 8:

@@ -1,4 +1,4 @@
-"""A node ID, protocol or bit rate that is changed, killed before each frame: ``find`` explains what it leaves; in virtual time."""
+"""A change of node ID, protocol or bit rate, killed before each frame: ``find`` explains the remaining state; in virtual time."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def set_bitrate(channel):
     parameters(channel, act)
 
 
-# What it is before, and what it is once it was saved: protocol, node ID, bit rate; and how many frames that takes, of which the
+# The settings before, and after they were saved: protocol, node ID, bit rate; and the number of frames, of which the
 # last saves, and of parameters the two before write and read back.
 OLD = ("CAN Simple", 5, 500_000)
 PLAYS = {
@@ -71,7 +71,7 @@ def played(name, killed_at=None):
 
 
 def explained(module, rate, since, ask=ProbeScope.HEARD):
-    """What ``find`` tells at a bit rate."""
+    """The report of ``find`` at a bit rate."""
     module.dials.line_bitrate = rate
     found = search(module, ask=ask, since=since).found
     for each in found.values():

@@ -126,7 +126,7 @@ def test_each_id_is_asked_for_its_device_type_and_the_silent_ones_once_more(
 def test_the_second_request_is_sent_in_the_middle_of_the_listening_time(
     channel: Channel, fake: FakeBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whoever is slow has as long to answer the one as the other."""
+    """A slow node has as long to answer the one as the other."""
     until: list[float] = []
     monkeypatch.setattr(discover, "sleep_until", lambda _clock, t: until.append(t))
     asked: list[int] = []

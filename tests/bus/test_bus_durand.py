@@ -1,4 +1,4 @@
-"""Our SDO, PDO and NMT against a responder that somebody else wrote: durand, on python-can's virtual bus."""
+"""Our SDO, PDO and NMT against an independent responder: durand, on python-can's virtual bus."""
 
 from __future__ import annotations
 

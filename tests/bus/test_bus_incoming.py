@@ -1,4 +1,4 @@
-"""The short look at TPDOs that come as they should: in every life of a port it gives what a whole look in each cycle gives."""
+"""The short look at regular TPDOs: in every life of a port it gives the same inputs as a whole look in each cycle."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def packed(dice: random.Random, mapping: str) -> bytes:
 
 
 def events(node: CanopenNode, port: CanPort, now: float) -> tuple[object, list[object]]:
-    """What a port reads, and what it has to tell of its TPDOs."""
+    """The inputs of a port, and the events of its TPDOs."""
     before = len(node.pdo_events)
     inputs = port.read(now)
     told = [str(event) for event in list(node.pdo_events)[before:]]
@@ -106,7 +106,7 @@ def test_the_short_look_gives_the_samples_of_the_whole_one(node: CanopenNode, dr
 
 
 def trouble(dice: random.Random, node: CanopenNode, now: float) -> None:
-    """What may befall a node and its bus between two cycles."""
+    """Cause a random disturbance of a node and its bus between two cycles."""
     what, nmt, channel = dice.random(), node.nmt, node.channel
     if what < 0.004:
         nmt.state = dice.choice((NmtState.PRE_OPERATIONAL, NmtState.STOPPED))
@@ -126,7 +126,7 @@ def trouble(dice: random.Random, node: CanopenNode, now: float) -> None:
 
 
 def short_bus_off(node: CanopenNode) -> None:
-    """One that has ended again before anybody looked."""
+    """A bus-off that has ended before the next look."""
     node.channel.last_off = BusOff("off")
     node.channel.offs += 1
 

@@ -1,4 +1,4 @@
-"""What the receive thread takes from a SocketCAN link at once is what python-can takes from it one by one."""
+"""Frames that the receive thread takes from a SocketCAN link at once are equal to those that python-can takes one by one."""
 
 from __future__ import annotations
 

@@ -40,9 +40,9 @@ class Worker:
 
 @dataclass
 class World:
-    """A drive that answers SYNC over a link which delays what it sends, and the scan that looks at it once in each period.
+    """A drive that answers SYNC over a link with delays, and the scan that looks at it once in each period.
 
-    ``lag`` gives the delay of the link (seconds) at a time; what is sent earlier also comes earlier. ``lost`` is the share of its
+    ``lag`` gives the delay of the link (seconds) at a time; the order of frames is kept. ``lost`` is the share of its
     TPDOs that get lost, ``mute`` the share of SDO answers.
     """
 
@@ -131,7 +131,7 @@ class World:
         return self
 
     def oldest(self) -> float:
-        """The greatest age that was stated, less what late cycles made of it."""
+        """The greatest age that was stated, without the effect of late cycles."""
         return max(now - stated for now, stated, _ in self.looks)
 
 
@@ -172,9 +172,7 @@ def test_data_in_time_have_their_reception_time_within_the_tolerance(kind: str, 
 )
 def test_lost_frames_are_no_delay_once_the_node_was_asked(kind: dict, seed: int) -> None:
     world = World(seed, **kind).run(60.0)
-    received = max(
-        now - true for now, _, true in world.looks
-    )  # gaps and late cycles make them old by themselves
+    received = max(now - true for now, _, true in world.looks)  # gaps and late cycles alone make them old
     assert world.oldest() <= max(world.max_age, received + 2 * world.period)
     assert 0 < world.asks <= 60.0 / ASK_PAUSE
 
@@ -213,7 +211,7 @@ def test_a_growing_delay_is_seen_before_a_value_is_taken_for_younger_than_it_is(
             doubtful = False
             continue
         began, doubtful = (began if doubtful else now), True
-        # Within the grace a value counts as nearly too old, and not as unknown; where no answer comes, gaps count as lost.
+        # Within the grace time a value counts as nearly too old, and not as unknown; without an answer, gaps count as lost.
         assert now - stated >= 0.8 * world.max_age or world.mute
         assert now - began <= (LONGEST_ANSWER if world.mute else GRACE) + 3 * world.period + late
     known = [(now, true) for now, stated, true in world.looks if now - stated <= world.max_age]
@@ -251,7 +249,7 @@ def test_counting_begins_when_the_node_is_operational_and_restarts_after_a_loss(
     assert world.lags.is_known
     (count,) = world.lags.counts
     before = count.offset
-    world.slot.frames += 50  # what was sent while nobody counted
+    world.slot.frames += 50  # sent while counting was off
     world.lags.look(world.now, False)
     assert not world.lags.is_known
     world.run(1.0)

@@ -1,4 +1,4 @@
-"""One frame on its way: the bytes that Linux's SocketCAN wants, a message for another adapter, and between two processes."""
+"""One frame in transit: the bytes of Linux's SocketCAN, a message for another adapter, and between two processes."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ def test_a_program_can_see_if_its_drives_have_taken_its_frames(pair):
     assert program.behind()
     drives.recv(1.0)
     assert not program.behind()
-    drives.send(can.Message(arbitration_id=0x185))  # what waits for the program is not theirs to take
+    drives.send(can.Message(arbitration_id=0x185))  # frames for the program are not counted
     assert not program.behind()
     program.send(can.Message(arbitration_id=0x80))
     program.shutdown()

@@ -157,7 +157,7 @@ def test_a_node_that_does_not_report_its_node_id(
         monkeypatch.setattr(bus_lss, "BOOT_WAIT", 0.1)
     given = master.set_node_id(ADDRESS, 5, reset=True)
     assert (given.set.old, given.booted) == (None, booted)
-    assert fake.frames(0) == []  # nobody is reset on a guess
+    assert fake.frames(0) == []  # no node is reset on a guess
 
 
 def test_a_node_id_that_is_taken_is_not_given(master: LssMaster, fake: FakeBus) -> None:

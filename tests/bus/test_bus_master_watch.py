@@ -1,4 +1,4 @@
-"""Another master in operation, by the frames alone: one event at once and then one in a second, and whom each frame commands."""
+"""Another master in operation, by its frames alone: one event at once and then one per second, and the commanded nodes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CAST = ExpectedMasters(frozenset({1, 5}), frozenset({127}), rpdos={0x1A5: 5}, pr
 
 
 class Subscriptions:
-    """What of a channel the watch needs; frames come at the times that a test says."""
+    """The part of a channel that the watch needs; frames are received at the times of the test."""
 
     def __init__(self) -> None:
         self.receivers: dict[int, Any] = {}

@@ -1,4 +1,4 @@
-"""What a node says of itself, by a clock of our own: states, boot-ups, overdue heartbeats, guarding and its toggle bit."""
+"""The reports of a node, with a clock of the test: states, boot-ups, overdue heartbeats, guarding and its toggle bit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HEARTBEAT, NMT = 0x705, 0x000
 
 
 class Line:
-    """A channel without a bus: who listens to what, and what goes wrong."""
+    """A channel without a bus: its subscriptions, and its failures."""
 
     def __init__(self, clock: HandClock) -> None:
         self.clock = clock
@@ -72,7 +72,7 @@ def node(line: Line) -> NodeMonitor:
         ("05", NmtState.OPERATIONAL),
         ("7F", NmtState.PRE_OPERATIONAL),
         ("85", NmtState.OPERATIONAL),
-        ("00", NmtState.PRE_OPERATIONAL),  # a node enters it by itself after its boot-up
+        ("00", NmtState.PRE_OPERATIONAL),  # a node enters it automatically after its boot-up
     ],
 )
 def test_a_report_is_kept_with_its_time(node: NodeMonitor, line: Line, byte: str, state: NmtState) -> None:
@@ -132,7 +132,7 @@ def test_guarding_is_a_watch_and_its_answers_are_no_heartbeats(node: NodeMonitor
     assert (node.reports, node.state, node.stamp, node.toggle_errors) == (2, NmtState.OPERATIONAL, 101.25, 1)
     line.brings(HEARTBEAT, "04", 101.75)
     assert (node.reports, node.state) == (3, NmtState.STOPPED)
-    line.brings(HEARTBEAT, "00", 102.0)  # a boot-up begins the toggle anew
+    line.brings(HEARTBEAT, "00", 102.0)  # a boot-up restarts the toggle
     line.brings(HEARTBEAT, "7F", 102.25)
     assert (node.reports, node.bootups, node.toggle_errors) == (5, 1, 1)
 
@@ -272,7 +272,7 @@ def test_frames_that_show_a_running_machine(
 
     line.check = check
     assert detect_other_master.bus_activity(line, 0.05) == told
-    assert not any(line.receivers.values())  # nobody listens any more
+    assert not any(line.receivers.values())  # no subscription remains
 
 
 def test_a_sign_of_a_master_ends_the_listening(line: Line, clock: HandClock) -> None:

@@ -1,4 +1,4 @@
-"""NMT: what a node says of itself is kept, and a command counts when something confirms it."""
+"""NMT: the reports of a node are stored, and a command counts when it is confirmed."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_an_overdue_heartbeat_ends_operational(node: CanopenNode, slave: Slave, 
     beat(fake, slave, node)
     stamp = node.nmt.stamp
     assert stamp is not None
-    assert node.nmt.operational(stamp + 1000)  # nobody watches it
+    assert node.nmt.operational(stamp + 1000)  # it is not monitored
     node.nmt.watch(0.3)
     beat(fake, slave, node)
     stamp = node.nmt.stamp
@@ -143,7 +143,7 @@ def test_a_node_that_keeps_its_state_is_named(node: CanopenNode, slave: Slave, f
     beat(fake, slave, node)
     answers_with_heartbeat(slave, fake)
     slave.nmt_state = 127
-    fake.peers.remove(slave)  # it hears no command any more, but goes on beating
+    fake.peers.remove(slave)  # it receives no command any more, but keeps sending heartbeats
     with pytest.raises(NodeTimeout) as caught:
         node.command(NmtCommand.START, timeout=0.05)
     assert "expected operational" in caught.value.observed
@@ -274,7 +274,7 @@ def test_a_node_id_out_of_range_is_refused(channel: Channel, node_id: int) -> No
 def test_a_node_without_guarding_is_not_polled_by_remote_frames(
     channel: Channel, node: CanopenNode, slave: Slave, fake: FakeBus
 ) -> None:
-    """That would arm its life guarding, and nobody would continue with it."""
+    """That would arm its life guarding, and the polling would not be continued."""
     assert (
         nmt.command(channel, node.nmt, NmtCommand.START, timeout=0.05, answers_sdo=lambda: True)
         is Confirmation.SDO

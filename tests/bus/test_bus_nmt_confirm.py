@@ -1,4 +1,4 @@
-"""NMT commands by hand: how each node shows that it took one, and what is never asked of it. The slave is typed off CiA 301."""
+"""NMT commands from the command line: the confirmation of each node, and forbidden requests. The slave is typed from CiA 301."""
 
 from __future__ import annotations
 

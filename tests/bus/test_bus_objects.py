@@ -1,4 +1,4 @@
-"""What is read from and written to a device's objects, against a store of bytes: PDOs, skeletons; error frames."""
+"""Reading and writing the objects of a device, against a store of bytes: PDOs, skeletons; error frames."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ INVALID, NO_RTR = 1 << 31, 1 << 30
 
 
 class Store:
-    """A device as its bytes; ``refuse`` holds abort codes by (index, sub-index, value or None), ``deaf`` what is not kept."""
+    """A device as its bytes; ``refuse`` holds abort codes by (index, sub-index, value or None), ``deaf`` unstored keys."""
 
     node_id = 5
 
@@ -323,7 +323,7 @@ def answering(**more: bytes) -> Store:
         (0x1400, 1): little(0x205, 4),
         (0x1400, 2): b"\xff",
         (0x140F, 0): b"\0",
-        (0x1410, 0): b"\0",  # beyond what is asked for
+        (0x1410, 0): b"\0",  # beyond the range that is read
         (0x1600, 0): b"\x00",
         (0x1800, 0): b"\xc8",
         (0x1801, 0): b"",
@@ -384,7 +384,7 @@ def test_a_skeleton_has_answering_objects_with_size_and_constant_values():
 
 
 def test_each_element_of_a_skeleton_has_the_access_of_its_own_row():
-    """The buffer of an interpolated path: what is reported, what is set, and what is only written stand side by side."""
+    """The buffer of an interpolated path: entries that are read, set, and only written are next to each other."""
     device = Store({(0x60C4, 0): b"\6", **{(0x60C4, sub): little(1, 4) for sub in range(1, 7)}})
     buffer = skeleton(device).objects[0x60C4].subs
     assert [number for number in buffer if buffer[number].pdo_mapping] == []
@@ -544,7 +544,7 @@ def test_the_error_counters_of_a_frame(error_class, data, counters):
     assert ("transmit errors" in text.split("(")[-1]) is (counters is not None)
 
 
-# What is told of a transfer that failed.
+# The report of a failed transfer.
 
 ENTRY = DictionaryEntry(0x6081, 0, "Profile velocity", DataType.UNSIGNED32)
 
@@ -588,7 +588,7 @@ def held_against(
     code: int | None = None,
     flags: int = 0,
 ):
-    """Verify one entry of 4 bytes; return what differs."""
+    """Verify one entry of 4 bytes; return the differences."""
     variable = Variable(
         index, subindex, "v", DataType.UNSIGNED32, access, Number(default), object_flags=flags
     )

@@ -43,7 +43,7 @@ def come_back(fake: FakeBus, channel: Channel) -> None:
     eventually(lambda: channel.off is None)
 
 
-# -- what an error frame says -------------------------------------------------------------------------------------------------
+# -- contents of error frames -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -100,7 +100,7 @@ def test_the_age_of_a_program_counts_from_its_own_start():
 
 
 def test_after_any_number_of_refusals_the_next_one_is_immediate_and_names_the_owner():
-    """Nobody takes their questions out of the queue of the one who has it."""
+    """No process takes their requests out of the queue of the owner."""
     lock = ownership.take("pcan", NAME)
     assert lock is not None
     refused = []

@@ -254,7 +254,7 @@ def test_an_answer_that_a_newer_pdo_has_overtaken_does_not_count():
     poller.read_into(samples)
     assert samples["mode"].value == 2  # the PDO was of before the poll
     poller.poll(1.0)
-    samples["mode"] = Sample(3, worker.clock.now() + 1000.0)  # it came while the poll was under way
+    samples["mode"] = Sample(3, worker.clock.now() + 1000.0)  # it was received during the poll
     worker.jobs[1].done(2, None)
     poller.read_into(samples)
     assert samples["mode"].value == 3
@@ -473,7 +473,7 @@ def test_the_indices_of_the_parameters_of_a_pdo(receive, number, communication, 
     assert Indices.of(receive, number) == Indices(communication, mapping)
 
 
-# What may be mapped, and what travels by SDO.
+# Mappable objects, and values sent by SDO.
 
 
 def test_without_an_eds_every_axis_has_the_standard_s_objects():
@@ -569,7 +569,7 @@ def test_a_value_that_was_refused_is_tried_again_after_a_while():
     outputs.take({"mode": 2}, None)
     assert len(worker.jobs) == 3
     outputs.take({"mode": 3}, None)
-    worker.jobs[2].done(None, 0x06090030)  # the older one: the newer is on its way
+    worker.jobs[2].done(None, 0x06090030)  # the older one: the newer is pending
     outputs.take({"mode": 3}, None)
     assert [job.value for job in worker.jobs] == [1, 2, 2, 3]
 

@@ -145,12 +145,12 @@ def test_a_fixed_mapping_is_found_out_and_left_as_it_was(sdo: SdoClient, slave: 
     assert slave.number(0x1600, 1) == 0x60400010
     assert slave.number(0x1400, 1) == 0x205  # on again
     assert slave.number(0x1400, 2) == 1
-    assert slave.number(0x1401, 1) == OFF | 0x305  # and what was off is off
+    assert slave.number(0x1401, 1) == OFF | 0x305  # and a PDO that was off is off
     assert any("the mapping of RPDO1 is fixed (abort code 06010002h)" in note for note in plan.notes)
 
 
 def test_a_pdo_that_the_next_plan_does_not_use_is_restored(sdo: SdoClient, slave: Slave) -> None:
-    """TPDO1 brings a maker's object to somebody; it is switched off for remapping, and that is refused."""
+    """TPDO1 carries a maker's object; it is switched off for remapping, and that is refused."""
     slave.objects.update(pdo_objects(0x1800, 0x1A00, 0x185, 255, [0x20000010], inhibit=7, event=70))
     slave.fixed_mapping = True
     before = {key: value for key, value in slave.objects.items() if key[0] in (0x1800, 0x1A00)}
@@ -182,7 +182,7 @@ def keeps_its_pdos(slave: Slave, *, timer: bool) -> None:
 def test_a_slow_event_timer_is_shortened_if_the_drive_takes_nothing_else(
     sdo: SdoClient, slave: Slave
 ) -> None:
-    """It is written while the PDO is on: such a drive cannot be told to switch it off."""
+    """It is written while the PDO is on: such a drive does not accept switching it off."""
     keeps_its_pdos(slave, timer=True)
     plan = configure(sdo, PAIR)
     assert slave.number(0x1800, 5) == 20

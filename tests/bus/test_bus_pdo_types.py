@@ -178,7 +178,7 @@ def test_a_twelfth_tpdo_that_the_user_has_set_carries_its_value(sdo: SdoClient, 
     policy = Policy(remap=False, fixed=frozenset({(False, 12)}))
     assert (
         configure(sdo, WANTED, policy).inputs["statusword"] is ValueTransport.SDO
-    )  # no file, so nobody looks there
+    )  # no file, so its limits are not checked
     plan = configure(sdo, WANTED, policy, also=[(False, 12)])
     assert plan.inputs["statusword"] is ValueTransport.SYNC_PDO
     assert [pdo.target.cob_id for pdo in plan.active if not pdo.receive] == [0x1F0]
@@ -214,7 +214,7 @@ def test_a_tpdo_is_asked_for_at_its_period_with_its_length(
     clock = channel.clock = HandClock(100.0)
     cycle = CanCycle(channel, [port])
     cycle.commit()
-    assert fake.remote == []  # the node is not operational: nobody would answer
+    assert fake.remote == []  # the node is not operational: it would not answer
     operational(node, fake)
     for _ in range(21):  # 0.2 s
         cycle.commit()
@@ -273,7 +273,7 @@ def test_sync_without_a_counter_has_no_data(channel: Channel, fake: FakeBus) -> 
 def looks(
     *frames: float, until: float, age: float = 0.05, skip: tuple[float, float] = (9.0, 9.0)
 ) -> list[PdoEvent]:
-    """Look every 10 ms from 0 on; ``frames`` are the times at which one came; between the times of ``skip`` nobody looks."""
+    """Look every 10 ms from 0 on; ``frames`` are the times of reception; ``skip`` is a time without looks."""
     deadlines = Deadlines([Deadline(NODE, "TPDO1", 0x185, age)], 0.01)
     events = []
     for number in range(round(until * 100) + 1):
@@ -314,7 +314,7 @@ def test_a_tpdo_that_is_silent_by_its_type_is_never_missing() -> None:
 
 
 def test_our_own_lateness_is_not_the_drives_silence() -> None:
-    """For 0.5 s nobody looked, and nobody sent SYNC; the frame after the next SYNC is in time."""
+    """For 0.5 s there was no look and no SYNC; the frame after the next SYNC is in time."""
     frames = [number / 100 + 0.005 for number in range(10)]
     assert looks(*frames, 0.615, 0.625, 0.635, until=0.66, skip=(0.1, 0.6)) == []
 

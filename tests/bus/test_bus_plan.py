@@ -262,7 +262,7 @@ CASES = {
     "a layout that carries no more than what is mapped changes nothing": Case(
         DevicePdos(
             (rpdo(1, "6040/16", 1),),
-            (tpdo(1, "6041/16 6061/8 606C/32", 1),),  # 606Ch could not be mapped anew, 6064h could
+            (tpdo(1, "6041/16 6061/8 606C/32", 1),),  # 606Ch could not be mapped again, 6064h could
         ),
         {"RPDO1": "205 1 6040/16 KEEP", "TPDO1": "185 1 6041/16 6061/8 606C/32 KEEP"},
         by_sdo=("position",),
@@ -367,7 +367,7 @@ MAPPED = PdoRequirements((), ("controlword", "mode", "target_position"))
         ("607A/32 6040/16, 6060/8 6040/16", True),  # two controlwords: the edge may come with the other one
         ("6060/8 607A/32", True),  # the controlword travels by SDO, which waits for no SYNC
         ("6060/8 6040/16", False),  # the target travels by SDO: the port waits for its answer
-        ("6040/16 607A/16 6060/8", False),  # half a target is none: by SDO as well
+        ("6040/16 607A/16 6060/8", False),  # half a target is not used: by SDO as well
     ],
 )
 def test_the_edge_has_the_cycle_of_its_target_unless_the_mapping_delays_the_target(
@@ -583,7 +583,7 @@ def test_the_plan_can_be_read() -> None:
     assert "6062h (Position demand value) is not in the drive's dictionary" in text
 
 
-# -- what a drive's dictionary says of mapping
+# -- mapping according to a drive's dictionary ----
 
 
 def eds(*entries: tuple[int, DataType, str, bool]) -> Eds:

@@ -193,7 +193,7 @@ def test_after_a_boot_up_message_only_newer_values_are_reported_and_the_node_is_
 def test_after_a_boot_up_message_a_node_gets_nothing_but_a_stop(
     make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
-    """Its mapping may be lost: what enables, configures or moves it would be misread. A stop goes by every path."""
+    """Its mapping may be lost: a frame that enables, configures or moves it would be misread. A stop is sent on every path."""
     port = rebooted(make, node, fake, "05")
     for word in (0x06, 0x07, 0x0F, 0x010F, 0x80):
         port.write(
@@ -262,11 +262,11 @@ def test_an_energised_drive_just_after_a_boot_up_message_is_a_second_device_unde
 # -- polling
 
 
-# -- a bus-off, as a driver tells it by its state
+# -- a bus-off, reported by the state of the driver ----
 
 
 def go_off_and_come_back(port: CanPort, node: CanopenNode, fake: FakeBus) -> None:
-    """A bus-off between two looks: shorter than a cycle, and told all the same."""
+    """A bus-off between two looks: shorter than a cycle, and reported all the same."""
     fake.says = can.BusState.ERROR
     eventually(lambda: node.channel.off)
     fake.says = can.BusState.ACTIVE
@@ -384,7 +384,7 @@ def test_one_that_was_dropped_goes_out_later_though_nothing_has_changed(
 def test_a_node_that_is_operational_again_gets_its_rpdos_again(
     make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
-    """In any other state it takes none, so what was sent then does not count."""
+    """In any other state it takes none, so earlier frames do not count."""
     arrived(node, fake, 0x705, "7F")
     port = make(EVENT_DRIVEN, sync=False)
     assert rpdos(port) == [0x205]
@@ -454,7 +454,7 @@ def test_a_silent_event_tpdo_is_watched_by_polling(make: Maker) -> None:
 
 
 def test_an_axis_at_standstill_with_a_silent_tpdo_has_fresh_positions(make: Maker, slave: Slave) -> None:
-    """Or nobody could tell whether it stands."""
+    """Otherwise its standstill could not be seen."""
     port = make(DevicePdos((), (tpdo(1, "6041/16 6064/32"),)), sync=False)
     first = port.read(time.monotonic()).position
     assert first is not None

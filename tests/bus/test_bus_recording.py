@@ -128,7 +128,7 @@ def test_a_size_in_a_blf_that_is_larger_than_the_file_takes_no_memory(tmp_path):
             can.Message(timestamp=1.0, arbitration_id=0x181, data=b"\1", is_extended_id=False)
         )
     data = path.read_bytes()
-    at = data.index(b"LOBJ") + 8  # the size of an object stands there
+    at = data.index(b"LOBJ") + 8  # the size of an object is there
     path.write_bytes(data[:at] + (0x7FFF_FFFF).to_bytes(4, "little") + data[at + 4 :])
     tracemalloc.start()
     with contextlib.suppress(UserError):

@@ -48,7 +48,7 @@ def test_the_frame_whose_target_changed_goes_first() -> None:
 
 
 def test_two_changed_targets_are_sent_before_the_edge() -> None:
-    """The first frame must not carry the edge, because the second one still has what belongs to it."""
+    """The first frame must not carry the edge, because the second one still has the old target."""
     fixed = images(GENERIC)
     arrange(fixed, {"mode": 1, "target_position": 100, "target_velocity": 10}, 0x0F, 0x0F)
     frames = arrange(fixed, {"mode": 1, "target_position": 200, "target_velocity": 20}, 0x1F, 0x0F)
@@ -61,7 +61,7 @@ def test_two_changed_targets_are_sent_before_the_edge() -> None:
 
 
 def test_an_edge_is_never_sent_before_a_new_value() -> None:
-    """Whatever the order: replay the frames into a drive that takes each at once, and look what it has at the edge."""
+    """Whatever the order: replay the frames into a drive that takes each at once, and compare its values at the edge."""
     fixed = images(GENERIC)
     arrange(fixed, {"mode": 1, "target_position": 0, "target_velocity": 0}, 0x0F, 0x0F)
     drive = {MODE: 1, POSITION: 0, VELOCITY: 0}
@@ -146,7 +146,7 @@ def test_a_controlword_that_is_mapped_twice_is_the_same_in_both_places() -> None
     both = struct.pack("<HiH", 0x0F, 5, 0x0F)
     assert arrange([image], {"target_position": 5}, 0x0F, None) == [(0x205, both)]
     assert image.with_controlword(both, 0x02) == (0x205, struct.pack("<HiH", 0x02, 5, 0x02))
-    # The warden clears all bits of the second controlword but that of a quick stop.
+    # The watchdog process clears all bits of the second controlword but that of a quick stop.
     assert image.controlword_shift == 0
     left = int.from_bytes(both, "little") & ~image.cleared_bits
     assert left.to_bytes(8, "little") == struct.pack("<HiH", 0x0F, 5, 0x02)

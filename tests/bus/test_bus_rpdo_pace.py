@@ -44,7 +44,7 @@ def images_of(plan: PdoPlan) -> list[RpdoImage]:
 
 
 class Master:
-    """Cycles of one port: the pace, and what it says in each; time is counted in cycles."""
+    """Cycles of one port: the pace, and its frames in each; time is counted in cycles."""
 
     def __init__(self, mappings: tuple[str, ...], policy: Policy = ON_ARRIVAL, **options: object) -> None:
         plan = plan_of(mappings, policy, **options)  # type: ignore[arg-type]
@@ -136,7 +136,7 @@ def test_a_watched_rpdo_continues_when_nothing_of_it_is_in_use(policy: Policy) -
     assert (0x305, struct.pack("<i", 9)) in master.cycle(mode=3, target_velocity=9)
     for _ in range(500):
         for can_id, data in master.cycle(mode=1, target_position=5):
-            assert can_id == 0x205 or data == struct.pack("<i", 9)  # what the drive has already
+            assert can_id == 0x205 or data == struct.pack("<i", 9)  # the present value of the drive
     assert max(master.gaps(0x305)) <= 0.02
     assert len(master.gaps(0x305)) <= 501 * PERIOD / 0.01  # and not in every cycle
 
@@ -180,7 +180,7 @@ def test_an_output_that_was_forgotten_is_sent_again() -> None:
 
 
 class Drive:
-    """Takes each frame at once; what it has, and the target at each rising edge of bit 4."""
+    """Takes each frame at once; its values, and the target at each rising edge of bit 4."""
 
     def __init__(self, mappings: tuple[str, ...]) -> None:
         self.maps = {0x105 + 0x100 * number: text.split() for number, text in enumerate(mappings, 1)}

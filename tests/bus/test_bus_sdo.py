@@ -132,7 +132,7 @@ def test_an_empty_value_is_read_and_written(sdo: SdoClient, slave: Slave) -> Non
     assert slave.objects[0x2000, 1] == b""
 
 
-# -- what canopen's client gets wrong
+# -- cases that canopen's client handles wrongly ----
 
 
 def test_the_late_answer_of_a_timed_out_write_is_not_taken_for_the_next(
@@ -396,7 +396,7 @@ def test_answers_left_from_a_transfer_are_dropped_and_counted_when_the_next_one_
     line.close()
 
 
-# -- giving way
+# -- yielding ----
 
 
 def test_cancel_ends_the_running_transfer_and_aborts_it_at_the_node(sdo: SdoClient, slave: Slave) -> None:

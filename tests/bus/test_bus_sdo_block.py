@@ -90,7 +90,7 @@ def hasty(channel: Channel, stand_in: StandIn) -> SdoClient:
 
 
 def asked(fake: FakeBus) -> list[str]:
-    """What was initiated on 2100h: the command bytes."""
+    """The initiated transfers on 2100h: the command bytes."""
     return [data[:1].hex() for data in fake.frames(0x605) if data[1:4] == b"\x00\x21\x00" and data[0] != 0x80]
 
 

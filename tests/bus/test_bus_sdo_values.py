@@ -86,7 +86,7 @@ def sdo(channel: Channel, slave: Slave) -> SdoClient:
         ("Stiffness", 1.5),
         ("label", "motor"),
         (0x2002, b"\x01\x02\x03\x04\x05"),
-        (0x2003, 0xFFFF),  # nobody knows it: unsigned
+        (0x2003, 0xFFFF),  # an unknown object: unsigned
         (0x2004, 0x030201),
         (0x2005, b"\1\2\3\4\5"),  # no number has five bytes
         (0x2006, 0x0807060504030201),

@@ -26,14 +26,14 @@ from axisbus.errors import BusOff, SdoTimeout, SyncError
 from kit.clock import HandClock
 
 OPERATIONAL, STOPPED, UNKNOWN = NmtState.OPERATIONAL, NmtState.STOPPED, NmtState.UNKNOWN
-UTC = timezone.utc  # noqa: UP017 - one name for what is compared
+UTC = timezone.utc  # noqa: UP017 - one name for the compared value
 
 
 # Events of a node.
 
 
 class Monitor(SimpleNamespace):
-    """What is known of a node."""
+    """The known state of a node."""
 
     def overdue(self, now: float) -> bool:
         return now > self.deadline
@@ -126,7 +126,7 @@ def test_a_node_that_was_never_heard_has_no_silence():
     watched = monitor(state=UNKNOWN, stamp=None, deadline=2.0)
     events = NodeEvents(watched)
     events.look(3.0)
-    watched.deadline = math.inf  # nobody watches it any more
+    watched.deadline = math.inf  # it is not monitored any more
     events.look(4.0)
     assert events_of(events) == [(NodeEventKind.LOST, 3.0, 0.0, 1.0), (NodeEventKind.BACK, 4.0, 0.0, 0.0)]
 
@@ -224,7 +224,7 @@ class WireClock(SystemClock):
 
 
 class Wire:
-    """A channel without a bus, with a clock that continues while somebody waits; ``coming`` are the stamps of SYNC."""
+    """A channel without a bus, with a clock that continues during a wait; ``coming`` are the stamps of SYNC."""
 
     behind = None
 
@@ -421,7 +421,7 @@ def test_a_steady_sync_is_measured_and_one_of_another_period_refused():
     assert caught.value.observed == "1 SYNC within 0.5 s"
 
 
-# What is due in a cycle.
+# The actions of a cycle.
 
 
 def due(wire: Wire, times: list[float], **options) -> list[tuple[float, int, bytes | int]]:
@@ -498,7 +498,7 @@ def test_sync_counts_from_1_to_its_overflow(counter, data):
 
 
 def lateness_of(cycle: CanCycle, due: float) -> Lateness:
-    """Do one cycle of a scan that is due then; return what it has counted."""
+    """Run one cycle of a scan that is due then; return its counts."""
     scan = Scan(cycle, {}, {}, 0.01)
     scan._next = due
     scan.once()
@@ -506,7 +506,7 @@ def lateness_of(cycle: CanCycle, due: float) -> Lateness:
 
 
 def test_simulated_drives_are_looked_at_before_they_get_more():
-    """Whether they are behind is told of what the cycle before has sent, not of its own SYNC, which nobody can have taken yet."""
+    """Whether they are behind is judged by the frames of the previous cycle, not by its own SYNC, which is too recent."""
     wire = Wire()
     wire.drain = lambda: None
     cycle = CanCycle(wire, [])
@@ -606,9 +606,7 @@ def test_no_frame_is_sent_after_a_quick_stop_during_the_commit():
         cycle.commit()
         frames = [can_id for _, can_id, data in wire.sent if isinstance(data, bytes)]
         assert frames == ([0x205] if stop_at == 0x205 else [0x205, 0x305])
-        assert not {0x206, 0x207} & {
-            can_id for _, can_id, _ in wire.sent
-        }  # nor is anybody asked for anything
+        assert not {0x206, 0x207} & {can_id for _, can_id, _ in wire.sent}  # nor is any request sent
 
 
 @pytest.mark.parametrize(("taken", "well"), [(4, True), (3, False)])

@@ -1,4 +1,4 @@
-"""SYNC of another producer as the clock of the scan, and TIME: when a cycle begins, when the scan stops, and what it then sends."""
+"""SYNC of another producer as the clock of the scan, and TIME: the begin of a cycle, the end of the scan, and its last frames."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_a_longer_patience_is_the_users() -> None:
 
 
 def test_syncs_close_together_begin_one_cycle() -> None:
-    """What the computer hands over late comes in a burst; a cycle for each would move the axes by as much."""
+    """Frames that the computer delivers late arrive in a burst; a cycle for each would move the axes by as much."""
     watch = SyncWatch(PERIOD)
     begun = [watch.take(stamp) for stamp in (1.0, 1.0201, 1.0202, 1.0203, 1.024)]
     assert begun == [True, True, False, False, True]
@@ -159,7 +159,7 @@ def test_a_missing_sync_is_an_error_after_one_and_a_half_periods(channel: Channe
 
 
 def test_our_own_lateness_is_not_taken_for_a_missing_sync(channel: Channel) -> None:
-    """Half a second in which the process stood still: what came meanwhile still waits to be read."""
+    """Half a second in which the process did not run: the frames received meanwhile are still unread."""
     clock = channel.clock = HandClock(100.0)
     consumer = SyncConsumer(channel, 0x80, PERIOD)
     heard(consumer, 100.0)

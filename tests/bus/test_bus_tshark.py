@@ -41,7 +41,7 @@ _channels = itertools.count()
 
 
 class Recording(can.Listener):
-    """Keeps what was sent and received, in order."""
+    """Stores the sent and received frames, in order."""
 
     def __init__(self) -> None:
         self.messages: list[can.Message] = []
@@ -111,7 +111,7 @@ def play(channel: Channel, node: CanopenNode, device: Device) -> None:
 
 @pytest.fixture(scope="module")
 def decoded(session: list[can.Message], tmp_path_factory: pytest.TempPathFactory) -> Layers:
-    """What tshark says of every frame."""
+    """The layers that tshark decodes in every frame."""
     path = tmp_path_factory.mktemp("recording") / "session.pcap"
     path.write_bytes(pcap(session))
     command = [str(TSHARK), "-r", str(path), "-d", "can.subdissector,canopen", "-T", "json"]

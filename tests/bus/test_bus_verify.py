@@ -229,7 +229,7 @@ def asked(delay=0.0, gone_at=None):
 @pytest.mark.parametrize(("delay", "limit"), [(0.0, "0.1 s"), (0.2, "0.5 s")])
 def test_a_node_that_does_not_answer_for_missing_objects_gets_less_time_after_three_of_them(delay, limit):
     made, told, took = asked(delay)
-    assert sorted(made.objects) == sorted(Terse.HAS)  # also what comes after the shorter limit
+    assert sorted(made.objects) == sorted(Terse.HAS)  # also the objects after the shorter limit
     (text,) = told
     assert limit in text
     assert "answers for 1000h" in text

@@ -12,7 +12,7 @@ MOST = 100e-6
 
 
 def lived(*lates: float) -> Waking:
-    """What has been learned from sleeps that were late by so many microseconds."""
+    """The allowance learned from sleeps that were late by so many microseconds."""
     waking = Waking(MOST)
     for late in lates:
         waking.note(late * 1e-6)

@@ -1,4 +1,4 @@
-"""The SDO worker of a node: in order, never in the scan's way, and giving way to a quick stop."""
+"""The SDO worker of a node: in order, never blocking the scan, and yielding to a quick stop."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_a_failed_job_ends_with_an_abort_code(worker: SdoWorker, slave: Slave) -
 
 
 def test_limits_of_an_eds_keep_nothing_from_the_drive(worker: SdoWorker, slave: Slave) -> None:
-    """They are often wrong, and a stop must go out in any case; the drive itself refuses what it does not take."""
+    """They are often wrong, and a stop must be sent in any case; the drive itself refuses invalid values."""
     dictionary = worker._sdo.dictionary
     limited = replace(dictionary.entry(0x6040), low=0, high=1)
     worker._sdo.dictionary = SimpleNamespace(entry=lambda *_: limited)  # type: ignore[assignment]

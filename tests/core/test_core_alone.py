@@ -1,4 +1,4 @@
-"""Who is who on a cell's bus before its first frame, as the cell file and the EDS files say it."""
+"""The expected devices on a cell's bus before its first frame, according to the cell file and the EDS files."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_sync_is_a_sign_at_the_usual_cob_id_and_at_the_cells(tmp_path: Path) -> 
 
 
 def test_frames_of_a_module_are_no_sign_of_a_master_and_commands_to_it_are(tmp_path: Path) -> None:
-    """Node 48 of CAN Simple beats at 601h, where CANopen has the SDO requests to node 1."""
+    """Node 48 of CAN Simple sends its heartbeat with 601h, where CANopen has the SDO requests to node 1."""
     more = """[nodes.48]
 protocol = "can_simple"
 [nodes.48.can_simple]

@@ -109,7 +109,7 @@ class Bus:
             time.sleep(0.01)
 
     def rest(self, seconds: float) -> bool:
-        """Whether all come to rest within this time."""
+        """Whether all reach standstill within this time."""
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
             if max(map(abs, self.speeds)) < 0.02:

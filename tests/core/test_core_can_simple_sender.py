@@ -1,4 +1,4 @@
-"""A module on a channel, without a bus: what is told and given anew where the bus was off, and that a question is no order."""
+"""A module on a channel, without a bus: reports and repeated orders after a bus-off, and a request is no order."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PV = 3
 
 
 class Quiet:
-    """A channel that carries nothing by itself; ``offs`` counts the times that it was off."""
+    """A channel that carries nothing alone; ``offs`` counts its bus-offs."""
 
     def __init__(self) -> None:
         self.receivers = {}
@@ -31,7 +31,7 @@ class Quiet:
 
 
 class Talk:
-    """A sender and its module, which is in closed loop once it was asked for, and turns as it is told."""
+    """A sender and its module, which is in closed loop once it was requested, and turns as commanded."""
 
     def __init__(self) -> None:
         self.channel = Quiet()
@@ -42,7 +42,7 @@ class Talk:
         self.channel.receivers[5 << 5 | command](data, self.now)
 
     def cycle(self, word: int | None, *, dropped: bool = False, **outputs):
-        """One cycle; return what was read, and the orders that went out, by command."""
+        """Run one cycle; return the inputs, and the sent orders, by command."""
         self.now += 0.01
         if round(self.now * 100) % 10 == 0:
             self.say(1, struct.pack("<IBBBB", 0, self.state, 0x80, 0, self.life))

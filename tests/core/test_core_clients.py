@@ -1,4 +1,4 @@
-"""What a client of a core is told when the scan ends: first that it has, then which of its commands ended with it."""
+"""The messages to a client of a core when the scan ends: first the end, then the commands that ended with it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from axisbus.session import CommandEvent
 
 
 class Session:
-    """A scan of no axes; ``hear`` tells how a command goes on."""
+    """A scan without axes; ``hear`` reports the progress of a command."""
 
     dead = left = None
     ended = failed = False
@@ -32,7 +32,7 @@ class Session:
         self.hear = hear
 
     def fail(self, *ends):
-        """End, as a scan does: the commands are told once it is known to be over."""
+        """End, as a scan does: the commands are ended once it is known to be over."""
         self.dead, self.ended, self.failed = "the link is down", True, True
         for end in ends:
             self.hear(end)
@@ -124,7 +124,7 @@ def test_images_that_a_program_does_not_take_are_counted_and_reported_to_it_once
         ("quick", False, False),
     ]
     assert not any(message.lost for message in told)
-    slow.sent.clear()  # it goes on reading
+    slow.sent.clear()  # it continues reading
     for cycle in range(100, 104):
         place.after_cycle(cycle * 0.06, {})
         reader.flush_frames()

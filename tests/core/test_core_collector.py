@@ -29,7 +29,7 @@ def collector(monkeypatch):
 
 
 def cycle(collector, spent=0.0):
-    """Let a cycle end that has taken ``spent`` seconds so far; return what was collected in it."""
+    """Let a cycle end that has taken ``spent`` seconds so far; return the generations collected in it."""
     began = collector.clock
     collector.clock += spent
     collector.ran.clear()

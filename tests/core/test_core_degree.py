@@ -1,4 +1,4 @@
-"""What is said of how surely a core's cycles come in time, before one runs."""
+"""The real-time status of a core, described before it runs."""
 
 import os
 import resource
@@ -95,7 +95,7 @@ def test_the_processors_that_are_kept_free(tmp_path, monkeypatch, text, found):
 
 
 def in_a_process(isolated):
-    """What a process of its own gets of the processors ``isolated``, and where it may run then."""
+    """The processors of ``isolated`` that a process of its own gets, and where it may run then."""
     code = (
         f"import os\nfrom axisbus.core import realtime_setup\nrealtime_setup.isolated = lambda: {isolated}\n"
         "print(realtime_setup.take_processor(), sorted(os.sched_getaffinity(0)))"

@@ -1,4 +1,4 @@
-"""How a core is found and who is let in at its door: by what the kernel tells of both sides, not by their environment."""
+"""How a core is found and which programs it admits: by information of the kernel about both sides, not by their environment."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def cell(tmp_path):
 
 
 class Core:
-    """What a core does at its door, without a machine: it answers each request to stop, and notes who has come."""
+    """The acceptor of a core, without a machine: it answers each request to stop, and notes the callers."""
 
     def __init__(self, cell, answer=STANDS):
         self.held = claim(None, CellFileId.of(cell), exclusive=False, door=True)
@@ -239,7 +239,7 @@ def test_an_answer_without_the_state_of_axes_is_no_success(cell, words):
         listening = socket.socket(fileno=os.dup(held.fileno()))
 
         def answer():
-            while True:  # who has only looked who listens says nothing
+            while True:  # a program that only looks who listens sends nothing
                 line, _ = listening.accept()
                 with line:
                     if line.recv(100):
@@ -261,7 +261,7 @@ def test_an_answer_without_the_state_of_axes_is_no_success(cell, words):
 
 
 def impostor(cell):
-    """Somebody else who claims to run a machine of this cell file, and answers that all stands."""
+    """Another program that claims to run a machine of this cell file, and answers that all axes are at standstill."""
     core = Core(cell)
     core.thread.start()
     return core

@@ -1,4 +1,4 @@
-"""What a core makes of its program's signals: only what lies there for long is heard, and a second one is told."""
+"""The reaction of a core to its program's signals: only one that stays pending is used, and a second one is forwarded."""
 
 import signal
 import socket

@@ -1,4 +1,4 @@
-"""Faults that a core keeps by itself: what the axes did around each, the newest of them, whatever the program does."""
+"""Faults that a core stores automatically: the axes around each, the newest of them, whatever the program does."""
 
 from __future__ import annotations
 

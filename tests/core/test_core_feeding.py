@@ -1,4 +1,4 @@
-"""Feeding trajectories to the core: what is asked for is sampled in a thread of its own, in order and in turns."""
+"""Feeding trajectories to the core: requested samples are computed in a thread of its own, in order and in turns."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STEP = 0.01
 
 
 class Line:
-    """A straight way, which notes where it was asked."""
+    """A linear motion, which notes the requested times."""
 
     def __init__(self, duration: float = 10.0, fails_at: float = math.inf, gives=None) -> None:
         self.duration = duration
@@ -45,7 +45,7 @@ class Line:
 
 
 class Sink:
-    """What the feeder sends, and when it has enough of it."""
+    """The samples that the feeder sends, and a wait for them."""
 
     def __init__(self) -> None:
         self.chunks: list[tuple[int, int, tuple[float, ...]]] = []
@@ -134,7 +134,7 @@ def test_an_invalid_property_of_a_trajectory_raises_at_the_call():
         Sampler(Line(duration="long"), STEP, "x")
 
 
-# What is asked for.
+# Requests.
 
 
 def test_requested_samples_are_computed_in_a_thread_of_axisbus(feeder, sink):
@@ -202,7 +202,7 @@ def test_several_are_served_in_turns(sink):
         assert sink.samples(number) == pytest.approx([0.02 * sample for sample in range(60)])
 
 
-# What goes wrong.
+# Failures.
 
 
 @pytest.mark.parametrize("gives", [None, math.inf, "far"])

@@ -1,4 +1,4 @@
-"""The halt that an interrupt asks for: what moves stands enabled, what was asked for ends as stopped, and the machine goes on."""
+"""The halt of an interrupt: moving axes stop enabled, commands end as stopped, and the machine continues."""
 
 from __future__ import annotations
 

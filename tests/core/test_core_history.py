@@ -1,4 +1,4 @@
-"""What simulated drives write down (``history`` in ``[bus.options]``): it replaces no file but another history."""
+"""The history of simulated drives (``history`` in ``[bus.options]``): it replaces no file but another history."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands on their way to the scan: their order, what a stop overtakes, what is the same again, and that a flood stays small."""
+"""Commands in the queue of the scan: their order, stops that overtake, merging of equal ones, and a bound for a flood."""
 
 from __future__ import annotations
 

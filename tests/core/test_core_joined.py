@@ -1,4 +1,4 @@
-"""Programs that join a machine: one commands, all look on and may halt, and nobody disturbs the cycle or is locked out."""
+"""Programs that join a machine: one has control, all may look and halt, and none disturbs the cycle or is locked out."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_control_belongs_to_one_client_and_returns_when_its_owner_leaves(machine
         Machine.attach(file, command=True)
     handle = under_way(machine["x"])
     with Machine.attach(file, command=True, force=True) as guest:
-        assert turns(machine) == pytest.approx(0.0, abs=0.1)  # before anybody else commands
+        assert turns(machine) == pytest.approx(0.0, abs=0.1)  # before another program commands
         with pytest.raises(Stopped, match="took control"):
             handle.wait(5)
         with pytest.raises(OwnershipError, match="only read"):
@@ -166,7 +166,7 @@ def test_hold_to_run_ends_with_control(machine, file):
         guest.hold_to_run(0.3)
         machine.take_control()
         handle = under_way(machine["y"])
-        guest.hold_to_run(0.3)  # of one that has not the command it means nothing
+        guest.hold_to_run(0.3)  # without control it has no effect
         time.sleep(0.6)
         assert handle.active
         assert abs(turns(machine, 2)) == pytest.approx(30.0, abs=1.0)

@@ -1,4 +1,4 @@
-"""Joined programs that are killed, suspended or hostile leave the cycle, and whoever commands, as they are."""
+"""Joined programs that are killed, suspended or hostile disturb neither the cycle nor the program with control."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def ended(handle):
 
 
 def is_passing(handle):
-    """Whether the command of the machine is just on its way back, until the halt is known to have ended."""
+    """Whether control of the machine is being returned, until the halt is known to have ended."""
     return isinstance(handle.error, OwnershipError) and "being handed over" in handle.error.observed
 
 
@@ -145,7 +145,7 @@ def test_a_suspended_client_with_hold_to_run_halts_its_axes(machine, file):
 
 
 def stands_by(machine, seconds):
-    """Axis y is seen to stand, and is enabled, within so many seconds."""
+    """Axis y reaches standstill, enabled, within so many seconds."""
     until = time.monotonic() + seconds
     while abs(turns(machine, 2)) > 0.1 or machine["y"].state is not AxisState.STANDSTILL:
         assert time.monotonic() < until
@@ -164,7 +164,7 @@ def skipped_in_a_second(machine):
 @pytest.mark.parametrize("attack", list(ATTACKS))
 def test_hostile_clients_disturb_neither_the_cycle_nor_the_motion(machine, file, attack, caplog):
     handle = under_way(machine["x"])
-    # A busy computer skips some by itself, and not evenly; an attack that disturbs does it each time.
+    # A busy computer alone skips some, and not evenly; an attack that disturbs does it each time.
     for _ in range(3):
         before = skipped_in_a_second(machine)
         lines = ATTACKS[attack](file)
@@ -178,9 +178,9 @@ def test_hostile_clients_disturb_neither_the_cycle_nor_the_motion(machine, file,
     assert meanwhile <= 2 * before + 3
     assert (
         "could not be taken" not in caplog.text
-    )  # its program has done nothing that it would have to be told of
+    )  # its program has done nothing that would be reported to it
     until = time.monotonic() + 10.0
-    while True:  # who was there is gone, and others may come
+    while True:  # the earlier clients are gone, and others may connect
         try:
             guest = Machine.attach(file)
             break

@@ -1,4 +1,4 @@
-"""What a core writes down: a bounded file for each cell, which is done without where it cannot be."""
+"""The journal of a core: a bounded file for each cell; without it if it cannot be written."""
 
 import logging
 import sys

@@ -1,4 +1,4 @@
-"""Commands that a core takes for one: each of them is told what becomes of it, also when that was over before."""
+"""Commands that a core merges: each of them gets the result, also if it was known before."""
 
 from axisbus.core.process import client_handler
 from axisbus.core.process.client_handler import DuplicateCommands

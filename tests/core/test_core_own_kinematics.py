@@ -1,4 +1,4 @@
-"""A way by a program's own kinematics is gone along by a core in a process of its own, which has none of its code."""
+"""A path by a program's own kinematics is followed by a core in a process of its own, which has none of its code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a touch probe latches crosses from a core in a process of its own, and its death ends the request."""
+"""Values latched by a touch probe are transferred from a core in a process of its own, and its death ends the request."""
 
 from __future__ import annotations
 

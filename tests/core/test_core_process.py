@@ -67,7 +67,7 @@ def test_a_move_ends_at_its_target_and_later_values_are_from_after_the_move(mach
 
 
 class Wave:
-    """A trajectory of a user's own, in a process of which the core knows nothing."""
+    """A trajectory of a user's own, in a process unknown to the core."""
 
     duration = 5.0
 

@@ -25,7 +25,7 @@ from kit.motion.watch import ENABLED, Watch
 
 
 class Bench:
-    """A scan without axes on a clock that the test sets; ``log`` holds what the cycle was asked for."""
+    """A scan without axes on a clock that the test sets; ``log`` holds the calls of the cycle."""
 
     def __init__(self) -> None:
         self.time = 100.0
@@ -327,7 +327,7 @@ def test_an_ended_scan_has_stopped():
     assert r.scan.has_stopped
 
 
-# What crosses threads and processes.
+# Transfer between threads and processes.
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Files of faults for served drives, and the way to their plant: what is read, what is refused, and who asks what he must not."""
+"""Files of faults for served drives, and access to their plant: valid files, refusals, and private attributes."""
 
 from __future__ import annotations
 

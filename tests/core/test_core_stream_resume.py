@@ -1,4 +1,4 @@
-"""A stream of a core in a process of its own is broken off and gone on with: no point is left out, none is gone to twice."""
+"""A stream of a core in a process of its own is interrupted and resumed: no point is left out, none is used twice."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a core counts, read in another process's way: from the memory that both have."""
+"""The counters of a core, read by another process from shared memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ideal drive behind a virtual axis: its power stage by the standard's table, its ways by their own arithmetic, and no jump."""
+"""The ideal drive behind a virtual axis: its power stage by the standard's table, its motions by other arithmetic, and no jump."""
 
 from __future__ import annotations
 
@@ -67,11 +67,11 @@ def test_only_enable_operation_in_an_allowed_state_enables_it(word):
             assert state in (PowerState.SWITCHED_ON, PowerState.QUICK_STOP_ACTIVE)
 
 
-# -- ways --------------------------------------------------------------------------------------------------------------
+# -- motions -----------------------------------------------------------------------------------------------------------
 
 
 def run(way: RampProfile, dt: float = PERIOD, limit: int = 10_000_000) -> tuple[float, float]:
-    """Return how far a way goes until it is over, and the seconds."""
+    """Return the distance of a motion until it is over, and the seconds."""
     gone = seconds = 0.0
     while not way.over:
         gone += way.advance(dt)
@@ -104,7 +104,7 @@ def test_to_distance_ends_there_at_standstill_within_its_ramps(velocity, distanc
     way = to_distance(velocity, distance, by)
     gone, seen, hardest = 0.0, way.velocity, max(by.up, by.down)
     fastest = max(by.speed, abs(velocity)) * (1 + 1e-9)
-    far = abs(distance) + velocity * velocity / (2 * by.down)  # it may have gone too far, and come back
+    far = abs(distance) + velocity * velocity / (2 * by.down)  # it may have overshot, and returned
     longest = abs(velocity) / by.down + far / by.speed + 2 * by.speed * (1 / by.up + 1 / by.down)
     step = max(1e-3, longest / 500)
     for _ in range(5000):
@@ -133,7 +133,7 @@ def test_a_motion_from_standstill_takes_the_time_of_its_trapezoid():
 
 
 class Led:
-    """A drive that is led cycle by cycle, as the scan does it."""
+    """A drive that is commanded cycle by cycle, as the scan does it."""
 
     def __init__(self, slow: float = 1000.0, quick: float = 5000.0) -> None:
         self.drive = VirtualDrive(slow, quick)

@@ -1,4 +1,4 @@
-"""Whether a warden runs, by its bytes: a stopped one is found out soon, and a busy computer is not taken for that."""
+"""Whether a watchdog process runs, by its bytes: a suspended one is noticed soon, and a busy computer is not mistaken for that."""
 
 from __future__ import annotations
 
