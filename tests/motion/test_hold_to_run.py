@@ -46,7 +46,7 @@ def test_continuous_motion_is_trusted_for_a_shorter_time():
     for moves_on, until in ((False, 11.0), (True, 10.3)):
         held.hold(10.0, 1.0, "the page", 0.3)
         assert held.broken(10.3, lambda: moves.append(1) or True) is None
-        assert moves == []  # it is asked only where that decides
+        assert moves == []  # it is read only if it decides
         assert held.broken(until, lambda moves_on=moves_on: moves_on) is None
         assert held.broken(until + 0.01, lambda moves_on=moves_on: moves_on) == (
             f"the page, the hold-to-run client, sent no confirmation for {until - 10.0:g} s"

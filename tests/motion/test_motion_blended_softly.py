@@ -171,7 +171,7 @@ def test_a_leg_that_joins_behind_a_running_move_does_not_change_the_path_before_
     course = course_along(way, MEAN)
     legs = [Leg(100.0, 60.0, 200.0, 200.0), Leg(180.0, 90.0, 200.0, 200.0, BufferMode.PREVIOUS)]
     longer = extended(course, moment, legs)
-    for number in range(100):  # of what is long ago nothing is kept
+    for number in range(100):  # old parts are not kept
         t = max(0.0, moment - 0.9) + min(moment, 0.9) * number / 100
         assert longer.position(t) == course.position(t)
     assert longer.mean == MEAN

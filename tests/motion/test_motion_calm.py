@@ -73,7 +73,7 @@ def differences(a, b, where: str, seen: set) -> list[str]:
 
 
 class GroupPlay(Play):
-    """A life mostly on paths, of which half are lines of a group, which has a clock of its own."""
+    """A random life mostly on paths; half of them are lines of a group, which has a clock of its own."""
 
     every = 90
 

@@ -27,7 +27,7 @@ def speed_before_and_after(positions, index):
         ((0, 1, 2, 3), 1, 2.0),
         ((0, 1, 2, 3), 2, 2.0),
         ((0, 1, 3, 6), 1, 3.0),  # the mean of both slopes
-        ((0, 1, 1, 3, 5), 1, 1.0),  # one interval without way is no rest
+        ((0, 1, 1, 3, 5), 1, 1.0),  # one interval without motion is no standstill
         ((0, 1, 1, 3, 5), 2, 2.0),
         ((0, 0, 0, 1, 2), 2, 0.0),  # two are one
         ((0, 1, 2, 2, 2), 2, 0.0),

@@ -57,8 +57,8 @@ def test_the_ramp_of_a_halt_ends_at_0_and_stays_there():
     assert ramp.begin_braking()
     sent = []
     while not ramp.at_rest:
-        ramp.begin_braking()  # again and again, as a ladder does
-        ramp.hold()  # which would be for another mode: a ramp that brakes goes on braking
+        ramp.begin_braking()  # repeatedly, as a stop sequence does
+        ramp.hold()  # which would be for another mode: a braking ramp keeps braking
         ramp.step(IMAGE, order)
         sent.append(order.target_velocity)
     assert sent == [800, 600, 400, 200, 0]
@@ -114,7 +114,7 @@ def dictionary_parameters():
     return lambda halt: rig(braking=Braking(ramps[halt], Ramp.QUICK, 5000.0)).core.parameters
 
 
-# -- what is asked for ---------------------------------------------------------------------------------------------------
+# -- arguments -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("own", [None, 0])

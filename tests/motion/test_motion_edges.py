@@ -35,7 +35,7 @@ from kit.direct.waiting import PumpWaiter
 from kit.motion.rig import GENERIC, dictionary_of, parameters, rig
 from kit.motion.steps import Drive, T
 
-# What is to be told of a stop.
+# The report of a stop.
 
 
 def ladder(**changes) -> SimpleNamespace:
@@ -186,7 +186,7 @@ def test_each_error_code_has_its_remedy(code, words):
         (1000, 500, 3000, 1520, 1000),
         (1000, 500, 3000, 1521, 2500),
         (1000, 500, 1450, 1000, 1000),  # a demand that leaves the offset out
-        (1000, 500, 1250, 1000, 750),  # halted half-way: nobody knows
+        (1000, 500, 1250, 1000, 750),  # halted half-way: undecidable
         (1000, 500, 1251, 1000, 1000),
         (1000, 500, 1249, 1000, 749),
         (1000, 500, 1450, 1021, 950),
@@ -290,7 +290,7 @@ def test_a_drive_that_is_taken_over_gets_the_targets_of_its_present_motion(mode,
     assert (order.target_position, order.target_velocity, order.target_torque) == targets
 
 
-# Distances, durations, and what goes on from a speed.
+# Distances, durations, and moves from a present speed.
 
 
 @pytest.mark.parametrize(
@@ -327,7 +327,7 @@ def test_the_seconds_of_a_trapezoid(distance, speed, ramp, seconds):
             [2.0, 2.5, 3.0, 2.0 + math.sqrt(2.0)],
             [4.0, 3.75, 3.1715728752538097, 3.0],
         ),
-        # the other way
+        # the other direction
         (-4.0, -4.0, 4.0, 4.0, 2.0, [1.0, 2.0, 9.0], [-3.0, -4.0, -4.0]),
         (-4.0, 4.0, 4.0, 4.0, 2.0, [2.0, 2.5], [-4.0, -3.5]),
     ],
@@ -444,7 +444,7 @@ def test_the_pace_of_a_path_comes_from_limits_defaults_and_trajectory(limits, de
         (lambda _: 7.0, 4.0, 2.0, False),  # it stops dead
         (lambda t: -4.0 * t, 4.0, 2.0, False),  # it turns round
         (lambda t: 4.0 * t, 0.5, 2.0, True),  # slower than one period brakes
-        (lambda t: 2.5 * t, 4.0, 2.0, True),  # half of what braking allows is still no jolt
+        (lambda t: 2.5 * t, 4.0, 2.0, True),  # half of the allowed deceleration is still no jolt
         (lambda t: 2.4 * t, 4.0, 2.0, False),
     ],
 )
@@ -505,7 +505,7 @@ def test_a_line_of_more_than_a_year_was_not_meant():
         line({"x": 1.0}, velocity=1.0 / (year + 1.0), acceleration=1.0)
 
 
-# Numbers, tracks, ways.
+# Numbers, tracks, profiles.
 
 
 @pytest.mark.parametrize(
@@ -552,7 +552,7 @@ def test_a_deviation_from_the_ramp_is_forgotten_within_a_minute():
 
 
 class Grid:
-    """A cycle that begins when it is told to; ``sync``: where another device's SYNC is the grid, when it came."""
+    """A cycle that begins at a given time; ``sync``: the time of another device's SYNC if that is the grid."""
 
     def __init__(self) -> None:
         self.time, self.late, self.came = 10.0, 0.0, None

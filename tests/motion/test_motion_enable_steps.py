@@ -35,7 +35,7 @@ def enable(drive: Drive, modes=(PP,), **options) -> EnableActivity:
 def obey(
     drive: Drive, activity: EnableActivity, cycles: int = 400, word: int = DISABLED, **values: int
 ) -> list[tuple[int, int | None]]:
-    """Let the drive take each controlword and answer each transfer at once; return the statuswords with what was sent."""
+    """Let the drive take each controlword and answer each transfer at once; return the statuswords with the sent controlwords."""
     seen = []
     for _ in range(cycles):
         for request in drive.order.sdo:

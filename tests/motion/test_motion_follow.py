@@ -248,7 +248,7 @@ def test_late_cycles_make_the_axis_late_and_never_jump():
     r.run(0.1)
     assert r.scan.lateness.skipped >= 15
     steps = [abs(b - a) for a, b in pairwise(targets(watch))]
-    assert max(steps) <= STEP * 1.001  # one period's way per executed cycle, however late it is
+    assert max(steps) <= STEP * 1.001  # the distance of one period per executed cycle, however late it is
     begin, end = watch.moving()
     assert end - begin >= 1.1 + 15 * PERIOD
     assert r.drive.position == 90_000
@@ -374,7 +374,7 @@ def test_without_any_limit_that_detects_a_jump_a_path_of_the_program_is_refused(
 
 
 def test_a_jump_in_a_trajectory_ends_in_the_drive_s_quick_stop():
-    """Along the path it could not be braked: there is none where it jumps."""
+    """It cannot be braked along a path that jumps."""
     r = rig(limits=AxisLimits(velocity=400.0, acceleration=600.0)).enabled()
     r.device.write(0x6085, 0, 600_000)
 
@@ -407,7 +407,7 @@ TEN = AxisLimits(position=(-10.0, 10.0), velocity=400.0)
         (
             TrapezoidalTrajectory(0.0, 20.0, 400.0, 500.0),
             5.0,
-        ),  # while it speeds up, as hard as it is braked: half way
+        ),  # while it accelerates, as hard as it is braked: half the distance
     ],
 )
 def test_a_trajectory_that_would_leave_the_position_limits_is_braked_ahead_of_them(path, braked_at, sign):
@@ -547,7 +547,7 @@ def test_an_axis_that_does_not_reach_the_end_of_its_trajectory_fails():
         handle.wait(5)
 
 
-# Stopping on the way.
+# Stopping on the path.
 
 
 @pytest.mark.parametrize("how", ["halt", "stop", "disable"])

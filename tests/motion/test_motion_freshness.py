@@ -89,7 +89,7 @@ def test_values_of_a_new_sync_after_a_late_cycle_are_fresh():
     assert all(known(img).values())
 
 
-# What an old value does to the axis.
+# The effect of an old value on the axis.
 
 
 def lose(r, *names: str) -> None:

@@ -1,4 +1,4 @@
-"""A move that takes over from a trajectory, step by step: what controls the axis before it begins, how it stops, its time limit."""
+"""A move that takes over from a trajectory, step by step: control of the axis before it begins, its stops, its time limit."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PERIOD = 0.01
 
 
 def led(**changes) -> tuple[Drive, Follow]:
-    """An axis that a trajectory leads at 20 deg/s."""
+    """An axis that follows a trajectory at 20 deg/s."""
     drive = Drive(scan_period=PERIOD, **changes)
     follow = Follow(TrapezoidalTrajectory(0.0, 400.0, 20.0, 40.0), drive.parameters, OPEN)
     for _ in range(100):
@@ -100,7 +100,7 @@ def test_a_path_that_brakes_because_it_got_too_fast_continues_as_the_move_once_t
     targets = [step(drive, move) for _ in range(2000)]
     steps = [b - a for a, b in pairwise(targets)]
     assert max(abs(b - a) for a, b in pairwise(steps)) <= 55
-    assert min(steps[:20]) > 100  # it need not come to rest before
+    assert min(steps[:20]) > 100  # it need not stop before
     assert targets[-1] <= 400_000
     assert not before.at_rest
 
@@ -159,7 +159,7 @@ def test_it_has_the_time_that_the_caller_gives(timeout, told):
     [(50.0, 40.0, True), (40.0, 40.0, True), (39.99, 40.0, False), (5.1, 3.0, True), (4.9, 3.0, False)],
 )
 def test_it_needs_room_to_brake_within_the_limits(room, way, fits):
-    """From 20 deg/s with 40 deg/s² it comes to rest 5 deg on at the nearest."""
+    """From 20 deg/s with 40 deg/s² it stops after 5 deg at the earliest."""
     drive, before = led()
     where = before.last_step.position
     limits = AxisLimits(position=(-10.0, where + room), velocity=400.0)

@@ -1,4 +1,4 @@
-"""Groups: together in one SYNC, on a straight line, and what one axis's failure does to the others."""
+"""Groups: common start in one SYNC, straight lines, and the effect of a failed axis on the others."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_all_axes_take_transition_4_in_the_same_sync():
     assert [len(t) for t in times] == [1, 1, 1]
     assert times[0] == times[1] == times[2]
     waited = seen["y"].stage_times(SWITCHED_ON)[0]
-    assert times[0][0] - waited > 0.3  # y stood ready and waited for the slowest
+    assert times[0][0] - waited > 0.3  # y was ready and waited for the slowest
 
 
 def test_a_group_enable_that_is_asked_for_again_continues_and_both_handles_end_as_it_does():
@@ -251,7 +251,7 @@ def test_the_slowest_axis_slows_all_and_the_line_stays_straight():
     r.enabled()
     seen = watches(r)
     r.groups["all"].move_linear((20.0, 20.0, 10.0), velocity=300.0, acceleration=1000.0).wait(10)
-    # y may do 10 deg/s over 20 deg; z may do 40 deg/s² over 10 deg: shares of the way 0.5 /s and 4 /s²; 1/0.5 + 0.5/4 s
+    # y may do 10 deg/s over 20 deg; z may do 40 deg/s² over 10 deg: shares of the path 0.5 /s and 4 /s²; 1/0.5 + 0.5/4 s
     assert time_on_the_way(seen) == pytest.approx(2.0 + 0.125, abs=0.04)
     assert seen["y"].speed <= 10_000 * 1.01
     assert seen["z"].acceleration(5) <= 40_000 * 1.1
@@ -284,7 +284,7 @@ def test_halt_brakes_along_the_line():
     r.groups["all"].halt().wait(3)
     assert isinstance(handle.exception(), Interrupted)
     assert off_the_line(path(seen), (0.0, 0.0), (90.0, 120.0)) < 0.004
-    # 100 deg/s with 400 deg/s²: 0.25 s, the two cycles until the command acts, and the one until its last target does
+    # 100 deg/s with 400 deg/s²: 0.25 s, the two cycles until the command acts, and the one until its last target acts
     assert seen["x"].moving()[1] - seen["x"].rows[0].t == pytest.approx(0.25 + 3 * PERIOD, abs=0.02)
     assert {axis.state for axis in r.axes.values()} == {AxisState.STANDSTILL}
     assert r.drive_of("x").mode_display == 8
@@ -649,7 +649,7 @@ def test_a_closed_start_barrier_never_opens_and_an_open_one_is_not_closed():
 
 
 def targets_of(seen: dict[str, Watch]) -> list[tuple[float, ...]]:
-    """What was sent to the drives, cycle by cycle, in degrees."""
+    """The targets sent to the drives, cycle by cycle, in degrees."""
     columns = [[item.outputs.target_position for item in watch.sent] for watch in seen.values()]
     rows = zip(*columns, strict=True)
     return [tuple(value / 1000.0 for value in row) for row in rows if None not in row]

@@ -41,7 +41,7 @@ class Bounded:
         return self
 
     def rest(self, state: AxisState = FREE, course: CommandedMotion | None = None, **options) -> float | None:
-        """Return where it could come to rest, by the error's text; None where there is no danger."""
+        """Return the possible stopping position, by the error's text; None without a danger."""
         error = self.guard.danger(self.drive.image, state, course=course, **options)
         return None if error is None else float(error.observed.split("stop at ")[1].split(";")[0])
 
@@ -61,7 +61,7 @@ def turning(step: float, down: float = DOWN) -> CommandedMotion:
         (1000, 99_000, 106.2),
         (-1000, 7200, None),
         (-1000, 7199, -0.001),
-        (-1000, 92_801, None),  # on its way back from there
+        (-1000, 92_801, None),  # moving back from there
         (1000, 7199, None),
         (0, 100_000, None),
     ],
@@ -240,7 +240,7 @@ def test_a_demand_received_seldom_gives_only_the_lag(sign, late, found_at):
         if axis.rest(course=course) is not None:
             break
     assert cycle == found_at
-    # Where it is led to when the stop acts, four cycles later, and where it comes to rest from there, are just at the limit.
+    # The commanded position when the stop acts, four cycles later, and the stopping position from there, are just at the limit.
     led = cycle + 1 + late + 4
     assert 10 * led**2 + (20 * led / T) ** 2 / (2 * DOWN) == pytest.approx(100_000, rel=0.05)
 
@@ -344,7 +344,7 @@ def test_the_braking_distance_beyond_the_limits():
     assert Bounded(1000).to(93_000, cycles=2).guard.overrun(over.drive.image, DOWN) is None
 
 
-# What brakes.
+# The braking stop.
 
 QUICK = Braking(quick_stop=Ramp.QUICK, quick=2000.0)
 
@@ -363,7 +363,7 @@ QUICK = Braking(quick_stop=Ramp.QUICK, quick=2000.0)
             (StopLevel.QUICK_STOP, 2000.0),
         ),
         ({"braking": Braking(halt=Ramp.COAST)}, CommandedMotion(down=7.0), (StopLevel.HALT, None)),
-        # what the drive does not let be written, or limits (60C6h)
+        # the drive does not permit writing, or limits the value (60C6h)
         ({"fixed_ramps": ((0x6084, 40),)}, CommandedMotion(), (StopLevel.HALT, 40.0)),
         ({"fixed_ramps": ((0x6084, 0),)}, CommandedMotion(), (StopLevel.HALT, None)),
         ({"fixed_ramps": ((0x6084, None),)}, CommandedMotion(), (StopLevel.HALT, None)),
@@ -455,11 +455,11 @@ def lag(behind: list[float], speed: float = 0.0, **changes) -> list[bool]:
         ([4001.0] * 3, 0.0, {}, [False, True, True]),  # two positions in a row
         ([-4001.0] * 2, 0.0, {}, [False, True]),
         ([4001.0, 0.0, 4001.0, 4001.0], 0.0, {}, [False, False, False, True]),
-        ([4250.0] * 3, 1000.0, {}, [False] * 3),  # a quarter of a second at the speed that it is led with
+        ([4250.0] * 3, 1000.0, {}, [False] * 3),  # a quarter of a second at the commanded speed
         ([4251.0] * 2, 1000.0, {}, [False, True]),
         ([4001.0, 4001.0], 0.0, {"following_error": 1}, [False, False]),
         ([4002.0, 4002.0], 0.0, {"following_error": 1}, [False, True]),
-        ([4002.0, 4002.0], 0.0, {"drive_following_error": 9}, [False, True]),  # not led by positions
+        ([4002.0, 4002.0], 0.0, {"drive_following_error": 9}, [False, True]),  # no streamed positions
         ([4001.0] * 6, 0.0, {"drive_following_time": 4 * T}, [False] * 4 + [True, True]),
         (
             [4001.0, 4001.0, 0.0, 4001.0, 4001.0, 4001.0, 4001.0],
@@ -484,7 +484,7 @@ def test_only_positions_that_are_new_count_for_the_lag():
     error = watch.error(drive.cycle(position=0)[0], activity)
     assert "at 2 deg it is 5 deg from its expected position; 4 are allowed" in error.observed
     other = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
-    assert watch.error(drive.cycle(position=1)[0], other) is None  # another command begins anew
+    assert watch.error(drive.cycle(position=1)[0], other) is None  # another command restarts it
     assert watch.error(drive.cycle(position=2)[0], None) is None
     assert watch.error(drive.cycle(position=None)[0], other) is None
 
@@ -593,7 +593,7 @@ def test_a_demand_slower_than_the_position_has_the_speed_of_its_own_stamps(behin
     [
         ("0011111", [False] * 6 + [True]),  # for the time of 6066h, too: some drives set the bit before
         ("0011011", [False] * 7),
-        ("1111111", [False] * 7),  # it says so of another motion, or always
+        ("1111111", [False] * 7),  # it was set for another motion, or is always set
     ],
 )
 def test_without_a_demand_bit_13_reports_a_following_error(bits, told):
@@ -609,7 +609,7 @@ def test_without_a_demand_bit_13_reports_a_following_error(bits, told):
 
 
 def targets(*, closely: bool = False) -> tuple[Drive, FollowingErrorMonitor, SimpleNamespace]:
-    """An axis in csp that is led by 64 increments in each of seven cycles, after some at rest, and is there."""
+    """An axis in csp that is commanded by 64 increments in each of seven cycles, after some at standstill, and has arrived."""
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=None, led_speed=0.0, mode=8)

@@ -84,7 +84,7 @@ def test_after_a_halt_the_next_mode_is_taken_without_the_halt_bit(before, after,
     r.until(lambda: r.drive.mode_display == mode, TAKES + 2.0)
     assert r.now - began > TAKES
     assert abs(r.drive.axis.motor.position - here) < 1.0
-    assert watch.displacement < 1.0  # the drive did not go on with what was halted
+    assert watch.displacement < 1.0  # the drive did not continue the halted motion
     handle.wait(5)
     assert watch.travel[1] < here + 1.0
     held = [sent for sent in watch.sent if sent.outputs.controlword & HALT]

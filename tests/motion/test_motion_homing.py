@@ -1,4 +1,4 @@
-"""Homing by the methods that the simulated drive knows: where home is, a real edge each time, stale bits, errors and time-outs."""
+"""Homing by the methods of the simulated drive: the home position, a real edge each time, stale bits, errors and time-outs."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def test_bit_13_of_the_homing_before_does_not_fail_a_slow_second_one():
 
 @pytest.mark.parametrize("poll", [0.1, 0.3])
 def test_a_slow_statusword_of_the_homing_before_is_not_the_end_of_the_next(poll):
-    """A word that was polled just after the edge is old: the drive shows the new homing later, and the next poll comes late."""
+    """A word that was polled just after the edge is old: the drive shows the new homing later, and the next poll is late."""
     r = rig(motor=MACHINE, homing=SEARCH, port={"max_age": {"statusword": 1.0}}).enabled()
     r.axis.home(17).wait(20)
     r.axis.move_absolute(20.0).wait(5)
@@ -240,7 +240,7 @@ def test_a_home_offset_of_the_drive_is_the_position_at_home():
     assert r.axis.position == pytest.approx(r.drive.position / 1000)
 
 
-# What goes wrong.
+# Errors.
 
 
 def test_a_homing_error_of_the_drive_is_reported_with_its_bits_and_method():

@@ -271,7 +271,7 @@ def test_targets_are_wrapped_and_wishes_last_one_cycle():
 
 
 def test_a_set_point_is_taken_only_by_a_word_received_after_bit_4_went_low():
-    """A drive may take bit 12 back by itself, or the word was on its way already: bit 10 in it spoke of the move before."""
+    """A drive may clear bit 12 early, or the word was in transit already: its bit 10 belonged to the move before."""
     img, order, point = fresh_image(), CycleOutputs(), SetPoint(5_000, "x", 1.0)
 
     def cycle(now: float, word: int, stamp: float) -> tuple[bool, int]:
@@ -315,7 +315,7 @@ def test_the_target_goes_ahead_of_the_edge_by_as_many_cycles_as_the_port_wants(d
 
 
 def test_the_edge_waits_for_the_statusword_also_behind_its_target():
-    """The drive shows an acknowledge that nobody asked for: an edge now could not be told from it."""
+    """The drive shows an acknowledge without a request: an edge now could not be distinguished from it."""
     img = AxisImage(Capabilities({}, {}, True, {}, 1), T, 2.0, 0.05)
     order, point = CycleOutputs(), SetPoint(5_000, "x", 1.0)
     sent = []
@@ -327,7 +327,7 @@ def test_the_edge_waits_for_the_statusword_also_behind_its_target():
     assert sent == [(5_000, 0)] * 3 + [(5_000, 0x30)]
 
 
-# Ladder.
+# The stop sequence.
 
 
 class Fall:
@@ -345,7 +345,7 @@ class Fall:
         self.place = 0
 
     def step(self, word: int | None, *, moving: bool, mode: int = 3, sdo=()) -> Outputs:
-        """One cycle; returns what is sent. ``self.done`` says whether the stop sequence has ended."""
+        """Run one cycle; return the outputs. ``self.done`` shows if the stop sequence has ended."""
         self.place += 100 * moving
         values = {"position": Sample(self.place, self.now), "mode": Sample(mode, self.now)}
         status = None if word is None else Sample(word, self.now)
@@ -462,7 +462,7 @@ def test_disabling_waits_for_the_last_step_down():
     assert fall.step(0x23, moving=False).controlword == 0x06
     assert fall.step(0x21, moving=False).controlword == 0x00
     assert not fall.done
-    fall.steps(0.2, OFF, moving=False)  # off, and seen to stand
+    fall.steps(0.2, OFF, moving=False)  # off, and standstill seen
     assert fall.done
     assert fall.ladder.confirmed
 
@@ -497,7 +497,7 @@ def test_a_load_in_a_torque_mode_is_taken_over_by_a_mode_that_holds():
     fall = Fall(holds_load=HoldsLoad.TORQUE)
     out = fall.step(ENABLED, moving=True, mode=4)
     assert out.mode == 1
-    assert out.target_torque is None  # what holds it now goes on until then
+    assert out.target_torque is None  # the torque that holds it now is kept until then
     assert out.controlword == 0x0F
 
 
@@ -645,7 +645,7 @@ def test_a_falling_bit_10_confirms_the_set_point_only_at_standstill(moves, seen)
     ],
 )
 def test_a_target_that_the_drive_had_taken_before_needs_no_proof(set_point, taken, known):
-    """An axis that something holds, with bit 10 low: it comes no nearer, and the drive leads it there anyhow."""
+    """An axis that something holds, with bit 10 low: it does not approach, and the drive has the target anyhow."""
     drive = Drive()
     drive.image.led.set_point, drive.image.led.taken = set_point, taken
     proof = given_edge(drive, 5_000, statusword=ENABLED, position=1_000)

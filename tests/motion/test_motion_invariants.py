@@ -1,4 +1,4 @@
-"""What must hold of one axis whatever is asked of it and whatever its drive does: random commands against a hand-written drive."""
+"""Invariants of one axis for any commands and any behaviour of its drive: random commands against a hand-written drive."""
 
 from __future__ import annotations
 
@@ -254,7 +254,7 @@ class AxisUnderFire(RuleBasedStateMachine):
             )
 
     def check_drive(self, transitions: list[int], position: int) -> None:
-        """What the drive did in this cycle, with the outputs of the one before."""
+        """The behaviour of the drive in this cycle, with the outputs of the previous one."""
         if 4 in transitions or 16 in transitions:
             assert self.enables, "enabled without a command to"
             assert self.enables[-1] is not self.enabled_by, "enabled a second time by the same command"
@@ -318,7 +318,7 @@ class AxisUnderFire(RuleBasedStateMachine):
             assert self.core.state not in MAY_MOVE - {AxisState.STOPPING, AxisState.ERRORSTOP}
             assert self.core.state is not AxisState.STANDSTILL
 
-    # -- what users do -------------------------------------------------------------------------------------------------
+    # -- commands of users ---------------------------------------------------------------------------------------------
 
     def submit(self, command: c.Command, cycles: int = 0) -> None:
         handle = WithTarget(type(command).__name__)
@@ -406,7 +406,7 @@ class AxisUnderFire(RuleBasedStateMachine):
         here = (image.reference or 0) - image.origin
         self.submit(c.FollowTrajectory(TrapezoidalTrajectory(here, here + way, velocity, 5000.0)), cycles)
 
-    # -- what happens --------------------------------------------------------------------------------------------------
+    # -- events --------------------------------------------------------------------------------------------------------
 
     @rule()
     def fault(self) -> None:
@@ -453,7 +453,7 @@ class AxisUnderFire(RuleBasedStateMachine):
         self.late = seconds
         self.cycle()
 
-    # -- what is rare by chance ----------------------------------------------------------------------------------------
+    # -- cases that are rare by chance ---------------------------------------------------------------------------------
 
     @precondition(lambda self: self.core.activity is not None)
     @rule(command=st.sampled_from([c.Halt(), c.Disable(), c.Stop(), c.QuickStop()]), cycles=PAUSE)

@@ -1,4 +1,4 @@
-"""One node's inputs and outputs, cycle by cycle: what is sent, when a command is done, and what is known."""
+"""Inputs and outputs of one node, cycle by cycle: sent values, end of a command, and known values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PART = IoPoint("part", 5, 0x6000, 1, 8, False, output=False, bit=0)
 
 
 class Port:
-    """A port with its outputs as they were found, and what they become alone."""
+    """A port with its outputs as found, and their values without a master."""
 
     inputs = ((0x6000, 1),)
     outputs = ((0x6200, 1), (0x6411, 1))
@@ -62,9 +62,9 @@ def test_the_frame_of_an_output_keeps_its_other_bits():
         (
             (math.inf, math.inf, math.inf),
             0.02,
-        ),  # of a node of which no sign of life is expected: once it has left
+        ),  # of a node without a required sign of life: once it has been sent
         ((0.01, 0.02, 0.03), 0.02),
-        ((0.01, 0.015, 0.019), None),  # all of this was on its way before the output could act
+        ((0.01, 0.015, 0.019), None),  # all of this was in transit before the output could act
         ((0.01, 0.01, 0.025), 0.03),
     ],
 )

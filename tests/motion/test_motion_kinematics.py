@@ -1,4 +1,4 @@
-"""Machines whose axes make places together: there and back, geometry by hand, and the axes' limits along ways in the workspace."""
+"""Kinematics: forward and inverse, geometry by hand, and the limits of the axes along paths in the workspace."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_on_a_workspace_path_no_axis_exceeds_its_velocity_or_acceleration(machin
         for piece in pieces:
             survey(piece)
     except ValueError:
-        return  # a circle may lead out of reach
+        return  # a circle may be out of reach
     axes = len(pieces[0].at(0.0))
     limits = [
         AxisLimits(velocity=rng.choice([90.0, 200.0]), acceleration=rng.choice([400.0, 2000.0]))
@@ -186,7 +186,7 @@ class Bump:
 @pytest.mark.parametrize("jerk", [4100.0, 20_000.0, 100_000.0])
 @pytest.mark.parametrize("hard", [None, 1000.0])
 def test_a_jerk_limited_path_keeps_limits_that_an_axis_reaches_briefly(hard, jerk):
-    """There it is slow, and in time before and behind: what the axes are led to is a mean."""
+    """It is slow there, and in time before and after: the targets of the axes are a mean."""
     limits, velocity, acceleration = [AxisLimits(velocity=400.0, acceleration=hard)] * 2, 600.0, 1000.0
     piece = KinematicSegment(Straight((-100.0,), (100.0,), 200.0), Bump())
     cycles = window(acceleration, jerk, PERIOD, "line")

@@ -1,4 +1,4 @@
-"""What a limit is reckoned with is known from the drive: its ramps, and its speed by positions."""
+"""The values used for a limit are known from the drive: its ramps, and its speed by positions."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def transfers(drive: Drive, answers: dict[int, tuple[int | None, int | None]]):
         ({2: (None, READ_ONLY), 4: (2000, None)}, 500_000.0, 2000.0),
         ({2: (None, LOCAL), 4: (2000, None)}, 500_000.0, 2000.0),
         ({1: (None, READ_ONLY), 3: (900_000, None)}, 900_000.0, 500_000.0),
-        ({4: (None, GONE)}, 500_000.0, 500_000.0),  # taken, and not to be read: what was written
+        ({4: (None, GONE)}, 500_000.0, 500_000.0),  # accepted, and unreadable: the written value
         ({2: (None, READ_ONLY), 4: (None, GONE)}, 500_000.0, None),
         ({2: (None, READ_ONLY), 4: (0, None)}, 500_000.0, None),
     ],
@@ -80,7 +80,10 @@ def test_a_move_is_reckoned_with_the_ramps_that_its_drive_has(answers, up, down)
     found = transfers(Drive(), answers).applied(PROFILE)
     assert (found.up, found.down) == (up, down)
     assert found.ramp == (min(up, down) if down else None)
-    assert (found.acceleration, found.deceleration) == (500_000, 500_000)  # what is asked for stays
+    assert (found.acceleration, found.deceleration) == (
+        500_000,
+        500_000,
+    )  # the commanded values are unchanged
 
 
 def test_a_value_that_a_drive_cannot_take_is_an_error():
@@ -141,7 +144,7 @@ def test_ramps_harder_than_max_acceleration_are_refused(command):
     assert abs(r.drive.axis.motor.position) < 10
 
 
-# -- what is not known -----------------------------------------------------------------------------------------------
+# -- unknown values --------------------------------------------------------------------------------------------------
 
 
 def unknown_ratio():
@@ -190,7 +193,7 @@ def test_without_an_active_limit_nothing_is_refused():
 @pytest.mark.parametrize(
     ("place", "step", "told"),
     [
-        (100_019, 10, False),  # within the window, or on its way back
+        (100_019, 10, False),  # within the window, or moving back
         (100_200, -10, False),
         (100_061, 10, True),
         (-100_061, -10, True),
@@ -272,12 +275,12 @@ def test_an_axis_that_brakes_to_a_lower_speed_is_not_too_fast():
     watched.activity = SimpleNamespace(
         course=CommandedMotion(speed=6400.0), mode=MODE.PROFILE_VELOCITY, leading=None, in_effect=False
     )
-    assert watched.go(1000, 40) is None  # it goes on as before until the new command acts
+    assert watched.go(1000, 40) is None  # it continues as before until the new command acts
     watched.activity.in_effect = True
     for step in range(1000, 100, -2):
         assert watched.go(step, 1) is None
     assert watched.go(100, 20) is None
-    assert watched.go(400, 10) is not None  # what was excused has gone with the speed
+    assert watched.go(400, 10) is not None  # the allowance has ended with the speed
 
 
 def test_the_end_of_the_previous_trajectory_is_no_overspeed():

@@ -88,7 +88,7 @@ def test_half_the_count_may_pass_unseen_only_at_the_highest_speed():
     assert not drive.image.lost_count
 
 
-# The rungs.
+# The steps of the stop sequence.
 
 TIMES = StopTimes(halt=0.5, quick_stop=0.25, disable=1.0)
 
@@ -112,7 +112,7 @@ class Stop:
         self.sent: list[tuple[int | None, bool]] = []
 
     def before(self, cycles: int, moving: bool, **values: int | None) -> Stop:
-        """What was seen before the stop."""
+        """Set the observations before the stop."""
         for _ in range(cycles):
             self.place += 100 * moving
             self.drive.cycle(position=self.place, **values)
@@ -141,7 +141,7 @@ class Stop:
 @pytest.mark.parametrize("holds", [HoldsLoad.NO, HoldsLoad.BRAKE, HoldsLoad.TORQUE])
 @pytest.mark.parametrize("moving", [True, False])
 def test_the_power_of_an_axis_with_a_load_is_not_cut_while_that_would_let_it_fall(holds, moving):
-    """A drive that obeys nothing: a brake holds only what stands, a motor only as long as it has power."""
+    """A drive that obeys nothing: a brake holds only an axis at standstill, a motor only as long as it has power."""
     stop = Stop(start=StopLevel.QUICK_STOP, holds_load=holds).run(400, moving, statusword=ENABLED, mode=1)
     cut = 0x00 in [word & 0x0F for word in stop.words]
     assert stop.done
@@ -274,12 +274,12 @@ def test_a_repeated_stop_request_makes_the_stop_harder_and_never_softer(asked, t
     stop.ladder.harden(AfterStop.HOLD, StopLevel.HALT)
     assert (stop.ladder.rung, stop.ladder.takes_power) == (rung, then is AfterStop.DISABLE)
     down = Stop(AfterStop.DISABLE).run(8, False, statusword=ENABLED, mode=1)
-    down.ladder.harden(AfterStop.HOLD, StopLevel.QUICK_STOP)  # it stands, and is being taken down
+    down.ladder.harden(AfterStop.HOLD, StopLevel.QUICK_STOP)  # it is at standstill, and is being disabled
     assert down.ladder.rung is StopLevel.HALT
 
 
 def edge(stop: Stop, target: int) -> Stop:
-    """A set-point far away has been given before, by what nobody sees leading it (no 6062h)."""
+    """A set-point far away was given before, by a drive without a visible demand (no 6062h)."""
     led = stop.drive.image.led
     led.note(stop.drive.now, 1, None, target, True)
     return stop
@@ -292,7 +292,7 @@ def edge(stop: Stop, target: int) -> Stop:
 def test_only_an_axis_at_standstill_in_the_middle_of_its_move_counts_as_held_and_loses_its_power(
     waited, moving, held
 ):
-    """Three tenths of a second after its set-point a free axis moves; where nobody sees what pulls it, it is not let go softly."""
+    """Three tenths of a second after its set-point a free axis moves; if its pull is not visible, it is not released softly."""
     stop = Stop().before(10, False, statusword=ENABLED, mode=1)
     edge(stop, 90_000).before(waited, moving)
     stop.run(12, False, statusword=ENABLED)
@@ -410,7 +410,7 @@ def test_a_path_is_braked_only_while_it_runs_and_with_a_known_deceleration():
 
 
 class Change:
-    """A change of mode that says in each cycle what it is told to; notes whether it was taken back."""
+    """A change of mode with a given result in each cycle; notes if it was cancelled."""
 
     def __init__(self, *says: bool | Exception) -> None:
         self.says, self.cancelled = list(says), 0
@@ -426,7 +426,7 @@ class Change:
 
 
 def stop_out_of_a_path(change: Change) -> tuple[Stop, list[str]]:
-    """A halt while a trajectory in csp is being left; what the trajectory is asked to do is noted."""
+    """A halt while a trajectory in csp is being left; the calls of the trajectory are noted."""
     asked: list[str] = []
 
     def brakes() -> bool:
@@ -444,7 +444,7 @@ def stop_out_of_a_path(change: Change) -> tuple[Stop, list[str]]:
 def test_a_mode_change_is_completed_before_the_drive_s_own_halt():
     stop, asked = stop_out_of_a_path(Change(False, False, True))
     stop.run(2, True, statusword=ENABLED, mode=8)
-    assert asked == ["brake", "brake"]  # it goes on along the path by itself
+    assert asked == ["brake", "brake"]  # it continues along the path
     assert not stop.drive.order.halt
     assert stop.ladder.leaving is not None
     stop.run(1, True, mode=3)
@@ -514,7 +514,7 @@ def test_a_path_without_a_position_is_refused():
         path(drive).step(*drive.cycle(statusword=ENABLED, mode=8))
 
 
-# The way out.
+# Closing.
 
 
 def test_the_stop_at_the_end_has_the_time_of_all_steps():
@@ -530,7 +530,7 @@ def test_a_report_of_an_earlier_request_is_not_repeated():
 
 
 def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:
-    """An axis whose own stop is over, and what is looked at after it."""
+    """An axis whose own stop is over, and its observations after it."""
     image = SimpleNamespace(
         state=PowerState.SWITCH_ON_DISABLED, position=0, velocity=None, standstill=False, position_stamp=99.0
     )
@@ -558,7 +558,7 @@ def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:
         ({"standstill": True, "position_stamp": 100.0, "state": PowerState.OPERATION_ENABLED}, False),
         ({"standstill": True, "state": PowerState.OPERATION_ENABLED, "stopped_for_sure": True}, True),
         ({"standstill": True, "position_stamp": 100.0, "state": PowerState.UNKNOWN}, False),
-        ({"position": None}, False),  # it has 6064h, and nobody has seen it
+        ({"position": None}, False),  # it has 6064h, and no value was received
         ({"position": None, "stopped_for_sure": True}, True),
         ({"position": None, "parameters": Drive(objects=frozenset({0x6041})).parameters}, True),
         ({"position": None, "velocity": 5}, False),

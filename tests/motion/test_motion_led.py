@@ -1,4 +1,4 @@
-"""Whether 6062h is what leads the axis: judged by what it does, and compared with the position of its own time."""
+"""Whether 6062h is the demand of the axis: judged by its behaviour, and compared with the position of the same time."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_a_drive_that_leaves_its_state_or_mode_is_judged_from_the_beginning():
 
 
 class Drive:
-    """Positions that come by one way and demands by another, each with its stamp."""
+    """Positions by one transport and demands by another, each with its stamp."""
 
     def __init__(self, position: ValueTransport, demand: ValueTransport, age: float = 0.8) -> None:
         sources = {"statusword": ValueTransport.SYNC_PDO, "position": position, "demand": demand}
@@ -118,7 +118,7 @@ class Drive:
 
 
 def test_a_polled_demand_keeps_its_distance_from_the_position_at_receipt():
-    """The axis goes on at 100 increments per cycle; its demand is 50 ahead of it all the time."""
+    """The axis continues at 100 increments per cycle; its demand is 50 ahead of it all the time."""
     drive = Drive(ValueTransport.SYNC_PDO, ValueTransport.SDO)
     drive.cycle(0, 0)
     for number in range(1, 60):

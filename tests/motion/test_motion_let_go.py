@@ -1,4 +1,4 @@
-"""A drive that leaves *operation enabled* by itself gets its power back by no other way than a new command."""
+"""A drive that leaves *operation enabled* without a command gets its power back only by a new command."""
 
 from __future__ import annotations
 

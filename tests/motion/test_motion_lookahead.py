@@ -1,4 +1,4 @@
-"""Looking ahead along a path: braking it in time keeps it within the limits, and what stays within them by itself is left alone."""
+"""Looking ahead along a path: braking it in time keeps it within the limits, and a path within them is not changed."""
 
 from __future__ import annotations
 

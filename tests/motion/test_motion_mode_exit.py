@@ -84,7 +84,7 @@ def test_a_weak_move_that_a_path_gets_too_fast_for_stays_within_the_limits(late,
     watch = Watch(r)
     moved = r.axis.move_absolute(target, velocity=50.0, acceleration=200.0, deceleration=200.0, jerk=40_000.0)
     r.run(0.5)
-    if moved.exception() is None:  # else it was refused at once, and the path goes on
+    if moved.exception() is None:  # else it was refused at once, and the path continues
         moved.wait(20)
         assert abs(r.drive.axis.motor.position - target * 1000) < 60
     assert max(row.position for row in watch.rows) <= 100_050

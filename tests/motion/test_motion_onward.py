@@ -36,7 +36,7 @@ def test_it_goes_to_its_end_without_a_jump_or_a_jolt(start, speed, end, velocity
 @pytest.mark.parametrize(
     ("speed", "end", "seconds"),
     [
-        (90.0, 90.0, 1.0 + 0.125 / 2),  # goes on, and brakes from 90 with 720 in 0.125 s
+        (90.0, 90.0, 1.0 + 0.125 / 2),  # continues, and brakes from 90 with 720 in 0.125 s
         (90.0, 5.625, 0.125),  # brakes at once
         (0.0, 0.0, 0.0),
     ],

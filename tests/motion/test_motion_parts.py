@@ -1,4 +1,4 @@
-"""The pure parts one by one, step by step: what each sends and when each ends, by the clock and by what the drive has said."""
+"""The pure parts one by one, step by step: their outputs and their ends, by the clock and by the reports of the drive."""
 
 from __future__ import annotations
 
@@ -208,7 +208,7 @@ def test_a_homing_error_that_was_low_since_the_edge_counts_at_once():
 
 @pytest.mark.parametrize("word", [0x1400, 0x2000])
 def test_bits_left_from_a_former_homing_count_only_after_the_settling_time(word):
-    """Home in place: attained may never be seen low; then a second word, received well after the edge, says it."""
+    """Home in place: attained may never be seen low; then a second word, received well after the edge, confirms it."""
     drive = Drive()
     run = HomingRun(JOB, drive.parameters)
     edge = None
@@ -226,7 +226,7 @@ def test_bits_left_from_a_former_homing_count_only_after_the_settling_time(word)
 
 
 def test_one_late_statusword_alone_does_not_confirm_home():
-    """It may have been on its way when the drive saw the edge."""
+    """It may have been in transit when the drive saw the edge."""
     drive = Drive()
     run = HomingRun(JOB, drive.parameters)
     while not drive.order.bits:
@@ -283,7 +283,7 @@ def test_homing_has_its_time_and_no_more():
     drive.later(edge + 5.0 - drive.now - T)
     assert not run.step(*drive.cycle(statusword=ENABLED))
     with pytest.raises(HomingError) as caught:
-        run.step(*drive.cycle())  # whether its word comes again or not
+        run.step(*drive.cycle())  # whether its word is received again or not
     assert "not found within 5 s" in caught.value.observed
 
 
@@ -306,7 +306,7 @@ def test_an_interrupted_homing_takes_back_the_mode_that_the_drive_has_not_taken_
     assert drive.order.mode == 1
 
 
-# The way by SDO.
+# Observation by SDO.
 
 
 def test_a_drive_without_pdos_is_looked_at_ten_times_a_second_until_two_positions_are_the_same():
@@ -351,7 +351,7 @@ def test_a_drive_without_pdos_is_looked_at_ten_times_a_second_until_two_position
     once.look(*near.cycle(statusword=None))
     status, position = (request.id for request in near.order.sdo)
     once.look(*near.answers(status, 0x0237).answers(position, 1).cycle())
-    assert not once.stands  # one position is none that has stayed
+    assert not once.stands  # one position does not prove standstill
 
 
 @pytest.mark.parametrize(
@@ -360,7 +360,7 @@ def test_a_drive_without_pdos_is_looked_at_ten_times_a_second_until_two_position
         (1, 5000, None, True),  # the window is of 4000
         (1, 5001, None, False),
         (1, -3001, None, False),
-        (1, None, None, True),  # nobody knows
+        (1, None, None, True),  # unknown
         (3, 9000, 9000, True),  # in pv it is of long ago
         (3, 9000, 8000, False),  # unless it has moved in this mode
     ],
@@ -493,7 +493,7 @@ def test_a_mode_is_asked_for_with_targets_that_move_nothing_until_it_is_shown():
     assert (drive.order.target_position, switch.reference) == (
         410,
         410,
-    )  # where it was led when the change began
+    )  # its commanded position when the change began
     assert [switch.step(*drive.cycle(mode=3)) for _ in range(3)] == [
         False,
         False,
@@ -759,7 +759,7 @@ def test_after_a_lost_position_a_ramp_has_the_accelerations_of_the_last_command(
     for _ in range(3):
         drive.cycle(statusword=0x0237, position=0, velocity=0)
         way.step(drive.image)
-    assert way.speed == pytest.approx(2 * 1280.0 * T)  # two cycles after it has begun anew
+    assert way.speed == pytest.approx(2 * 1280.0 * T)  # two cycles after its restart
 
 
 def test_a_ramp_begins_at_the_speed_of_the_positions_if_the_last_velocity_is_older():
@@ -851,7 +851,7 @@ def test_a_lag_on_a_ramp_from_standstill_is_measured_beyond_the_delay_of_a_comma
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_lag_of_the_first_order_is_seen_while_the_ramp_still_rises(sign):
-    """A motor that approaches its velocity with a time constant: what it has gained is less than what the ramp has."""
+    """A motor that approaches its velocity with a time constant: its gain is smaller than that of the ramp."""
     drive, lag, acceleration = Drive(ages={"position": 1e9, "velocity": 1e9}), 0.05, 40_000.0
     for _ in range(100):
         drive.cycle(position=0, velocity=0)
@@ -972,7 +972,7 @@ def test_a_path_that_brakes_as_hard_itself_is_not_slowed_further():
         assert gentle.rate == pytest.approx(1.0, abs=0.1)
 
 
-# Standing, with what less than a position there is.
+# Standstill without a position.
 
 
 def test_standstill_needs_positions_of_a_whole_window_after_the_beginning():
@@ -1107,7 +1107,7 @@ def test_values_derived_from_the_parameters():
     assert replace(base, limits=AxisLimits()).pull_window == 1000.0  # at the default velocity
     fine = replace(base.units, position=Scale.of(1e7, "deg"))
     bare = replace(base, units=fine, limits=AxisLimits(), defaults=Defaults())
-    assert bare.pull_window == 20.0  # where no velocity is known: no more than what a quiet encoder wanders
+    assert bare.pull_window == 20.0  # without a known velocity: no more than the noise of a quiet encoder
     assert base.standstill_tolerance == 2.0
     assert replace(base, standstill_speed=160.0).standstill_tolerance == 10.0
     assert base.lag_allowed(1000.0) == 4250.0
@@ -1423,7 +1423,7 @@ def test_by_velocity_an_axis_is_at_standstill_below_the_speed_of_the_cell_file(v
 
 
 def waiting(*names: str) -> tuple[Drive, StandstillWaiters, list[tuple[str, str]]]:
-    """Commands of these names that wait for a rest; what becomes of each is noted."""
+    """Commands of these names that wait for standstill; their ends are noted."""
     drive, ends = Drive(), []
     waits = StandstillWaiters(drive.parameters)
     for name in names:

@@ -1,4 +1,4 @@
-"""Ends that a drive passes by itself: when it is given the next profile, and what is said of it, cycle by cycle."""
+"""Targets that a drive passes: the time of the next profile, and the notes, cycle by cycle."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Passed:
         return self.passing.look(image)
 
     def asked_at(self, override: float = 1.0) -> list[tuple[int, MoveProfile]]:
-        """Where the drive was asked for another profile, on its whole way."""
+        """The positions at which another profile was written to the drive, during its whole move."""
         seen = ((place, self.at(place, override)) for place in range(0, 200_001, 100))
         return [(place, profile) for place, profile in seen if profile is not None]
 

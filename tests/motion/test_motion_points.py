@@ -1,4 +1,4 @@
-"""The curve through points, what it asks of the axes, and the pace along it: pure, against sums of their own."""
+"""The curve through points, its demands on the axes, and the pace along it: pure, against independent sums."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def test_a_point_from_which_the_axis_could_not_brake_in_time_is_refused():
 
 
 def random_spans(rnd: random.Random) -> list[Span]:
-    """Those of points that were taken, of which some are near the limits."""
+    """The spans of accepted points, some of them near the limits."""
     joining, spans, t = CurveFit({"x": MAY}, "x.stream"), [], 0.0
     size, pulse = rnd.uniform(1.0, 60.0), rnd.uniform(0.5, 12.0)
     for _ in range(rnd.randint(2, 120)):
@@ -174,7 +174,7 @@ def test_late_points_halts_and_overrides_never_exceed_the_limits_of_an_axis(seed
 
 
 def test_a_pace_stays_that_of_the_points_while_enough_is_known():
-    """Also over spans of which the ramps differ by powers of ten, and that are shorter than a cycle."""
+    """Also over spans whose ramps differ by powers of ten, and that are shorter than a cycle."""
     course, travel = StreamTimeline(), StreamTravel()
     for number in range(400):
         course.add(Span(0.0011, 10.0 ** (number % 5), ((float(number), 0.0, 0.0, 0.0, 0.0, 0.0),)))

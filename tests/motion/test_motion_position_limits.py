@@ -34,7 +34,7 @@ from kit.motion.watch import HALT, Watch
 
 LIMITS = (0.0, 60.0)
 NOISE = MotorParams(noise=2.0)  # ±2 increments, of 1000 in a degree
-SLACK = 0.006  # deg: what a position wanders, and is rounded to
+SLACK = 0.006  # deg: noise and rounding of a position
 
 
 # The arithmetic.
@@ -119,7 +119,7 @@ def test_the_range_of_the_count_ends_at_the_wrap_of_the_drive(lap):
 
 
 def bounded(names: str = "x", *, seed: int = 0, place: float | None = None, motor=NOISE, **changes):
-    """An axis from 0 to 60 deg that stands at ``place``, with an encoder that wanders."""
+    """An axis from 0 to 60 deg at ``place``, with a noisy encoder."""
     limits = AxisLimits(position=LIMITS, velocity=400.0, acceleration=2000.0)
     r = rig(names, motor=motor, limits=changes.pop("limits", limits), **changes).enabled()
     for number, device in enumerate(r.devices):
@@ -273,7 +273,7 @@ class InAndOut:
 
 
 class ToldBefore(InAndOut):
-    """The same, of which all is known before."""
+    """The same, with all properties known in advance."""
 
     span = (-5.0, 5.0)
     top_speed = 10.0
@@ -318,7 +318,7 @@ def test_a_slave_axis_that_returned_from_beyond_a_limit_is_not_moved_out_again()
 def test_the_stop_of_a_move_that_ends_at_its_limit_ends_within_the_limit(
     how, share, velocity, harder, jerk, limited
 ):
-    """The move brakes harder than the axis does by default; the motor tells where it came to rest, and how hard it was braked."""
+    """The move brakes harder than the axis does by default; the motor shows the stopping position and the deceleration."""
     own = 300.0 * harder
     limits = AxisLimits(position=(-1.0, 60.0), velocity=400.0, acceleration=own if limited else None)
     r = bounded(
@@ -339,7 +339,7 @@ def test_the_stop_of_a_move_that_ends_at_its_limit_ends_within_the_limit(
     targets = watch.targets
     speeds = [(b - a) / PERIOD for a, b in pairwise(targets)]
     hardest = max((abs(b - a) / PERIOD for a, b in pairwise(speeds)), default=0.0) / 1000.0
-    assert hardest <= 1.01 * own + 2.0 / 1000.0 / PERIOD**2  # what targets are rounded to
+    assert hardest <= 1.01 * own + 2.0 / 1000.0 / PERIOD**2  # the rounding of targets
 
 
 @pytest.mark.parametrize("jerk", [None, 30_000.0])
@@ -443,7 +443,7 @@ TOO_FAR = {
 
 
 class Unknown:
-    """On and on, and nobody knows how far."""
+    """An endless motion of unknown distance."""
 
     duration = 10.0
 

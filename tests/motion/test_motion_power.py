@@ -1,4 +1,4 @@
-"""Enabling, disabling and reset: the way through the power stage as the drive sees it, and that nothing moves by it."""
+"""Enabling, disabling and reset: the states of the power stage as the drive sees them, without any motion."""
 
 from __future__ import annotations
 
@@ -196,7 +196,7 @@ def test_a_drive_that_left_quick_stop_is_enabled_after_a_reset():
     watch = Watch(r)
     r.drive.controlword = 0x00
     r.drive.hear()
-    with pytest.raises(DriveError):  # it left the state that it was held in: that is told, not covered up
+    with pytest.raises(DriveError):  # it left the held state: that is reported
         r.axis.enable().wait(3)
     r.axis.reset().wait(1)
     r.axis.enable().wait(3)
@@ -302,7 +302,7 @@ def test_enable_needs_a_position():
 
 
 def test_an_axis_that_is_enabled_holds_the_target_that_it_was_enabled_with():
-    """Once its targets went on following the position, late by the bus: a soft load swung up to 160 deg/s by that."""
+    """Its targets once followed the position, late by the bus: a soft load swung up to 160 deg/s by that."""
     r = rig(port={"inputs": {"demand": ValueTransport.NONE}})
     r.run(0.2)
     port, targets, sign = r.ports["x"], [], 1
@@ -328,7 +328,7 @@ def test_an_axis_that_is_enabled_holds_the_target_that_it_was_enabled_with():
 
 @pytest.mark.parametrize("blind_from", range(0, 14, 2))
 def test_a_late_position_is_awaited_while_enabling(blind_from):
-    """For 0.6 s nothing is heard of 6064h, from a cycle of the way up on: it is enabled with a fresh one, and nothing jumps."""
+    """For 0.6 s no 6064h is received, from a cycle of enabling on: it is enabled with a fresh one, and nothing jumps."""
     r = rig()
     r.run(0.5)
     port = r.ports["x"]
@@ -524,7 +524,7 @@ def test_a_fault_that_persists_gets_a_new_edge_and_is_then_reported_with_its_cau
     assert len(edges) >= 1
     assert "does not clear the fault" in caught.value.message
     assert r.axis.state is AxisState.ERRORSTOP
-    assert "4210" in str(r.axis.error)  # the first reason stays, what came later is added
+    assert "4210" in str(r.axis.error)  # the first reason stays, later ones are added
     assert "does not clear the fault" in str(r.axis.error)
     r.drive.dials.fault_persists = False
     r.axis.reset().wait(3)
@@ -548,7 +548,7 @@ def test_bit_7_is_low_before_every_edge_even_when_another_master_left_it_high():
 
 
 def test_a_drive_that_drops_out_in_errorstop_is_not_enabled_again():
-    """In ErrorStop the axis is held; a supply that comes back must not bring the power back."""
+    """In ErrorStop the axis is held; a supply that returns must not restore the power."""
     r = rig().enabled()
     with pytest.raises(DriveError):
         r.axis.move_absolute(100.0, timeout=0.2).wait(5)

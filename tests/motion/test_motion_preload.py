@@ -19,14 +19,14 @@ SEARCH = HomingParameters(method=37, speed_switch=20.0, speed_zero=5.0)
 
 
 def stale(drive, mode: int) -> None:
-    """What another program left in the drive: a mode, and targets far away."""
+    """Set the state that another program left in the drive: a mode, and targets far away."""
     drive.mode = drive.mode_display = mode
     drive._mode = drive._all_modes[mode]
     drive.target_position, drive.target_velocity, drive.target_torque = 123_456, 50_000, 400
 
 
 def run_in(r, mode: int) -> None:
-    """Bring an enabled axis into a mode by the command that uses it, and let it stand there."""
+    """Bring an enabled axis into a mode by the command that uses it, and to standstill there."""
     axis = r.axis
     if mode == PP:
         axis.move_relative(3.0).wait(5)
@@ -88,7 +88,7 @@ def test_an_axis_that_was_pushed_while_disabled_is_held_at_its_new_position():
 
 
 def test_an_axis_that_turns_while_it_is_enabled_is_caught_and_not_thrown_back():
-    """Somebody turns it by hand: the target follows the actual position up to the moment at which it is enabled."""
+    """It is turned by hand: the target follows the actual position up to the moment at which it is enabled."""
     r = rig()
     r.drive.dials.transition_delay[4] = 0.1
     handle = r.axis.enable()
@@ -124,7 +124,9 @@ def test_no_change_of_mode_moves_an_axis_at_standstill(first, second):
         r.axis.follow(TrapezoidalTrajectory(here, here, 50.0, 500.0)).wait(5)
     r.run(0.3)
     assert watch.modes[-1] == second
-    assert watch.displacement <= 60  # the drive's own window: what a move left open may still be closed
+    assert (
+        watch.displacement <= 60
+    )  # the drive's own window: the remaining deviation of a move may still be closed
     assert watch.speed < 2_000
 
 
@@ -178,7 +180,7 @@ def test_a_load_does_not_fall_while_torque_mode_is_entered_and_left():
     r.axis.enable().wait(2)
     r.drive.dials.mode_delay = 0.05
     watch = Watch(r)
-    r.axis.torque_control(3.0, slope=1000.0).wait(3)  # what the load needs
+    r.axis.torque_control(3.0, slope=1000.0).wait(3)  # the torque that the load needs
     r.axis.halt().wait(3)
     r.axis.move_relative(0.0).wait(5)
     r.run(0.5)

@@ -1,4 +1,4 @@
-"""A distance that is gone on ramps, as a function: its end is met, and no rate or ramp is more than was asked for."""
+"""A distance on ramps, as a function: its end is met, and no rate or ramp exceeds the given values."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_a_sum_never_exceeds_the_limits_beside_a_path_within_them(distance, ramp
         assert abs(now) <= fastest + 1e-6
         assert abs(now - total) <= hardest * PERIOD + 1e-6
         total = now
-    for _ in range(20000):  # the path goes on at rest
+    for _ in range(20000):  # the path continues at standstill
         below -= min(max(below, -0.9 * hardest * PERIOD), 0.9 * hardest * PERIOD)
         low, high = max(-fastest, total - hardest * PERIOD), min(fastest, total + hardest * PERIOD)
         total = below + addition.step(below, low, high)

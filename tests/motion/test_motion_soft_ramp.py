@@ -1,4 +1,4 @@
-"""Velocities with a limited jerk, by the differences of places: limits, ends, and what the shortest time for them is."""
+"""Velocities with a limited jerk, by the differences of positions: limits, ends, and their shortest times."""
 
 from __future__ import annotations
 

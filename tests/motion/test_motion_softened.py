@@ -1,4 +1,4 @@
-"""Paths with a limit of jerk: what they come to by the differences of places, over all axes, whatever an override does."""
+"""Paths with a limit of jerk: their results by the differences of positions, over all axes, for any override."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NARROW, SOME = AxisLimits(velocity=30.0, acceleration=150.0), AxisLimits(velocit
 
 
 class Softly(NamedTuple):
-    """A way, of how many cycles the mean is taken, and where a trip along it comes by, at rest before and after."""
+    """A path, the number of cycles of its mean, and the positions of a trip along it, at standstill before and after."""
 
     way: Path
     window: int
@@ -156,7 +156,7 @@ def test_the_jerk_in_a_corner_combines_acceleration_and_turning(turn, hard):
 
 
 def test_a_mean_without_slower_corners_would_be_more_sudden():
-    """What the plan adds: the same mean over the way without it."""
+    """The effect of the plan: the same mean over the path without it."""
     pieces, stops = polyline(SQUARE, 3.0)
     way = way_of(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(120.0, 0.004))
     trip = gone(way, 50, 120.0, 0.004)

@@ -1,4 +1,4 @@
-"""Curves through points in time, against differences of their own places; and what may be given to be followed."""
+"""Curves through points in time, against differences of their own positions; and the accepted kinds of trajectories."""
 
 from __future__ import annotations
 

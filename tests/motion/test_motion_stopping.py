@@ -1,4 +1,4 @@
-"""Halt, stop with its lock, quick stop: what the drive does, which state the axis is in afterwards, and what may follow."""
+"""Halt, stop with its lock, quick stop: the behaviour of the drive, the state of the axis afterwards, and the next commands."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_a_drive_switched_off_during_a_halt_at_standstill_disables_its_axis_at_o
 
 
 def creeps(r) -> None:
-    """The drive lets its axis turn at 50 deg/s, whatever the command."""
+    """Let the drive turn its axis at 50 deg/s, whatever the command."""
     r.drive.dials.ignore_halt = True
     r.drive._mode.step = lambda axis, dt: axis.follow(axis.position + 50_000 * dt, 50_000, dt)
 
@@ -402,7 +402,7 @@ def test_a_load_is_not_dropped_by_a_quick_stop_that_is_not_heard():
     handle = r.axis.quick_stop()
     r.until(lambda: not handle.busy)
     r.run(0.5)
-    assert r.drive.power.stage == ENABLED  # the power is what holds it
+    assert r.drive.power.stage == ENABLED  # the power holds it
     assert watch.travel[0] >= watch.rows[0].position - 1
     assert "did not execute the quick stop" in handle.exception().message
     assert "remains on because it holds a load" in handle.exception().observed
@@ -441,7 +441,7 @@ def test_no_enabling_controlword_is_sent_while_a_stop_runs_without_a_statusword(
 
 
 def test_halt_in_a_stop_time_of_one_cycle_is_no_trap():
-    """A deadline shorter than the standstill window only leads further down; the axis ends safe."""
+    """A deadline shorter than the standstill window only leads to the next step; the axis ends safe."""
     r = turning(stop_times=replace(StopTimes(), halt=PERIOD))
     handle = r.axis.halt()
     r.until(lambda: not handle.busy)

@@ -187,11 +187,11 @@ def test_the_last_sample_lies_at_its_end():
     assert following(0.008, STEP, 0.01) == 0.01
 
 
-# What is told in advance.
+# Properties in advance.
 
 
 class Plain:
-    """It tells nothing of itself."""
+    """It has no properties in advance."""
 
     duration = 1.0
 
@@ -210,7 +210,7 @@ def test_a_stream_has_the_properties_of_its_trajectory(path):
         assert getattr(stream, fact, None) == getattr(path, fact, None)
 
 
-# What comes, and what does not.
+# Received and missing samples.
 
 
 def test_missing_or_repeated_samples_are_refused_as_a_whole():
@@ -273,7 +273,7 @@ def test_an_incomplete_set_of_properties_in_the_head_is_ignored():
     assert not isinstance(Streamed(replace(head, top_speed=5.0)), LookaheadTrajectory)
 
 
-# What is asked for.
+# Requests.
 
 
 def test_it_is_asked_for_two_seconds_ahead_and_as_far_as_braking_takes():

@@ -1,4 +1,4 @@
-"""An axis on a trajectory that comes bit by bit: as on the trajectory itself, and braked along it where a bit comes late."""
+"""An axis on a streamed trajectory: as on the trajectory itself, and braked along it if samples are late."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Waves:
 
 
 class Own:
-    """A known one, of which nothing is told in advance."""
+    """A known one, without properties in advance."""
 
     def __init__(self, path: TrapezoidalTrajectory | SampledTrajectory) -> None:
         self.path = path
@@ -85,7 +85,7 @@ MISHAPS = {
 
 
 def sent(r, mishap, follow, cycles: int = 520) -> tuple[list, list[float], AxisState]:
-    """What the drive was given in each cycle, and where it was."""
+    """The outputs to the drive in each cycle, and its positions."""
     watch = Watch(r)
     handle = follow()
     for cycle in range(cycles):
@@ -108,7 +108,7 @@ def hardest(path) -> float:
 
 
 def late_at(moment: float):
-    """Nothing comes any more of what is asked for after that."""
+    """Requests after that time are not answered."""
     return lambda t: NEVER if t >= moment else 0.0
 
 
@@ -240,7 +240,7 @@ def test_a_corner_at_the_limit_is_not_rounded_beyond_it(when):
     stands_on(path, watch, path.duration, tolerance=hardest(path) * PERIOD**2)
 
 
-# What comes late.
+# Late samples.
 
 
 LONG = TrapezoidalTrajectory(0.0, 700.0, 100.0, 500.0)
@@ -428,7 +428,7 @@ def test_a_command_takes_over_from_it_without_a_jolt(mode_delay):
 
 
 def test_a_waiting_group_is_braked_along_the_known_part_too():
-    """Its own move waits for the other axis, and the trajectory leads it until then."""
+    """Its own move waits for the other axis, and it follows the trajectory until then."""
     r = rig("xy").enabled()
     r.axes["y"].follow(TrapezoidalTrajectory(0.0, 5.0, 100.0, 500.0)).wait(
         5

@@ -1,4 +1,4 @@
-"""Pieces of a way by samples: what goes between them, what bounds it, and the axes' limits along it."""
+"""Segments of a path by samples: the values between them, their bounds, and the axes' limits along it."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_it_stays_on_the_path_and_within_the_limits_of_the_axes(machine, seed):
     try:
         pieces = sampled(machine, base, stops)
     except LimitError:
-        return  # a circle may lead out of reach
+        return  # a circle may be out of reach
     for piece, path in zip(pieces, base, strict=True):
         for n in range(301):
             joints = piece.at(path.length * n / 300)

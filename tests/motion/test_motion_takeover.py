@@ -22,7 +22,7 @@ M = ModeOfOperation
 
 
 def found(mode: int, *, motor: MotorParams | None = None, offsets=(0, 0, 0), port=None, **changes):
-    """An axis at rest at ``HERE``, enabled by somebody in ``mode`` with these offsets, whose targets make up for them."""
+    """An axis at standstill at ``HERE``, enabled from outside in ``mode`` with these offsets, whose targets compensate them."""
     r = rig(motor=motor or MotorParams(start_position=HERE), port=port, limits=AxisLimits(), **changes)
     drive = r.drive
     hangs = round((motor or MotorParams()).load)
@@ -85,7 +85,7 @@ def test_no_controlword_is_sent_before_the_offsets_are_known():
 
 
 def test_a_demand_that_counts_without_the_offset_is_understood():
-    """Some drives show 607Ah in 6062h, others what it becomes with 60B0h."""
+    """Some drives show 607Ah in 6062h, others its sum with 60B0h."""
     r = found(CSP, offsets=(30_000, 0, 0))
     read = r.ports["x"].read
 

@@ -1,4 +1,4 @@
-"""Torque control: its slope, its limit, what holds a runaway back, and how it stops."""
+"""Torque control: its slope, its limit, protection against a runaway, and its stop."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_a_torque_beyond_the_limit_or_without_a_unit_raises_at_the_call():
 
 
 def test_a_load_that_yields_is_stopped_at_the_velocity_limit():
-    """0.2 m/s of friction less, and 20 % of torque runs away: max_velocity is the only thing that stands in the way."""
+    """Without the friction, 20 % of torque runs away: only max_velocity stops it."""
     r = rig(motor=FREE, limits=AxisLimits(velocity=20.0)).enabled()
     watch = Watch(r)
     r.axis.torque_control(3.0, slope=100.0)

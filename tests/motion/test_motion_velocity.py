@@ -1,4 +1,4 @@
-"""Moves at a velocity and jogging: sign, ramps, what counts as reached, limits on the way, and the jog's short life."""
+"""Moves at a velocity and jogging: sign, ramps, the condition of reached, limits during the move, and the short life of a jog."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def ramp_time(watch: Watch, goal: float) -> float:
 @pytest.mark.parametrize("by", [ValueTransport.SYNC_PDO, ValueTransport.SDO])
 @pytest.mark.parametrize("ramping", [True, False])
 def test_an_override_of_0_holds_a_turning_axis_and_ends_nothing(ramping, by):
-    """The drive takes the new velocity some cycles later than it is asked for; what it goes in them is no following error."""
+    """The drive takes the new velocity some cycles after the command; its distance in them is no following error."""
     r = rig(port={"outputs": {"target_velocity": by}, "sdo_time": 0.05}, standstill_window=500).enabled()
     r.axis.move_velocity(30.0).wait(5)
     r.axis.move_velocity(200.0, acceleration=300.0)
@@ -156,7 +156,7 @@ def test_halt_brakes_with_the_move_s_deceleration_and_a_new_velocity_continues_f
     assert watch.speed <= 50_000 * 1.01
 
 
-# What counts as reached.
+# The condition of reached.
 
 
 def test_a_drive_that_counts_in_rpm_is_not_at_its_velocity_before_it_turns():
@@ -231,7 +231,7 @@ def test_the_caller_s_timeout_replaces_the_deadline():
     assert r.now - start == pytest.approx(0.5, abs=0.1)
 
 
-# Limits on the way.
+# Limits during a move.
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])

@@ -1,4 +1,4 @@
-"""Moves with a limited jerk whose target changes on the way: velocity, acceleration and jerk by the differences of places."""
+"""Moves with a limited jerk whose target changes during the motion: velocity, acceleration and jerk by differences."""
 
 from __future__ import annotations
 
@@ -89,7 +89,11 @@ def test_whatever_is_asked_meanwhile_nothing_jumps(seed, window, targets, gait):
 def test_a_walk_that_takes_over_begins_with_the_present_velocity_and_acceleration(rate, speed, window):
     walk = walk_from(ReferenceState(10.0, speed, rate), -50.0, JerkLimits(100.0, 500.0, 150.0), window, T)
     step = speed * T
-    places = [10.0 - 2.0 * step + rate * T * T, 10.0 - step, 10.0]  # what came before, with the same
+    places = [
+        10.0 - 2.0 * step + rate * T * T,
+        10.0 - step,
+        10.0,
+    ]  # the positions before, with the same motion
     to_the_end(walk, places)
     assert highest(places[1:], 1) <= 150.0 * (1 + 1e-9)
     assert highest(places, 2) <= 500.0 * (1 + 1e-9)
@@ -98,7 +102,7 @@ def test_a_walk_that_takes_over_begins_with_the_present_velocity_and_acceleratio
 
 
 def test_it_speeds_up_no_further_than_it_may_be_fast():
-    """What was speeding up when it took over could not be kept back at once by its jerk: so its acceleration is less."""
+    """An acceleration at the take-over could not be ended at once by its jerk: so it is smaller."""
     walk = walk_from(ReferenceState(0.0, 145.0, 400.0), 400.0, JerkLimits(100.0, 500.0, 150.0), 100, T)
     places = to_the_end(walk, [-145.0 * T, 0.0])
     assert highest(places, 1) <= 150.0 * (1 + 1e-9)

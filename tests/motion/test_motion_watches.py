@@ -1,4 +1,4 @@
-"""The watches and the moves, step by step: when each speaks, how long each waits, and what each asks of the drive."""
+"""The monitors and the moves, step by step: their reports, their waits, and their outputs to the drive."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ ACTIVITY = SimpleNamespace(
 
 
 def ready() -> SimpleNamespace:
-    """What a move waits for first, done at once; notes whether it was taken back."""
+    """The first wait of a move, done at once; notes if it was cancelled."""
     made = SimpleNamespace(
         cancelled=0, done=True, ramps=RampTransfers((), Drive().parameters), leading=None, leaving=None
     )
@@ -283,7 +283,7 @@ def test_uncommanded_motion_at_standstill_is_stopped_and_commanded_motion_is_not
     for position in (4001, 4001):
         assert supervision.power(drive.cycle(position=position)[0], AxisState.STANDSTILL) is None
     assert supervision.power(drive.cycle(position=9000)[0], AxisState.STANDSTILL, ACTIVITY) is None
-    for _ in range(2):  # where it came to rest it begins anew
+    for _ in range(2):  # its standstill restarts
         assert supervision.power(drive.cycle(position=9000)[0], AxisState.STANDSTILL) is None
 
 
@@ -414,7 +414,10 @@ def test_a_velocity_that_is_read_again_does_not_count():
         ([0, 500_000, *[10] * 50], False),
         ([256_000] * 3, False),  # 4000 in each cycle of 1/64 s, and the first one counts from nowhere
         ([256_001] * 3, True),
-        ([0, 500_000, *[8000] * 50], False),  # what goes on is not more than may pass within that time
+        (
+            [0, 500_000, *[8000] * 50],
+            False,
+        ),  # the following motion is no more than the allowance of that time
         ([0, 500_000, 8001], True),
         ([0, 500_000, *[0] * 64, *[8100] * 4], False),  # long ago
     ],
@@ -621,7 +624,7 @@ def test_a_motor_without_power_runs_down_until_standstill_is_seen():
     blind = CoastDown(silent.parameters)
     blind.look(silent.cycle(statusword=ENABLED)[0], True)
     blind.look(silent.cycle(statusword=READY)[0], True)
-    assert not blind.under_way  # nobody could ever tell
+    assert not blind.under_way  # undecidable
 
 
 # Moves to a position.
@@ -646,7 +649,7 @@ def handshake(drive: Drive, move: PositionMove, **values: int) -> None:
 @pytest.mark.parametrize(
     ("window", "distance", "off", "arrived"),
     [
-        (None, 100_000, 2000, True),  # 2 % of the way
+        (None, 100_000, 2000, True),  # 2 % of the velocity
         (None, 100_000, 2001, False),
         (None, 500, 20, True),  # and never less than 20
         (None, 500, 21, False),
@@ -681,7 +684,7 @@ def test_without_a_position_bit_10_is_enough():
             PROFILE,
             -5000,
             2 * (0.1 + 5.0 + 0.025 + 0.2) + 2,
-        ),  # it goes the other way first: 250 increments to brake
+        ),  # it moves in the other direction first: 250 increments to brake
         (PROFILE._replace(timeout=3.0), None, 3.0),
     ],
 )
@@ -781,7 +784,7 @@ def test_a_velocity_that_is_reached_when_it_is_looked_at_again_is_not_late():
         (-1000, -1050, ENABLED, True),
         (-1000, 1000, ENABLED, False),
         (1000, 501, ENABLED | 0x0400, True),
-        (1000, 500, ENABLED | 0x0400, False),  # a drive may say so of a blocked one
+        (1000, 500, ENABLED | 0x0400, False),  # a drive may set it although it is blocked
         (10, 8, ENABLED, True),  # and never less than two increments
         (10, 7, ENABLED, False),
         (2, 1, ENABLED, False),
@@ -946,7 +949,7 @@ def test_a_jog_lives_as_long_as_it_is_renewed():
     assert not jog.renew(command, drive.image)
 
 
-# A disabled axis whose drive is enabled by somebody else.
+# A disabled axis whose drive is enabled from outside.
 
 
 @pytest.mark.parametrize(
@@ -954,7 +957,7 @@ def test_a_jog_lives_as_long_as_it_is_renewed():
     [
         (0, 16),  # a quarter of a second after the first
         (15, 16),
-        (16, 33),  # one that was off for longer begins anew
+        (16, 33),  # after a longer time off it restarts
     ],
 )
 def test_a_drive_that_is_enabled_again_and_again_for_a_quarter_of_a_second_is_reported(off, told):
@@ -975,7 +978,7 @@ def test_while_a_command_is_at_work_its_drive_may_be_enabled():
     assert told == [False] * 16 + [True]
 
 
-# What a drive says of its fault.
+# Reports of a drive about its fault.
 
 
 def history(drive: Drive, *words: int) -> DriveHistory:
@@ -1018,11 +1021,11 @@ def test_a_fault_is_explained_by_its_code_and_its_previous_state():
 @pytest.mark.parametrize(
     ("read", "emergencies", "code"),
     [
-        (0x2310, [(0x8611, 0.0)], 0x2310),  # what it says when it is asked is of now
+        (0x2310, [(0x8611, 0.0)], 0x2310),  # the value that it answers is current
         (0, [(0x8611, 0.0)], 0x8611),
         (None, [(0x8611, 0.0)], 0x8611),
         (0, [(0x7121, 1.0), (0x8611, 0.5)], 0x8611),  # the newest
-        (0, [(0x8611, 0.5), (0x0000, 0.0)], 0x8611),  # not what takes it back
+        (0, [(0x8611, 0.5), (0x0000, 0.0)], 0x8611),  # not the error reset
         (0, [(0x8611, 5.0)], 0),
         (None, [], None),
     ],
@@ -1167,7 +1170,7 @@ def test_remedies_are_reported_once_each_the_first_first():
     assert join_remedies("a", "") == "a"
 
 
-# What leads the axis.
+# The reference of the axis.
 
 
 def test_the_last_set_point_sent_is_the_reference():

@@ -181,7 +181,7 @@ def test_a_path_is_one_piece_without_gaps_from_its_first_point_to_its_last(place
 
 
 class Trip:
-    """What a group does on a way: its places, cycle by cycle, until it stands at the end."""
+    """The motion of a group on a path: its positions, cycle by cycle, until standstill at the end."""
 
     def __init__(self, way: Path, velocity: float, period: float, factors: list[float]) -> None:
         self.travel = PathSpeed()
@@ -342,7 +342,7 @@ def differences(values: list[float], order: int, period: float) -> list[float]:
 
 @pytest.mark.parametrize(("left", "fits"), [(0.09, False), (0.12, True)])
 def test_a_continuation_must_be_slow_enough_if_its_section_ends_within_the_cycle(left, fits):
-    """Within a cycle it could come to rest, but the stretch ends before, with a corner that is slower."""
+    """Within a cycle it could stop, but the section ends before, with a corner that is slower."""
     travel, period, ramp = PathSpeed(), 0.01, 2200.0
     straight = way_of([Straight((0.0, 0.0), (10.0, 0.0), 10.0)], [AxisLimits()] * 2, ramp)
     travel.begin(straight, 20.8, 0.0)

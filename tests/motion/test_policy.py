@@ -1,4 +1,4 @@
-"""What else stops when an axis fails, or when its node is lost."""
+"""The axes that stop when an axis fails, or when its node is lost."""
 
 from __future__ import annotations
 
