@@ -1,4 +1,4 @@
-"""What cannot be is refused before the bus is opened: arguments, limits of the cell file, EDS files, and where outputs go."""
+"""Invalid input is refused before the bus is opened: arguments, limits of the cell file, EDS files, and output paths."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Opened(BaseException):
 
 @pytest.fixture
 def axisbus(monkeypatch, capsys, tmp_path):
-    """The command line, where opening any bus ends the test."""
+    """The command line; opening any bus ends the test."""
 
     def opened(*_, **__):
         raise Opened
@@ -337,7 +337,7 @@ def test_with_one_axis_in_fault_none_is_enabled(monkeypatch, capsys, tmp_path):
             assert f"reset it: axisbus reset {cell} y" in err
 
 
-# -- a rehearsal by itself ---------------------------------------------------------------------------------------------
+# -- a dry run alone ---------------------------------------------------------------------------------------------------
 
 
 def test_a_dry_run_checks_an_axis_at_its_observed_position():

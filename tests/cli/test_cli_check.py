@@ -1,4 +1,4 @@
-"""What ``axisbus check`` shows, in which order, and how on a terminal."""
+"""The output of ``axisbus check``, its order, and its form on a terminal."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def test_neither_cell_nor_schema_is_misuse(axisbus):
 
 
 def on_terminal(*arguments: object, **environment: str) -> str:
-    """Run the command line with a terminal as its output, and return what it wrote."""
+    """Run the command line with a terminal as its output, and return its output."""
     ours, theirs = pty.openpty()
     base = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "FORCE_COLOR")}
     with subprocess.Popen(
@@ -163,7 +163,7 @@ def on_terminal(*arguments: object, **environment: str) -> str:
         while True:
             try:
                 part = os.read(ours, 65536)
-            except OSError:  # Linux says so when the other side is closed
+            except OSError:  # Linux raises it when the other side is closed
                 break
             if not part:
                 break
@@ -226,7 +226,7 @@ def test_monitor_keeps_one_table_on_a_terminal():
 
 
 def test_each_finding_of_a_clean_cell_is_printed_once(axisbus):
-    """What holds of its three axes is one finding that names them."""
+    """A finding of all three axes is one finding that names them."""
     code, out, _ = axisbus("check", commands.CELL)
     assert code == 0
     said = [re.sub(r"^\S+: ", "", line) for line in out.splitlines() if line.startswith(f"{commands.CELL}:")]

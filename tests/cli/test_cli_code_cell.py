@@ -108,7 +108,7 @@ def compiled(
 
 
 def reader(header: str) -> str:
-    """A program that reads frames, and prints what each holds, and the frame that this makes again."""
+    """A program that reads frames, and prints the content of each, and the frame encoded from it again."""
     cases = []
     for lower, body in re.findall(r"^struct (cell_node\d+_[rt]pdo\d+) {\n(.*?)^};", header, re.M | re.S):
         members = re.findall(r"^    \w+ (\w+);", body, re.M)

@@ -1,4 +1,4 @@
-"""Every subcommand as its user types it: what it prints, and its exit code."""
+"""Every subcommand with typical arguments: its output, and its exit code."""
 
 import csv
 import json

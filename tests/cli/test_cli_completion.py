@@ -1,4 +1,4 @@
-"""What a shell is offered, and what is offered for a command that does not exist."""
+"""Completions for a shell, and suggestions for a command that does not exist."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PAIR = str(commands.ROOT / "examples" / "gantry.toml")
 
 
 def offered(*words: str) -> list[str]:
-    """Return what the shell is told for a line whose last word is being typed."""
+    """Return the completions for a line whose last word is being typed."""
     *before, incomplete = words
     return [
         each.value for each in ShellComplete(cli, {}, "axisbus", "_X").get_completions(before, incomplete)

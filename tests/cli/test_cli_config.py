@@ -1,4 +1,4 @@
-"""``axisbus config`` as its user types it, on stand-ins: backup, diff, restore, and what is refused with nothing written."""
+"""``axisbus config`` with simulated drives: backup, diff, restore, and refusals without a write."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
 from kit import commands
 
-# Numbers by hand: objects of the generic drive that a configuration changes, with what they then hold.
+# Numbers by hand: objects of the generic drive that a configuration changes, with their new values.
 CHANGES = {(0x6081, 0): 123_456, (0x6083, 0): 7_654_321, (0x607D, 1): -50_000, (0x607D, 2): 50_000}
 
 
@@ -78,7 +78,7 @@ def test_a_backup_contains_the_values_and_the_identity(axisbus, bus, saved, tmp_
     eds = load(tmp_path / "x.dcf")
     assert eds.node_id == 5
     assert {key: eds.get(*key).initial(5) for key in CHANGES} == CHANGES
-    assert eds.get(0x6041).parameter_value is not None  # what can only be read is in it, too
+    assert eds.get(0x6041).parameter_value is not None  # read-only objects are in it, too
     assert eds.info["fileinfo"]["filename"] == "x.dcf"
     assert eds.info["fileinfo"]["lasteds"] == "generic-cia402.eds"
 
@@ -250,7 +250,7 @@ def test_calibration_stays_as_the_drive_has_it_unless_it_is_named(
     assert "skipped   607Dh:01 Min position limit" in out
     assert "it calibrates the drive: --include 607D:1 writes it" in out
     code, out, _ = axisbus("config", "diff", "x.dcf", "5", *options)
-    assert code == 1  # a diff tells what differs, whoever may write it
+    assert code == 1  # a diff reports differences, whatever the access
     assert "607Dh:01" in out
     assert axisbus("config", "restore", "x.dcf", "5", *options, "--include", "607D:1").code == 0
     assert _held(stand_ins) == CHANGES

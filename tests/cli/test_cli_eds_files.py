@@ -1,4 +1,4 @@
-"""``axisbus eds fix`` and ``axisbus eds dcf`` as their user types them: what is printed, written, and the exit codes."""
+"""``axisbus eds fix`` and ``axisbus eds dcf``: the output, the written files, and the exit codes."""
 
 import json
 import re

@@ -16,7 +16,7 @@ from kit.talker import Talker
 
 
 class Modules(Talker):
-    """Modules that speak CAN Simple, with the heartbeats of the factory; keeps what is sent to them."""
+    """Modules that speak CAN Simple, with the heartbeats of the factory; stores the frames sent to them."""
 
     def __init__(self, channel: str, *nodes: int) -> None:
         super().__init__(channel)
@@ -148,7 +148,7 @@ def test_a_listening_monitor_reports_can_simple_modules(axisbus, tmp_path):
 
 
 class Wire:
-    """An adapter on a bus of one bit rate: it hears at that one, and tells how it was opened each time."""
+    """An adapter on a bus of one bit rate: it receives at that one, and notes how it was opened each time."""
 
     def __init__(self, rate: int) -> None:
         self.rate = rate

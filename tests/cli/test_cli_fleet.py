@@ -1,4 +1,4 @@
-"""``axisbus fleet`` before stand-ins for cells: what is told of a plant, and which stops were confirmed."""
+"""``axisbus fleet`` with fake cells: the report of a plant, and the confirmed stops."""
 
 from __future__ import annotations
 

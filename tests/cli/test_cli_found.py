@@ -1,4 +1,4 @@
-"""``axisbus stop`` and ``halt``: whichever way the machine runs, its axes are stopped, or the command says that they were not."""
+"""``axisbus stop`` and ``halt``: however the machine runs, its axes are stopped, or the command reports that they were not."""
 
 from __future__ import annotations
 

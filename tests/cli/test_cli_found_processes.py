@@ -92,7 +92,7 @@ def test_a_machine_with_its_core_in_its_program_is_found_and_reported_as_not_rea
 
 
 def processes_of(core):
-    """The core's process and its warden's."""
+    """The core's process and its watchdog process."""
     warden = int(re.search(r"PPid:\s+(\d+)", Path(f"/proc/{core}/status").read_text())[1])
     return [warden, core]
 
@@ -140,7 +140,7 @@ def test_the_claim_of_another_user_does_not_hide_ones_own_machine(axisbus, movin
 
 @pytest.fixture
 def bus(tmp_path):
-    """The cell file of drives that are served, in a process of their own, and what they do."""
+    """The cell file of simulated drives in a process of their own, and their plant."""
     cell, mine, control = tmp_path / "cell.toml", tmp_path / "mine.toml", tmp_path / "c"
     cell.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
     command = [sys.executable, "-m", "axisbus", "sim", cell, "--port", "0", "-o", mine, "--control", control]
@@ -164,7 +164,7 @@ time.sleep(100)
 
 
 def going(file, mode):
-    """A program whose machine lets x turn, and its core's process; ``mode``: where the core is."""
+    """A program whose machine turns x, and its core's process; ``mode``: the location of the core."""
     process = subprocess.Popen(
         [sys.executable, "-c", GOES, str(file), mode],
         stdout=subprocess.PIPE,

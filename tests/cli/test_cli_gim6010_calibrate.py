@@ -1,4 +1,4 @@
-"""``axisbus gim6010 calibrate``: asks, follows, judges, and leaves by idle on every way out."""
+"""``axisbus gim6010 calibrate``: asks, follows, judges, and requests idle at every end."""
 
 from __future__ import annotations
 

@@ -109,7 +109,7 @@ def test_words_are_explained_without_a_bus(axisbus):
 
 
 def test_without_an_acknowledge_no_second_frame_is_sent(gim, monkeypatch):
-    """The controller tells it by an error frame, as Linux does."""
+    """The controller reports it by an error frame, as in Linux."""
 
     def complain(message):
         return [
@@ -128,7 +128,7 @@ def test_without_an_acknowledge_no_second_frame_is_sent(gim, monkeypatch):
 
 
 class Wire:
-    """An adapter on a bus of one bit rate; tells how it was opened each time."""
+    """An adapter on a bus of one bit rate; notes how it was opened each time."""
 
     def __init__(self, channel: str, rate: int) -> None:
         self.channel, self.rate = channel, rate

@@ -228,7 +228,9 @@ def test_if_the_program_is_killed_its_watchdog_process_stops_the_motor(sim, monk
     run = commands.runner(monkeypatch, capsys)
     ran = turning(sim)
     ran.kill()
-    _, err = ran.communicate(timeout=30)  # the warden has its standard error until it has done its work
+    _, err = ran.communicate(
+        timeout=30
+    )  # the watchdog process has its standard error until it has done its work
     assert "nothing in this module is known to notice a dead master" in err
     assert "the program that moved it is dead: it is stopped now" in err
     assert err.endswith("module 1: it stood, and is in idle, without power\n")
@@ -292,7 +294,7 @@ def test_a_calibration_asks_is_followed_and_judged(line):
 
 
 def test_a_calibration_that_is_killed_is_ended_by_its_watchdog_process(line, tmp_path):
-    """Its program is killed in the middle of it: the warden takes the power away."""
+    """Its program is killed in the middle of it: the watchdog process removes the power."""
     words = ("gim6010", "modbus", "calibrate", "full", "--port", line.path, "--node", "1", "--yes")
     process = subprocess.Popen(
         [sys.executable, "-m", "axisbus", *words, "--list", "endpoints_0.5.13.json"],

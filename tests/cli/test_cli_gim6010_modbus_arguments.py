@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus`` and ``axisbus sim --modbus``: what cannot be is reported before anything is sent or served."""
+"""``axisbus gim6010 modbus`` and ``axisbus sim --modbus``: invalid arguments are reported before anything is sent or served."""
 
 from __future__ import annotations
 

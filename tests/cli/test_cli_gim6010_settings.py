@@ -69,7 +69,7 @@ def test_the_watchdogs(axisbus):
         assert "only set-points feed it" in out
         assert [one.usb_read(p) for p in ("can.config.break_timeout", OFF[1])] == [500, 1]
         assert "can.config.break_timeout = 500" in axisbus(channel, "watchdog").out
-        assert one.axis.error == 0x100800  # nobody leads it
+        assert one.axis.error == 0x100800  # no master sends set-points
         code, out, err = axisbus(channel, "watchdog", "--off")
         assert (code, "cleared" in out) == (0, True), err
     assert one.axis.error == 0

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 tune``: asks, makes its step, tells what it was, and leaves the module idle with its gains told."""
+"""``axisbus gim6010 tune``: asks, makes its step, reports the response, and leaves the module idle with its gains printed."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_ctrl_c_brakes_it_and_lets_it_go(axisbus):
 
 
 def test_the_method_of_the_manual_finds_a_smooth_gain(axisbus):
-    """A gain that may not be raised far: two trials, the second of which is the last that is allowed."""
+    """A gain with a low maximum: two trials, the second of which is the last that is allowed."""
     one = Module(5, dials=ModuleDials())
     with modules_on_bus(one) as channel:
         code, out, err = axisbus(

@@ -1,4 +1,4 @@
-"""What a device is called in the outputs: a device that is no drive is nowhere headed as one."""
+"""The heading of a device in the outputs: a device that is no drive is nowhere headed as one."""
 
 from __future__ import annotations
 

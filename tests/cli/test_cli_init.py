@@ -1,4 +1,4 @@
-"""``axisbus init``: a first cell file of what stand-ins on a bus say, which ``axisbus check`` takes."""
+"""``axisbus init``: a first cell file from simulated drives on a bus, which ``axisbus check`` accepts."""
 
 from __future__ import annotations
 

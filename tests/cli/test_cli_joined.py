@@ -40,7 +40,7 @@ def opened(file):
 
 @pytest.fixture
 def moving(opened):
-    """The machine of a program, and its move of x: it turns already, and goes on for longer than any of these tests."""
+    """The machine of a program, and its move of x: it turns already, and continues for longer than any of these tests."""
     x = enabled(opened["x"])
     yield opened, under_way(x)
     x.halt().wait(10)

@@ -42,7 +42,7 @@ def opened(file):
 
 @pytest.fixture
 def moving(opened):
-    """The machine of a program, and its move of x: it turns already, and goes on for longer than any of these tests."""
+    """The machine of a program, and its move of x: it turns already, and continues for longer than any of these tests."""
     x = enabled(opened["x"])
     yield opened, under_way(x)
     x.halt().wait(10)
@@ -105,7 +105,7 @@ def test_a_command_that_took_control_names_the_axes_that_it_leaves_enabled(opene
 
 
 def test_an_axis_that_a_suspended_command_has_set_going_halts(opened, file):
-    """Ctrl-Z: nobody would look after it, and Ctrl-C reaches the command no more."""
+    """Ctrl-Z: nothing would monitor it, and Ctrl-C reaches the command no more."""
     opened["y"].disable().wait(10)
     turning = subprocess.Popen(
         [sys.executable, "-m", "axisbus", "velocity", file, "y=30", "--take"],

@@ -1,4 +1,4 @@
-"""What bytes of a terminal mean as keys."""
+"""The keys that bytes of a terminal mean."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ def test_set_node_id_of_the_one_that_is_found(lss, cell):
 
 @pytest.fixture
 def stubborn(monkeypatch):
-    """The stand-ins go on answering fast scan after they were found."""
+    """The simulated drives continue answering fast scan after they were found."""
     plain = LssDials.__init__
 
     def turned(self, *values, **named):
@@ -333,7 +333,7 @@ def test_set_bitrate_of_one_with_activation_reports_that_it_answers(lss, cell):
 
 
 def test_set_bitrate_on_a_system_link_prints_the_lines_to_type_in_order(lss, cell, monkeypatch):
-    """The stand-ins' bus passed off as can0: its rate is the system's, so nobody is asked at the new one."""
+    """The simulated bus passed off as can0: its rate is the system's, so no slave is asked at the new one."""
     monkeypatch.setattr(lss_set_bitrate, "opening_of", lambda *_: Opening("socketcan", "can0", 1_000_000))
     code, out, _ = lss(
         "set-bitrate", 250_000, cell, "--all", "--activate", "--delay", 0.02, "--yes", "--beside-operation"

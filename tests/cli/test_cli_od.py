@@ -1,4 +1,4 @@
-"""``axisbus od`` and ``axisbus nmt`` as their user types them, on stand-ins; what could move a drive above all."""
+"""``axisbus od`` and ``axisbus nmt`` with simulated drives; above all objects that could move a drive."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ def test_all_axes_a_group_or_both_by_name_are_the_pair(cell):
     config = reader.load(cell)
     assert as_pairs(config, ["x", "y", "z"], "enable") == ["b", "z"]
     assert as_pairs(config, ["z", "y", "x"], "enable") == ["z", "b"]
-    assert as_pairs(config, ["y"]) == ["y"]  # a halt of one is one of both, whoever asks
+    assert as_pairs(config, ["y"]) == ["y"]  # a halt of one axis is one of both
     with pytest.raises(StateError, match="axisbus enable applies to both"):
         as_pairs(config, ["z", "y"], "enable")
     assert sides_of(config, ["z", "b"], "move") == ["z", "x", "y"]
@@ -111,7 +111,7 @@ def test_a_dry_run_checks_a_pair_at_its_observed_position(cell):
     cell.write_text(text, encoding="utf-8")
     rehearsal = DryRun(reader.load(cell))
     beam = rehearsal.gantry("b")
-    beam.move_relative(400.0)  # not homed: nobody knows
+    beam.move_relative(400.0)  # not homed: unknown
     with pytest.raises(Exception, match="not homed"):
         beam.move_absolute(10.0)
     beam.home()

@@ -1,4 +1,4 @@
-"""``axisbus probe``: each edge is told, and nothing is energised."""
+"""``axisbus probe``: each edge is printed, and nothing is energised."""
 
 from __future__ import annotations
 

@@ -164,7 +164,7 @@ def test_a_running_machine_is_joined_and_the_motion_of_its_program_is_recorded(
     assert max(map(abs, run.tracks["x"].columns["velocity"])) == pytest.approx(30.0, abs=1.0)
     cycles = len(run.tracks["x"].times)
     position, word, polled = (run.objects[f"x:{index}"] for index in ("6064", "6040", "6081"))
-    for carried in (position, word):  # in a PDO each, one way and the other
+    for carried in (position, word):  # in a PDO each, in both directions
         assert len(carried.times) == pytest.approx(cycles, abs=0.2 * cycles)
     assert set(word.columns["value"]) <= {0x0F, 0x1F, 0x2F, 0x3F}
     seen = position.columns["value"]

@@ -1,4 +1,4 @@
-"""``axisbus save``: 1010h:01 at rest only, through a restart, and with what the restart has lost."""
+"""``axisbus save``: 1010h:01 only without power, through a restart, and with values lost in the restart."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def test_a_simulated_cell_restarts_as_its_make_does(axisbus):
 
 
 def test_another_master_is_not_disturbed(axisbus, tmp_path):
-    """A machine runs the node: it is refused, and the machine goes on."""
+    """A machine runs the node: it is refused, and the machine continues."""
     with commands.drives(NODE) as (_, channel):
         cell = tmp_path / "cell.toml"
         cell.write_text(

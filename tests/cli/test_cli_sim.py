@@ -1,4 +1,4 @@
-"""``axisbus sim``: the drives of a cell in one terminal, and in another what would be typed with hardware."""
+"""``axisbus sim``: the drives of a cell in one terminal, and in another the commands as with hardware."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def axisbus(monkeypatch, capsys) -> commands.Run:
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory):
-    """A cell that is served, the cell file of who joins it, and the options that were printed for it."""
+    """A served cell, the cell file of its clients, and the options that were printed for it."""
     folder = tmp_path_factory.mktemp("served")
     cell, mine = folder / "cell.toml", folder / "mine.toml"
     cell.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")

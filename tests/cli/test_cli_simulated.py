@@ -1,4 +1,4 @@
-"""``-i sim -c CELL`` is a bus with a stand-in for each node of a cell file, for every command that takes a bus."""
+"""``-i sim -c CELL`` is a bus with a simulated drive for each node of a cell file, for every command that takes a bus."""
 
 from __future__ import annotations
 

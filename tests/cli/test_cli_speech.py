@@ -1,4 +1,4 @@
-"""What the command line says of an error: commands and options, where the library speaks of calls."""
+"""The command line's text of an error: commands and options, instead of the calls of the library."""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ class Terminal:
         self.shown = ""
 
     def read(self, seconds: float = 0.0) -> str:
-        """Take what is shown within some time."""
+        """Read the output within some time."""
         end = time.monotonic() + seconds
         while select.select([self.keys], [], [], max(0.0, end - time.monotonic()))[0]:
             try:

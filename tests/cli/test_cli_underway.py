@@ -1,4 +1,4 @@
-"""What a terminal shows while axes are under way; what is no terminal shows none of it."""
+"""The progress on a terminal while axes move; without a terminal it is not shown."""
 
 from __future__ import annotations
 

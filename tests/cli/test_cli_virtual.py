@@ -1,4 +1,4 @@
-"""The command line on a cell with a virtual axis: it is moved as any other; what needs a drive passes it over or says why."""
+"""The command line on a cell with a virtual axis: it is moved as any other; commands that need a drive skip or refuse it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``axisbus web``: what is refused before a bus is opened."""
+"""``axisbus web``: refusals before a bus is opened."""
 
 from __future__ import annotations
 

@@ -507,7 +507,7 @@ def lingers(ports):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a close does not wait")
 def test_closing_the_connection_of_a_cut_off_cell_delays_no_other_one(plant):
-    # a close that waits stops a thread of Zenoh's: with four cut off at once nobody was let in for 19 s, and leases were lost
+    # a close that waits stops a thread of Zenoh's: with four cut off at once none was accepted for 19 s, and leases were lost
     plant.cell("press", endpoint=free_endpoint().replace("127.0.0.1", "[::1]"))
     plant.cell("saw")
     ports = {int(endpoint.rpartition(":")[2]) for endpoint in plant.endpoints}

@@ -1,4 +1,4 @@
-"""What is known of a cell, of its events and of a lease, by what came and when: no network and no clock."""
+"""The known state of a cell, of its events and of a lease, by received messages and times: no network and no clock."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_a_bridge_that_begins_again_counts_from_1_and_the_one_before_is_heard_no
     watch.take_info(info(), 100.0)
     watch.take_state("x", state(500), 10.0, 100.0)
     assert watch.take_state("x", state(1, "b", position=2.0), 10.1, 100.0)
-    assert watch.info is None  # to be asked for anew
+    assert watch.info is None  # to be requested again
     assert not watch.take_state("x", state(501), 10.2, 100.0)
     assert not watch.take_info(info("a"), 100.0)
     assert watch.seen("x", 10.2).state.position == 2.0
@@ -107,7 +107,7 @@ def test_of_two_bridges_that_are_there_the_first_counts_until_it_is_gone(watch):
     assert not watch.take_state("x", state(1, "b"), 11.0, 100.0)
     watch.presence("a", False, 12.0)
     assert watch.take_state("x", state(2, "b"), 12.0, 100.0)
-    watch.presence("a", True, 13.0)  # over another way
+    watch.presence("a", True, 13.0)  # over another connection
     watch.presence("b", False, 14.0)
     assert watch.take_state("x", state(2, "a"), 14.0, 100.0)
 
@@ -166,7 +166,7 @@ def test_a_version_that_differs_is_reported(watch, told, words):
 
 
 class Bridge:
-    """What a bridge keeps of its events, and answers."""
+    """The events that a bridge keeps, and its answers."""
 
     def __init__(self, kept=1000, most=256):
         self.all, self.kept, self.most = [], kept, most
@@ -289,7 +289,7 @@ def test_a_gap_that_no_answer_fills_does_not_let_the_log_grow(joined):
     assert (log.missing.first, log.missing.last) == (KEPT - 1, KEPT - 1)
 
 
-# -- who is reached ----------------------------------------------------------------------------------------------------
+# -- reachable endpoints -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""How a bridge follows the machines of a cell, one after the other, before stand-ins for them."""
+"""How a bridge follows the machines of a cell, one after the other, with fake machines."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Runs:
 
 @pytest.fixture
 def follow(monkeypatch):
-    """Follow what is there at each look for a machine; return what was said, and what was done."""
+    """Follow the machine found at each look; return the messages, and the actions."""
 
     def followed(*found, goes_on=None):
         left, said, done = list(found), [], []

@@ -1,4 +1,4 @@
-"""What has happened at a machine, found once for all bridges."""
+"""The events of a machine, collected once for all bridges."""
 
 from __future__ import annotations
 

@@ -157,7 +157,7 @@ def test_growth_is_counted_by_name_also_after_a_source_has_left():
     growth.take([("a 2", "a", 2)])
     growth.take([("a 2", "a", 4), ("b 2", "b", 1)])
     assert growth.counts == {("a",): 7, ("b",): 6}
-    growth.take([("b 2", "b", 0)])  # begins anew under the same name
+    growth.take([("b 2", "b", 0)])  # restarts under the same name
     growth.take([("b 2", "b", 2)])
     assert growth.counts["b",] == 8
 

@@ -1,4 +1,4 @@
-"""The OPC UA server: what a client sees of a machine, whom it lets in, and what it takes of clients that do not behave."""
+"""The OPC UA server: the view of a client, access control, and its limits for misbehaving clients."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def machine(file, server):
         server.follow(None)
 
 
-# -- what is seen ---------------------------------------------------------------------------------------------------------
+# -- the view of a client -------------------------------------------------------------------------------------------------
 
 
 def test_without_a_machine_everything_is_bad_and_the_tree_is_there(server):
@@ -184,7 +184,7 @@ def test_if_the_machine_cannot_be_read_no_value_stays_good(server, machine, monk
 
 
 class Heard:
-    """What a subscription brings."""
+    """The notifications of a subscription."""
 
     def __init__(self):
         self.values, self.events = [], []
@@ -230,7 +230,7 @@ def test_each_event_is_sent_once_to_each_subscriber_at_the_server_or_the_inciden
         assert event.SourceName == "Incidents"
 
 
-# -- who may do what ------------------------------------------------------------------------------------------------------
+# -- access control -------------------------------------------------------------------------------------------------------
 
 
 async def write(seen: Visit):
@@ -300,7 +300,7 @@ def test_a_wrong_password_is_refused_each_time(server):
 
 
 def test_many_clients_with_wrong_passwords_lock_no_user_out(server, machine):
-    """Neither a user that comes for the first time, nor one that comes back."""
+    """Neither a user that connects for the first time, nor one that returns."""
     server._updater._server.iserver.gate._right.clear()
     over = threading.Event()
 
@@ -363,7 +363,7 @@ def test_it_is_no_directory_of_servers(server):
     visit(server.url, register)
 
 
-# -- who does not behave ----------------------------------------------------------------------------------------------------
+# -- misbehaving clients ----------------------------------------------------------------------------------------------------
 
 
 def hello(receives, sends):
@@ -476,7 +476,7 @@ def test_many_anonymous_clients_leave_room_for_other_addresses_and_for_users(ser
 
 
 def test_disconnected_clients_leave_room_for_new_ones(server):
-    """Each has a session and a subscription, and is cut off: those wait for a client that comes again, but not for ever."""
+    """Each has a session and a subscription, and is cut off: those wait for a client that returns, but not for ever."""
 
     async def lose():
         client = await come_in(server.url, Who())
@@ -535,7 +535,7 @@ def test_a_connection_without_a_session_is_closed(server, monkeypatch):
 
 
 def literal(octets):
-    """A header of a request with a Variant in it, before which nobody has to come in."""
+    """A header of a request that contains a Variant, before any authentication."""
     kind = nodeid_to_binary(ua.typeid_by_extension_objects[ua.LiteralOperand])
     more = kind + b"\x01" + struct.pack("<i", len(octets)) + octets
     asked = struct_to_binary(ua.GetEndpointsRequest())
@@ -856,7 +856,7 @@ def test_a_session_without_encryption_is_refused_by_the_server_itself(secured):
 
 
 def test_a_trusted_certificate_of_another_client_in_the_request_is_refused(secured, own, friend, folder):
-    """What is looked at is the certificate of the channel, not the one that stands in a request."""
+    """The certificate of the channel counts, not the one in a request."""
     thief = papers(folder, "thief")
     who = Who(papers=type(thief)(thief.certificate, thief.key, friend.uri), server=own.certificate)
 
@@ -868,7 +868,7 @@ def test_a_trusted_certificate_of_another_client_in_the_request_is_refused(secur
         asyncio.run(enter())
 
 
-# -- the command ------------------------------------------------------------------------------------------------------------
+# -- the command line -------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture

@@ -97,7 +97,7 @@ def test_one_address_cannot_hold_all_connections_and_silent_ones_are_closed_firs
 
 @contextmanager
 def bridge(file, *words):
-    """The command, in a process of its own; yields the process and where it serves."""
+    """The command in a process of its own; yields the process and its address."""
     command = [
         sys.executable,
         "-u",
@@ -142,7 +142,7 @@ def test_the_bridge_follows_machines_halts_them_and_its_end_changes_none(tmp_pat
             assert text.startswith("x: Standstill at")
             assert handle.exception() is not None
             assert "x.halt() by process" in str(handle.exception())
-            with refused("BadUserAccessDenied"):  # this program has the command
+            with refused("BadUserAccessDenied"):  # this program has control
                 visit(url, lambda seen: seen.call(X, "Reset"), ANNA)
         until(lambda: position() == (None, "BadNoCommunication"))
         with Machine.open(file, shared=True):

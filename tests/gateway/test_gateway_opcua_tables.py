@@ -1,4 +1,4 @@
-"""What an OPC UA server tells of a machine, and whom it lets in: the pure half, which needs no asyncua."""
+"""The values and the access rules of an OPC UA server: the pure half, which needs no asyncua."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ def test_after_the_machine_has_ended_nothing_of_it_is_good(machine):
     assert {reading.quality for reading in looker.look().values()} == {Quality.NO_COMMUNICATION}
 
 
-# -- what has gone wrong --------------------------------------------------------------------------------------------------
+# -- errors ---------------------------------------------------------------------------------------------------------------
 
 
 def test_a_fault_is_reported_once_with_its_message_incident_and_remedy(machine):
@@ -203,7 +203,7 @@ def test_each_kind_of_error_has_a_status(error, status):
     assert status_of(error) == status
 
 
-# -- whom it lets in ------------------------------------------------------------------------------------------------------
+# -- access ---------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""A cell on a Zenoh network, with programs of its own: whoever has the lease is gone, cut off or mad, and the axes stand."""
+"""A cell on a Zenoh network, with programs of its own: the holder of the lease ends, is cut off or faulty, and the axes stop."""
 
 from __future__ import annotations
 
@@ -27,9 +27,7 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
     pytest.mark.timeout(120),
 ]
-STANDS = (
-    3.0  # seconds from the end of a lease's holder until its axes stand: 1 of the lease, and their braking
-)
+STANDS = 3.0  # seconds from the end of a lease's holder until standstill of its axes: 1 of the lease, and their braking
 
 
 @pytest.fixture(scope="module")
@@ -58,13 +56,13 @@ def bridge(file, folder, machine):
 
 @pytest.fixture(autouse=True)
 def sound(file, machine):
-    """What a busy computer has stopped in another test is no matter of this one."""
+    """A loss of time in another test, by a busy computer, does not concern this one."""
     recover(file, machine)
 
 
 @pytest.fixture
 def client(bridge, machine):
-    """Somebody on the network, while no client has the lease and nothing moves."""
+    """A client on the network, while no client has the lease and nothing moves."""
     with Client(bridge.endpoint) as client:
         until(client.alive)
         yield client
@@ -141,7 +139,7 @@ def test_if_the_holder_of_the_lease_is_gone_the_axes_halt(client, bridge, machin
             time.sleep(0.5)
         if end == "cut off":
             wire.cut.clear()
-            time.sleep(1.0)  # what was on its way arrives now
+            time.sleep(1.0)  # frames in transit arrive now
         assert stands(machine)
         until(lambda: machine["x"].state is AxisState.STANDSTILL)
     wire.close()

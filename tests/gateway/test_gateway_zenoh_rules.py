@@ -1,4 +1,4 @@
-"""What a bridge decides, without a network and by a clock of the test's own: lease, ids, verbs, jogs, events, states, samples."""
+"""The decisions of a bridge, without a network and by a clock of the test: lease, ids, verbs, jogs, events, states, samples."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ class Desk:
         self.commands = Commands(machine, self.holding, self.answers, lambda: self.now)
 
     def do(self, verb, number, *axes, token="t1", client="anna", **values):
-        """Give a command, and return what is answered at once, or after it has ended."""
+        """Give a command, and return the answer, at once or after it has ended."""
         told = []
         self.commands.take(verb, CommandAsk(client, number, token, axes, values), told.append)
         for _ in range(500):
@@ -232,7 +232,7 @@ def test_without_a_lease_only_a_stop_is_executed(desk):
 
 def test_a_command_sent_before_a_stop_and_received_after_it_is_too_late(desk):
     desk.do("enable", 1)
-    desk.do("halt", 7, "x", token="")  # of nobody who has the lease: it makes nothing late
+    desk.do("halt", 7, "x", token="")  # without the lease: it makes nothing late
     assert desk.do("move_relative", 2, "x", distance=1.0).status == "done"
     assert desk.do("halt", 5, "x").status == "done"
     assert "too late" in desk.do("move_relative", 4, "x", distance=1.0).error.fields["message"]

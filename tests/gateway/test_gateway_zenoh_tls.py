@@ -1,4 +1,4 @@
-"""The configurations of examples/zenoh as they are copied: a right, a wrong and an expired certificate, and who may do what."""
+"""The configurations of examples/zenoh as they are copied: a right, a wrong and an expired certificate, and the rights of each."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Place:
         return self._written("cell", text.replace("/etc/axisbus", str(self.folder / "ours")))
 
     def client(self, name, folder="ours", change=str):
-        """Return the configuration of somebody."""
+        """Return the configuration of a client."""
         text = (EXAMPLES / "client.json5").read_text("utf-8")
         text = text.replace("tls/cell-one.example:7447", f"tls/127.0.0.1:{self.port}")
         text = text.replace(', "tls/cell-two.example:7447"', "").replace("operator-anna", name)

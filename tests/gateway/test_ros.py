@@ -217,7 +217,7 @@ def test_without_points_the_named_axes_halt_or_all_if_none_is_named():
     assert to_halt((), axes) == ("x", "y")
 
 
-# -- what is of now --------------------------------------------------------------------------------------------------
+# -- freshness -------------------------------------------------------------------------------------------------------
 
 
 def sent(number, at, gid=b"a" * 16):
@@ -319,4 +319,4 @@ def test_an_invalid_namespace_is_refused(monkeypatch, capsys, tmp_path):
     assert (code, "not a namespace of ROS 2" in err) == (2, True)
 
 
-assert struct.calcsize("<qqB16s") == 33  # what the design document says of an attachment
+assert struct.calcsize("<qqB16s") == 33  # the size of an attachment in the design document

@@ -73,7 +73,7 @@ def graph(bridge, endpoint):
 
 @pytest.fixture
 def ros(graph, file, machine):
-    """Somebody in the graph, while both axes are enabled and stand, and nobody has the command."""
+    """A node of the graph, while both axes are enabled and at standstill, and no program has control."""
     graph.send(())
     until(lambda: stands(machine) and not commander(machine))
     with Machine.attach(file, command=True) as guest:
@@ -141,13 +141,13 @@ def test_the_plant_follows_a_trajectory_with_velocities_in_its_time(ros, machine
     until(lambda: not stands(machine), 3.0)
     begun = time.monotonic()
     until(lambda: place(machine) > x + 10)
-    assert place(machine, 2) == pytest.approx(y - 5, abs=1.5)  # both are on their way together
+    assert place(machine, 2) == pytest.approx(y - 5, abs=1.5)  # both move together
     assert turns(machine) == pytest.approx(30, abs=5)
     assert 0.2 < time.monotonic() - begun < 3.0
     until(lambda: stands(machine))
     assert [place(machine), place(machine, 2)] == pytest.approx([x + 20, y - 10], abs=0.1)
     until(lambda: ros.newest.position == pytest.approx(rad(x + 20, y - 10), abs=2e-3))
-    until(lambda: not commander(machine))  # it gives the command back
+    until(lambda: not commander(machine))  # it returns control
 
 
 def test_the_lease_is_refused_while_a_trajectory_has_control(ros, machine, endpoint):

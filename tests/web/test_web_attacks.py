@@ -1,4 +1,4 @@
-"""What may come at the server of the page: strangers, junk, floods, crowds; what they cost, and that a stop gets through."""
+"""Attacks on the server of the page: unknown clients, junk, floods, crowds; their cost, and a stop always gets through."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def link_of(page: ClientConnection) -> str:
 
 @pytest.fixture
 def moving(at: SimpleNamespace) -> Iterator[SimpleNamespace]:
-    """Axis x turns for whoever has the controls; in the end it stands."""
+    """Axis x turns for the page with the controls; at the end it is at standstill."""
     with at.operator.page() as page:
         for do in ("take", "enable"):
             send(page, do, sure=True)
@@ -233,7 +233,7 @@ def test_a_message_that_is_too_large_closes_its_socket_alone(moving, path):
 
 
 def test_attacks_on_the_page_s_server_cost_no_cycles(moving):
-    """Fifty pages of which half never read, junk from some, objects for all: as many cycles are lost as without, but for three."""
+    """Fifty pages, half of which never read, junk from some, objects for all: at most three more cycles are lost than without."""
     machine, crowd = moving.machine, ExitStack()
     quiet = lost(machine)
     with crowd:
@@ -259,7 +259,7 @@ def test_attacks_on_the_page_s_server_cost_no_cycles(moving):
 
 
 def test_a_page_is_sent_at_most_a_second_more_than_it_has_shown(moving):
-    """What would wait on its way on a network that is too slow for it would be old when it is shown."""
+    """Data queued for a network that is too slow would be old when they are shown."""
     with moving.looker.page() as page:
         now = json.loads(page.recv(2.0))["own"]["now"]
         send(page, "beat", seen=now)
@@ -338,7 +338,7 @@ def test_the_server_has_printed_only_that_it_joined(at):
 
 
 def test_axes_are_halted_for_a_suspended_server_and_its_late_requests_are_ignored(moving):
-    """Stopped (SIGSTOP) while an axis turns for a page; what the page asks meanwhile waits in its socket, and is not done."""
+    """Suspended (SIGSTOP) while an axis turns for a page; its requests meanwhile wait in its socket, and are not executed."""
     moving.served.web.send_signal(signal.SIGSTOP)
     try:
         took = until(lambda: moving.speed() < 0.1)

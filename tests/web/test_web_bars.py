@@ -1,4 +1,4 @@
-"""The limits of an axis as bars: what they are drawn from, where a value lies in them, and when it is near or beyond."""
+"""The limits of an axis as bars: their sources, the position of a value, and when it is near or beyond."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def bars(machine: Machine) -> dict[str, dict[str, object]]:
     return found
 
 
-# Worked out by hand: 80 % of the way from the middle of a span to its end is where "near" begins.
+# Computed by hand: "near" begins at 80 % of the distance from the middle of a span to its end.
 @pytest.mark.parametrize(
     ("bar", "value", "at", "zero", "kind"),
     [

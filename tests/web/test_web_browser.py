@@ -1,4 +1,4 @@
-"""The page in a real Chromium, beside a program that has opened the machine: what it shows and does is judged on the plant."""
+"""The page in a real Chromium, beside a program that has opened the machine: display and actions are judged on the plant."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]
 
 @pytest.fixture
 def x(scene: SimpleNamespace) -> Iterator[SimpleNamespace]:
-    """The view of axis x, enabled, with the controls; in the end it stands."""
+    """The view of axis x, enabled, with the controls; at the end it is at standstill."""
     page, axis = scene.page, scene.machine["x"]
     page.usual()
     page.operate(axis)
@@ -85,7 +85,7 @@ def test_enable_asks_once_and_no_leaves_it_off(scene):
 
 
 def jogs(x: SimpleNamespace, way: str = "1") -> None:
-    """Hold a button until the axis has gone on for 0.6 s; a browser that is kept waiting lets go, and has another try."""
+    """Hold a button until the axis has moved for 0.6 s; a browser that is delayed releases it, and has another try."""
     for _ in range(5):
         x.page.hold(f"[data-jog='{way}']")
         with suppress(AssertionError):
@@ -331,4 +331,4 @@ def test_when_the_server_ends_the_machine_continues_and_its_motions_halt(scene, 
     until(lambda: x.speed() < 0.1)
     assert scene.web.wait(10) == 143
     assert x.axis.state is AxisState.STANDSTILL
-    x.page.press = lambda _: None  # nobody hears it any more
+    x.page.press = lambda _: None  # no server receives it any more

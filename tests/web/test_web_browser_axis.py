@@ -42,7 +42,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]
 
 @pytest.fixture
 def x(scene: SimpleNamespace) -> Iterator[SimpleNamespace]:
-    """The view of axis x, enabled, with the controls; in the end it stands."""
+    """The view of axis x, enabled, with the controls; at the end it is at standstill."""
     page, axis = scene.page, scene.machine["x"]
     page.usual()
     page.view("axis-x")
@@ -61,7 +61,7 @@ def x(scene: SimpleNamespace) -> Iterator[SimpleNamespace]:
 
 
 def bar(page: Page, name: str) -> SimpleNamespace:
-    """What a bar shows: its attributes as a meter, its words, and where its mark is, in parts of its length."""
+    """The content of a bar: its attributes as a meter, its words, and the position of its mark, as a share of its length."""
     track = page.one(f"[data-bar={name}] .track")
     seen = page.run(
         "const [track] = arguments, [a, b] = [track, track.children[1]].map((each) => each.getBoundingClientRect());"

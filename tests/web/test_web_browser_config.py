@@ -1,4 +1,4 @@
-"""The view of configurations and the scope's MCAP files in a real Chromium, compared with what the simulated drive has."""
+"""The view of configurations and the scope's MCAP files in a real Chromium, compared with the values of the simulated drive."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]
 
 @pytest.fixture
 def at(scene: SimpleNamespace) -> SimpleNamespace:
-    """The view, of node 1, with the controls; no job is under way."""
+    """The view, of node 1, with the controls; no job is running."""
     page, dials = scene.page, scene.machine.simulated_node(1).device.dials
     page.usual()
     dials.sdo_aborts, dials.sdo_silent = {}, False
@@ -89,7 +89,7 @@ def chosen(scene: SimpleNamespace, data: bytes, name: str = "x.dcf") -> None:
 
 
 def done(page: Page, button: str) -> str:
-    """Press what begins a job, and return what came of it."""
+    """Press the button of a job, and return its result."""
     page.run("document.querySelector('#config-rows').textContent = ''")
     press(page, button)
     until(lambda: page.one("#config-end").is_enabled())
@@ -142,7 +142,7 @@ def test_a_dry_run_of_a_restore_is_shown_and_nothing_is_written(at):
     until(lambda: "of node 1" in page.text("#file-state"))
     device.write(*ACCELERATION, 99)
     device.write(0x6081, 0, 98)
-    device.write(0x6067, 0, 97)  # what the machine goes by
+    device.write(0x6067, 0, 97)  # an object that the machine uses
     assert "3 have another value; nothing was written" in done(page, "#would-restore")
     assert page.text("#config-refusal").startswith("node 1 is operational")
     assert page.text("#config-command").startswith("axisbus config restore node-1")

@@ -1,4 +1,4 @@
-"""A core that is killed, a network that stalls or is slow, a server that is gone: the page says so, and its stop gets through."""
+"""A killed core, a network that stalls or is slow, a missing server: the page reports it, and its stop gets through."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_a_stop_that_a_stalled_network_swallows_is_reported_and_done_when_there_
     assert "use the emergency stop" in x.page.text("#unstopped")
     x.page.press("halt_all")
     until(lambda: "not known whether this has arrived" in x.page.text("#told"))
-    time.sleep(4.5)  # the server has given the socket up, and what is in it
+    time.sleep(4.5)  # the server has dropped the socket, with its content
     assert x.speed() > 40.0
     x.net.stalled = False
     until(lambda: x.speed() < 0.1)

@@ -120,7 +120,7 @@ def enabled(page: Page, axis: Axis) -> None:
 
 
 def has(scene: SimpleNamespace, key: str) -> int:
-    """What the simulated drive itself has."""
+    """The value of the simulated drive itself."""
     node, index, sub = key.split(":")
     found: int = scene.machine.simulated_node(int(node)).device.read(int(index, 16), int(sub, 16))
     return found

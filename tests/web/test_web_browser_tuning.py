@@ -1,4 +1,4 @@
-"""Tuning in a real Chromium: trials that are asked for, seen on the plant, ended by what comes between, and what is shown."""
+"""Tuning in a real Chromium: trials with their questions, seen on the plant, ended by interruptions, and the display."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]
 
 @pytest.fixture
 def at(scene: SimpleNamespace) -> SimpleNamespace:
-    """The view of tuning, with the controls; axis x stands enabled, no gain is looked at."""
+    """The view of tuning, with the controls; axis x is at standstill and enabled, no gain is shown."""
     page, x = scene.page, scene.machine["x"]
     page.usual()
     page.take_controls()

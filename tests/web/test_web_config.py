@@ -1,4 +1,4 @@
-"""Configurations on the page, on a simulated cell in virtual time: backups, comparisons, restores that are only told."""
+"""Configurations on the page, on a simulated cell in virtual time: backups, comparisons, restores that are only reported."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def device(machine: Machine, node: int = 1) -> Any:
 
 
 def done(machine: Machine, kind: ConfigJobKind, node: int = 1, file: Dcf | None = None) -> Any:
-    """Do a job, and return its report; raises what the library does."""
+    """Run a job, and return its report; raises the errors of the library."""
     ended = Configuring().carry_out(machine, node_of(machine, node), ConfigJob(kind, 1, node, file))
     assert ended.over
     return ended.report
@@ -141,7 +141,7 @@ def test_an_object_that_cannot_be_read_is_a_difference_with_its_reason(machine):
     assert "the device refuses it" in row[3]
 
 
-# -- what a restore would write -----------------------------------------------------------------------------------------
+# -- the plan of a restore ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("anywhere")
@@ -204,7 +204,7 @@ def test_a_value_beyond_the_limits_of_the_file_is_refused(machine):
 
 
 def changed(machine: Machine) -> None:
-    """The drive has lost a setting, and what the machine goes by."""
+    """The drive has lost a setting, and an object that the machine uses."""
     device(machine).write(*ACCELERATION, 777)
     device(machine).write(*WINDOW, 4321)
     device(machine).write(*HEARTBEAT, 1234)
@@ -341,14 +341,15 @@ def test_a_page_has_two_files_at_most_and_none_after_it_is_closed():
     assert files.of(1, MADE) is None
 
 
-# -- the desk -------------------------------------------------------------------------------------------------------------
+# -- the client handler ---------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
 def desk(machine: Machine) -> SimpleNamespace:
-    """A desk with an operator, who has the controls, and a looker; ``run`` lets the worker work until no job is under way, and
+    """A client handler with an operator, who has the controls, and an observer.
 
-    does something in the midst of it."""
+    ``run`` lets the worker run until there is no job, and does something in the middle of it.
+    """
     at = PageClients(machine, str)
     worker = ObjectWorker(machine, at.objects)
     operator, looker = (

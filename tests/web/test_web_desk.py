@@ -1,4 +1,4 @@
-"""The desk, on a simulated cell in virtual time: what pages do together, judged on the plants."""
+"""The client handler, on a simulated cell in virtual time: several pages together, judged on the plants."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.web.access.tokens import Role
 from kit.cell import cell_text
 from kit.desk import Pages
 
-AT_ONCE = 0.14  # seconds in which 40 deg/s are braked, and the core has not ended a jog by itself
+AT_ONCE = 0.14  # seconds in which 40 deg/s are braked, before the core itself ends a jog
 
 
 @pytest.fixture
@@ -74,7 +74,7 @@ def test_a_request_more_than_a_second_late_is_refused_and_reported(pages, do):
 
 @pytest.mark.parametrize(("do", "old"), [("jog", 0.8), ("move_velocity", 2.0), ("enable", 2.0)])
 def test_a_page_with_old_values_moves_nothing_and_stops(pages, do, old):
-    """A network that is slow all the time shows by the age of what the page shows as it asks."""
+    """A permanently slow network shows in the age of the values that the page shows at its request."""
     place = pages.operator()
     pages.enabled(place, "x")
     values = {"velocity": "50", "direction": "1"}

@@ -1,4 +1,4 @@
-"""Who is let in: wrong and used tokens, foreign origins, rebound hosts, roles, limits, and the headers of every answer."""
+"""Access: wrong and used tokens, foreign origins, rebound hosts, roles, limits, and the headers of every answer."""
 
 from __future__ import annotations
 
@@ -337,7 +337,7 @@ def test_in_no_time_nothing_is_given():
 
 
 class Served:
-    """An application behind a gate: it tells what reaches it."""
+    """An application behind a gate: it stores the messages that reach it."""
 
     def __init__(self, clock: Any = time.monotonic) -> None:
         self.keys = PageSessions(clock=clock)
@@ -361,7 +361,7 @@ class Served:
     def ask(
         self, kind: str = "http", path: str = "/", messages=(), method: str = "GET", **headers: str
     ) -> list[Any]:
-        """Return what is sent to who comes with these headers and messages."""
+        """Return the answer to these headers and messages."""
         sent: list[Any] = []
         ending = [{"type": f"{kind}.disconnect"}]
         coming = itertools.chain(messages, ending) if messages else iter([{"type": "http.request"}])

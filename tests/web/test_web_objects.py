@@ -1,4 +1,4 @@
-"""Objects on the page, on a simulated cell in virtual time: what is read and written, what is refused and in which words."""
+"""Objects on the page, on a simulated cell in virtual time: reading, writing, refusals and their messages."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Nodes:
         return self.transfers.carry_out(ObjectJob(named(key), 1, TransferRequest(text, frozenset(agreed))))
 
     def has(self, key: str) -> int:
-        """What the simulated drive itself has."""
+        """The value of the simulated drive itself."""
         found = named(key)
         value: int = self.machine.simulated_node(found.node).device.read(found.index, found.subindex)
         return value
@@ -157,7 +157,7 @@ def test_a_value_is_written_and_read_back(nodes, typed, written):
     ],
 )
 def test_an_invalid_value_is_refused_before_it_is_sent(nodes, key, typed, words):
-    nodes.dials.sdo_silent = True  # whoever asked the drive would be told that
+    nodes.dials.sdo_silent = True  # a request to the drive would show that
     seen = nodes.write(key, typed, "order", "energised")
     assert words in seen.error["message"]
     assert not seen.silent
@@ -229,7 +229,7 @@ def test_an_energised_node_asks_first_and_the_answer_to_another_question_does_no
     assert nodes.has("1:6083:00") == 777
 
 
-# -- what is known without the drive ---------------------------------------------------------------------------------------
+# -- known without the drive -----------------------------------------------------------------------------------------------
 
 
 def test_the_tree_has_every_entry_of_the_file_with_its_access(nodes):
@@ -352,12 +352,12 @@ def test_a_node_that_is_lost_meanwhile_ends_it_with_an_error(nodes, quickly):
     assert "no answer" in run.now.told()["error"]["message"]
 
 
-# -- the desk ---------------------------------------------------------------------------------------------------------------
+# -- the client handler -----------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
 def desk(nodes) -> SimpleNamespace:
-    """A desk with an operator, who has the controls, and a looker; ``run`` lets the worker work for a time."""
+    """A client handler with an operator, who has the controls, and an observer; ``run`` lets the worker work for a time."""
     at = PageClients(nodes.machine, str)
     worker = ObjectWorker(nodes.machine, at.objects)
     operator, looker = (at.sit(PageSession(1, role), "here") for role in (Role.OPERATOR, Role.LOOKER))

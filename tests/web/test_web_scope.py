@@ -1,4 +1,4 @@
-"""The scope's batches: every cycle once and in order, what is lost is counted, what is unknown is no number, who may ask what."""
+"""The scope's batches: every cycle once and in order, lost ones are counted, unknown values are no number, rights."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def opened(data):
 
 @pytest.fixture(scope="module")
 def seen():
-    """The images of a simulated cell while an axis moves, with the parameters and what its axis told of itself at each."""
+    """The images of a simulated cell while an axis moves, with the parameters and the values of its axis at each."""
     found, told = [], []
     with Machine.simulated(commands.CELL) as machine:
         x = machine["x"]

@@ -43,7 +43,7 @@ def machine(tmp_path: Path) -> Iterator[Machine]:
 
 
 def packed(times: list[float], **values: list[float]) -> bytes:
-    """What a page sends; a point of a signal's name is an underscore here."""
+    """The message of a page; a point of a signal's name is an underscore here."""
     names = json.dumps([name.replace("_", ".", 1) for name in values]).encode()
     columns = b"".join(array("f", each).tobytes() for each in values.values())
     return struct.pack("<II", len(times), len(names)) + names + array("d", times).tobytes() + columns

@@ -1,4 +1,4 @@
-"""A program serves the page of its machine: who has the command then, and what ends the page."""
+"""A program serves the page of its machine: control meanwhile, and the ends of the page."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def host_of(link):
 
 
 def answer(link):
-    """The status with which a link is answered; 0 where nobody serves."""
+    """The status of the answer to a link; 0 without a server."""
     line = http.client.HTTPConnection(host_of(link), timeout=5)
     try:
         line.request("GET", link[link.index("/enter") :])
@@ -52,7 +52,7 @@ def test_a_page_looks_on_and_ends_with_its_machine(tmp_path):
         page = machine.serve_web()
         assert page.runs
         assert answer(page.link) == 200
-        machine["x"].enable().wait(10)  # the program still has the command
+        machine["x"].enable().wait(10)  # the program still has control
         with pytest.raises(StateError, match="could not be served") as caught:
             machine.serve_web(port=int(host_of(page.link).rpartition(":")[2]))
         assert "in use" in caught.value.observed

@@ -1,4 +1,4 @@
-"""A trial as it is seen cycle by cycle: when it continues, what disturbs it, and its figures, against curves computed here."""
+"""A trial cycle by cycle: its steps, its disturbances, and its figures, against curves computed here."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class Seen:
         self.now = 0.0
 
     def cycle(self, state=STANDS, actual=0.0, target=NAN, error=NAN, after=PERIOD):
-        """One more cycle; return what is to be done."""
+        """One more cycle; return the next action."""
         self.time += after
         self.now += after
         self.trial.hear([TrialSample(self.time, state, actual, target, NAN, error)], self.now)
         return self.trial.next(self.now)
 
     def side(self, state, target, actual, seconds=1.0):
-        """A side of so many seconds; ``actual`` is a function of its time. Return what is to be done, each time."""
+        """A side of so many seconds; ``actual`` is a function of its time. Return the next action, each time."""
         return [
             self.cycle(state, actual((k + 1) * PERIOD), target) for k in range(round(seconds / PERIOD) + 1)
         ]
@@ -118,7 +118,7 @@ def test_an_unknown_position_disturbs_it():
 
 
 def test_the_time_until_the_drive_begins_is_not_the_axis_s():
-    """The state tells that the command is taken; the demand, or the axis, that it goes."""
+    """The state shows that the command is taken; the demand, or the axis, shows the motion."""
     seen = Seen()
     seen.cycle()
     for _ in range(20):

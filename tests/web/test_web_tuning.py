@@ -1,4 +1,4 @@
-"""Trials at the desk, on a simulated cell in virtual time: who may, what is asked, and that every end of one stops the plant."""
+"""Trials at the client handler, on a simulated cell in virtual time: rights, questions, and every end of one stops the plant."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Tuning(Pages):
         assert abs(self.speed()) > 15.0
 
     def ended(self, place: PageClient, why: str) -> None:
-        """It is over and the plant stands, and goes on standing."""
+        """It is over and the plant is at standstill, and stays so."""
         self.pass_(0.3)
         self.hear(place)
         assert self.last["phase"] == "over"
@@ -258,7 +258,7 @@ def test_two_at_a_time_are_refused_and_the_first_continues(pages, place):
     assert (pages.last["phase"], pages.last["why"]) == ("over", "")
 
 
-# -- what ends one -------------------------------------------------------------------------------------------------------------
+# -- ends of a trial -----------------------------------------------------------------------------------------------------------
 
 
 def test_it_ends_when_its_page_is_gone(pages, place):

@@ -1,4 +1,4 @@
-"""What a page asks for: messages that are none, who may ask for what, and what is said where it is refused."""
+"""The requests of a page: invalid messages, rights, and the texts of refusals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from axisbus.web.objects.transfer_queue import ObjectKey
 AXES = ("x", "y")
 ME, OTHER = Seat(1, "page 1", Role.OPERATOR), Seat(2, "page 2", Role.OPERATOR)
 LOOKER = Seat(3, "page 3", Role.LOOKER)
-# Typed off by hand: what everybody may, and what only who has the controls may; what asks first.
+# Typed by hand: the rights of every page, and of the page with the controls only; requests with a question.
 EVERYBODY = {"beat", "take", "take_over", "give_back", "link"}
 EVERYBODY |= {"quick_stop_all", "halt_all", "quick_stop", "halt", "jog_end", "read_objects", "keep_reading"}
 EVERYBODY |= {"backup", "compare", "would_restore", "job_end"}

@@ -1,4 +1,4 @@
-"""What the page shows, on a simulated cell: values that are never passed off as fresh, and what has gone wrong with its remedy."""
+"""The content of the page, on a simulated cell: values that are never passed off as fresh, and errors with their remedy."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_a_silent_drive_has_no_position(machine):
     machine.simulated_node(1).device.dials.dead = True
     machine.sleep(3.0)
     x = all_axes(machine, now(machine))["x"]
-    machine.simulated_node(1).device.dials.dead = False  # it could not be seen to stand on the way out
+    machine.simulated_node(1).device.dials.dead = False  # its standstill could not be seen during closing
     machine.sleep(1.0)
     assert x["position"] == "unknown"
     assert x["position_age"] == ""
