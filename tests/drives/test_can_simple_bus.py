@@ -1,4 +1,4 @@
-"""Which identifiers can share a bus (manual v2.2, 4.1.4), what periodic messages take of it, and error words in words."""
+"""Identifiers that can share a bus (manual v2.2, 4.1.4), the bus load of periodic messages, and error words as text."""
 
 from __future__ import annotations
 

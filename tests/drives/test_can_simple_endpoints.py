@@ -1,4 +1,4 @@
-"""Lists of endpoints: read whole or refused, used only where they are shown to fit; and their frames over CAN."""
+"""Lists of endpoints: read whole or refused, used only if they are shown to fit; and their frames over CAN."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from axisbus.drives.gim6010.can_simple.identifier import can_id, split
 from axisbus.drives.gim6010.can_simple.messages import MESSAGES, Direction, MessageRequestMethod, named
 from axisbus.errors import ArgumentError, LimitError
 
-# Typed off the manual a second time: command, name, who sends data, and the fields' types with the byte that each begins at.
+# Typed from the manual a second time: command, name, sender of data, and the fields' types with the first byte of each.
 MANUAL = """\
 01 Heartbeat < - I0B4
 02 Estop > - -

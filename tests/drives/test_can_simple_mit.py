@@ -61,7 +61,7 @@ def test_a_change_that_avoids_a_frame_of_zeros_has_no_effect_and_is_reported():
     assert packed.frame.data == bytes.fromhex("00 00 00 10 00 00 00 00")
     assert packed.clipped == ()
     assert [str(each) for each in packed.shifted] == ["velocity -64.9683 instead of -65"]
-    for gains in ((0.2, 0), (0, 0.01)):  # a gain that is on the wire keeps it from zeros by itself
+    for gains in ((0.2, 0), (0, 0.01)):  # a gain other than zero alone prevents a frame of zeros
         assert mit.pack(1, MitCommand(-12.5, -65, *gains, -50)).shifted == ()
 
 

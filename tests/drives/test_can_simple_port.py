@@ -117,7 +117,7 @@ def test_a_module_that_does_not_go_to_closed_loop_is_reported_and_let_go(made):
 
 @pytest.mark.parametrize("load", [0.0, 300.0, -300.0])
 def test_a_loaded_axis_is_held_at_the_position_at_which_it_was_enabled(made, load):
-    """Without power the load moves it; it is caught there, as fast as it was, and not led back or on."""
+    """Without power the load moves it; it is held at that position, and not moved back or on."""
     r = made(module=module(motor=MotorParams(load=load)), warm=0.12, holds_load=HoldsLoad.TORQUE)
     r.rough = bool(load)  # the module catches it as hard as it can
     r.axis.enable(allow_moving=True).wait(5)
@@ -400,7 +400,7 @@ def test_when_the_scan_dies_nothing_is_sent_to_a_module_that_was_not_commanded(m
     r.axis.enable()
     r.until(lambda: SET_STATE in r.commands())
     (frame,) = r.port.stop_frames()
-    assert (frame.can_id & 0x1F, frame.data[0]) == (SET_STATE, 1)  # else it would come up and be nobody's
+    assert (frame.can_id & 0x1F, frame.data[0]) == (SET_STATE, 1)  # else it would be enabled without a master
     r.run(1.0)
     assert [each.can_id & 0x1F for each in r.port.stop_frames()] == [MODE, VEL]
     r.axis.disable().wait(5)
@@ -409,7 +409,7 @@ def test_when_the_scan_dies_nothing_is_sent_to_a_module_that_was_not_commanded(m
 
 @pytest.mark.parametrize("doing", ["pp", "csp", "pv"])
 def test_without_a_master_positions_hold_and_a_velocity_continues(made, doing):
-    """What a dead master leaves; the velocity is why ``break_timeout`` is worth arming, and why stop frames are sent."""
+    """The state after a master's death; the velocity is why ``break_timeout`` should be armed, and why stop frames are sent."""
     r = homed(made("a", groups={"all": ["m", "a"]}))
     if doing == "pp":
         r.axis.move_absolute(180.0)
@@ -433,7 +433,7 @@ def test_a_confirmed_break_timeout_is_fed_and_trips_when_the_master_dies(made, t
     r.run(0.5)
     assert (
         r.core.image.state.value == "fault"
-    )  # nobody commanded it: it has tripped, as it would before any start
+    )  # no master commanded it: it has tripped, as it would before any start
     assert not set(r.commands()) & SET_POINTS
     r.axis.reset().wait(5)
     r.run(2.0)
@@ -628,7 +628,7 @@ def test_a_message_that_a_firmware_does_not_answer_is_reported_once(made, answer
     r.run(1.5)
     if answers == ESTIMATES:
         with pytest.raises(TransitionError):
-            r.axis.enable().wait(5)  # its position in closed loop is never told
+            r.axis.enable().wait(5)  # its position in closed loop is never sent
     told = [text for _, text in r.port.news if "not answered by this firmware" in text]
     assert len(told) == 1
     since = r.now

@@ -1,4 +1,4 @@
-"""Parts of a module's port, frame by frame: what counts as closed loop, as a position, as reached and as a restart."""
+"""Parts of a module's port, frame by frame: the conditions of closed loop, position, target reached and restart."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HOMING = 6
 
 
 class Talk:
-    """A port and a module that says what the test lets it say, every 10 ms; heartbeats every 0.1 s."""
+    """A port and a module that sends the values of the test every 10 ms; heartbeats every 0.1 s."""
 
     def __init__(self) -> None:
         self.port = ModulePort(SETTINGS)
@@ -155,7 +155,7 @@ def test_zeros_of_a_module_that_has_let_go_are_no_place(turns):
     place = talk.inputs.position.value
     while round(talk.now * 100) % 10 != 2:
         talk.cycle(0x0F)
-    talk.state = 1  # at once, and its heartbeat says so later
+    talk.state = 1  # at once, and its heartbeat shows it later
     for _ in range(40):
         talk.cycle(0x0F)
         assert talk.inputs.position is None or abs(talk.inputs.position.value - place) <= 3
@@ -262,7 +262,7 @@ def _after_silence(life: int, next_life: int, silence: float) -> Talk:
 
 @pytest.mark.parametrize("step", [1, 2, 4])
 def test_heartbeats_that_this_computer_took_late_are_no_restart(step):
-    """After 0.5 s in which the program did not run, the first of those that waited has a count that has gone on by one."""
+    """After 0.5 s in which the program did not run, the count of the first waiting one has advanced by one."""
     talk = _after_silence(100, 100 + step, 0.5)
     assert not talk.port.hearing.restarted
     talk.port.read(talk.now)
@@ -272,13 +272,13 @@ def test_heartbeats_that_this_computer_took_late_are_no_restart(step):
 @pytest.mark.parametrize(
     ("life", "next_life", "silence"),
     [
-        (100, 0, 1.5),  # it began anew
+        (100, 0, 1.5),  # it restarted
         (100, 3, 1.5),
         (
             4,
             5,
             1.5,
-        ),  # as a module does that had just begun, and began again: nothing tells it from one that was held up
+        ),  # as of a module that had just started, and restarted: it cannot be distinguished from one that was delayed
         (100, 130, 0.5),  # it is ahead of the time that has passed
         (100, 90, 0.5),
     ],

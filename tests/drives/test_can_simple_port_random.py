@@ -1,4 +1,4 @@
-"""Random commands, mishaps and lost frames over a module as an axis: it is smooth, it comes to rest, and no wrong frame is sent."""
+"""Random commands, faults and lost frames for a module as an axis: it is smooth, it stops, and no wrong frame is sent."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from axisbus.drives.gim6010.make import GIM6010
 from axisbus.drives.make import Make
 
 
-# frame, what its line must hold. Names by CiA 301 table 26 and CiA 402-2 table 6.
+# frame, parts of its line. Names by CiA 301 table 26 and CiA 402-2 table 6.
 @pytest.mark.parametrize(
     ("frame", "words"),
     [

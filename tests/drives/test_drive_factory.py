@@ -165,7 +165,7 @@ def test_the_message_names_both_protocols_and_the_remedy():
 
 node_ids = st.integers(1, 127)
 octets = st.binary(min_size=8, max_size=8)
-# What looks most like a heartbeat of CAN Simple: a state, flags and a counter, all in their places.
+# Frames most similar to a heartbeat of CAN Simple: a state, flags and a counter, all at their positions.
 alike = st.builds(
     lambda error, state, flags: [struct.pack("<IBBBB", error, state, flags, 0, n % 256) for n in range(16)],
     st.sampled_from([0, 0x40, 0x1000]),

@@ -1,4 +1,4 @@
-"""Makes of drive: which one a drive is of, and what the joint module's fault bits mean."""
+"""Makes of drive: the make of a drive, and the meaning of the joint module's fault bits."""
 
 from __future__ import annotations
 
@@ -108,7 +108,9 @@ def test_each_fault_is_one_bit_of_its_part() -> None:
     for fault in faults.FAULTS:
         assert fault.bits.bit_count() == 1
         assert fault.meaning
-        if fault.name == "CAN_BUS_FAILED":  # by owners' reports alone: neither code nor register bit is told
+        if (
+            fault.name == "CAN_BUS_FAILED"
+        ):  # by reports of owners alone: neither code nor register bit is known
             assert (fault.register_bit, fault.code) == (None, None)
         else:
             assert 0 <= fault.register_bit <= 7

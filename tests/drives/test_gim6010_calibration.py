@@ -85,7 +85,7 @@ def test_it_is_calibrated_after_it():
     assert one.module.energised
 
 
-# -- what it does not begin with -----------------------------------------------------------------------------------------------
+# -- conditions that prevent its begin -----------------------------------------------------------------------------------------
 
 
 def enabled(one):
@@ -262,7 +262,7 @@ def test_a_calibration_that_is_not_acknowledged_ends():
 
 @pytest.mark.parametrize("moment", [2.5, 3.2, 4.2])
 def test_one_that_restarts_at_once_is_reported(moment):
-    """Also in the encoder's part, where idle could be taken for the end of it."""
+    """Also in the encoder's part, where idle could be mistaken for its end."""
     one = bench(restart_time=0.0)
     found = Calibration(5, CalibrationKind.FULL)
     sent = play(found, one, at=when(moment, lambda each: each.module.restart()), step=STEP)

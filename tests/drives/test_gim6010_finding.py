@@ -33,7 +33,7 @@ def canopen(node, **more):
 
 
 def harmless(frame):
-    """The test's own list of what commands nothing in any of the protocols."""
+    """The test's own list of frames that command nothing in any of the protocols."""
     command = frame.can_id & 0x1F
     if frame.remote:
         return command in (0x0A, 0x17) and not frame.data
@@ -57,7 +57,7 @@ def must_be_bounded(found):
         assert not any(each.energised or each.velocity for each in plant)
 
 
-# -- what is found ------------------------------------------------------------------------------------------------------------
+# -- findings -----------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("node", [0, 1, 5, 31, 48, 63])
@@ -286,7 +286,7 @@ def test_late_answers_are_not_mistaken_for_those_of_a_second_module(late):
 
 
 def test_identifiers_on_which_unasked_frames_are_received_later_are_not_used():
-    """Somebody speaks every other second, on identifiers of node 60 of CAN Simple and on the SDO of CANopen node 100."""
+    """A device sends every other second, on identifiers of node 60 of CAN Simple and on the SDO of CANopen node 100."""
 
     def strangers(now):
         late = now > 1.6 and round(now * 1000) % 100 == 0
@@ -325,7 +325,7 @@ def test_answers_of_wrong_lengths_are_reported_and_not_believed(length):
     assert only.found == {}
 
 
-# -- what must not be asked ---------------------------------------------------------------------------------------------------
+# -- requests that must not be sent -------------------------------------------------------------------------------------------
 
 
 def test_foreign_traffic_is_named_and_silent_nodes_are_not_probed():
@@ -352,7 +352,7 @@ def test_nothing_is_sent_on_an_identifier_in_use_even_with_ask_all():
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32))
 def test_random_traffic_is_never_answered_to(seed):
-    """Strangers of any identifier and data: the finder ends, and sends nothing on what it had heard before, nor a command."""
+    """Unknown devices with any identifier and data: the finder ends, and sends nothing on a received identifier, nor a command."""
     chance = random.Random(seed)
     ids = [
         chance.randrange(0x800) if chance.random() < 0.8 else chance.randrange(0x800, 1 << 29)
@@ -396,7 +396,7 @@ def test_only_listening_sends_nothing():
 
 
 def test_the_first_sign_that_no_node_acknowledges_ends_the_asking():
-    """The one frame that is on its way is repeated by the controller until it is taken: there must be no second."""
+    """The one frame in transmission is repeated by the controller until it is acknowledged: there must be no second."""
     told = []
 
     def at(now):
@@ -410,7 +410,7 @@ def test_the_first_sign_that_no_node_acknowledges_ends_the_asking():
 
 
 def test_on_a_silent_bus_the_first_request_is_waited_for_longer():
-    """Until a controller has told that nobody acknowledges."""
+    """Until a controller has reported the missing acknowledge."""
     found = search()
     must_be_bounded(found)
     assert found.sent[1].time - found.sent[0].time >= 0.1 - 1e-9
@@ -420,7 +420,7 @@ def test_on_a_silent_bus_the_first_request_is_waited_for_longer():
 
 @pytest.mark.parametrize("most", [6, 24])
 def test_a_module_is_not_asked_without_end(most):
-    """A CANopen node whose objects all come in segments of which none is the last."""
+    """A CANopen node whose objects all arrive in segments without a last one."""
 
     def answer(request, _):
         if request.can_id != 0x605 or request.data[0] == 0x80:

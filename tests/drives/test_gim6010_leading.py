@@ -32,7 +32,7 @@ FAULTS = (
     lambda one: one.order(ESTOP),
     lambda _: None,
 )
-JOLTS = (  # after which the plant is not smooth by itself
+JOLTS = (  # after these the plant alone is not smooth
     lambda one: setattr(one.module.dials, "blocked", True),
     lambda one: setattr(one.module.dials, "encoder_frozen", True),
 )
@@ -94,7 +94,7 @@ def test_a_pulse():
 
 
 def test_letting_go_by_steps():
-    """Idle for 1.5 s and two periods, then ESTOP as long, then what is not known is said."""
+    """Idle for 1.5 s and two periods, then ESTOP as long, then the unknown state is reported."""
     pulse = HeartbeatMonitor(5)
     for number in range(5):
         pulse.take(beat(number * 0.1, 8, number))

@@ -32,7 +32,7 @@ DAMPING = bytes.fromhex("80 00 80 00 00 33 38 00")  # kd 1 of 5: 819 = 333h, by 
 
 
 class Led:
-    """A leader on a wire; ``sent`` is what it sent, as (time, command, data)."""
+    """A controller on a wire; ``sent`` holds its frames, as (time, command, data)."""
 
     def __init__(self, bench=None, settings=SETTINGS, lose=lambda *_: False, step=0.001):
         self.bench = bench or made()
@@ -93,7 +93,7 @@ def made(params=None, **more):
 
 
 def judge(led):
-    """What must hold of everything that was ever sent."""
+    """Check the invariants of all sent frames."""
     zeros = [data for _, command, data in led.sent if command == MIT and not any(data)]
     assert zeros == []
     assert set(led.commands()) <= {MIT, SET_MODE, SET_STATE, ESTOP}
@@ -177,7 +177,7 @@ def test_one_that_does_not_start_is_let_go():
     assert led.leader.confirmed
 
 
-# -- leading ---------------------------------------------------------------------------------------------------------------------
+# -- control ---------------------------------------------------------------------------------------------------------------------
 
 
 def test_under_mit_control_a_stiff_command_moves_the_output_to_its_position():
@@ -248,7 +248,7 @@ def test_late_frames_are_not_made_up_for():
     assert min(b - a for a, b in pairwise(times)) > 0.0039
 
 
-# -- ways out --------------------------------------------------------------------------------------------------------------------
+# -- ends ------------------------------------------------------------------------------------------------------------------------
 
 
 def spinning(led):
@@ -342,7 +342,7 @@ def test_a_second_interrupt_goes_to_estop():
     led = spinning(Led().enabled())
     led.leader.leave("Ctrl-C")
     led.run(0.01)
-    led.leader.leave("again")  # by itself this changes nothing
+    led.leader.leave("again")  # this alone changes nothing
     led.run(0.01)
     assert ESTOP not in led.commands()
     led.leader.escalate()

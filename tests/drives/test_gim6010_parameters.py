@@ -1,4 +1,4 @@
-"""Parameters by name without a bus: what may be written, values as text, backups, and what a restore would do."""
+"""Parameters by name without a bus: writable ones, values as text, backups, and the plan of a restore."""
 
 from __future__ import annotations
 
@@ -213,7 +213,7 @@ def test_differences_are_exactly_the_values_that_differ(one, other):
     assert all(each.words for each in found.values())
 
 
-# -- what a restore would do --------------------------------------------------------------------------------------------------
+# -- the plan of a restore ----------------------------------------------------------------------------------------------------
 
 
 def changed(fake, **more):

@@ -1,4 +1,4 @@
-"""What a commissioning sets in a module: values that have to be given, each read back; and cut off before each act."""
+"""Settings of a module at commissioning: values that have to be given, each read back; and interrupted before each act."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def applied(wanted, module=None, **more):
     return found, told
 
 
-# -- what is written ---------------------------------------------------------------------------------------------------------
+# -- written settings --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_foreign_traffic_counts_as_another_node():
 
 
 def heard_at(module, rate):
-    """The node IDs that ``find`` tells on a wire of this rate."""
+    """The node IDs that ``find`` reports on a wire of this rate."""
     module.dials.line_bitrate = rate
     return [key[1] for key in search(module, ask=ProbeScope.ALL).found]
 

@@ -129,7 +129,7 @@ def test_gains_are_set_before_it_is_enabled():
     assert [frame.can_id for frame in Gains(position=1.0).frames(5)] == [5 << 5 | POS_GAIN]
 
 
-# -- what ends it ------------------------------------------------------------------------------------------------------------------
+# -- interruptions -----------------------------------------------------------------------------------------------------------------
 
 
 def when(moment, act):
@@ -239,7 +239,7 @@ def test_one_that_does_not_start_is_let_go(lost):
     assert not one.module.energised
 
 
-# -- what is given, and what is said -------------------------------------------------------------------------------------------
+# -- arguments and messages ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def within(rig, body):
 
 
 def is_off(rig, window=0.1):
-    """Whether it truly has no power and stands, half a second later."""
+    """Whether it truly has no power and is at standstill, half a second later."""
     rig.wire.before = lambda _: None
     rig.rest()
     return not rig.plant.energised and abs(rig.velocity) < window
@@ -201,7 +201,7 @@ def test_disable_may_be_repeated_and_enabling_works_again():
     assert is_off(rig)
 
 
-# -- what is refused ---------------------------------------------------------------------------------------------------
+# -- refusals ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -291,7 +291,7 @@ def test_a_module_that_was_found_enabled_is_left_so_and_reported():
     assert rig.written == []
 
 
-# -- what goes wrong on the way ----------------------------------------------------------------------------------------
+# -- faults during a motion --------------------------------------------------------------------------------------------
 
 
 def test_a_module_that_does_not_enable_is_reported_and_asked_once():
@@ -310,7 +310,7 @@ def test_a_firmware_that_goes_to_an_old_set_point_is_stopped_at_once():
     with rig.axis as axis:
         axis.enable(P)
         axis.move(3.0, **MOVE)
-    rig.plant.motor.position -= 30.0 * 16384  # somebody turns it back while it has no power
+    rig.plant.motor.position -= 30.0 * 16384  # it is turned back by hand while it has no power
     with pytest.raises(UncommandedMotion, match="with a set-point of 3"), rig.axis as axis:
         axis.enable(P)
     assert is_off(rig)
@@ -421,7 +421,7 @@ def test_a_module_that_turns_uncommanded_when_enabled_is_reported():
     assert is_off(rig)
 
 
-# -- every way out -----------------------------------------------------------------------------------------------------
+# -- every end ---------------------------------------------------------------------------------------------------------
 
 
 def play(axis):
@@ -458,7 +458,7 @@ def length(what):
 
 
 LENGTHS = {what: length(what) for what in PLAYS}
-# At these questions something goes wrong: each of those that open and enable, and some of those on the way.
+# The requests at which a fault occurs: each of those that open and enable, and some of those during the motion.
 SPREAD = {what: [*range(36), *range(36, LENGTHS[what], 17)] for what in PLAYS}
 
 
@@ -680,7 +680,7 @@ def test_a_refused_request_of_the_stop_sequence_does_not_prevent_the_next_step(w
         if what is play
         else pytest.raises(DriveError, match="whether it is at standstill is NOT known")
     ):
-        within(rig, what)  # where it stood already, that was seen
+        within(rig, what)  # standstill before was seen
     assert "emergency stop latches" in rig.said[-1]
     assert not rig.plant.energised
     assert "06 00 61 00 01" in rig.written
@@ -722,7 +722,7 @@ def test_a_dead_master_is_noticed_by_nothing():
     axis.__enter__()
     axis.enable(V)
     axis.turn(3.0, acceleration=20.0)
-    rig.rest(20.0)  # nobody asks any more
+    rig.rest(20.0)  # no request any more
     assert rig.velocity == pytest.approx(3.0, rel=0.02)
     axis.__exit__(None, None, None)
     assert is_off(rig)

@@ -30,7 +30,7 @@ class Calibrated(Rig):
 
     @property
     def asked(self):
-        """What was written to the state, in order."""
+        """The values written to the state, in order."""
         return [int(each[-2:], 16) for each in self.written if each.startswith(f"06 {STATE_CONTROL}")]
 
     def deafen(self, requests):

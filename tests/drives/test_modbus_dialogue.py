@@ -83,7 +83,7 @@ def test_a_late_answer_is_not_taken_for_the_next_one():
 
 
 class Numbered:
-    """A wire whose every answer tells which request it is to; each answer is delayed by the given time. Lost ones never come."""
+    """A wire whose every answer contains the number of its request; each answer is delayed by the given time. Some are lost."""
 
     timeout = 0.2
 

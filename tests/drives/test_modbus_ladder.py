@@ -113,7 +113,7 @@ def test_a_trapezoid_is_halted_at_the_position_at_which_it_can_stop(velocity):
 
 
 def test_a_halt_is_not_over_before_its_set_point_is_confirmed():
-    """It stands, since it has not begun to move: the target, the velocity would still move it."""
+    """It is at standstill, since it has not begun to move: the target, the velocity would still move it."""
     for halting, values in ((TrapezoidHalt(25.0, 99.0), [0.0]), (RampHalt(5.0, 1.0), None)):
         ladder, sent, now = ModbusStopSequence(halting, hold=True), [], 0.0
         while ladder.outcome is None and now < 5.0:

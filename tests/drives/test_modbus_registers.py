@@ -245,7 +245,7 @@ def test_units_sides_and_parameters_are_those_of_can_simple():
 
 
 def answer(request, **other):
-    """The answer that a right module gives, with what is changed in it."""
+    """The correct answer of a module, with the given changes."""
     if request.function in (ModbusFunction.READ_HOLDING, ModbusFunction.READ_INPUT):
         fields = {"words": (0,) * request.count}
     elif request.function is ModbusFunction.WRITE_ONE:

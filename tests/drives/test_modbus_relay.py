@@ -26,7 +26,7 @@ STATE, CONTROL, INPUT, POSITION, VELOCITY_SET, ESTOP = 0x63, 0x64, 0x65, 0x66, 0
 
 
 class Line:
-    """One station behind a relay; what it tells goes into a ``ModuleFeedback``."""
+    """One station behind a relay; its answers go into a ``ModuleFeedback``."""
 
     def __init__(self, **dials):
         self.station = Station(dials=LineDials(**dials))
@@ -68,7 +68,7 @@ class Line:
 
     @property
     def written(self):
-        """What was written: address and value as it went over the line, in order."""
+        """The writes on the line: address and value, in order."""
         return [
             (int.from_bytes(frame[2:4], "big"), frame[4:6] if frame[1] == 6 else frame[7:])
             for frame in self.station.frames
@@ -197,7 +197,7 @@ def test_an_answer_that_is_lost_while_it_is_looked_at_loses_no_order():
     line = Line()
     line.enable()
     line.station.dials.silent = 1
-    line.work()  # what it was asked for is lost
+    line.work()  # the orders given to it are lost
     line.give(ORDERS.position(1.5))
     line.settle()
     assert line.plant.usb_read("axis0.controller.input_pos") == pytest.approx(1.5)
@@ -286,7 +286,7 @@ def test_random_frames_request_no_state_but_idle_and_closed_loop(frames):
     line = Line()
     for can_id, data, remote in frames:
         line.relay.take(can_id, data, remote)
-    with suppress(AxisbusError):  # a value that is none that is sent
+    with suppress(AxisbusError):  # an invalid value
         line.settle()
     assert set(line.states) <= {1, 8}
     written = {address for address, _ in line.written}

@@ -28,7 +28,7 @@ def test_a_move_has_arrived_when_two_samples_show_standstill_within_its_window()
     looks = [
         (seen(9.99, 1.0), ModbusMotionStatus.UNDER_WAY),  # it is there, and passes
         (seen(10.01, 1.0), ModbusMotionStatus.UNDER_WAY),
-        (seen(9.97, 0.0), ModbusMotionStatus.UNDER_WAY),  # it stands, and is not there
+        (seen(9.97, 0.0), ModbusMotionStatus.UNDER_WAY),  # it is at standstill, and not at the target
         (seen(10.01, 0.04), ModbusMotionStatus.UNDER_WAY),  # once
         (seen(10.03, 0.0), ModbusMotionStatus.UNDER_WAY),  # and not again
         (seen(9.985, 0.0), ModbusMotionStatus.UNDER_WAY),

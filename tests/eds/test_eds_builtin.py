@@ -103,7 +103,7 @@ def test_types_and_access_are_those_of_the_standard(name: str) -> None:
             checked += 1
     assert (
         checked >= len(profile) - 7
-    )  # 60E3h goes on after its first entry, which the table does not spell out
+    )  # 60E3h continues after its first entry, which the table does not spell out
 
 
 def test_the_generic_module_has_its_inputs_outputs_and_error_values() -> None:

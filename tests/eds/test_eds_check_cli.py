@@ -1,4 +1,4 @@
-"""``axisbus eds check`` as its user types it: what it prints, as text, JSON and SARIF, and its exit codes."""
+"""``axisbus eds check``: its output as text, JSON and SARIF, and its exit codes."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_lines_gives_each_finding_a_line_that_editors_understand(check: Call) ->
 
 
 def many(count: int) -> str:
-    """Write a file of which ``count`` objects have no PDOMapping (O020)."""
+    """Write a file with ``count`` objects without PDOMapping (O020)."""
     names = "".join(
         f"[{0x3000 + number:04X}]\nParameterName=P{number}\nObjectType=0x7\nDataType=0x0007\nAccessType=rw\n"
         for number in range(count)
@@ -175,7 +175,7 @@ def test_severity_filters_the_findings_and_counts_the_others(check: Call) -> Non
     assert sorted(shown("--severity", "error,note")) == ["error", "note"]
     assert sorted(shown("--severity", "Warning", "--severity", "note")) == ["note", "warning"]
     code, out, _ = check("a.eds", "--severity", "note")
-    assert code == 1  # what is not shown counts all the same
+    assert code == 1  # findings that are not shown count all the same
     assert "1 error (not shown), 1 warning (not shown), 1 note" in out
     code, out, _ = check(write("b.eds", SHARED), "--severity", "error,warning")
     assert out.splitlines()[0] == "b.eds: 0 errors, 0 warnings, 1 note (not shown)"

@@ -1,4 +1,4 @@
-"""What a file says in short, spelt out: CompactSubObj with its lists, CompactPDO."""
+"""Short forms in a file, expanded: CompactSubObj with its lists, CompactPDO."""
 
 from __future__ import annotations
 

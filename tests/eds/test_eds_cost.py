@@ -18,7 +18,7 @@ from axisbus.eds.io import compact, reader
 from axisbus.errors import EdsError
 from kit.eds.texts import HEAD, read, variable
 
-SOME_SECONDS = 6.0  # of the processor, on a slow machine; what is not linear takes minutes
+SOME_SECONDS = 6.0  # of the processor, on a slow machine; an algorithm that is not linear takes minutes
 COMPACT = variable("2000", ObjectType="0x8", DataType="0x0007", PDOMapping="0", CompactSubObj="254")
 
 

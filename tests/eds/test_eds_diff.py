@@ -348,7 +348,7 @@ _SWAPPED = {DifferenceGroup.ADDED: DifferenceGroup.REMOVED, DifferenceGroup.REMO
 
 @pytest.mark.skipif(not CORPUS, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
 def test_real_files_of_one_maker_differ_alike_in_both_directions() -> None:
-    """Nothing is said of a file beside itself; what is said of A and B is said of B and A with the sides exchanged."""
+    """A file does not differ from itself; the differences of A and B are those of B and A with the sides exchanged."""
     different = 0
     for one, other in pairwise(CORPUS):
         a = load(one)

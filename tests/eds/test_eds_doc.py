@@ -1,4 +1,4 @@
-"""The reference of a device as HTML and Markdown: whole, self-contained, well-formed, to scale, safe against what names contain."""
+"""The reference of a device as HTML and Markdown: whole, self-contained, well-formed, to scale, safe against any names."""
 
 from __future__ import annotations
 
@@ -223,7 +223,7 @@ def test_every_real_file_becomes_a_page_with_a_drawing_for_each_pdo() -> None:
 
 
 def test_no_cell_breaks_within_a_word_but_for_those_of_fixed_width() -> None:
-    """On a phone a table whose cells may break anywhere has columns of one letter; objects stand below each other there."""
+    """On a phone a table whose cells may break anywhere has columns of one letter; objects are below each other there."""
     style = (Path(reference_package.__file__).parent / "style.css").read_text()
     assert re.search(r"^th, td \{[^}]*overflow-wrap: break-word", style, re.M)
     phone = style[style.index("(max-width: 50rem)") : style.index("@page")]

@@ -1,4 +1,4 @@
-"""Mending: each defect becomes the text that was meant, nothing else changes, and what needs judgement stays."""
+"""Fixes: each defect becomes the intended text, nothing else changes, and cases that need judgement stay."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def mended(body: str) -> str:
 
 
 def without_lines(eds: Eds) -> dict[int, Object]:
-    """Return the objects, those that say the same equal, wherever they stand and however their names' letters are written."""
+    """Return the objects, equal ones with equal content, wherever they are and however their names' letters are written."""
     return {
         index: replace(
             entry,
@@ -318,7 +318,7 @@ def test_the_diff_has_the_unified_format() -> None:
 
 
 def patched(lines: list[str], diff: list[str]) -> list[str]:
-    """Apply a unified diff by what its lines say, as ``patch`` does."""
+    """Apply a unified diff by its lines, as ``patch`` does."""
     made: list[str] = []
     at = 0
     for line in diff:
@@ -379,7 +379,7 @@ def test_fix_repairs_findings_of_check() -> None:
         before = reader.read(path.read_bytes(), path.name)
         found = check(before)
         if len(before.eds.findings) > 900:
-            continue  # not all of it is told
+            continue  # not all of it is listed
         done = fix(before)
         assert {each.rule for each in done.mended} <= {each.rule for each in found}, path.name
         counts = Counter((each.rule, each.index, each.subindex) for each in found)

@@ -1,4 +1,4 @@
-"""What a notebook shows of an EDS."""
+"""The display of an EDS in a notebook."""
 
 from __future__ import annotations
 

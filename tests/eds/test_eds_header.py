@@ -126,7 +126,7 @@ int main(void)
 def test_packed_data_matches_the_mapping_and_unpacks_to_the_same_values(tmp_path: Path) -> None:
     made = compiled(header(read(MAPPED)), tmp_path, MAIN)
     found = subprocess.run([made], capture_output=True, text=True, check=True).stdout.split()
-    space = 0xFF << 18  # 8 bits that nobody has written
+    space = 0xFF << 18  # 8 bits that are not written
     bits = (-5 & 0xFF) | 1 << 8 | 0x155 << 9 | space | (-3 & 0xFF_FFFF) << 26 | 0x3F << 50
     assert found[0] == bits.to_bytes(7, "little").hex().upper()
     assert found[1:5] == ["-5", "1", "341", "-3"]

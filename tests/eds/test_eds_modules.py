@@ -1,4 +1,4 @@
-"""What a modular device says of its modules, and the other parts of a file that only some have."""
+"""The modules of a modular device, and other parts that only some files have."""
 
 from __future__ import annotations
 

@@ -284,7 +284,7 @@ def test_a_defect_in_repeated_sections_is_found_in_each() -> None:
     assert [(found.rule, found.index) for found in eds.findings] == [("V005", index) for index in indices]
 
 
-# Lines of which sections are made that are alike in all sorts of ways, and in some only seem to be.
+# Lines for sections that are alike in all sorts of ways, and in some only seem to be.
 LINES = (
     *(
         "ParameterName=A",
@@ -342,7 +342,7 @@ def alike(seed: int) -> bytes:
 
 @pytest.mark.parametrize("seed", range(0, 400, 50))
 def test_objects_are_the_same_whether_looked_at_alone_or_with_the_findings(seed: int) -> None:
-    """What wants findings takes every section apart; what does not makes many like others."""
+    """Reading with findings parses every section; reading without them copies equal ones."""
     for number in range(seed, seed + 50):
         looked_at, checked = (reader.read(alike(number), "test.eds").eds for _ in range(2))
         assert checked.findings is not None

@@ -71,7 +71,7 @@ def test_cases_that_the_standard_leaves_open_are_notes() -> None:
 
 
 def test_an_uncertain_row_of_the_table_gives_only_a_note() -> None:
-    """The sign of 6086h is not certain from what is public, that of 6064h is."""
+    """The sign of 6086h is not certain from public sources, that of 6064h is."""
     assert only("M002", "6086:DataType=0x0006").severity is Severity.NOTE
     assert only("M002", "6064:DataType=0x0007").severity is Severity.WARNING
 
@@ -113,7 +113,7 @@ def test_the_missing_sub_index_is_named() -> None:
 
 @pytest.mark.parametrize("count", ["0xFFFFFFFFFF", "9" * 19])
 def test_a_sub_index_zero_beyond_all_bounds_is_checked_in_a_moment(count: str) -> None:
-    """It is counted up to 254 (FEh), not to what the file says."""
+    """It is counted up to 254 (FEh), not to the count in the file."""
     edits = ("2003sub0:DataType=0x001B", f"2003sub0:DefaultValue={count}", "-2003sub2")
     assert "sub-index" not in only("O007", *edits).message.partition(";")[2]
 

@@ -49,7 +49,7 @@ def test_single_bits_are_drawn_to_scale_and_get_a_letter() -> None:
     assert "byte 0 bits 4-7  UNSIGNED8  (space)" in text
     assert "bytes 1-4        6064       Position" in text
     assert "bytes 5-7        2002       Pressure     INTEGER24" in text
-    # One row holds four bytes here: the position goes on in the second.
+    # One row holds four bytes here: the position continues in the second.
     assert "  │…6064          │2002 " in text
 
 

@@ -1,4 +1,4 @@
-"""Each way that real files write a value, with the value that it means; the numbers are worked out by hand."""
+"""Each form in which real files write a value, with its meaning; the numbers are computed by hand."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def test_a_model_made_in_a_program_is_written_and_read_without_a_difference() ->
     eds = by_hand()
     data = writer.dumps(eds)
     again = loads(data, "again.dcf")
-    assert [finding.rule for finding in again.findings] == ["S012"]  # [toolinfos] is nobody's
+    assert [finding.rule for finding in again.findings] == ["S012"]  # [toolinfos] belongs to no known tool
     assert our_facts(again, 5) == our_facts(eds, 5)
     assert (again.node_id, again.dummies, again.objects[0x2000].links) == (5, {5}, (0x1000,))
     assert again.objects[0x2000].denotation == "mine"

@@ -52,7 +52,7 @@ def bench() -> Bench:
     return made
 
 
-# -- what it says by itself -------------------------------------------------------------------------------------------------------
+# -- messages sent unasked --------------------------------------------------------------------------------------------------------
 
 
 def test_it_beats_and_reports_its_position_by_the_factorys_periods(bench):
@@ -461,7 +461,7 @@ def test_the_frame_of_zeros_is_full_negative_torque(bench):
     bench.run(0.02)
     assert bench.floats(TORQUES)[0] == pytest.approx(
         -45 * 0.097
-    )  # of -50/8 N·m, what the current limit allows
+    )  # of -50/8 N·m, the part that the current limit allows
     assert bench.module.position < 0.0
 
 

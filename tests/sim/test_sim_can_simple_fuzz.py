@@ -1,4 +1,4 @@
-"""Whatever frames come, a simulated module raises nothing, is energised by nobody who did not ask for it, and never jumps."""
+"""For any frames, a simulated module raises nothing, is not energised without a request, and never jumps."""
 
 from __future__ import annotations
 

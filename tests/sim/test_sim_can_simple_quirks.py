@@ -1,4 +1,4 @@
-"""What owners saw of real modules and a master has to live with: restarts, watchdogs, runaways, endpoints, changes of protocol."""
+"""Behaviour that owners saw of real modules: restarts, watchdogs, runaways, endpoints, changes of protocol."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_a_module_without_can_or_at_another_bit_rate_is_silent(bench):
     assert other.heard == other.send(0xA9, remote=True) == []
 
 
-# -- who notices a dead master ----------------------------------------------------------------------------------------------------
+# -- detection of a dead master ---------------------------------------------------------------------------------------------------
 
 
 def test_a_break_timeout_latches_and_closed_loop_is_then_refused_in_silence(bench):
@@ -125,7 +125,7 @@ def test_a_break_timeout_latches_and_closed_loop_is_then_refused_in_silence(benc
     bench.run(0.1)
     assert error(bench) == BUS_FAILED
     bench.order(CLEAR)
-    bench.order(SET_STATE, CLOSED_LOOP)  # armed still, and nobody feeds it
+    bench.order(SET_STATE, CLOSED_LOOP)  # still armed, and not fed
     bench.run(0.1)
     assert bench.state == IDLE
     bench.module.usb_write(BREAK, 0)
@@ -164,7 +164,7 @@ def test_in_passthrough_it_runs_off_when_set_points_pause_and_disarms(bench):
     bench.order(LIMITS, 20.0, 40.0)
     bench.enable(3, 1)
     bench.run(2.0, 0.005)
-    assert bench.module.position == 0.0  # by itself it holds: none has come
+    assert bench.module.position == 0.0  # without a set-point it holds its position
     for _ in range(20):
         bench.order(POS, 0.5, 0, 0)
         bench.run(0.02)
@@ -201,7 +201,7 @@ def test_too_little_voltage_is_latched_beyond_its_cause(bench):
     assert not bench.module.energised
     bench.order(CLEAR)
     bench.run(0.11)
-    assert bench.beats(5)[-1][:6] == bytes.fromhex("40000000 01 89")  # its cause goes on
+    assert bench.beats(5)[-1][:6] == bytes.fromhex("40000000 01 89")  # its cause persists
     bench.module.dials.bus_voltage = 24.0
     bench.run(0.11)
     assert error(bench) == 0x40

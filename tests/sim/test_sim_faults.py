@@ -1,4 +1,4 @@
-"""Planned faults: when each begins and ends, and what it does to a drive, in virtual time."""
+"""Planned faults: the begin and end of each, and its effect on a drive, in virtual time."""
 
 from __future__ import annotations
 

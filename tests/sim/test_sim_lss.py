@@ -1,4 +1,4 @@
-"""The simulated drive's LSS slave: hand-written frames, canopen's master and ours against it, and what its fault settings do."""
+"""The simulated drive's LSS slave: hand-written frames, canopen's master and ours against it, and its fault settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The simulated drive on RS485, by bytes alone: what the manual (v2.2, 4.3) prints, and what it is made to do wrong."""
+"""The simulated drive on RS485, by bytes alone: the frames of the manual (v2.2, 4.3), and its fault settings."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_a_broken_frame_is_forgotten_and_silence_begins_again():
     assert frames.take(good[:-1] + b"\x00", 0.0) == []
     assert frames.broken == 1
     assert frames.take(good[:3], 1.0) == []
-    assert frames.take(good, 1.1) == [good[:-2]]  # what came before the silence is no part of it
+    assert frames.take(good, 1.1) == [good[:-2]]  # the bytes before the silence are no part of it
 
 
 def test_the_example_of_velocity_control():

@@ -1,4 +1,4 @@
-"""Stand-ins on python-can's virtual bus in real time: they survive foreign masters.
+"""Simulated drives on python-can's virtual bus in real time: they survive foreign masters.
 
 Every wait is for a condition with a generous deadline, so that a busy computer only makes these slower.
 """
@@ -107,7 +107,7 @@ def test_a_move_in_hand_written_frames(channel, master):
 
 @contextmanager
 def canopens_master(channel, made) -> Iterator[BaseNode402]:
-    """The node of canopen's own master for a stand-in made from an EDS, which has booted; its time-outs are ours."""
+    """The node of canopen's own master for a simulated drive made from an EDS, which has booted; its time-outs are ours."""
     with StandIns(devices=[Device(made, 5)], **options(channel)) as stand_ins:
         network = canopen.Network()
         network.NOTIFIER_CYCLE = 0.05
@@ -159,7 +159,7 @@ def test_canopens_own_402_master_sees_a_quick_stop_at_standstill(channel, change
         node.on_TPDOs_update_callback = look
         node.nmt.state = "OPERATIONAL"
         node.setup_402_state_machine()
-        # What is sent on change comes as the node starts, to one who listens.
+        # A TPDO sent on change is sent when the node starts, to a listener.
         for name in ("PRE-OPERATIONAL", "OPERATIONAL"):
             node.nmt.state = name
         for name in ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED"):

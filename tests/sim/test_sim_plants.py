@@ -1,4 +1,4 @@
-"""Plants that resist, and drives that do not do what their objects say: each plant parameter and dial for itself."""
+"""Plants that resist, and drives that deviate from their objects: each plant parameter and fault setting alone."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STEPS = [0.0001, 0.001, 0.007, 0.02]
 
 
 def ramp_and_rest(motor: Motor, dt: float, seconds: float = 1.4) -> list[tuple[float, float]]:
-    """Lead a motor at 20 000 increments/s for 0.7 s, then hold; return time and position at every 0.14 s."""
+    """Move a motor at 20 000 increments/s for 0.7 s, then hold; return time and position at every 0.14 s."""
     seen, time, demand = [], 0.0, motor.seize()
     begin = demand
     for number in range(1, round(seconds / dt) + 1):
@@ -94,7 +94,7 @@ def test_with_little_torque_it_still_stops_at_its_target(dt):
 
 def test_an_enabled_drive_sags_and_shows_that_demand_and_actual_differ():
     rig = Rig(params=LOADED, x6065=0xFFFF_FFFF)
-    rig.dials.blocked = True  # somebody holds it by hand
+    rig.dials.blocked = True  # it is held by hand
     rig.enable(PP)
     rig.dials.blocked = False
     rig.run(2.0)
@@ -104,7 +104,7 @@ def test_an_enabled_drive_sags_and_shows_that_demand_and_actual_differ():
     assert (rig.read(0x6062), rig.read(0x6064)) == (10_000, 9_800)
 
 
-# -- what holds a motor --------------------------------------------------------------------------------------------------
+# -- forces that hold a motor --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("dt", STEPS)
@@ -263,7 +263,7 @@ def test_a_drive_that_resumes_turns_at_its_former_velocity_until_another_is_writ
     assert rig.drive.velocity == 0
 
 
-# -- what was there already: off and moving ------------------------------------------------------------------------------
+# -- initial states: off and moving --------------------------------------------------------------------------------------
 
 
 def test_a_drive_with_little_friction_coasts_far_when_its_power_is_cut():

@@ -55,9 +55,9 @@ def test_the_handshake_in_its_phases():
     assert not rig.has(BIT_12)
     rig.word(0x1F)
     assert rig.has(BIT_12)
-    assert not rig.has(BIT_10)  # under way
+    assert not rig.has(BIT_10)  # still moving
     rig.run(0.1)
-    assert rig.has(BIT_12)  # as long as bit 4 stands
+    assert rig.has(BIT_12)  # as long as bit 4 is set
     rig.word(0x0F)
     assert not rig.has(BIT_12)
     rig.arrive()

@@ -1,4 +1,4 @@
-"""The simulated drive's boot loader: what it takes, in which order, and what it says of it (CiA 302-3, numbers typed by hand)."""
+"""The simulated drive's boot loader: accepted data, their order, and its reports (CiA 302-3, numbers typed by hand)."""
 
 from __future__ import annotations
 

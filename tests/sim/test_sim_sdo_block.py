@@ -181,7 +181,7 @@ def test_more_bytes_than_announced_are_an_error():
         upload.receive(raw("03" + "33" * 7))
 
 
-# -- which way
+# -- selection of the transfer type ----
 
 
 def test_many_announced_bytes_are_fetched_in_blocks():

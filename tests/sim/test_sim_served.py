@@ -20,7 +20,7 @@ from axisbus.sim.socketcand_server import LOOPBACK, Server
 OPEN, RAW = b"< open sim >", b"< rawmode >"
 
 
-# -- what is said ----------------------------------------------------------------------------------------------------------------
+# -- messages --------------------------------------------------------------------------------------------------------------------
 
 
 def raw() -> Dialogue:
@@ -94,7 +94,7 @@ def server():
 
 def joined(server, **options):
     bus = open_adapter("socketcand", server.channel, None, {"host": LOOPBACK, "port": server.port, **options})
-    time.sleep(0.1)  # nothing is told for 50 ms
+    time.sleep(0.1)  # nothing is sent for 50 ms
     return bus
 
 
@@ -187,7 +187,7 @@ def test_a_client_that_sends_too_much_waits_and_one_that_is_not_served_is_discon
     good = joined(server)
     good.send(can.Message(arbitration_id=0x202, data=b"", is_extended_id=False))
     heard = server.bus.recv(2.0)
-    while heard.arbitration_id == 0x201:  # what was under way when the flood ended
+    while heard.arbitration_id == 0x201:  # frames in transit when the flood ended
         heard = server.bus.recv(2.0)
     assert heard.arbitration_id == 0x202
     flood.close()

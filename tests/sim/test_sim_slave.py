@@ -32,7 +32,7 @@ class Wire:
         return self
 
     def send(self, can_id: int, data: str, *, remote: bool = False) -> list[tuple[int, str]]:
-        """Send a frame and return what is answered at once."""
+        """Send a frame and return the immediate answers."""
         seen = len(self.log)
         self.slave.on_frame(can_id, bytes.fromhex(data), self.now, remote=remote)
         self._collect()
@@ -145,7 +145,7 @@ def test_a_quick_stop_at_standstill_is_seen_in_a_tpdo(transmission, event_timer)
 
 
 def test_a_repeated_tpdo_shows_it_twice():
-    """Who sends the command and then waits for the next TPDO has missed the first."""
+    """A master that sends the command and then waits for the next TPDO has missed the first."""
     for transmission, timer in ((255, 50), (1, 0), (3, 0)):
         assert quick_stopped(transmission, timer).count("quick stop active") >= 2
 

@@ -43,7 +43,7 @@ def test_quick_stop_by_each_option(option, time, ends_in):
     rig.run(0.1)
     assert rig.state == ends_in
     if option >= 5:
-        assert rig.has(BIT_10)  # stands, energised
+        assert rig.has(BIT_10)  # at standstill, energised
         rig.word(0x000F)
         assert rig.state == "operation enabled"
 
@@ -186,7 +186,7 @@ def test_a_fault_on_enabling_is_caused_by_the_fault_setting():
     assert rig.read(0x603F) == 0x7122
 
 
-# What the statusword says beside the state.
+# The bits of the statusword beside the state.
 
 
 def test_the_common_bits_of_the_statusword():
@@ -305,7 +305,7 @@ def test_an_end_stop_holds_the_motor():
     assert rig.has(LIMIT)
 
 
-# The parts by themselves.
+# The parts alone.
 
 
 @pytest.mark.parametrize("dt", [0.0001, 0.0005, 0.002, 0.01, 0.02])
@@ -318,7 +318,7 @@ def test_coasting_is_the_same_for_every_step_width(dt):
     for _ in range(round(1.0 / dt)):
         motor.push(0.0, dt)
     assert motor.velocity == 0.0
-    # integral of (v0 + 20 000)·e^(-2t) - 20 000 until it stands, at t = ln(3)/2
+    # integral of (v0 + 20 000)·e^(-2t) - 20 000 until standstill, at t = ln(3)/2
     stop = math.log(3) / 2
     assert motor.position == pytest.approx(60_000 / 2 * (1 - math.exp(-2 * stop)) - 20_000 * stop, rel=1e-6)
 

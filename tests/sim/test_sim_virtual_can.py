@@ -329,7 +329,7 @@ def test_the_same_seeds_give_the_same_frames_in_another_process(tmp_path: Path) 
 
 
 def test_a_frame_callback_must_not_wait_for_another_frame() -> None:
-    """As in the receive thread of an adapter: what runs in virtual time runs on hardware too."""
+    """As in the receive thread of an adapter: a program that runs in virtual time runs on hardware too."""
     clock = VirtualClock()
     with Channel(VirtualWire(clock, [node()]).connect(), "simulated", clock=clock) as channel:
         sdo, seen = SdoClient(channel, 1), list[bool]()
