@@ -116,7 +116,7 @@ def test_another_consumer_keeps_its_entry(tmp_path):
 
 
 def test_without_1016_the_node_is_guarded(tmp_path):
-    """A drive with 100Ch and 100Dh only: the scan asks for its state, the drive notices when nobody asks."""
+    """A drive with 100Ch and 100Dh only: the scan polls its state, the drive notices missing polls."""
     source = (ROOT / "eds" / "generic-cia402.eds").read_text()
     for section in ("1016", "1016sub0", "1016sub1", "1017"):
         begin = source.index(f"[{section}]")
@@ -138,7 +138,7 @@ def test_without_1016_the_node_is_guarded(tmp_path):
         assert machine.node(3).nmt is NmtState.OPERATIONAL
         made = machine.simulated_node(3).device
         assert made.drive.error_code == 0
-    time.sleep(0.5)  # our silence afterwards faults nobody
+    time.sleep(0.5)  # our silence afterwards causes no fault
     assert made.drive.error_code == 0
 
 

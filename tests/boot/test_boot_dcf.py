@@ -41,7 +41,7 @@ scale = 100
 velocity = 50.0
 acceleration = 500.0
 """
-# What a user sets with ``axisbus eds dcf --set``: objects and values by hand.
+# The values of a user with ``axisbus eds dcf --set``: objects and values by hand.
 VALUES = {"6083": "4321", "6065": "1111", "6085": "222", "6098": "17", "607D:1": "-9000"}
 
 
@@ -241,7 +241,7 @@ def test_the_settings_of_a_large_dcf_are_selected_in_time(cell):
     begun = time.process_time()
     whole = dcf_values.select(reading.eds, 3, GENERIC_MAKE)
     found = settings(cells.load(path), 3, reading.eds, GENERIC_MAKE, frozenset(((0x2001, 0),)), whole)
-    assert time.process_time() - begun < 5.0  # what is not linear takes minutes
+    assert time.process_time() - begun < 5.0  # an algorithm that is not linear takes minutes
     assert [item.key for item in found.items] == [
         (0x2000, 0),
         *((index, 0) for index in range(0x2002, 0x6000)),

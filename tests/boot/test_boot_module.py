@@ -24,7 +24,7 @@ BEAT = 0x201  # 16 times 32, and command 1 (manual v2.2, 4.1.1)
 
 
 def heard(*frames: CanFrame) -> NodeListener:
-    """What was heard of node 16, by these frames."""
+    """The observations of node 16, by these frames."""
     listening = NodeListener(None, NODE)
     for frame in frames:
         listening._take(frame)
@@ -82,7 +82,7 @@ def test_a_firmware_that_its_endpoints_report_is_compared():
 
 
 def test_one_that_answers_no_endpoint_is_compared_by_its_heartbeats_alone():
-    counted = heard(*beats())  # a life counter goes on: firmware 0.5.12 or later
+    counted = heard(*beats())  # a life counter that counts: firmware 0.5.12 or later
     silent = SimpleFacts(silent=["endpoints"])
     identity.require_firmware(counted, silent, "0.5.12")
     assert "show firmware 0.5.12 or" in refused(identity.require_firmware, counted, silent, "0.5.11")

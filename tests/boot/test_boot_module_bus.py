@@ -1,4 +1,4 @@
-"""Boot of a simulated module that speaks CAN Simple, on a bus in real time: what it reports, and that it commands nothing."""
+"""Boot-up of a simulated module that speaks CAN Simple, on a bus in real time: its report, and it commands nothing."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from axisbus.sim.can_simple.module import Module
 from kit.can_simple.mixed import MODULE, write
 from kit.modules_on_bus import modules_on_bus
 
-# What may be asked, by the manual's numbers (v2.2, 4.1.2): Get_Error, endpoints, the supply voltage.
+# The permitted requests, by the manual's numbers (v2.2, 4.1.2): Get_Error, endpoints, the supply voltage.
 QUESTIONS = {0x03, 0x04, 0x17}
 
 
 class Bus:
-    """A bus with one module, and what was sent on it by others."""
+    """A bus with one module, and the frames that others sent on it."""
 
     def __init__(self, folder: Path, module: Module, channel: Channel) -> None:
         self.module = module
@@ -127,7 +127,7 @@ def test_a_reaction_that_a_module_has_not_fails_the_boot_as_it_fails_the_check(t
         assert "does not accept" in error.message
 
 
-# -- what is armed
+# -- armed time-outs ----
 
 
 def armed(

@@ -1,4 +1,4 @@
-"""What is promised of an axis's limits, by its files and by its drive, and that a drive in another unit is refused."""
+"""The promises for an axis's limits, by its files and by its drive, and a drive in another unit is refused."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def write(
     """Write a cell and its drive, which has these unit objects, and so many increments of a motor turn (608Fh)."""
     text = resolve("builtin:generic-cia402", folder).read_text(encoding="ascii")
     text = entry(entry(text, "608Fsub1", DefaultValue=str(turn)), "608Fsub2", DefaultValue="1")
-    text = entry(text, "60A9", DefaultValue="0")  # what this drive counts in, the tests say
+    text = entry(text, "60A9", DefaultValue="0")  # the tests set the unit of this drive
     text = change(text)
     for index, value in (units or {}).items():
         listed = f"[{index:04X}]" in text

@@ -131,7 +131,7 @@ def test_it_has_no_dictionary_and_is_described_by_its_port(cell):
     assert sorted(files) == [40]
     assert sorted(described(found, files)) == [16, 40]
     parameters = module_parameters(found, "m")
-    # pp, pv, tq, hm, csp: what the port leads; it has the objects of csv and cst too, and does not lead these
+    # pp, pv, tq, hm, csp: the modes of the port; it has the objects of csv and cst too, and does not use these
     assert {int(mode) for mode in parameters.modes} == {1, 3, 4, 6, 8}
     assert parameters.quick_stop_holds
     assert parameters.limits.torque == 5.0

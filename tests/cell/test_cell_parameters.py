@@ -1,4 +1,4 @@
-"""From a cell file's axis and an EDS to what motion uses; the numbers are worked out by hand."""
+"""From a cell file's axis and an EDS to the parameters of motion; the numbers are computed by hand."""
 
 from __future__ import annotations
 

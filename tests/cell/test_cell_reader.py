@@ -25,7 +25,7 @@ def told(text: str) -> list[str]:
     return [f"{problem.line}: {problem.message}" for problem in read(text)[1]]
 
 
-# -- what is written -------------------------------------------------------------------------------------------------
+# -- valid keys ------------------------------------------------------------------------------------------------------
 
 
 def test_the_whole_clean_cell_is_read_as_written() -> None:
@@ -189,7 +189,7 @@ def test_the_words_of_the_stop_table_are_named_when_one_is_wrong() -> None:
     assert 'did you mean "ramp"?' in problem.remedy
 
 
-# -- what is wrong ---------------------------------------------------------------------------------------------------
+# -- errors ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -133,7 +133,7 @@ def test_in_any_text_each_key_has_its_line(pairs: list[tuple[str, str, str]]) ->
     assert [path for path in paths if path not in document.lines] == []
 
 
-# -- what cannot be read ---------------------------------------------------------------------------------------------
+# -- unreadable files ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,7 @@ def test_all_that_is_its_own_is_read() -> None:
     assert not refused_by_schema(MINIMAL + WHOLE)
 
 
-# What a drive's axis may say and a virtual one cannot: line and what is told of it.
+# Keys that a drive's axis may have and a virtual one cannot: line and message.
 FOREIGN = [
     ("node = 1", "node"),
     ("drive_axis = 1", "drive_axis"),
@@ -228,7 +228,7 @@ def test_a_value_that_is_not_an_axis_table_is_reported_and_breaks_nothing(text: 
     assert any(each.severity is Severity.ERROR for each in problems)
 
 
-# -- what check says of it ---------------------------------------------------------------------------------------------
+# -- findings of check -------------------------------------------------------------------------------------------------
 
 
 def checked(tmp_path, text: str) -> list[str]:

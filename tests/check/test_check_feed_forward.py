@@ -1,4 +1,4 @@
-"""What is said of a feed-forward that a drive cannot take, or that cannot be computed; each cell has one defect."""
+"""Findings about a feed-forward that a drive cannot take, or that cannot be computed; each cell has one defect."""
 
 from __future__ import annotations
 

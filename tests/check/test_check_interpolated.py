@@ -1,4 +1,4 @@
-"""What is said of a drive that has ip and no csp."""
+"""Findings about a drive with ip and without csp."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ GROUP = '[groups.x1]\naxes = ["x"]\n'
 def told(
     folder: Path, modes: int = USUAL, axis: str = "", more: str = "", **changes: str
 ) -> list[CellProblem]:
-    """What is said of its modes."""
+    """The findings about its modes."""
     name = write_eds(folder, modes)
     path = folder / "cell.toml"
     path.write_text(cell_text("x", eds=name, axis=axis, more=more, **changes), encoding="utf-8")

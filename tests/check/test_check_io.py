@@ -1,4 +1,4 @@
-"""What is wrong with named inputs and outputs; each cell has just one defect."""
+"""Errors of named inputs and outputs; each cell has just one defect."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_a_drive_whose_mapping_is_fixed_has_no_room(tmp_path):
     "more", ['map = ["6000:02"]', 'map = ["6000:01"]\ntransmission = 253\nrtr = "100ms"']
 )
 def test_an_input_that_would_never_be_received_is_refused(tmp_path, more):
-    """Its PDOs are spoken for, or come only when somebody asks, which nobody does for inputs."""
+    """Its PDOs are used otherwise, or are sent only on request, and inputs are not requested."""
     others = '[nodes.5.pdo.tpdo2]\nmap = ["6401:01"]\n'
     problem = only(
         tmp_path,
@@ -139,7 +139,7 @@ VALVE = '[io.valve]\nnode = 5\nobject = "6411h:01"\nscale = 1000\nsafe = {}\n'
 
 
 def test_a_safe_number_that_makers_differ_about_is_warned_of(tmp_path):
-    """6444h has 32 bits for an output of 16; 0 is the same in both halves, and what the cell file writes itself is its own."""
+    """6444h has 32 bits for an output of 16; 0 is the same in both halves, and a value in the cell file is left unchanged."""
     (problem,) = found(tmp_path, VALVE.format(0.5))
     assert problem.severity.value == "warning"
     assert "manufacturers differ in the effect of 6444h:01" in problem.message

@@ -92,7 +92,7 @@ def test_a_module_without_detection_of_a_dead_master_is_a_warning(tmp_path, bus,
 def test_its_frames_are_in_the_load_and_in_the_timetable(tmp_path):
     cell = reader.load(write(tmp_path, SIM + "\nbitrate = 1_000_000"))
     files = load_dictionaries(cell)
-    # a scan of 20 ms: estimates come by themselves every 10 ms, a target goes out in each cycle
+    # a scan of 20 ms: estimates are sent unasked every 10 ms, a target in each cycle
     rates = {(each.kind, each.name): each.rate for each in streams(cell, files) if each.node == 16}
     assert rates == pytest.approx(
         {

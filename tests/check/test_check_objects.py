@@ -1,4 +1,4 @@
-"""What the cell writes into objects and maps into PDOs; each cell has just one defect."""
+"""Objects that the cell file writes and maps into PDOs; each cell has just one defect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``[bus]`` and the PDO tables say of SYNC, TIME and remote frames; each cell has just one defect."""
+"""The keys of ``[bus]`` and the PDO tables for SYNC, TIME and remote frames; each cell has just one defect."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def test_no_frame_is_later_than_in_the_table(tmp_path, names):
     assert len({slot.can_id for slot in table.slots}) == len(table.slots)
     chance = random.Random(1)
     for _ in range(200):
-        # A drive is never earlier than SYNC, which itself waits for what is under way; stuff bits are as they come.
+        # A drive is never earlier than SYNC, which itself waits for a frame in transmission; stuff bits are random.
         frames = [
             (
                 0 if slot.kind == "SYNC" else 1,

@@ -25,7 +25,7 @@ REFUSED = 0x0800_0022
 
 
 class Loader(Slave):
-    """A node with a boot loader; holds its program, its memory, the time, and what goes wrong with it."""
+    """A node with a boot loader; holds its program, its memory, the time, and its faults."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -105,7 +105,7 @@ class Loader(Slave):
         return b.Got(None, 3.0)
 
     def orders(self) -> list[object]:
-        """What was done to its program, in order, repetitions included."""
+        """The orders to its program, in order, repetitions included."""
         return [
             "data" if isinstance(each, b.ProgramDownload) else each.value
             for each in self.asked
@@ -284,7 +284,7 @@ def test_a_node_that_takes_its_time_for_everything():
 
 @pytest.mark.parametrize(("delay", "away"), [(0.1, 0.05), (0.1, 6.0), (1.9, 0.05), (1.9, 6.0)])
 def test_a_new_date_that_a_boot_loader_reports_before_its_restart_is_not_trusted_too_soon(delay, away):
-    """What would be written before the restart would be lost by it."""
+    """A write before the restart would be lost by it."""
     loader = Loader()
     loader.foresees, loader.restart_delay, loader.restart_time = True, delay, away
     outcome = boot(loader)
@@ -590,7 +590,7 @@ def unguarded() -> Loader:
     return loader
 
 
-# Letter -> a node that is wrong in this one way, and what is planned with it.
+# Letter -> a node that is wrong in this one way, and its plan.
 REPRODUCED = {
     "A": (Loader, {"listed": False}),
     "B": (lambda: spoilt(dead=True), {}),

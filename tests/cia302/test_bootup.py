@@ -1,4 +1,4 @@
-"""The boot-up of CiA 302-2 without a bus: each letter by a node that is wrong in just one way, and nodes that lose answers."""
+"""The boot-up of CiA 302-2 without a bus: each letter by a node that is wrong in just one way, and nodes with lost answers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from axisbus.cia302 import types as b
 from axisbus.cia302.bootup import boot_up
 from kit.boot_slave import IDENTITY, MISSING, SETTINGS, Slave
 
-# CiA 302-2, the error status of the boot-up service: letter -> what it is about, typed from the standard's table.
+# CiA 302-2, the error status of the boot-up service: letter -> its subject, typed from the standard's table.
 STANDARD = {
     "A": "list",
     "B": "1000h",
@@ -212,7 +212,7 @@ def test_a_drive_that_the_application_wants_left_alone_is_only_started():
     assert slave.commands() == [NmtCommand.START]
 
 
-# -- what else a plan can ask for ------------------------------------------------------------------------------------------
+# -- further options of a plan ---------------------------------------------------------------------------------------------
 
 
 def test_a_configuration_whose_date_and_time_match_is_not_downloaded_again():

@@ -129,7 +129,7 @@ def test_any_single_frame_may_be_lost(stack: type[HandSlave]) -> None:
 
 
 def test_the_question_that_would_find_the_other_one_may_be_lost() -> None:
-    question = bytes.fromhex("5156000000010303")  # is anybody at 56h or 57h?
+    question = bytes.fromhex("5156000000010303")  # is there a slave at 56h or 57h?
     line = Line(AnswersOn(5, 6, 7, 0x55), HandSlave(5, 6, 7, 0x57))
     lost: list[bytes] = []
 

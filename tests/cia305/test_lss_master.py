@@ -1,4 +1,4 @@
-"""What the LSS master does with a slave it can name, against a slave typed off CiA 305, in virtual time."""
+"""Requests of the LSS master to a slave that it can name, against a slave typed from CiA 305, in virtual time."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def test_an_entry_has_the_properties_of_its_standard(address, standard, name, da
     ("address", "mandatory", "sure", "modes"),
     [
         ((0x1000, 0), True, True, ()),
-        ((0x1006, 0), False, True, ()),  # only for whoever sends SYNC
+        ((0x1006, 0), False, True, ()),  # only for a SYNC producer
         ((0x6040, 0), True, True, ("all",)),
         ((0x603F, 0), False, False, ("all",)),
         ((0x6042, 0), False, True, ("vl",)),  # only in that mode

@@ -11,7 +11,7 @@ PP, HM, IP, CSP = 1, 6, 7, 8
 
 
 class Drive:
-    """The port below: what it shows is set, what it gets is kept."""
+    """The port below: its feedback is set, its outputs are stored."""
 
     def __init__(self, source: ValueTransport = ValueTransport.SYNC_PDO) -> None:
         outputs = {"controlword": ValueTransport.SYNC_PDO, "target_position": ValueTransport.SYNC_PDO}
@@ -89,7 +89,7 @@ def test_the_mode_is_csp_once_it_interpolates() -> None:
     assert bench.cycle(target=None) == (CSP, True)  # the last one holds
     bench.drive.word = ENABLED
     bench.cycle(target=6)
-    assert bench.cycle(target=7)[0] == IP  # it has stopped by itself
+    assert bench.cycle(target=7)[0] == IP  # it has stopped on its own
 
 
 def test_under_halt_a_drive_without_the_bit_is_accepted() -> None:

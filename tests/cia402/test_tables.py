@@ -358,7 +358,7 @@ def test_time_that_is_missing_is_added_up_within_the_last_two_seconds():
     assert lately.missing(2.5) == 0.75
     assert lately.text(2.5) == "this program did not run for 0.75 s of the last 2 s"
     assert lately.missing(3.0) == 0.5  # the first one ended just at the window's beginning
-    assert lately.missing(3.9) == pytest.approx(0.1)  # only what lies within counts: 1.9 to 2.0
+    assert lately.missing(3.9) == pytest.approx(0.1)  # only the part within the window counts: 1.9 to 2.0
     assert lately.missing(3.95) == 0.0
     assert lately.text(3.95) == ""
     assert lately.missing(4.5) == 0.0
@@ -403,4 +403,4 @@ def test_nodes_that_were_not_late_need_no_space():
     assert lately.missing(1.0) == 0.5
     for _ in range(256):
         lately.note(1.0, 2**-10)
-    assert lately.missing(1.0) == 0.25  # of what was, the last 256 are kept
+    assert lately.missing(1.0) == 0.25  # the last 256 entries are kept

@@ -34,7 +34,7 @@ def test_supported_modes_of_6502():
         "csv",
         "cst",
     ]
-    # what the module's 0x761 would claim by CiA 402's layout
+    # the claims of the module's 0x761 by CiA 402's layout
     assert [modes.short(mode) for mode in modes.supported(0x761)] == ["pp", "hm", "ip", "csv", "cst", "cstca"]
 
 

@@ -36,7 +36,7 @@ def _record(index, title, count):
     return head + _variable(f"{index}sub0", "Highest sub-index", "0x0005", "const", DefaultValue=count)
 
 
-# What the generic drive does not have: the objects with an order of their own, and a text.
+# Objects that the generic drive lacks: those with an order of their own, and a text.
 EXTRA = (
     _variable("1019", "Synchronous counter overflow value", "0x0005", DefaultValue=0)
     + _record("1020", "Verify configuration", 2)
@@ -66,7 +66,7 @@ GOLDEN = {
     (0x1280, 1): "09 06 00 00",
     (0x1280, 2): "89 05 00 00",
     (0x1280, 3): "09",
-    (0x1400, 1): "05 03 00 00",  # RPDO1 has the COB-ID that RPDO2 has by default, and the other way round
+    (0x1400, 1): "05 03 00 00",  # RPDO1 has the default COB-ID of RPDO2, and RPDO2 that of RPDO1
     (0x1401, 1): "05 02 00 00",
     (0x1600, 0): "02",
     (0x1600, 1): "10 00 40 60",
@@ -86,7 +86,7 @@ GOLDEN = {key: bytes.fromhex(text) for key, text in GOLDEN.items()}
 
 
 def _factory() -> dict[tuple[int, int], bytes]:
-    """What the drive holds as it comes from the factory."""
+    """The factory values of the drive."""
     values = {}
     for entry in EDS.eds:
         for sub in entry.subs.values():
@@ -117,7 +117,7 @@ WANTED = {item.key: item.data for item in SELECTION.items}
 
 
 def _differing(device):
-    """The oracle: what differs, found without the code under test."""
+    """The oracle: the differences, found without the code under test."""
     return {key for key, data in WANTED.items() if device.values[key] != data}
 
 
@@ -159,7 +159,7 @@ def test_a_value_that_a_dcf_cannot_contain_is_left_out_with_its_reason():
     assert len(reasons) == 3
 
 
-# -- what is for the device --------------------------------------------------------------------------------------------
+# -- values for the device ---------------------------------------------------------------------------------------------
 
 
 def _why(selection: Selection):
@@ -325,7 +325,7 @@ def test_runs_that_are_interrupted_after_every_write_complete():
     assert not _differing(device)
 
 
-# -- what a device refuses ---------------------------------------------------------------------------------------------
+# -- refusals of a device ----------------------------------------------------------------------------------------------
 
 
 def test_a_mapping_entry_alone_in_a_dcf_made_by_hand_is_restored():
@@ -378,7 +378,7 @@ def test_a_pdo_with_a_refused_entry_is_restored():
     report = _run(device)
     failed = {each.item.key: each.reason for each in report.of(ValueEnd.FAILED)}
     assert "its PDO was left unchanged, because 1A00h:02 is refused" in failed[0x1800, 2]
-    # The entry that is refused cannot be given back either; what can be is.
+    # The refused entry cannot be restored either; the others are.
     assert device.values[0x1800, 1] == FACTORY[0x1800, 1]
     assert device.values[0x1800, 2] == FACTORY[0x1800, 2]
     assert _differing(device) <= {key for key in WANTED if key[0] in (0x1800, 0x1A00, 0x1020)}

@@ -79,7 +79,7 @@ def interrupt():
 
 
 def moved_on(cell, shell):
-    """Whether the axis stands after its halt, the scan lives, and the next cell moves."""
+    """Whether the axis is at standstill after its halt, the scan lives, and the next cell moves."""
     cell.sleep(1.0)
     assert cell["x"].state is AxisState.STANDSTILL
     shell.cell(lambda: cell["x"].move_absolute(5.0).wait())

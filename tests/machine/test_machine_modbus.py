@@ -1,4 +1,4 @@
-"""A module on RS485 as an axis of a machine, in real time behind a pseudo-terminal: the verbs, and every way out, on the plant."""
+"""A module on RS485 as an axis of a machine, in real time behind a pseudo-terminal: the verbs, and every end, on the plant."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def line(tmp_path):
 
 @pytest.fixture
 def arm(line):
-    """Enabled, and homed where it stands."""
+    """Enabled, and homed at its position."""
     with Machine.open(line.cell()) as machine:
         axis = machine["arm"]
         axis.enable().wait(10)
@@ -284,7 +284,7 @@ with Machine.open(sys.argv[1]) as machine:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_program_that_ends_stops_the_motor_and_takes_its_power(line, number):
-    """Its core is in a process of its own, which goes down the stop ladder when the program is gone."""
+    """Its core is in a process of its own, which runs the stop sequence when the program is gone."""
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, str(line.cell("own"))], stderr=subprocess.DEVNULL
     )

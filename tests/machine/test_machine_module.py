@@ -149,7 +149,7 @@ def test_one_that_is_found_enabled_is_left_so_until_it_is_taken_over(tmp_path, m
         module = cell.simulated_node(MODULE).module
         cell.sleep(1.0)
         assert module.energised
-    assert module.energised  # nobody had touched it
+    assert module.energised  # it was not commanded
     with Machine.simulated(path) as cell:
         module = cell.simulated_node(MODULE).module
         here = module.position

@@ -22,7 +22,7 @@ def request(**changes) -> AxisCall:
 
 
 def outcome(ask, **changes):
-    """Return what comes out; of a refusal the name of the error and its message."""
+    """Return the result; of a refusal the name of the error and its message."""
     try:
         return ask(request(**changes))
     except (ArgumentError, LimitError) as error:
@@ -274,7 +274,7 @@ def test_a_profile_velocity_fits_its_object(velocity, fits):
 
 
 def jumping(**told) -> SimpleNamespace:
-    """A trajectory that tells nothing in advance but what is given here."""
+    """A trajectory whose only properties in advance are given here."""
     return SimpleNamespace(duration=1.0, position=lambda _: 0.0, **told)
 
 

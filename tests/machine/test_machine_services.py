@@ -1,4 +1,4 @@
-"""SYNC, TIME, PDO tables and emergency messages of whole cells on stand-ins: what boot sets, and what then happens on the bus."""
+"""SYNC, TIME, PDO tables and emergency messages of whole simulated cells: the settings of boot-up, and the traffic on the bus."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def eventually(condition, seconds: float = 10.0) -> None:
         time.sleep(0.005)
 
 
-# -- what boot sets (virtual time)
+# -- settings of boot-up (virtual time) ----
 
 SETTINGS = [
     ("", {}, {0x1005: 0x80, 0x1019: 0, 0x1012: 0x100}),
@@ -172,7 +172,7 @@ def test_an_axis_moves_by_a_sync_of_another_identifier_with_a_counter(tmp_path: 
         x = machine["x"]
         x.enable().wait(20)
         x.move_relative(5.0).wait(20)
-        assert list(machine.node(3).emcy) == []  # no 8240h: the length of SYNC is what 1019h says
+        assert list(machine.node(3).emcy) == []  # no 8240h: the length of SYNC is that of 1019h
 
 
 def test_another_devices_sync_drives_the_scan_and_its_silence_stops_the_axis(tmp_path: Path) -> None:
@@ -310,7 +310,7 @@ def test_a_node_without_1003h_is_reported(tmp_path: Path) -> None:
 
 
 def incident_lines(machine: Machine, told: set[str]) -> list[str]:
-    """What monitor has to tell, without PDOs that a busy computer may have missed."""
+    """The output of monitor, without PDOs that a busy computer may have missed."""
     return [line for line in monitor.news(machine, told) if "TPDO" not in line]
 
 

@@ -1,4 +1,4 @@
-"""What a notebook shows of a machine, an axis and a command: escaped, in units, and never a traceback."""
+"""The display of a machine, an axis and a command in a notebook: escaped, in units, and never a traceback."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ EVIL = "<script>alert('x')</script>"
 
 
 class Table(html.parser.HTMLParser):
-    """Reads what is shown: rows of texts, and which elements there are."""
+    """Reads the displayed table: rows of texts, and its elements."""
 
     def __init__(self, shown: str) -> None:
         super().__init__()
@@ -47,7 +47,7 @@ class Table(html.parser.HTMLParser):
 
 
 def shown(thing) -> dict[str, list[str]]:
-    """The rows of what a thing shows by their heads."""
+    """The rows of the display of an object by their heads."""
     read = Table(thing._repr_html_())
     assert read.elements <= {"div", "p", "b", "table", "thead", "tbody", "tr", "th", "td", "br"}
     return {row[0]: row[1:] for row in read.rows}

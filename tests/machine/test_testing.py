@@ -1,4 +1,4 @@
-"""What programs are tested with: simulated machines with faults and time control, for pytest and without it."""
+"""Tools for tests of programs: simulated machines with faults and time control, for pytest and without it."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def test_an_unplugged_adapter_ends_the_scan_and_the_drives_stop(file: Path) -> N
         simulation.machine["x"].halt().wait(1)
     with pytest.raises(ScanError, match="scan of the bus had failed"):
         simulation.machine.close()
-    simulation._clock.sleep(3.0)  # nobody sends heartbeats any more
+    simulation._clock.sleep(3.0)  # no heartbeats any more
     assert [drive.velocity for drive in drives] == [0, 0]
 
 

@@ -22,11 +22,11 @@ NUMBER = signal.SIGUSR1
 
 
 class Woken(Exception):
-    """What the handler raises in the main thread."""
+    """The exception that the handler raises in the main thread."""
 
 
 class Listener:
-    """Counts what is heard and handled, with the time."""
+    """Counts received and handled signals, with the time."""
 
     def __init__(self) -> None:
         self.heard: list[float] = []

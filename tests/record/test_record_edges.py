@@ -1,4 +1,4 @@
-"""Captures that wait for an edge of an input, for its value, or for what a touch probe latches."""
+"""Captures that wait for an edge of an input, for its value, or for a latched position of a touch probe."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_an_edge_latched_by_a_touch_probe_is_a_moment_and_an_old_edge_is_not(cel
     assert old.done
     with machine.capture(path, "x.probe", before=0.1, after=0.1) as capture:
         machine.sleep(0.3)
-        x.move_absolute(0.0).wait(5)  # over the mark, but nobody has asked
+        x.move_absolute(0.0).wait(5)  # over the mark, but without a request
         assert not capture.fired
         found = x.probe_move(30.0, velocity=60.0)
         assert capture.wait(5.0)
@@ -151,7 +151,7 @@ def test_a_cell_continues_when_its_capture_ends_without_a_moment(cell, tmp_path)
 
 
 class Frames:
-    """A core that tells frames of a bus, and what is known of an input after each cycle."""
+    """A core that reports frames of a bus, and the known state of an input after each cycle."""
 
     carried = object()
 

@@ -115,7 +115,7 @@ def test_two_runs_of_one_job_differ_in_nothing_however_late_the_second_began():
     assert found.seconds == pytest.approx(1.5)
     assert {(one.axis, one.column) for one in found.deviations} == {
         (axis, column) for axis in "xy" for column in ("position", "velocity")
-    }  # what is not known is not compared
+    }  # an unknown value is not compared
     assert all(one.by == pytest.approx(0.0, abs=1e-9) for one in found.deviations)
 
 
@@ -199,7 +199,7 @@ def test_the_format_of_a_picture_follows_from_its_name(tmp_path, name, begins):
             "Standstill",
         ):
             assert f"<!-- {word}" in text or word in text
-        assert "torque" not in text  # nobody knows it
+        assert "torque" not in text  # it is unknown
 
 
 def test_an_unknown_format_and_an_empty_recording_are_refused(tmp_path):

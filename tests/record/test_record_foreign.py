@@ -226,7 +226,7 @@ def again(source: Path, target: Path, **how: object) -> None:
 
 
 def read_or_refused(path: Path) -> None:
-    """Read a file, and write what it is as a table."""
+    """Read a file, and write its content as a table."""
     try:
         run = load(path)
         if any(track.times for track in run.tracks.values()):

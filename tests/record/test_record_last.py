@@ -84,7 +84,7 @@ def test_the_given_number_of_seconds_is_drawn(cell):
     cell["x"].move_absolute(20.0).wait()
     cell.sleep(5.0)
     picture = cell.plot_last(2.0)
-    assert list(picture.recorded.tracks) == ["x", "y", "z"]  # of which none has moved
+    assert list(picture.recorded.tracks) == ["x", "y", "z"]  # none of them has moved
     assert picture.recorded.seconds == pytest.approx(2.0, abs=0.01)
 
 

@@ -49,7 +49,7 @@ def test_a_value_is_read_out_of_a_frame(where, data, value):
 
 
 class Session:
-    """One that only tells frames."""
+    """A session that only reports frames."""
 
     def __init__(self):
         self.taps = {}

@@ -1,4 +1,4 @@
-"""Rows of samples as bytes: what goes in comes out, old blocks go, and the collector has nothing to look at."""
+"""Rows of samples as bytes: they are read as written, old blocks are dropped, and the collector has nothing to track."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recordings for readers other than ours: what those of Foxglove, and of MCAP's own package, ask of a file."""
+"""Recordings for readers other than ours: the requirements of Foxglove, and of MCAP's own package."""
 
 from __future__ import annotations
 

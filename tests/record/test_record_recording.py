@@ -1,4 +1,4 @@
-"""Recordings as files: what was seen and what happened is in them, whoever reads them and however they end."""
+"""Recordings as files: observed values and events are in them, for any reader and any end."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def job(cell: Machine) -> None:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A recording of the job, what a recorder in memory saw of the same cycles, and its path."""
+    """A recording of the job, the samples of a recorder in memory of the same cycles, and its path."""
     path = tmp_path_factory.mktemp("recording") / "new" / "run.mcap"
     with Machine.simulated(CELL) as cell:
         with cell.recording(path) as recording, Recorder(cell) as recorder:
@@ -55,7 +55,7 @@ def run(made):
     return load(made[0])
 
 
-# -- what is in it ---------------------------------------------------------------------------------------------------------------
+# -- contents --------------------------------------------------------------------------------------------------------------------
 
 
 def test_every_cycle_of_every_axis_is_in_it_in_units(made, run):
@@ -243,7 +243,7 @@ def test_cycles_that_cannot_be_written_in_time_are_counted_and_reported(tmp_path
     with Machine.simulated(CELL) as cell, cell.recording(path) as recording:
         cell.sleep(0.1)
         snapshots, now = cell.session.snapshots, recording._seen
-        recording._looked = math.inf  # nobody writes meanwhile
+        recording._looked = math.inf  # no writing meanwhile
         for number in range(_MOST + 5):
             recording._observe(now + number, snapshots)
         assert 5 <= recording.lost <= 40

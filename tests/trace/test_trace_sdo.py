@@ -147,7 +147,7 @@ def test_a_block_read_in_which_a_segment_is_asked_for_again():
     wire.says(0x605, "A3 00 00 00 00 00 00 00")
     for segment in (first, second, third):
         wire.says(0x585, segment)
-    # The reader has lost the second one: from there on it comes again, numbered from 1.
+    # The reader has lost the second one: from there on it is repeated, numbered from 1.
     assert "of 3, the rest is asked for again" in wire.says(0x605, "A2 01 7F 00 00 00 00 00")
     wire.says(0x585, "01" + second[2:])
     wire.says(0x585, "82" + third[2:])

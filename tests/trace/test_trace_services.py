@@ -1,4 +1,4 @@
-"""Frames that explain themselves, typed by hand after CiA 301 and CiA 305: what the decoder says of each."""
+"""Frames typed by hand after CiA 301 and CiA 305: the decoder's text of each."""
 
 from __future__ import annotations
 

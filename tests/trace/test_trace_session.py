@@ -1,4 +1,4 @@
-"""A whole session of ours, recorded on the virtual bus and decoded; and frames that nobody should ever send."""
+"""A whole session of ours, recorded on the virtual bus and decoded; and frames that must never be sent."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
-    """The frames of a boot, an enabling, a homing, a move and the way out, with what is known of the cell."""
+    """The frames of a boot-up, an enabling, a homing, a move and closing, with the known parts of the cell."""
     path = tmp_path_factory.mktemp("trace") / "cell.toml"
     text = CELL.read_text().replace('interface = "sim"', 'interface = "virtual"\nchannel = "trace-session"')
     path.write_text(text)

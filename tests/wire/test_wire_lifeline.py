@@ -1,4 +1,4 @@
-"""What a rescue finds in shared memory is the last frame that was sent, with a quick stop in the place of the controlword."""
+"""A rescue finds the last sent frame in shared memory, with a quick stop in the place of the controlword."""
 
 from __future__ import annotations
 

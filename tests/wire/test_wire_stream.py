@@ -1,4 +1,4 @@
-"""Messages over a socket arrive whole and in order, whatever their size, and nobody who sends waits for anybody."""
+"""Messages over a socket arrive whole and in order, whatever their size, and no sender waits."""
 
 from __future__ import annotations
 
