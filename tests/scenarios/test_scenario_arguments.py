@@ -127,7 +127,9 @@ def test_a_missing_default_is_never_guessed(scenario, golden):
     golden("argument_missing_default", sends_nothing(cell, lambda: cell.x.move_absolute(1.0)))
 
 
-def test_an_absolute_move_waits_for_homing_where_limits_promise_a_position(scenario, golden):
+def test_an_absolute_move_waits_for_homing_if_the_cell_file_promises_a_position_by_its_limits(
+    scenario, golden
+):
     text = scenario_text(scenario, axis=LIMITED).replace("required = false", "required = true")
     cell = scenario.simulated(text=text).enabled()
     golden("argument_not_homed", sends_nothing(cell, lambda: cell.x.move_absolute(1.0)))

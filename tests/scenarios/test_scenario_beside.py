@@ -123,7 +123,7 @@ def test_stopping_neither_boots_nor_resets_nor_configures(tmp_path, axisbus_stop
         assert set(commands) <= {"ENTER_PRE_OPERATIONAL", "STOP"}
 
 
-def test_a_cell_at_rest_is_reported_as_such(tmp_path, axisbus_stop):
+def test_axisbus_stop_reports_a_cell_that_is_not_energised(tmp_path, axisbus_stop):
     with Line(tmp_path, "x") as line:
         code, told = axisbus_stop(line)
         assert code == 0
@@ -131,7 +131,7 @@ def test_a_cell_at_rest_is_reported_as_such(tmp_path, axisbus_stop):
         assert line.stage() != ENABLED
 
 
-def test_a_node_that_does_not_answer_is_reported_and_the_exit_code_says_so(tmp_path, axisbus_stop):
+def test_a_node_that_does_not_answer_is_reported_and_sets_the_exit_code(tmp_path, axisbus_stop):
     with Line(tmp_path, "xy", present="y") as line:
         code, told = axisbus_stop(line)
     assert code == 3

@@ -103,7 +103,7 @@ def test_letter_j_the_drive_refuses_an_object(tmp_path):
     assert "leave the line out" in error.remedy
 
 
-def test_letter_e_a_drive_that_says_it_sends_heartbeats_and_does_not(tmp_path):
+def test_letter_e_a_drive_that_reports_heartbeats_in_1017h_and_sends_none(tmp_path):
     with Line(tmp_path) as line:
         line.devices["x"].write(0x1017, 0, 50)
         line.devices["x"].dials.heartbeat_stops = True
@@ -111,7 +111,7 @@ def test_letter_e_a_drive_that_says_it_sends_heartbeats_and_does_not(tmp_path):
     assert (error.letter, error.step) == ("E", "state")
 
 
-def test_letter_k_no_heartbeat_comes_after_it_was_asked_for(tmp_path):
+def test_letter_k_no_heartbeat_is_received_after_1017h_was_written(tmp_path):
     with Line(tmp_path) as line:
         line.devices["x"].dials.heartbeat_stops = True
         error = refused(line)
@@ -119,7 +119,7 @@ def test_letter_k_no_heartbeat_comes_after_it_was_asked_for(tmp_path):
     assert (error.letter, error.step) == ("K", "error control")
 
 
-def test_letter_l_a_master_that_comes_again_finds_its_nodes_operational_and_resets_nobody(tmp_path):
+def test_letter_l_a_restarted_master_finds_its_nodes_operational_and_resets_none(tmp_path):
     with Line(tmp_path, "xy") as line:
         with line.open():
             pass
@@ -159,7 +159,7 @@ def test_a_drive_that_refuses_to_start_names_its_errors_and_not_its_supply(tmp_p
     golden("boot_refuses_to_start", error, volatile=True)
 
 
-def test_a_drive_that_refuses_to_start_and_says_nothing_of_errors(tmp_path, golden, monkeypatch):
+def test_a_drive_that_refuses_to_start_and_reports_no_error(tmp_path, golden, monkeypatch):
     with Line(tmp_path) as line:
         device = line.devices["x"]
         device.dials.start_error = 0x8130
@@ -244,7 +244,9 @@ def test_defaults_are_restored_before_the_configuration(tmp_path):
 # -- optional nodes ------------------------------------------------------------------------------------------------------
 
 
-def test_an_optional_node_that_is_absent_blocks_nobody_and_its_axis_says_why(tmp_path, impatient):
+def test_an_absent_optional_node_does_not_prevent_boot_up_and_its_axis_is_refused_with_the_reason(
+    tmp_path, impatient
+):
     with Line(tmp_path, "xy", present="x") as line:
         with_lines(line, 2, "optional = true")
         with line.open() as machine:
@@ -380,7 +382,7 @@ def simulated(line: Line) -> Machine:
 @pytest.mark.parametrize(
     ("word", "stopped"), [("group", "y"), ("cell", "yzw"), ("report", "")], ids=["group", "cell", "report"]
 )
-def test_what_a_lost_node_stops_is_a_choice(tmp_path, word, stopped):
+def test_the_cell_file_selects_the_axes_that_a_lost_node_stops(tmp_path, word, stopped):
     """x and y are a group, z and w another: the loss of x stops y, or everybody, or nobody else."""
     groups = '[groups.xy]\naxes = ["x", "y"]\n[groups.zw]\naxes = ["z", "w"]\n'
     line = Line(tmp_path, "xyzw", more=groups)
@@ -406,7 +408,7 @@ def test_what_a_lost_node_stops_is_a_choice(tmp_path, word, stopped):
 # -- lost frames ---------------------------------------------------------------------------------------------------------
 
 
-def test_sixteen_nodes_come_up_though_two_percent_of_the_frames_are_lost(tmp_path):
+def test_sixteen_nodes_boot_although_two_percent_of_the_frames_are_lost(tmp_path):
     """``tests/lossy_boot.py`` does it fifty times."""
     names = "abcdefghijklmnop"
     line = Line(tmp_path, names)
@@ -418,7 +420,9 @@ def test_sixteen_nodes_come_up_though_two_percent_of_the_frames_are_lost(tmp_pat
     assert sum(report.outcome.retries for report in reports) > 0
 
 
-def test_nothing_holds_the_process_up_once_heartbeats_are_expected(tmp_path, monkeypatch):
+def test_garbage_is_collected_before_the_bus_opens_and_not_while_heartbeats_are_expected(
+    tmp_path, monkeypatch
+):
     """A collection over a large program's heap takes longer than a drive waits for its master."""
     order, opening = [], canlink.open_channel
     monkeypatch.setattr(gc, "collect", lambda: order.append("heap"))
@@ -441,7 +445,7 @@ def states(machine: Machine) -> list[str]:
     return [kind for kind in kinds(machine) if kind not in ("LOST", "BACK")]
 
 
-def test_a_node_that_is_lost_and_comes_back_is_reported_with_the_reaction_time(tmp_path):
+def test_a_node_that_is_lost_and_returns_is_reported_with_the_reaction_time(tmp_path):
     with Line(tmp_path) as line, line.open() as machine:
         line.devices["x"].dials.dead = True
         until(lambda: "LOST" in kinds(machine))
@@ -542,7 +546,7 @@ def test_an_optional_node_that_appears_as_another_device_is_reported_in_virtual_
 # -- what error control tells, in virtual time ---------------------------------------------------------------------------
 
 
-def test_a_node_that_is_lost_and_comes_back_is_reported_in_virtual_time(tmp_path):
+def test_a_node_that_is_lost_and_returns_is_reported_in_virtual_time(tmp_path):
     line = Line(tmp_path)
     with Machine.simulated(line.file) as machine:
         device = machine.simulated_node(1).device
@@ -665,7 +669,7 @@ def test_the_remedy_of_a_reset_of_a_lost_node_works_with_node_guarding(tmp_path)
         opened_again_after(line, line.open(), "it does not answer node guarding")
 
 
-def test_a_lost_node_that_kept_its_configuration_serves_again_as_enable_and_reset_say(tmp_path):
+def test_a_lost_node_that_kept_its_configuration_works_again_after_the_remedy_of_enable_and_reset(tmp_path):
     """Both name the same remedy, and it is true: start the node, then reset the axis."""
     with Line(tmp_path) as line, line.open() as machine:
         machine.node(1).command(NmtCommand.ENTER_PRE_OPERATIONAL)
@@ -684,7 +688,9 @@ def test_a_lost_node_that_kept_its_configuration_serves_again_as_enable_and_rese
         machine["x"].move_relative(2.0).wait(10)
 
 
-def test_a_node_that_restarted_is_said_to_need_the_machine_opened_again_also_when_it_was_started(tmp_path):
+def test_the_remedy_for_a_node_that_restarted_is_to_open_the_machine_again_even_if_the_node_was_started(
+    tmp_path,
+):
     with Line(tmp_path) as line, line.open() as machine:
         with line.stand_ins.lock:
             line.devices["x"].nmt_command(NmtCommand.RESET_NODE)
@@ -697,7 +703,7 @@ def test_a_node_that_restarted_is_said_to_need_the_machine_opened_again_also_whe
             assert caught.value.remedy.startswith("close the machine and open it again")
 
 
-def test_a_node_that_is_reset_while_it_is_silent_is_said_to_be_so_every_time(tmp_path):
+def test_each_reset_of_a_silent_node_reports_its_silence(tmp_path):
     with Line(tmp_path) as line, line.open() as machine:
         line.devices["x"].dials.dead = True
         for _ in range(2):

@@ -44,7 +44,7 @@ def test_an_excess_over_the_allowed_values_would_be_measured(scenario):
 
 @pytest.mark.parametrize("moment", [0.2, 0.33, 0.41])
 @pytest.mark.parametrize("acceleration", [1000.0, 1500.0])
-def test_what_a_resumed_line_takes_back_makes_no_axis_too_fast(scenario, moment, acceleration):
+def test_no_axis_of_a_resumed_line_exceeds_its_maximum_acceleration(scenario, moment, acceleration):
     """It begins where its axes were rounded to, and is as fast as the faster of them may be."""
     cell = scenario.simulated("xy", axis=f"max_acceleration = {HARDEST}").enabled()
     ledger, group = Ledger(cell, PERIOD), cell.machine.group("x", "y")

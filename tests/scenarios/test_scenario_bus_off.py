@@ -115,7 +115,7 @@ def test_bus_off_ends_every_command_and_the_drives_watchdog_stops_them(tmp_path)
         ]
 
 
-def test_nothing_is_queued_for_the_restart(tmp_path):
+def test_no_frame_is_queued_for_the_restart_after_bus_off(tmp_path):
     with turning_cell(tmp_path) as (_, machine, wire, handles):
         wire.go_off()
         ends_of(handles)

@@ -125,7 +125,7 @@ def test_the_end_of_a_block_halts_the_axis(scenario):
     assert cell.x.state is AxisState.STANDSTILL
 
 
-def test_the_end_of_a_block_raises_what_has_ended_the_loop(scenario):
+def test_the_end_of_a_block_raises_the_error_that_ended_the_loop(scenario):
     cell = opened(scenario)
     calls = []
 
@@ -161,7 +161,7 @@ def test_a_block_whose_loop_has_failed_waits_for_standstill(scenario):
     assert cell.speed() == pytest.approx(0.0, abs=0.1)
 
 
-def test_a_block_left_by_an_exception_says_where_its_axis_may_still_move(scenario):
+def test_a_block_left_by_an_exception_warns_that_its_axis_may_still_move(scenario):
     cell = opened(scenario)
     with pytest.raises(ZeroDivisionError) as caught, cell.x.controller(lambda _: 80.0):
         cell.run(1.0)
@@ -192,7 +192,7 @@ def test_whatever_takes_the_axis_over_ends_the_loop_and_nothing_jumps(scenario, 
 
 
 @pytest.mark.parametrize("factor", [0.0, 0.5, 1.5])
-def test_an_override_scales_what_it_answers(scenario, factor):
+def test_an_override_scales_the_velocity_that_a_controller_returns(scenario, factor):
     cell = opened(scenario)
     cell.x.controller(lambda _: 60.0)
     cell.run(1.0)
@@ -230,7 +230,7 @@ def test_an_axis_that_is_off_or_moves_otherwise_is_not_taken(scenario):
         ({"acceleration": -1.0}, "acceleration"),
     ],
 )
-def test_what_a_controller_cannot_be_is_said(scenario, options, words):
+def test_a_controller_with_invalid_arguments_is_refused_with_the_reason(scenario, options, words):
     cell = opened(scenario)
     with pytest.raises((ArgumentError, LimitError), match=words):
         cell.x.controller(to(1.0), **options)

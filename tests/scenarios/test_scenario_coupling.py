@@ -127,7 +127,7 @@ def test_a_command_that_ends_a_gear_ends_a_running_phase_shift(scenario, stop):
         must_brake(cell, "y")
 
 
-def test_a_shift_is_refused_where_nothing_is_in_step(scenario):
+def test_a_phase_shift_is_refused_if_the_axis_is_not_synchronised(scenario):
     cell = two(scenario)
     error = cell.failure_of(cell["y"].phasing_relative(1.0, velocity=1.0, acceleration=1.0))
     assert isinstance(error, StateError)
@@ -153,7 +153,7 @@ def test_a_gear_takes_up_the_speed_of_a_master_that_turns(scenario):
     assert cell.where("y") - 2.0 * cell.where("x") == pytest.approx(away, abs=3 * INCREMENT)
 
 
-def test_another_ratio_is_come_to_from_the_present_speed(scenario):
+def test_another_gear_ratio_is_reached_from_the_present_speed(scenario):
     cell = two(scenario)
     cell["x"].move_velocity(80.0).wait()
     for ratio in (1.0, -1.0, 0.5):
@@ -185,7 +185,7 @@ def test_both_are_at_their_places_at_a_time(scenario, back):
     assert cell.hardest_change("y") < 700.0
 
 
-def test_an_endless_master_comes_by_again(scenario):
+def test_an_endless_master_reaches_the_sync_position_again_in_each_turn(scenario):
     cell = two(scenario, axis=AXIS + "\nmodulo = 360.0")
     cell["x"].move_velocity(200.0).wait()
     for turn in (1, 2):
@@ -275,7 +275,7 @@ def test_a_chain_is_one_cycle_later_with_each_link(scenario):
     assert cell["z"].state is AxisState.SYNCHRONIZED_MOTION
 
 
-def test_by_where_the_master_is(scenario):
+def test_a_slave_follows_the_actual_position_of_a_master_without_power(scenario):
     """A master without power that is turned by hand leads as well."""
     cell = two(scenario)
     cell["x"].disable().wait()
@@ -397,7 +397,7 @@ def test_a_halt_at_any_stage_brakes_the_slave(scenario, when):
 
 
 @pytest.mark.parametrize("how", ["dead", "homed"])
-def test_a_slave_is_braked_by_itself_when_its_master_is_lost(scenario, how):
+def test_a_slave_is_braked_if_its_master_is_lost(scenario, how):
     cell = two(scenario, bus=ALONE)
     cell["x"].move_velocity(80.0).wait()
     cell.end_of(cell["y"].gear_in(cell["x"], 1.0))
@@ -432,7 +432,7 @@ def test_a_master_that_is_lost_before_the_slave_is_in_step_ends_its_command(scen
     assert "x is being homed" in str(error)
 
 
-def test_one_that_is_in_fault_cannot_lead(scenario):
+def test_an_axis_in_fault_cannot_be_a_master(scenario):
     cell = two(scenario, bus=ALONE)
     cell.machine.simulated_node(1).fault(0x2310)
     cell.run(0.3)
@@ -538,7 +538,7 @@ def test_a_place_that_the_master_is_too_near_to_is_reported(scenario):
         (lambda c: c["y"].cam_in(c["x"], Cam(LOBE), master_start_distance=-1.0), ArgumentError, "magnitudes"),
     ],
 )
-def test_what_couples_nothing_is_refused_before_anything_moves(scenario, ask, error, words):
+def test_invalid_couplings_are_refused_before_any_motion(scenario, ask, error, words):
     cell = two(scenario, axis=AXIS + "\nposition_limits = [-500.0, 500.0]")
     with pytest.raises(error, match=words):
         ask(cell)

@@ -131,7 +131,7 @@ def test_a_velocity_may_be_given_in_every_cycle_from_the_first_on(scenario):
     assert cell.top_speed() < 51.0
 
 
-def test_nothing_moves_before_the_mode_is_shown_and_offsets_of_another_program_are_gone(scenario):
+def test_no_motion_before_the_mode_is_displayed_and_offsets_of_another_program_are_cleared(scenario):
     cell = scenario.simulated("x").enabled()
     cell.device().write(0x60B1, 0, 5000)
     cell.drive().dials.mode_delay = 0.3
@@ -230,7 +230,7 @@ def test_a_drive_that_does_not_take_the_next_mode_is_ramped_down(scenario):
 
 
 @pytest.mark.parametrize("command", ["follow", "home", "torque"])
-def test_what_needs_standstill_is_refused_and_the_axis_continues(scenario, command):
+def test_a_command_that_needs_standstill_is_refused_and_the_axis_continues(scenario, command):
     cell = turning(scenario, axis=RATED)
     here = cell.x.position
     give = {
@@ -264,7 +264,7 @@ def test_after_a_halt_the_axis_takes_a_trajectory_and_a_move(scenario):
 # -- velocity: what stops it ---------------------------------------------------------------------------------------------
 
 
-def test_a_jammed_axis_is_stopped_and_does_not_leap_when_it_comes_free(scenario):
+def test_a_jammed_axis_is_stopped_and_does_not_leap_when_it_is_released(scenario):
     cell = turning(scenario)
     cell.jam()
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 2.0)
@@ -317,7 +317,7 @@ def test_a_halt_whose_targets_are_lost_ends_in_a_harder_stop(scenario):
     cell.must_stand(within=1.0, stages=OFF)
 
 
-def test_a_node_that_dies_is_reported_and_its_drive_stops_by_itself(scenario):
+def test_a_node_that_dies_in_csv_is_reported_and_the_scan_survives(scenario):
     cell = turning(scenario)
     cell.device().dials.dead = True
     cell.run(5.0)
@@ -378,14 +378,14 @@ def test_a_program_that_did_not_run_for_a_while_ramps_the_axis_down(scenario, se
     assert cell.hardest_change(since=moment) <= 2.2 * RAMP  # at worst the drive's own quick stop
 
 
-def test_a_drive_that_leaves_the_mode_by_itself_is_stopped(scenario):
+def test_a_drive_that_leaves_the_commanded_mode_is_stopped(scenario):
     cell = turning(scenario)
     cell.drive().dials.spontaneous_mode = 1
     cell.must_stand(within=2.0, stages=OFF)
     assert "left mode 9 (csv)" in str(cell.x.error)
 
 
-def test_feedback_that_stops_coming_stops_the_axis(scenario):
+def test_a_tpdo_that_stops_stops_the_axis(scenario):
     cell = turning(scenario, axis="position_limits = [-3000.0, 3000.0]", port={"apart": ("position",)})
     cell.device().dials.tpdos_stop = frozenset({2})
     cell.must_stand(within=4.0, stages=(ENABLED, *OFF))
@@ -421,7 +421,7 @@ def test_a_load_is_held_before_during_and_after(scenario, holds, velocity):
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 @pytest.mark.parametrize("speed", [60.0, 250.0, 400.0])
-def test_it_comes_to_rest_within_its_position_limits(scenario, speed, direction):
+def test_a_cyclic_velocity_ends_at_standstill_within_the_position_limits(scenario, speed, direction):
     cell = scenario.simulated("x", axis="position_limits = [-300.0, 300.0]").enabled()
     cell.x.cyclic_velocity(direction * speed)
     cell.must_move(faster_than=-1.0)
@@ -523,7 +523,7 @@ def test_a_load_does_not_fall_when_its_axis_is_halted(scenario, holds):
     assert cell.drive().mode_display != CST
 
 
-def test_a_pushed_axis_comes_to_rest_within_its_position_limits(scenario):
+def test_a_cyclic_torque_ends_at_standstill_within_the_position_limits(scenario):
     cell = pushing(scenario, 0.3, axis="position_limits = [-300.0, 300.0]\n")
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 10.0)
     cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
@@ -548,7 +548,7 @@ def test_a_torque_that_the_drive_does_not_give_is_reported(scenario):
 
 
 @pytest.mark.parametrize("happens", ["fault", "dead", "ctrl-c", "exception"])
-def test_what_happens_to_a_pushed_axis_stops_it(scenario, happens):
+def test_a_fault_a_dead_node_and_each_end_of_the_program_stop_a_cyclic_torque(scenario, happens):
     cell = pushing(scenario)
     if happens == "fault":
         cell.drive().fault(0x2310)

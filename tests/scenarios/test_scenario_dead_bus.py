@@ -148,7 +148,7 @@ def test_a_send_that_returns_at_last_does_not_set_the_drives_in_motion_again(tmp
 
 
 @pytest.mark.nets("the drive's watchdog")
-def test_where_every_send_hangs_the_drives_watchdog_is_left_and_closing_does_not_hang(tmp_path, golden):
+def test_if_every_send_hangs_the_drives_watchdog_stops_them_and_closing_does_not_hang(tmp_path, golden):
     with turning_cell(tmp_path, "x") as (line, adapter, handles):
         adapter.hang(for_all=True)
         line.must_stand(stages=OFF)

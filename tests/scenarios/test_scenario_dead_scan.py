@@ -65,7 +65,7 @@ def test_a_fault_of_our_own_in_an_axis_kills_the_scan_and_stops_every_drive(scen
 
 
 @NETS
-def test_a_group_whose_scan_dies_ends_its_handle_and_comes_to_rest(scenario):
+def test_a_group_whose_scan_dies_ends_its_handle_and_stops(scenario):
     cell = scenario.simulated("xy").enabled()
     line = cell.machine.group("x", "y").move_linear((500.0, 300.0), velocity=100.0)
     cell.run(1.0)
@@ -78,7 +78,7 @@ def test_a_group_whose_scan_dies_ends_its_handle_and_comes_to_rest(scenario):
 
 
 @pytest.mark.nets("the drive's watchdog")
-def test_where_even_the_quick_stop_cannot_be_sent_the_drives_own_watchdog_is_left(scenario):
+def test_if_the_quick_stop_cannot_be_sent_the_drives_own_watchdog_stops_them(scenario):
     """The adapter was pulled out: nothing that we send arrives, and closing must not pretend otherwise."""
     cell = scenario.simulated("x")
     cell.turning()

@@ -56,7 +56,7 @@ def belt_and_axis(
     return cell, belt
 
 
-def test_it_is_where_its_count_is_in_its_unit(scenario):
+def test_the_position_of_an_encoder_axis_is_its_count_in_its_unit(scenario):
     cell, belt = belt_and_axis(scenario, begin=12.3)
     assert cell["belt"].position == pytest.approx(12.3, abs=1 / COUNTS)
     assert cell["belt"].state is AxisState.DISABLED
@@ -65,7 +65,7 @@ def test_it_is_where_its_count_is_in_its_unit(scenario):
     assert cell["belt"].position == pytest.approx(belt.place, abs=2.0)
 
 
-def test_it_counts_past_the_end_of_its_input(scenario):
+def test_an_encoder_axis_counts_past_the_end_of_its_input(scenario):
     """16 bits hold 3,276 mm."""
     cell, belt = belt_and_axis(scenario, speed=2000.0)
     cell.run(5.0)
@@ -75,7 +75,7 @@ def test_it_counts_past_the_end_of_its_input(scenario):
     assert cell["belt"].position == pytest.approx(belt.place, abs=1 / COUNTS)
 
 
-def test_an_axis_is_in_step_with_it_at_speed_and_nothing_shakes(scenario):
+def test_an_axis_is_synchronised_with_a_moving_encoder_axis_without_vibration(scenario):
     cell, belt = belt_and_axis(scenario, speed=100.0)
     gear = cell.x.gear_in(cell["belt"], 0.5)
     gear.wait(5)
@@ -101,7 +101,7 @@ def test_a_place_of_it_is_met(scenario):
 
 
 @pytest.mark.parametrize("how", ["dead", "nmt"])
-def test_a_dead_encoder_leaves_who_follows_it_braked_and_says_so(scenario, how):
+def test_a_dead_encoder_brakes_its_slave_and_the_error_names_it(scenario, how):
     cell, _belt = belt_and_axis(scenario, speed=100.0, node='on_lost = "report"')
     cell.x.gear_in(cell["belt"], 0.5).wait(5)
     cell.run(0.5)
@@ -183,7 +183,7 @@ def written(tmp_path, text: str):
         (('encoder = "count"', "encoder = 3"), "encoder"),
     ],
 )
-def test_what_an_encoder_cannot_say_is_reported(tmp_path, change, words):
+def test_an_invalid_key_of_an_encoder_axis_is_reported(tmp_path, change, words):
     with pytest.raises(ConfigError) as caught:
         reader.load(written(tmp_path, BELT.format(node="").replace(*change)))
     assert words in str(caught.value)

@@ -54,7 +54,7 @@ def test_an_exception_in_the_with_block_stops_everything_and_passes_on(scenario)
 
 
 @pytest.mark.nets("the stop ladder")
-def test_an_exception_carries_what_went_wrong_while_stopping(scenario, golden):
+def test_an_exception_has_notes_about_errors_during_the_stop(scenario, golden):
     cell = scenario.simulated("x", stop='halt_time = "300ms"')
     with pytest.raises(ZeroDivisionError) as caught, cell.machine:
         cell.travelling()
@@ -132,7 +132,7 @@ def test_a_machine_whose_opening_is_interrupted_lets_its_drives_go_again(tmp_pat
         assert line.devices["x"].read(0x1016, 1) == 0
 
 
-def test_commands_after_closing_say_so(scenario, golden):
+def test_commands_after_closing_report_the_closed_machine(scenario, golden):
     cell = scenario.simulated("x").enabled()
     cell.machine.close()
     golden("command_after_close", cell.failure_of(cell.x.move_absolute(1.0)))

@@ -52,7 +52,7 @@ def test_bits_in_the_high_word_are_decoded_too(scenario, golden):
     golden("fault_high_bits", cell.failure_of(handle))
 
 
-def test_a_fault_is_reported_by_its_emcy_where_the_drive_refuses_to_be_asked(scenario, golden):
+def test_a_fault_is_reported_by_its_emcy_if_the_drive_aborts_the_read_of_603fh(scenario, golden):
     cell = scenario.simulated("x")
     (handle,) = cell.travelling()
     cell.device().dials.sdo_aborts[0x603F, 0] = 0x0800_0000
@@ -70,7 +70,7 @@ def test_an_unknown_error_code_is_a_value_and_no_crash(scenario, golden):
     golden("fault_unknown_code", cell.failure_of(handle))
 
 
-def test_a_fault_while_disabled_is_reported_and_stops_no_axis_at_rest(scenario, golden):
+def test_a_fault_while_disabled_is_reported_and_stops_no_axis_at_standstill(scenario, golden):
     cell = scenario.simulated("xy", eds=MODULE)
     cell["y"].enable().wait(3)
     cell.drive("x").fault(CURRENT_LIMIT[1], CURRENT_LIMIT[0])
@@ -82,7 +82,7 @@ def test_a_fault_while_disabled_is_reported_and_stops_no_axis_at_rest(scenario, 
     assert cell.stage("y") == ENABLED
 
 
-def test_a_drive_found_in_fault_at_boot_opens_and_says_so(scenario, golden):
+def test_a_drive_in_fault_at_boot_up_is_opened_and_the_fault_is_reported(scenario, golden):
     cell = scenario.simulated("x", eds=MODULE, devices=faulty_device(scenario))
     cell.run(0.5)
     assert cell.x.state is AxisState.ERRORSTOP

@@ -105,7 +105,7 @@ def test_the_offsets_are_the_velocity_and_the_torque_of_each_target(scenario, in
     assert set(second) <= {round(constant - up) + off for off in (-1, 0, 1)}
 
 
-def test_only_what_is_asked_for_is_sent(scenario):
+def test_only_the_configured_offsets_are_sent(scenario):
     for more, expected in ((forward(inertia=None), (True, False)), (forward(velocity=False), (False, True))):
         cell, witness = made(scenario, more)
         cell.enabled()
@@ -188,7 +188,7 @@ def test_in_csv_the_torque_alone_is_sent(scenario):
 # -- when nothing is sent ------------------------------------------------------------------------------------------------
 
 
-def test_the_constant_torque_comes_on_a_ramp_and_only_where_it_acts(scenario):
+def test_the_constant_torque_is_ramped_and_sent_in_csp_only(scenario):
     cell, witness = made(scenario, forward(velocity=False, inertia=None, torque=4.0))
     cell.enabled()
     cell.run(0.5)
@@ -219,13 +219,13 @@ def test_another_torque_at_run_time(scenario):
     assert witness.held[-1].torque_offset == 0
 
 
-def test_who_did_not_ask_for_it_cannot_set_it(scenario):
+def test_a_torque_offset_that_is_not_configured_cannot_be_set(scenario):
     cell, _ = made(scenario, forward(inertia=None))
     with pytest.raises(ArgumentError, match="is not sent"):
         cell.x.set_torque_offset(1.0)
 
 
-def test_what_would_be_more_than_the_highest_torque_is_held_to_it(scenario):
+def test_the_torque_offset_is_limited_to_the_maximum_torque(scenario):
     cell, witness = made(scenario, forward(inertia=0.1, torque=2.0))
     cell.enabled()
     follow(cell, 60.0, 1.2).wait(5)
@@ -324,7 +324,7 @@ def test_a_drive_that_was_lost_gets_0_before_it_is_enabled_again(scenario):
     assert not any(h.velocity_offset or h.torque_offset for h in again)
 
 
-def test_what_another_program_has_left_is_0_before_the_drive_is_enabled(scenario):
+def test_offsets_of_another_program_are_cleared_before_the_drive_is_enabled(scenario):
     cell, witness = made(scenario, forward(torque=2.0))
     drive = cell.drive()
     drive.velocity_offset, drive.torque_offset = 5000, -300

@@ -49,7 +49,7 @@ def test_the_request_to_stop_everything_is_taken_before_all_that_waits(scenario)
         cell.must_stand(name, within=0.1, stages=OFF)
 
 
-def test_a_command_too_many_is_refused_and_says_what_to_do(scenario, golden):
+def test_a_command_too_many_is_refused_with_the_remedy(scenario, golden):
     cell = scenario.simulated("x").enabled()
     handles = [cell.x.move_relative(0.01) for _ in range(MOST + 1)]
     error = handles[-1].exception()

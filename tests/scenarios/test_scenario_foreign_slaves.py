@@ -567,7 +567,9 @@ def test_it_moves_after_it_was_disabled_in_the_middle_of_a_move(tmp_path, name):
 
 
 @each_obeying
-def test_a_machine_that_is_closed_in_the_middle_of_a_move_leaves_it_at_rest_without_power(tmp_path, name):
+def test_closing_the_machine_in_the_middle_of_a_move_leaves_the_slave_at_standstill_without_power(
+    tmp_path, name
+):
     with Bench(tmp_path, name) as bench:
         bench.enabled().on_its_way(9.0)
         bench.machine.close()
@@ -575,7 +577,7 @@ def test_a_machine_that_is_closed_in_the_middle_of_a_move_leaves_it_at_rest_with
         assert bench.position < 3.0
 
 
-def test_a_machine_whose_slave_does_not_stop_says_so_when_it_is_closed(tmp_path):
+def test_closing_the_machine_reports_a_slave_that_does_not_stop(tmp_path):
     with Bench(tmp_path, "ros2_canopen") as bench:
         bench.enabled().on_its_way(12.0)
         with pytest.raises(DriveError, match="the stop of the axis could not be confirmed"):

@@ -60,7 +60,7 @@ def controlwords(cell) -> list[int]:
     return seen
 
 
-def test_a_drive_found_at_rest_is_reported_and_gets_no_controlword(scenario):
+def test_a_drive_found_at_standstill_is_reported_and_gets_no_controlword(scenario):
     cell = at_rest(scenario)
     sent = controlwords(cell)
     cell.run(1.0)

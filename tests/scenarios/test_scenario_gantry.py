@@ -107,7 +107,7 @@ def noisy(pair):
 
 
 @pytest.mark.parametrize("place", [400.0, 400.02, 450.0, -400.0, -400.02, -450.0])
-def test_a_beam_at_a_limit_or_beyond_it_comes_back_and_goes_no_farther_out(scenario, place):
+def test_a_beam_at_or_beyond_a_limit_moves_back_only(scenario, place):
     pair = enabled(scenario, axis=LIMITED)
     beam, back = pair.gantry, -1.0 if place > 0.0 else 1.0
     beam.set_position(place, square=True).wait(5)
@@ -368,7 +368,7 @@ def test_another_axis_may_follow_one_of_them(scenario):
 
 @pytest.mark.parametrize("verb", ["halt", "stop", "quick_stop", "disable"])
 @pytest.mark.parametrize("name", "xy")
-def test_what_stops_one_stops_both(scenario, verb, name):
+def test_a_stop_of_one_axis_stops_both(scenario, verb, name):
     pair = enabled(scenario)
     pair.gantry.move_absolute(300.0)
     pair.run(1.0)
@@ -426,7 +426,7 @@ def test_a_failing_axis_stops_the_other_on_the_same_path(scenario, how, lost):
         assert pair.stage("x") == ENABLED  # it holds, on its way
 
 
-def test_a_fault_while_the_beam_is_at_rest_is_reported_and_nothing_moves(scenario):
+def test_a_fault_while_the_beam_is_at_standstill_is_reported_without_a_motion(scenario):
     pair = enabled(scenario)
     pair.machine.simulated_node(1).fault(0x2310)
     pair.run(0.5)
@@ -464,7 +464,7 @@ def test_one_that_jams_stops_both_before_the_beam_is_bent_much(scenario, stiff, 
     assert MAX_SKEW < pair.worst_skew() < MAX_SKEW + 100.0 * 5.5 * CYCLE + 100.0**2 / 2 / 1900.0
 
 
-def test_what_held_one_side_may_come_free_and_nothing_leaps(scenario):
+def test_a_blocked_side_that_is_released_does_not_leap(scenario):
     pair = enabled(scenario, stiff=0.0)
     pair.gantry.move_absolute(300.0)
     pair.run(1.0)
@@ -572,7 +572,7 @@ def test_squaring_moves_the_one_that_was_named_and_no_other(scenario):
     assert pair.gantry.skew == pytest.approx(0.0, abs=NEAR)
 
 
-def test_what_the_pair_cannot_do_is_refused_at_the_call(scenario):
+def test_a_command_that_the_pair_does_not_have_is_refused_at_the_call(scenario):
     pair = enabled(scenario)
     with pytest.raises(AxisbusError, match="'z' is not an axis of this pair"):
         pair.gantry.square("z", velocity=1.0)
@@ -592,7 +592,7 @@ def test_what_the_pair_cannot_do_is_refused_at_the_call(scenario):
     assert pair.speed("x") == pytest.approx(20.0, rel=0.02)
 
 
-def test_a_position_that_is_said_keeps_the_skew_that_is_known(scenario):
+def test_set_position_keeps_the_known_skew_unless_the_beam_is_square(scenario):
     pair = enabled(scenario, gantry="offset = 2.0")
     pair.gantry.set_position(50.0).wait(2)
     assert pair.gantry.position == pytest.approx(50.0, abs=NEAR)

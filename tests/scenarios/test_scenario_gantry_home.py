@@ -95,7 +95,7 @@ def test_a_search_without_a_switch_ends_at_its_distance(scenario):
     assert not pair.gantry.homed
 
 
-def test_what_waits_behind_a_homing_begins_when_it_is_done(scenario):
+def test_moves_buffered_behind_a_homing_begin_when_it_is_done(scenario):
     pair = ready(scenario)
     home = pair.gantry.home()
     waiting = [pair.gantry.move_relative(12.0, buffer=True), pair.gantry.move_relative(-4.0, buffer=True)]
@@ -107,7 +107,7 @@ def test_what_waits_behind_a_homing_begins_when_it_is_done(scenario):
 
 
 @pytest.mark.parametrize("how", ["no switch", "halt", "fault"])
-def test_what_waits_behind_a_homing_that_fails_ends_with_it(scenario, how):
+def test_moves_buffered_behind_a_failed_homing_end_with_it(scenario, how):
     pair = ready(scenario, -500.0, -500.0)
     home = pair.gantry.home()
     waiting = [pair.gantry.move_relative(12.0, buffer=True) for _ in range(2)]
@@ -133,7 +133,7 @@ def test_with_one_switch_the_beam_is_taken_to_be_square(scenario):
 
 
 @pytest.mark.parametrize("bent", [4.0, -4.0])
-def test_from_switches_beyond_its_limits_it_comes_back_within_them(scenario, bent):
+def test_from_switches_beyond_its_limits_the_beam_moves_back_within_them(scenario, bent):
     pair = pair_of(
         scenario, axis=f"{AXIS}\nposition_limits = [10.0, 300.0]", more=HOMING, stiff=0.0, required=True
     )
@@ -146,7 +146,7 @@ def test_from_switches_beyond_its_limits_it_comes_back_within_them(scenario, ben
     assert pair.worst_skew(begun) == pytest.approx(4.0, abs=NEAR)
 
 
-def test_homed_once_more_it_comes_to_the_same(scenario):
+def test_a_second_homing_gives_the_same_positions(scenario):
     pair = ready(scenario, -40.0, -37.0)
     pair.gantry.home().wait(30)
     first = [axis.position - at for axis, at in zip(pair.gantry, motors(pair), strict=True)]
@@ -159,7 +159,7 @@ def test_homed_once_more_it_comes_to_the_same(scenario):
 
 @pytest.mark.parametrize("after", [0.02, 0.1, 0.5, 1.9, 2.1, 2.3, 2.5])
 @pytest.mark.parametrize("what", ["halt", "stop", "one halt", "quick_stop", "disable", "fault"])
-def test_whatever_comes_between_ends_it_with_both_at_rest(scenario, after, what):
+def test_a_fault_or_a_stop_during_homing_ends_it_with_both_axes_at_standstill(scenario, after, what):
     pair = ready(scenario, -40.0, -43.0)
     home = pair.gantry.home()
     pair.run(after)
@@ -182,7 +182,7 @@ def test_whatever_comes_between_ends_it_with_both_at_rest(scenario, after, what)
         assert pair.gantry.skew == pytest.approx(0.0, abs=NEAR)
 
 
-def test_nothing_moves_before_both_are_armed(scenario):
+def test_no_motion_before_both_touch_probes_are_armed(scenario):
     pair = ready(scenario)
     pair.drive("y").dials.probe_deaf = True
     error = pair.failure_of(pair.gantry.home(), 30)
@@ -229,6 +229,6 @@ def test_it_is_not_homed_while_it_moves(scenario):
     home.wait(30)
 
 
-def test_where_the_drives_have_no_touch_probe_the_cell_is_not_opened(scenario):
+def test_a_cell_that_homes_a_pair_by_touch_probes_is_refused_if_a_drive_has_none(scenario):
     with pytest.raises(ConfigError, match="the drive of x has no touch probe"):
         pair_of(scenario, eds="builtin:gim6010-8", more=HOMING, stiff=0.0)

@@ -71,14 +71,14 @@ def must_be_on_the_line(cell: Cell, since: float) -> None:
 # -- the start -----------------------------------------------------------------------------------------------------------
 
 
-def test_all_set_off_in_one_sync_whatever_modes_their_drives_come_from(tmp_path):
+def test_all_axes_start_in_one_sync_from_any_modes_of_their_drives(tmp_path):
     """``make bounds`` starts them a thousand times."""
     came = starts(seed=1, count=250, folder=tmp_path)
     assert came.apart == 0
     assert came.changed > 80
 
 
-def test_who_sets_off_later_would_be_seen(tmp_path, monkeypatch):
+def test_the_search_finds_an_axis_that_starts_late(tmp_path, monkeypatch):
     """Whoever comes last to the gate is held there for two cycles more."""
     passes, came = StartBarrier.pass_through, defaultdict(list)
 
@@ -192,7 +192,7 @@ def test_all_axes_start_or_none_in_whatever_cycle_one_is_taken_away(scenario, ho
 
 
 @pytest.mark.parametrize("how", ["halt", "stop", "disable", "quick_stop", "coast"])
-def test_a_group_enable_of_which_one_is_taken_away_energises_nobody(scenario, golden, how):
+def test_no_axis_is_energised_by_a_group_enable_if_one_axis_leaves_it(scenario, golden, how):
     cell, group = three(scenario)
     cell.drive("z").dials.transition_delay = {2: 0.5}
     since = cell.moment()
@@ -247,7 +247,7 @@ def test_a_fault_before_the_common_start_keeps_all_from_moving(scenario):
         cell.must_not_leap(name, since=since, way=0.01, speed=0.1)
 
 
-def test_what_an_axis_was_asked_for_by_itself_outlives_the_group_s_command(scenario):
+def test_the_command_of_one_axis_survives_the_end_of_the_groups_command(scenario):
     """x is being enabled by its own command, which the group's one joins; that the group's is called off takes nothing from it."""
     cell, group = three(scenario)
     for name in "xz":
@@ -264,7 +264,7 @@ def test_what_an_axis_was_asked_for_by_itself_outlives_the_group_s_command(scena
         cell.must_be(SWITCH_ON_DISABLED, name)
 
 
-def test_a_group_s_command_that_one_axis_refuses_leaves_nobody_waiting_from_the_one_before(scenario):
+def test_a_group_command_that_one_axis_refuses_leaves_no_axis_waiting_for_the_previous_one(scenario):
     cell, group = three(scenario, more="")
     cell.enabled()
     cell.device("z").dials.sdo_delay = 0.2
@@ -405,7 +405,7 @@ def test_the_fault_policy_hears_of_a_command_that_breaks_off(scenario, monkeypat
         cell.must_stand(name, within=1.0, stages=ENABLED)
 
 
-def test_an_exception_while_a_line_is_planned_ends_it_and_nobody_has_moved(scenario, monkeypatch):
+def test_an_exception_while_a_line_is_planned_ends_it_without_a_motion(scenario, monkeypatch):
     cell, group = three(scenario)
     cell.enabled()
     since = cell.moment()
@@ -501,7 +501,7 @@ def test_a_trajectory_s_mistake_ends_its_own_command(scenario, what):
 
 
 @pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit, GeneratorExit, RuntimeError])
-def test_what_a_trajectory_raises_in_the_scan_s_thread_does_not_end_the_scan(scenario, kind):
+def test_an_exception_of_a_trajectory_in_the_scan_thread_does_not_end_the_scan(scenario, kind):
     """In a thread of its own the scan is never the one that Ctrl-C is for."""
     cell = scenario.real("x", axis=AXIS).enabled()
     handle = cell.x.follow(Path(raising(kind)))
@@ -512,7 +512,7 @@ def test_what_a_trajectory_raises_in_the_scan_s_thread_does_not_end_the_scan(sce
 
 
 @pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit, GeneratorExit])
-def test_what_a_trajectory_raises_in_virtual_time_is_its_own_too(scenario, kind):
+def test_an_exception_of_a_trajectory_in_virtual_time_ends_its_own_command(scenario, kind):
     """There the scan runs in the main thread; the handler of a signal has left no frame, so none has come."""
     cell = scenario.simulated("x", axis=AXIS).enabled()
     error = cell.failure_of(cell.x.follow(Path(raising(kind))))
@@ -521,7 +521,7 @@ def test_what_a_trajectory_raises_in_virtual_time_is_its_own_too(scenario, kind)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_that_comes_while_a_trajectory_is_asked_is_no_mistake_of_it(scenario, number):
+def test_a_signal_while_a_trajectory_is_called_is_not_an_error_of_the_trajectory(scenario, number):
     """In virtual time it ends the program's wait, and everything stands."""
     cell = scenario.simulated("xy", axis=AXIS)
     cell.turning(90.0, names="y")
@@ -533,7 +533,7 @@ def test_a_signal_that_comes_while_a_trajectory_is_asked_is_no_mistake_of_it(sce
 
 
 @pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit, RuntimeError])
-def test_what_a_callback_raises_in_the_scan_s_thread_does_not_end_the_scan(scenario, kind, caplog):
+def test_an_exception_of_a_callback_in_the_scan_thread_does_not_end_the_scan(scenario, kind, caplog):
     cell = scenario.real("x", axis=AXIS).enabled()
     handle = cell.x.move_relative(5.0)
     handle.add_done_callback(raising(kind))

@@ -189,7 +189,7 @@ def test_a_target_reached_that_falls_late_is_not_taken_for_the_new_one(scenario,
         cell.run(0.5)
 
 
-def test_a_target_reached_that_never_comes_ends_by_the_deadline(scenario, golden):
+def test_a_move_without_target_reached_ends_by_the_deadline(scenario, golden):
     cell = scenario.simulated("x").enabled()
     cell.drive().dials.target_reached_never = True
     late = cell.failure_of(cell.x.move_absolute(10.0))

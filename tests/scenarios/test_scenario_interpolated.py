@@ -77,7 +77,7 @@ def test_bit_4_is_not_set_before_there_is_a_target_at_the_axis_position(scenario
     assert abs(target - place) <= 2
 
 
-def test_other_moves_come_after_it_and_before_it(scenario):
+def test_moves_in_pp_homing_and_ip_follow_each_other_without_a_jolt(scenario):
     """Bit 4 means another thing in pp and in homing: none of it is swallowed, and none is made up."""
     cell = made(scenario).enabled()
     moment = cell.moment()
@@ -156,7 +156,7 @@ def test_a_fault_in_ip_and_the_recovery(scenario):
     follow(cell, 10.0).wait(5)
 
 
-def test_a_drive_that_stops_interpolating_by_itself_is_found_out(scenario):
+def test_a_drive_that_stops_interpolating_is_reported(scenario):
     cell = made(scenario).enabled()
     handle = follow(cell, 300.0)
     cell.run(1.0)
@@ -234,7 +234,7 @@ def test_a_jerk_limited_velocity_works_in_ip_and_is_reported_while_a_move_takes_
         (USUAL & ~IP | CSP, "", 8),
     ],
 )
-def test_which_of_the_two_is_used(scenario, modes, named, expected):
+def test_the_interpolating_mode_is_selected_from_6502h_and_the_cell_file(scenario, modes, named, expected):
     cell = made(scenario, modes=modes, axis=named).enabled()
     follow(cell, 10.0).wait(5)
     assert cell.drive().mode_display == expected

@@ -99,7 +99,7 @@ def test_an_output_reaches_the_plant_and_leaves_the_other_bits_alone(scenario):
     assert (word(cell), lamp.value) == (0x15, False)
 
 
-def test_nothing_is_set_by_opening_and_leaving_a_machine(scenario):
+def test_opening_and_closing_a_machine_sets_no_output(scenario):
     cell = with_io(scenario)
     for address in ((0x6200, 1), (0x6411, 1)):
         cell.machine.simulated_node(5).device.write(*address, 77)
@@ -164,7 +164,7 @@ def test_an_input_is_waited_for(scenario):
         ("valve", True, "valve cannot be True"),
     ],
 )
-def test_what_cannot_be_set_is_refused_at_the_call(scenario, name, value, said):
+def test_an_invalid_output_value_is_refused_at_the_call(scenario, name, value, said):
     cell = with_io(scenario)
     with pytest.raises(ArgumentError, match=said):
         cell.machine.io[name].set(value)
@@ -195,7 +195,7 @@ def test_opening_the_mask_of_a_drive_switches_nothing_on(scenario):
     assert cell.machine.io["relay"].value is False
 
 
-def test_what_the_cell_file_gives_a_whole_output_without_us_stays(scenario):
+def test_failsafe_values_that_the_cell_file_writes_are_kept(scenario):
     own = '[nodes.5.objects]\n"6444:01" = 0x1F40000\n"6207:01" = 0x7F\n"1029:01" = 2\n'
     cell = scenario.simulated(text=cell_text("x", more=IO.format(node="") + own))
     device = cell.machine.simulated_node(5).device
@@ -254,7 +254,7 @@ def test_on_lost_may_only_report(scenario):
         _ = cell.machine.io["part"].value
 
 
-def test_what_waits_for_an_input_of_a_lost_node_is_reported(scenario):
+def test_a_wait_for_an_input_of_a_lost_node_ends_with_an_error(scenario):
     cell = with_io(scenario)
     cell.after(0.2, lambda: setattr(cell.machine.simulated_node(5).device.dials, "dead", True))
     with pytest.raises(StaleError):
@@ -274,7 +274,7 @@ def test_a_module_that_is_not_heard_but_hears_gets_its_safe_state(scenario):
     assert cell.machine.io["lamp"].value is False
 
 
-def test_after_a_loss_nothing_comes_on_by_itself(scenario):
+def test_after_a_loss_no_output_is_switched_on_without_a_command(scenario):
     cell = with_io(scenario, node='on_lost = "report"')
     io = cell.machine.io
     io.set({"lamp": True, "clamp": False}).wait(1)
@@ -294,7 +294,7 @@ def test_after_a_loss_nothing_comes_on_by_itself(scenario):
     assert word(cell) == 0x88
 
 
-def test_after_a_loss_no_frame_brings_back_what_was_never_set(scenario):
+def test_after_a_loss_no_frame_restores_outputs_that_were_never_set(scenario):
     """The module has made all bits of the byte safe: those beside the one that was set, too, named or not."""
     cell = with_io(scenario, node='on_lost = "report"\n[nodes.5.objects]\n"6200:01" = 0x15')
     cell.machine.io["lamp"].set(True).wait(1)
@@ -347,7 +347,7 @@ def test_at_the_end_outputs_become_safe_after_the_axes_are_at_standstill(scenari
     assert isinstance(cell.failure_of(cell.machine.io["lamp"].set(True)), Exception)
 
 
-def test_what_has_waited_behind_other_commands_is_not_set_once_outputs_are_safe(scenario):
+def test_an_output_command_that_waited_is_not_executed_once_outputs_are_safe(scenario):
     cell = with_io(scenario)
     cell.machine.io["lamp"].set(True).wait(1)
     scan = cell.machine._core.scan
@@ -367,7 +367,7 @@ def test_outputs_become_safe_though_an_axis_cannot_be_stopped(scenario):
     assert word(cell) == 0
 
 
-def test_outputs_become_safe_though_nobody_waits_for_an_axis_any_longer(scenario, monkeypatch):
+def test_outputs_become_safe_when_the_wait_for_the_axes_has_timed_out(scenario, monkeypatch):
     """Else the scan would go on sending them as they were, and undo what is written by SDO."""
     cell = with_io(scenario)
     cell.machine.io["lamp"].set(True).wait(1)
@@ -380,7 +380,7 @@ def test_outputs_become_safe_though_nobody_waits_for_an_axis_any_longer(scenario
     assert 8 in sent
 
 
-def test_the_end_of_the_with_block_leaves_safe_outputs_and_a_module_at_rest(scenario):
+def test_the_end_of_the_with_block_leaves_safe_outputs_and_a_pre_operational_module(scenario):
     with with_io(scenario).machine as machine:
         device = machine.simulated_node(5).device
         machine.io["lamp"].set(True).wait(1)

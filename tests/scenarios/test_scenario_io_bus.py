@@ -100,7 +100,7 @@ def test_they_are_in_a_recording_by_their_names(tmp_path, process, core_in_threa
     assert seen["valve"][-1] == 700
 
 
-def test_a_lost_module_is_unknown_and_comes_back_safe(tmp_path, core_in_threads):
+def test_a_lost_module_is_unknown_and_has_safe_outputs_when_it_returns(tmp_path, core_in_threads):
     with opened(tmp_path, node='on_lost = "report"') as cell:
         device, io = cell.simulated_node(5).device, cell.io
         io.set({"lamp": True, "clamp": False}).wait(2)
@@ -116,7 +116,7 @@ def test_a_lost_module_is_unknown_and_comes_back_safe(tmp_path, core_in_threads)
         device.dials.dead = False
 
 
-def test_after_a_loss_no_frame_brings_back_what_shares_it(tmp_path, core_in_threads):
+def test_after_a_loss_no_frame_restores_the_other_outputs_of_the_rpdo(tmp_path, core_in_threads):
     """The RPDO of the module holds its second byte, too, which nobody has named, and which was found on at boot."""
     with opened(tmp_path, node='on_lost = "report"\n[nodes.5.objects]\n"6200:02" = 0x55') as cell:
         device, lamp = cell.simulated_node(5).device, cell.io["lamp"]
@@ -143,7 +143,7 @@ def _is_known(signal) -> bool:
         return False
 
 
-def test_a_module_that_does_not_take_its_error_value_does_not_come_up(tmp_path, core_in_threads):
+def test_a_module_that_does_not_accept_its_error_value_is_refused_at_boot_up(tmp_path, core_in_threads):
     path = tmp_path / "cell.toml"
     path.write_text(cell_text("x", bus='process = "thread"', more=IO.format(node="")))
     eds = (Path(__file__).parents[2] / "eds" / "generic-cia401.eds").read_text()
@@ -223,7 +223,7 @@ def told_by(path: Path) -> str:
     return path_of(str(path)).read_text()
 
 
-def test_a_dead_module_faults_nobody_else_on_the_way_out(tmp_path, core_in_threads):
+def test_a_dead_module_delays_closing_without_a_fault_of_the_drive(tmp_path, core_in_threads):
     """It is asked for longer than the drive waits for our heartbeat, which goes on meanwhile."""
     cell = opened(tmp_path, node='on_lost = "report"', beat="200ms")
     cell.io.set({"lamp": True, "valve": 5}).wait(2)

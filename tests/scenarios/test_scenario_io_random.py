@@ -76,7 +76,7 @@ class Game:
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_no_output_has_what_nobody_asked_for(scenario, seed):
+def test_no_output_has_a_value_that_was_not_commanded(scenario, seed):
     game = Game(scenario, seed)
     game.play()
     game.settled()

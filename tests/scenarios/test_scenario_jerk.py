@@ -48,7 +48,7 @@ def test_a_drive_with_a_profile_jerk_limits_it_itself(scenario):
     assert demand.worst(3) == pytest.approx(JERK, rel=1e-3)
 
 
-def test_the_type_of_profile_is_put_back_for_what_has_no_jerk(scenario):
+def test_the_type_of_profile_is_restored_for_moves_without_jerk(scenario):
     cell = scenario.simulated("x").enabled()
     cell.end_of(cell.x.move_absolute(10.0, jerk=JERK))
     assert of(cell, TYPE) == LIMITED
@@ -85,7 +85,7 @@ def test_a_drive_that_refuses_both_is_reported_with_its_abort_code_and_does_not_
 
 
 @pytest.mark.parametrize("index", [TYPE, LIMIT])
-def test_a_drive_that_does_not_keep_what_was_written_is_reported_and_does_not_move(
+def test_a_drive_that_does_not_store_the_written_jerk_is_reported_and_does_not_move(
     scenario, monkeypatch, index
 ):
     cell = scenario.simulated("x").enabled()
@@ -244,7 +244,7 @@ def test_after_a_trajectory_a_move_of_the_master_continues_with_its_velocity(sce
     assert led.worst(3) <= JERK * 1.001
 
 
-def test_after_a_move_of_the_master_a_line_may_begin_only_at_rest_and_a_move_without_jerk_continues(scenario):
+def test_a_move_without_jerk_takes_over_from_a_move_of_the_master(scenario):
     cell = soft(scenario, MODULE)
     cell.x.move_absolute(200.0)
     cell.run(0.6)
@@ -319,7 +319,7 @@ def test_move_direct_moves_each_axis_by_its_own_profile(scenario):
 # -- what is refused, and told ---------------------------------------------------------------------------------------------
 
 
-def test_a_move_of_the_master_does_not_take_over_from_the_drive_and_says_why(scenario):
+def test_a_move_of_the_master_does_not_take_over_from_the_drive_and_the_error_gives_the_reason(scenario):
     cell = soft(scenario, MODULE)
     first = cell.x.move_absolute(300.0, jerk=math.inf)
     cell.run(0.5)

@@ -75,7 +75,7 @@ def test_a_jerk_limited_move_can_be_joined_before_it_begins_and_while_it_moves(s
     must_be_soft(led)
 
 
-def test_one_that_comes_when_it_brakes_already_is_passed_more_slowly_and_says_so(scenario):
+def test_a_move_given_while_the_axis_brakes_has_a_slower_transition_and_its_note_gives_the_velocity(scenario):
     cell = soft(scenario, MODULE)
     led = Led(cell)
     cell.x.move_absolute(70.0, velocity=100.0)
@@ -87,7 +87,7 @@ def test_one_that_comes_when_it_brakes_already_is_passed_more_slowly_and_says_so
     must_be_soft(led)
 
 
-def test_if_the_path_reverses_it_stops_at_the_end_and_says_so(scenario):
+def test_if_the_path_reverses_it_stops_at_the_end_and_the_note_gives_the_reason(scenario):
     cell = soft(scenario, MODULE)
     led = Led(cell)
     first = cell.x.move_absolute(70.0, buffer="blending_next")
@@ -100,7 +100,7 @@ def test_if_the_path_reverses_it_stops_at_the_end_and_says_so(scenario):
     must_be_soft(led)
 
 
-def test_moves_of_which_one_needs_more_time_for_its_jerk_do_not_pass_into_each_other_and_say_so(scenario):
+def test_moves_that_need_more_time_for_their_jerk_are_not_blended_and_the_note_gives_the_reason(scenario):
     cell = soft(scenario, MODULE)
     led = Led(cell)
     first = cell.x.move_absolute(70.0, jerk=10_000.0, buffer="blending_next")
@@ -129,7 +129,7 @@ def test_one_without_a_jerk_joins_and_is_as_soft_as_the_one_before(scenario):
     must_be_soft(led)
 
 
-def test_behind_a_move_of_the_drive_and_behind_a_velocity_it_is_refused_and_says_what_to_do(scenario):
+def test_a_jerk_limited_blend_after_a_move_of_the_drive_is_refused_with_the_remedy(scenario):
     cell = soft(scenario, GENERIC)
     first = cell.x.move_absolute(70.0)
     cell.run(0.1)
@@ -193,7 +193,7 @@ def test_a_halt_and_a_stop_are_as_hard_as_without_and_end_all(scenario, call):
 
 @pytest.mark.parametrize("moment", [0.2, 0.6, 0.9])
 @pytest.mark.parametrize("by", ["move", "velocity", "harder"])
-def test_what_takes_over_continues_with_its_velocity_and_its_acceleration(scenario, moment, by):
+def test_a_move_that_takes_over_begins_with_the_present_velocity_and_acceleration(scenario, moment, by):
     cell = soft(scenario, MODULE)
     led = Led(cell)
     handles = [

@@ -122,7 +122,7 @@ def test_without_a_jerk_the_drive_makes_the_ramp(scenario):
     assert cell.x.velocity == pytest.approx(50.0, abs=2.0)
 
 
-def test_a_velocity_of_0_brings_it_to_rest_under_control_of_the_master(scenario):
+def test_a_velocity_of_0_stops_the_axis_under_control_of_the_master(scenario):
     cell = soft(scenario, MODULE)
     led = Led(cell)
     cell.end_of(cell.x.move_velocity(100.0))
@@ -283,7 +283,7 @@ def test_a_soft_halt_for_which_there_is_no_room_is_a_hard_one(scenario):
     assert cell.x.state is AxisState.STANDSTILL
 
 
-def test_a_velocity_back_that_would_lead_beyond_the_limits_first_is_refused(scenario):
+def test_a_velocity_back_that_would_first_exceed_the_limits_is_refused(scenario):
     cell = soft(scenario, MODULE, axis="position_limits = [-10.0, 205.0]")
     first = cell.x.move_absolute(200.0, velocity=300.0)
     cell.run(0.62)
@@ -369,7 +369,7 @@ def test_a_velocity_that_is_not_reached_in_time_ends_with_an_error_and_the_axis_
     assert cell.core().ladder is None
 
 
-def test_a_buffered_move_begins_when_the_velocity_is_reached_and_a_blended_one_says_that_it_cannot_blend(
+def test_a_buffered_move_begins_when_the_velocity_is_reached_and_a_blended_one_is_buffered(
     scenario,
 ):
     cell = soft(scenario, MODULE)

@@ -136,7 +136,7 @@ def file(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_a_restore_that_is_killed_again_and_again_continues_with_what_differs(
+def test_a_restore_that_is_killed_repeatedly_continues_with_the_values_that_differ(
     drive: Drive, file: str
 ) -> None:
     """In the reading; with the PDO switched off; between settings; with it half filled; whole but off; before the last look."""

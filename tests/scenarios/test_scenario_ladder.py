@@ -41,7 +41,7 @@ def test_a_drive_that_ignores_halt_gets_a_quick_stop(scenario, golden):
     golden("ladder_quick_stop", error)
 
 
-def test_a_path_that_brakes_too_slowly_for_halt_time_ends_in_a_quick_stop_that_says_so(scenario):
+def test_a_path_that_brakes_too_slowly_for_halt_time_ends_in_a_quick_stop_with_that_reason(scenario):
     cell = scenario.simulated("x", stop=TIMES).enabled()
     cell.machine.group("x").move_linear([400.0], velocity=100.0, acceleration=50.0)
     cell.run(2.5)
@@ -130,7 +130,7 @@ WORDS = (
 
 @pytest.mark.parametrize("option", range(9))
 @pytest.mark.nets("the stop ladder")
-def test_a_quick_stop_ends_disabled_or_held_as_605a_says(scenario, option):
+def test_a_quick_stop_ends_disabled_or_held_according_to_605ah(scenario, option):
     cell = scenario.simulated("x", stop=f'quick_stop = "{WORDS[option]}"')
     assert cell.device().read(0x605A) == option
     cell.turning()
@@ -264,7 +264,7 @@ def test_a_hanging_axis_is_never_switched_off_before_standstill(scenario, golden
     golden("ladder_ends_for_a_load", error)
 
 
-def test_a_standing_load_on_the_motor_is_not_dropped_by_a_quick_stop_that_is_ignored(scenario):
+def test_a_load_held_at_standstill_is_not_dropped_by_a_quick_stop_that_is_ignored(scenario):
     cell = vertical(scenario, TORQUE, stop=TIMES)
     cell.run(0.5)
     fall = Fall(cell)

@@ -44,7 +44,7 @@ class Gateway:
 
 
 @pytest.mark.parametrize("rate", [0.1, 0.4])
-def test_an_axis_is_stopped_when_its_process_data_come_ever_later(tmp_path, rate):
+def test_an_axis_is_stopped_when_its_process_data_arrive_ever_later(tmp_path, rate):
     with Line(tmp_path, "x", period="10ms", heartbeat="400ms") as line:
         machine = line.open()
         try:

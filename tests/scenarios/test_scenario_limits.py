@@ -62,7 +62,7 @@ def must_end_within(cell: Cell, name: str, low: float, high: float) -> None:
     ("velocity", "acceleration"),
     [(360, 3600), (-360, 2000), (360, 720), (-360, 300), (90, 720), (-30, 100), (200, 3600)],
 )
-def test_a_turning_axis_comes_to_rest_within_its_position_limits(scenario, velocity, acceleration, lag):
+def test_a_turning_axis_stops_within_its_position_limits(scenario, velocity, acceleration, lag):
     """The way of reaction counts the command's acceleration, the delay of feedback and the ramp that a halt really has."""
     cell = joints(scenario, lag)
     cell["y"].move_velocity(velocity, acceleration=acceleration)
@@ -72,7 +72,7 @@ def test_a_turning_axis_comes_to_rest_within_its_position_limits(scenario, veloc
 
 
 @pytest.mark.parametrize("deceleration", [100.0, 720.0, 3600.0])
-def test_the_braking_distance_uses_the_deceleration_that_the_command_has_written(scenario, deceleration):
+def test_the_braking_distance_uses_the_deceleration_of_the_command(scenario, deceleration):
     cell = joints(scenario)
     cell["y"].move_velocity(150.0, acceleration=500, deceleration=deceleration)
     must_end_within(cell, "y", -90.0, 90.0)
@@ -116,7 +116,7 @@ def test_a_slow_move_continues_close_to_its_limit(scenario):
     must_end_within(cell, "y", -90.0, 90.0)
 
 
-def test_a_standing_axis_at_its_limit_is_not_let_out_by_a_single_increment(scenario):
+def test_an_axis_at_standstill_at_its_limit_does_not_move_beyond_it_by_an_increment(scenario):
     cell = joints(scenario)
     cell["y"].move_absolute(90.0, velocity=360, acceleration=3600).wait(5)
     cell["y"].move_velocity(360.0, acceleration=3600)
@@ -124,7 +124,7 @@ def test_a_standing_axis_at_its_limit_is_not_let_out_by_a_single_increment(scena
 
 
 @pytest.mark.parametrize("source", [ValueTransport.SDO, ValueTransport.EVENT_PDO])
-def test_feedback_that_comes_late_is_counted_by_its_age(scenario, source):
+def test_the_braking_distance_counts_the_age_of_late_feedback(scenario, source):
     """A position that is polled each 100 ms is up to 100 ms old: at 360 deg/s that is 36 deg."""
     port = {"inputs": {"position": source, "demand": ValueTransport.NONE}, "event_timer": 0.05}
     cell = joints(scenario, **port)
@@ -145,7 +145,7 @@ def test_a_position_that_is_gone_stops_an_axis_that_must_keep_its_limits(scenari
 
 
 @pytest.mark.parametrize("velocity", [300.0, -150.0])
-def test_in_real_time_on_a_bus_a_turning_axis_comes_to_rest_within_its_limits(scenario, velocity):
+def test_in_real_time_on_a_bus_a_turning_axis_stops_within_its_limits(scenario, velocity):
     cell = scenario.real("x", axis="position_limits = [-90.0, 90.0]").enabled()
     cell.x.move_velocity(velocity, acceleration=3000, deceleration=1500)
     must_end_within(cell, "x", -90.0, 90.0)
@@ -285,7 +285,7 @@ def test_a_straight_line_at_all_its_limits_is_gone_to_its_end(scenario):
 # What is asked for.
 
 
-def test_a_torque_beyond_what_the_drive_allows_is_refused_where_the_cell_file_says_nothing(scenario):
+def test_a_torque_beyond_6072h_is_refused_if_the_cell_file_gives_no_limit(scenario):
     """6072h of this drive is 3000: three times its rated torque."""
     cell = scenario.simulated("x", axis="rated_torque = 1.27").enabled()
     with pytest.raises(LimitError, match="beyond the limit") as caught:
@@ -473,7 +473,7 @@ def test_limits_in_the_drive_hold_without_a_master(scenario):
     assert cell.farthest()[1] == pytest.approx(90.0, abs=0.01)
 
 
-def test_the_speed_of_the_motor_is_limited_where_the_drive_says_how_it_counts(scenario):
+def test_the_speed_of_the_motor_is_limited_if_the_drive_defines_its_unit(scenario):
     text = JOINTS.replace("max_acceleration = 3600.0", "max_acceleration = 3600.0\nlimits_in_drive = true")
     cell = scenario.simulated(text=text)
     device = cell.device("y")

@@ -73,7 +73,7 @@ def test_a_restarted_node_cannot_be_reset_into_service(scenario, golden):
 
 
 @pytest.mark.parametrize("enabled", [False, True], ids=["at rest", "moving"])
-def test_a_reset_of_an_axis_whose_node_is_silent_says_what_to_do(scenario, golden, enabled):
+def test_a_reset_of_an_axis_whose_node_is_silent_gives_the_remedy(scenario, golden, enabled):
     """At rest it is said again every time; in motion it is said while the stop sequence still tries to reach it, too."""
     cell = scenario.simulated("x")
     if enabled:
@@ -87,7 +87,7 @@ def test_a_reset_of_an_axis_whose_node_is_silent_says_what_to_do(scenario, golde
     golden("reset_of_a_lost_node", cell.failure_of(cell.x.reset()))
 
 
-def test_a_reset_of_an_axis_whose_node_fell_silent_in_pre_operational_says_that_it_is_silent(scenario):
+def test_a_reset_of_an_axis_whose_node_fell_silent_in_pre_operational_reports_the_silence(scenario):
     cell = scenario.simulated("x")
     cell.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
     cell.run(1.0)
@@ -118,7 +118,7 @@ def test_if_another_master_stops_a_node_the_others_stop(scenario, golden):
     golden("node_stopped", cell["x"].error)
 
 
-def test_a_node_that_came_back_without_a_restart_serves_again_after_a_reset(scenario):
+def test_a_node_that_returned_without_a_restart_works_again_after_a_reset(scenario):
     cell = scenario.simulated("x")
     cell.turning()
     cell.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
@@ -133,7 +133,7 @@ def test_a_node_that_came_back_without_a_restart_serves_again_after_a_reset(scen
     assert cell.device().nmt is NmtState.OPERATIONAL
 
 
-def test_a_node_that_came_back_in_fault_and_was_reset_is_reported_when_it_is_lost_again(scenario):
+def test_a_node_that_returned_in_fault_and_was_reset_is_reported_when_it_is_lost_again(scenario):
     cell = scenario.simulated("x")
     cell.turning()
     cell.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)

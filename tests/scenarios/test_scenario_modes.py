@@ -71,7 +71,9 @@ def test_a_resting_mode_that_is_refused_is_replaced_by_the_next(scenario):
 
 
 @pytest.mark.parametrize(("what", "mode"), [("move_velocity", PV), ("home", HM), ("follow", CSP)])
-def test_a_mode_refused_while_enabled_fails_the_command_and_the_axis_holds(scenario, golden, what, mode):
+def test_a_mode_refused_while_enabled_fails_the_command_and_the_axis_holds_its_position(
+    scenario, golden, what, mode
+):
     cell = scenario.simulated("x").enabled()
     cell.drive().dials.modes_refused = frozenset({mode})
     place = cell.where()
@@ -113,7 +115,7 @@ def test_a_mode_refused_in_mid_move_stops_the_axis(scenario, golden):
 # -- conditions of the cyclic modes --------------------------------------------------------------------------------------
 
 
-def test_csp_is_refused_where_60c2_is_refused(scenario, golden):
+def test_csp_is_refused_if_the_drive_refuses_60c2(scenario, golden):
     cell = scenario.simulated("x").enabled()
     cell.device().dials.sdo_write_aborts[0x60C2, 1] = 0x0609_0030
     failed = cell.failure_of(cell.x.follow(Ramp()))
@@ -123,7 +125,7 @@ def test_csp_is_refused_where_60c2_is_refused(scenario, golden):
     assert cell.drive().mode_display == PP
 
 
-def test_csp_is_refused_where_60c2_reads_back_another_period(scenario, golden):
+def test_csp_is_refused_if_60c2_reads_back_another_period(scenario, golden):
     cell = scenario.simulated("x").enabled()
     dictionary = cell.device().dictionary
     dictionary.on_write(0x60C2_01, lambda _: dictionary.values.__setitem__(0x60C2_01, 2))
@@ -141,7 +143,7 @@ def test_csp_is_refused_where_60c2_reads_back_another_period(scenario, golden):
         ("target", {"outputs": {"target_position": ValueTransport.SDO}}),
     ],
 )
-def test_csp_is_refused_where_its_values_do_not_travel_with_sync(scenario, golden, name, port):
+def test_csp_is_refused_if_its_values_are_not_sent_with_sync(scenario, golden, name, port):
     cell = scenario.simulated("x", port=port).enabled()
     failed = cell.failure_of(cell.x.follow(Ramp()))
     assert isinstance(failed, StateError)
@@ -175,7 +177,7 @@ def test_a_trajectory_that_becomes_too_fast_is_braked_along_its_path(scenario, g
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_trajectory_that_runs_into_the_limit_is_braked_to_rest_within_it(scenario, golden, way):
+def test_a_trajectory_beyond_the_limit_is_braked_to_standstill_within_it(scenario, golden, way):
     cell = scenario.simulated("x", axis="position_limits = [-90.0, 90.0]").enabled()
 
     class Onwards(Ramp):

@@ -148,7 +148,7 @@ def test_a_module_that_restarts_in_motion_is_a_lost_node_and_the_others_stop(cel
 
 
 @BOTH
-def test_a_module_that_is_not_heard_any_more_stops_the_others_and_closing_says_what_it_is(cell):
+def test_a_module_that_falls_silent_stops_the_others_and_closing_names_it(cell):
     cell.up()
     handle = cell.line(1)
     cell.module.dials.dead = True
@@ -162,7 +162,7 @@ def test_a_module_that_is_not_heard_any_more_stops_the_others_and_closing_says_w
     assert "m" in str(caught.value)
 
 
-def test_a_scan_that_fails_leaves_it_at_rest_and_closing_says_how(tmp_path, monkeypatch):
+def test_a_scan_that_fails_leaves_the_module_without_power_and_closing_reports_it(tmp_path, monkeypatch):
     _has_been_on(monkeypatch)
     machine = Machine.open(write(tmp_path, 'interface = "sim"\nprocess = "thread"'))
     cell = Cell(machine)

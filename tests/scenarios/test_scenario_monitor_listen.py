@@ -94,7 +94,7 @@ def test_every_frame_on_the_bus_belongs_to_others(tmp_path, monitor):
     assert "a master sends heartbeats of node 127 (77Fh), SYNC (080h), node guarding requests" in told
 
 
-def test_what_happened_since_the_last_look_is_news(tmp_path, monitor):
+def test_events_since_the_last_refresh_are_reported_as_news(tmp_path, monitor):
     says = (
         Says(0x081, "20 43 08 00 00 00 00 00", every=8),
         Says(0x000, "80 01", every=8),
@@ -174,7 +174,7 @@ def test_an_adapter_that_can_be_listen_only_is_asked_to(tmp_path, monkeypatch, c
     assert "does not even acknowledge" in capsys.readouterr().out
 
 
-def test_what_the_user_wrote_for_the_adapter_stays():
+def test_options_of_the_user_for_the_adapter_are_kept():
     assert adapter.silent("slcan", {"listen_only": False, "tty_baudrate": 9600}) == {
         "listen_only": False,
         "tty_baudrate": 9600,

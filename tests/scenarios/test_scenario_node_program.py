@@ -173,7 +173,7 @@ def test_a_program_is_replaced_in_virtual_time_too(tmp_path):
 # -- letters -------------------------------------------------------------------------------------------------------------
 
 
-def test_letter_g_a_drive_that_does_not_say_which_program_it_has(tmp_path, golden):
+def test_letter_g_a_drive_that_does_not_report_its_program(tmp_path, golden):
     with rig(tmp_path, DOWNLOAD, 0x1F52) as line:
         error = refused(line)
         assert line.devices["x"].loader.orders == []
@@ -238,7 +238,7 @@ def test_letter_i_the_drive_dies_in_mid_transfer(tmp_path, golden):
     golden("node_program_i_silence", report.error, volatile=True)
 
 
-def test_letter_i_the_drive_does_not_come_back(tmp_path, golden):
+def test_letter_i_the_drive_does_not_return(tmp_path, golden):
     with rig(tmp_path, DOWNLOAD, deadline=IMPATIENT) as line:
         line.devices["x"].dials.reboot_time = 30.0
         line.devices["x"].dials.program.restart_delay = 1.0  # it is found once more before it goes

@@ -163,7 +163,7 @@ def test_a_halted_axis_goes_to_its_new_target_only_and_once(scenario):
         assert not any(word & RELATIVE for word, _ in heard)
 
 
-def test_bit_4_lasts_and_comes_back(scenario):
+def test_bit_4_is_held_for_a_time_and_repeated(scenario):
     """A drive that looks at its controlword every 15 ms only must not miss the edge."""
     cell = played(scenario, "never", period="2ms")
     drive, looked, hear = cell.drive(), [0], cell.drive()._hear
@@ -182,7 +182,7 @@ def test_bit_4_lasts_and_comes_back(scenario):
 
 
 @pytest.mark.parametrize("offset", range(2, 9))
-def test_what_a_halt_gives_instead_of_the_old_target_has_an_edge_of_its_own(scenario, offset):
+def test_the_set_point_of_a_halt_has_an_edge_of_its_own(scenario, offset):
     """Without 6062h a halted drive is given the place where it stands; the move's own bit 4 may have been high just before."""
     cell = played(scenario, "never", port=TRAVELS["without 6062h"])
     heard = words(cell)
@@ -277,7 +277,7 @@ def test_a_move_to_the_present_position_is_done_at_once(scenario):
         assert settled(cell, target)
 
 
-def test_an_axis_that_came_to_rest_a_little_short_may_be_sent_there_again(scenario):
+def test_an_axis_that_stopped_a_little_short_may_be_moved_to_the_same_target_again(scenario):
     cell = played(scenario, "never", port=TRAVELS["without 6062h"])
     cell.x.move_absolute(10.0).wait(5)
     cell.run(0.5)

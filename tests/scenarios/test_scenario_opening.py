@@ -90,7 +90,7 @@ def test_an_eds_for_another_device_is_reported_in_virtual_time_too(scenario, gol
 # -- who answers ---------------------------------------------------------------------------------------------------------
 
 
-def test_nobody_answers(tmp_path, golden, impatient):
+def test_no_node_answers(tmp_path, golden, impatient):
     with Line(tmp_path, "xy", present="") as line, pytest.raises(ExceptionGroup) as caught:
         line.open()
     assert [type(error) for error in caught.value.exceptions] == [BootError, BootError]
@@ -130,7 +130,7 @@ def test_a_node_that_answers_sdo_after_the_client_gave_up_is_no_mix_up(tmp_path,
     golden("answers_too_late", caught.value)
 
 
-def test_a_node_that_comes_up_while_it_is_awaited_is_booted(tmp_path):
+def test_a_node_that_appears_while_it_is_awaited_is_booted(tmp_path):
     with Line(tmp_path) as line:
         line.devices["x"].dials.dead = True
         threading.Timer(0.8, lambda: setattr(line.devices["x"].dials, "dead", False)).start()
@@ -139,7 +139,7 @@ def test_a_node_that_comes_up_while_it_is_awaited_is_booted(tmp_path):
             machine["x"].move_relative(2.0).wait(10)
 
 
-def test_heartbeats_that_are_late_but_not_too_late_disturb_nobody(tmp_path):
+def test_late_heartbeats_within_the_limit_end_no_motion(tmp_path):
     with Line(tmp_path, heartbeat="400ms") as line, line.open() as machine:
         enable(machine["x"])
         monitor = machine.node(1)._node.nmt

@@ -27,7 +27,7 @@ def moving(scenario, distance=200.0, **changes):
     return cell, handle
 
 
-def test_a_move_of_the_drive_goes_slower_and_faster_at_once_and_ends_where_it_was_to_end(scenario):
+def test_an_override_changes_the_speed_of_a_move_of_the_drive_at_once_and_not_its_target(scenario):
     cell, handle = moving(scenario, 300.0)
     for factor, speed in ((0.3, 30.0), (1.5, 150.0), (0.05, 5.0), (1.0, 100.0)):
         assert cell.end_of(cell.x.set_override(factor)) is None
@@ -38,7 +38,7 @@ def test_a_move_of_the_drive_goes_slower_and_faster_at_once_and_ends_where_it_wa
     assert cell.where("x") == pytest.approx(300.0, abs=NEAR)
 
 
-def test_an_override_of_0_holds_a_move_and_it_continues_by_itself(scenario):
+def test_an_override_of_0_holds_a_move_which_continues_when_the_override_rises(scenario):
     cell, handle = moving(scenario)
     cell.x.set_override(0.0).wait()
     cell.run(0.5)
@@ -302,7 +302,7 @@ def test_a_gear_follows_its_master_and_not_its_own_override(scenario):
     assert y.velocity == pytest.approx(0.0, abs=0.5)
 
 
-def test_what_gear_out_has_let_go_of_is_held_by_the_override_of_the_cell(scenario):
+def test_the_override_of_the_cell_applies_to_an_axis_after_gear_out(scenario):
     cell = scenario.simulated("xy").enabled()
     x, y = cell["x"], cell["y"]
     cell.end_of(y.gear_in(x, 0.5))

@@ -85,7 +85,7 @@ def test_the_tool_follows_a_straight_line_and_the_program_is_not_called_meanwhil
     assert all(cell.hardest_change(name, since) < 4100.0 for name in "xy")
 
 
-def test_it_does_what_the_arm_of_the_core_does(scenario):
+def test_kinematics_of_the_program_move_the_tool_as_the_scara_of_the_core_does(scenario):
     cell, xy = placed(scenario, Arm())
     ends = []
     for group in (xy, xy.with_kinematics(Scara(UPPER, FORE))):
@@ -202,7 +202,9 @@ def out(_):
         (lambda found: (found[0] + 0.5, found[1]), ArgumentError, "do not agree"),
     ],
 )
-def test_what_its_functions_do_wrong_is_reported_before_anything_moves(scenario, method, wrong, kind, text):
+def test_an_error_in_kinematics_of_the_program_is_reported_before_any_motion(
+    scenario, method, wrong, kind, text
+):
     cell, xy = placed(scenario, Fails(wrong, method))
     before = cell.machine["x"].position, cell.machine["y"].position
     with pytest.raises(kind, match=text) as told:
@@ -214,7 +216,7 @@ def test_what_its_functions_do_wrong_is_reported_before_anything_moves(scenario,
     assert cell.machine["x"].state.value == "Standstill"
 
 
-def test_what_forward_does_wrong_where_the_axes_stand_is_reported_by_the_call(scenario):
+def test_an_error_in_forward_at_the_present_position_is_reported_by_the_call(scenario):
     _, xy = placed(scenario, Fails(other, "forward", count=0))
     with pytest.raises(ArgumentError, match=r"x\+y.move_circular.*: Fails.forward failed at"):
         xy.move_circular((250.0, 0.0), via=(200.0, 10.0), velocity=100.0, acceleration=500.0)

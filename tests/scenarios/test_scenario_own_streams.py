@@ -93,7 +93,7 @@ def tools(cell, arm, since=0.0):
     return [arm.forward((x.demand, y.demand)) for x, y in zip(xs, ys, strict=True)]
 
 
-def test_the_tool_is_on_the_circle_and_the_axes_do_what_those_of_the_core_do(scenario):
+def test_a_stream_with_kinematics_of_the_program_moves_the_axes_as_the_scara_of_the_core_does(scenario):
     demands = []
     for arm in (Arm(), Scara(UPPER, FORE)):
         cell, tool = placed(scenario, arm)
@@ -109,7 +109,7 @@ def test_the_tool_is_on_the_circle_and_the_axes_do_what_those_of_the_core_do(sce
     assert demands[0] == pytest.approx(demands[1], abs=1.5 / SCALE)
 
 
-def test_turns_are_counted_on_from_what_was_answered_before(scenario):
+def test_turns_are_counted_from_the_previous_solution(scenario):
     cell, tool = placed(scenario, Turntable(), start=(0.0, 0.0))
     with tool.stream(period=0.05) as points:
         for number in range(201):
@@ -185,7 +185,7 @@ def test_an_error_of_the_functions_names_the_point_and_only_that_point_is_reject
     assert math.dist(tool.tool_position, circle(59)) < NEAR
 
 
-def test_what_an_axis_cannot_follow_is_refused(scenario):
+def test_a_point_that_an_axis_cannot_follow_is_refused(scenario):
     _cell, tool = placed(scenario, Arm())
     with tool.stream(period=PERIOD) as points:
         for number in range(40):
@@ -213,7 +213,7 @@ def test_a_leap_to_another_solution_is_refused(scenario):
     assert usual(circle(40), (0.0, 90.0)) == pytest.approx([cell.where("x"), cell.where("y")], abs=0.05)
 
 
-def test_it_must_begin_where_the_axes_stand(scenario):
+def test_a_stream_must_begin_at_the_present_position(scenario):
     _cell, tool = placed(scenario, Arm())
     points = tool.stream(period=PERIOD)
     with pytest.raises(StateError, match="is not at the start of the stream"):
@@ -222,7 +222,7 @@ def test_it_must_begin_where_the_axes_stand(scenario):
     points.handle.exception()
 
 
-def test_what_forward_says_where_the_axes_stand_is_reported_at_the_call(scenario):
+def test_an_invalid_result_of_forward_is_reported_at_the_call(scenario):
     arm = Arm()
     _cell, tool = placed(scenario, arm)
     arm.forward = lambda _: ("x",)
@@ -250,7 +250,7 @@ def test_broken_off_by_a_halt_it_continues_through_every_point(scenario):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_whatever_comes_no_axis_is_faster_or_harder_than_it_may_be(scenario, seed):
+def test_no_axis_exceeds_its_velocity_or_acceleration_in_random_streams(scenario, seed):
     rng = random.Random(seed)
     arm = Arm()
     cell, tool = placed(scenario, arm)

@@ -67,7 +67,7 @@ def test_wide_corners_take_less_time(scenario):
     assert times[0] > times[2] + 0.3
 
 
-def test_a_circle_is_round_and_comes_back_to_where_it_began(scenario):
+def test_a_circle_is_round_and_ends_at_its_start(scenario):
     cell, group = two(scenario)
     assert cell.end_of(group.move_circular((0.0, 0.0), centre=(30.0, 0.0), velocity=80.0)) is None
     must_be_at(cell, 0.0, 0.0)
@@ -95,7 +95,7 @@ def test_an_override_changes_the_speed_and_never_the_path(scenario):
     must_have_kept_to(cell, SQUARE, 2.2)
 
 
-def test_an_override_stays_for_what_follows_and_holds_a_line_before_it_begins(scenario):
+def test_an_override_applies_to_later_lines_and_holds_a_line_before_it_begins(scenario):
     cell, group = two(scenario)
     cell.end_of(group.set_override(0.0))
     line = group.move_linear((30.0, 30.0), velocity=100.0)
@@ -193,7 +193,7 @@ def test_one_axis_in_fault_stops_the_other_on_the_path(scenario):
     assert "is ErrorStop" in str(cell.failure_of(group.resume()))
 
 
-def test_where_it_begins_is_looked_at_when_it_begins(scenario):
+def test_the_start_of_a_path_is_compared_with_the_position_when_it_begins(scenario):
     """Of two paths that are asked for at once the second does not begin where the first has ended."""
     cell, group = two(scenario)
     first = group.move_path([(30.0, 0.0)], velocity=100.0)

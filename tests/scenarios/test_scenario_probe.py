@@ -145,7 +145,7 @@ def test_the_zero_pulse(scenario):
     assert probe.wait(1).position == pytest.approx(cell.drive().params.increments_per_turn / SCALE)
 
 
-def test_continuously_every_edge_is_reported_and_what_was_too_fast_is_counted(scenario):
+def test_each_edge_of_a_continuous_probe_is_reported_and_missed_edges_are_counted(scenario):
     cell = scenario.simulated().enabled()
     probe = armed(cell, continuous=True)
     place = random.Random(1)
@@ -251,7 +251,7 @@ def test_a_probe_that_another_program_switches_off_is_reported(scenario, golden)
     golden("probe_switched_off", cell.failure_of(probe))
 
 
-def test_what_another_tool_has_armed_stays_armed(scenario):
+def test_inputs_that_another_tool_has_armed_stay_armed(scenario):
     cell = scenario.simulated()
     cell.drive().touch_probe.take(0xD1C0)  # input 2, and bits of the maker's own
     probe = armed(cell)
@@ -264,7 +264,7 @@ def test_what_another_tool_has_armed_stays_armed(scenario):
     assert function(cell) == 0xC0C0
 
 
-def test_what_another_tool_arms_in_between_stays_armed(scenario):
+def test_inputs_that_another_tool_arms_in_between_stay_armed(scenario):
     cell = scenario.simulated()
     armed(cell).cancel().wait(1)
     cell.drive().touch_probe.take(0x1100)
@@ -492,7 +492,7 @@ def test_a_pause_of_sdo_is_survived_and_silence_is_reported(scenario):
     assert "has not answered" in cell.failure_of(silent, 20.0).message
 
 
-def test_slow_answers_change_when_it_is_seen_and_not_what(scenario):
+def test_slow_sdo_answers_delay_the_result_and_do_not_change_it(scenario):
     cell = scenario.simulated().enabled()
     cell.device().dials.sdo_delay = 0.04
     mark(cell, 12.34, 50.0)
@@ -531,7 +531,7 @@ def test_a_probe_does_not_change_the_motion_of_an_axis_on_a_trajectory(scenario)
 # -- until an edge ---------------------------------------------------------------------------------------------------
 
 
-def test_a_search_ends_at_rest_beyond_the_edge_and_reports_where_that_was(scenario):
+def test_a_search_ends_at_standstill_beyond_the_edge_and_reports_the_position_of_the_edge(scenario):
     cell = scenario.simulated().enabled()
     mark(cell, 12.34, 40.0)
     search = cell.x.probe_move(40.0, velocity=50.0, acceleration=500.0)
@@ -546,7 +546,7 @@ def test_a_search_ends_at_rest_beyond_the_edge_and_reports_where_that_was(scenar
     cell.x.move_absolute(0.0).wait(5)
 
 
-def test_nothing_moves_before_the_input_is_armed(scenario):
+def test_no_motion_before_the_input_is_armed(scenario):
     cell = scenario.simulated().enabled()
     cell.drive().dials.probe_deaf = True
     search = cell.x.probe_move(40.0)
@@ -555,7 +555,7 @@ def test_nothing_moves_before_the_input_is_armed(scenario):
     assert cell.farthest() == (0.0, 0.0)
 
 
-def test_a_search_that_finds_nothing_says_so_where_it_was_to_end(scenario, golden):
+def test_a_search_without_an_edge_reports_so_at_its_end(scenario, golden):
     cell = scenario.simulated().enabled()
     search = cell.x.probe_move(30.0)
     error = cell.failure_of(search)
@@ -578,7 +578,7 @@ def test_an_edge_at_the_very_end_is_found(scenario, delay):
 
 @pytest.mark.parametrize("after", [0.0, 0.03, 0.1, 0.3])
 @pytest.mark.parametrize("how", ["halt", "stop", "quick_stop", "disable", "cancel", "move"])
-def test_what_else_is_reported_ends_a_search(scenario, how, after):
+def test_another_command_ends_a_search(scenario, how, after):
     cell = scenario.simulated().enabled()
     mark(cell, 80.0, 90.0)
     search = cell.x.probe_move(100.0)
@@ -685,7 +685,7 @@ def test_a_drive_with_one_input_is_refused_the_other(scenario):
         ((1,), {"window": (2.0, 1.0)}),
     ],
 )
-def test_what_cannot_be_asked_is_refused_at_the_call(scenario, given, options):
+def test_invalid_arguments_of_a_probe_are_refused_at_the_call(scenario, given, options):
     cell = scenario.simulated()
     with pytest.raises(ArgumentError):
         cell.x.probe(*given, **options)
@@ -693,7 +693,7 @@ def test_what_cannot_be_asked_is_refused_at_the_call(scenario, given, options):
     assert function(cell) == DISARMED
 
 
-def test_a_window_wants_an_axis_that_knows_where_it_is(scenario):
+def test_a_window_needs_a_homed_axis(scenario):
     text = cell_text(axis="position_limits = [-180.0, 180.0]").replace("required = false", "required = true")
     cell = scenario.simulated(text=text)
     with pytest.raises(ArgumentError, match="not homed"):

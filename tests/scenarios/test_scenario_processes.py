@@ -196,7 +196,7 @@ DEATHS = {
 
 @pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
 @pytest.mark.parametrize("death", DEATHS)
-def test_a_motor_stops_whoever_dies(tmp_path, death, whole):
+def test_a_motor_stops_whichever_process_dies(tmp_path, death, whole):
     scene, who, number, net = DEATHS[death]
     with doomed(tmp_path, scene, "" if whole else net) as one:
         time.sleep(0.3)
@@ -236,7 +236,7 @@ def test_descriptors_that_a_forked_child_closes_are_its_own_affair(tmp_path):
         ("program", signal.SIGINT),
     ],
 )
-def test_both_motors_of_a_beam_stop_beside_each_other_whoever_dies(tmp_path, who, number):
+def test_both_motors_of_a_beam_stop_together_whichever_process_dies(tmp_path, who, number):
     with doomed(tmp_path, "carrying", axes="xy", more=BEAM) as one:
         at = one.strike(who, number)
         took = one.stands_after(at, REST)
@@ -257,7 +257,7 @@ def test_the_motors_of_a_core_with_many_axes_stop_as_soon(tmp_path, number):
 
 
 @pytest.mark.parametrize(("scene", "code"), [("returning", 0), ("raising", 1)])
-def test_a_program_that_ends_by_itself_leaves_a_motor_at_rest_and_off(tmp_path, scene, code):
+def test_a_program_that_ends_leaves_its_motor_at_standstill_and_off(tmp_path, scene, code):
     with doomed(tmp_path, scene) as one:
         assert one.process.wait(30) == code
         rows = one.plant()
@@ -267,7 +267,7 @@ def test_a_program_that_ends_by_itself_leaves_a_motor_at_rest_and_off(tmp_path, 
         assert one.ends("core", 2.0)
 
 
-def test_a_program_that_is_stopped_ends_nothing_and_its_motor_goes_on(tmp_path):
+def test_a_suspended_program_ends_nothing_and_its_motor_continues(tmp_path):
     with doomed(tmp_path, "waiting") as one:
         at = one.strike("program", signal.SIGSTOP)
         time.sleep(2.0)
@@ -279,7 +279,7 @@ def test_a_program_that_is_stopped_ends_nothing_and_its_motor_goes_on(tmp_path):
         assert one.stands_after(at, REST) is not None
 
 
-def test_a_program_that_is_stopped_lets_its_stream_of_points_run_out_and_goes_on_with_it(tmp_path):
+def test_the_stream_of_a_suspended_program_runs_out_and_continues_with_the_program(tmp_path):
     with doomed(tmp_path, "streaming", axes="xy") as one:
         at = one.strike("program", signal.SIGSTOP)
         took = one.stands_after(at, (ENABLED,))
@@ -304,7 +304,7 @@ def test_the_motors_of_a_stream_stop_and_are_off_when_its_program_is_killed(tmp_
             assert one.stands_after(at, (ENABLED,)) is not None
 
 
-def test_a_program_is_told_how_its_core_died_and_how_its_drives_were_left(tmp_path):
+def test_a_program_gets_the_reason_of_the_end_of_its_core_and_the_state_of_its_drives(tmp_path):
     with doomed(tmp_path, "waiting") as one:
         one.strike("core", signal.SIGKILL)
         told = tmp_path / "told.txt"
@@ -320,7 +320,7 @@ def test_a_program_is_told_how_its_core_died_and_how_its_drives_were_left(tmp_pa
     assert re.search(f"ERROR {STOPPED}", one.journal())
 
 
-def test_a_warden_that_was_stopped_is_told_of_and_all_processes_end(tmp_path):
+def test_a_suspended_watchdog_process_is_reported_and_all_processes_end(tmp_path):
     with doomed(tmp_path, "waiting") as one:
         at = one.strike("warden", signal.SIGSTOP)
         assert one.stands_after(at, REST) is not None
@@ -332,7 +332,7 @@ def test_a_warden_that_was_stopped_is_told_of_and_all_processes_end(tmp_path):
     assert "INFO leaving: the watchdog process of the core has not answered for 0." in one.journal()
 
 
-def test_a_warden_that_is_stopped_for_a_moment_is_no_reason(tmp_path):
+def test_a_watchdog_process_that_is_suspended_for_a_moment_ends_nothing(tmp_path):
     with doomed(tmp_path, "sleeping") as one:
         for _ in range(5):
             one.strike("warden", signal.SIGSTOP)

@@ -1534,7 +1534,7 @@ def test_the_seeds_visit_every_scene():
     assert set(SCENES) <= visited
 
 
-def test_shrinking_keeps_the_rule_and_leaves_out_what_is_not_needed(tmp_path, monkeypatch):
+def test_shrinking_a_script_keeps_the_violation_and_drops_events_that_are_not_needed(tmp_path, monkeypatch):
     from kit.campaign import play as player
 
     def fake(made: Script, _folder) -> Violation | None:

@@ -113,7 +113,7 @@ def test_another_value_is_named_before_anything_moves(tmp_path, fixed, command, 
 
 
 @pytest.mark.parametrize(("fixed", "command", "what", "seen"), FAILS)
-def test_check_and_boot_say_what_will_be_refused(tmp_path, fixed, command, what, seen):
+def test_check_and_boot_warn_of_commands_that_will_be_refused(tmp_path, fixed, command, what, seen):
     path = cell(tmp_path, *fixed)
     (warning,) = warned(path)
     assert "will be refused" in warning

@@ -190,7 +190,7 @@ def test_a_trajectory_that_begins_elsewhere_leaves_the_axis_at_standstill(scenar
     assert cell.where("x") == pytest.approx(10.0, abs=0.05)
 
 
-def test_a_slave_that_cannot_come_into_step_is_left_at_standstill(scenario):
+def test_a_slave_that_cannot_synchronise_is_left_at_standstill(scenario):
     cell = standing_in_csp(scenario)
     waits = cell.x.gear_in(cell["y"], 1.0, sync_positions=(20.0, 30.0), master_start_distance=90.0)
     cell.run(0.3)
@@ -211,7 +211,7 @@ def test_a_slave_whose_master_is_in_fault_is_left_as_it_is(scenario, couple):
     assert cell.x.state is AxisState.STANDSTILL
 
 
-def test_a_slave_in_step_stays_so_where_another_cam_is_refused(scenario):
+def test_a_synchronised_slave_stays_so_if_another_cam_is_refused(scenario):
     cell = standing_in_csp(scenario)
     cell.x.gear_in(cell["y"], 1.0).wait(5)
     with pytest.raises(LimitError):

@@ -80,7 +80,7 @@ def test_a_group_that_a_quick_stop_took_off_its_line_returns_to_it_before_it_res
     must_be_at_the_end(cell)
 
 
-def test_after_a_fault_the_line_continues_only_where_the_axes_are_still_on_it(scenario):
+def test_after_a_fault_the_line_continues_only_if_the_axes_are_still_on_it(scenario):
     cell, group, _ = on_the_way(scenario)
     cell.machine.simulated_node(2).fault(0x2310)
     cell.run(2.0)

@@ -60,7 +60,7 @@ def opened(line: Line) -> Machine:
     return machine
 
 
-def test_a_standing_axis_costs_ten_frames_a_second(tmp_path):
+def test_an_axis_at_standstill_needs_ten_frames_a_second(tmp_path):
     with Line(tmp_path, bus="sync = false") as line, opened(line) as machine, Ear(line.channel) as ear:
         time.sleep(0.3)
         ear.take()

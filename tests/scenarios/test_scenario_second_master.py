@@ -227,7 +227,7 @@ def test_an_axis_that_holds_its_power_after_an_error_is_stopped_by_a_quick_stop_
 
 
 @pytest.mark.parametrize("what", others.ASIDE)
-def test_what_commands_no_drive_is_an_event_and_stops_nothing(tmp_path, what):
+def test_frames_of_another_master_that_command_no_drive_are_an_event_and_stop_nothing(tmp_path, what):
     says, words = others.ASIDE[what]
     with Line(tmp_path, "xy") as line, line.open() as machine:
         turning(machine, line)
@@ -340,7 +340,7 @@ def test_commands_that_only_listen_are_not_refused(tmp_path, axisbus, command):
 # -- what is told --------------------------------------------------------------------------------------------------------
 
 
-def test_the_message_reports_what_was_heard_what_is_not_known_and_what_to_do(golden):
+def test_the_refusal_lists_the_received_frames_the_unknowns_and_the_remedy(golden):
     signs = MasterDetector(ExpectedMasters(frozenset({1, 2, 3}), frozenset({127})))
     for tick in range(50):
         now = 100.002 + tick * 0.004

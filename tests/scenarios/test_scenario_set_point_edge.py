@@ -142,7 +142,7 @@ def test_a_replaced_move_never_takes_the_older_target(scenario: Stage) -> None:
     assert seen == [200.0, -5.0]
 
 
-def test_the_edge_comes_exactly_one_sync_after_the_target(scenario: Stage) -> None:
+def test_the_edge_is_sent_exactly_one_sync_after_the_target(scenario: Stage) -> None:
     """Not later: a set-point costs one period, and only where the mapping needs it."""
     cell = opened(scenario, "the controlword first", "with SYNC")
     device, taken = cell.device(), []

@@ -60,7 +60,7 @@ def test_ctrl_c_brakes_without_a_jolt(played, nets_cut):
 
 
 @pytest.mark.parametrize("place", TERM_PLACES)
-def test_sigterm_stops_the_motor_in_the_same_way(played, place):
+def test_sigterm_stops_the_motor_on_the_usual_ramp(played, place):
     seen = once(played, (), SIGTERM, TERM_PLACES).scenes[TERM_PLACES.index(place)]
     seen.must_stand()
     assert seen.raised == TERMINATED
@@ -74,9 +74,7 @@ def test_the_exit_code_is_that_of_the_signal(played, number, code):
 
 
 @pytest.mark.parametrize("number", [SIGHUP, SIGQUIT])
-def test_what_would_end_the_program_at_once_stops_the_motor_where_the_core_is_in_it(
-    played, monkeypatch, number
-):
+def test_a_signal_that_ends_a_program_stops_the_motor_of_a_core_in_its_process(played, monkeypatch, number):
     monkeypatch.setenv("AXISBUS_PROCESS", "thread")
     ended = once(played, (), number, ("sleeping",))
     ended.scenes[0].must_stand()
@@ -85,7 +83,7 @@ def test_what_would_end_the_program_at_once_stops_the_motor_where_the_core_is_in
 
 
 @pytest.mark.parametrize("before", ["ignored", "handled"])
-def test_a_terminal_that_is_gone_is_no_affair_of_ours_where_the_program_has_a_say(tmp_path, before):
+def test_sighup_stops_nothing_if_the_program_ignores_or_handles_it(tmp_path, before):
     """As under nohup, or by a handler that reads a file again: the motor goes on, and SIGTERM stops it."""
     text = f"""
 import signal, sys, time
@@ -108,7 +106,7 @@ with Machine.open({str(tmp_path / "cell.toml")!r}) as machine:
 
 
 @pytest.mark.parametrize("process", ["own", "thread"])
-def test_a_program_that_ignores_ctrl_c_is_told_so_and_sigterm_stops_its_motor(tmp_path, process):
+def test_ignored_ctrl_c_is_reported_and_sigterm_stops_the_motor(tmp_path, process):
     text = f"""
 import signal, sys, time
 from axisbus import Machine
@@ -168,7 +166,7 @@ WHILE_STOPPING = [("leaving", (SIGINT,)), ("leaving", (SIGTERM,)), ("closing", (
 
 @pytest.mark.parametrize("scene", range(len(WHILE_STOPPING)), ids=lambda number: str(WHILE_STOPPING[number]))
 @LADDER
-def test_a_signal_while_the_machine_closes_waits_until_all_stands(played, nets_cut, scene):
+def test_a_signal_while_the_machine_closes_is_raised_after_the_stop(played, nets_cut, scene):
     seen = played(WHILE_STOPPING, nets_cut, before=0.3).scenes[scene]
     seen.must_stand()
     assert seen.way > 0.7 * SLOW  # it is being stopped already, and one signal does not make that harder
@@ -189,7 +187,7 @@ def test_two_signals_at_once_cannot_slip_past_the_stop(played, nets_cut):
     reason="the drives end with the core: at a program's exit nobody is left who could look at them; see test_scenario_processes",
 )
 @LADDER
-def test_a_program_that_ends_without_closing_the_machine_leaves_the_motor_at_rest(played, nets_cut):
+def test_a_program_that_ends_without_closing_the_machine_leaves_the_motor_at_standstill(played, nets_cut):
     ended = played([("forgetting", ())], nets_cut)
     ended.scenes[0].must_stand()
     assert ended.code == 0

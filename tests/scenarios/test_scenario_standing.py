@@ -49,9 +49,7 @@ def going(cell, what: str, velocity: float = 60.0):
 
 
 @pytest.mark.parametrize("creep", [15.0, -15.0])
-def test_an_axis_at_rest_that_creeps_is_reported_and_stopped_where_only_its_velocity_is_known(
-    scenario, creep
-):
+def test_an_axis_at_standstill_that_creeps_is_reported_and_stopped_from_its_velocity_alone(scenario, creep):
     cell = scenario.simulated("x").enabled()
     cell.lose("position", "demand")
     cell.run(1.0)
@@ -150,7 +148,7 @@ def test_a_quick_stop_that_holds_takes_the_power_of_an_axis_that_jams(scenario, 
     cell.must_not_leap(since=moment)
 
 
-def test_a_stop_on_a_jam_says_that_something_holds_the_axis(scenario, golden):
+def test_a_stop_on_a_jam_reports_that_something_holds_the_axis(scenario, golden):
     cell = scenario.simulated("x", eds=MODULE, axis="following_error = 1000.0").enabled()
     going(cell, "pp")
     cell.jam()
@@ -175,7 +173,7 @@ def test_a_reset_after_a_jam_leaves_nothing_that_pulls(scenario):
 
 @pytest.mark.parametrize("unseen", [("demand",), ("position", "demand")], ids=" and ".join)
 @pytest.mark.parametrize("way", ["stop", "halt"])
-def test_a_jam_at_a_velocity_that_nobody_sees_pull_ends_without_power(scenario, way, unseen):
+def test_a_jam_at_a_velocity_without_feedback_of_the_pull_ends_without_power(scenario, way, unseen):
     """Halted in profile velocity mode, a drive may brake along a position, which then pulls on whatever holds the axis."""
     cell = scenario.simulated("x", axis="following_error = 1000.0").enabled()
     cell.lose(*unseen)
@@ -190,7 +188,7 @@ def test_a_jam_at_a_velocity_that_nobody_sees_pull_ends_without_power(scenario, 
     assert cell.stage() in OFF
 
 
-def test_a_jam_of_a_jog_that_nobody_sees_pull_ends_without_power(scenario):
+def test_a_jam_of_a_jog_without_feedback_of_the_pull_ends_without_power(scenario):
     cell = scenario.simulated("x", axis="following_error = 1000.0").enabled()
     cell.lose("demand")
     for number in range(12):
@@ -248,7 +246,7 @@ def test_a_drive_whose_6062h_is_its_target_can_be_halted_and_does_not_trip(scena
     cell.must_stand(within=0.1, stages=ENABLED)
 
 
-def test_a_drive_without_6062h_that_takes_no_target_under_halt_says_so(scenario):
+def test_a_drive_without_6062h_that_takes_no_target_under_halt_is_reported(scenario):
     cell = scenario.simulated("x", port={"inputs": {"demand": ValueTransport.NONE}}).enabled()
     going(cell, "pp")
     cell.drive().dials.acknowledge_delay = NEVER
@@ -341,7 +339,7 @@ def test_a_halted_drive_that_continues_to_its_old_target_is_stopped_and_reported
     golden("moves_by_itself", cell.x.error)
 
 
-def test_an_axis_that_is_held_at_rest_by_something_else_is_reported(scenario):
+def test_an_axis_that_is_held_at_standstill_by_something_else_is_reported(scenario):
     """A jammed axis with a distant demand would leap when freed. A move has proven the demand, so the jam is seen at rest."""
     cell = scenario.simulated("x", eds=MODULE).enabled()
     cell.x.move_relative(30.0).wait(10)
@@ -386,7 +384,7 @@ def test_an_axis_that_moves_is_not_enabled(scenario, golden):
     assert not cell.was_energised(since=moment)
 
 
-def test_an_axis_that_comes_to_rest_in_time_is_enabled_then(scenario):
+def test_an_axis_that_reaches_standstill_in_time_is_enabled_then(scenario):
     cell = scenario.simulated("x")
     cell.drive().axis.motor.velocity = 3_000.0  # its own friction brakes it
     moment = cell.moment()
@@ -396,7 +394,7 @@ def test_an_axis_that_comes_to_rest_in_time_is_enabled_then(scenario):
     assert cell.stage() == ENABLED
 
 
-def test_a_moving_axis_is_caught_where_that_is_asked_for(scenario):
+def test_a_moving_axis_is_enabled_with_allow_moving(scenario):
     cell = scenario.simulated("x")
     coasting(cell, 50.0)
     cell.x.enable(allow_moving=True).wait(10)
@@ -488,7 +486,7 @@ def silence(cell, timer: float) -> None:
     cell.run(2 * timer)
 
 
-def test_what_less_than_a_position_saw_the_stop_is_said(scenario):
+def test_a_stop_that_was_not_seen_by_a_position_has_a_note(scenario):
     cell = scenario.simulated("x").enabled()
     cell.x.move_velocity(50.0).wait(5)
     cell.lose("position", "demand")

@@ -57,7 +57,7 @@ def late(cell, times: int = 3, seconds: float = 0.15) -> None:
         cell.run(0.2)
 
 
-def test_a_heartbeat_that_is_missed_by_a_starved_program_is_not_said_to_be_the_nodes_end(scenario, golden):
+def test_a_heartbeat_missed_by_a_starved_program_is_not_blamed_on_the_node(scenario, golden):
     cell = scenario.simulated("x")
     cell.turning()
     late(cell)
@@ -70,7 +70,7 @@ def test_a_heartbeat_that_is_missed_by_a_starved_program_is_not_said_to_be_the_n
     cell.must_stand(within=2.0, stages=(ENABLED, *OFF))
 
 
-def test_process_data_that_a_starved_program_has_missed_is_not_said_to_be_the_nodes_silence(scenario, golden):
+def test_process_data_missed_by_a_starved_program_are_not_blamed_on_the_node(scenario, golden):
     cell = scenario.simulated("x")
     cell.turning()
     late(cell)
@@ -83,7 +83,7 @@ def test_process_data_that_a_starved_program_has_missed_is_not_said_to_be_the_no
 
 
 @pytest.mark.parametrize("code", [0x8130, 0x8250, 0x8700])  # our heartbeat, an RPDO's deadline, SYNC
-def test_a_drive_that_missed_what_we_send_because_we_did_not_run(scenario, code):
+def test_a_drive_fault_for_missing_frames_names_the_starved_program_first(scenario, code):
     cell = scenario.simulated("x")
     cell.turning()
     late(cell)
@@ -101,7 +101,7 @@ def test_a_drives_own_fault_is_not_blamed_on_a_starved_program(scenario):
     assert OWN not in str(cell.x.error)
 
 
-def test_what_was_starved_long_ago_is_not_named(scenario):
+def test_starvation_of_long_ago_is_not_named(scenario):
     cell = scenario.simulated("x")
     cell.turning()
     late(cell)
@@ -225,7 +225,7 @@ def test_simulated_drives_that_are_given_no_time_are_named_and_no_node_is_called
         assert x.error.remedy.startswith(REMEDY)
 
 
-def test_where_a_thread_is():
+def test_the_location_of_a_thread_is_found():
     free = threading.Event()
     thread = threading.Thread(target=free.wait)
     thread.start()

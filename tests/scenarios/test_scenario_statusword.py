@@ -129,7 +129,7 @@ def test_enabling_without_a_statusword_reports_so(scenario, golden):
 
 
 @pytest.mark.nets("the stop ladder")
-def test_a_frozen_statusword_does_not_keep_a_stop_from_happening(scenario):
+def test_a_frozen_statusword_does_not_prevent_a_stop(scenario):
     """The drive's firmware hangs half-way: it goes on sending the word that it had."""
     cell = scenario.simulated("x")
     cell.turning()

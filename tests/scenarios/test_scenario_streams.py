@@ -68,7 +68,7 @@ def must_stand(cell: Cell, names: str = "xyz") -> None:
     assert [cell.where(name) for name in names] == pytest.approx(before, abs=0.02)
 
 
-def test_axes_follow_the_points_and_rest_at_the_last(scenario):
+def test_axes_follow_the_points_and_stop_at_the_last(scenario):
     cell = opened(scenario)
     seen = []
     cell.each_cycle(lambda now, _: seen.append((now, cell.drive("x").target_position / 100)))
@@ -100,7 +100,7 @@ def test_points_may_have_times_of_their_own(scenario):
 
 
 @pytest.mark.parametrize("pause", [0.3, 2.0])
-def test_without_points_the_axes_brake_on_their_path_and_continue_when_more_points_come(scenario, pause):
+def test_without_points_the_axes_brake_on_their_path_and_continue_with_the_next_points(scenario, pause):
     cell = opened(scenario)
     points = stream(cell, buffer="50ms")
     feed(cell, points, 0.8)
@@ -200,13 +200,13 @@ def test_times_continue(scenario, t):
         ({"buffer": -1.0}, "buffer"),
     ],
 )
-def test_what_a_stream_cannot_be_is_said(scenario, options, words):
+def test_invalid_options_of_a_stream_are_refused(scenario, options, words):
     cell = opened(scenario)
     with pytest.raises(ArgumentError, match=words):
         stream(cell, **options)
 
 
-def test_it_begins_where_the_axes_stand(scenario):
+def test_a_stream_begins_at_the_present_position(scenario):
     cell = opened(scenario)
     points = stream(cell)
     with pytest.raises(StateError, match="y is not at the start of the stream"):
@@ -265,7 +265,7 @@ def test_one_that_gets_no_point_ends_well(scenario):
     must_stand(cell)
 
 
-def test_a_full_buffer_makes_the_program_wait_no_longer_than_it_says(scenario):
+def test_a_full_buffer_blocks_the_program_no_longer_than_its_timeout(scenario):
     cell = opened(scenario)
     group = cell.machine.group("xyz")
     group.set_override(0.0).wait()
@@ -294,7 +294,7 @@ def test_an_exception_in_its_block_halts_the_axes(scenario):
         points.push(place(1.0))
 
 
-def test_a_block_whose_stream_was_broken_off_waits_until_the_axes_stand(scenario):
+def test_a_block_whose_stream_was_interrupted_waits_for_standstill(scenario):
     cell = opened(scenario)
     with pytest.raises(Interrupted), stream(cell) as points:
         feed(cell, points, 0.8)
@@ -302,7 +302,7 @@ def test_a_block_whose_stream_was_broken_off_waits_until_the_axes_stand(scenario
     must_stand(cell)
 
 
-def test_a_block_left_by_an_exception_leaves_the_axes_to_what_has_taken_them_over(scenario):
+def test_a_block_left_by_an_exception_does_not_end_motions_that_have_taken_over(scenario):
     cell = opened(scenario)
     with pytest.raises(ZeroDivisionError), stream(cell) as points:
         feed(cell, points, 0.8)
@@ -350,7 +350,7 @@ def test_whatever_stops_one_stops_all(scenario, stop):
 
 
 @pytest.mark.parametrize(("on_fault", "ramp"), [("path", 500.0), ("each", 500.0), ("quick", 1000.0)])
-def test_a_fault_stops_the_others_as_their_group_says(scenario, on_fault, ramp):
+def test_a_fault_brakes_the_other_axes_as_on_fault_of_their_group_requires(scenario, on_fault, ramp):
     cell = opened(scenario, on_fault)
     points = stream(cell)
     feed(cell, points, 0.75)

@@ -73,7 +73,7 @@ def broken_off(cell: Cell, how: str) -> None:
 
 
 @pytest.mark.parametrize("how", ["halt", "halt of one", "stop"])
-def test_a_stream_continues_from_where_it_was_left_and_takes_points_again(scenario, how):
+def test_a_stream_continues_from_its_interruption_and_takes_points_again(scenario, how):
     cell = opened(scenario)
     group = cell.machine.group("x", "y")
     points = group.stream(period=STEP)
@@ -99,7 +99,7 @@ def test_a_stream_continues_from_where_it_was_left_and_takes_points_again(scenar
     must_not_jolt(cell)
 
 
-def test_after_a_fault_it_continues_only_from_where_the_path_was_left(scenario):
+def test_after_a_fault_a_stream_continues_only_from_the_position_of_its_interruption(scenario):
     cell = opened(scenario)
     points = cell.machine.group("x", "y").stream(period=STEP)
     feed(cell, points, 0.8)
@@ -360,7 +360,7 @@ def test_between_two_places_on_a_line_the_tool_is_on_the_line(scenario):
     must_not_jolt(cell)
 
 
-def test_a_pose_out_of_reach_or_too_fast_for_a_joint_is_refused_and_the_next_may_come(scenario):
+def test_a_pose_out_of_reach_or_too_fast_for_a_joint_is_refused_and_later_ones_are_accepted(scenario):
     cell, xy = arm(scenario)
     points = xy.stream(period=STEP)
     for number in range(20):

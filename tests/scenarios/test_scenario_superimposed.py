@@ -123,7 +123,7 @@ def test_the_line_continues_beneath_and_the_other_axis_keeps_its_path(scenario):
     assert (cell.where("x"), cell.where("y")) == pytest.approx((0.0, 0.0), abs=INCREMENT)
 
 
-def test_a_line_that_waits_begins_where_the_displaced_one_has_ended(scenario):
+def test_a_buffered_line_begins_at_the_end_of_the_displaced_one(scenario):
     cell = one(scenario, "xy")
     xy = cell.machine.group("x", "y")
     lines = [
@@ -137,7 +137,7 @@ def test_a_line_that_waits_begins_where_the_displaced_one_has_ended(scenario):
     assert targets.hardest <= 2000.0 + STEP
 
 
-def test_a_slave_in_step_is_displaced_and_so_is_who_follows_it(scenario):
+def test_a_slave_and_its_own_slave_are_displaced(scenario):
     cell = one(scenario, "xyz")
     assert cell.end_of(cell["y"].gear_in(cell["x"], 1.0)) is None
     assert cell.end_of(cell["z"].gear_in(cell["y"], 2.0)) is None
@@ -196,7 +196,7 @@ def test_the_fault_of_one_axis_of_a_line_ends_the_addition_of_another(scenario, 
     assert on_fault == "quick" or targets.hardest <= 2000.0 + STEP
 
 
-def test_cycles_that_come_late_make_an_addition_late_and_no_jump(scenario):
+def test_late_cycles_delay_an_addition_without_a_jump(scenario):
     cell, below = going(scenario)
     targets = Targets(cell)
     over = cell.x.move_superimposed(30.0, velocity=40.0, acceleration=300.0)
@@ -223,7 +223,7 @@ def test_the_sum_is_no_faster_than_the_axis_and_the_addition_waits(scenario):
     assert targets.hardest <= 2000.0 + STEP
 
 
-def test_what_leaves_no_acceleration_is_not_laid_anything_over(scenario):
+def test_a_superimposed_move_is_refused_if_no_acceleration_is_left(scenario):
     cell = one(scenario)
     below = cell.x.follow(TrapezoidalTrajectory(0.0, 100.0, 100.0, 1990.0))
     error = cell.failure_of(cell.x.move_superimposed(10.0))
@@ -233,7 +233,7 @@ def test_what_leaves_no_acceleration_is_not_laid_anything_over(scenario):
     assert cell.where("x") == pytest.approx(100.0, abs=INCREMENT)
 
 
-def test_a_sum_that_would_leave_the_limits_is_refused_where_that_is_known_in_advance(scenario):
+def test_a_sum_that_would_exceed_the_limits_is_refused_if_it_is_known_in_advance(scenario):
     cell, below = going(scenario, end=90.0, axis=AXIS + "\nposition_limits = [-100.0, 100.0]")
     error = cell.failure_of(cell.x.move_superimposed(12.0))
     assert isinstance(error, LimitError)
@@ -243,7 +243,7 @@ def test_a_sum_that_would_leave_the_limits_is_refused_where_that_is_known_in_adv
     assert cell.where("x") == pytest.approx(99.0, abs=INCREMENT)
 
 
-def test_where_nothing_is_known_in_advance_the_addition_is_braked_within_the_limits(scenario):
+def test_an_addition_is_braked_within_the_limits_if_the_motion_is_not_known_in_advance(scenario):
     cell = one(scenario, "xy", axis=AXIS + "\nposition_limits = [-100.0, 100.0]")
     assert cell.end_of(cell["y"].gear_in(cell["x"], 1.0)) is None
     cell["x"].follow(TrapezoidalTrajectory(0.0, 60.0, 20.0, 100.0))
@@ -257,7 +257,7 @@ def test_where_nothing_is_known_in_advance_the_addition_is_braked_within_the_lim
 
 
 @pytest.mark.parametrize("below", [TrapezoidalTrajectory(0.0, 60.0, 60.0, 300.0), lambda t: 20.0 * t * t])
-def test_an_addition_is_no_jump_where_only_an_acceleration_reports_one(scenario, below):
+def test_an_addition_is_no_jump_for_an_axis_without_max_velocity(scenario, below):
     cell = scenario.simulated("x", text=cell_text("x").replace("max_velocity = 400.0\n", "")).enabled()
     handle = cell.x.follow(below, duration=1.0 if callable(below) else None)
     assert cell.end_of(cell.x.move_superimposed(5.0, velocity=50.0)) is None
@@ -302,7 +302,7 @@ def test_a_halt_of_the_addition_leaves_the_motion_below_as_it_is(scenario):
 
 
 @pytest.mark.parametrize("command", ["halt", "stop", "quick_stop", "disable"])
-def test_what_stops_the_axis_ends_both(scenario, command):
+def test_a_command_that_stops_the_axis_ends_both_motions(scenario, command):
     cell, below = going(scenario)
     over = cell.x.move_superimposed(80.0, velocity=60.0)
     cell.run(0.4)
@@ -345,7 +345,7 @@ def test_a_move_out_of_a_trajectory_is_displaced_under_any_override(scenario):
     assert cell.where("x") == pytest.approx(80.0, abs=2.0 * INCREMENT)
 
 
-def test_a_fault_ends_both_with_what_it_was(scenario):
+def test_a_fault_ends_both_motions_with_its_reason(scenario):
     cell, below = going(scenario)
     over = cell.x.move_superimposed(80.0, velocity=60.0)
     cell.run(0.4)

@@ -152,7 +152,7 @@ def test_a_master_suspended_for_longer_than_its_heartbeat_finds_its_drive_stoppe
 
 
 @pytest.mark.nets("the drive's watchdog")
-def test_the_drive_of_a_master_that_was_killed_stops_by_itself(tmp_path, nets_cut):
+def test_the_drive_of_a_killed_master_stops(tmp_path, nets_cut):
     with master(tmp_path, nets_cut, "turning", heartbeat="500ms") as cell:
         cell.kill()
         cell.line.must_stand(stages=OFF)

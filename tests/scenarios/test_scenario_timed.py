@@ -79,7 +79,7 @@ def test_the_curve_has_the_given_values_and_does_not_overshoot_positions():
     assert (first.from_[0], first.to[0], last.to[0]) == ((0, 0, 0), (10, 3, 4), (12, 0, -1))
 
 
-def test_it_begins_where_the_axes_stand_where_the_first_point_is_of_now(scenario):
+def test_a_trajectory_of_absolute_time_begins_at_the_present_position(scenario):
     cell = opened(scenario)
     group(cell).follow([TrajectoryPoint(0, (0, 0)), TrajectoryPoint(0.4, (4, 2))]).wait(5)
     assert [cell.where(name) for name in "xy"] == pytest.approx([4, 2], abs=0.05)
@@ -125,7 +125,7 @@ def test_it_begins_where_the_axes_stand_where_the_first_point_is_of_now(scenario
         ),
     ],
 )
-def test_what_may_not_be_followed_is_refused_and_nothing_moves(scenario, points, kind, words):
+def test_an_invalid_trajectory_is_refused_without_a_motion(scenario, points, kind, words):
     cell = opened(scenario)
     with pytest.raises(kind, match=words):
         group(cell).follow(points)

@@ -97,7 +97,7 @@ def test_it_turns_at_a_velocity_until_it_is_reported_otherwise(scenario):
     trail.must_be_smooth()
 
 
-def test_a_jog_dies_when_nobody_renews_it(scenario):
+def test_a_jog_ends_if_it_is_not_renewed(scenario):
     cell, v, trail = alone(scenario)
     for _ in range(5):
         v.jog(50.0)
@@ -200,7 +200,7 @@ def test_a_quick_stop_has_its_own_ramp(scenario, more, hardest):
     assert trail.hardest == pytest.approx(hardest, rel=0.02)
 
 
-def test_without_power_it_comes_to_rest_on_a_ramp_and_never_from_one_cycle_to_the_next(scenario):
+def test_a_virtual_axis_without_power_stops_on_a_ramp(scenario):
     cell, v, trail = alone(scenario, stop="deceleration = 500.0")
     v.move_velocity(100.0).wait(5)
     v.disable(coast=True).wait(5)
@@ -213,7 +213,7 @@ def test_without_power_it_comes_to_rest_on_a_ramp_and_never_from_one_cycle_to_th
     assert v.velocity == 0.0
 
 
-def test_halted_it_does_not_continue_by_itself_to_where_it_was_going(scenario):
+def test_a_halted_virtual_axis_does_not_continue_to_its_target(scenario):
     cell, v, _ = alone(scenario)
     v.move_absolute(300.0)
     cell.run(0.5)
@@ -288,7 +288,7 @@ def test_a_motion_beyond_its_limits_is_refused_at_the_call(scenario):
         alone(scenario)[1].move_absolute(300_000.0)
 
 
-def test_at_a_velocity_it_comes_to_rest_within_its_limits(scenario):
+def test_a_virtual_axis_at_a_velocity_stops_within_its_limits(scenario):
     cell, v, trail = alone(scenario, LIMITED)
     v.move_velocity(300.0).wait(5)
     cell.until(lambda: v.state is AxisState.ERRORSTOP, 5)
@@ -310,7 +310,7 @@ def test_limits_hold_from_the_beginning_and_by_the_name_that_set_position_gives(
     assert cell.end_of(v.move_relative(-20.0)) is None
 
 
-def test_where_its_limits_do_not_hold_0_it_is_reported_where_it_is_first(scenario):
+def test_a_virtual_axis_whose_limits_exclude_0_reports_the_first_command(scenario):
     cell, v, _ = alone(scenario, "max_velocity = 400.0\nposition_limits = [50.0, 100.0]")
     assert cell.failure_of(v.move_velocity(-50.0)) is not None
     cell.run(0.5)
@@ -386,7 +386,7 @@ def test_an_error_of_the_virtual_axis_stops_the_drive_of_its_cell(scenario):
 # -- what it has not ---------------------------------------------------------------------------------------------------
 
 
-def test_what_only_a_drive_has_is_refused_and_the_reason_is_said(scenario):
+def test_commands_that_need_a_drive_are_refused_with_the_reason(scenario):
     _, v, _ = alone(scenario)
     with pytest.raises(ArgumentError, match=r"virtual.*no drive that could be homed"):
         v.home(35)
@@ -426,7 +426,7 @@ def test_on_a_bus_it_is_moved_by_the_core_wherever_that_runs(tmp_path, names, pr
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
-def test_where_its_core_is_killed_there_is_nothing_of_it_to_be_stopped(tmp_path):
+def test_if_the_core_is_killed_a_virtual_axis_is_not_reported(tmp_path):
     path = tmp_path / "cell.toml"
     path.write_text(cell_text("x", bus='process = "own"', more=virtual()))
     machine = Machine.open(path)

@@ -65,7 +65,7 @@ def test_close_in_a_callback_begins_the_stop_and_the_block_waits_for_it(tmp_path
     assert ours() == []
 
 
-def test_a_block_that_ends_just_after_a_callback_has_closed_waits_until_all_stands(tmp_path):
+def test_a_block_that_ends_just_after_a_close_in_a_callback_waits_for_standstill(tmp_path):
     with Line(tmp_path) as line:
         with line.open() as machine:
             turning(machine, line)
@@ -95,7 +95,7 @@ def test_close_in_a_callback_in_virtual_time(scenario):
     cell.machine.close()
 
 
-def test_what_a_close_in_a_callback_came_to_is_raised_by_the_next_close(scenario):
+def test_the_error_of_a_close_in_a_callback_is_raised_by_the_next_close(scenario):
     cell = scenario.simulated("x", stop='halt_time = "300ms"')
     cell.travelling()
     cell.drive().dials.ignore_halt = True
@@ -122,7 +122,7 @@ def test_the_end_of_the_block_waits_for_the_close_of_another_thread(tmp_path):
         closer.join(STOP)
 
 
-def test_all_who_close_at_once_are_told_the_same(tmp_path):
+def test_all_threads_that_close_at_once_get_the_same_error(tmp_path):
     with Line(tmp_path, stop='halt_time = "300ms"') as line:
         machine = line.open()
         enable(machine["x"])
@@ -226,7 +226,7 @@ def test_a_drive_that_coasts_in_fault_while_closing_is_awaited(scenario):
     cell.must_stand(within=0.0, stages=FAULT)
 
 
-def test_a_drive_that_coasts_for_longer_than_its_ladder_has_is_told_as_moving(scenario, golden):
+def test_a_drive_that_coasts_for_longer_than_its_stop_sequence_is_reported_as_moving(scenario, golden):
     times = 'halt_time = "100ms"\nquick_stop_time = "100ms"\ndisable_time = "100ms"\n'
     cell = scenario.simulated("x", stop=times + COASTS)
     cell.turning(360.0)
@@ -237,7 +237,7 @@ def test_a_drive_that_coasts_for_longer_than_its_ladder_has_is_told_as_moving(sc
     golden("coasts_while_closing", caught.value)
 
 
-def test_a_drive_that_goes_on_braking_in_its_fault_reaction_is_told_as_moving(scenario):
+def test_a_drive_that_still_brakes_in_its_fault_reaction_is_reported_as_moving(scenario):
     times = 'halt_time = "100ms"\nquick_stop_time = "100ms"\ndisable_time = "100ms"\n'
     cell = scenario.simulated("x", stop=times, more="")
     cell.turning(360.0)
@@ -254,7 +254,7 @@ def test_a_drive_that_goes_on_braking_in_its_fault_reaction_is_told_as_moving(sc
 
 
 @POSIX
-def test_an_enable_that_waits_when_ctrl_c_comes_is_not_taken_after_it(scenario):
+def test_an_enable_that_waits_during_ctrl_c_is_refused(scenario):
     cell = scenario.simulated("xy")
     cell["x"].enable().wait(3)
     moment = cell.moment("y")

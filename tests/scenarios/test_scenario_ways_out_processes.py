@@ -23,7 +23,7 @@ POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and forks ar
 
 
 @POSIX
-def test_a_signal_while_another_thread_closes_ends_what_the_main_thread_does(tmp_path):
+def test_a_signal_while_another_thread_closes_interrupts_the_main_thread(tmp_path):
     """It is not kept for the end of the block, which may be far away."""
     with Line(tmp_path) as line:
         with pytest.raises(KeyboardInterrupt), line.open() as machine:
@@ -42,7 +42,7 @@ def test_a_signal_while_another_thread_closes_ends_what_the_main_thread_does(tmp
 
 
 @POSIX
-def test_a_thread_that_goes_on_commanding_after_a_signal_moves_nothing(tmp_path):
+def test_a_thread_that_commands_after_a_signal_moves_nothing(tmp_path):
     """The main thread may be long in leaving."""
     with Line(tmp_path) as line:
         over = threading.Event()

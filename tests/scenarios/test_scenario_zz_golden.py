@@ -21,6 +21,6 @@ def test_no_golden_message_is_left_over(request):
 
 
 @pytest.mark.parametrize("path", sorted(scenario_golden.FOLDER.glob("*.txt")), ids=lambda path: path.stem)
-def test_a_message_reports_what_to_do(path):
+def test_every_golden_message_has_a_remedy_if_it_needs_one(path):
     text = path.read_text(encoding="utf-8")
     assert ("remedy:" in text) != (path.stem in NEEDS_NO_REMEDY)
