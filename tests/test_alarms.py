@@ -111,7 +111,7 @@ def test_a_warning_that_an_axis_moves_is_shown_wherever_an_error_is_shown(door, 
     assert ALARM in DOORS[door](alarming(by))
 
 
-def test_a_traceback_says_each_part_of_an_error_once():
+def test_a_traceback_contains_each_part_of_an_error_once():
     told = "".join(traceback.format_exception(alarming("note")))
     for part in ("x: lost", "no heartbeat", "x: not stopped", "it turns", ALARM, "axisbus explain"):
         assert told.count(part) == 1, part

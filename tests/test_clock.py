@@ -272,7 +272,7 @@ def test_closing_ends_threads_wherever_they_wait_and_those_that_have_not_begun()
     clock.close()
 
 
-def test_an_interrupt_comes_when_the_other_thread_waits_again() -> None:
+def test_an_interrupt_is_raised_when_the_other_thread_waits_again() -> None:
     """A signal handler may raise while another thread has the turn: two threads must never run at once."""
     clock, order = VirtualClock(), list[str]()
 

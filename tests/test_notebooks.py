@@ -221,7 +221,7 @@ def test_an_interrupt_in_mid_move_halts_and_the_next_cell_moves_on(bench, doing)
     assert goes_on(bench)
 
 
-def test_an_interrupt_between_two_cells_halts_what_turns(bench):
+def test_an_interrupt_between_two_cells_halts_moving_axes(bench):
     bench.of.run(f"x.move_velocity({SPEED}).wait()")
     await_turning(bench)
     at = bench.of.interrupt()
@@ -260,7 +260,7 @@ def test_an_interrupt_of_a_cell_that_moves_nothing_changes_nothing(bench):
     assert goes_on(bench)
 
 
-def test_an_interrupt_of_another_program_halts_only_where_it_has_the_command(bench):
+def test_an_interrupt_of_another_program_halts_only_if_it_has_control(bench):
     bench.of.run(f"x.move_velocity({SPEED}).wait()")
     await_turning(bench)
     path = bench.folder / "cell.toml"

@@ -307,7 +307,7 @@ def test_there_is_a_bus_table_for_each_adapter():
     assert {"socketcan", "pcan", "kvaser", "slcan"} <= buses
 
 
-def test_the_excerpt_of_what_init_makes_is_what_it_makes(axisbus, checkout):
+def test_the_excerpt_of_the_output_of_init_is_current(axisbus, checkout):
     (excerpt,) = excerpts(True)
     assert axisbus(INIT).code == 0
     assert excerpt in (checkout[0] / "cell.toml").read_text(encoding="utf-8")
@@ -317,7 +317,7 @@ def test_the_excerpt_of_what_init_makes_is_what_it_makes(axisbus, checkout):
 # -- what is told of messages and meanings ----------------------------------------------------------------------------------------
 
 
-def test_the_excerpts_of_what_boot_prints_are_what_it_prints(axisbus):
+def test_the_excerpts_of_the_output_of_boot_are_current(axisbus):
     excerpts, printed = blocks(STOPPING, "text"), axisbus(BOOT).out
     assert len(excerpts) == 2  # the stop sequence, and which limit is kept in which mode
     assert [excerpt for excerpt in excerpts if excerpt not in printed] == []

@@ -111,7 +111,7 @@ def real_names(tree):
     return found
 
 
-def test_only_what_is_real_by_nature_passes_over_the_clock_of_its_channel():
+def test_only_listed_modules_bypass_the_clock_of_their_channel():
     """All others run in virtual time too: a wait in real time would keep the one thread that runs there."""
     paths = [path for package in IN_CLOCKED_PACKAGES for path in (SOURCE / package).rglob("*.py")]
     found = {
@@ -134,7 +134,7 @@ def test_only_what_is_real_by_nature_passes_over_the_clock_of_its_channel():
         ("import time, threading\ntime.time()\nthreading.Lock()\nclock.sleep(1)", set()),
     ],
 )
-def test_what_passes_over_the_clock(text, names):
+def test_names_that_bypass_the_clock(text, names):
     assert real_names(ast.parse(text)) == names
 
 
@@ -288,7 +288,7 @@ def test_the_page_names_the_members_of_each_public_class(module, cell):
         assert named - has == set(), heading
 
 
-def test_what_a_machine_gives_has_the_names_that_the_page_reports(cell):
+def test_the_objects_of_a_machine_have_the_names_on_the_page(cell):
     expressions = {heading: names for heading, names in sections(API["axisbus"]).items() if "(" in heading}
     assert len(expressions) == 2
     for expression, names in expressions.items():
@@ -303,7 +303,7 @@ def test_a_page_names_no_module_and_no_name_that_is_not_public(page):
         assert not rest or rest in public(module), dotted
 
 
-def test_the_programs_on_the_pages_import_only_what_is_public():
+def test_the_programs_on_the_pages_import_only_public_names():
     for page, program in blocks_of_all("python"):
         for node in ast.walk(ast.parse(program)):
             if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] == "axisbus":
@@ -359,7 +359,7 @@ def test_every_test_named_as_slow_or_with_a_time_exists(name):
     assert not function or f"\ndef {function}(" in (TESTS / path).read_text(encoding="utf-8")
 
 
-def test_what_runs_in_real_time_is_named_once_with_its_reason_and_not_in_virtual_time():
+def test_each_test_in_real_time_is_named_once_with_its_reason_and_not_in_virtual_time():
     names = [name for names in REAL_TIME.values() for name in names]
     assert len(names) == len(set(names))
     assert all(reason.strip() for reason in REAL_TIME)

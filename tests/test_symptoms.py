@@ -106,13 +106,13 @@ OF_THE_BUS = {"bus-off", "late-cycles", "pdo-mapping", "second-master", "node-lo
 
 
 @pytest.mark.parametrize("code", [code for code in FAULTS if lookup.page_of_fault(code) in OF_THE_BUS])
-def test_what_to_do_first_is_of_the_kind_that_the_page_is_of(code):
+def test_the_remedy_is_of_the_same_kind_as_the_page(code):
     assert re.search(r"bus|cable|frames|cycles|node-ID", remedy(code)), remedy(code)
     assert "tuning" not in remedy(code)
 
 
 @each_symptom
-def test_where_to_read_on_is_there(symptom):
+def test_the_pages_for_further_reading_exist(symptom):
     assert symptom.read_on
     for page in symptom.read_on:
         assert (ROOT / "docs" / page.partition("#")[0]).exists(), page  # the anchors: when the site is made
@@ -153,7 +153,7 @@ def test_a_command_that_is_wrong_would_be_noticed(words):
         parsed(words)
 
 
-def test_most_pages_say_what_to_type():
+def test_most_pages_name_commands():
     assert sum(bool(typed(symptom)) for symptom in SYMPTOMS.values()) > len(SYMPTOMS) * 3 // 4
 
 
@@ -219,7 +219,7 @@ def test_a_traceback_names_the_page_of_the_code_that_an_error_has_by_then():
         ]
 
 
-def test_what_ends_a_program_names_the_page():
+def test_the_error_that_ends_a_program_names_its_page():
     program = "from axisbus.errors import FollowingError; raise FollowingError('no', remedy='look')"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert ran.stderr.endswith("no\n  remedy:   look\n  more:     axisbus explain following-error\n")
@@ -269,7 +269,7 @@ def test_a_page_is_printed(symptom, axisbus):
         ("FF00", "drive-fault"),
     ],
 )
-def test_a_class_a_letter_and_a_code_lead_to_their_page(axisbus, word, page):
+def test_a_class_a_letter_or_a_code_gives_its_page(axisbus, word, page):
     assert axisbus("explain", word).out.startswith(f"# {SYMPTOMS[page].title}\n")
 
 
@@ -291,7 +291,7 @@ def test_on_a_terminal_the_page_is_laid_out(monkeypatch, capsys):
     assert "axisbus scan CELL" in out
 
 
-def test_a_node_that_did_not_come_up_names_its_page():
+def test_a_node_that_did_not_boot_names_its_page():
     error = boot("M")
     report = NodeReport(5, error=error)
     assert "\n    more:     axisbus explain another-device\n" in report.text() + "\n"

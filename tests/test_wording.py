@@ -58,7 +58,7 @@ def test_the_search_for_plurals_finds_them() -> None:
     ]
 
 
-def test_no_message_writes_a_plural_behind_a_number_by_itself() -> None:
+def test_no_message_has_a_literal_plural_behind_a_number() -> None:
     found = [
         f"{path.relative_to(SOURCE)}:{line}: {words}"
         for path in sorted(SOURCE.rglob("*.py"))

@@ -83,7 +83,7 @@ def test_every_kind_has_an_example() -> None:
     assert {kind for kind, _, expected in CASES if expected} == set(KINDS)
 
 
-def test_what_should_be_true_or_false_is_returned_as_both() -> None:
+def test_a_boolean_result_is_replaced_by_both_values() -> None:
     assert lines("return a(b)", "return", " -> bool") == {"return True", "return False"}
     assert lines("return True", "return", " -> bool") == {"return False"}
 
@@ -115,7 +115,7 @@ class B:
     }
 
 
-def test_a_mutant_knows_where_it_is() -> None:
+def test_a_mutant_has_its_location() -> None:
     source = (
         "A = (\n    1\n)\nclass B:\n    C = 5\n    def d(self, e):\n        return not (\n            e)\n"
     )
