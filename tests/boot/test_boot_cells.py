@@ -105,7 +105,7 @@ def test_the_modes_are_those_that_objects_and_the_drives_own_6502h_show(tmp_path
         assert "6502h lists ip, but 60C1h is missing" in report.text()
 
 
-def test_another_consumer_keeps_its_entry(tmp_path):
+def test_a_heartbeat_consumer_entry_of_another_producer_is_kept(tmp_path):
     made = device()
     entries = made.read(0x1016, 0)
     made.write(0x1016, 1, 5 << 16 | 500)
@@ -174,7 +174,7 @@ def test_a_slow_event_timer_of_the_statusword_is_shortened_and_reported(tmp_path
     assert axis["event_timers"] == [{"pdo": "TPDO1", "was_ms": 1000, "wanted_ms": 20, "now_ms": 20}]
 
 
-def test_one_that_the_drive_does_not_let_be_written_is_reported_as_well(tmp_path):
+def test_a_setting_that_the_drive_refuses_to_write_is_reported_as_well(tmp_path):
     path = cell(tmp_path, ("[axes.x]", SLOW_STATUSWORD))
     (report,), now = reports_of(path, timer=1000, sdo_write_aborts={(0x1800, 5): 0x0601_0002})
     assert now == 1000

@@ -198,7 +198,7 @@ def _with_1020(path, tmp_path):
     return eds.load(tmp_path / "drive.eds")
 
 
-def test_a_drive_that_has_the_configuration_of_this_date_is_not_asked_for_the_values_of_its_dcf(
+def test_the_values_of_a_dcf_are_not_written_to_a_drive_that_has_the_configuration_of_its_date(
     cell, tmp_path, monkeypatch
 ):
     """2026-03-31 is day 15430 after 1984-01-01, 14:30 is 52200000 ms after midnight (by hand)."""

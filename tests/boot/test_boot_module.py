@@ -51,7 +51,7 @@ def test_one_module_that_beats_as_from_the_factory_is_one():
     identity.require_one(heard(*beats()), 0.1)
 
 
-def test_beats_that_a_busy_computer_took_late_are_as_often_all_the_same():
+def test_heartbeats_that_a_busy_computer_received_late_still_identify_the_module():
     late = [
         CanFrame(0.6 if frame.time in (0.3, 0.4, 0.5) else frame.time, frame.can_id, frame.data)
         for frame in beats()
@@ -81,7 +81,7 @@ def test_a_firmware_that_its_endpoints_report_is_compared():
     assert "it reports 0.5.13" in told
 
 
-def test_one_that_answers_no_endpoint_is_compared_by_its_heartbeats_alone():
+def test_a_module_that_answers_no_endpoint_is_compared_by_its_heartbeats_alone():
     counted = heard(*beats())  # a life counter that counts: firmware 0.5.12 or later
     silent = SimpleFacts(silent=["endpoints"])
     identity.require_firmware(counted, silent, "0.5.12")

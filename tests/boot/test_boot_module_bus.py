@@ -84,7 +84,7 @@ def test_a_module_that_answers_no_endpoint_is_booted_with_unconfirmed_firmware(t
         assert "which it does not confirm" in one.boot().report.identity
 
 
-def test_one_that_is_in_closed_loop_is_left_in_it(tmp_path):
+def test_a_module_that_is_in_closed_loop_is_left_in_it(tmp_path):
     with bus(tmp_path) as one:
         one.module.axis.request(8)
         booted = one.boot()
@@ -93,7 +93,7 @@ def test_one_that_is_in_closed_loop_is_left_in_it(tmp_path):
         assert one.module.energised
 
 
-def test_one_in_fault_is_up_and_its_words_are_reported(tmp_path):
+def test_a_module_in_fault_is_booted_and_its_error_words_are_reported(tmp_path):
     with bus(tmp_path) as one:
         one.module.dials.motor_error = 0x20000
         report = one.boot().report
@@ -105,7 +105,7 @@ def test_one_in_fault_is_up_and_its_words_are_reported(tmp_path):
         assert "MOTOR_FAILED" in told
 
 
-def test_another_firmware_is_refused_and_a_missing_module_is_reported(tmp_path):
+def test_a_module_with_another_firmware_is_refused_and_a_missing_module_is_reported(tmp_path):
     with bus(tmp_path, firmware=Firmware(0, 5, 11)) as one:
         error = one.boot().report.error
         assert isinstance(error, BootError)

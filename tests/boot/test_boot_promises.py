@@ -222,7 +222,7 @@ def test_a_drive_that_counts_differently_from_its_eds_is_refused_at_boot(tmp_pat
 # -- promises --------------------------------------------------------------------------------------------------------
 
 
-def test_an_axis_whose_numbers_are_known_is_promised_all(tmp_path):
+def test_every_promise_is_made_for_an_axis_whose_values_are_known(tmp_path):
     path = write(tmp_path)
     with Machine.simulated(path) as cell:
         booted = cell["a"].promises

@@ -95,7 +95,7 @@ def test_a_link_that_is_not_there() -> None:
         adapter.check_link("can7", 500_000, lambda _: None)
 
 
-def test_a_link_that_is_down_gets_the_line_that_brings_it_up() -> None:
+def test_a_link_that_is_down_is_reported_with_the_line_that_brings_it_up() -> None:
     with pytest.raises(AdapterError, match="is down") as caught:
         adapter.check_link("can0", 500_000, lambda name: CanInterface(name, up=False))
     assert caught.value.remedy.startswith("sudo ip link set can0 up type can bitrate 500000")

@@ -103,7 +103,9 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bitrate_change, "ANSWER_TIME", 0.0)
 
 
-def test_the_adapter_goes_along_in_the_slaves_silence_and_each_is_asked_at_the_new_rate(desk) -> None:
+def test_the_adapter_changes_while_the_slaves_are_silent_and_each_slave_is_asked_at_the_new_rate(
+    desk,
+) -> None:
     slaves = AtOneRate(ONE), AtOneRate(OTHER)
     table = desk(*slaves)
     begin = time.monotonic()
@@ -133,7 +135,7 @@ def test_no_frame_is_sent_at_the_new_rate_before_the_second_delay_has_passed(des
     assert sent_at[0] - activated[0] >= 2 * DELAY
 
 
-def test_one_that_restarts_for_it_is_asked_again(desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slave_that_restarts_for_the_new_rate_is_asked_again(desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bitrate_change, "ANSWER_TIME", 20.0)
     slave = AtOneRate(ONE)
     slave.at_rate, slave.restarting = 250_000, 19  # a whole question, with its tries
@@ -145,7 +147,7 @@ def test_one_that_restarts_for_it_is_asked_again(desk, monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize(("answers_after", "asked"), [(0.0, 1), (2.9, 7), (4.8, 11), (5.1, 11), (9.0, 11)])
-def test_one_that_is_silent_is_asked_until_five_seconds_are_over(
+def test_a_slave_that_is_silent_is_asked_until_five_seconds_are_over(
     monkeypatch: pytest.MonkeyPatch, answers_after: float, asked: int
 ) -> None:
     """With a pause between the requests, each of which takes 0.3 s here."""

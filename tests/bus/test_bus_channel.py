@@ -177,7 +177,7 @@ def test_canopen_features_work_on_the_channel(channel: Channel, fake: FakeBus) -
     assert got == [b"\x11\x00"]
 
 
-def test_two_virtual_channels_hear_each_other() -> None:
+def test_two_virtual_channels_receive_the_frames_of_each_other() -> None:
     with Channel.open("virtual", "axisbus-test") as one, Channel.open("virtual", "axisbus-test") as two:
         got: list[bytes] = []
         two.subscribe(0x80, lambda data, _: got.append(data))

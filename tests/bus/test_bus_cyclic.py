@@ -106,14 +106,14 @@ def test_more_frames_than_one_call_returns_are_all_received(line):
     assert line.drain() == []
 
 
-def test_the_frames_of_a_pair_whose_other_end_has_gone_are_the_last(line):
+def test_the_frames_sent_before_the_other_end_of_a_pair_closed_are_the_last(line):
     line.far.send(can_frame(0x181, b"\1"))
     line.far.close()
     assert [data for _, data, _ in line.drain()] == [b"\1"]
     assert line.drain() == []
 
 
-def test_the_time_of_a_frame_is_not_that_of_the_one_before_in_its_place(line):
+def test_each_frame_has_its_own_receive_time_and_not_that_of_the_frame_before(line):
     line.far.send(can_frame(0x181, b""))
     ((_, _, first),) = line.drain()
     time.sleep(0.02)

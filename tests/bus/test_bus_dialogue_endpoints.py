@@ -65,7 +65,7 @@ def test_a_written_value_is_read_back_and_a_restart_reverts_it(node, answer):
 
 
 @pytest.mark.parametrize("firmware", [Made(0, 5, 11), Made(0, 5, 13)])
-def test_saving_brings_it_to_flash_and_back(firmware):
+def test_a_saved_endpoint_is_kept_over_a_restart(firmware):
     module = Module(5, firmware=firmware)
     with opened(module, made_for=Firmware(*firmware)) as found:
         found.write(LIMIT, 12.5)
@@ -128,7 +128,7 @@ def test_a_list_of_another_version_is_refused():
         pass
 
 
-def test_a_list_whose_version_fits_is_not_proven_by_that():
+def test_an_endpoint_list_of_the_right_version_still_has_its_types_tested():
     """It is called 0.6.0, as the module's firmware is, and is that of 0.5.13: only 9, 10 and 11 are asked, and the node ID."""
     module, seen = Module(5, firmware=Made(0, 6, 0)), []
     wrong = list_of(Module(5, firmware=Made(0, 5, 13)))

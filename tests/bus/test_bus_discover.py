@@ -60,7 +60,7 @@ def test_a_stopped_node_is_found_by_its_heartbeat(channel: Channel, fake: FakeBu
     assert found.kind == ""
 
 
-def test_one_lost_answer_loses_no_node(channel: Channel, fake: FakeBus) -> None:
+def test_a_node_whose_first_answer_was_lost_is_found_all_the_same(channel: Channel, fake: FakeBus) -> None:
     slave = drive(3)
     slave.ignore = 1
     fake.peers.append(slave)
@@ -162,7 +162,7 @@ def test_a_node_that_aborts_its_device_type_is_found_without_a_kind(channel: Cha
     )
 
 
-def test_one_that_falls_silent_after_its_device_type_has_at_least_that(
+def test_a_node_that_stops_answering_after_its_device_type_is_found_with_that_alone(
     channel: Channel, fake: FakeBus
 ) -> None:
     answers = [bytes.fromhex("43 00 10 00 92 01 02 00")]

@@ -109,7 +109,9 @@ def test_values_are_read_and_written(peer: Peer, node: CanopenNode, index, data_
         (0x6060, b"\x00\x00", 0x0607_0010),
     ],
 )
-def test_its_refusals_are_raised_with_their_code(node: CanopenNode, index, data, code) -> None:
+def test_the_refusals_of_the_durand_slave_are_raised_with_their_code(
+    node: CanopenNode, index, data, code
+) -> None:
     with pytest.raises(SdoAbort) as caught:
         node.sdo.upload(index) if data is None else node.sdo.download(index, 0, data)
     assert caught.value.code == code
@@ -161,7 +163,7 @@ def test_nmt_commands_are_followed_and_confirmed(peer: Peer, node: CanopenNode) 
     assert peer.node.nmt.state == 127
 
 
-def test_its_heartbeat_is_heard(peer: Peer, node: CanopenNode) -> None:
+def test_the_heartbeat_of_the_durand_slave_is_received(peer: Peer, node: CanopenNode) -> None:
     node.sdo.write(0x1017, 0, 500)
     eventually(lambda: node.nmt.has_heartbeat)
     assert node.nmt.state is NmtState.PRE_OPERATIONAL

@@ -49,7 +49,9 @@ def test_each_axis_of_a_node_gets_every_message(channel: Channel, fake: FakeBus)
     assert [emcy.code for emcy in two.take()] == [0x8611, 0]
 
 
-def test_a_drive_gone_mad_fills_no_memory(channel: Channel, fake: FakeBus) -> None:
+def test_the_emergency_history_of_a_drive_that_sends_hundreds_is_bounded(
+    channel: Channel, fake: FakeBus
+) -> None:
     monitor = EmcyMonitor(channel, 5)
     feed = monitor.feed()
     for number in range(300):
@@ -80,7 +82,7 @@ def test_messages_are_grouped_and_a_boot_up_ends_the_open_incident(channel: Chan
     assert booted <= incident.ended <= time.monotonic()
 
 
-def test_a_closed_monitor_hears_nothing(channel: Channel, fake: FakeBus) -> None:
+def test_a_closed_monitor_receives_nothing(channel: Channel, fake: FakeBus) -> None:
     monitor = EmcyMonitor(channel, 5, 0x0F5)
     monitor.close()
     assert channel._receivers == {}

@@ -99,7 +99,7 @@ def test_a_node_is_asked_once_by_guarding(node: CanopenNode, slave: Slave, chann
     assert not node.nmt.has_heartbeat
 
 
-def test_a_node_that_goes_mad_is_reported_once_a_second_with_how_often(
+def test_a_node_that_restarts_again_and_again_is_reported_once_a_second_with_the_count(
     node: CanopenNode, fake: FakeBus
 ) -> None:
     heard = hear(fake, node, "05")

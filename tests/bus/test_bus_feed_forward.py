@@ -25,7 +25,7 @@ def planned(
     return make_plan(NODE, device, objects(unmappable=(0x60B1, 0x60B2) if unmappable else ()), wanted, policy)
 
 
-def test_they_have_an_rpdo_of_their_own() -> None:
+def test_feed_forward_objects_are_mapped_into_an_rpdo_of_their_own() -> None:
     plan = planned(EMPTY, "velocity_offset", "torque_offset")
     third = [pdo for pdo in plan.active if pdo.name == "RPDO3"]
     assert [pdo.target.mapping for pdo in third] == [mapped("60B1/32 60B2/16")]
@@ -34,7 +34,7 @@ def test_they_have_an_rpdo_of_their_own() -> None:
     assert plan.impossible == ()
 
 
-def test_without_being_asked_for_they_are_not_mapped() -> None:
+def test_feed_forward_objects_are_not_mapped_without_being_required() -> None:
     plain = make_plan(NODE, EMPTY, objects())
     assert [pdo.name for pdo in plain.active if pdo.receive] == ["RPDO1", "RPDO2"]
     assert "velocity_offset" not in plain.outputs

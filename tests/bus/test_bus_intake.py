@@ -104,7 +104,7 @@ def test_without_a_frame_it_waits_no_longer_than_its_timeout(ends):
     assert 0.015 < time.monotonic() - began < 1.0
 
 
-def test_a_line_whose_other_end_has_gone_is_reported_and_not_asked_for_ever(ends):
+def test_a_line_whose_other_end_has_closed_is_reported_and_not_read_again(ends):
     ends.far.send(can_frame(0x181, b"\1"))
     ends.far.close()
     assert [can_id for can_id, _, _ in ends.intake.take(0.0)] == [0x181]

@@ -194,7 +194,7 @@ def test_lost_frames_are_no_delay_once_the_node_was_asked(kind: dict, seed: int)
         {"lost": 0.02, "burst": 2, "jitter": 0.008, "mute": 0.3},
     ],
 )
-def test_a_growing_delay_is_seen_before_a_value_is_taken_for_younger_than_it_is(
+def test_a_growing_delay_is_detected_before_a_value_counts_as_younger_than_it_is(
     kind: dict, rate: float, seed: int
 ) -> None:
     world = World(seed, **kind)
@@ -221,7 +221,7 @@ def test_a_growing_delay_is_seen_before_a_value_is_taken_for_younger_than_it_is(
     assert max(now - stated for now, stated, _ in world.looks[-20:]) > 0.3
 
 
-def test_a_delay_that_goes_away_is_forgotten() -> None:
+def test_a_delay_that_ends_no_longer_counts() -> None:
     world = World(1)
     world.run(1.0)
     world.lag = lambda t: max(0.0, min(0.06, 0.1 * (t - 101.0), 0.1 * (103.0 - t)))
@@ -234,7 +234,7 @@ def test_a_delay_that_goes_away_is_forgotten() -> None:
     assert stated - true <= world.period
 
 
-def test_a_link_that_was_slow_from_the_beginning_is_known_by_its_round_trips() -> None:
+def test_a_link_that_was_slow_from_the_beginning_is_detected_by_its_round_trips() -> None:
     world = World(1, lag=lambda _: 0.4)
     world.trips = world.lags._trips = RoundTrips()
     for asked in range(5):

@@ -142,7 +142,7 @@ def test_a_frame_arrives_unchanged_at_the_other_end(pair, can_id, extended, remo
         assert receiver.recv(0.0) is None
 
 
-def test_the_program_notices_that_the_other_end_is_gone_and_the_drives_continue(pair):
+def test_a_closed_line_raises_in_the_program_and_the_drives_continue(pair):
     program, drives = pair
     drives.socket.shutdown(socket.SHUT_RDWR)
     with pytest.raises(can.CanOperationError, match="the other end of the line has closed"):

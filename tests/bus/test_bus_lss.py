@@ -168,7 +168,9 @@ def test_a_node_id_that_is_taken_is_not_given(master: LssMaster, fake: FakeBus) 
     assert one.pending == 255
 
 
-def test_its_own_node_id_is_not_taken(master: LssMaster, fake: FakeBus) -> None:
+def test_the_lss_master_may_set_the_node_id_that_the_slave_already_has(
+    master: LssMaster, fake: FakeBus
+) -> None:
     one = slave(node_id=5)
     fake.peers += [one, Slave(5)]
     master.set_node_id(ADDRESS, 5, store=True)
@@ -277,7 +279,7 @@ def test_a_bus_on_which_no_node_acknowledges_is_reported(master: LssMaster, fake
         master.inquire(ADDRESS)
 
 
-def test_it_cannot_be_called_in_the_receive_thread(
+def test_an_lss_service_is_refused_in_the_receive_thread(
     channel: Channel, fake: FakeBus, master: LssMaster
 ) -> None:
     raised: list[Exception] = []

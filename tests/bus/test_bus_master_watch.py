@@ -140,7 +140,7 @@ def test_nodes_added_later_are_watched_too_and_closing_ends_all_subscriptions(bu
 
 
 @pytest.mark.parametrize("returns", [True, False])
-def test_an_adapter_that_gives_our_own_frames_back_is_found_out(
+def test_an_adapter_that_returns_our_own_frames_is_detected(
     channel: Channel, fake: FakeBus, returns: bool
 ) -> None:
     echoes = Echoes(channel)

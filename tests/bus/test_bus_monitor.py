@@ -117,7 +117,7 @@ def test_a_heartbeat_is_overdue_after_its_time_from_the_last_one_or_from_the_beg
     assert not node.overdue(1e9)
 
 
-def test_one_that_was_never_heard_is_overdue_from_the_beginning_of_the_watch(node: NodeMonitor) -> None:
+def test_a_node_that_never_reported_is_overdue_from_the_beginning_of_the_watch(node: NodeMonitor) -> None:
     node.watch(0.25)
     assert node.deadline == 100.25
 
@@ -237,7 +237,7 @@ def test_at_a_bus_off_nothing_is_known_any_more_and_at_other_failures_it_is(
     assert (node.state, node.toggle_errors) == (NmtState.OPERATIONAL, 0)
 
 
-def test_one_that_is_closed_hears_nothing(node: NodeMonitor, line: Line) -> None:
+def test_a_closed_node_monitor_receives_nothing(node: NodeMonitor, line: Line) -> None:
     node.close()
     line.brings(HEARTBEAT, "05", 1.0)
     line.brings(NMT, "01 05", 1.0)
@@ -307,7 +307,7 @@ def guarded(node: NodeMonitor, line: Line, clock: HandClock, *answers: str) -> l
     return asked
 
 
-def test_a_guarded_node_that_answers_twice_with_nothing_is_not_asked_on(
+def test_a_guarded_node_that_answers_twice_with_another_state_is_not_asked_further(
     node: NodeMonitor, line: Line, clock: HandClock
 ) -> None:
     asked = guarded(node, line, clock)

@@ -84,7 +84,7 @@ def test_the_watch_counts_from_its_beginning(node: CanopenNode, slave: Slave, fa
     assert not node.nmt.overdue(time.monotonic())
 
 
-def test_one_that_has_never_reported_is_overdue_after_its_time(node: CanopenNode) -> None:
+def test_a_node_that_has_never_reported_is_overdue_after_its_time(node: CanopenNode) -> None:
     node.nmt.watch(0.3)
     now = time.monotonic()
     assert not node.nmt.overdue(now)
@@ -221,7 +221,7 @@ def test_waiting_in_the_receive_thread_is_an_error(
     eventually(lambda: caught)
 
 
-def test_a_closed_monitor_hears_nothing(channel: Channel, fake: FakeBus) -> None:
+def test_a_closed_monitor_receives_nothing(channel: Channel, fake: FakeBus) -> None:
     monitor = NodeMonitor(channel, 5)
     monitor.close()
     seen: list[bytes] = []

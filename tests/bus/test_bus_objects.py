@@ -162,7 +162,7 @@ def test_of_many_pdos_the_first_eight_of_each_axis_are_read_and_those_that_are_n
     assert more == [*range(1, 9), 12, *range(65, 73), 129, 512]
 
 
-def test_the_last_rpdo_s_mapping_is_not_taken_for_a_tpdo():
+def test_the_mapping_of_the_last_rpdo_is_not_read_as_a_tpdo():
     device = Store(pdo(True, 512, 0x205, 1, "60400010", "60600008"), with_pdos(0, 1))
     assert 0x17FF in device.dictionary.eds
     device.objects |= pdo(False, 1, 0x185, 1)
@@ -237,7 +237,7 @@ def test_a_pdo_with_29_bits_is_written_with_bit_29():
     assert device.written[-1] == ("1400:1", 0x7FF)
 
 
-def test_one_that_was_off_is_switched_on():
+def test_a_pdo_that_was_off_is_switched_on():
     device = drive()
     device.objects[0x1400, 1] = little(0x205 | INVALID, 4)
     assert set_pdo(device, True, 1).valid

@@ -93,7 +93,7 @@ def test_a_controller_reports_each_change_once_and_leaves_bus_off_by_a_restart()
     assert [event.stamp for event in controller.events] == [1.0, 3.0, 4.0]
 
 
-def test_a_restart_whose_bus_off_went_unheard_is_one_all_the_same(can0: Channel, fake: FakeBus) -> None:
+def test_a_restart_without_a_received_bus_off_counts_as_a_bus_off(can0: Channel, fake: FakeBus) -> None:
     fake.inject_error_frame(RESTARTED)
     eventually(lambda: can0.offs == 1)
     eventually(lambda: can0.off is None)
@@ -185,7 +185,7 @@ def test_a_running_sdo_transfer_ends_at_once(fake: FakeBus, can0: Channel) -> No
         assert [type(error) for error in caught] == [BusOff]
 
 
-def test_a_driver_that_reports_bus_off_by_its_state_alone_is_asked_for_it(fake: FakeBus) -> None:
+def test_a_driver_that_reports_bus_off_only_by_its_state_is_polled_for_it(fake: FakeBus) -> None:
     with Channel(fake, "ixxat:0") as channel:
         fake.says = can.BusState.ERROR
         eventually(lambda: channel.off)

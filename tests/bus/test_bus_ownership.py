@@ -123,7 +123,7 @@ def test_after_any_number_of_refusals_the_next_one_is_immediate_and_names_the_ow
     asking.join(10.0)
 
 
-def test_a_process_that_has_inherited_it_keeps_it_when_its_owner_is_gone():
+def test_a_process_that_has_inherited_the_lock_keeps_it_after_its_owner_closed_it():
     lock = ownership.take("pcan", NAME)
     assert lock is not None
     with subprocess.Popen(["sleep", "30"], pass_fds=[lock.fileno()]) as child:
@@ -240,7 +240,7 @@ def test_two_users_of_one_adapter_exclude_each_other_and_the_other_one_is_named(
 
 
 @needs_root
-def test_a_claim_of_another_user_whose_queue_is_full_is_still_known_to_be_theirs():
+def test_a_claim_of_another_user_whose_queue_is_full_is_still_found():
     with as_user(lambda: claims.HeldClaim("\0axisbus xn - - - 0000000000000000bbbbbbbb", None)) as holder:
         name, waiting = "\0axisbus xn - - - 0000000000000000bbbbbbbb", []
         with suppress(BlockingIOError):

@@ -173,7 +173,7 @@ def test_being_late_by_more_than_two_periods_is_an_excuse():
 # Remote frames, feeds.
 
 
-def test_a_tpdo_on_request_is_asked_for_in_its_period_without_catching_up():
+def test_a_tpdo_on_request_is_requested_in_its_period_without_catching_up():
     slots_ = [
         SimpleNamespace(request=0.5, cob_id=0x185, size=2),
         SimpleNamespace(request=0.0, cob_id=0x285, size=8),
@@ -404,7 +404,7 @@ ALL = {"target_position": 0, "target_velocity": 0, "target_torque": 0, "mode": 1
         (("607A/32", "60FF/32"), {"target_velocity": 6}, None, None, ["2"]),
     ],
 )
-def test_no_new_word_goes_before_its_values(texts, given, word, previous, expected):
+def test_a_new_controlword_is_sent_no_earlier_than_its_values(texts, given, word, previous, expected):
     assert frames(*texts, before=ALL, given=given, word=word, previous=previous) == expected
 
 
@@ -574,7 +574,7 @@ def test_a_value_that_was_refused_is_tried_again_after_a_while():
     assert [job.value for job in worker.jobs] == [1, 2, 2, 3]
 
 
-def test_a_controlword_by_sdo_goes_behind_the_targets_and_a_stop_before_everything():
+def test_a_controlword_by_sdo_is_sent_after_the_targets_and_a_stop_before_everything():
     worker, outputs = by_sdo("controlword", "target_position")
     assert not outputs.commanded
     assert outputs.take({"target_position": 5}, None) is None

@@ -66,7 +66,7 @@ def test_the_parameters_are_read(sdo: SdoClient) -> None:
     )
 
 
-def test_a_pdo_with_less_than_the_standard_asks_is_read(sdo: SdoClient, slave: Slave) -> None:
+def test_a_pdo_with_fewer_entries_than_the_standard_requires_is_read(sdo: SdoClient, slave: Slave) -> None:
     """No timers, a count of three with two entries, and an ARRAY or RECORD makes no difference: it is read by number."""
     slave.objects.update(pdo_objects(0x1802, 0x1A02, 0x385, 1, [0x60640020, 0x00050008, 0x606C0010], slots=2))
     assert read_pdo(sdo, receive=False, number=3) == PdoConfiguration(
@@ -131,7 +131,7 @@ def test_a_timer_that_the_drive_does_not_take_is_no_failure(sdo: SdoClient, slav
     assert slave.number(0x1800, 1) == NO_RTR | 0x185
 
 
-def test_a_fixed_mapping_is_found_out_and_left_as_it_was(sdo: SdoClient, slave: Slave) -> None:
+def test_a_fixed_mapping_is_detected_and_left_as_it_was(sdo: SdoClient, slave: Slave) -> None:
     slave.fixed_mapping = True
     seen: list[PdoPlan] = []
     plan = configure(sdo, PAIR, on_plan=seen.append)

@@ -148,7 +148,7 @@ def test_a_pdo_is_restored_if_the_drive_refuses_the_start_value(sdo: SdoClient, 
     assert slave.number(0x1800, 2) == 1
 
 
-def test_remote_frames_are_allowed_only_when_they_are_asked_for(sdo: SdoClient, slave: Slave) -> None:
+def test_remote_frames_are_allowed_only_when_they_are_required(sdo: SdoClient, slave: Slave) -> None:
     set_pdo(sdo, False, 1, transmission_type=253)
     assert slave.number(0x1800, 1) == NO_RTR | 0x185  # as the drive had it
     set_pdo(sdo, False, 1, rtr=True)
@@ -208,7 +208,7 @@ def operational(node: CanopenNode, fake: FakeBus) -> None:
     eventually(lambda: node.nmt.state == 5)
 
 
-def test_a_tpdo_is_asked_for_at_its_period_with_its_length(
+def test_a_tpdo_is_requested_at_its_period_with_its_length(
     channel: Channel, node: CanopenNode, fake: FakeBus, port: CanPort
 ) -> None:
     clock = channel.clock = HandClock(100.0)
@@ -295,7 +295,7 @@ def test_a_tpdo_that_is_missing_is_one_event_with_its_age() -> None:
     )
 
 
-def test_its_return_is_an_event_too_and_reports_how_long_it_was_away() -> None:
+def test_the_return_of_a_pdo_is_an_event_too_and_reports_how_long_it_was_missing() -> None:
     missing, returned = looks(0.005, 0.505, 0.545, until=0.58)
     assert missing.what is Reception.MISSING
     assert returned.what is Reception.RETURNED

@@ -477,7 +477,7 @@ def test_a_synchronous_value_without_a_synchronous_pdo_is_impossible() -> None:
     )
 
 
-def test_a_tpdo_sent_at_sync_only_on_change_is_not_taken_for_periodic() -> None:
+def test_a_tpdo_sent_at_sync_only_on_change_does_not_count_as_periodic() -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", transmission=0),))
     plan = make_plan(
         NODE,
@@ -502,7 +502,7 @@ def test_a_tpdo_sent_only_on_request_is_no_source() -> None:
 
 
 @pytest.mark.parametrize(("transmission", "period"), [(253, 0.1), (255, 0.0), (1, 0.0)])
-def test_only_a_tpdo_that_waits_for_a_remote_frame_is_asked_for(transmission: int, period: float) -> None:
+def test_only_a_tpdo_that_waits_for_a_remote_frame_is_requested(transmission: int, period: float) -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", transmission=transmission),))
     policy = Policy(communication=False, requests={1: 0.1})
     (pdo,) = make_plan(NODE, device, objects(), PdoRequirements(("statusword",), ()), policy).pdos

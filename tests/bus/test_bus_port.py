@@ -208,7 +208,7 @@ def test_after_a_boot_up_message_a_node_gets_nothing_but_a_stop(
     assert port.take_frames() == [(0, b"\x02\x05")]
 
 
-def test_after_a_boot_up_message_the_stop_goes_by_sdo_and_the_drive_can_be_looked_at(
+def test_after_a_boot_up_message_the_stop_is_sent_by_sdo_and_the_drive_can_be_observed(
     make: Maker, node: CanopenNode, fake: FakeBus, slave: Slave
 ) -> None:
     port = rebooted(make, node, fake)
@@ -320,7 +320,7 @@ def test_a_node_that_may_have_restarted_unnoticed_gets_only_a_stop_whatever_its_
     eventually(lambda: slave.objects[0x6040, 0] == b"\x02\x00")
 
 
-def test_one_that_is_only_assumed_to_be_operational_is_in_doubt_too(
+def test_a_node_that_is_only_assumed_to_be_operational_is_also_treated_as_possibly_restarted(
     make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
     node.nmt.assume(NmtState.OPERATIONAL)
@@ -361,7 +361,7 @@ def rpdos(port: CanPort, outputs: Outputs = WISH) -> list[int]:
     return [can_id for can_id, _ in port.take_frames()]
 
 
-def test_an_event_driven_rpdo_goes_out_when_it_changes(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
+def test_an_event_driven_rpdo_is_sent_when_it_changes(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
     arrived(node, fake, 0x705, "05")
     port = make(EVENT_DRIVEN, sync=False)
     assert rpdos(port) == [0x205]
@@ -370,7 +370,7 @@ def test_an_event_driven_rpdo_goes_out_when_it_changes(make: Maker, node: Canope
     assert rpdos(port, WISH._replace(target_position=8, target_velocity=1)) == [0x305]
 
 
-def test_one_that_was_dropped_goes_out_later_though_nothing_has_changed(
+def test_an_event_driven_rpdo_that_was_dropped_is_sent_later_without_a_change(
     make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
     arrived(node, fake, 0x705, "05")
@@ -689,7 +689,7 @@ def test_a_refused_value_is_tried_again_but_not_in_every_cycle(
 NO_PDO = DevicePdos((), (tpdo(1, "6041/16 6064/32", 1),))
 
 
-def test_a_controlword_without_rpdo_goes_behind_its_target(
+def test_a_controlword_without_rpdo_is_sent_after_its_target(
     make: Maker, slave: Slave, node: CanopenNode
 ) -> None:
     port = make(NO_PDO, PP)
@@ -702,7 +702,7 @@ def test_a_controlword_without_rpdo_goes_behind_its_target(
     assert len(slave.writes) == 2  # nothing changed
 
 
-def test_a_quick_stop_without_rpdo_goes_before_everything(
+def test_a_quick_stop_without_rpdo_is_sent_before_everything(
     make: Maker, slave: Slave, node: CanopenNode
 ) -> None:
     port = make(NO_PDO, PP)
@@ -758,7 +758,7 @@ def test_the_capabilities_of_the_port_are_reported(make: Maker) -> None:
     assert make(EMPTY).capabilities.outputs["controlword"] is ValueTransport.SDO
 
 
-def test_a_closed_port_hears_nothing(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
+def test_a_closed_port_receives_nothing(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
     port = make(WHOLE)
     port.close()
     arrived(node, fake, 0x185, struct.pack("<Hbi", 0x0637, 1, 1))

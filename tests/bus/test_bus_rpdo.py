@@ -40,7 +40,7 @@ def velocity(word: int, value: int) -> tuple[int, bytes]:
     return VELOCITY, struct.pack("<Hi", word, value)
 
 
-def test_the_frame_whose_target_changed_goes_first() -> None:
+def test_the_frame_whose_target_changed_is_sent_first() -> None:
     fixed = images(GENERIC)
     arrange(fixed, {"mode": 1, "target_position": 100}, 0x0F, 0x0F)
     frames = arrange(fixed, {"mode": 1, "target_position": 200}, 0x1F, 0x0F)
@@ -75,7 +75,7 @@ def test_an_edge_is_never_sent_before_a_new_value() -> None:
     assert word == 0x1F
 
 
-def test_a_target_alone_goes_before_the_controlword() -> None:
+def test_a_frame_with_only_a_target_is_sent_before_the_controlword() -> None:
     apart = images(DevicePdos((rpdo(1, "6040/16"), rpdo(2, "607A/32")), ()))
     arrange(apart, {"target_position": 1}, 0x0F, None)
     frames = arrange(apart, {"target_position": 2}, 0x1F, 0x0F)
@@ -140,7 +140,7 @@ def test_the_position_of_the_controlword_in_the_mapping_is_known(text: str, bits
     assert int.from_bytes(data, "little") >> bits & 0xFFFF == 0xABCD
 
 
-def test_a_controlword_that_is_mapped_twice_is_the_same_in_both_places() -> None:
+def test_a_controlword_that_is_mapped_twice_has_the_same_value_in_both() -> None:
     """A copy of 0 would be *disable voltage*."""
     image = images(DevicePdos((rpdo(1, "6040/16 607A/32 6040/16"),), ()))[0]
     both = struct.pack("<HiH", 0x0F, 5, 0x0F)

@@ -86,7 +86,7 @@ def test_targets_that_change_in_every_cycle_go_in_every_cycle() -> None:
     assert frames == [[whole(8, position, 0x0F)] for position in range(100)]
 
 
-def test_a_synchronous_rpdo_goes_in_every_cycle() -> None:
+def test_a_synchronous_rpdo_is_sent_in_every_cycle() -> None:
     master = Master(ONE, WITH_SYNC)
     assert [master.cycle(mode=1, target_position=5) for _ in range(50)] == [[whole(1, 5, 0x0F)]] * 50
 
@@ -156,7 +156,7 @@ def test_without_a_controlword_nothing_that_holds_it_is_repeated() -> None:
     assert {can_id for can_id, _ in later} == {0x305}
 
 
-def test_an_edge_that_another_rpdo_brought_is_taken_back() -> None:
+def test_an_edge_that_another_rpdo_sent_is_reversed_by_sending_the_first_rpdo_again() -> None:
     """RPDO1 says the same as when it was sent last, but RPDO3 has brought another controlword meanwhile."""
     master = Master(EACH)
     (before,) = master.cycle(0x0F)

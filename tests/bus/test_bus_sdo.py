@@ -135,7 +135,7 @@ def test_an_empty_value_is_read_and_written(sdo: SdoClient, slave: Slave) -> Non
 # -- cases that canopen's client handles wrongly ----
 
 
-def test_the_late_answer_of_a_timed_out_write_is_not_taken_for_the_next(
+def test_the_late_answer_of_a_timed_out_write_is_not_accepted_for_the_next(
     hasty: SdoClient, slave: Slave, fake: FakeBus
 ) -> None:
     """The same object is written twice; the answer to the first write comes while the second one waits."""
@@ -205,7 +205,7 @@ def test_our_abort_names_the_object(hasty: SdoClient, slave: Slave) -> None:
     assert slave.aborts_received == [(0x6081, 0, 0x0504_0000)]
 
 
-def test_one_lost_answer_is_only_another_attempt(hasty: SdoClient, slave: Slave) -> None:
+def test_one_lost_answer_is_repaired_by_another_attempt(hasty: SdoClient, slave: Slave) -> None:
     slave.ignore = 1
     hasty.timeout = 0.5
     assert hasty.upload(0x6081) == (1000).to_bytes(4, "little")
@@ -222,7 +222,7 @@ def test_a_silent_node_costs_the_tries_and_no_more(hasty: SdoClient, slave: Slav
     assert isinstance(caught.value, TimeoutError)
 
 
-def test_an_abort_for_another_object_is_not_ours(sdo: SdoClient, slave: Slave, fake: FakeBus) -> None:
+def test_an_abort_for_another_object_is_ignored(sdo: SdoClient, slave: Slave, fake: FakeBus) -> None:
     slave.hold = True
     thread, result = in_thread(lambda: sdo.upload(0x6081))
     eventually(lambda: slave.held)
@@ -232,7 +232,7 @@ def test_an_abort_for_another_object_is_not_ours(sdo: SdoClient, slave: Slave, f
     assert result == [(1000).to_bytes(4, "little")]
 
 
-def test_an_abort_without_multiplexer_is_ours(sdo: SdoClient, slave: Slave, fake: FakeBus) -> None:
+def test_an_abort_without_multiplexer_ends_our_transfer(sdo: SdoClient, slave: Slave, fake: FakeBus) -> None:
     """Some servers leave the multiplexer of their aborts empty."""
     slave.hold = True
     thread, result = in_thread(lambda: sdo.upload(0x6081))
@@ -243,7 +243,7 @@ def test_an_abort_without_multiplexer_is_ours(sdo: SdoClient, slave: Slave, fake
     assert result[0].code == 0x0800_0000
 
 
-def test_the_answer_to_another_master_is_not_ours(hasty: SdoClient, slave: Slave, fake: FakeBus) -> None:
+def test_the_answer_to_another_master_is_ignored(hasty: SdoClient, slave: Slave, fake: FakeBus) -> None:
     hasty.tries = 1
     slave.hold = True
     hasty.timeout = 0.3
@@ -426,7 +426,7 @@ def test_an_urgent_write_does_not_wait_for_a_silent_node(sdo: SdoClient, slave: 
     assert kinds == [0x40, 0x80, 0x2B]  # no barrier before it
 
 
-def test_an_urgent_write_that_no_transfer_makes_room_for_goes_out_and_leaves_them_their_turn(
+def test_an_urgent_write_is_sent_while_a_transfer_holds_the_lock_and_the_transfer_then_continues(
     sdo: SdoClient, slave: Slave, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(client, "URGENT_LOCK", 0.03)

@@ -94,7 +94,9 @@ def asked(fake: FakeBus) -> list[str]:
     return [data[:1].hex() for data in fake.frames(0x605) if data[1:4] == b"\x00\x21\x00" and data[0] != 0x80]
 
 
-def test_many_bytes_travel_in_blocks_and_few_do_not(sdo: SdoClient, fake: FakeBus, stand_in: StandIn) -> None:
+def test_many_bytes_are_transferred_in_blocks_and_few_are_not(
+    sdo: SdoClient, fake: FakeBus, stand_in: StandIn
+) -> None:
     sdo.download(FILE, 0, DATA)
     assert stand_in.content == DATA
     assert sdo.upload(FILE) == DATA
@@ -142,7 +144,7 @@ def test_a_transfer_that_is_not_wanted_any_more_ends_between_two_groups(
     assert fake.frames(0x605)[-1].hex() == GENERAL_ABORT
 
 
-def test_a_node_without_blocks_is_asked_for_them_once(
+def test_block_transfers_are_tried_once_with_a_node_that_does_not_support_them(
     sdo: SdoClient, fake: FakeBus, stand_in: StandIn
 ) -> None:
     stand_in.device.dials.sdo_block = False
@@ -256,7 +258,7 @@ def test_an_additional_channel_is_used(second: SdoClient, fake: FakeBus, stand_i
     assert fake.frames(0x655)[0].hex() == "c6002100b80b0000"
 
 
-def test_both_channels_at_once_do_not_mix(sdo: SdoClient, second: SdoClient) -> None:
+def test_concurrent_transfers_on_both_channels_do_not_mix(sdo: SdoClient, second: SdoClient) -> None:
     sdo.download(FILE, 0, DATA)
     got: list[bytes] = []
     reader = threading.Thread(target=lambda: got.extend(second.upload(FILE) for _ in range(5)))

@@ -112,7 +112,7 @@ def test_a_guarded_node_that_is_lost_is_one_that_does_not_answer():
     assert NodeEventKind.UNANSWERED in BAD
 
 
-def test_a_node_that_was_never_heard_has_no_silence():
+def test_a_node_that_never_reported_has_no_silence():
     node = monitor(state=UNKNOWN, stamp=None)
     events = NodeEvents(node)
     node.state = OPERATIONAL
@@ -432,7 +432,7 @@ def due(wire: Wire, times: list[float], **options) -> list[tuple[float, int, byt
     return wire.sent
 
 
-def test_our_heartbeat_goes_out_in_its_period_and_a_late_one_moves_no_other():
+def test_our_heartbeat_is_sent_in_its_period_and_a_late_one_moves_no_other():
     times = [10.0, 10.25, 10.5, 11.125, 11.25, 11.5, 15.0, 15.25, 15.5]
     sent = due(Wire(), times, master_id=127, heartbeat=0.5)
     assert [at for at, _, _ in sent] == [10.0, 10.5, 11.125, 11.5, 15.0, 15.5]
@@ -455,7 +455,7 @@ class Asked:
         self.wire.send_remote(self.can_id)
 
 
-def test_nodes_without_heartbeat_are_asked_each_in_its_period():
+def test_each_node_without_heartbeat_is_guarded_in_its_period():
     wire = Wire()
     sent = due(wire, [10.0, 10.25, 10.5, 10.75, 11.0], guarded={Asked(wire, 5): 0.5, Asked(wire, 6): 1.0})
     assert [(at, can_id) for at, can_id, _ in sent] == [
@@ -467,7 +467,7 @@ def test_nodes_without_heartbeat_are_asked_each_in_its_period():
     ]
 
 
-def test_a_node_that_joins_is_asked_and_looked_at_too():
+def test_a_node_that_joins_is_guarded_and_checked_too():
     wire = Wire()
     cycle = CanCycle(wire, [])
     looked = []
@@ -505,7 +505,7 @@ def lateness_of(cycle: CanCycle, due: float) -> Lateness:
     return scan.lateness
 
 
-def test_simulated_drives_are_looked_at_before_they_get_more():
+def test_simulated_drives_are_checked_before_they_get_more_frames():
     """Whether they are behind is judged by the frames of the previous cycle, not by its own SYNC, which is too recent."""
     wire = Wire()
     wire.drain = lambda: None
@@ -733,7 +733,7 @@ def test_how_a_silent_node_can_show_its_state(clock, numbers, answers, way):
     assert clock.time == pytest.approx(1.2, abs=0.03)
 
 
-def test_one_that_is_heard_already_is_not_listened_for(clock):
+def test_a_node_whose_heartbeat_was_already_received_is_not_listened_for(clock):
     node = Named(clock, 6, {0x1017: 200})
     node.nmt.reports, node.nmt.state = 1, OPERATIONAL
     assert nmt_commands.ways([node]) == {6: NmtConfirmation(Confirmation.HEARTBEAT, OPERATIONAL, 0.2)}

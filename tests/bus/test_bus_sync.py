@@ -60,7 +60,7 @@ def test_syncs_received_while_we_were_busy_are_counted() -> None:
     ("every", "too_fast"),
     [(0.0021, True), (0.003, True), (0.0035, True), (0.0039, False), (0.004, False), (0.005, False)],
 )
-def test_a_producer_that_is_faster_than_we_think_is_found_out(every: float, too_fast: bool) -> None:
+def test_a_sync_producer_that_is_faster_than_configured_is_detected(every: float, too_fast: bool) -> None:
     """Motion advances 4 ms with each cycle: with SYNC every 3 ms the axes would be a third too fast."""
     watch = SyncWatch(PERIOD)
     for number in range(200):
@@ -126,7 +126,7 @@ def test_the_scan_begins_its_cycles_with_the_other_producers_sync(
     assert scan.lateness.cycles == 11
 
 
-def test_a_sync_on_another_identifier_is_not_ours(
+def test_a_sync_on_another_identifier_is_not_consumed(
     channel: Channel, fake: FakeBus, producer: Producer
 ) -> None:
     consumer = SyncConsumer(channel, 0x90, 0.02)
@@ -158,7 +158,7 @@ def test_a_missing_sync_is_an_error_after_one_and_a_half_periods(channel: Channe
     assert "none on 080h for 6.1 ms, expected within 6 ms" in raised.value.observed
 
 
-def test_our_own_lateness_is_not_taken_for_a_missing_sync(channel: Channel) -> None:
+def test_our_own_lateness_does_not_count_as_a_missing_sync(channel: Channel) -> None:
     """Half a second in which the process did not run: the frames received meanwhile are still unread."""
     clock = channel.clock = HandClock(100.0)
     consumer = SyncConsumer(channel, 0x80, PERIOD)
@@ -185,7 +185,7 @@ def _before(take, *works):  # type: ignore[no-untyped-def]
     return looking
 
 
-def test_silence_after_our_own_lateness_is_missing_all_the_same(channel: Channel) -> None:
+def test_silence_after_our_own_lateness_still_counts_as_a_missing_sync(channel: Channel) -> None:
     clock = channel.clock = HandClock(100.0)
     consumer = SyncConsumer(channel, 0x80, PERIOD)
     heard(consumer, 100.0)
@@ -195,7 +195,9 @@ def test_silence_after_our_own_lateness_is_missing_all_the_same(channel: Channel
         consumer.wait()
 
 
-def test_when_sync_is_gone_the_drives_are_stopped_by_sdo_without_it(channel: Channel, fake: FakeBus) -> None:
+def test_after_the_last_sync_the_drives_are_stopped_by_sdo_without_sync(
+    channel: Channel, fake: FakeBus
+) -> None:
     """Their RPDOs wait for a SYNC that does not come; the SDO does not. And we send no SYNC: it is not ours."""
     clock = channel.clock = HandClock(100.0)
     slave: Slave = slave_of(fake, 5)
@@ -238,7 +240,7 @@ def test_time_has_the_identifier_of_the_cell_file(channel: Channel, fake: FakeBu
     assert [can_id for can_id, _ in fake.sent] == [0x104]
 
 
-def test_time_of_another_producer_is_heard_and_continues(channel: Channel, fake: FakeBus) -> None:
+def test_the_time_of_another_producer_is_received_and_extrapolated(channel: Channel, fake: FakeBus) -> None:
     consumer = TimeConsumer(channel)
     assert consumer.latest is None
     assert consumer.at(time.monotonic()) is None

@@ -87,14 +87,14 @@ def test_an_object_that_the_device_lacks_is_named_with_its_line(live):
     assert "is not in the device" in difference.message
 
 
-def test_another_size_is_found_in_the_received_bytes(live):
+def test_a_size_other_than_in_the_eds_is_detected_by_the_received_bytes(live):
     dictionary = eds.loads(changed("6081", "DataType=0x0007", "DataType=0x0006").encode(), "size.eds")
     (difference,) = found(verify(live(), dictionary)).values()
     assert (difference.kind, difference.index) == (VerifiedAspect.TYPE, 0x6081)
     assert "UNSIGNED16 (2 bytes) in the EDS, the device sends 4 bytes" in difference.message
 
 
-def test_another_identity_is_an_error_and_another_setting_a_note(live):
+def test_an_identity_other_than_in_the_eds_is_an_error_and_another_setting_a_note(live):
     other = changed("1018sub2", "DefaultValue=", "DefaultValue=0x77;")
     other = other.replace("DefaultValue=0x77;", "DefaultValue=0x77\n;")
     device = changed("6081", "DefaultValue=", "DefaultValue=4321\n;")

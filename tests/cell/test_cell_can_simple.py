@@ -120,12 +120,12 @@ def test_incomplete_keys_for_torques_are_reported(cell):
     assert any("axis m has no torques" in each and "torque_ramp" in each for each in warnings)
 
 
-def test_another_protocol_is_suspected_from_its_firmware_on(cell):
+def test_a_protocol_other_than_can_simple_is_suspected_from_its_first_firmware_on(cell):
     assert any("possibly does not use CAN Simple" in str(each) for each in check(cell("0.5.13", "0.6.8")))
     assert not any("possibly does not use CAN Simple" in str(each) for each in check(cell("0.5.13", "0.6.7")))
 
 
-def test_it_has_no_dictionary_and_is_described_by_its_port(cell):
+def test_a_can_simple_module_has_no_dictionary_and_is_described_by_its_port(cell):
     found = reader.load(cell())
     files = load_dictionaries(found)
     assert sorted(files) == [40]

@@ -65,7 +65,7 @@ def test_each_key_has_its_range(heading: str) -> None:
         assert [text for text in range_of(TABLES[heading][key].read.json) if text not in said] == [], key
 
 
-def test_ranges_are_looked_at() -> None:
+def test_the_tables_of_keys_name_more_than_a_hundred_ranges() -> None:
     found = [text for keys in TABLES.values() for key in keys.values() for text in range_of(key.read.json)]
     assert len(found) > 100
 

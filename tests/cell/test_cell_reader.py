@@ -238,7 +238,7 @@ def test_an_empty_file_misses_its_tables() -> None:
 
 @pytest.mark.parametrize("value", ["0", '"text"', "[]", "[1, 2]", "1979-05-27"])
 @pytest.mark.parametrize("table", ["bus", "nodes", "axes", "groups"])
-def test_a_value_in_the_place_of_a_table_is_reported(table: str, value: str) -> None:
+def test_a_value_instead_of_a_table_is_reported(table: str, value: str) -> None:
     (first, *_) = [each for each in read(f"{table} = {value}\n")[1] if "must be a table" in each.message]
     assert first.line == 1
     assert first.message == f"{table} must be a table"
@@ -291,7 +291,7 @@ def test_a_syntax_error_has_its_location_once() -> None:
     assert problem.message.startswith("this is not TOML")
 
 
-def test_a_cell_file_that_is_not_there_is_not_taken_for_a_project_file(tmp_path):
+def test_a_missing_cell_file_is_not_confused_with_a_project_file(tmp_path):
     (tmp_path / "pyproject.toml").write_text("")
     with pytest.raises(ConfigError) as caught:
         reader.load(tmp_path / "cell.toml")

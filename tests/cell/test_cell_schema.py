@@ -71,7 +71,7 @@ def wrong(text: str) -> list[str]:
 PLANTED = [(old, new) for old, new, *_ in SLIPS]
 
 
-def test_it_is_a_schema() -> None:
+def test_the_schema_of_the_cell_file_is_a_valid_json_schema() -> None:
     jsonschema.Draft7Validator.check_schema(SCHEMA)
     json.dumps(SCHEMA, allow_nan=False)
 

@@ -57,7 +57,7 @@ def refused_by_schema(text: str) -> bool:
     return not VALIDATOR.is_valid(tomllib.loads(text))
 
 
-def test_all_that_is_its_own_is_read() -> None:
+def test_all_keys_of_a_virtual_axis_are_read() -> None:
     cell, problems = reader.loads(MINIMAL + WHOLE)
     assert problems == []
     axis = cell.axes["v"]
@@ -205,7 +205,7 @@ def test_no_deceleration_of_a_virtual_axis_is_guessed() -> None:
         assert virtual_parameters(cell, "v").braking.quick == quick * 10_000
 
 
-def test_its_limits_hold_without_homing() -> None:
+def test_the_limits_of_a_virtual_axis_hold_without_homing() -> None:
     cell, _ = reader.loads(MINIMAL + WHOLE)
     assert not homing_required(cell.axes["v"])
     assert not virtual_parameters(cell, "v").homing.required

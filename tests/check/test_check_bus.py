@@ -88,7 +88,7 @@ def test_frames_sent_more_than_once_in_a_cycle_count_as_often(tmp_path: Path) ->
     assert twice.fullest - once.fullest == pytest.approx(3 * 65 / 1_000_000)
 
 
-def test_event_driven_pdos_count_as_often_as_their_inhibit_time_lets_them(tmp_path: Path) -> None:
+def test_event_driven_pdos_count_as_often_as_their_inhibit_time_permits(tmp_path: Path) -> None:
     # Without SYNC boot gives TPDOs an inhibit time of 5 ms where they have none: 0.8 in a cycle of 4 ms; one is set to 40 ms.
     path = cells.write(
         tmp_path,

@@ -103,7 +103,7 @@ def test_a_torque_beyond_the_highest(tmp_path: Path) -> None:
     assert found(tmp_path, "inertia = 0.0079\n") == []
 
 
-def test_a_table_that_asks_for_nothing(tmp_path: Path) -> None:
+def test_a_feed_forward_table_that_sets_nothing_is_reported(tmp_path: Path) -> None:
     for table in ("", "velocity = false\n"):
         (told,) = found(tmp_path, table)
         assert "sets no feed-forward" in told.message or "feed_forward" in told.message

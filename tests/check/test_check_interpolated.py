@@ -48,7 +48,7 @@ def test_csp_that_is_named_is_not_called_unclaimed(tmp_path: Path) -> None:
     assert not any("not listed" in each.message for each in found)
 
 
-def test_a_mapping_that_stays_has_no_place_for_set_points(tmp_path: Path) -> None:
+def test_a_mapping_that_stays_is_reported_as_without_ip_set_points(tmp_path: Path) -> None:
     name = write_eds(tmp_path)
     path = tmp_path / "cell.toml"
     text = cell_text("x", eds=name).replace("[nodes.1]\n", '[nodes.1]\nremap = "never"\n')
@@ -57,7 +57,7 @@ def test_a_mapping_that_stays_has_no_place_for_set_points(tmp_path: Path) -> Non
     assert ["60C1h:01" in each.message for each in errors] == [True]
 
 
-def test_without_sync_nothing_of_it_is_asked_for(tmp_path: Path) -> None:
+def test_without_sync_ip_is_not_reported_as_missing(tmp_path: Path) -> None:
     assert not any("has ip" in each.message for each in told(tmp_path, bus="sync = false"))
 
 

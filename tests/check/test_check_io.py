@@ -88,7 +88,7 @@ def test_objects_of_an_axis_or_of_the_communication_are_no_outputs(tmp_path, key
     assert any("not an output" in each.message or "into a PDO" in each.message for each in problems)
 
 
-def test_a_drive_whose_mapping_is_fixed_has_no_room(tmp_path):
+def test_a_drive_whose_mapping_is_fixed_is_reported_as_without_room_for_the_output(tmp_path):
     text = cell_text("x", more='[io.relay]\nnode = 1\nobject = "60FEh:01"\nbit = 16\nsafe = 0\n')
     path = tmp_path / "cell.toml"
     path.write_text(text.replace("[nodes.1]\n", '[nodes.1]\nremap = "never"\n'), encoding="utf-8")

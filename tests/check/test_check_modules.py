@@ -44,7 +44,7 @@ def test_a_reaction_that_it_has_not_is_an_error(tmp_path, stop, words):
     assert words in found
 
 
-def test_its_own_ramp_may_be_repeated_in_the_cell_file(tmp_path):
+def test_the_quick_stop_ramp_of_the_module_may_be_repeated_in_the_cell_file(tmp_path):
     """40 turns/s² of the rotor are 1800 deg/s² of the output."""
     assert errors(write(tmp_path, SIM, 'quick_stop = "ramp"\ndeceleration = 1800.0')) == []
 

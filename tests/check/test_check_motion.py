@@ -28,7 +28,7 @@ def test_check_notes_the_modes_that_each_axis_can_run(tmp_path: Path) -> None:
         (NO_MODES, "method = 35", "method in [axes.y.homing]"),
     ],
 )
-def test_a_mode_that_is_asked_for_has_its_objects(
+def test_the_objects_of_a_required_mode_are_reported_when_missing(
     tmp_path: Path, change: tuple[str, str], marker: str, reason: str
 ) -> None:
     without_x = ("method = 17\nspeed_switch = 20.0\nspeed_zero = 2.0\nacceleration = 500.0\n", "")
@@ -40,7 +40,7 @@ def test_a_mode_that_is_asked_for_has_its_objects(
     assert "home will not be available" in errors[0].remedy
 
 
-def test_default_velocities_ask_for_a_mode_that_moves(tmp_path: Path) -> None:
+def test_default_velocities_require_a_mode_that_moves(tmp_path: Path) -> None:
     """Where csp is left, they serve its trajectories, and only move_absolute and the like are missed."""
     for gone, severity in ((("6083",), "warning"), (("6083", "6064"), "error")):
         path = cells.write(tmp_path, NO_MODES, eds=cells.without(*gone))
@@ -150,7 +150,7 @@ def test_a_mode_that_6502_does_not_claim_is_only_noted(tmp_path: Path) -> None:
     assert "claims pp, pv, tq, csp" in found[0].observed
 
 
-def test_a_drive_whose_mode_cannot_be_switched_is_warned_of(tmp_path: Path) -> None:
+def test_a_drive_whose_mode_cannot_be_switched_gets_a_warning(tmp_path: Path) -> None:
     path = cells.write(tmp_path, eds=cells.without("6060"))
     found = cells.serious(path)
     assert [each.severity.value for each in found] == ["warning", "warning"]
@@ -363,7 +363,7 @@ def test_a_word_that_is_set_silences_the_warning(tmp_path: Path) -> None:
     assert cells.serious(path) == []
 
 
-def test_coasting_that_is_asked_for_is_warned_of_at_its_line(tmp_path: Path) -> None:
+def test_configured_coasting_is_a_warning_at_its_line(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ('halt = "slow-ramp"', 'halt = "slow-ramp"\nfault = "coast"'))
     problem = cells.only(path, "warning", 'fault = "coast"')
     assert "605Eh (fault reaction option code) is 0 by fault in [axes.x.stop]" in problem.observed

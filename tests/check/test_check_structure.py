@@ -56,7 +56,7 @@ def test_the_default_id_of_the_master_must_be_unique(tmp_path: Path) -> None:
     assert "master_id = 126" in problem.remedy
 
 
-def test_a_core_of_its_own_needs_a_bus_that_other_processes_can_open(tmp_path: Path) -> None:
+def test_a_core_in_its_own_process_needs_a_bus_that_other_processes_can_open(tmp_path: Path) -> None:
     own = ("[bus]\n", '[bus]\nprocess = "own"\n')
     assert cells.serious(cells.write(tmp_path, own)) == []
     path = cells.write(tmp_path, own, ('interface = "pcan"', 'interface = "virtual"'))
@@ -65,7 +65,7 @@ def test_a_core_of_its_own_needs_a_bus_that_other_processes_can_open(tmp_path: P
     assert 'process = "thread"' in problem.remedy
 
 
-def test_a_core_of_its_own_needs_linux(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_core_in_its_own_process_needs_linux(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.platform", "win32")
     problem = cells.only(
         cells.write(tmp_path, ("[bus]\n", '[bus]\nprocess = "own"\n')), "error", 'process = "own"'

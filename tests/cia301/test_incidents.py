@@ -89,7 +89,7 @@ def test_a_restart_of_the_node_ends_the_open_incident() -> None:
     assert incidents.open == ()
 
 
-def test_a_drive_gone_mad_fills_no_memory() -> None:
+def test_the_incidents_of_a_drive_that_sends_a_thousand_emergencies_are_bounded() -> None:
     incidents = Incidents()
     for number in range(1000):
         incidents.note(Emcy(0x2310, 1, bytes(5), number * 0.0001))

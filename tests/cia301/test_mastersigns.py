@@ -38,7 +38,7 @@ TABLE = [
 
 
 @pytest.mark.parametrize(("first", "last", "sign"), TABLE)
-def test_each_cob_id(first: int, last: int, sign: Sign | None) -> None:
+def test_each_cob_id_is_one_sign_of_a_master_or_none(first: int, last: int, sign: Sign | None) -> None:
     for can_id in range(first, last + 1):
         found = sign_of(CanFrame(0.0, can_id, b"\x05"), CAST)
         assert (found and found[0]) == sign, f"{can_id:03X}h"

@@ -172,7 +172,7 @@ def test_the_expected_program_is_left_alone():
     assert not outcome.program.replaced
 
 
-def test_it_is_looked_at_after_the_identity_and_before_anything_is_written():
+def test_the_program_is_read_after_the_identity_and_before_anything_is_written():
     loader = Loader()
     loader.version = NEW
     boot(loader)
@@ -298,7 +298,7 @@ def test_a_node_without_1f57_is_not_waited_for():
     assert boot(loader).ok
 
 
-def test_the_transfer_has_the_plans_deadline_for_each_answer_and_goes_by_size():
+def test_the_program_transfer_has_the_deadline_of_the_plan_and_reports_its_progress_by_size():
     loader = Loader()
     boot(loader, deadline=45.0)
     (transfer,) = [each for each in loader.asked if isinstance(each, b.ProgramDownload)]
@@ -323,7 +323,7 @@ def test_a_new_program_may_change_the_revision_if_none_is_expected():
     assert outcome.identity[0x1018, 3] == 0x20000
 
 
-def test_letter_n_a_new_program_that_brings_a_revision_which_is_not_expected():
+def test_letter_n_a_new_program_with_an_unexpected_revision():
     outcome = revised(Loader(), IDENTITY)
     assert (outcome.letter, outcome.step, outcome.got) == (b.Letter.N, "program", 0x20000)
     assert outcome.program.replaced
@@ -360,7 +360,7 @@ def known(
     return boot(loader, **{"mark": ProgramVersion(identification=0xCAFE), **changes})
 
 
-def test_a_program_may_be_known_by_its_identification_alone():
+def test_a_program_may_be_identified_by_its_identification_alone():
     loader = Loader()
     loader.version = None  # it has no 1F52h, as most devices
     outcome = known(loader, 0xCAFE)

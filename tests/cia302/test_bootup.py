@@ -63,7 +63,7 @@ def test_a_good_node_is_booted_in_the_order_of_the_standard():
 # -- each letter -----------------------------------------------------------------------------------------------------------
 
 
-def test_letter_a_a_node_that_is_not_in_the_list_is_not_asked_for_anything():
+def test_letter_a_a_node_that_is_not_in_the_list_is_not_accessed():
     slave = Slave()
     machine = boot_up(plan(listed=False))
     with pytest.raises(StopIteration) as end:
@@ -137,7 +137,7 @@ def test_letter_f_a_node_without_heartbeat_that_does_not_answer_guarding():
     assert NmtCommand.START not in slave.commands()
 
 
-def test_a_node_whose_life_time_runs_is_not_guarded_before_guarding_is_going_to_continue():
+def test_a_node_whose_life_time_runs_is_not_guarded_unless_guarding_will_continue():
     slave = Slave()
     del slave.objects[0x1017, 0]
     slave.objects |= {(0x100C, 0): 100, (0x100D, 0): 3}
@@ -203,7 +203,7 @@ def test_letter_l_with_keep_alive_nothing_is_written_and_nothing_commanded():
     assert any("left as it was found" in text for text in outcome.skipped)
 
 
-def test_a_drive_that_the_application_wants_left_alone_is_only_started():
+def test_a_drive_that_the_application_wants_undisturbed_is_only_started():
     slave = Slave()
     slave.may_disturb = False
     outcome = slave.run(plan())
@@ -254,7 +254,7 @@ def test_defaults_are_restored_and_the_node_restarted_before_it_is_configured():
     assert order.index("BootWrite") < order.index("BootNmtCommand", order.index("BootWrite"))
 
 
-def test_a_restart_whose_boot_up_message_was_lost_is_found_by_asking():
+def test_a_restart_whose_boot_up_message_was_lost_is_detected_by_reading_the_state():
     slave = Slave()
     obey = slave.obey
 

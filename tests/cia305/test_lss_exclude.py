@@ -161,7 +161,7 @@ def test_correct_slaves_are_in_configuration_state_at_the_end_and_unchanged() ->
     assert {slave.pending for slave in (stubborn, good)} == {255}
 
 
-def test_a_slave_that_has_a_node_id_and_answers_all_the_same_is_distinguished() -> None:
+def test_a_slave_that_has_a_node_id_and_answers_nevertheless_is_excluded_by_its_address() -> None:
     configured = AnswersOn(1, 2, 3, 4)
     hear = configured._fastscan
     line = Line(configured)
@@ -196,7 +196,7 @@ def test_two_that_answer_on_with_one_identity_are_twins() -> None:
     assert (one.twins, one.answers_on) == (True, True)
 
 
-def test_others_than_the_known_ones_are_mentioned_and_left() -> None:
+def test_slaves_other_than_the_known_ones_are_reported_and_not_configured() -> None:
     stubborn, wanted, other = AnswersOn(7, 8, 1, 4), HandSlave(7, 8, 1, 9), HandSlave(0x22, 8, 1, 1)
     found = scan(Line(stubborn, wanted, other), KnownIdentity(vendor_id=7))
     assert ids(found) == [(7, 8, 1, 4), (7, 8, 1, 9)]

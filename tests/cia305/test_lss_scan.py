@@ -180,7 +180,7 @@ def test_known_numbers_spare_their_bits() -> None:
     assert len(free.sent) - len(told.sent) > 3 * 60  # each one-bit costs a silent request and an answered one
 
 
-def test_others_than_the_known_ones_are_mentioned_and_left() -> None:
+def test_slaves_other_than_the_known_ones_are_reported_and_not_configured() -> None:
     wanted, other = HandSlave(0xC0B00, 8, 1, 1), HandSlave(0x22, 8, 1, 1)
     found = scan(Line(wanted, other), KnownIdentity(vendor_id=0xC0B00))
     assert ids(found) == [wanted.id]

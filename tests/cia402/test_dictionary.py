@@ -59,12 +59,12 @@ def test_numbered_objects_share_a_row(index, single):
         ((0x6064, 0), [DataType.INTEGER32]),
     ],
 )
-def test_all_the_types_that_an_entry_may_have_are_known(address, types):
+def test_an_entry_has_all_the_data_types_that_the_standards_give_it(address, types):
     assert list(dictionary.entry(*address).data_types) == types
 
 
 @pytest.mark.parametrize("index", [0x1018, 0x6046])
-def test_a_record_or_array_of_several_types_has_no_type_of_its_own(index):
+def test_a_record_or_array_of_several_types_has_no_data_type(index):
     assert dictionary.whole(index).data_types == ()
 
 
@@ -85,7 +85,7 @@ def test_an_object_as_a_whole_is_before_its_entries():
     assert dictionary.entry(0x1018, 5) is None
 
 
-def test_the_elements_of_an_array_are_known_by_the_whole():
+def test_the_elements_of_an_array_are_described_by_the_whole_object():
     whole = dictionary.whole(0x1016)
     assert (whole.object_type, whole.data_type, whole.single) == ("ARRAY", DataType.UNSIGNED32, True)
     assert dictionary.entry(0x1016, 3) is None

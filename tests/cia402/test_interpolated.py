@@ -56,7 +56,7 @@ class Bench:
         return self
 
 
-def test_csp_is_asked_for_as_ip() -> None:
+def test_csp_is_commanded_as_ip() -> None:
     bench = Bench()
     bench.cycle(target=0, mode=CSP)
     assert bench.drive.got.mode == IP

@@ -95,7 +95,7 @@ def test_the_bits_of_the_state_have_no_name_of_their_own():
         (0x0880, 8, ["bit 4 ", "bit 9 ", "bit 11 ", "bit 7 ", "bit 12 "]),
     ],
 )
-def test_each_hint_of_a_statusword(word, mode, begins):
+def test_each_hint_of_a_statusword_begins_as_in_the_table(word, mode, begins):
     hints = statusword.hints(word, mode)
     assert len(hints) == len(begins)
     assert all(hint.startswith(begin) for hint, begin in zip(hints, begins, strict=True))
@@ -324,7 +324,7 @@ def test_objects_that_act_on_the_communication_at_once_are_commands():
     assert "other nodes" in told[0x1F82]
 
 
-def test_an_object_of_any_axis_is_known_by_that_of_the_first():
+def test_an_object_of_any_axis_has_the_index_of_the_first_axis():
     assert [first_axis(index) for index in (0x5FFF, 0x6000, 0x67FF, 0x6800, 0x7040, 0x9FFF, 0xA000)] == [
         *(0x5FFF, 0x6000, 0x67FF, 0x6000, 0x6040, 0x67FF, 0xA000),
     ]

@@ -144,7 +144,7 @@ def test_two_cells_and_a_file_that_both_use_are_included_by_one_source(run, tmp_
 
 
 @needs_compiler
-def test_it_reads_and_makes_the_frames_that_master_and_drives_exchange(run, tmp_path, file):
+def test_the_generated_code_reads_and_makes_the_frames_that_master_and_drives_exchange(run, tmp_path, file):
     assert run("eds", "code", "--c", "--cell", file, "-o", tmp_path / "cell.h").code == 0
     made = compiled(tmp_path, reader((tmp_path / "cell.h").read_text("ascii")))
     with Machine.open(file) as machine:
@@ -271,7 +271,7 @@ def test_a_device_without_pdos_is_refused_with_the_reason(run, file, arguments, 
 
 
 @pytest.mark.parametrize("which", [("--node", "16"), ("--axis", "m")])
-def test_a_module_that_speaks_can_simple_has_none_and_the_others_are_named(run, which):
+def test_code_for_a_can_simple_module_is_refused_and_the_other_nodes_are_named(run, which):
     cell = EXAMPLES / "can_simple.toml"
     code, _, err = run("eds", "code", "--c", "--cell", cell, *which)
     assert code == 1

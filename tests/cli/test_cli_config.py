@@ -83,7 +83,7 @@ def test_a_backup_contains_the_values_and_the_identity(axisbus, bus, saved, tmp_
     assert eds.info["fileinfo"]["lasteds"] == "generic-cia402.eds"
 
 
-def test_without_an_eds_the_standards_objects_are_asked_for(axisbus, bus, tmp_path):
+def test_a_backup_without_an_eds_reads_the_objects_of_the_standards(axisbus, bus, tmp_path):
     options, stand_ins = bus
     _set(stand_ins, CHANGES)
     code, out, _ = axisbus("config", "backup", "5", *options)
@@ -201,7 +201,7 @@ def test_an_invalid_comparison_is_misuse(axisbus, arguments, words):
 # -- restore -----------------------------------------------------------------------------------------------------------
 
 
-def test_restore_brings_all_back_and_reads_it_again(axisbus, bus, saved):
+def test_restore_writes_all_values_and_reads_them_again(axisbus, bus, saved):
     options, stand_ins = bus
     code, out, _ = axisbus("config", "restore", "x.dcf", "5", *options, "--json")
     report = json.loads(out)
@@ -330,7 +330,7 @@ def test_another_drive_is_refused_unless_it_replaces_the_one_of_the_file(axisbus
         assert stand_ins.devices[1].read(0x1800, 1) & 0x7FF == 0x186  # COB-IDs follow the node-ID
 
 
-def test_another_serial_number_is_refused(axisbus, bus):
+def test_restore_to_a_drive_with_another_serial_number_is_refused(axisbus, bus):
     options, stand_ins = bus
     serial = stand_ins.devices[0].dictionary.values
     serial[0x1018 << 8 | 4] = 1234
@@ -474,7 +474,7 @@ def test_a_master_on_the_bus_is_not_disturbed(axisbus, bus, saved):
     assert _held(stand_ins) == saved
 
 
-def test_a_drive_that_watches_its_peers_is_restored_all_the_same(axisbus, bus, saved):
+def test_a_drive_that_consumes_the_heartbeats_of_others_is_restored_as_well(axisbus, bus, saved):
     options, stand_ins = bus
     _set(stand_ins, {(0x1016, 1): 6 << 16 | 1000})
     _set(stand_ins, {(0x1017, 0): 20}, device=1)

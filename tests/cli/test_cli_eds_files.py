@@ -61,7 +61,7 @@ def test_fix_shows_a_diff_and_writes_nothing(axisbus, eds):
     assert eds.read_text() == EDS
 
 
-def test_fix_writes_when_asked_and_then_has_nothing_to_do(axisbus, eds):
+def test_fix_writes_with_the_write_option_and_has_nothing_to_do_the_second_time(axisbus, eds):
     eds.chmod(0o640)
     code, out, _ = axisbus("eds", "fix", eds, "--write")
     assert code == 0

@@ -173,7 +173,7 @@ def wire(monkeypatch):
 @pytest.mark.parametrize(
     "interface", [name for name in sorted(adapter.can.interfaces.VALID_INTERFACES) if name != "virtual"]
 )
-def test_another_rate_is_tried_in_listen_only_mode_or_not_at_all(interface, wire):
+def test_a_different_rate_is_tried_in_listen_only_mode_or_not_at_all(interface, wire):
     """Whatever python-can knows: each opening at another rate carries the option that silences the controller."""
     given = {"listen_only": False, "state": can.BusState.ACTIVE, "monitor": False, "operation_mode": "normal"}
     if not other_rates.possible(interface, {}):

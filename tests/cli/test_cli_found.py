@@ -51,7 +51,7 @@ STOPS = [("halt", "x"), ("halt",), ("stop",)]
 
 
 @pytest.mark.parametrize("words", STOPS, ids=" ".join)
-def test_a_full_machine_is_stopped_all_the_same(axisbus, moving, file, words):
+def test_a_machine_with_its_maximum_of_clients_is_stopped_from_the_command_line(axisbus, moving, file, words):
     machine, handle = moving
     with ExitStack() as stack:
         with pytest.raises(ScanError) as caught:
@@ -65,7 +65,7 @@ def test_a_full_machine_is_stopped_all_the_same(axisbus, moving, file, words):
 
 
 @pytest.mark.parametrize("words", STOPS, ids=" ".join)
-def test_a_machine_whose_cell_file_was_changed_is_stopped_all_the_same(axisbus, moving, file, words):
+def test_a_machine_whose_cell_file_was_changed_is_stopped_from_the_command_line(axisbus, moving, file, words):
     machine, _ = moving
     before = file.read_text()
     new = file.with_suffix(".new")
@@ -81,7 +81,7 @@ def test_a_machine_whose_cell_file_was_changed_is_stopped_all_the_same(axisbus, 
 
 
 @pytest.mark.parametrize("words", STOPS, ids=" ".join)
-def test_a_machine_whose_cell_file_cannot_be_read_any_more_is_stopped_all_the_same(
+def test_a_machine_whose_cell_file_can_no_longer_be_read_is_stopped_from_the_command_line(
     axisbus, moving, file, words
 ):
     machine, _ = moving

@@ -175,7 +175,7 @@ def going(file, mode):
     return process, int(process.stdout.readline())
 
 
-def test_a_machine_on_a_bus_is_asked_and_its_nodes_stay_up(axisbus, bus):
+def test_stop_from_the_command_line_stops_a_machine_on_a_bus_and_leaves_its_nodes_up(axisbus, bus):
     file, plant = bus
     process, _ = going(file, "own")
     try:

@@ -127,7 +127,7 @@ def test_a_missing_port_or_module_is_reported(line):
     assert line("state", node=0).code == 2
 
 
-def test_a_move_arrives_and_the_module_is_off_afterwards(line):
+def test_a_move_of_the_module_arrives_and_switches_the_module_off_afterwards(line):
     code, out, err = line("move", "--to", "2.5", *MOVE)
     assert code == 0, err
     assert "nothing in this module is known to notice a dead master" in err
@@ -279,7 +279,7 @@ def test_an_empty_line_is_reported(line, monkeypatch, capsys):
     assert "A and B are not swapped" in err
 
 
-def test_a_calibration_asks_is_followed_and_judged(line):
+def test_a_calibration_needs_confirmation_and_its_result_is_reported(line):
     listed = ("--list", "endpoints_0.5.13.json")
     code, out, err = line("calibrate", "full", *listed)
     assert (code, "--yes" in err, "which moves without a command" in out) == (2, True, True)

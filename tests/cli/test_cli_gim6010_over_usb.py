@@ -127,7 +127,7 @@ def test_from_the_box_to_canopen_over_usb_alone(over, module):
     assert (code, module.usb_read(PROTOCOL), module.restarts) == (0, 1, 3), err
 
 
-def test_an_id_that_is_not_saved_is_gone_with_the_next_start(over, module):
+def test_a_node_id_that_is_not_saved_is_lost_at_the_next_start(over, module):
     code, out, err = over("set-id", 5, "--no-save")
     assert (code, module.usb_read(NODE), module.restarts) == (0, 5, 0), err
     assert "save it: axisbus gim6010 set-id 5 --usb" in out
@@ -205,7 +205,7 @@ def test_a_port_that_another_program_uses_is_reported(over, monkeypatch):
     assert (code, "USB cannot be used" in err, "the device is in use" in err) == (3, True, True), err
 
 
-def test_a_serial_number_goes_with_usb_alone(monkeypatch, capsys):
+def test_a_serial_number_is_accepted_with_usb_alone(monkeypatch, capsys):
     run = commands.runner(monkeypatch, capsys)
     code, _, err = run("gim6010", "params", "get", RAMP, "--serial", "AB")
     assert (code, "--serial needs --usb" in err) == (2, True)

@@ -107,7 +107,7 @@ def test_a_module_that_answers_no_endpoint(params):
     assert "over USB" in err
 
 
-def test_all_is_read_that_travels(params):
+def test_dump_reads_all_endpoints_that_can_be_read(params):
     with modules_on_bus(Module(5)) as channel:
         code, out, _ = params("dump", channel=channel)
         found = json.loads(params("dump", "can", "--json", channel=channel).out)
@@ -119,7 +119,7 @@ def test_all_is_read_that_travels(params):
     assert all(path.startswith("can.") for path in found)
 
 
-def test_a_backup_goes_back_to_its_module_and_to_no_other(params, folder):
+def test_a_backup_is_restored_to_its_module_and_to_no_other(params, folder):
     module, other = Module(5, serial=0xA1), Module(6, serial=0xB2)
     with modules_on_bus(module, other) as channel:
         code, out, _ = params("backup", channel=channel)

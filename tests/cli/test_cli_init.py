@@ -195,7 +195,7 @@ def test_bad_input_is_one_clear_sentence(axisbus, arguments, code, words):
     assert words in result.err
 
 
-def test_whatever_a_device_and_a_channel_are_called_the_file_is_toml():
+def test_the_cell_file_is_toml_whatever_the_names_of_the_device_and_the_channel():
     node = DiscoveredNode(
         7, True, None, NodeIdentity(0x20192, VENDOR, PRODUCT, 1, None, 'Dr"ive\n[bus]\x00\\ü')
     )
@@ -251,5 +251,5 @@ def test_a_file_without_a_vendor_matches_no_device():
     assert match(files, 7, VENDOR, PRODUCT, 1).files == ()
 
 
-def test_another_product_of_the_vendor_is_not_taken():
+def test_an_eds_of_another_product_of_the_vendor_is_not_matched():
     assert match([_known("other.eds", product=0x43)], 7, VENDOR, PRODUCT, 1).files == ()

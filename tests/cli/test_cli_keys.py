@@ -69,7 +69,7 @@ def test_a_keyboard_waits_no_longer_than_its_timeout_and_returns_none(ends):
     assert Keyboard(ends[0]).read(5.0) is TerminalKey.BACK
 
 
-def test_a_terminal_that_is_gone_quits(ends):
+def test_a_closed_terminal_counts_as_the_quit_key(ends):
     os.close(ends[1])
     assert Keyboard(ends[0]).read(5.0) is TerminalKey.QUIT
 

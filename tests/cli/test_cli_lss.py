@@ -402,7 +402,7 @@ def test_unconfigured_must_name_nodes_of_the_cell(lss, tmp_path):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_each_subcommand_has_help(lss, name):
+def test_each_lss_subcommand_has_help(lss, name):
     code, out, _ = lss(name, "-h")
     assert code == 0
     assert f"axisbus lss {name} [OPTIONS]" in out.splitlines()[0]

@@ -46,7 +46,7 @@ def touched(monkeypatch):
     monkeypatch.setattr(probe, "machine_of", opened)
 
 
-def test_each_edge_is_printed(axisbus, tmp_path, touched):
+def test_each_edge_of_the_touch_probe_is_printed(axisbus, tmp_path, touched):
     code, out, err = axisbus("probe", cell(tmp_path), "x", "--edge", "both", "--for", "2s")
     assert code == 0, err
     assert out.splitlines() == [

@@ -173,7 +173,7 @@ def test_a_running_machine_is_joined_and_the_motion_of_its_program_is_recorded(
 
 
 @LINUX
-def test_a_recording_whose_program_is_killed_is_there_up_to_its_last_second(tmp_path):
+def test_the_recording_of_a_killed_program_can_be_read_up_to_its_last_second(tmp_path):
     file, path = own_cell(tmp_path), tmp_path / "run.mcap"
     recording = subprocess.Popen(
         [sys.executable, "-m", "axisbus", "record", str(file), "-o", str(path)], stdout=subprocess.DEVNULL

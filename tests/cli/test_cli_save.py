@@ -31,7 +31,7 @@ def bus():
         yield ("-i", "virtual", "-c", channel), stand_ins.devices[0], stand_ins.lock
 
 
-def test_it_is_stored_and_kept(axisbus, bus):
+def test_save_stores_the_parameters_and_the_values_are_kept(axisbus, bus):
     options, device, lock = bus
     with lock:
         device.write(0x6081, 0, 4321)
@@ -75,7 +75,7 @@ def test_without_an_eds_the_node_answers_again(axisbus, bus):
 
 
 @pytest.mark.parametrize("state", [0x06, 0x07, 0x0F])
-def test_it_is_refused_while_a_drive_is_energised(axisbus, bus, state, monkeypatch):
+def test_save_is_refused_while_a_drive_is_energised(axisbus, bus, state, monkeypatch):
     """By the statusword: ready to switch on and switched on have no torque, operation enabled has."""
     options, device, lock = bus
     with lock:

@@ -45,7 +45,7 @@ def served(tmp_path_factory):
     sim.communicate()
 
 
-def test_it_is_scanned_checked_and_booted(axisbus, served, tmp_path):
+def test_a_bus_served_by_sim_is_scanned_checked_and_booted(axisbus, served, tmp_path):
     mine, options = served
     code, out, err = axisbus("scan", *options)
     assert code == 0, err

@@ -28,7 +28,7 @@ def test_scan_of_a_cell_file_names_the_next_command(axisbus):
     assert f"next: axisbus boot {commands.CELL}" in axisbus("scan", commands.CELL).out
 
 
-def test_a_cell_with_an_adapter_of_its_own_is_simulated_too(axisbus, tmp_path):
+def test_a_cell_that_names_an_adapter_is_simulated_too(axisbus, tmp_path):
     path = tmp_path / "cell.toml"
     text = cells.CLEAN
     path.write_text(text.replace('"drive.eds"', '"builtin:generic-cia402"'), encoding="utf-8")

@@ -47,7 +47,7 @@ def rendered(node: ast.AST) -> str:
     return between.join(rendered(each) for each in ast.iter_child_nodes(node))
 
 
-def test_no_remedy_speaks_of_calls(monkeypatch):
+def test_no_remedy_on_the_command_line_names_a_python_call(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["axisbus", "move", "my.toml"])
     found = list(texts())
     assert len(found) > 15  # the search finds them
@@ -59,7 +59,7 @@ def test_no_remedy_speaks_of_calls(monkeypatch):
     assert not left
 
 
-def test_the_page_speaks_of_its_buttons():
+def test_the_remedies_on_the_page_name_its_buttons():
     found = [text for _, text in texts() if "axis." in text]
     assert len(found) > 10
     assert not [said for text in found if re.search(r"axis\.\w+", said := in_page_terms(text))]

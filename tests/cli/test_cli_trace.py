@@ -60,7 +60,7 @@ def test_an_eds_for_one_node(axisbus, log):
     assert "read 6041h Statusword" in out
 
 
-def test_one_json_object_per_line(axisbus, log):
+def test_trace_prints_one_json_object_per_line(axisbus, log):
     code, out, _ = axisbus("trace", log, "--json", "--cell", commands.CELL)
     frames = [json.loads(each) for each in out.splitlines()]
     assert code == 0

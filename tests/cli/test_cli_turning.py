@@ -161,7 +161,7 @@ pty_only = pytest.mark.skipif(sys.platform != "linux", reason="terminals of thei
 
 
 @pty_only
-def test_a_held_key_moves_the_axis_and_one_that_is_let_go_stops_it(tmp_path):
+def test_a_held_key_moves_the_axis_and_its_release_stops_it(tmp_path):
     path = own_cell(tmp_path, "x")
     terminal = Terminal(path, "x", "--velocity", "30")
     terminal.await_text("arrow keys move it at 30 deg/s")
@@ -213,7 +213,7 @@ def test_a_held_key_does_not_undo_a_halt_of_another_program(tmp_path):
 
 
 @pty_only
-def test_a_terminal_that_is_gone_leaves_nothing_that_moves(tmp_path):
+def test_closing_the_terminal_of_turn_stops_the_axis(tmp_path):
     path = own_cell(tmp_path, "x")
     with Machine.open(path, shared=True) as machine:
         terminal = Terminal(path, "x", "--velocity", "30")

@@ -87,7 +87,7 @@ def test_elsewhere_nothing_is_drawn(monkeypatch, capsys):
     assert (code, err) == (0, "")
 
 
-def test_a_terminal_that_is_gone_does_not_end_a_motion(monkeypatch):
+def test_closing_the_terminal_of_a_command_does_not_end_the_motion(monkeypatch):
     def gone(*_, **__):
         raise BrokenPipeError
 

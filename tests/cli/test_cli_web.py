@@ -30,7 +30,7 @@ def test_without_nicegui_the_error_names_the_package_to_install(axisbus, monkeyp
 
 
 @pytest.mark.parametrize("address", ["192.0.2.1", "192.0.2.77"])
-def test_another_address_needs_tls_or_an_explicit_insecure(axisbus, address):
+def test_an_address_other_than_localhost_needs_tls_or_an_explicit_insecure(axisbus, address):
     code, _, err = axisbus("web", commands.CELL, "--listen", address)
     assert code == 2
     assert "--certificate and --key" in err

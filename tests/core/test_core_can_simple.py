@@ -162,7 +162,7 @@ def test_a_scan_that_dies_stops_all_axes(bus):
     assert isinstance(bus.scan.failure, Exception)
 
 
-def test_a_rescue_without_the_scan_brakes_and_lets_go(bus):
+def test_a_rescue_after_the_scan_ended_brakes_the_module_and_switches_its_power_off(bus):
     bus.homed()
     bus.axes["m"].move_velocity(90.0).wait(5)
     bus.scan.quit()

@@ -123,7 +123,7 @@ def test_the_frames_of_a_stop_are_there_for_another_thread():
     assert idle.sender.stop_frames() == ((), ())
 
 
-def test_it_is_no_longer_heard_after_it_is_closed():
+def test_a_closed_sender_is_no_longer_a_receiver_of_the_channel():
     talk = Talk()
     talk.sender.close()
     assert talk.channel.receivers == {}

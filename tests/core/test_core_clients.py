@@ -71,7 +71,7 @@ def test_a_command_that_ends_after_the_scan_is_reported_too(scene):
     assert [type(message) for message in scene.sent] == [CoreCondition, CommandEvents]
 
 
-def test_each_end_is_reported_once_by_any_number_of_threads(scene):
+def test_each_end_of_a_command_is_reported_once_by_any_number_of_threads(scene):
     scene.session.fail(*map(end, range(200)))
     tellers = [threading.Thread(target=scene.clients.tell_condition) for _ in range(8)]
     for teller in tellers:

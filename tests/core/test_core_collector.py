@@ -53,7 +53,9 @@ def test_the_oldest_generation_that_is_due_is_collected(collector, oldest):
     assert cycle(collector) == [oldest]
 
 
-def test_a_collection_too_long_for_the_rest_of_the_cycle_waits_and_a_younger_one_runs(collector):
+def test_a_collection_too_long_for_the_rest_of_the_cycle_waits_and_one_of_a_younger_generation_runs(
+    collector,
+):
     collector.counts = [due + 1 for due in DUE]
     collector.took = [0.0, 0.0, 0.3]
     assert cycle(collector) == [2]
@@ -70,7 +72,7 @@ def test_if_no_collection_fits_none_runs_until_there_is_far_too_much_garbage(col
     assert cycle(collector) == [0]
 
 
-def test_one_that_was_interrupted_runs_again_some_time(collector):
+def test_an_interrupted_collection_runs_again_later(collector):
     collector.counts = [DUE[0] + 1, 0, 0]
     collector.took = [0.4, 0.0, 0.0]
     assert cycle(collector) == [0]

@@ -192,7 +192,7 @@ def test_a_request_to_stop_is_taken_while_others_connect_repeatedly(cell):
                 thread.join(10)
 
 
-def test_a_core_that_does_not_answer_and_one_that_ends_are_not_taken_for_none(cell):
+def test_a_core_that_does_not_answer_or_ends_is_not_reported_as_no_core(cell):
     with claim(None, CellFileId.of(cell), exclusive=False, door=True):
         (found,) = listener.machines_of(cell)
         with pytest.raises(ScanError) as caught:
@@ -203,7 +203,7 @@ def test_a_core_that_does_not_answer_and_one_that_ends_are_not_taken_for_none(ce
     assert "is ending" in caught.value.observed
 
 
-def test_a_core_whose_queue_is_full_is_not_taken_for_none(cell):
+def test_a_core_whose_queue_is_full_is_not_reported_as_no_core(cell):
     with claim(None, CellFileId.of(cell), exclusive=False, door=True):
         (found,) = listener.machines_of(cell)
         waiting = []

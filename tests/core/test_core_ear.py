@@ -21,7 +21,7 @@ def signalled(outside, *numbers):
     outside.send(bytes(numbers))
 
 
-def test_a_signal_that_its_program_takes_is_not_heard(ends):
+def test_a_signal_that_its_program_handles_is_not_forwarded(ends):
     inside, outside = ends
     ear = SignalForwarder(inside, NAMES)
     signalled(outside, signal.SIGINT)

@@ -158,7 +158,7 @@ def test_without_a_request_nothing_is_sampled(feeder, sink):
     assert "axisbus trajectories" not in {thread.name for thread in threading.enumerate()}
 
 
-def test_the_thread_counts_as_one_of_ours(feeder, sink):
+def test_the_feeder_thread_counts_as_one_of_ours(feeder, sink):
     class Asks(Line):
         def position(self, t: float) -> float:
             ours.append(in_thread_of_ours())
@@ -181,7 +181,7 @@ def test_a_repeated_request_is_sent_once_and_nothing_is_sent_after_the_end(feede
     assert feeder._fed == {}  # it is over
 
 
-def test_several_are_served_in_turns(sink):
+def test_several_trajectories_are_served_in_turns(sink):
     """However much one is asked for: the clock says that each turn's time is over at once."""
     feeder = Feeder(sink.send, sink.send_failure, clock=iter(range(10**6)).__next__)
     first = Line()

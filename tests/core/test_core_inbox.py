@@ -100,7 +100,7 @@ def test_a_stop_leaves_an_override_that_waits():
     "command",
     [c.EnableCommand(), c.ResetCommand(), c.Halt(), c.Stop(), c.Release(), c.QuickStop(), c.Disable(), JOG],
 )
-def test_the_same_again_is_one_command_with_one_handle_while_it_waits(command):
+def test_an_equal_command_that_is_still_queued_is_one_command_with_one_handle(command):
     inbox = CommandQueue()
     first = given(inbox, "x", command)
     given(inbox, "y", move(1))  # of another axis

@@ -89,7 +89,9 @@ def enabled_by_another(made, monkeypatch):
 
 
 @pytest.mark.parametrize("holds", [HoldsLoad.NO, HoldsLoad.BRAKE])
-def test_one_that_it_enables_again_leaves_operational_unless_a_load_may_hang_on_it(holds, monkeypatch):
+def test_an_axis_enabled_by_another_master_leaves_operational_unless_a_load_may_hang_on_it(
+    holds, monkeypatch
+):
     made = turning(rig("x", holds_load=holds))
     made.scan.intrude(error(), ["x"])
     made.run(1.0)

@@ -153,7 +153,7 @@ def test_a_joined_program_takes_control_and_the_owner_takes_it_back(machine, fil
     assert machine.has_control
 
 
-def test_a_program_that_was_asked_to_stop_gets_no_control(machine, file):
+def test_a_program_that_was_requested_to_stop_gets_no_control(machine, file):
     with Machine.attach(file) as guest:
         guest.session.request_stop("it was told to")
         with pytest.raises(Stopped, match="not granted"):

@@ -19,14 +19,14 @@ def state(tmp_path, monkeypatch):
     LOG.setLevel(logging.NOTSET)
 
 
-def test_each_cell_has_a_journal_of_its_own(state):
+def test_each_cell_has_its_own_log_file(state):
     one, other = path_of("/a/cell.toml"), path_of("/b/cell.toml")
     assert one != other
     assert one.parent == other.parent == state / "axisbus"
     assert one.name.startswith("cell-")
 
 
-def test_without_a_place_of_its_own_it_is_in_the_home(monkeypatch, tmp_path):
+def test_without_xdg_state_home_the_log_file_is_in_the_home_folder(monkeypatch, tmp_path):
     monkeypatch.delenv("XDG_STATE_HOME")
     monkeypatch.setenv("HOME", str(tmp_path))
     assert path_of("/a/cell.toml").parent == tmp_path / ".local" / "state" / "axisbus"
@@ -68,7 +68,7 @@ def test_log_lines_of_several_runs_are_appended_to_the_journal(state):
     assert [line.split(" INFO ")[1] for line in lines] == ["the first", "the second"]
 
 
-def test_it_stays_small(state):
+def test_the_log_files_have_a_bounded_size(state):
     with journal("/a/cell.toml"):
         for number in range(3000):
             LOG.info("%d %s", number, "x" * 1000)

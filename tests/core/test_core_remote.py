@@ -126,7 +126,7 @@ def test_a_recording_has_every_cycle_in_order(machine):
     assert times == sorted(times)
 
 
-def test_how_late_the_cycles_were_is_asked_of_the_core(machine):
+def test_the_lateness_of_the_cycles_is_read_from_the_core_in_its_own_process(machine):
     first = machine.cycle_jitter.cycles
     time.sleep(0.2)
     assert machine.cycle_jitter.cycles > first

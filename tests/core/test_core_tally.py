@@ -47,7 +47,7 @@ def test_the_bus_traffic_is_that_of_the_last_cycle():
     assert reader.carried == now
 
 
-def test_it_disturbs_no_image():
+def test_the_counters_change_no_other_bytes_of_the_shared_memory():
     """The numbers lie behind whatever else is in the memory."""
     shared = memory()
     before = shared[: shared_counters.offset(AXES, POINTS)]

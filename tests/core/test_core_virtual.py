@@ -47,7 +47,7 @@ ramps = st.builds(RampLimits, st.floats(1.0, 1e6), rates, rates)
 @pytest.mark.parametrize(
     "arrow", [each for each in TRANSITIONS if each.command and each.number != 15], ids=str
 )
-def test_each_transition_that_a_master_may_ask_for_is_taken(arrow):
+def test_each_transition_that_a_master_may_command_is_made(arrow):
     assert after(arrow.source, arrow.command.word) is arrow.target
 
 
@@ -242,7 +242,7 @@ def test_an_sdo_request_is_answered_in_the_next_cycle(request_, value, code):
     assert led.port.read(2 * PERIOD).sdo == ()
 
 
-def test_it_reports_all_values_but_torque_in_each_cycle():
+def test_a_virtual_drive_reports_all_values_but_torque_in_each_cycle():
     led = Led()
     led.cycle(None)
     seen, how = led.seen, led.port.capabilities
@@ -269,7 +269,7 @@ wishes = st.fixed_dictionaries(
 
 @settings(max_examples=300)
 @given(st.lists(st.tuples(wishes, st.integers(1, 30)), max_size=30))
-def test_whatever_is_asked_of_it_only_a_cyclic_target_makes_it_jump(asked):
+def test_the_velocity_of_a_virtual_drive_jumps_with_a_cyclic_target_only(asked):
     led = Led(1000.0, 5000.0).enabled(PV)
     led.set(speed=3000, up=4000, down=2000)
     hardest = 5000.0 * PERIOD

@@ -34,14 +34,16 @@ def found(looks: list[Look]) -> tuple[int, str] | None:
 
 
 @pytest.mark.parametrize("state", ["T", "t", "S", "Z", ""])
-def test_one_that_sends_no_more_is_found_within_a_second(state):
+def test_a_watchdog_process_that_stops_sending_is_detected_within_a_second(state):
     number, why = found([Look(came=True)] * 20 + [Look(state=state)] * 20) or (99, "")
     assert 0.6 < (number - 19) * BEAT < 1.0
     assert why.startswith("the watchdog process of the core has not answered for 0.")
 
 
 @pytest.mark.parametrize("state", ["R", "D"])
-def test_one_that_waits_for_the_computer_is_given_longer_and_then_the_computer_is_named(state):
+def test_a_watchdog_process_waiting_for_the_computer_has_five_seconds_before_the_computer_is_named(
+    state,
+):
     assert found([Look(state=state)] * 45) is None
     number, why = found([Look(state=state)] * 60) or (0, "")
     assert 5.0 <= (number + 1) * BEAT < 5.3
@@ -63,7 +65,7 @@ def test_slow_bytes_are_bytes():
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc")
-def test_the_state_of_a_process_is_read_whatever_its_name():
+def test_the_state_of_a_process_is_read_and_is_empty_after_its_end():
     sleeper = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
     try:
         os.kill(sleeper.pid, signal.SIGSTOP)

@@ -207,7 +207,7 @@ def test_requests_are_made_of_messages_that_answer_them(remote):
     [each for each in MESSAGES if each.asked is not MessageRequestMethod.EMPTY],
     ids=lambda each: each.name,
 )
-def test_no_other_message_is_asked_for_emptily(message):
+def test_no_other_message_can_be_requested_with_an_empty_frame(message):
     with pytest.raises(ArgumentError, match="not answered to an empty request"):
         codec.request(1, message, remote=False)
 

@@ -80,7 +80,7 @@ def test_only_requests_are_sent_before_a_command(made):
     assert set(r.commands(questions=True)) == {COUNT, 0x14}
 
 
-def test_enable_sends_limits_and_mode_and_then_asks_for_closed_loop(made):
+def test_enable_sends_limits_and_mode_and_then_commands_closed_loop(made):
     r = made()
     r.axis.enable().wait(5)
     assert r.commands() == [LIMITS, VEL, MODE, SET_STATE]
@@ -102,7 +102,7 @@ def test_operation_enabled_is_shown_by_the_heartbeat_alone(made):
     assert any(state == 8 for time, state in r.cycle.states if time > begun)
 
 
-def test_a_module_that_does_not_go_to_closed_loop_is_reported_and_let_go(made):
+def test_a_module_that_does_not_go_to_closed_loop_is_reported_and_switched_off(made):
     r = made(module=module(wont_start=True))
     with pytest.raises(TransitionError, match="does not change from 'switched on'"):
         r.axis.enable().wait(5)
@@ -205,7 +205,7 @@ def test_a_move_is_a_trapezoid_of_the_module_with_the_values_of_the_call(made):
     "firmware", [Firmware(0, 5, 11), Firmware(0, 5, 12), Firmware(0, 5, 13), Firmware(0, 6, 5)]
 )
 @pytest.mark.parametrize("start", [0.0, 0.3, 7.8, -3.4])
-def test_moves_count_from_home_wherever_the_module_counts_from(made, firmware, start):
+def test_moves_are_relative_to_home_for_any_counting_origin_of_the_module(made, firmware, start):
     one = module(firmware=firmware, motor=MotorParams(start_position=start * COUNTS))
     r = homed(made(module=one))
     home = r.module.position
@@ -479,7 +479,7 @@ def test_an_expired_time_out_is_fed_before_its_error_is_cleared(made):
     assert [each.can_id & 0x1F for each in r.port.take_frames()] == [VEL, CLEAR]
 
 
-def test_a_module_that_is_not_ours_is_not_fed(made):
+def test_a_module_that_we_did_not_enable_gets_no_set_points(made):
     one = Module(5, **OWN)
     one.axis.request(8)
     r = made(module=one)
@@ -515,7 +515,7 @@ def test_a_fault_is_reported_with_every_word_and_can_be_reset(made):
     assert r.module.position == pytest.approx(place, abs=0.01)
 
 
-def test_a_fault_whose_cause_stays_is_not_reset(made):
+def test_a_fault_whose_cause_persists_is_not_reset(made):
     r = made().enabled()
     r.module.dials.bus_voltage = 8.0
     r.run(1.0)
@@ -535,7 +535,7 @@ def test_error_words_without_an_answer_are_reported_as_such(made):
     assert any(text == "Get_Error is not answered by this firmware" for _, text in r.port.news)
 
 
-def test_zeros_of_a_module_that_lets_go_are_no_position(made):
+def test_zeros_of_a_module_that_switches_itself_off_are_not_used_as_positions(made):
     """Its estimates are 0 at once, and its heartbeat says why up to 0.1 s later."""
     r = homed(made())
     r.axis.move_absolute(300.0).wait(10)
@@ -582,7 +582,7 @@ def test_a_restart_takes_home_away_and_waits_for_a_new_boot(made, on, firmware):
     assert not r.module.energised
 
 
-def test_a_position_that_is_off_after_power_is_not_taken_for_the_old_one(made):
+def test_a_position_that_differs_after_a_restart_does_not_keep_the_homing(made):
     """Owners saw 0.14 turns between two ways of counting after a restart; here the restart itself went unseen."""
     r = homed(made())
     r.axis.disable().wait(5)

@@ -148,7 +148,7 @@ def test_a_mode_that_there_is_not_is_not_shown():
 
 
 @pytest.mark.parametrize("turns", [0.25, -0.2, 12.0])
-def test_zeros_of_a_module_that_has_let_go_are_no_place(turns):
+def test_zeros_of_a_module_that_switched_itself_off_do_not_replace_its_last_position(turns):
     talk = Talk()
     talk.turns = turns
     talk.enabled()
@@ -290,7 +290,7 @@ def test_a_count_that_no_time_explains_is_a_restart(life, next_life, silence):
 
 
 @pytest.mark.parametrize(("remote", "asked"), [(True, {True, False}), (False, {False})])
-def test_on_a_bus_without_remote_frames_it_is_asked_by_data_frames_alone(remote, asked):
+def test_without_remote_frames_the_module_is_asked_by_data_frames_alone(remote, asked):
     port = ModulePort(replace(SETTINGS, remote=remote))
     ways = set()
     now = 10.0

@@ -104,7 +104,7 @@ def test_random_frame_losses_end_at_standstill(seed):
 
 
 @pytest.mark.parametrize("seed", range(300, 305))
-def test_whenever_the_scan_dies_its_last_frames_stop_the_module(seed):
+def test_whenever_the_scan_dies_the_last_frames_stop_the_module(seed):
     r = play(seed, mishaps=False, loss=0.0)
     led = r.module.energised
     r.cycle.quick_stop_all()

@@ -63,7 +63,7 @@ encoder 00000400 SEC_ENC_COM_FAIL
 """
 
 
-def test_a_drive_is_found_by_its_vendor_whatever_its_product_code() -> None:
+def test_a_drive_is_found_by_its_vendor_with_any_product_code() -> None:
     assert find(0x000C0B00, None) is GIM6010
     assert find(0x000C0B00, 7) is GIM6010
 
@@ -104,7 +104,7 @@ def test_the_fault_table_is_that_of_the_manual() -> None:
         assert table[category, name].bits == int(bits, 16), line
 
 
-def test_each_fault_is_one_bit_of_its_part() -> None:
+def test_each_fault_has_exactly_one_bit() -> None:
     for fault in faults.FAULTS:
         assert fault.bits.bit_count() == 1
         assert fault.meaning
@@ -161,7 +161,7 @@ def test_the_fault_named_by_the_code_is_first() -> None:
     assert "axis MOTOR_FAILED" in second
 
 
-def test_a_code_without_bits_is_explained_as_far_as_it_goes() -> None:
+def test_an_error_code_without_bits_is_explained_as_far_as_possible() -> None:
     (sentence,) = GIM6010.explain(0x8400, {})
     assert sentence.startswith("controller OVERSPEED")
     assert GIM6010.explain(0xFF00, {}) == []

@@ -63,7 +63,7 @@ def test_a_node_id_that_is_free_is_given():
 
 
 @pytest.mark.parametrize("quiet", [{}, {"heartbeat_rate_ms": 0, "encoder_rate_ms": 0}])
-def test_one_that_is_taken_is_not_given(quiet):
+def test_a_node_id_that_another_module_has_is_refused(quiet):
     finder, found = surveyed(Module(5), Module(6, **quiet))
     with pytest.raises(StateError, match="another module has the node ID 6"):
         node_id_preconditions.require_free(finder, found, 6)

@@ -99,7 +99,7 @@ def test_a_canopen_module_is_found_that_sends_nothing(node):
         assert (one.state, one.enabled, one.errors) == ("switch on disabled", False, ())
 
 
-def test_all_protocols_on_one_bus():
+def test_the_modules_of_all_protocols_on_one_bus_are_found():
     found = search(
         Module(16), silent(24), canopen(33), Module(7, firmware=Firmware(0, 6, 8)), ask=ProbeScope.ALL
     )
@@ -119,7 +119,7 @@ def test_all_protocols_on_one_bus():
     assert "axisbus gim6010 to-canopen -i x -c y --node 16 --list endpoints_0.5.13.json" in told
 
 
-def test_with_the_29_bit_protocol_alone_silent_nodes_are_asked():
+def test_silent_nodes_are_found_if_only_a_module_of_the_29_bit_protocol_is_active():
     found = search(Module(7, firmware=Firmware(0, 6, 8)), silent(9))
     assert ("CAN Simple", 9) in found.found
     assert found.finder.picture.foreign() == []
@@ -202,7 +202,7 @@ def test_two_modules_of_one_id_are_distinguished_from_one(firmware):
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(-0.03, 0.03), min_size=40, max_size=40), st.integers(0, 255), st.booleans())
-def test_one_that_beats_unevenly_is_not_taken_for_two(late, life, counts):
+def test_a_module_with_uneven_heartbeats_does_not_count_as_two(late, life, counts):
     beats = [
         (0.1 * place + each, bytes(7) + bytes([(life + place) % 256 if counts else 0]))
         for place, each in enumerate(late)
@@ -297,7 +297,7 @@ def test_identifiers_on_which_unasked_frames_are_received_later_are_not_used():
     assert {60 << 5 | 0x17, 0x600 + 100}.isdisjoint({each.can_id for each in found.sent})
 
 
-def test_a_module_that_goes_silent_while_it_is_asked():
+def test_a_module_that_goes_silent_during_the_search_is_reported_with_what_was_read():
     module = Module(5)
 
     def at(now):
@@ -419,7 +419,7 @@ def test_on_a_silent_bus_the_first_request_is_waited_for_longer():
 
 
 @pytest.mark.parametrize("most", [6, 24])
-def test_a_module_is_not_asked_without_end(most):
+def test_the_requests_to_one_module_are_bounded(most):
     """A CANopen node whose objects all arrive in segments without a last one."""
 
     def answer(request, _):

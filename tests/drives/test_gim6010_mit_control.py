@@ -107,7 +107,7 @@ def judge(led):
 # -- enabling --------------------------------------------------------------------------------------------------------------------
 
 
-def test_it_is_enabled_without_a_jump_whatever_inputs_were_left():
+def test_a_module_is_enabled_for_mit_control_without_a_jump_for_any_earlier_inputs():
     one = made()
     one.order(SET_MODE, 3, 9)
     one.order(POS, 50.0, 3000, 500)
@@ -153,7 +153,7 @@ def test_reasons_that_prevent_mit_control(dials, before, why):
     assert led.leader.left == "nothing was sent to it"
 
 
-def test_one_that_another_program_commands_is_not_enabled():
+def test_a_module_that_another_program_commands_is_not_enabled_for_mit_control():
     led = Led()
     led.run(0.5)
     led.leader.receive(CanFrame(led.bench.now, 5 << 5 | SET_STATE, bytes([8, *bytes(7)])))
@@ -170,7 +170,7 @@ def test_a_module_that_does_not_answer_is_not_enabled():
     assert not led.bench.module.energised
 
 
-def test_one_that_does_not_start_is_let_go():
+def test_a_module_that_does_not_start_mit_control_is_set_to_idle():
     led = Led(made(wont_start=True)).left()
     assert "does not go into closed loop" in led.leader.why
     judge(led)
@@ -256,7 +256,7 @@ def spinning(led):
     return led.lead(0.3, MitCommand(0.0, 6.0, 0.0, 3.0, 0.0))
 
 
-def test_it_is_braked_by_damping_and_then_let_go():
+def test_a_module_is_braked_by_damping_and_then_set_to_idle():
     led = spinning(Led().enabled())
     assert led.bench.module.shaft.speed * TURN > 3.0
     led.leader.leave("the program has ended it")
@@ -307,7 +307,7 @@ def test_every_end_of_mit_control_leaves_the_module_in_idle(act, why):
         assert not led.bench.module.energised
 
 
-def test_one_that_is_not_heard_is_braked_blind_for_a_moment_only():
+def test_a_module_that_stops_sending_is_braked_for_a_moment_only():
     led = spinning(Led().enabled())
     led.bench.module.dials.dead = True
     at = led.bench.now
@@ -338,7 +338,7 @@ def test_two_sources_of_the_position_that_disagree_stop_the_module():
     assert "not the module's" in said(1.4 / TURN, 9.0, speed=-10.0)
 
 
-def test_a_second_interrupt_goes_to_estop():
+def test_a_second_interrupt_leads_to_estop():
     led = spinning(Led().enabled())
     led.leader.leave("Ctrl-C")
     led.run(0.01)
@@ -377,7 +377,7 @@ def test_a_position_that_wraps_is_left():
     assert "may wrap" in led.leader.why
 
 
-def test_ranges_that_are_not_the_module_s_are_found_out():
+def test_mit_ranges_that_the_module_does_not_have_are_detected():
     one = Bench(Module(5, firmware=Firmware(0, 6, 0), mit_max_pos=25.0))
     one.run(0.3)
     one.module.motor.position = 0.9 * 16384
@@ -430,7 +430,7 @@ def test_no_play_sends_a_frame_of_zeros_or_leaves_it_enabled(commands, leave_at,
 
 
 @given(moves, kinds, st.data())
-def test_its_own_frames_are_never_zeros_whatever_the_ranges(command, ranges, data):
+def test_mit_frames_are_never_zeros_for_any_ranges(command, ranges, data):
     damping = data.draw(st.floats(ranges.kd / 4000.0, ranges.kd))
     leader = MitLeader(MitSettings(7, ranges, 8.0, damping, 0.005, 0.05))
     for frame in leader.parting:

@@ -187,14 +187,14 @@ def test_a_backup_is_complete_or_fails():
         backup.take(Fake(silent=[LIMIT]))
 
 
-def test_a_module_that_is_gone_ends_the_reading():
+def test_reading_parameters_of_a_module_that_answers_nothing_raises():
     fake = Fake()
     fake.silent = set(fake.listed.endpoints)
     with pytest.raises(NodeTimeout):
         backup.read_all(fake, fake.listed.endpoints.values())
 
 
-def test_some_that_are_not_answered_are_reported_and_the_others_read():
+def test_parameters_that_are_not_answered_are_reported_and_the_others_read():
     fake = Fake()
     wanted = [each for each in fake.listed.endpoints.values() if each.readable and rules.travels(each)]
     fake.silent = {each.path for each in wanted[::2]}
@@ -256,7 +256,7 @@ def test_parameters_that_are_never_written_cannot_be_included():
             backup.plan(wild, fake, present, frozenset({path}))
 
 
-def test_a_backup_of_another_module_or_firmware_is_refused_unless_it_is_asked_for():
+def test_a_backup_of_another_module_or_firmware_is_refused_unless_explicitly_allowed():
     fake = Fake()
     good = {"other_module": False, "other_firmware": False}
     backup.require_same(backup.take(fake), fake, **good)

@@ -72,7 +72,7 @@ def test_present_values_are_shown():
     assert list(shown(PlainParameters(Module(5)), limits.PATHS)) == [f"{VEL} = 30", f"{CUR} = 45"]
 
 
-def test_the_same_is_reported_as_steps_over_usb():
+def test_the_changes_of_a_setting_are_also_printed_as_steps_over_usb():
     steps = termination.wanted(on=False).over_usb
     assert f"odrv0.{R120} = False" in steps
     assert steps[-1].startswith("odrv0.save_configuration()")
@@ -168,7 +168,7 @@ def test_a_module_that_is_alone_gets_another_rate():
     ],
     ids=["can simple", "canopen", "silent"],
 )
-def test_one_that_is_not_alone_does_not(others):
+def test_the_bit_rate_is_not_changed_if_the_module_is_not_alone(others):
     with pytest.raises(StateError, match="not alone"):
         bitrate.require_alone(*surveyed(Module(16), *others), 16)
 
@@ -261,7 +261,7 @@ def test_how_near_they_have_to_be(off, good):
             zero.wanted(place, place)
 
 
-def test_one_that_turns_is_not_zeroed():
+def test_the_zero_of_a_turning_module_is_not_set():
     one, two = (zero.RotorZero(0.0, False, count / 16384, count, 16384) for count in (4096, 4136))
     with pytest.raises(StateError, match="turns"):
         zero.wanted(one, two)

@@ -208,13 +208,13 @@ def test_a_second_interrupt_does_not_wait_for_the_brake():
     assert "ESTOP" in found.left
 
 
-def test_one_that_has_let_go_itself_is_not_braked_for_long():
+def test_a_module_that_switched_itself_off_gets_idle_soon():
     _, _, sent = tried(VELOCITY, at=when(2.4, lambda one: one.module.axis.estop()))
     idle = next(each.time for each in sent if each.command == SET_STATE and each.data[0] == IDLE)
     assert idle < 2.8
 
 
-def test_one_that_goes_too_far_or_too_fast_is_stopped():
+def test_a_tuning_move_that_goes_too_far_or_too_fast_is_stopped():
     far, _, _ = tried(POSITION, at=when(2.3, lambda one: one.order(POS, 30.0, 0, 0)))
     assert "farther than allowed" in far.why
 
@@ -229,7 +229,7 @@ def test_one_that_goes_too_far_or_too_fast_is_stopped():
 
 
 @pytest.mark.parametrize("lost", [SET_STATE, ESTIMATES])
-def test_one_that_does_not_start_is_let_go(lost):
+def test_a_module_that_does_not_start_a_tuning_move_is_set_to_idle(lost):
     one = bench()
     one.module.parameters["axis0.config.can.encoder_rate_ms"] = 0
     found, one, _ = tried(
@@ -304,7 +304,7 @@ def test_a_ringing_step_is_measured():
     assert scaled.settled == found.settled
 
 
-def test_one_that_does_not_settle():
+def test_a_response_that_oscillates_is_reported_as_not_settled():
     found = measure(ring(0.0, 1.0), 0.0, 1.0)
     assert found.settled is None
     assert found.ripple == pytest.approx(2.0, abs=0.02)
@@ -313,7 +313,7 @@ def test_one_that_does_not_settle():
     assert measure(ring(1.0, 1.0), 1.0, 1.0) is None
 
 
-def test_one_that_falls_short():
+def test_a_response_that_falls_short_has_the_rest_as_its_remaining_error():
     assert measure([(t / 10, 0.9) for t in range(20)], 0.0, 1.0).left == pytest.approx(0.1)
 
 

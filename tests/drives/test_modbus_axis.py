@@ -294,7 +294,7 @@ def test_a_module_that_was_found_enabled_is_left_so_and_reported():
 # -- faults during a motion --------------------------------------------------------------------------------------------
 
 
-def test_a_module_that_does_not_enable_is_reported_and_asked_once():
+def test_a_module_that_does_not_enable_is_reported_and_commanded_once():
     rig = Rig()
     rig.plant.dials.wont_start = True
     with pytest.raises(TransitionError, match="does not go to closed loop") as caught, rig.axis as axis:
@@ -305,7 +305,7 @@ def test_a_module_that_does_not_enable_is_reported_and_asked_once():
     assert "was not seen in closed loop" in rig.said[-1]
 
 
-def test_a_firmware_that_goes_to_an_old_set_point_is_stopped_at_once():
+def test_a_module_that_moves_to_an_old_set_point_when_enabled_is_stopped_at_once():
     rig = Rig(keeps_target=True)
     with rig.axis as axis:
         axis.enable(P)
@@ -317,7 +317,7 @@ def test_a_firmware_that_goes_to_an_old_set_point_is_stopped_at_once():
     assert rig.plant.position < -26.0
 
 
-def test_one_that_is_pulled_away_is_reported():
+def test_a_module_that_another_master_moves_away_is_reported():
     rig = Rig()
 
     def body(axis):
@@ -499,7 +499,7 @@ def test_a_signal_between_our_calls_ends_the_program_s_own_work(what):
     assert is_off(rig)
 
 
-def test_a_second_signal_goes_a_step_further():
+def test_a_second_signal_goes_to_the_next_stop_step():
     rig = Rig()
     rig.plant.usb_write("axis0.controller.config.vel_ramp_rate", 0.5)
     begin = []
@@ -527,7 +527,7 @@ def test_a_second_signal_goes_a_step_further():
     assert not rig.plant.energised
 
 
-def test_a_program_that_cannot_report_any_more_stops_it_all_the_same():
+def test_a_program_whose_output_fails_still_stops_the_module():
     rig = Rig()
     axis = ModbusAxis(rig.module, tell=lambda text: None if "dead master" in text else 1 / 0)
     with pytest.raises(ZeroDivisionError), axis:
@@ -545,7 +545,7 @@ def test_a_torque_is_taken_back_when_it_brakes():
     assert is_off(rig)
 
 
-def test_a_motion_whose_watchdog_process_is_gone_is_ended():
+def test_a_motion_ends_when_its_watchdog_process_ends():
     rig = Rig()
     there = [True]
     axis = ModbusAxis(rig.module, tell=rig.said.append, guarded=lambda: there[0])
@@ -758,7 +758,7 @@ def test_a_module_that_another_program_enabled_is_only_stopped_by_a_quick_stop()
 
 @settings(max_examples=8, deadline=None)
 @given(st.data())
-def test_random_plays_end_without_power_and_never_faster_than_asked(data):
+def test_random_sequences_end_without_power_and_never_exceed_the_commanded_speed(data):
     rig = Rig(data.draw(st.floats(-20, 20)))
     control = data.draw(st.sampled_from([P, V]))
     fastest = [0.0]

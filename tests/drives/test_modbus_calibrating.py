@@ -73,7 +73,7 @@ def test_errors_during_a_calibration_are_reported():
     assert any("motor" in text for text in found.wrong)
 
 
-def test_ctrl_c_before_anything_was_asked_ends_it_at_once():
+def test_ctrl_c_before_the_first_request_ends_the_calibration_at_once():
     rig = Calibrated()
     rig.at(4, lambda _: signal.raise_signal(signal.SIGINT))
     with pytest.raises(KeyboardInterrupt):
@@ -92,7 +92,7 @@ def test_ctrl_c_takes_the_power_away(number):
     assert rig.asked[1:] in ([1], [1, 1], [])
 
 
-def test_a_watchdog_process_that_is_gone_ends_it():
+def test_a_watchdog_process_that_ends_stops_the_calibration():
     rig = Calibrated()
     rig.at(40, lambda _: setattr(rig, "guards", False))
     with pytest.raises(CommandError, match="warden"):
@@ -117,7 +117,7 @@ def test_a_state_that_does_not_belong_to_a_calibration_ends_it():
     assert rig.is_off
 
 
-def test_one_that_does_not_begin_is_reported():
+def test_a_calibration_that_does_not_begin_is_reported():
     rig = Calibrated()
     rig.wire.before = lambda request: request.writes and request.address == 0x63 and rig.deafen(1)
     with pytest.raises(DriveError, match="does not begin"):

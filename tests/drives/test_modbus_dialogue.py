@@ -39,7 +39,7 @@ def test_an_answer_is_had_at_once_with_one_frame():
 
 
 @pytest.mark.parametrize("fault", ["silent", "deaf", "wrong_checksum", "short"])
-def test_a_read_is_asked_again(fault):
+def test_a_read_without_a_valid_answer_is_repeated(fault):
     station, _, dialogue = line(**{fault: 1})
     assert dialogue.read(read("bus_voltage")) == (0x41C0, 0)
     assert len(station.frames) == 3  # the question, the probe of another shape, the question
@@ -58,7 +58,7 @@ def test_a_dead_line_is_reported_with_the_checks(fault):
     assert len(station.frames) <= 9
 
 
-def test_an_exception_is_reported_and_not_asked_again():
+def test_an_exception_is_reported_and_the_request_not_repeated():
     station, _, dialogue = line(exceptions={(0x13, False): 2})
     with pytest.raises(ModbusRefused, match="refuses that bus_voltage") as caught:
         dialogue.read(read("bus_voltage"))
@@ -67,14 +67,14 @@ def test_an_exception_is_reported_and_not_asked_again():
     assert len(station.frames) == 1
 
 
-def test_a_write_is_sent_once_whatever_becomes_of_it():
+def test_a_write_is_sent_once_for_any_failure():
     for dials in ({"silent": 1}, {"deaf": 1}, {"wrong_checksum": 1}):
         station, _, dialogue = line(**dials)
         assert dialogue.write(requests.write(named("state_control"), 8)) is False
         assert len(station.frames) == 1
 
 
-def test_a_late_answer_is_not_taken_for_the_next_one():
+def test_a_late_answer_is_not_accepted_for_the_next_request():
     station, wire, dialogue = line(late={0: 0.25})
     station.module.usb_write("axis0.controller.config.pos_gain", 7.0)
     assert dialogue.write(requests.write(named("velocity_limit"), 12.0)) is False
@@ -172,7 +172,7 @@ def test_a_late_answer_during_a_probe_is_not_mistaken_for_its_answer():
     assert words[0] > 0
 
 
-def test_a_shout_that_is_refused_is_not_heard():
+def test_a_shout_that_is_refused_returns_false():
     _, _, dialogue = line(exceptions={(0x64, True): 4})
     assert dialogue.shout(requests.write(named("control_mode"), 2)) is False
     assert dialogue.shout(requests.write(named("input_mode"), 2)) is True
@@ -187,7 +187,7 @@ def test_an_urgent_write_does_not_wait_for_owed_answers():
     assert station.frames[-1] == bytes.fromhex("01 06 00 63 00 01")
 
 
-def test_an_interrupt_in_the_midst_leaves_nothing_to_be_mistaken():
+def test_an_answer_to_an_interrupted_request_is_not_accepted_later():
     station, wire, dialogue = line()
 
     def torn(request):

@@ -85,7 +85,7 @@ def send_held(motor, number):
     return bool(motor.sent) and motor.sent[-1] in motor.obeys
 
 
-def test_it_brakes_then_takes_the_power_away():
+def test_the_stop_sequence_brakes_and_then_switches_the_power_off():
     motor, ladder = Motor(), ModbusStopSequence(None)
     time = descend(motor, ladder)
     assert ladder.outcome.ok
@@ -174,7 +174,7 @@ def test_a_step_that_is_not_obeyed_is_left_downwards(obeys, rung, ok):
     assert ok or "NOT" in ladder.outcome.text
 
 
-def test_a_module_that_is_not_heard_is_sent_every_step_all_the_same():
+def test_a_module_that_answers_nothing_is_still_sent_every_step():
     motor, ladder = Motor(heard=False), ModbusStopSequence(None)
     time = descend(motor, ladder)
     assert "NOT CONFIRMED" in ladder.outcome.text
@@ -211,7 +211,7 @@ def test_a_state_without_set_points_is_switched_off_at_once(state):
     assert motor.sent == [Send.IDLE]
 
 
-def test_impatience_goes_a_step_further_each_time():
+def test_each_escalation_goes_to_the_next_stop_step():
     motor, ladder = Motor(ramp=0.01, obeys=(Send.ESTOP,)), ModbusStopSequence(TrapezoidHalt(0.001, 99.0))
     time = descend(motor, ladder, escalate=(2, 4, 6))
     assert time < 1.0
@@ -226,7 +226,7 @@ def test_a_motor_that_creeps_or_swings_is_not_at_standstill():
         assert ladder.outcome is None
 
 
-def test_idle_that_was_seen_before_it_was_asked_for_does_not_count():
+def test_an_idle_state_read_before_idle_was_commanded_does_not_count():
     ladder = ModbusStopSequence(None)
     ladder.escalate()
     assert ladder.step(10.0, StatusRead(9.9, 1, 0), held=False) is Send.IDLE

@@ -99,7 +99,7 @@ def test_the_manual_s_examples(name, value, frame):
     assert named(name).value(request.words) == pytest.approx(value, rel=1e-7)
 
 
-def test_the_manual_s_wrong_example_is_reported_and_a_position_never_goes_to_the_velocity():
+def test_the_wrong_example_of_the_manual_is_reported_and_positions_are_never_sent_as_velocities():
     wrong = bytes.fromhex("01 10 00 68 00 02 04 40 49 0F F9")
     assert requests.write(named("velocity_setpoint"), 3.1416).frame(1) == wrong
     assert requests.write(named("position_setpoint"), 3.1416).frame(1) != wrong

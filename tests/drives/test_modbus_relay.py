@@ -81,7 +81,7 @@ class Line:
         return [int.from_bytes(data, "big") for address, data in self.written if address == STATE]
 
 
-def test_it_polls_state_and_position_and_in_closed_loop_estimates():
+def test_the_relay_polls_state_and_position_and_in_closed_loop_the_estimates():
     line = Line()
     line.plant.motor.position = 0.25 * 16384
     line.work(20)
@@ -131,7 +131,7 @@ def test_the_same_stop_given_time_and_again_waits_once():
     assert line.states == [1]
 
 
-def test_closed_loop_is_not_asked_of_a_module_that_is_in_it():
+def test_closed_loop_is_not_commanded_to_a_module_that_is_in_it():
     line = Line()
     line.enable()
     line.give(ORDERS.closed_loop(), ORDERS.closed_loop())
@@ -193,7 +193,7 @@ def test_a_silent_line_drops_waiting_orders_but_no_stop():
     assert line.plant.usb_read("axis0.controller.input_pos") == pytest.approx(0.0, abs=0.01)
 
 
-def test_an_answer_that_is_lost_while_it_is_looked_at_loses_no_order():
+def test_a_lost_answer_loses_no_command():
     line = Line()
     line.enable()
     line.station.dials.silent = 1

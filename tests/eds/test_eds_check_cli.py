@@ -100,7 +100,7 @@ def many(count: int) -> str:
     return "many.eds"
 
 
-def test_of_a_rule_that_is_broken_often_the_first_places_are_shown_and_how_many_more_there_are(
+def test_a_rule_that_is_broken_often_shows_its_first_findings_and_the_count_of_the_others(
     check: Call,
 ) -> None:
     told = check(many(5000), "--select", "O020")[1].splitlines()
@@ -118,18 +118,18 @@ def test_of_a_rule_that_is_broken_often_the_first_places_are_shown_and_how_many_
     assert not [line for line in each if "more" in line]
 
 
-def test_a_single_place_more_is_shown_instead_of_counted(check: Call) -> None:
+def test_a_single_further_finding_is_shown_instead_of_counted(check: Call) -> None:
     assert "more" not in check(many(4), "--select", "O020")[1]
     assert "and 2 more" in check(many(5), "--select", "O020")[1]
 
 
-def test_json_and_sarif_have_every_place(check: Call) -> None:
+def test_json_and_sarif_have_every_finding(check: Call) -> None:
     json_text = check(many(5000), "--json", "--select", "O020", "--severity", "error")[1]
     assert len(json.loads(json_text)["findings"]) == 5000
     assert len(sarif_of(check, "many.eds", "--select", "O020")["runs"][0]["results"]) == 5000
 
 
-def test_all_findings_of_the_reader_are_listed(check: Call) -> None:
+def test_json_lists_all_findings_of_the_reader(check: Call) -> None:
     text = "".join(
         f"[{index:04X}]\nParameterName=P\nDataType=0x0007 ; text\n" for index in range(0x2000, 0x2800)
     )
@@ -335,7 +335,7 @@ def test_sarif_of_a_file_elsewhere_has_an_absolute_uri(
     assert location == {"uri": Path(elsewhere).as_uri()}
 
 
-def test_several_files_and_patterns_each_once(check: Call) -> None:
+def test_each_of_several_files_and_patterns_is_checked_once(check: Call) -> None:
     for name in ("a.eds", "b.eds", "sub/c.eds"):
         write(name, SHARED)
     found = json.loads(check("--json", "*.eds", "a.eds", "**/c.eds")[1])["findings"]
@@ -346,7 +346,7 @@ def test_a_file_may_be_named_like_a_pattern(check: Call) -> None:
     assert check(write("a[1].eds"))[0] == 0
 
 
-def test_builtin_files_are_known_by_name(check: Call) -> None:
+def test_builtin_files_are_checked_by_name(check: Call) -> None:
     code, out, _ = check("builtin:gim6010-8", "--fail-on", "warning")
     assert code == 0
     assert "builtin:gim6010-8\n" in out

@@ -160,7 +160,7 @@ def test_a_formula_needs_a_node() -> None:
         configuration(reading)
 
 
-def test_every_type_goes_to_octets_and_back() -> None:
+def test_every_type_is_converted_to_octets_and_back() -> None:
     kinds = {
         "INTEGER16": ("3", "-2", "feff"),
         "REAL32": ("8", "0.5", "0000003f"),

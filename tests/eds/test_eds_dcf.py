@@ -117,7 +117,7 @@ def _steps(monkeypatch: pytest.MonkeyPatch, values: int, first: bool) -> int:
     return steps
 
 
-def test_an_implied_pdo_has_no_place_for_a_value() -> None:
+def test_a_value_of_an_implied_pdo_cannot_be_written_to_a_dcf() -> None:
     eds = file(head=HEAD.replace("VendorNumber=1", "CompactPDO=3\nNrOfRXPDO=1"))
     with pytest.raises(EdsError, match="no place for a value of 1400h:02"):
         dcf.make(eds, Settings(5), [(assign.at(eds.eds, 0x1400, 2), "1")])

@@ -46,7 +46,7 @@ def entry(**keys: str) -> str:
         ({"ObjFlags": "0x0"}, {}),
     ],
 )
-def test_another_spelling_of_the_same_is_no_difference(a: dict[str, str], b: dict[str, str]) -> None:
+def test_another_spelling_of_the_same_value_is_no_difference(a: dict[str, str], b: dict[str, str]) -> None:
     assert diff(small(entry(**a)), small(entry(**b))) == ()
 
 

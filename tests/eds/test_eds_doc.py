@@ -147,7 +147,7 @@ def test_values_are_those_of_the_node() -> None:
     assert "0x00000085" not in page(builtin("generic-cia402")).said
 
 
-def test_words_of_the_profile_are_explained_once_and_linked_to_afterwards() -> None:
+def test_terms_of_the_profile_are_explained_once_and_linked_to_later() -> None:
     second = variable("6841", ParameterName="Statusword 2", DataType="0x6", AccessType="ro")
     eds = small(second + variable("6840", ParameterName="Controlword 2", DataType="0x6"))
     seen = page(eds)

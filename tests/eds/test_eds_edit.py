@@ -91,7 +91,7 @@ def test_a_section_added_at_the_end_follows_one_blank_line(end: str, added: str)
     )
 
 
-def test_a_section_before_another_goes_above_that_ones_comment() -> None:
+def test_a_section_before_another_is_inserted_above_the_comment_of_that_one() -> None:
     content = "[DeviceInfo]\r\nVendorName=me\r\n\r\n; types\r\n[1000]\r\nDataType=7\r\n"
     file = document(content)
     change = edit.add_section(file, "DummyUsage", {"Dummy0001": "0"}, before=file.sections["1000"])
@@ -188,7 +188,7 @@ LINES = st.lists(
     st.sampled_from(["x", "y", "new"]),
     st.sampled_from(["", "7"]),
 )
-def test_whatever_the_lines_a_set_value_is_read_back(
+def test_a_set_value_is_read_back_from_any_lines(
     lines: list[str], newline: str, key: str, value: str
 ) -> None:
     file = document(newline.join(["[1000]", "q=1", *lines]))
@@ -203,7 +203,7 @@ def test_whatever_the_lines_a_set_value_is_read_back(
 
 
 @given(LINES, st.sampled_from(["\n", "\r\n", "\r"]))
-def test_whatever_the_lines_a_section_is_added_and_removed_again(lines: list[str], newline: str) -> None:
+def test_a_section_is_added_to_any_lines_and_removed_again(lines: list[str], newline: str) -> None:
     file = document(newline.join(["[1000]", "q=1", *lines]))
     after = edit.apply(file, [edit.add_section(file, "New", {"k": "v"})])
     assert after.sections["new"].entries == {"k": "v"}

@@ -108,7 +108,7 @@ def test_odd_paths_are_refused(path: str) -> None:
         load(path)
 
 
-def test_the_same_content_is_parsed_once(tmp_path: Path) -> None:
+def test_files_with_the_same_content_are_parsed_once(tmp_path: Path) -> None:
     first, second = tmp_path / "a.eds", tmp_path / "b.eds"
     first.write_text(HEAD + "; one of its kind\n")
     second.write_text(HEAD + "; one of its kind\n")

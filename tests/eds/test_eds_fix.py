@@ -170,7 +170,7 @@ def test_a_list_in_the_middle_of_a_merge_is_left_to_a_person() -> None:
     assert fixed(before).mended == ()
 
 
-def test_the_second_of_two_equal_sections_goes_and_its_comment_stays() -> None:
+def test_the_second_of_two_equal_sections_is_removed_and_its_comment_stays() -> None:
     twin = variable("2000").rstrip() + "\n"
     other = variable("2001")
     assert mended(f"{twin}\n{twin}; mine\n\n{other}") == f"{twin}\n; mine\n{other}"
@@ -268,7 +268,7 @@ def test_texts_that_the_check_does_not_count_or_know_are_not_fixed(body: str) ->
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16-le", "utf-16-be"])
-def test_a_byte_order_mark_goes(encoding: str) -> None:
+def test_a_byte_order_mark_is_removed(encoding: str) -> None:
     bom = {"utf-8": codecs.BOM_UTF8, "utf-16-le": codecs.BOM_UTF16_LE, "utf-16-be": codecs.BOM_UTF16_BE}[
         encoding
     ]
@@ -347,7 +347,7 @@ LINES = st.sampled_from(
 
 @settings(max_examples=200, deadline=None)
 @given(st.lists(LINES, max_size=20), st.sampled_from(["\n", "\r\n", "\r"]))
-def test_whatever_the_lines_mending_twice_is_mending_once(lines: list[str], newline: str) -> None:
+def test_fixing_any_lines_twice_has_the_result_of_fixing_them_once(lines: list[str], newline: str) -> None:
     before = reader.read((HEAD + "\n".join(lines)).replace("\n", newline).encode(), "x.eds")
     done = fix(before)
     again = reader.read(writer.dumps(done.reading), "x.eds")
@@ -432,7 +432,7 @@ def test_names_of_a_file_whose_code_page_is_not_certain_stay_as_they_are(encodin
         ("utf-8", "Vitesse à l'arrêt", "Vitesse a l'arret"),
     ],
 )
-def test_names_of_a_file_whose_letters_are_certain_are_spelt_in_ascii(
+def test_names_of_a_file_whose_code_page_is_certain_are_spelt_in_ascii(
     encoding: str, name: str, plain: str
 ) -> None:
     before = (HEAD + variable("2000", ParameterName=name)).encode(encoding)

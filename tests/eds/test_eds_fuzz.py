@@ -207,7 +207,7 @@ def models(draw: st.DrawFn) -> Eds:
 
 @settings(max_examples=150, deadline=None)
 @given(models())
-def test_whatever_model_is_written_canopen_and_we_read_it_as_it_was_meant(eds: Eds) -> None:
+def test_every_written_model_is_read_equally_by_canopen_and_by_us(eds: Eds) -> None:
     data = writer.dumps(eds)
     assert our_facts(loads(data, "made.dcf"), 5) == our_facts(eds, 5)
     theirs, ours = canopen_facts(data.decode(), 5), our_facts(eds, 5)

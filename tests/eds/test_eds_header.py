@@ -36,19 +36,19 @@ def compiled(text: str, folder: Path, main: str = "int main(void) { return 0; }"
 
 @needs_compiler
 @pytest.mark.parametrize("path", [*BUILTIN, *EVERY_FIFTH], ids=lambda path: path.stem)
-def test_it_compiles_without_a_warning(path: Path, tmp_path: Path) -> None:
+def test_the_header_compiles_without_a_warning(path: Path, tmp_path: Path) -> None:
     text = header(load(path))
     assert text == header(load(path))
     compiled(text, tmp_path)
 
 
 @needs_compiler
-def test_it_compiles_as_cpp_if_there_is_a_compiler(tmp_path: Path) -> None:
+def test_the_header_compiles_as_cpp_if_there_is_a_compiler(tmp_path: Path) -> None:
     compiled(header(builtin("gim6010-8"), 5), tmp_path, cpp=True)
 
 
 @needs_compiler
-def test_another_header_of_the_same_name_is_an_error_and_never_left_out(tmp_path: Path) -> None:
+def test_two_different_headers_of_the_same_name_are_a_compile_error(tmp_path: Path) -> None:
     (tmp_path / "other.h").write_text(header(builtin("gim6010-8"), 6), "ascii")
     (tmp_path / "drive.h").write_text(header(builtin("gim6010-8"), 5), "ascii")
     (tmp_path / "main.c").write_text('#include "drive.h"\n#include "other.h"\nint main(void) { return 0; }\n')

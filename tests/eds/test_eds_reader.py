@@ -45,7 +45,7 @@ def test_sub_indices_are_hexadecimal() -> None:
     assert list(eds.objects[0x2000].subs) == [0x0A, 0x10, 0xFE]
 
 
-def test_objects_are_ordered_by_index_whatever_the_order_in_the_file() -> None:
+def test_objects_are_ordered_by_index_for_any_order_in_the_file() -> None:
     eds = read(variable("6040") + variable("2000") + variable("1005"))
     assert [entry.index for entry in eds] == [0x1000, 0x1005, 0x2000, 0x6040]
 
@@ -206,7 +206,7 @@ def test_the_identity_is_that_of_1018_or_else_of_the_device_information() -> Non
     assert (eds.identity.vendor_id, eds.identity.product_code, eds.identity.revision) == (0xC0B00, 0x20, None)
 
 
-def test_every_finding_has_a_place_a_reason_and_a_remedy() -> None:
+def test_every_finding_has_a_line_a_reason_and_a_remedy() -> None:
     eds = read(
         "x\n"
         + variable("2000", DefaultValue="-1", LowLimit="5", HighLimit="1")
@@ -341,7 +341,7 @@ def alike(seed: int) -> bytes:
 
 
 @pytest.mark.parametrize("seed", range(0, 400, 50))
-def test_objects_are_the_same_whether_looked_at_alone_or_with_the_findings(seed: int) -> None:
+def test_objects_are_the_same_with_and_without_the_findings(seed: int) -> None:
     """Reading with findings parses every section; reading without them copies equal ones."""
     for number in range(seed, seed + 50):
         looked_at, checked = (reader.read(alike(number), "test.eds").eds for _ in range(2))
@@ -351,7 +351,7 @@ def test_objects_are_the_same_whether_looked_at_alone_or_with_the_findings(seed:
 
 
 @pytest.mark.parametrize("name", ["generic-cia402.eds", "gim6010-8.eds"])
-def test_objects_of_our_files_are_the_same_looked_at_alone_or_with_the_findings(name: str) -> None:
+def test_objects_of_our_files_are_the_same_with_and_without_the_findings(name: str) -> None:
     data = (EDS_FOLDER / name).read_bytes()
     looked_at, checked = (reader.read(data, name).eds for _ in range(2))
     one_by_one = list(looked_at)

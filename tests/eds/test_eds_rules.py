@@ -47,7 +47,7 @@ def test_every_rule_has_a_case_and_code() -> None:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.rule)
-def test_a_breach_is_found_at_its_place(case: Case) -> None:
+def test_a_breach_is_found_at_its_line(case: Case) -> None:
     text, _ = text_of(case.bad)
     hits = [each for each in found(case.bad) if each.rule == case.rule]
     assert hits, [f"{each.line} {each.rule} {each.message}" for each in found(case.bad)]
@@ -160,7 +160,7 @@ def test_an_input_module_is_not_judged_by_the_table_of_drives() -> None:
         ("O013", "2004Name:3=Back", "2004Name:3"),
     ],
 )
-def test_formulas_and_names_have_their_place(rule: str, edit: str, where: str) -> None:
+def test_findings_of_formulas_and_names_have_their_line(rule: str, edit: str, where: str) -> None:
     hits = [each for each in found((edit,)) if each.rule == rule]
     assert [each.line for each in hits] == ([place(edited(edit), where)[0]] if where else [])
 
@@ -298,13 +298,13 @@ def test_a_file_that_ends_in_the_middle_is_one_finding(at: str) -> None:
 
 
 @pytest.mark.parametrize("lines", range(120, 540, 7))
-def test_wherever_a_file_is_cut_it_ends_early_and_nothing_else_is_wrong(lines: int) -> None:
+def test_a_file_cut_anywhere_ends_early_and_has_no_other_errors(lines: int) -> None:
     cut = "\n".join(BASE.split("\n")[:lines])
     hits = [each for each in check(reader.read(cut.encode(), "test.eds")) if each.severity is Severity.ERROR]
     assert [each.rule for each in hits] == ["S020"]
 
 
-def test_a_file_whose_last_line_has_no_end_is_whole() -> None:
+def test_a_file_whose_last_line_has_no_line_end_has_no_finding() -> None:
     assert list(check(reader.read(BASE.rstrip().encode(), "test.eds"))) == []
 
 

@@ -121,7 +121,7 @@ def test_the_head_describes_the_device() -> None:
     assert "  bit rates   125, 250, 500, 1000 kbit/s" in lines
 
 
-def test_modes_without_6502h_are_those_whose_objects_are_there() -> None:
+def test_without_a_value_of_6502h_the_modes_are_not_said() -> None:
     assert any("not said (6502h has no value)" in line for line in show.head(small(""), None))
 
 
@@ -144,7 +144,7 @@ def test_limits_of_the_data_type_are_no_news_in_the_tree_but_named_for_one_objec
     assert any(line.endswith("3  [1..9]") for line in show.tree(narrow))
 
 
-def test_like_sub_indices_are_one_row_unless_asked_otherwise() -> None:
+def test_like_sub_indices_are_one_row_by_default() -> None:
     eds = builtin("gim6010-8")
     assert any(":01-08" in line and "(8 alike)" in line for line in show.tree(eds))
     whole = list(show.tree(eds, None, Screen(fold=False)))
@@ -204,7 +204,7 @@ def test_a_word_of_hexadecimal_digits_that_is_no_index_is_a_name() -> None:
     assert search.find(eds, "feed").one is eds.objects[0x2000]
 
 
-def test_all_words_must_be_in_the_name_of_the_object_or_sub_index() -> None:
+def test_a_search_matches_if_all_words_are_in_the_name_of_the_object_or_sub_index() -> None:
     found = search.find(builtin("gim6010-8"), "identity vendor").matches
     assert [(match.entry.index, match.subs) for match in found] == [(0x1018, (1,))]
 

@@ -43,7 +43,7 @@ def test_a_foreign_letter_is_named_by_its_line_and_column() -> None:
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
-def test_line_numbers_count_lines_whatever_ends_them(newline: str) -> None:
+def test_line_numbers_count_lines_with_any_line_end(newline: str) -> None:
     data = (HEAD + variable("2000", DefaultValue="4x0")).replace("\n", newline).encode()
     reading = reader.read(data, "x.eds")
     finding = only(reading.eds)

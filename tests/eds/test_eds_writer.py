@@ -96,7 +96,7 @@ def test_the_first_lines_are_as_the_standard_prints_them() -> None:
     assert "DefaultValue=$NODEID+0x180\n" in text
 
 
-def test_a_file_read_is_written_as_it_was_from_whatever_is_at_hand() -> None:
+def test_a_file_is_written_as_it_was_read() -> None:
     data = ("; mine\r\n" + HEAD.replace("\n", "\r\n") + "[DeviceInfo]\r\nX = 1").encode()
     reading = reader.read(data, "x.eds")
     assert writer.dumps(reading) == writer.dumps(reading.eds) == writer.dumps(reading.document) == data
@@ -139,7 +139,7 @@ def test_a_value_that_an_eds_cannot_hold_is_refused(
         writer.dumps(Eds("x", {0x2000: Object(0x2000, name, ObjectType.VAR, {0: entry})}, info))
 
 
-def test_a_model_goes_to_another_process_and_is_the_same_there() -> None:
+def test_a_pickled_model_is_the_same_in_another_process() -> None:
     eds = read(record("2000", variable("2000sub1", DefaultValue="4x0")))
     again = pickle.loads(pickle.dumps(eds))
     assert again.objects == eds.objects

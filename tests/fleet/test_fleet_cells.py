@@ -319,7 +319,7 @@ def test_a_machine_that_was_begun_again_under_its_bridge_is_known_and_commanded_
         assert saw["x"].age < 1.0
 
 
-def test_a_cell_that_is_killed_is_gone_within_a_second_and_the_others_continue(plant):
+def test_a_killed_cell_is_not_reachable_after_a_second_and_the_others_continue(plant):
     with fleet_of(plant) as fleet:
         with fleet["press"].command() as press, fleet["saw"].command() as saw:
             wait(press["x"].enable(), saw["x"].enable(), timeout=20)

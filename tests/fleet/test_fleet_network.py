@@ -89,7 +89,7 @@ def test_without_cells_no_cell_is_shown():
         assert fleet.quick_stop() == []
 
 
-def test_a_cell_that_is_cut_off_is_gone_within_a_second_and_nothing_of_it_is_known(plant):
+def test_a_disconnected_cell_is_not_reachable_after_a_second_and_its_state_is_unknown(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet:
         press = fleet["press"]
@@ -287,7 +287,7 @@ def test_a_lease_is_renewed_for_as_long_as_it_is_held(plant):
     assert 4 <= cell.leases["renew"] <= 10
 
 
-def test_a_lease_that_was_lost_for_want_of_answers_can_be_taken_again_at_once(plant):
+def test_a_lease_lost_for_missing_answers_can_be_taken_again_at_once(plant):
     plant.cell("press")
     with fleet_of(plant) as fleet:
         press = fleet["press"]
@@ -314,7 +314,7 @@ def test_a_refusal_is_raised_as_the_library_s_own_error(plant):
             press["x"].move_absolute(1.0, jerk=float("inf"))
 
 
-def test_a_command_that_was_not_heard_or_whose_answer_was_lost_moves_once(plant, monkeypatch):
+def test_a_command_whose_request_or_answer_was_lost_moves_once(plant, monkeypatch):
     monkeypatch.setattr("axisbus.fleet.command_sender._TIMEOUT", 0.2)
     cell = plant.cell("press")
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
@@ -347,7 +347,7 @@ def test_a_command_that_a_stop_of_another_axis_has_overtaken_is_sent_again_and_o
         assert cell.moved["x"] == 1
 
 
-def test_a_jog_that_was_not_heard_is_not_asked_for_again(plant):
+def test_a_lost_jog_is_not_repeated(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
         for _ in range(3):
@@ -364,7 +364,7 @@ def test_a_jog_that_was_not_heard_is_not_asked_for_again(plant):
         assert len(cell.jogs) == 5
 
 
-def test_a_running_command_ends_as_unknown_once_its_cell_is_gone(plant):
+def test_a_running_command_ends_as_unknown_when_its_cell_is_unreachable(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet:
         with fleet["press"].command() as press:

@@ -72,7 +72,7 @@ def test_a_value_unknown_to_the_cell_is_unknown_here(watch, odd):
     assert not watch.seen("x", 10.0).fresh
 
 
-def test_of_a_cell_that_is_gone_nothing_is_known_at_once(watch):
+def test_the_state_of_an_unreachable_cell_is_not_fresh_at_once(watch):
     watch.take_state("x", state(1), 10.0, 100.0)
     watch.token(False, 10.1)
     assert not watch.alive
@@ -80,7 +80,7 @@ def test_of_a_cell_that_is_gone_nothing_is_known_at_once(watch):
     assert not watch.seen("x", 10.1).fresh
 
 
-def test_a_bridge_that_begins_again_counts_from_1_and_the_one_before_is_heard_no_more(watch):
+def test_a_restarted_bridge_counts_from_1_and_values_of_the_one_before_are_dropped(watch):
     watch.take_info(info(), 100.0)
     watch.take_state("x", state(500), 10.0, 100.0)
     assert watch.take_state("x", state(1, "b", position=2.0), 10.1, 100.0)
@@ -100,7 +100,7 @@ def test_two_bridges_of_one_name_are_reported_once_neither_can_be_one_that_was_k
     assert not watch.rivals(23.0)
 
 
-def test_of_two_bridges_that_are_there_the_first_counts_until_it_is_gone(watch):
+def test_of_two_bridges_the_first_counts_until_it_ends(watch):
     watch.presence("a", True, 10.0)
     assert watch.take_state("x", state(1, "a"), 10.0, 100.0)
     watch.presence("b", True, 11.0)
@@ -142,7 +142,7 @@ def test_the_axes_are_in_the_order_of_the_cell_file_if_it_is_known(watch):
     assert watch.axis_info("z") is None
 
 
-def test_another_clock_is_shown_and_changes_no_age(watch):
+def test_a_difference_of_the_clocks_is_reported_and_changes_no_age(watch):
     watch.take_state("x", state(1, clock=4000.0), 10.0, 100.0)
     assert watch.clock_difference == 3900.0
     assert watch.seen("x", 10.2).age == pytest.approx(0.2)
@@ -241,7 +241,7 @@ def test_events_from_a_cut_connection_are_requested_even_if_no_new_one_came():
     assert [each.n for each in log.events] == [1, 2]
 
 
-def test_a_restarted_bridge_is_asked_and_earlier_events_are_kept():
+def test_a_restarted_bridge_is_asked_for_its_events_and_earlier_events_are_kept():
     log = EventLog()
     log.begin("a")
     log.answered(NEWEST, EventsAnswer("a"))
@@ -313,7 +313,7 @@ def test_an_endpoint_counts_as_reached_if_a_connection_uses_it(endpoints, links,
 # -- the lease -----------------------------------------------------------------------------------------------------------
 
 
-def test_a_lease_is_renewed_in_time_and_counts_from_when_it_was_asked_for():
+def test_a_lease_is_renewed_in_time_and_counts_from_its_request():
     keeper = LeaseKeeper("t", 1.0, 10.0)
     assert not keeper.due(10.2)
     assert keeper.due(10.26)
@@ -363,7 +363,7 @@ def test_an_answer_ends_a_command_as_it_ended_there():
     assert order().answered(CommandAnswer("error", to_fields(Stopped("halt"))), 10.0).status is Status.ABORTED
 
 
-def test_a_running_command_is_asked_again_and_is_active():
+def test_a_running_command_is_requested_again_and_is_active():
     one = order()
     assert isinstance(one.answered(CommandAnswer("running"), 10.0), Again)
     assert one.active
@@ -382,7 +382,7 @@ def test_a_running_command_is_asked_again_and_is_active():
         (HERE._replace(now=10.0 + SILENCE + 0.1), {}, "did not answer"),
     ],
 )
-def test_a_command_without_an_answer_is_asked_again_until_its_end_is_unknown(situation, more, why):
+def test_a_command_without_an_answer_is_requested_again_until_its_end_is_unknown(situation, more, why):
     found = order(**more).unanswered(situation)
     if why is None:
         assert isinstance(found, Again)

@@ -210,7 +210,7 @@ def test_a_client_ends_for_any_answers_and_the_next_call_is_independent(script):
         assert sdo.upload(0x1001, tries=3, timeout=1.0) == b"\0"
 
 
-def test_more_than_an_object_can_have_is_not_taken_but_a_type_that_is_asked_for_counts():
+def test_a_size_beyond_any_object_is_refused_unless_the_requested_type_permits_it():
     with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         fake.peers.append(Slave(ID, {(0x1018, 1): b"x" * 300}))
         with pytest.raises(SdoError, match="300 bytes announced, at most 256 are accepted"):
@@ -268,7 +268,7 @@ def test_no_frame_fails_listening_before_the_bus_is_opened(frames):
     fuzz.any_bytes,
 )
 @settings(max_examples=4)
-def test_a_scan_of_the_bus_ends_whatever_is_answered(script, heartbeat):
+def test_a_scan_of_the_bus_ends_for_any_answers(script, heartbeat):
     with opened() as (fake, channel), fuzz.within(20):
         fake.peers.append(MadServer(script))
         fake.inject(0x700 + ID, heartbeat)
@@ -318,7 +318,7 @@ class Endless:
         return b"\x4f" + bytes(7), time.monotonic()
 
 
-def test_a_slave_that_talks_without_a_pause_ends_no_wait_late(monkeypatch):
+def test_a_slave_that_sends_without_a_pause_delays_the_end_of_no_wait(monkeypatch):
     with opened() as (_, channel):
         master = LssMaster(channel, LssTiming(floor=0.002, first=0.01, ceiling=0.02), beside_operation=True)
         monkeypatch.setattr(master, "_inbox", Endless())

@@ -90,7 +90,7 @@ def test_a_machine_that_cannot_be_joined_is_reported_once_and_tried_again(follow
     assert done == ["served", "looked", "left"]
 
 
-def test_one_that_breaks_is_left_before_it_is_closed_and_the_next_is_followed(follow):
+def test_a_session_that_fails_is_left_before_it_is_closed_and_the_next_machine_is_observed(follow):
     said, done = follow(Runs(2, StateError("the core is gone")), Runs(1), None)
     assert said == [JOINED, "no machine is observed: the core is gone", JOINED, ENDED, WAITS]
     assert done == ["served", "looked", "looked", "left", "served", "looked", "left"]

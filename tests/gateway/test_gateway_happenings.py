@@ -135,7 +135,7 @@ def test_jogs_and_halts_of_the_core_are_reported_only_if_they_fail(machine, monk
     assert [one.cause for one in found[1]] == [("no",)]
 
 
-def test_without_commands_the_core_is_not_asked_for_them(machine, monkeypatch):
+def test_without_commands_the_core_is_not_queried_for_them(machine, monkeypatch):
     monkeypatch.setattr(type(machine.session), "commands", property(lambda _: pytest.fail("asked")))
     machine["x"].enable().wait(5)
     assert MachineEventSource().look(machine, now(machine)) == []

@@ -299,7 +299,7 @@ def test_a_wrong_password_is_refused_each_time(server):
     assert visit(server.url, running, ANNA)[1] == "Good"
 
 
-def test_many_clients_with_wrong_passwords_lock_no_user_out(server, machine):
+def test_many_clients_with_wrong_passwords_do_not_prevent_users_from_connecting(server, machine):
     """Neither a user that connects for the first time, nor one that returns."""
     server._updater._server.iserver.gate._right.clear()
     over = threading.Event()
@@ -341,7 +341,7 @@ def test_a_client_s_session_and_subscriptions_are_its_own(server):
     visit(server.url, steal)
 
 
-def test_one_address_has_not_all_subscriptions(server):
+def test_one_address_cannot_hold_all_subscriptions(server):
     async def ask(seen: Visit):
         made = 0
         with refused("BadTooManySubscriptions"):
@@ -353,7 +353,7 @@ def test_one_address_has_not_all_subscriptions(server):
     assert limits.OF_ADDRESS.subscriptions - 2 <= visit(server.url, ask) <= limits.OF_ADDRESS.subscriptions
 
 
-def test_it_is_no_directory_of_servers(server):
+def test_registering_another_server_is_refused(server):
     async def register(seen: Visit):
         with refused("BadServiceUnsupported"):
             await seen.client.uaclient.register_server(
@@ -612,7 +612,7 @@ def where(operator, *operands):
 @pytest.mark.parametrize(
     ("kind", "comes"), [(ua.ObjectIds.BaseEventType, True), (ua.ObjectIds.SystemEventType, False)]
 )
-def test_an_event_is_of_its_own_type_and_of_that_which_all_have_also_by_a_filter_that_was_changed(
+def test_events_pass_a_filter_of_their_type_and_of_the_base_type_also_after_a_change_of_the_filter(
     server, kind, comes
 ):
     message = [ua.SimpleAttributeOperand(BrowsePath=[ua.QualifiedName("Message", 0)], AttributeId=13)]

@@ -103,7 +103,7 @@ LAST = OpcuaValue(4.0, Quality.GOOD, 1.0)
         (None, ImageFreshness.NONE, None, OpcuaValue(None, Quality.NO_COMMUNICATION)),
     ],
 )
-def test_a_value_is_good_only_while_it_and_its_image_are_of_now(fresh, image, last, told):
+def test_a_value_is_good_only_while_it_and_its_image_are_fresh(fresh, image, last, told):
     assert judged(fresh, 2.0, image, last) == told
 
 
@@ -115,7 +115,7 @@ def test_values_of_one_machine_are_not_usable_for_the_next():
     assert memory.judge(key, None, 3.0, ImageFreshness.NOW).quality is Quality.WAITING
 
 
-def test_without_a_machine_every_value_waits_and_after_one_nothing_is_heard(machine):
+def test_every_value_waits_without_a_machine_and_is_bad_after_the_machine_ended(machine):
     looker = AxisReadings(machine.cell)
     names = {(axis, row.name) for axis in "xy" for row in ROWS}
     before = looker.look()

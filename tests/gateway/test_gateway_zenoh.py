@@ -122,7 +122,7 @@ def test_repeated_late_or_reordered_commands_cause_no_second_motion(client, mach
 
 
 @pytest.mark.parametrize("end", ["killed", "suspended", "cut off"])
-def test_if_the_holder_of_the_lease_is_gone_the_axes_halt(client, bridge, machine, end):
+def test_if_the_holder_of_the_lease_ends_the_axes_halt(client, bridge, machine, end):
     wire = Wire(int(bridge.endpoint.rpartition(":")[2]))
     with holder(wire.endpoint) as program:
         until(lambda: not stands(machine))

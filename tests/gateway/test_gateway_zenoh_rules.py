@@ -95,7 +95,7 @@ def test_a_repeated_id_gives_the_stored_answer_and_a_lower_one_is_refused():
     assert ledger.again("ben", 1, "what") is None
 
 
-def test_ids_that_leave_nothing_behind_count_as_well_and_clients_are_not_without_end():
+def test_rejected_command_ids_count_as_well_and_the_number_of_clients_is_bounded():
     ledger = CommandDeduplicator()
     assert [ledger.passed("anna", number) for number in (3, 3, 2, 4)] == [True, False, False, True]
     with pytest.raises(StateError, match="too late"):
@@ -200,7 +200,7 @@ def desk(machine):
     made.answers.close()
 
 
-def test_a_command_is_executed_once_however_often_and_late_it_is_received(desk):
+def test_a_command_received_several_times_or_late_is_executed_once(desk):
     assert desk.do("enable", 1).status == "done"
     for number in (2, 2, 3, 2, 3):
         assert desk.do("move_relative", number, "x", distance=5.0).status == "done"

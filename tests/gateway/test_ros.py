@@ -201,7 +201,7 @@ def test_an_invalid_trajectory_is_refused(message, words):
         judged(message, JOINTS, NOW)
 
 
-def test_a_stamp_of_now_or_none_begins_now():
+def test_a_stamp_of_zero_or_of_the_present_begins_at_once():
     for stamp in (0, NOW, NOW - 400_000_000, NOW + 400_000_000):
         assert judged(trajectory(GOOD, stamp=stamp), JOINTS, NOW).points
 

@@ -161,7 +161,7 @@ def test_the_lease_is_refused_while_a_trajectory_has_control(ros, machine, endpo
     assert all(axis.state is AxisState.STANDSTILL for axis in machine)
 
 
-def test_one_point_later_than_now_is_gone_to_by_one_axis(ros, machine):
+def test_a_trajectory_of_one_later_point_moves_one_axis_there(ros, machine):
     x, y = place(machine), place(machine, 2)
     ros.send(["y"], (0.5, rad(y + 8)))
     until(lambda: abs(place(machine, 2) - y - 8) < 0.05 and stands(machine))

@@ -17,7 +17,7 @@ def beaten(
     return dead.beaten(press, axis, way, sent, sent + OFFSET + lag)
 
 
-def test_it_continues_for_as_long_as_it_beats():
+def test_a_jog_continues_for_as_long_as_the_heartbeat_of_the_button_arrives():
     dead = DeadMan()
     for beat in range(200):
         dead = beaten(dead, beat * 0.05)

@@ -189,7 +189,9 @@ def test_a_with_block_in_a_cell_is_left_by_it(shell):
 
 
 @pytest.mark.parametrize(("seconds", "quick"), [(0.0, True), (3.0, False)])
-def test_one_that_follows_another_while_a_machine_is_left_is_a_quick_stop(shell, monkeypatch, seconds, quick):
+def test_a_second_interrupt_while_a_machine_is_being_closed_is_a_quick_stop(
+    shell, monkeypatch, seconds, quick
+):
     machine = shell.cell(lambda: Machine.simulated(CELL))
     now, asked = time.monotonic(), []
     machine["x"].enable().wait()
@@ -211,7 +213,7 @@ def test_one_that_follows_another_while_a_machine_is_left_is_a_quick_stop(shell,
     shell.cell(machine.close)
 
 
-def test_a_machine_that_another_thread_has_opened_is_heard_from_the_next_cell_on(shell):
+def test_a_machine_opened_in_another_thread_is_interrupted_from_the_next_cell_on(shell):
     made = []
     thread = threading.Thread(target=lambda: made.append(Machine.simulated(CELL)))
     thread.start()

@@ -112,7 +112,7 @@ def arm(line):
         yield axis
 
 
-def test_it_boots_without_power(line):
+def test_a_modbus_machine_boots_without_power(line):
     with Machine.open(line.cell()) as machine:
         assert machine["arm"].state is AxisState.DISABLED
         assert line.is_off
@@ -145,7 +145,7 @@ def test_a_halt_ends_a_move_and_holds(line, arm):
     arm.move_absolute(0.0, **RAMPS).wait(15)
 
 
-def test_a_quick_stop_brakes_and_lets_go(line, arm):
+def test_a_quick_stop_brakes_the_module_and_switches_its_power_off(line, arm):
     arm.move_absolute(500.0, **RAMPS)
     line.until(lambda: line.velocity > 150.0)
     arm.quick_stop().wait(10)
@@ -176,7 +176,7 @@ def test_a_fault_is_reported_with_its_name_and_reset(line, arm):
     arm.enable().wait(10)
 
 
-def test_one_lost_answer_is_no_lost_node(line, arm):
+def test_one_lost_answer_does_not_count_as_a_lost_node(line, arm):
     for lost in (1, 2):
         with line._lock:
             line.station.dials.silent = lost
@@ -228,7 +228,7 @@ def test_a_module_that_refuses_a_question_ends_the_machine_and_is_stopped(line):
     line.until(lambda: abs(line.velocity) < 1.0)
 
 
-def test_a_module_that_another_program_has_enabled_is_braked_and_let_go(line):
+def test_a_module_that_another_program_has_enabled_is_braked_and_switched_off(line):
     with line._lock:
         module = line.station.module
         module.usb_write("axis0.controller.config.control_mode", 2)

@@ -78,7 +78,7 @@ def test_an_object_of_it_cannot_be_recorded(tmp_path, cell):
         cell.recording(tmp_path / "run.mcap", objects=["m:6081"])
 
 
-def test_it_takes_no_nmt_command_and_has_no_objects(cell):
+def test_a_can_simple_module_accepts_no_nmt_command_and_has_no_objects(cell):
     node = cell.node(MODULE)
     with pytest.raises(StateError, match="does not accept stop"):
         node.command(NmtCommand.STOP)
@@ -142,7 +142,7 @@ def _begins(monkeypatch, begin) -> None:
     monkeypatch.setattr(simulated_modules, "_module", changed)
 
 
-def test_one_that_is_found_enabled_is_left_so_until_it_is_taken_over(tmp_path, monkeypatch):
+def test_a_module_found_enabled_stays_enabled_until_the_axis_is_enabled(tmp_path, monkeypatch):
     _begins(monkeypatch, lambda module: module.axis.request(8))
     path = write(tmp_path, SIM)
     with Machine.simulated(path) as cell:
@@ -161,7 +161,7 @@ def test_one_that_is_found_enabled_is_left_so_until_it_is_taken_over(tmp_path, m
     assert not module.energised
 
 
-def test_one_that_is_not_there_is_reported_and_nothing_is_opened(tmp_path, monkeypatch):
+def test_a_missing_module_is_reported_and_nothing_is_opened(tmp_path, monkeypatch):
     _begins(monkeypatch, lambda module: setattr(module.dials, "dead", True))
     with pytest.raises(AxisbusError, match="module 16 does not answer"):
         Machine.simulated(write(tmp_path, SIM))

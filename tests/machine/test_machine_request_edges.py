@@ -69,7 +69,7 @@ def test_a_target_is_an_increment_within_the_limits_and_the_object(changes, posi
         (math.nan, "ArgumentError"),
     ],
 )
-def test_a_distance_and_the_name_of_a_place_fit_the_object(method, value, expected):
+def test_a_distance_and_a_position_are_limited_to_the_range_of_the_object(method, value, expected):
     found = outcome(lambda r: getattr(r, method)(value))
     assert (found[0] if isinstance(found, tuple) else found) == expected
 
@@ -91,7 +91,7 @@ def test_a_distance_and_the_name_of_a_place_fit_the_object(method, value, expect
         ({}, True, "ArgumentError"),
     ],
 )
-def test_a_torque_is_no_stronger_than_was_asked_for_or_is_allowed(changes, torque, expected):
+def test_a_torque_exceeds_neither_the_requested_nor_the_permitted_one(changes, torque, expected):
     found = outcome(lambda r: r.torque(torque), **changes)
     assert (found[0] if isinstance(found, tuple) else found) == expected
 
@@ -195,7 +195,7 @@ def test_values_missing_in_a_profile_are_the_defaults(arguments, expected):
         assert tuple(request().turning(-arguments[0], *arguments[1:])) == (-expected[0], *expected[1:])
 
 
-def test_a_default_deceleration_goes_before_the_acceleration():
+def test_a_default_deceleration_takes_precedence_over_the_acceleration():
     defaults = Defaults(velocity=1.0, acceleration=2.0, deceleration=3.0)
     assert request(defaults=defaults).profile(None)[:3] == (1000, 2000, 3000)
     assert request(defaults=defaults).profile(None, 9.0)[:3] == (1000, 9000, 3000)
@@ -328,6 +328,6 @@ NOTHING = {"limits": AxisLimits(), "defaults": Defaults()}
         ),
     ],
 )
-def test_a_trajectory_is_held_against_the_limits_before_it_starts(trajectory, changes, message):
+def test_a_trajectory_is_checked_against_the_limits_before_it_starts(trajectory, changes, message):
     found = outcome(lambda r: r.trajectory(trajectory), **changes)
     assert (None if found is None else found[1]) == message

@@ -111,7 +111,7 @@ def test_boot_reports_each_node_which_sync_and_time_the_bus_has(
         assert {index: made.read(index) for index in after} == after
 
 
-def test_a_counter_that_1006_locks_is_set_all_the_same(tmp_path: Path) -> None:
+def test_a_sync_counter_that_1006h_locks_is_nevertheless_set(tmp_path: Path) -> None:
     """CiA 301 7.5.2.22: 1019h is refused while 1006h is not 0."""
     path = write(tmp_path, "sync_counter = 10")
     made = device(tmp_path, x1006=20_000)
@@ -175,7 +175,7 @@ def test_an_axis_moves_by_a_sync_of_another_identifier_with_a_counter(tmp_path: 
         assert list(machine.node(3).emcy) == []  # no 8240h: the length of SYNC is that of 1019h
 
 
-def test_another_devices_sync_drives_the_scan_and_its_silence_stops_the_axis(tmp_path: Path) -> None:
+def test_the_sync_of_another_device_drives_the_scan_and_its_silence_stops_the_axis(tmp_path: Path) -> None:
     """Node 4 sends SYNC every 50 ms; when it no longer does, the axis is stopped and disabled without SYNC."""
     path = write(tmp_path, 'sync_producer = "external"\nsync_timeout = "2s"', more=PRODUCER)
     machine = Machine.open(path)
@@ -256,7 +256,7 @@ def test_mapping_objects_typed_array_make_no_difference(tmp_path: Path) -> None:
 # -- deadlines and incidents
 
 
-def test_a_tpdo_that_stops_is_reported_and_its_values_are_not_passed_off_as_fresh(tmp_path: Path) -> None:
+def test_a_tpdo_that_stops_is_reported_and_its_values_do_not_count_as_fresh(tmp_path: Path) -> None:
     with Machine.open(write(tmp_path)) as machine:
         machine["x"].enable().wait(20)
         node = machine.node(3)

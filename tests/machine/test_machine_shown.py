@@ -131,7 +131,7 @@ def test_texts_of_files_and_drives_are_escaped_in_html(cell, monkeypatch):
         assert EVIL not in thing._repr_html_()
 
 
-def test_whatever_fails_is_a_line_and_no_traceback(cell, monkeypatch):
+def test_a_failure_while_displaying_a_cell_is_one_line_without_a_traceback(cell, monkeypatch):
     monkeypatch.setattr(Axis, "state", property(lambda _: 1 / 0))
     assert "cannot be displayed (ZeroDivisionError)" in cell._repr_html_()
     assert "cannot be displayed (ZeroDivisionError)" in cell["x"]._repr_html_()

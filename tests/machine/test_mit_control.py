@@ -125,7 +125,7 @@ def test_a_signal_lets_it_go(number, raised):
     assert (module.axis.error, module.energised) == (0, False)
 
 
-def test_a_program_that_hangs_is_taken_for_dead():
+def test_a_program_that_gives_no_command_lets_the_module_lose_its_power_and_its_next_command_raises():
     module = Module(5)
     with led(module) as control:
         control.enable()
@@ -136,7 +136,7 @@ def test_a_program_that_hangs_is_taken_for_dead():
             control.command(SPIN)
 
 
-def test_a_lost_module_is_reported_and_not_passed_off_as_stopped():
+def test_a_lost_module_is_reported_as_not_answering_and_not_as_stopped():
     module = Module(5)
 
     def lose(control):
@@ -168,7 +168,7 @@ def test_a_module_that_must_not_be_commanded_is_reported_with_the_reason():
         control.enable()
 
 
-def test_its_ranges_are_read_by_the_list_of_its_firmware(tmp_path):
+def test_the_mit_ranges_are_read_by_the_endpoint_list_of_the_firmware(tmp_path):
     module = Module(5, firmware=Firmware(0, 6, 0), mit_max_torque=11.0)
     file = tmp_path / "list.json"
     file.write_text(json.dumps(module.json()), "utf-8")

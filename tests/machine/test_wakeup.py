@@ -67,7 +67,7 @@ def busy(seconds: float) -> None:
     hashlib.pbkdf2_hmac("sha256", b"", b"", rounds)
 
 
-def test_a_signal_is_heard_while_the_main_thread_is_in_a_long_call(listener: Listener) -> None:
+def test_a_signal_is_received_while_the_main_thread_is_in_a_long_call(listener: Listener) -> None:
     threading.Timer(0.3, os.kill, (os.getpid(), NUMBER)).start()
     with pytest.raises(Woken):
         busy(2.0)

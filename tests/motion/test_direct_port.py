@@ -56,7 +56,7 @@ def as_cycle(cycle: BusCycle) -> BusCycle:
     return cycle
 
 
-def test_it_implements_the_port_protocol():
+def test_the_direct_port_implements_the_port_protocol():
     bench = Bench()
     assert as_port(bench.port).capabilities.inputs["statusword"] is ValueTransport.SYNC_PDO
     assert as_cycle(bench.cycle).now() == 0.0

@@ -67,7 +67,7 @@ def test_hold_to_run_halts_an_axis_in_continuous_motion_0_3_s_after_the_last_cal
     assert handle.done or handle.error is not None
 
 
-def test_a_move_with_an_end_of_its_own_is_not_halted_sooner(cell):
+def test_a_move_that_ends_by_itself_is_not_halted_earlier(cell):
     cell["x"].move_relative(1000.0, velocity=30.0)
     cell.hold_to_run(1.0, 0.3)
     cell.sleep(0.9)

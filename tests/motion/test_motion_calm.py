@@ -221,13 +221,13 @@ def test_an_axis_on_a_trajectory_takes_the_short_cycle():
         (lambda core: core.supervision.following, "led_at", 1e9),
     ],
 )
-def test_one_thing_that_a_command_may_have_changed_leaves_the_cycle_to_the_whole_step(part, name, value):
+def test_each_thing_that_a_command_may_have_changed_ends_the_short_cycle(part, name, value):
     core, inputs = cruising()
     setattr(part(core), name, value)
     assert core._cruise.step(inputs) is None
 
 
-def test_a_place_beyond_the_limits_leaves_the_cycle_to_the_whole_step():
+def test_a_position_beyond_the_limits_ends_the_short_cycle():
     core, inputs = cruising()
     path = core.activity
     path._limits, path._known_way, path._is_known = (-1.0, 0.5), None, True
@@ -295,7 +295,7 @@ def test_one_value_out_of_the_ordinary_leaves_the_cycle_to_the_whole_step_and_ch
         (lambda core: core.stopping, "ladder", "one"),
     ],
 )
-def test_one_thing_out_of_the_ordinary_is_enough_for_a_cycle_not_to_be_calm(part, name, value):
+def test_each_single_exceptional_condition_makes_a_cycle_not_calm(part, name, value):
     core = rig().enabled().core
     assert core._is_calm(core.image)
     setattr(part(core), name, value)

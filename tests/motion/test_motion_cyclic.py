@@ -28,7 +28,7 @@ IMAGE = SimpleNamespace()  # a ramp asks nothing of it
 
 @given(VELOCITIES, VELOCITIES, RATES, RATES, st.floats(0.001, 0.1))
 @example(10.0, -10.0, 1000.0, 100.0, 0.05)
-def test_a_step_is_never_harder_than_its_ramps_and_never_goes_past_the_target(before, target, up, down, dt):
+def test_a_step_never_exceeds_its_ramps_and_never_passes_the_target(before, target, up, down, dt):
     after = next_velocity(before, target, up, down, dt)
     assert abs(after - before) <= max(up, down) * dt * 1.000001 + 1e-9
     assert min(before, target) - 1e-6 <= after <= max(before, target) + 1e-6
@@ -39,7 +39,7 @@ def test_a_step_is_never_harder_than_its_ramps_and_never_goes_past_the_target(be
 
 
 @given(VELOCITIES, VELOCITIES, st.floats(1e3, 1e6), st.floats(1e3, 1e6))
-def test_many_short_steps_are_one_long_step(before, target, up, down):
+def test_many_short_steps_sum_up_to_one_long_step(before, target, up, down):
     value = before
     for _ in range(50):
         value = next_velocity(value, target, up, down, 0.002)
@@ -92,14 +92,14 @@ def test_a_torque_reaches_its_target_by_its_slope_and_does_not_exceed_it(start, 
     )
 
 
-def test_a_torque_that_holds_a_load_is_not_let_go_by_a_halt():
+def test_a_torque_that_holds_a_load_is_kept_by_a_halt():
     ramp, order = TorqueRamp(300.0, 1000, 0.01, lets_go=False), CycleOutputs()
     assert not ramp.begin_braking()
     ramp.step(IMAGE, order)
     assert order.target_torque == 300
 
 
-def test_a_velocity_streamed_by_the_master_is_braked_by_its_own_ramp_whatever_605dh_is(dictionary_parameters):
+def test_a_velocity_streamed_by_the_master_is_braked_by_its_own_ramp_for_any_605dh(dictionary_parameters):
     for halt in (0, 1, 2):
         parameters = dictionary_parameters(halt)
         course = CommandedMotion(1000.0, 500.0, 800.0, by_core=True)
@@ -190,7 +190,7 @@ def test_velocities_in_coarse_units_are_sent_as_whole_numbers():
     assert r.axis.error is None
 
 
-def test_the_first_target_goes_out_after_the_halt_was_released():
+def test_the_first_target_is_sent_after_the_halt_was_released():
     r = rig().enabled()
     r.axis.halt().wait(5)
     r.axis.cyclic_velocity(100.0)

@@ -111,7 +111,7 @@ def test_observations_of_a_stop_are_reported_in_order():
     assert "raise halt_time and quick_stop_time in [axes.x.stop]" in late.remedy
 
 
-def test_a_halt_whose_path_brakes_too_slowly_is_not_put_down_to_the_drive():
+def test_a_halt_that_brakes_too_slowly_along_its_path_names_the_path_and_not_the_drive():
     remedy = stop_error(ladder(late=["halt_time"], on_its_path=True), "x").remedy
     assert remedy.startswith("braking along its path took longer than halt_time")
     assert remedy.endswith("raise halt_time in [axes.x.stop]")
@@ -119,7 +119,7 @@ def test_a_halt_whose_path_brakes_too_slowly_is_not_put_down_to_the_drive():
     assert "find out why the drive" in both.remedy
 
 
-def test_a_stop_that_is_asked_for_again_keeps_the_harder_kind_and_its_lock():
+def test_a_repeated_stop_keeps_the_harder_kind_and_its_lock():
     stopping = Stopping(Drive().parameters)
     assert stopping.interruptible
     first, second = (CommandStatus(name) for name in ("a", "b"))
@@ -230,7 +230,7 @@ M = ModeOfOperation
         (M.CYCLIC_SYNC_TORQUE, 5, False, [M.CYCLIC_SYNC_POSITION, M.PROFILE_POSITION], [M.PROFILE_POSITION]),
     ],
 )
-def test_the_modes_into_which_a_drive_that_is_taken_over_can_be_brought_without_a_jump(
+def test_the_modes_into_which_an_adopted_drive_can_be_switched_without_a_jump(
     mode, offset, moving, candidates, chosen
 ):
     taken = DriveAdoption(mode, Drive().parameters)
@@ -363,7 +363,7 @@ PACE = PathLimitCheck("deg", 4.0, 8.0, "max_acceleration", 0.5, 0.0)
         (PathSample(0.0, 4.0), -0.01, "harder than max_acceleration"),
     ],
 )
-def test_a_step_is_held_against_velocity_and_acceleration(before, position, told):
+def test_a_step_is_checked_against_velocity_and_acceleration(before, position, told):
     found = PACE.excess(before, PACE.next(before, position))
     assert (None if found is None else found.what) == told
 
@@ -464,12 +464,12 @@ def test_a_path_brakes_smoothly_if_its_deceleration_suffices(path, speed, decele
         (9.0, 0.0, None),
     ],
 )
-def test_a_path_is_looked_at_as_far_ahead_as_braking_takes(start, speed, found):
+def test_a_path_is_checked_as_far_ahead_as_braking_takes(start, speed, found):
     seen = excess(lambda t: start + speed * t, 0.0, 0.5, (-10.0, 10.0), 2.0)
     assert (None if seen is None else tuple(seen)) == found
 
 
-def test_a_position_outside_the_limits_widens_them_as_far_as_itself():
+def test_a_position_outside_the_limits_widens_them_up_to_itself():
     assert widened((-1.0, 1.0), 0.0, 0.5) == (-1.5, 1.5)
     assert widened((-1.0, 1.0), 3.0, 0.5) == (-1.5, 3.5)
     assert widened((-1.0, 1.0), -3.0, 0.5) == (-3.5, 1.5)
@@ -790,7 +790,7 @@ def test_a_deceleration_too_weak_to_stop_within_the_limits_is_refused(at, decele
 
 
 @pytest.mark.parametrize("deceleration", [500.0, 20.0])
-def test_a_move_to_a_target_brings_no_deceleration_that_is_too_weak(deceleration):
+def test_a_move_to_a_target_never_uses_a_deceleration_that_is_too_weak(deceleration):
     r = rig(limits=AxisLimits(position=(-100.0, 100.0), velocity=400.0)).enabled()
     r.axis.home(37).wait(3)
     r.axis.move_velocity(50.0).wait(3)

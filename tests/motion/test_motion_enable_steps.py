@@ -122,7 +122,7 @@ def test_a_position_received_in_time_restarts_the_wait():
         assert not activity.step(*drive.cycle(position=None))
 
 
-def test_an_axis_that_still_moves_without_power_is_not_caught_unless_that_is_asked_for():
+def test_an_axis_that_moves_without_power_is_not_enabled_unless_allowed():
     drive = Drive()
     activity, position = enable(drive), 0
     with pytest.raises(StateError, match="not enabled, because it moves"):

@@ -168,7 +168,7 @@ def test_a_drive_that_does_not_take_the_period_is_not_moved():
     assert 8 not in watch.modes
 
 
-def test_a_drive_that_rounds_the_period_is_found_out_by_reading_back():
+def test_a_drive_that_rounds_the_period_is_detected_by_reading_it_back():
     r = rig().enabled()
     r.device.write(0x60C2, 1, 4)
     write = r.device.write
@@ -436,7 +436,7 @@ def test_a_trajectory_that_would_leave_the_position_limits_is_braked_ahead_of_th
     r.axis.move_absolute(0.0).wait(5)
 
 
-def test_a_trajectory_that_brakes_before_the_limit_is_allowed_however_hard_it_brakes():
+def test_a_trajectory_that_brakes_before_the_limit_is_allowed_at_any_deceleration():
     r = rig(limits=TEN, defaults=Defaults(velocity=100.0, acceleration=100.0)).enabled()
     r.axis.follow(Own(TrapezoidalTrajectory(0.0, 10.0, 100.0, 2000.0))).wait(5)
     assert r.drive.position == 10_000

@@ -208,7 +208,7 @@ def attributes(thing) -> set[str]:
 
 
 @pytest.mark.parametrize("path", PARTS)
-def test_each_attribute_is_forgotten_or_kept_for_a_reason(path):
+def test_each_attribute_is_reset_or_kept_for_a_reason(path):
     """An attribute that is new has to be put into one of the lists: state of a motion must not outlive it."""
     thing = part(rig().core, path)
     assert type(thing) is PARTS[path]
@@ -232,7 +232,7 @@ def test_a_loss_forgets_its_list_and_those_of_the_smaller_ones(loss):
         assert getattr(part(core, path), attribute) == (clean if name in void else dirty), name
 
 
-def test_with_the_power_each_watch_begins_again_and_with_the_count_each_place():
+def test_a_loss_of_power_restarts_each_watch_and_a_loss_of_the_count_each_position_window():
     core = rig().core
     core.image.led.trust.gives(500)
     core.supervision.following._mode = 1

@@ -118,7 +118,7 @@ def test_a_position_that_is_too_old_raises_instead_of_being_shown():
 
 
 @pytest.mark.parametrize(("name", "code"), [("velocity", "606Ch"), ("torque", "6077h")])
-def test_velocity_and_torque_are_not_passed_off_as_fresh_either(name, code):
+def test_stale_velocity_and_torque_raise_an_error(name, code):
     r = rig().enabled()
     lose(r, name)
     r.run(0.2)
@@ -148,13 +148,13 @@ def test_when_nothing_at_all_arrives_the_node_is_named_as_lost():
     assert "no longer sends process data" in r.axis.error.message
 
 
-def test_an_axis_at_standstill_that_goes_silent_is_not_left_in_standstill():
+def test_an_axis_at_standstill_without_a_statusword_goes_to_errorstop():
     r = rig().enabled()
     lose(r, "statusword")
     r.until(lambda: r.axis.state is AxisState.ERRORSTOP, 1.0)
 
 
-def test_a_disabled_axis_that_goes_silent_is_sent_nothing():
+def test_a_disabled_axis_whose_values_stop_is_sent_nothing():
     r = rig()
     r.run(0.1)
     watch = Watch(r)

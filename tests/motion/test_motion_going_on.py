@@ -114,7 +114,7 @@ def test_a_move_that_replaces_a_waiting_move_continues_the_trajectory_before_bot
     assert move.last_step == before.last_step
 
 
-def test_one_that_is_stopped_before_it_begins_never_begins():
+def test_a_move_that_is_stopped_before_it_begins_never_begins():
     drive, before = led()
     gate = StartBarrier()
     move = going_on(drive, before, gate=gate)
@@ -136,7 +136,7 @@ def test_one_that_is_stopped_before_it_begins_never_begins():
 
 
 @pytest.mark.parametrize(("timeout", "told"), [(0.5, True), (30.0, False), (None, False)])
-def test_it_has_the_time_that_the_caller_gives(timeout, told):
+def test_a_following_move_has_the_time_that_the_caller_gives(timeout, told):
     drive, before = led()
     move = going_on(drive, before, timeout=timeout)
     began = drive.now
@@ -158,7 +158,7 @@ def test_it_has_the_time_that_the_caller_gives(timeout, told):
     ("room", "way", "fits"),
     [(50.0, 40.0, True), (40.0, 40.0, True), (39.99, 40.0, False), (5.1, 3.0, True), (4.9, 3.0, False)],
 )
-def test_it_needs_room_to_brake_within_the_limits(room, way, fits):
+def test_a_following_move_needs_room_to_brake_within_the_limits(room, way, fits):
     """From 20 deg/s with 40 deg/s² it stops after 5 deg at the earliest."""
     drive, before = led()
     where = before.last_step.position

@@ -73,7 +73,7 @@ def test_all_axes_take_transition_4_in_the_same_sync():
     assert times[0][0] - waited > 0.3  # y was ready and waited for the slowest
 
 
-def test_a_group_enable_that_is_asked_for_again_continues_and_both_handles_end_as_it_does():
+def test_a_repeated_group_enable_continues_and_both_handles_end_as_it_does():
     r = rig("xyz")
     r.drive_of("y").dials.transition_delay[3] = 0.2
     watches = [Watch(r, name) for name in "xyz"]
@@ -112,7 +112,7 @@ def test_an_axis_that_is_being_enabled_alone_does_not_block_its_group():
     assert all(device.drives[0].power.stage == ENABLED for device in r.devices)
 
 
-def test_a_group_enable_that_was_asked_for_twice_and_fails_fails_for_both():
+def test_a_repeated_group_enable_that_fails_fails_for_both_handles():
     r = rig("xy")
     r.drive_of("y").dials.transition_delay[3] = 1e9
     first = r.groups["all"].enable()
@@ -144,7 +144,7 @@ def test_a_group_command_given_twice_ends_well_for_both(how):
     assert all(abs(device.drives[0].axis.motor.velocity) < 1.0 for device in r.devices)
 
 
-def test_a_halt_that_is_asked_for_again_stops_an_axis_that_has_begun_to_move_meanwhile():
+def test_a_repeated_halt_stops_an_axis_that_started_to_move_after_the_first():
     r = rig("xy", each={"y": {"defaults": Defaults(velocity=100.0, acceleration=20.0)}}).enabled()
     r.axes["y"].move_velocity(50.0)
     r.run(1.0)
@@ -293,7 +293,7 @@ def test_halt_brakes_along_the_line():
 
 
 @pytest.mark.parametrize("after", [0.08, 0.15, 1.0, 1.62, 1.75])
-def test_braking_along_the_line_never_asks_for_more_than_the_path_s_acceleration(after):
+def test_braking_along_the_line_never_exceeds_the_acceleration_of_the_path(after):
     """Also while the line itself speeds up (0.25 s) or slows down (from 1.5 s on)."""
     r = rig("xy").enabled()
     r.groups["all"].move_linear((90.0, 120.0), velocity=100.0, acceleration=400.0)
@@ -408,7 +408,7 @@ def test_a_line_needs_a_number_for_each_axis_and_keeps_the_limits():
         group.move_linear((1.0, math.nan), velocity=10.0)
 
 
-def test_a_line_brings_back_an_axis_that_is_outside_its_limits():
+def test_a_line_returns_an_axis_that_is_outside_its_limits():
     outside = MotorParams(start_position=15_000)
     r = rig("xy", motor=outside, each={"x": {"limits": AxisLimits(position=(-10.0, 10.0))}}).enabled()
     watch = Watch(r, "x")
@@ -673,7 +673,7 @@ def test_every_target_of_a_circle_lies_on_it_to_the_increment():
 
 
 @pytest.mark.parametrize("blend", [0.2, 3.0])
-def test_every_target_of_a_path_lies_on_its_lines_or_as_near_to_a_corner_as_was_asked_for(blend):
+def test_every_target_of_a_path_lies_on_its_lines_or_within_the_blend_of_a_corner(blend):
     r = rig("xy").enabled()
     seen = watches(r)
     corners = [(0.0, 0.0), (60.0, 0.0), (60.0, 45.0), (10.0, 45.0)]

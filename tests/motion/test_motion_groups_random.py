@@ -149,7 +149,7 @@ class Chaos:
 
 @pytest.mark.parametrize("hard", [False, True], ids=["gentle", "hard"])
 @pytest.mark.parametrize("seed", range(FIRST, LAST))
-def test_whatever_groups_and_axes_are_asked_for_at_whatever_time(tmp_path, seed, hard):
+def test_random_commands_of_groups_and_axes_at_random_times(tmp_path, seed, hard):
     with Stage(tmp_path) as stage:
         chaos = Chaos(stage.simulated("xyz", axis=f"max_acceleration = {LIMIT}"), seed, hard)
         chaos.prepare()

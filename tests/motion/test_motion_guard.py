@@ -105,7 +105,7 @@ def test_the_limits_count_from_the_zero_that_the_user_has_set():
     assert moved.rest(course=turning(1000)) == 100.002
 
 
-def test_a_command_that_speeds_up_counts_with_the_speed_that_it_may_have_by_then():
+def test_a_command_that_accelerates_counts_with_the_velocity_it_may_reach_until_the_stop_acts():
     """From 64 000/s with 64 000/s² for 5.5 cycles: 69 500/s."""
     faster = CommandedMotion(speed=128_000.0, up=64_000.0, down=DOWN)
     # 4343.75 until a stop acts and 3773.6328 on the ramp
@@ -489,7 +489,7 @@ def test_only_positions_that_are_new_count_for_the_lag():
     assert watch.error(drive.cycle(position=None)[0], other) is None
 
 
-def test_a_position_of_before_is_one_however_often_it_is_looked_at():
+def test_an_old_position_counts_once_however_often_it_is_read():
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
@@ -574,7 +574,7 @@ def test_commands_monitored_by_the_lag_behind_their_demand():
 
 
 @pytest.mark.parametrize(("behind", "gives_up"), [(5024, False), (5025, True), (-5024, False), (-5025, True)])
-def test_a_demand_slower_than_the_position_has_the_speed_of_its_own_stamps(behind, gives_up):
+def test_a_demand_slower_than_the_position_has_the_velocity_of_its_own_stamps(behind, gives_up):
     """4096 increments per s excuse 1024 beyond the window of 4000, as of the time of the demand, however old it is by now."""
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)

@@ -165,7 +165,7 @@ def test_a_failed_handle_that_the_program_dropped_is_logged_by_name(caplog):
 
 
 @pytest.mark.parametrize("look", ["done", "aborted", "exception()", "wait()"])
-def test_a_handle_that_was_looked_at_or_only_aborted_is_not_reported(caplog, look):
+def test_a_handle_that_was_read_or_only_aborted_is_not_reported(caplog, look):
     handle = Handle("x", NOBODY)
     handle._finish(Status.ERROR, DriveError("x"))
     if look == "wait()":
@@ -300,7 +300,7 @@ def test_a_wait_in_real_time_times_out_in_time():
     assert handle.exception() is not None  # the scan has ended, and with it every handle
 
 
-def test_a_loop_that_is_gone_when_the_motion_ends_does_not_disturb_the_scan():
+def test_an_event_loop_that_closed_before_the_motion_ends_does_not_disturb_the_scan():
     with RealTime() as real:
         real.rig.axis.enable().wait(5)
         handle = real.rig.axis.move_absolute(20.0)
@@ -350,7 +350,7 @@ def test_the_scan_cannot_wait_for_itself():
     assert "own thread" in seen[0].message
 
 
-def test_both_waiters_offer_the_seam():
+def test_both_waiters_implement_the_waiter_protocol():
     def seam(waiter: Waiter) -> Waiter:
         return waiter
 

@@ -48,7 +48,7 @@ def edges(watch: Watch) -> int:
         (37, 10_000),
     ],
 )
-def test_each_method_calls_the_right_place_home(method, home):
+def test_each_homing_method_sets_home_at_the_right_position(method, home):
     r = rig(motor=MACHINE, homing=SEARCH).enabled()
     assert not r.axis.homed
     watch = Watch(r)
@@ -76,7 +76,7 @@ def test_objects_written_before_homing():
     assert first_bit_4 > last_write  # the search began with its objects in place
 
 
-def test_bit_4_stays_high_through_the_search_and_falls_afterwards():
+def test_bit_4_stays_high_during_the_search_and_falls_after_it():
     r = rig(motor=MACHINE, homing=SEARCH).enabled()
     watch = Watch(r)
     r.axis.home(18).wait(20)

@@ -63,7 +63,7 @@ def seen(img: AxisImage, now: float, **values) -> AxisImage:
 
 @pytest.mark.parametrize(("word", "state", "_"), STATES)
 @pytest.mark.parametrize("others", [0x0000, 0xFF90])
-def test_the_power_state_is_that_of_table_29_whatever_the_other_bits_are(word, state, _, others):
+def test_the_power_state_is_that_of_table_29_for_any_other_bits(word, state, _, others):
     assert seen(fresh_image(), 0.0, statusword=word | others).state is state
 
 
@@ -99,7 +99,7 @@ def test_the_demand_is_unwrapped_like_the_position():
     assert img.reference == HALF + 3  # no demand: the actual position
 
 
-def test_standstill_needs_the_whole_window_at_one_place():
+def test_standstill_needs_the_whole_window_at_one_position():
     img = fresh_image()
     for number in range(5):
         seen(img, number * T, position=100 + number % 2)
@@ -301,7 +301,7 @@ def test_a_set_point_is_not_offered_while_the_old_acknowledge_is_set():
 
 
 @pytest.mark.parametrize("delay", [0, 1, 2])
-def test_the_target_goes_ahead_of_the_edge_by_as_many_cycles_as_the_port_wants(delay):
+def test_the_target_is_sent_before_the_edge_by_as_many_cycles_as_the_port_requires(delay):
     img = AxisImage(Capabilities({}, {}, True, {}, delay), T, 2.0, 0.05)
     order, point = CycleOutputs(), SetPoint(5_000, "x", 1.0)
     sent = []
@@ -419,7 +419,7 @@ def test_asking_for_less_does_not_climb_up_again():
     assert fall.step(ENABLED, moving=True).controlword & 0x0F == 0x02
 
 
-def test_without_a_statusword_the_first_word_is_the_one_that_is_safe_in_every_state_and_it_goes_by_sdo_too():
+def test_without_a_statusword_the_first_controlword_is_safe_in_every_state_and_also_sent_by_sdo():
     fall = Fall()
     fall.step(ENABLED, moving=True)
     out = fall.step(None, moving=True)

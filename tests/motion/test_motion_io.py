@@ -68,7 +68,7 @@ def test_the_frame_of_an_output_keeps_its_other_bits():
         ((0.01, 0.01, 0.025), 0.03),
     ],
 )
-def test_a_command_is_done_once_the_node_was_heard_after_it_has_left(heard, done_at):
+def test_a_command_is_done_once_the_node_reported_after_the_command_was_sent(heard, done_at):
     one, ticket, done = node(), CommandStatus("lamp"), []
     one.step(0.0, there())
     one.set({"lamp": 1}, ticket)

@@ -79,7 +79,7 @@ def test_arms_that_do_not_meet_are_reported():
         (Delta(100.0, 40.0, 60.0, 200.0), (180.0, 180.0, 180.0)),
     ],
 )
-def test_arms_that_could_meet_in_many_places_are_reported(machine, axes):
+def test_arms_that_could_meet_at_many_points_are_reported(machine, axes):
     with pytest.raises(ValueError, match=r"the arms|two arms"):
         machine.forward(axes)
 

@@ -100,7 +100,7 @@ def test_a_drive_without_6084h_brakes_as_it_accelerates():
     assert on_ramps(PROFILE, 7000, 500_000, few).down == 7000.0
 
 
-def test_a_drive_limits_its_ramps_by_maxima_of_its_own():
+def test_a_drive_limits_its_ramps_by_its_own_maxima():
     limited = replace(Drive().parameters, braking=Braking(most_up=30.0, most_down=20.0))
     found = on_ramps(PROFILE, 7000, 8000, limited)
     assert (found.up, found.down, found.ramp) == (30.0, 20.0, 20.0)
@@ -260,7 +260,7 @@ def test_an_axis_is_stopped_that_is_a_quarter_faster_than_max_velocity(mode, sig
     assert "velocity_scale" in error.remedy
 
 
-def test_an_axis_is_stopped_that_is_twice_as_fast_as_it_was_asked_to_be():
+def test_an_axis_twice_as_fast_as_commanded_is_stopped():
     course = CommandedMotion(speed=6400.0)  # 100 in a cycle
     assert Watched(course).go(100 * MARGIN_OF_COMMAND + 3, 30) is None
     error = Watched(course).go(100 * MARGIN_OF_COMMAND + 4)
@@ -321,7 +321,7 @@ def test_a_drive_that_counts_velocities_in_another_unit_is_stopped(how, limits):
     assert r.drive.axis.motor.velocity == pytest.approx(0.0, abs=1.0)
 
 
-def test_another_velocity_of_a_move_forgets_no_ramp_that_its_drive_has():
+def test_another_velocity_of_a_move_keeps_the_known_ramps_of_its_drive():
     r = rig(**BOUNDED)
     clipped(r, 0x6084, 50_000)
     r.enabled()

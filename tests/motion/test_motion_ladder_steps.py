@@ -193,7 +193,7 @@ def test_a_quick_stop_seen_during_a_halt_is_adopted():
     assert not stop.ladder.descended
 
 
-def test_a_drive_that_is_not_heard_gets_a_controlword_that_is_safe_in_every_state():
+def test_a_drive_without_a_statusword_gets_a_controlword_that_is_safe_in_every_state():
     stop = Stop().run(1, True, statusword=None, mode=1)
     assert (stop.ladder.rung, stop.ladder.blind, stop.ladder.descended) == (StopLevel.QUICK_STOP, True, True)
     assert stop.words == [0x02]

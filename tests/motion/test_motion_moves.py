@@ -356,7 +356,7 @@ def test_a_negative_scale_turns_the_direction():
 # Origin.
 
 
-def test_set_position_names_the_place_and_moves_nothing():
+def test_set_position_sets_the_position_and_moves_nothing():
     r = rig().enabled()
     r.axis.move_absolute(10.0).wait(5)
     r.run(0.2)
@@ -626,7 +626,7 @@ def test_an_axis_that_is_held_within_the_position_window_ends_its_move_after_the
     assert r.now - began == pytest.approx(1.0, abs=0.3)
 
 
-def test_a_drive_without_a_window_of_its_own_arrives():
+def test_a_move_of_a_drive_without_a_position_window_arrives():
     r = rig().enabled()
     r.device.write(0x6067, 0, 0xFFFFFFFF)  # off: bit 10 when the demand is there
     r.axis.move_absolute(10.0).wait(5)
@@ -716,7 +716,7 @@ def test_a_target_that_is_run_over_is_reported_twice_and_reached_once():
         max_size=5,
     )
 )
-def test_whatever_is_asked_the_last_target_is_reached_within_velocity_and_acceleration(moves):
+def test_random_moves_reach_the_last_target_within_velocity_and_acceleration(moves):
     r = rig().enabled()
     watch = Watch(r)
     handle = None

@@ -309,7 +309,7 @@ def test_an_interrupted_homing_takes_back_the_mode_that_the_drive_has_not_taken_
 # Observation by SDO.
 
 
-def test_a_drive_without_pdos_is_looked_at_ten_times_a_second_until_two_positions_are_the_same():
+def test_a_drive_without_pdos_is_polled_ten_times_a_second_until_two_positions_are_the_same():
     drive = Drive()
     path = SdoPath(drive.parameters)
     path.look(*drive.cycle(statusword=None))
@@ -423,7 +423,7 @@ def test_a_drive_without_a_position_is_not_reported_as_turning():
 # Transfers.
 
 
-def test_transfers_are_asked_for_together_and_end_with_the_last_answer():
+def test_sdo_transfers_are_requested_together_and_end_with_the_last_answer():
     drive = Drive()
     both = SdoTransfers([(0x6081, 0, 500), (0x6083, 0, None)], drive.parameters)
     assert not both.step(*drive.cycle())
@@ -482,7 +482,7 @@ def test_transfers_have_three_seconds_and_are_taken_back_after_that():
 # A change of mode.
 
 
-def test_a_mode_is_asked_for_with_targets_that_move_nothing_until_it_is_shown():
+def test_a_mode_is_commanded_with_targets_that_move_nothing_until_it_is_displayed():
     drive = Drive()
     switch = ModeSwitch(ModeOfOperation.PROFILE_VELOCITY, drive.parameters)
     assert switch.reference is None
@@ -523,7 +523,7 @@ def test_a_load_is_held_by_the_torque_that_holds_it_now():
     assert free.order.target_torque == 0
 
 
-def test_a_mode_shown_while_another_was_asked_for_is_not_believed_until_the_drive_has_heard_both():
+def test_a_displayed_mode_counts_only_after_the_drive_received_the_change_of_mode_and_back():
     drive = Drive()
     drive.cycle(statusword=ENABLED, mode=1, position=0)
     drive.order.mode = ModeOfOperation.PROFILE_VELOCITY  # a change that is given up
@@ -573,7 +573,7 @@ def test_a_fault_is_reset_by_a_rising_edge_and_by_a_second_one_if_it_persists():
     assert len(words) == 128 + 1  # two seconds
 
 
-def test_a_reset_without_a_fault_sends_nothing_and_one_that_worked_asks_for_no_power():
+def test_a_reset_without_a_fault_sends_nothing_and_a_successful_one_does_not_enable():
     drive = Drive()
     assert ResetActivity(drive.parameters).step(*drive.cycle(statusword=ENABLED))
     assert drive.order.goal is None
@@ -584,7 +584,7 @@ def test_a_reset_without_a_fault_sends_nothing_and_one_that_worked_asks_for_no_p
     assert drive.order.goal is PowerState.SWITCH_ON_DISABLED
 
 
-def test_a_drive_that_is_not_heard_cannot_be_reset():
+def test_a_drive_without_a_statusword_cannot_be_reset():
     drive = Drive()
     reset = ResetActivity(drive.parameters)
     reset.step(*drive.cycle(statusword=None))
@@ -643,7 +643,7 @@ def test_a_slow_motion_within_the_noise_is_not_still():
     )  # a window after the first value within the tolerance of the last
 
 
-def test_still_since_a_moment_asks_for_a_whole_window_after_it():
+def test_still_since_a_moment_needs_a_whole_window_after_it():
     still = SettledValue(2.0, 0.5)
     for stamp in (0.0, 0.5, 1.0):
         still.feed(0.0, stamp)
@@ -688,7 +688,7 @@ def test_a_sample_seen_again_or_older_changes_nothing():
         assert (seen.value, seen.motion) == (20, (20.0, 0.0))
 
 
-def test_one_late_sample_does_not_look_like_speed():
+def test_one_late_sample_does_not_count_as_speed():
     speeds = track((0.0, 0), (1.0, 10), (2.0, 20), (2.5, 30), (4.0, 40))
     assert speeds.motion == (10.0, 0.0)
 
@@ -1038,7 +1038,7 @@ def test_the_reason_why_an_axis_is_not_at_standstill_is_reported():
 # Texts and windows.
 
 
-def test_an_object_an_age_and_a_place_in_words():
+def test_objects_ages_and_positions_are_worded_for_messages():
     assert object_text(0x6081) == "6081h profile velocity"
     assert object_text(0x6099, 2).startswith("6099h:02 ")
     assert object_text(0x2000) == "2000h"
@@ -1495,7 +1495,7 @@ def test_the_deceleration_of_a_path(defaults, limit, expected):
     assert unknown.slow_ramp is None
 
 
-def test_the_edge_of_a_reset_stays_high_for_four_cycles_however_short_a_transition_may_take():
+def test_the_edge_of_a_reset_stays_high_for_four_cycles_for_any_transition_time():
     drive = Drive(timing=replace(TIMING, transition=6 * T))
     reset = ResetActivity(drive.parameters)
     words = []

@@ -67,7 +67,9 @@ CHANGE = (200_000.0**2 - 100_000.0**2) / (2 * 400_000.0)  # increments from the 
     ],
 )
 @pytest.mark.parametrize("taken", [0.0, 0.05])
-def test_it_is_asked_once_as_much_before_the_end_as_the_change_takes(mode, first, second, before, taken):
+def test_the_next_move_is_requested_once_and_earlier_by_the_time_of_the_change(
+    mode, first, second, before, taken
+):
     asked = Passed(mode, first, second, taken).asked_at()
     assert [profile for _, profile in asked] == [second]
     early = before + taken * first.speed if before else 0.0
@@ -85,7 +87,7 @@ def test_the_duration_of_a_change_that_was_held_is_not_used():
     assert asked == pytest.approx(100_000 - CHANGE - 0.25 * 200_000.0, abs=100)
 
 
-def test_each_ends_when_its_end_is_passed():
+def test_each_blended_move_ends_when_its_end_is_passed():
     play = Passed("low", FAST, FAST)
     play.at(99_999)
     assert (play.first.status, play.second.status) == (Status.ACTIVE, Status.BUSY)
@@ -102,7 +104,7 @@ def test_without_a_position_nothing_is_passed():
     assert play.first.busy
 
 
-def test_the_same_profile_is_not_asked_for_but_a_time_begins_again():
+def test_an_equal_profile_is_not_requested_again_but_its_time_begins_again():
     assert Passed("low", FAST, FAST).asked_at() == []
     timed = profile(200_000.0, timeout=3.0)
     assert [each for _, each in Passed("low", timed, timed).asked_at()] == [timed]

@@ -48,7 +48,7 @@ def test_a_curve_has_the_motions_of_both_ends(begin, end, seconds):
 
 
 @given(MOTIONS, MOTIONS, st.floats(0.5, 2.0))
-def test_its_reach_is_that_of_the_curve(begin, end, seconds):
+def test_the_reach_of_a_span_is_the_range_of_its_curve(begin, end, seconds):
     curve, points = coefficients(begin, end, seconds), controls(begin, end, seconds)
     values = [at(curve, seconds * n / 500) for n in range(501)]
     low, high = reach(points)
@@ -66,7 +66,7 @@ def joined(points) -> list[Span]:
     return [span for span in [*spans, joining.end()] if span is not None]
 
 
-def test_neither_place_nor_speed_nor_acceleration_jumps_and_points_are_met():
+def test_a_joined_stream_meets_its_points_without_a_jump_in_position_velocity_or_acceleration():
     times = [0.02 * n + (0.004 if n % 2 else 0.0) for n in range(60)]
     spans = joined((t, 30.0 * math.sin(4.0 * t)) for t in times)
     assert [span.seconds for span in spans] == pytest.approx([b - a for a, b in pairwise(times)])
@@ -189,7 +189,7 @@ def test_a_pace_stays_that_of_the_points_while_enough_is_known():
 
 @pytest.mark.parametrize("period", [0.001, 0.004, 0.01, 0.02])
 @pytest.mark.parametrize("seconds", [0.1, 1.0, 0.7, 1 / 3, 12.345])
-def test_a_resting_stream_reaches_its_end_exactly_however_steep_its_ramp(period, seconds):
+def test_a_stream_at_rest_reaches_its_end_exactly_for_any_ramp(period, seconds):
     course, travel, still = StreamTimeline(), StreamTravel(), ((0.0,) * 6,)
     for span in (Span(period, 1e4, still), Span(seconds, 25.0, still), Span(period, 1e4, still)):
         course.add(span)

@@ -255,7 +255,7 @@ def test_a_relative_move_from_beyond_a_limit_may_end_beyond_it_nearer_to_the_lim
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_whole_stroke_may_be_gone_to_and_fro_by_relative_moves_of_a_position_that_wanders(seed):
+def test_relative_moves_over_the_whole_stroke_are_allowed_with_a_noisy_position(seed):
     r = bounded(seed=seed)
     for _ in range(3):
         for distance in (60.0, -60.0):

@@ -85,7 +85,7 @@ def test_enable_twice_is_harmless():
 
 
 @pytest.mark.parametrize("again_after", [PERIOD, 0.1, 0.2])
-def test_an_enable_that_is_asked_for_again_continues_and_both_handles_end_as_it_does(again_after):
+def test_a_repeated_enable_continues_and_both_handles_end_as_it_does(again_after):
     r = rig()
     r.drive.dials.transition_delay[3] = 0.2
     watch = Watch(r)
@@ -100,7 +100,7 @@ def test_an_enable_that_is_asked_for_again_continues_and_both_handles_end_as_it_
     assert watch.transitions == [2, 3, 4]
 
 
-def test_an_enable_that_was_asked_for_twice_and_fails_fails_for_both():
+def test_a_repeated_enable_that_fails_fails_for_both_handles():
     r = rig()
     r.drive.dials.transition_delay[3] = 1e9
     first = r.axis.enable()
@@ -112,7 +112,7 @@ def test_an_enable_that_was_asked_for_twice_and_fails_fails_for_both():
     assert second.status is Status.ERROR
 
 
-def test_an_enable_that_was_asked_for_twice_and_is_taken_back_is_aborted_for_both():
+def test_a_repeated_enable_is_aborted_for_both_handles_by_a_disable():
     r = rig()
     r.drive.dials.transition_delay[3] = 0.2
     first = r.axis.enable()
@@ -126,7 +126,7 @@ def test_an_enable_that_was_asked_for_twice_and_is_taken_back_is_aborted_for_bot
     assert r.drive.power.stage == DISABLED
 
 
-def test_a_reset_that_is_asked_for_again_makes_no_second_edge():
+def test_a_repeated_reset_makes_no_second_edge():
     r = rig().enabled()
     r.drive.fault(0x4310)
     r.run(1.0)
@@ -141,7 +141,7 @@ def test_a_reset_that_is_asked_for_again_makes_no_second_edge():
 
 
 @pytest.mark.parametrize("what", [{}, {"coast": True}], ids=["by the ladder", "coasting"])
-def test_a_disable_that_is_asked_for_again_ends_with_the_first(what):
+def test_a_repeated_disable_ends_with_the_first(what):
     r = rig().enabled()
     r.drive.dials.transition_delay[5] = r.drive.dials.transition_delay[9] = 0.1
     first = r.axis.disable(**what)
@@ -175,7 +175,7 @@ def test_enable_from_every_state_of_the_power_stage(stage, path):
     assert r.axis.state is AxisState.STANDSTILL
 
 
-def test_a_drive_held_in_quick_stop_keeps_its_power_until_enable_asks_for_transition_16():
+def test_a_drive_held_in_quick_stop_keeps_its_power_until_enable_makes_transition_16():
     """A power cycle (12, 2, 3, 4) would drop a hanging load."""
     r = rig()
     bring_to(r, QUICK_STOP)
@@ -347,7 +347,7 @@ def test_a_late_position_is_awaited_while_enabling(blind_from):
     assert {row.position for row in watch.rows} == {watch.rows[0].position}
 
 
-def test_a_drive_that_shows_its_mode_only_when_enabled_is_enabled_all_the_same():
+def test_a_drive_that_displays_its_mode_only_when_enabled_is_enabled():
     r = rig()
     r.drive.mode = r.drive.mode_display = 0
     r.drive.dials.modes_refused = frozenset({1})
@@ -407,7 +407,7 @@ def test_disable_twice_is_harmless():
     assert r.axis.error is None
 
 
-def test_coasting_must_be_asked_for_by_name():
+def test_disable_coasts_only_if_coast_is_given():
     r = rig().enabled()
     r.axis.move_velocity(100.0).wait(2)
     watch = Watch(r)
@@ -444,7 +444,7 @@ def test_disable_during_enable_takes_the_power_stage_down_again():
     assert watch.transitions.count(4) <= 1
 
 
-def test_enable_during_disable_is_refused_and_the_axis_goes_down():
+def test_enable_during_disable_is_refused_and_the_axis_is_disabled():
     r = rig().enabled()
     r.axis.move_velocity(100.0).wait(2)
     disable = r.axis.disable()
@@ -620,7 +620,7 @@ def test_handles_of_power_commands_report_how_they_ended():
     assert handle.done
 
 
-def test_a_drive_that_is_in_fault_again_while_its_first_one_is_looked_into_is_not_enabled():
+def test_a_drive_in_fault_again_during_the_diagnosis_of_the_first_fault_is_not_enabled():
     r = rig()
     r.run(0.1)
     r.device.dials.sdo_delay = 0.3  # of 603Fh

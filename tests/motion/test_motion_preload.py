@@ -50,7 +50,7 @@ def run_in(r, mode: int) -> None:
 
 
 @pytest.mark.parametrize("mode", [PP, PV, TQ, HM, CSP, CSV, CST])
-def test_stale_targets_move_nothing_when_a_drive_is_enabled_in_whatever_mode_it_was(mode):
+def test_stale_targets_move_nothing_when_a_drive_is_enabled_in_any_mode(mode):
     r = rig(motor=MotorParams(start_position=7_000.0))
     stale(r.drive, mode)
     watch = Watch(r)
@@ -159,7 +159,7 @@ def test_no_change_of_mode_lets_a_loaded_axis_sag(first, second):
 
 
 @pytest.mark.parametrize("pause", [1, 2, 3, 5, 8, 11])
-def test_a_mode_that_was_asked_for_and_is_not_wanted_any_more_is_taken_back(pause):
+def test_a_commanded_mode_that_is_no_longer_needed_is_reverted(pause):
     """The drive still shows pp, but 6060h holds pv already: it would change in the middle of the move."""
     r = rig().enabled()
     r.drive.dials.mode_delay = 0.12

@@ -48,7 +48,7 @@ def test_a_trapezoid_begins_and_ends_exactly_at_its_ends(path):
 
 @SAME
 @given(TRAPEZOIDS)
-def test_a_trapezoid_goes_only_towards_its_end(path):
+def test_a_trapezoid_moves_only_towards_its_end(path):
     assume(abs(path.end - path.start) > 1e-6)
     _, way = samples(path)
     sign = math.copysign(1.0, path.end - path.start)

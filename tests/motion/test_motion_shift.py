@@ -45,7 +45,7 @@ def test_an_end_is_reached_from_standstill_and_never_exceeded(end, velocity, up,
 
 @SAME
 @given(ENDS, ENDS, st.integers(0, 60), FAST, HARD)
-def test_another_end_is_reached_from_any_rate(first, second, cycles, velocity, ramp):
+def test_a_new_end_of_the_shift_is_reached_from_any_rate(first, second, cycles, velocity, ramp):
     shift = Shift(PERIOD)
     shift.aim(first, velocity, ramp, ramp)
     for _ in range(cycles):

@@ -127,7 +127,7 @@ def test_the_allowed_jerk_is_used_in_corners():
     ("turn", "length", "blend", "hard", "mean"),
     [(0.32, 60.0, 0.05, 2000.0, 0.45), (0.2, 20.0, 0.3, 200.0, 0.45)],
 )
-def test_the_limits_of_a_short_corner_apply_before_and_behind_it_as_far_as_the_mean_reaches(
+def test_the_limits_of_a_short_corner_apply_before_and_after_it_within_the_mean(
     turn, length, blend, hard, mean
 ):
     points = [(0.0, 0.0), (length, 0.0), (length * (1.0 + math.cos(turn)), length * math.sin(turn))]
@@ -184,7 +184,7 @@ def test_at_a_stop_within_the_path_the_mean_reaches_standstill_before_it_continu
     assert trip.highest(3, 0.004) <= 5000.0 * (1 + 1e-6)
 
 
-def test_many_corners_are_planned_at_once():
+def test_a_path_of_a_thousand_corners_is_planned():
     chance = random.Random(5)
     points = [(0.0, 0.0), *((x * 2.0, chance.uniform(-3.0, 3.0)) for x in range(1, 1000))]
     way, cycles = planned(points, 0.5, [SOME] * 2, 60.0, 400.0, 8000.0, 0.004)

@@ -32,7 +32,7 @@ def test_the_span_of_a_part_that_is_nearly_a_parabola():
     st.lists(st.tuples(st.floats(0.05, 2.0), st.floats(-100.0, 100.0)), min_size=1, max_size=8),
     st.floats(-100, 100),
 )
-def test_a_curve_goes_through_its_points_smoothly_and_reports_how_far_fast_and_hard_it_goes(steps, start):
+def test_a_spline_is_smooth_passes_its_points_and_reports_its_extremes(steps, start):
     times, positions = [0.0], [start]
     for wait, place in steps:
         times.append(times[-1] + wait)

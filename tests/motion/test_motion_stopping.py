@@ -121,7 +121,7 @@ def test_an_axis_that_moves_again_during_its_halt_is_not_left_for_the_whole_halt
     assert not halted.done  # it is stopped harder, and the halt goes with that
 
 
-def test_one_that_was_found_enabled_has_the_time_of_its_halt_however_it_moves():
+def test_a_drive_found_enabled_has_the_halt_time_while_it_moves():
     """It is not ours to say that nothing should move it."""
     r = rig(stop_times=StopTimes(halt=2.0))
     for word in (0x06, 0x07, 0x0F):  # another master's
@@ -390,7 +390,7 @@ def test_a_quick_stop_that_the_drive_ignores_is_followed_by_disable_voltage():
     assert r.drive.power.stage == DISABLED
 
 
-def test_a_load_is_not_dropped_by_a_quick_stop_that_is_not_heard():
+def test_an_unanswered_quick_stop_does_not_drop_a_load():
     load = MotorParams(load=300.0)
     r = rig(motor=load, holds_load=HoldsLoad.TORQUE, stop_times=StopTimes(quick_stop=0.3))
     r.drive.start_enabled(1)

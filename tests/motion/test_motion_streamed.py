@@ -154,7 +154,7 @@ def test_in_every_cycle_it_is_exactly_the_trajectory(path, step):
     assert sampler.over
 
 
-def test_it_is_so_after_many_minutes_and_no_more_is_kept_than_at_the_beginning():
+def test_a_long_stream_stays_exact_and_keeps_a_bounded_number_of_spans():
     class Long:
         duration = 900.0
 
@@ -276,7 +276,7 @@ def test_an_incomplete_set_of_properties_in_the_head_is_ignored():
 # Requests.
 
 
-def test_it_is_asked_for_two_seconds_ahead_and_as_far_as_braking_takes():
+def test_a_stream_is_filled_two_seconds_ahead_and_as_far_as_braking_takes():
     stream, sampler = streamed(TrapezoidalTrajectory(0.0, 5000.0, 50.0, 500.0))
     fill(stream, sampler)
     assert 2.0 <= stream.known_until <= 2.5
@@ -300,7 +300,7 @@ def test_chunks_are_neither_tiny_nor_huge(step, size):
     assert sampler.over
 
 
-def test_after_a_failure_nothing_is_asked_for():
+def test_after_a_failure_a_stream_requests_nothing():
     stream, _ = streamed(TrapezoidalTrajectory(0.0, 500.0, 50.0, 500.0))
     stream.fail(ArgumentError("no position"))
     assert stream.wanted(0.0) is None

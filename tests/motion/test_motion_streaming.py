@@ -280,7 +280,7 @@ def test_the_error_of_a_silent_program_gives_the_known_part_of_the_trajectory():
     assert caught.value.remedy.endswith("the axis was braked along it")
 
 
-def test_it_is_braked_neither_too_early_nor_too_late():
+def test_a_stream_that_is_not_continued_is_braked_neither_too_early_nor_too_late():
     r = rig().enabled()
     wire = Wire(r, LONG, delay=late_at(0.1))
     handle = wire.follow()
@@ -309,7 +309,7 @@ def test_an_axis_does_not_begin_before_enough_is_known_and_not_at_all_if_it_neve
     assert watch.transitions == []
 
 
-def test_a_slow_brake_has_the_path_known_as_far_ahead_as_it_takes():
+def test_a_slow_deceleration_requires_the_path_as_far_ahead_as_braking_takes():
     """Five seconds from full speed: more than any program is given to be busy."""
     slow = Defaults(velocity=100.0, acceleration=500.0, deceleration=20.0)
     r = rig(defaults=slow, stop_times=StopTimes(halt=10.0)).enabled()
@@ -447,7 +447,7 @@ def test_a_waiting_group_is_braked_along_the_known_part_too():
     assert watch.travel[1] <= LONG.position(wire.stream.known_until) * 1000
 
 
-def test_other_axes_of_a_group_are_stopped_with_one_whose_program_falls_silent():
+def test_the_other_axes_of_a_group_are_stopped_with_one_whose_program_stops_sending():
     r = rig("xy").enabled()
     first = Wire(r, LONG, delay=late_at(0.01)).follow()
     second = r.axes["y"].follow(TrapezoidalTrajectory(0.0, -400.0, 80.0, 500.0))

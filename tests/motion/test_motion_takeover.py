@@ -102,7 +102,7 @@ def test_a_demand_that_counts_without_the_offset_is_understood():
 
 
 @pytest.mark.parametrize("offset", [0, 30_000])
-def test_a_drive_halted_far_from_its_csp_target_is_not_let_go_towards_it(offset):
+def test_a_drive_halted_far_from_its_csp_target_does_not_move_towards_it(offset):
     r = rig(motor=MotorParams(start_position=HERE), limits=AxisLimits())
     r.device.write(0x60B0, 0, offset)
     r.drive.start_enabled(CSP)
@@ -230,7 +230,7 @@ def test_offsets_do_not_matter_in_a_profile_mode_and_are_taken_back_before_a_cyc
     assert offsets_of(r) == [0, 0, 0]
 
 
-def test_a_drive_that_is_switched_off_while_it_is_looked_at_is_enabled_from_there():
+def test_a_drive_that_is_switched_off_while_it_is_read_is_enabled_from_there():
     r = found(CSP, offsets=(30_000, 0, 0))
     watch = Watch(r)
     r.device.dials.sdo_delay = 0.1

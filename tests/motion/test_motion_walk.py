@@ -60,7 +60,7 @@ def test_a_move_to_0_from_a_large_number_of_increments_ends(start, window):
     st.lists(st.floats(-200.0, 200.0), min_size=1, max_size=5),
     st.sampled_from([(60.0, 400.0), (200.0, 2000.0)]),
 )
-def test_whatever_is_asked_meanwhile_nothing_jumps(seed, window, targets, gait):
+def test_random_targets_velocities_and_overrides_cause_no_jump(seed, window, targets, gait):
     """New targets, velocities and overrides at any time, also back; and it ends at the last one."""
     chance, (velocity, ramp) = random.Random(seed), gait
     walk = walk_from(ReferenceState(0.0), targets[0], JerkLimits(velocity, ramp, 1.5 * velocity), window, T)
@@ -101,7 +101,7 @@ def test_a_walk_that_takes_over_begins_with_the_present_velocity_and_acceleratio
     assert places[-1] == -50.0
 
 
-def test_it_speeds_up_no_further_than_it_may_be_fast():
+def test_an_acceleration_at_the_take_over_never_exceeds_the_velocity_limit():
     """An acceleration at the take-over could not be ended at once by its jerk: so it is smaller."""
     walk = walk_from(ReferenceState(0.0, 145.0, 400.0), 400.0, JerkLimits(100.0, 500.0, 150.0), 100, T)
     places = to_the_end(walk, [-145.0 * T, 0.0])

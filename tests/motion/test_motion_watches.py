@@ -125,7 +125,7 @@ def test_a_guarded_node_is_lost_by_the_answers_that_stay_away():
     assert "it does not answer node guarding" in refused.observed
 
 
-def test_a_node_is_lost_with_its_bus_whatever_its_last_state_was():
+def test_a_node_is_lost_with_its_bus_in_any_last_state():
     drive, supervision = watched()
     node(drive, supervision)
     finding = node(
@@ -768,7 +768,7 @@ def velocity_move(drive: Drive, velocity: int, **changes) -> VelocityMove:
     return VelocityMove(profile, drive.parameters, ready())
 
 
-def test_a_velocity_that_is_reached_when_it_is_looked_at_again_is_not_late():
+def test_a_velocity_that_is_reached_at_the_next_check_is_not_late():
     drive = Drive()
     move = velocity_move(drive, 1000)
     assert not move.step(*drive.cycle(statusword=ENABLED, velocity=0))
@@ -1089,7 +1089,7 @@ def test_the_last_two_emergencies_of_the_five_seconds_before_now_are_reported(ag
     ]
 
 
-def test_a_drive_that_explains_its_fault_at_the_last_moment_is_heard():
+def test_an_error_code_that_arrives_at_the_last_moment_is_reported():
     drive = Drive(timing=DriveTimeouts(diagnosis=4 * T))
     silent = FaultDiagnosis(drive.parameters, drive.now)
     assert [silent.step(*drive.cycle(statusword=FAULT)) for _ in range(5)] == [False] * 4 + [True]

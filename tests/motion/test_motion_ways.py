@@ -111,7 +111,7 @@ def test_arcs_by_hand():
 
 @SAME
 @given(points(3, 3))
-def test_an_arc_goes_through_its_points_and_stays_in_its_box(three):
+def test_an_arc_passes_through_its_points_and_stays_in_its_box(three):
     start, via, end = three
     if len(start) < 2:
         return
@@ -222,7 +222,7 @@ class Trip:
     PERIODS,
     st.lists(st.sampled_from([0.4, 1.0, 1.2, 1.5]), max_size=5),
 )
-def test_no_axis_is_faster_or_harder_than_it_may_be_whatever_the_override_does(
+def test_no_axis_exceeds_its_limits_for_any_override(
     places, blend, kind, velocity, acceleration, period, factors
 ):
     pieces, stops = polyline(places, blend)
@@ -393,7 +393,7 @@ def test_an_initial_deviation_of_the_axes_is_removed_along_the_path():
     assert x.top_acceleration == pytest.approx(500.0)
 
 
-def test_no_cycle_goes_through_more_stretches_than_it_has_the_time_for():
+def test_no_cycle_passes_more_stretches_than_the_limit():
     dense = [(30.0 * math.sin(k / 100), 0.003 * k) for k in range(3000)]
     pieces, stops = polyline(dense, 0.0005)
     way = way_of(pieces, [AxisLimits()] * 2, 5000.0, stops, CycleVelocity(500.0, 0.004))

@@ -109,7 +109,7 @@ def test_parquet_is_read_by_pandas_and_polars_and_its_columns_know_their_units(t
 # -- compared --------------------------------------------------------------------------------------------------------------------
 
 
-def test_two_runs_of_one_job_differ_in_nothing_however_late_the_second_began():
+def test_two_runs_of_one_job_have_no_difference_for_any_delay_of_the_second():
     found = compare(recorded(), recorded(tracks={"x": track(delay=4), "y": track("y", delay=4)}))
     assert found.shift == pytest.approx(0.4)
     assert found.seconds == pytest.approx(1.5)

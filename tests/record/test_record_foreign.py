@@ -61,7 +61,7 @@ def write(path, messages, *, schema=AXIS, topic="axis/x", metadata=BEGAN, encodi
     return path
 
 
-def test_a_channel_that_is_as_ours_is_read(tmp_path):
+def test_a_channel_of_another_program_in_our_format_is_read(tmp_path):
     run = load(write(tmp_path / "a.mcap", [SAMPLE]))
     assert (list(run.tracks["x"].columns["position"]), run.lacks) == ([1.0], "")
 

@@ -113,7 +113,7 @@ def test_no_such_time_and_no_such_axis(cell, seconds):
         cell.plot_last(axes=["nothing"])
 
 
-def test_it_can_be_saved(cell, tmp_path):
+def test_a_plot_of_the_last_motion_can_be_saved(cell, tmp_path):
     cell["x"].move_absolute(20.0).wait()
     picture = cell.plot_last()
     assert picture.save(tmp_path / "new" / "last.png").read_bytes().startswith(b"\x89PNG")

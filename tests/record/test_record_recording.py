@@ -110,7 +110,7 @@ def test_commands_with_their_ends_and_the_fault_are_among_its_events(run):
     assert stop == pytest.approx(fault.time, abs=0.02)
 
 
-def test_it_holds_the_cell_the_hashes_of_the_files_and_both_clocks(made, run):
+def test_a_recording_contains_the_cell_the_hashes_of_the_files_and_both_clocks(made, run):
     with made[0].open("rb") as file:
         reader = mcap_reader.make_reader(file)
         attached = {one.name: one.data for one in reader.iter_attachments()}
@@ -125,7 +125,7 @@ def test_it_holds_the_cell_the_hashes_of_the_files_and_both_clocks(made, run):
     assert run.began is not None
 
 
-def test_another_reader_finds_channels_with_schemas_and_units(made):
+def test_another_mcap_reader_finds_channels_with_schemas_and_units(made):
     with made[0].open("rb") as file:
         summary = mcap_reader.make_reader(file).get_summary()
     topics = {channel.topic: channel for channel in summary.channels.values()}
@@ -252,7 +252,7 @@ def test_cycles_that_cannot_be_written_in_time_are_counted_and_reported(tmp_path
     assert told == [f"{recording.lost} cycles are missing: not taken in time"]
 
 
-def test_a_file_that_is_cut_off_is_read_as_far_as_it_goes(made, tmp_path, run):
+def test_a_truncated_recording_is_read_as_far_as_possible(made, tmp_path, run):
     whole = made[0].read_bytes()
     path = tmp_path / "cut.mcap"
     last = 0
@@ -280,7 +280,7 @@ def test_bytes_that_are_wrong_are_no_surprise(made, tmp_path):
             load(path)
 
 
-def test_a_length_that_is_wrong_asks_for_no_more_memory_than_there_is(made, tmp_path):
+def test_a_wrong_length_allocates_no_more_memory_than_there_is(made, tmp_path):
     whole = bytearray(made[0].read_bytes())
     at = len(b"\x89MCAP0\r\n") + 9  # behind the head of the first record: the length of its first text
     path = tmp_path / "wrong.mcap"

@@ -55,7 +55,7 @@ def bench() -> Bench:
 # -- messages sent unasked --------------------------------------------------------------------------------------------------------
 
 
-def test_it_beats_and_reports_its_position_by_the_factorys_periods(bench):
+def test_a_module_sends_its_heartbeat_and_position_with_the_periods_of_the_factory(bench):
     bench.run(1.0)
     beats = [frame.time for frame in bench.heard if frame.can_id == 0x0A1]
     estimates = [frame.time for frame in bench.heard if frame.can_id == 0x0A9]
@@ -133,7 +133,7 @@ def test_a_request_is_a_remote_frame_or_eight_bytes_and_nothing_else(bench, comm
 
 
 @pytest.mark.parametrize(("kind", "size"), [(0, 8), (1, 4), (3, 4), (4, 4)])
-def test_get_error_wants_its_type(bench, kind, size):
+def test_get_error_needs_its_type(bench, kind, size):
     axis = bench.module.axis
     words = {0: "motor_error", 1: "encoder_error", 3: "controller_error", 4: "system_error"}
     setattr(axis, words[kind], type(getattr(axis, words[kind]))(2))
@@ -182,7 +182,7 @@ def test_the_position_is_dead_in_idle_and_the_count_alive(bench):
 # -- states -----------------------------------------------------------------------------------------------------------------------
 
 
-def test_closed_loop_holds_the_present_position_and_idle_lets_go(bench):
+def test_closed_loop_holds_the_present_position_and_idle_switches_the_power_off(bench):
     bench.order(POS, 50.0, 0, 0)  # taken in silence, and forgotten on enabling
     assert not bench.module.energised
     bench.enable()
@@ -225,7 +225,7 @@ def test_the_emergency_stop_is_latched_until_errors_are_cleared(bench):
     assert bench.state == CLOSED_LOOP
 
 
-def test_it_may_be_asked_to_start_and_not_do_it(bench):
+def test_a_module_can_be_made_to_ignore_the_command_for_closed_loop(bench):
     bench.module.dials.wont_start = True
     bench.order(SET_STATE, CLOSED_LOOP)
     assert bench.state == IDLE
@@ -284,7 +284,7 @@ def test_a_trapezoid_keeps_its_limits_and_reports_its_end(bench):
     assert bench.module.parameters[CONTROLLER + "inertia"] == pytest.approx(0.001)
 
 
-def test_a_trapezoid_with_a_limit_of_0_goes_nowhere_and_is_never_done(bench):
+def test_a_trapezoid_with_a_limit_of_0_moves_nothing_and_is_never_done(bench):
     bench.order(TRAJ_ACCEL, 0.0, 1.0)
     bench.enable(3, 5)
     bench.order(POS, 6.0, 0, 0)
@@ -370,7 +370,7 @@ def test_gains_are_taken_and_without_them_there_is_no_force(bench):
     assert bench.module.position == pytest.approx(1.0, abs=0.01)
 
 
-def test_a_held_rotor_that_is_let_go_does_not_rush(bench):
+def test_a_held_rotor_that_is_released_does_not_exceed_its_velocity(bench):
     bench.order(LIMITS, 4.0, 20.0)
     bench.order(TRAJ_VEL, 4.0)
     bench.order(TRAJ_ACCEL, 50.0, 50.0)
@@ -443,7 +443,7 @@ def test_a_mit_frame_changes_the_mode_but_does_not_enable(bench):
     assert not bench.module.energised
 
 
-def test_mit_goes_to_its_position_at_the_output_shaft(bench):
+def test_mit_control_moves_to_its_position_at_the_output_shaft(bench):
     bench.enable(3, 9)
     position, kp, kd = round((1.0 + 12.5) * 65535 / 25), round(100 * 4095 / 500), round(2.0 * 4095 / 5)
     bits = position << 48 | 2047 << 36 | kp << 24 | kd << 12 | 2047

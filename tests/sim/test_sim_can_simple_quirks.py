@@ -315,7 +315,7 @@ def test_a_function_takes_its_argument_from_the_number_behind_it(bench):
 # -- protocols --------------------------------------------------------------------------------------------------------------------
 
 
-def test_it_becomes_a_canopen_drive_on_the_same_motor_and_changes_back():
+def test_a_module_becomes_a_canopen_drive_on_the_same_motor_and_changes_back():
     bench = Bench(Module(0, eds=gim_eds()))
     bench.run(0.01)
     bench.order(SET_ID, 5)
@@ -362,7 +362,7 @@ def test_the_protocol_may_be_writable_by_usb_alone(bench):
     assert read(bench, 70)[0][4] == 2
 
 
-def test_the_29_bit_protocol_only_beats_and_hears_nothing():
+def test_a_module_of_the_29_bit_protocol_only_sends_its_heartbeat_and_ignores_all_frames():
     wire = Wire([Module(1, firmware=Firmware(0, 6, 8)), Module(0, firmware=Firmware(0, 6, 9))])
     wire.run(1.0)
     assert {frame.can_id for frame in wire.heard} == {0x1920_0404}

@@ -151,7 +151,7 @@ def test_stored_parameters_survive_a_reset_and_others_do_not(device):
     assert device.drive.settings.profile_velocity == 111
 
 
-def test_a_restart_brings_back_mode_and_targets_of_the_file():
+def test_a_restart_restores_mode_and_targets_of_the_file():
     device = Device(drive_eds(x6060=1), 5)
     device.power_on()
     assert device.read(0x6061) == 1
@@ -174,7 +174,7 @@ def test_restored_defaults_count_after_the_next_reset(device):
     assert device.read(0x6081) == 20_000
 
 
-def test_storing_wants_the_signature_and_a_drive_that_is_off(device):
+def test_storing_needs_the_signature_and_a_drive_that_is_off(device):
     assert abort_of(device.write, 0x1010, 1, 1) == 0x0800_0020
     assert abort_of(device.write, 0x1011, 1, 0x65766173) == 0x0800_0020
     device.drive.start_enabled(PP)

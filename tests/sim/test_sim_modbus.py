@@ -41,7 +41,7 @@ def test_the_checksum_is_that_of_the_standard():
 
 
 @given(st.lists(st.binary(min_size=0, max_size=6), min_size=1, max_size=4), st.data())
-def test_frames_are_separated_wherever_their_bytes_are_split(values, data):
+def test_modbus_frames_are_separated_for_any_split_of_their_bytes(values, data):
     sent = [
         bytes([1, 0x10, 0, 0x66, 0, len(value) // 2, len(value) & 0xFE]) + value[: len(value) & 0xFE]
         for value in values
@@ -110,7 +110,7 @@ def test_requests_that_the_module_refuses(frame, code):
     assert line.station.module.energised is False
 
 
-def test_it_takes_its_own_address_and_the_broadcast_address_which_is_not_answered():
+def test_a_module_obeys_its_own_address_and_without_an_answer_the_broadcast_address():
     line = Line()
     assert line.ask("02 04 00 01 00 01") == ""
     assert line.ask("00 06 00 64 00 02") == ""

@@ -40,7 +40,7 @@ def test_velocity_bits_10_and_12_by_their_windows():
     assert abs(rig.drive.velocity) <= 1_000
 
 
-def test_a_halt_of_a_velocity_stops_and_the_motion_continues_afterwards():
+def test_a_halt_stops_a_velocity_and_the_motion_continues_after_it():
     rig = Rig().enable(PV)
     rig.drive.target_velocity = 20_000
     rig.run(0.5)
@@ -89,7 +89,7 @@ def test_a_limit_switch_stops_the_motion_towards_it_only():
     assert not rig.has(LIMIT)
 
 
-def test_a_motor_held_in_velocity_mode_does_not_catch_up_afterwards():
+def test_a_motor_held_in_velocity_mode_does_not_catch_up():
     rig = Rig().enable(PV)
     rig.drive.target_velocity = 10_000
     rig.run(0.5)
@@ -233,7 +233,7 @@ def test_home_on_a_limit_switch(method, switch):
     assert abs(rig.drive.velocity) <= 1
 
 
-def test_home_on_a_limit_switch_from_on_top_of_it_goes_off_first():
+def test_homing_on_a_limit_switch_from_on_top_of_it_moves_off_first():
     rig = Rig(params=MotorParams(start_position=-25_000, limit_switches=(-24_000, None))).enable(HM)
     lowest = 0
     rig.write(0x6098, 17)
@@ -471,7 +471,7 @@ def test_the_mode_display_follows_late_or_never_according_to_the_fault_settings(
     assert rig.read(0x6061) == PV
 
 
-def test_a_drive_that_ignores_6060_during_halt_wants_it_again():
+def test_a_drive_that_ignores_6060_during_halt_needs_it_again():
     rig = Rig(x606D=0, x606E=0).enable(PV)
     rig.dials.ignore_mode_during_halt = True
     rig.drive.controlword |= HALT

@@ -57,7 +57,7 @@ def test_a_load_lets_it_droop_by_load_over_stiffness_and_stay_there(dt):
     assert motor.error == pytest.approx(200.0)
 
 
-def test_it_rings_when_its_demand_stops():
+def test_a_soft_motor_oscillates_when_its_demand_stops():
     motor = make_motor(SOFT)
     ramp_and_rest(motor, 0.001, 0.7)
     place, speeds = 14_000.0, []
@@ -109,7 +109,7 @@ def test_an_enabled_drive_sags_and_shows_that_demand_and_actual_differ():
 
 @pytest.mark.parametrize("dt", STEPS)
 @pytest.mark.parametrize("params", [MotorParams(), SOFT], ids=["stiff", "compliant"])
-def test_a_motor_that_sticks_lets_its_torque_grow_and_then_goes(params, dt):
+def test_a_motor_that_sticks_increases_its_torque_and_then_moves(params, dt):
     motor = make_motor(params)
     motor.sticks = 400.0
     way = motor.seize()
@@ -125,7 +125,7 @@ def test_a_motor_that_sticks_lets_its_torque_grow_and_then_goes(params, dt):
     assert motor.position == pytest.approx(way, abs=820.0)  # it may stick again, as far away as before
 
 
-def test_one_that_sticks_harder_than_its_torque_limit_never_goes():
+def test_a_motor_that_sticks_harder_than_its_torque_limit_never_moves():
     for params in (MotorParams(), SOFT):
         motor = make_motor(params)
         motor.sticks = 5000.0
@@ -199,7 +199,7 @@ def test_a_drive_that_creeps_moves_without_a_command_while_it_is_energised(mode,
     assert rig.drive.position == rest  # it is enabled where it is
 
 
-def test_bit_10_may_be_set_whatever_happens():
+def test_bit_10_can_be_made_to_be_set_all_the_time():
     rig = Rig().enable(PP)
     rig.dials.target_reached_always = True
     rig.present(100_000)

@@ -174,7 +174,7 @@ def test_relative_counts_from_the_base_selected_by_60f2h(option, expected):
     assert rig.drive.position == pytest.approx(expected if base is None else base + 1_000, abs=30)
 
 
-def test_halt_brakes_and_the_move_continues_afterwards():
+def test_halt_brakes_and_the_move_continues_after_it():
     rig = Rig().enable(PP)
     rig.present(100_000)
     rig.run(1.0)

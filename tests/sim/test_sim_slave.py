@@ -161,7 +161,7 @@ def test_disable_voltage_takes_effect_at_once():
     assert state(wire.device.drive.statusword) == "switch on disabled"
 
 
-def test_a_tpdo_that_never_goes_out_holds_no_drive_for_ever():
+def test_a_tpdo_that_is_never_sent_delays_a_drive_for_a_limited_time():
     wire = Wire(x605A=2, x1800_2=10).start()  # no SYNC comes
     for word in (*ENABLING, "0200"):
         wire.send(0x205, word + "00000000")
@@ -354,7 +354,7 @@ def test_an_rpdo_that_is_too_short_is_reported_and_not_obeyed():
     assert wire.device.drive.controlword == 0
 
 
-def test_no_pdo_is_heard_outside_operational():
+def test_no_pdo_is_received_outside_operational():
     wire = Wire().run(0.1)
     wire.send(0x205, "060000000000")
     wire.send(0x80, "")
@@ -362,7 +362,7 @@ def test_no_pdo_is_heard_outside_operational():
     assert state(wire.device.drive.statusword) == "switch on disabled"
 
 
-def test_a_remapped_pdo_is_heard_on_its_new_identifier():
+def test_a_remapped_pdo_is_received_on_its_new_identifier():
     wire = Wire().start()
     wire.write(0x1400, 1, 0x8000_0205, 4)
     wire.write(0x1600, 0, 0, 1)
@@ -375,7 +375,7 @@ def test_a_remapped_pdo_is_heard_on_its_new_identifier():
     assert wire.device.drive.controlword == 6
 
 
-def test_an_edge_shorter_than_a_step_is_heard():
+def test_an_edge_shorter_than_a_step_is_received():
     wire = Wire().start()
     wire.device.drive.fault(0x2310)
     wire.run(0.05)
@@ -646,7 +646,7 @@ def test_a_node_sends_sync_if_1005h_requires_it():
     assert wire.of(0x80)[:5] == ["01", "02", "03", "01", "02"]
 
 
-def test_a_node_hears_sync_on_the_identifier_of_1005():
+def test_a_node_receives_sync_on_the_identifier_of_1005h():
     wire = served()
     set_tpdo(wire, 1, 1)
     wire.write(0x1005, 0, 0x90, 4)

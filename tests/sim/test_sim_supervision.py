@@ -254,7 +254,7 @@ def test_a_loaded_axis_sags_without_torque_and_holds_with_it():
     assert rig.drive.position < holds - 1_000
 
 
-def test_a_brake_holds_a_disabled_axis_and_closes_before_the_torque_goes():
+def test_a_brake_holds_a_disabled_axis_and_closes_before_the_torque_ends():
     rig = Rig(params=MotorParams(load=300, brake=True, brake_opens=0.05, brake_closes=0.05))
     rig.run(0.5)
     assert rig.drive.position == 0

@@ -149,7 +149,7 @@ def _resets(axis) -> bool:
     return True
 
 
-def test_a_link_that_goes_away_in_mid_move_is_reported_and_the_drives_own_watchdog_stops_them(
+def test_a_link_that_goes_down_during_a_move_is_reported_and_the_watchdogs_of_the_drives_stop_them(
     ends, make_stage
 ):
     stage = make_stage(ends.ours, ends.theirs)

@@ -68,7 +68,7 @@ def test_mit_control_is_decoded_with_the_ranges_that_were_used():
     assert "answer" not in what(decoded(0x028, "80 00 80 00 00 00 08 00"))
 
 
-def test_a_remote_frame_asks():
+def test_a_remote_frame_is_shown_as_a_request():
     assert what(decoded(0x034, "", remote=True)) == "CAN Simple, Get_Iq: asked for"
     assert not decoded(0x034, "", remote=True).from_node
     assert decoded(0x028, "", remote=True).trouble

@@ -138,7 +138,7 @@ def test_a_wrong_crc_is_named():
     assert "CRC 0x0000" in wire(0x605, "D1 00 00 00 00 00 00 00").problem
 
 
-def test_a_block_read_in_which_a_segment_is_asked_for_again():
+def test_a_block_upload_in_which_a_segment_is_repeated_is_decoded():
     wire = Wire()
     first, second, third = _segments(CONTENT)
     crc = crc16(CONTENT).to_bytes(2, "little").hex()

@@ -223,7 +223,7 @@ def test_the_client_with_most_connections_loses_its_oldest_and_unknown_ones_coun
     assert one_too_many(found, 6) is found[0]
 
 
-def test_a_socket_of_a_page_is_never_ended_for_want_of_room():
+def test_the_socket_of_a_page_is_never_closed_for_lack_of_room():
     found = connections(*[1] * 200, kept=True)
     assert one_too_many(found, CONNECTIONS) is None
     assert one_too_many([*found, *connections(2)], 1).session == 2

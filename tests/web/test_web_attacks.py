@@ -272,7 +272,7 @@ def test_a_page_is_sent_at_most_a_second_more_than_it_has_shown(moving):
         assert json.loads(page.recv(5.0))["own"]["now"] > more[-1] + 0.4
 
 
-def test_one_page_too_many_is_refused_and_may_stop_all_the_same_and_keeps_no_other_browser_out(moving):
+def test_one_page_too_many_is_refused_but_can_still_stop_and_other_browsers_get_their_pages(moving):
     with ExitStack() as crowd:
         opened = 0
         for each in (moving.looker, moving.other):
@@ -287,7 +287,7 @@ def test_one_page_too_many_is_refused_and_may_stop_all_the_same_and_keeps_no_oth
         until(lambda: moving.speed() < 0.1)
 
 
-def test_ctrl_c_ends_a_machine_of_its_own_with_a_page_that_jogs(tmp_path):
+def test_ctrl_c_ends_a_server_with_its_own_machine_and_a_page_that_jogs(tmp_path):
     """Where it has opened the machine: that is stopped and gone, promptly, whatever the page holds and does not hear."""
     file = own_cell(tmp_path, "x")
     with Popen(

@@ -59,7 +59,7 @@ def bars(machine: Machine) -> dict[str, dict[str, object]]:
         (PLACE, 110.2, 1.0, 0.0, "beyond"),
     ],
 )
-def test_a_value_has_its_place_and_near_and_beyond_are_words(bar, value, at, zero, kind):
+def test_a_value_has_its_position_on_the_bar_and_near_and_beyond_are_words(bar, value, at, zero, kind):
     seen = mark(bar, value)
     assert (seen.at, seen.zero) == (pytest.approx(at, abs=0.002), zero)
     assert seen.kind == kind
@@ -72,7 +72,7 @@ def test_a_value_has_its_place_and_near_and_beyond_are_words(bar, value, at, zer
     low=st.floats(-1e9, 1e9),
     wide=st.floats(1e-3, 1e9),
 )
-def test_whatever_the_value_it_is_drawn_within_the_bar(value, low, wide):
+def test_any_value_is_drawn_within_the_bar(value, low, wide):
     seen = mark(Bar("x", "X", "", (low, low + wide)), value)
     assert 0.0 <= seen.at <= 1.0
     assert low <= seen.now <= low + wide

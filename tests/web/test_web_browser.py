@@ -66,7 +66,7 @@ def test_the_cell_is_shown_with_nodes_bus_and_nothing_wrong(scene):
     assert page.text("#controls") == "No page has the controls"
 
 
-def test_enable_asks_once_and_no_leaves_it_off(scene):
+def test_enable_asks_once_and_no_leaves_the_axis_off(scene):
     page, axis = scene.page, scene.machine["y"]
     page.view("axis-y")
     page.press("take")
@@ -121,7 +121,7 @@ def test_the_key_on_a_jog_button_is_a_jog_too(x):
     ],
     ids=["blur", "hidden", "another view"],
 )
-def test_a_jog_ends_when_the_page_is_no_longer_looked_at(x, happens):
+def test_a_jog_ends_when_the_page_is_hidden_or_loses_the_focus(x, happens):
     jogs(x)
     x.page.run(happens)
     assert until(lambda: x.speed() < 0.1) < 1.0
@@ -137,7 +137,7 @@ def test_with_its_socket_cut_a_jog_ends_within_half_a_second(x):
     assert x.speed() < 0.1
 
 
-def test_a_page_that_hangs_ends_its_jog_and_does_not_continue_with_it_afterwards(x):
+def test_a_page_that_hangs_ends_its_jog_and_does_not_continue_it(x):
     jogs(x)
     x.page.run("setTimeout(() => { const t = performance.now(); while (performance.now() - t < 1000); })")
     assert until(lambda: x.speed() < 0.1) < 0.6  # the beginning of the hanging is not seen from here
@@ -199,7 +199,7 @@ def test_a_finger_jogs_for_as_long_as_it_holds_and_opens_no_menu(x):
         driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
 
 
-def test_a_jog_that_another_has_ended_is_let_go_and_reported(x):
+def test_a_jog_that_another_program_has_ended_is_released_and_reported(x):
     jogs(x)
     x.machine["x"].halt()
     until(lambda: x.speed() < 0.1)
@@ -207,7 +207,7 @@ def test_a_jog_that_another_has_ended_is_let_go_and_reported(x):
     assert "held" not in x.page.one("[data-jog='1']").get_attribute("class")
 
 
-def test_one_press_of_the_enter_key_is_one_step_however_long_it_is(x):
+def test_one_press_of_the_enter_key_is_one_step_for_any_duration(x):
     x.page.type("distance", "1")
     x.page.run("arguments[0].focus()", x.page.one("[data-do=move_relative]"))
     before = x.axis.position

@@ -92,7 +92,7 @@ def test_a_bar_shows_the_position_of_a_value_within_its_limits(x):
     assert x.page.text("[data-bar=following_error] em") == "applies while it follows position set-points"
 
 
-def test_a_torque_asks_first_and_the_space_bar_ends_it(x):
+def test_a_torque_needs_confirmation_and_the_space_bar_ends_it(x):
     x.page.type("torque", "0,3")
     x.page.type("slope", "50")
     button = x.page.one("[data-do=torque_control]")

@@ -120,7 +120,7 @@ def test_a_backup_is_cancelled(at):
     assert "nothing was written" in page.text("#config-state")
 
 
-def test_a_file_is_held_against_the_node(at):
+def test_a_file_is_compared_with_the_node(at):
     page, device = at.page, at.machine.simulated_node(1).device
     backed_up(at)
     press(page, "#file-backup")

@@ -200,7 +200,7 @@ def test_a_value_is_written_and_read_back_and_a_wrong_one_is_not(at):
     until(lambda: "commands of the running machine" in said(page, "1:60B2:00"))
 
 
-def test_an_energised_node_asks_and_no_writes_nothing(at):
+def test_a_write_to_an_energised_node_needs_confirmation_and_no_writes_nothing(at):
     page, x = at.page, at.machine["x"]
     enabled(page, x)
     opened(page, "6083")

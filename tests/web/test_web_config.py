@@ -592,7 +592,7 @@ def bring(desk: SimpleNamespace) -> Any:
     return bring
 
 
-def test_a_file_is_brought_in_pieces_and_reported(desk, bring):
+def test_a_file_is_uploaded_in_pieces_and_reported(desk, bring):
     data = backup(desk.machine).data
     answer = bring("page=1&name=my%20x.dcf", data[:1000], data[1000:])
     told = json.loads(answer.body)
@@ -633,7 +633,7 @@ def test_a_file_without_a_page_is_refused(desk, bring, query, number, status):
     assert desk.job.files.of(1, BROUGHT) is None
 
 
-def test_one_that_is_too_long_or_junk_is_not_kept(desk, bring):
+def test_a_file_that_is_too_long_or_invalid_is_not_kept(desk, bring):
     assert bring("page=1", b"x" * 1000, cut=True).status_code == 413
     assert json.loads(bring("page=1", b"junk").body)["error"]["message"].endswith("this is not an EDS or DCF")
     assert desk.job.files.of(1, BROUGHT) is None

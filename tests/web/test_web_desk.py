@@ -103,7 +103,7 @@ def test_an_invalid_time_stamp_is_refused(pages, seen):
     assert place.seen is None
 
 
-def test_a_stop_is_executed_however_late_it_is_received(pages):
+def test_a_stop_that_is_received_late_is_still_executed(pages):
     place = pages.operator()
     pages.enabled(place, "x")
     pages.ask(place, "move_velocity", "x", values={"velocity": "50"})
@@ -133,7 +133,7 @@ def test_a_jog_ends_by_silence_and_late_beats_do_not_revive_it(pages):
     assert pages.speed() == pytest.approx(0.0, abs=0.1)
 
 
-def test_a_jog_ends_when_its_page_is_gone_and_the_controls_are_free(pages):
+def test_a_jog_ends_when_its_page_leaves_and_the_controls_are_free(pages):
     place, other = pages.operator(), pages.sit()
     pages.enabled(place, "x")
     pages.jog(place, velocity="40")
@@ -231,7 +231,7 @@ def test_taken_over_a_jog_ends_and_both_are_reported(pages):
     assert pages.machine["x"].state is AxisState.DISABLED
 
 
-def test_a_move_continues_when_its_page_is_gone(pages):
+def test_a_move_continues_when_its_page_leaves(pages):
     place = pages.operator()
     pages.enabled(place, "x")
     pages.ask(place, "move_absolute", "x", values={"position": "30", "velocity": "60"})

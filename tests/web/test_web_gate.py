@@ -230,7 +230,7 @@ def test_a_page_that_was_open_for_a_day_can_be_reloaded():
         ("evil.example", HOST),
     ],
 )
-def test_a_host_that_is_not_ours_is_refused_whatever_else_is_right(hosts):
+def test_a_wrong_host_is_refused_with_an_otherwise_valid_request(hosts):
     keys, cookie = keys_with()
     for arrival in (get(cookies=(cookie,)), socket(cookies=(cookie,))):
         assert judged(keys, dataclasses.replace(arrival, hosts=hosts)).status == 421
@@ -294,9 +294,7 @@ def test_without_a_valid_cookie_nothing_is_served(host, origin, cookie):
         (SOCKETS_ALWAYS - 1, (SOCKETS_OF_BROWSER,) * 60, True),
     ],
 )
-def test_a_browser_has_its_share_of_sockets_whatever_the_others_have_and_no_stop_is_counted(
-    own, others, let_in
-):
+def test_a_browser_has_its_own_number_of_sockets_and_stops_are_not_counted(own, others, let_in):
     keys, cookie = keys_with(Role.LOOKER)
     found = judged(keys, socket(cookies=(cookie,)), own, *others)
     assert isinstance(found, PageSession) if let_in else found.status == 503
@@ -304,7 +302,7 @@ def test_a_browser_has_its_share_of_sockets_whatever_the_others_have_and_no_stop
     assert isinstance(judged(keys, stop, own, *others), PageSession)
 
 
-def test_a_request_that_brings_too_much_is_refused():
+def test_a_request_with_too_large_a_body_is_refused():
     keys, cookie = keys_with()
     post = get("/_nicegui/x", method="POST", origins=(ORIGIN,), cookies=(cookie,), length=FOREIGN_MESSAGE)
     assert isinstance(judged(keys, post), PageSession)

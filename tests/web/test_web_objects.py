@@ -216,7 +216,7 @@ def test_storing_parameters_needs_a_confirmation(nodes):
     assert (again.question, again.error) == (None, {})
 
 
-def test_an_energised_node_asks_first_and_the_answer_to_another_question_does_not_count(nodes):
+def test_a_write_to_an_energised_node_needs_confirmation_by_the_answer_to_its_own_question(nodes):
     nodes.machine["x"].enable().wait(10)
     before = nodes.has("1:6083:00")
     for agreed in ((), ("order",), ("yes",)):
@@ -289,7 +289,7 @@ def test_findings_are_those_of_eds_check(tmp_path):
     assert all(each["remedy"] for each in found["shown"])
 
 
-def test_a_book_is_made_once_however_many_ask(nodes, monkeypatch):
+def test_a_book_is_made_once_for_concurrent_requests(nodes, monkeypatch):
     made = []
     monkeypatch.setattr(dictionary, "book", lambda machine, node: made.append(node) or book(machine, node))
 
@@ -394,7 +394,7 @@ def test_an_observer_reads_and_neither_writes_nor_verifies(desk):
     assert any("observer page" in one.text for one in desk.looker.told)
 
 
-def test_a_write_needs_the_controls_when_it_is_done_not_only_when_it_is_asked_for(desk):
+def test_a_write_needs_the_controls_when_it_is_done_not_only_when_it_is_requested(desk):
     other = desk.desk.sit(PageSession(2, Role.OPERATOR), "there")
     before = desk.nodes.has("1:6083:00")
     desk.ask(desk.operator, "write_object", "1:6083:00", text="5")

@@ -91,7 +91,7 @@ def test_the_time_of_day_is_that_of_the_samples_and_not_of_the_saving(machine, t
     assert abs(ago - timedelta(seconds=600)) < timedelta(seconds=5)
 
 
-def test_it_is_plotted_and_exported_like_a_recording(machine, tmp_path):
+def test_a_saved_scope_is_plotted_and_exported_like_a_recording(machine, tmp_path):
     from axisbus.record.export import write_csv
     from axisbus.record.plot import plot
 

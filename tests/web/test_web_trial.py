@@ -56,7 +56,7 @@ def test_a_trial_moves_measures_returns_measures_and_ends():
     assert seen.trial.next(seen.now) is NextAction.WAIT
 
 
-def test_a_velocity_goes_back_to_0_and_is_in_motion_all_the_time():
+def test_a_velocity_trial_returns_to_0_and_is_in_motion_all_the_time():
     seen = Seen(TURN)
     assert seen.cycle() is NextAction.GO
     seen.cycle(STANDS)

@@ -119,7 +119,7 @@ def test_the_question_names_the_motion_and_the_limits(pages, place):
     assert "30 deg/s" in pages.last["question"]
 
 
-def test_a_step_of_position_goes_there_and_back_and_is_measured(pages, place):
+def test_a_position_trial_moves_forth_and_back_and_is_measured(pages, place):
     pages.step(place)
     pages.go_on(place, 1.0)
     assert pages.machine["x"].position == pytest.approx(20.0, abs=0.1)
@@ -218,7 +218,7 @@ def test_an_invalid_velocity_is_refused(pages, place, velocity, words):
     assert pages.news == []
 
 
-def test_it_needs_the_controls_an_operator_and_an_enabled_axis_at_standstill(pages):
+def test_a_trial_needs_the_controls_an_operator_and_an_enabled_axis_at_standstill(pages):
     looker, place = pages.sit(Role.LOOKER), pages.sit()
     for who, words in ((looker, "observer page"), (place, "no page has the controls")):
         pages.step(who)
@@ -261,7 +261,7 @@ def test_two_at_a_time_are_refused_and_the_first_continues(pages, place):
 # -- ends of a trial -----------------------------------------------------------------------------------------------------------
 
 
-def test_it_ends_when_its_page_is_gone(pages, place):
+def test_a_trial_ends_when_its_page_leaves(pages, place):
     pages.under_way(place)
     pages.desk.leave(place)
     pages.pass_(0.3)
@@ -275,7 +275,7 @@ def test_it_ends_when_its_page_is_gone(pages, place):
     assert pages.last["why"] == ""
 
 
-def test_it_ends_by_silence_and_late_words_do_not_revive_it(pages, place):
+def test_a_trial_ends_by_silence_and_late_messages_do_not_revive_it(pages, place):
     pages.under_way(place)
     pages.go_on(place, 0.3, alive=False)
     pages.ended(place, "the server received nothing from its page")
@@ -287,14 +287,14 @@ def test_a_late_beat_ends_it(pages, place):
     pages.ended(place, "the server received nothing from its page")
 
 
-def test_it_ends_when_its_page_is_hidden(pages, place):
+def test_a_trial_ends_when_its_page_is_hidden(pages, place):
     pages.under_way(place)
     pages.ask(place, "trial_end")
     pages.ended(place, "its page has ended it")
 
 
 @pytest.mark.parametrize("do", ["take_over", "give_back"])
-def test_it_ends_with_the_controls(pages, place, do):
+def test_a_trial_ends_with_the_controls(pages, place, do):
     other = pages.sit()
     pages.under_way(place)
     pages.ask(other if do == "take_over" else place, do)

@@ -57,7 +57,7 @@ def test_if_more_objects_are_repeated_than_time_allows_each_has_its_turn():
     assert max(counts.values()) - min(counts.values()) <= 1
 
 
-def test_a_page_that_asks_for_much_keeps_no_other_waiting():
+def test_a_page_with_many_requests_does_not_delay_the_others():
     turns = TransferQueue()
     assert turns.ask(1, [ObjectJob(key, 1) for key in X[:60]])
     assert turns.ask(2, [ObjectJob(Y, 2)])
@@ -102,7 +102,7 @@ def test_without_the_controls_waiting_writes_are_dropped_and_reported():
     assert [job for _, job in run(turns, 7.0, 1.0)] == [ObjectJob(X[1], 1)]
 
 
-def test_a_page_that_is_gone_is_read_for_no_more():
+def test_nothing_is_read_for_a_page_that_left():
     turns = TransferQueue()
     turns.keep(1, X[:3])
     assert turns.ask(1, [ObjectJob(X[7], 1)])

@@ -38,7 +38,7 @@ def test_the_last_frame_counts_and_every_other_bit_of_it_stays():
     )
 
 
-def test_an_axis_without_a_controlword_by_pdo_is_found_all_the_same():
+def test_an_axis_without_a_controlword_by_pdo_is_listed_for_the_rescue():
     memory, writer = made(RescueRpdo(2))
     writer.touched(2)
     assert rescue_memory.found(memory, AT) == rescue_memory.RescueTargets((2,), ())

@@ -113,7 +113,7 @@ def test_a_signal_handler_may_send_while_the_same_thread_sends():
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="POSIX")
-def test_a_forked_child_that_lets_go_takes_nothing_from_its_parent():
+def test_a_forked_child_that_disowns_its_streams_does_not_close_those_of_its_parent():
     with both() as (near, far):
         if (child := os.fork()) == 0:
             near.disown()
