@@ -199,7 +199,7 @@ SLOW = {
         "scenarios/test_scenario_stop_matrix.py",
         "scenarios/test_scenario_two_axes.py",
         "scenarios/test_scenario_unreadable_objects.py",
-        "scenarios/test_scenario_virtual.py::test_on_a_bus_it_is_moved_by_the_core_wherever_that_runs",
+        "scenarios/test_scenario_virtual.py::test_on_a_bus_a_virtual_axis_is_moved_by_the_core_in_every_process",
         "scenarios/test_scenario_ways_out.py",
         "sim/test_sim_lss.py",
         "sim/test_sim_network.py",

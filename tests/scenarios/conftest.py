@@ -1,7 +1,7 @@
-"""What all scenarios share: golden messages, and that a scenario of stopping fails when its nets are cut.
+"""Fixtures of all scenarios: golden messages, and a check that a scenario of stopping fails without its safety nets.
 
-With ``AXISBUS_PROCESS=own`` each core has a process of its own: a scenario that looks into it is skipped where it does, and nets
-are cut only where a scenario has a process cut them.
+With ``AXISBUS_PROCESS=own`` each core has a process of its own. Scenarios that look into the core are then skipped, and safety nets
+are removed only where a scenario has a process remove them.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Tell the process that shares the tests out which golden messages this one has used."""
+    """Report the golden messages that this process has used to the process that distributes the tests."""
     output = getattr(session.config, "workeroutput", None)
     if output is not None:
         whole = scenario_golden.whole(session) or scenario_golden.half(session)
@@ -66,7 +66,7 @@ def _of_another_process(_: object) -> NoReturn:
 
 @pytest.fixture(autouse=True)
 def from_outside(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Skip what looks into a core that is in a process of its own, and leave no such core behind."""
+    """Skip tests that look into a core that is in a process of its own, and leave no such core behind."""
     cores: list[RemoteCore] = []
     if OWN:
         make = RemoteCore.__init__

@@ -1,4 +1,4 @@
-"""What cannot be asked for is refused at the call, by name and with the limit, and nothing is sent to the drive."""
+"""Invalid arguments are refused at the call, by name and with the limit, and nothing is sent to the drive."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Endless:
 
 
 def sends_nothing(cell, call) -> Exception:
-    """Return the exception that ``call`` raises; whatever the port gets afterwards must be what it got before."""
+    """Return the exception that ``call`` raises; the port must get the same outputs before and after it."""
     cell.run(0.2)
     given = []
     write = cell.port().write
@@ -209,7 +209,7 @@ IN_A_GROUP = {
 
 @pytest.mark.parametrize("what", [*GIVEN, *IN_A_GROUP])
 def test_no_absurd_number_ends_the_scan_or_raises_a_foreign_error(scenario, what):
-    """It is refused at the call, or the command goes its way; either way the next one finds an axis that works."""
+    """The command is refused at the call or executed; in both cases the next command finds an axis that works."""
     for name, value in ABSURD.items():
         cell = scenario.simulated("xy", axis=LIMITED).enabled()
         cell.run(0.1)
@@ -217,7 +217,7 @@ def test_no_absurd_number_ends_the_scan_or_raises_a_foreign_error(scenario, what
         refused, handle = None, None
         try:
             handle = GIVEN[what](cell.x, value) if what in GIVEN else IN_A_GROUP[what](group, value)
-        except Exception as error:  # noqa: BLE001  # what it may be is asserted below
+        except Exception as error:  # noqa: BLE001  # its type is asserted below
             refused = error
         cell.run(0.5)
         if handle is None:
@@ -252,7 +252,7 @@ def test_a_straight_line_out_of_the_limits_is_refused(scenario, golden):
 
 def test_a_path_longer_than_half_the_drive_s_count_ends_the_handle(scenario, golden):
     cell = scenario.simulated("x")
-    cell.drive().axis.motor.position = -2.0e9  # where it stands, in increments
+    cell.drive().axis.motor.position = -2.0e9  # the actual position, in increments
     cell.run(0.1)
     cell.x.enable().wait(5)
     failed = cell.failure_of(cell.x.move_absolute(2.0e9 / SCALE))

@@ -1,4 +1,4 @@
-"""``axisbus stop`` beside a master that is alive: the drives stop and stay stopped, and nobody enables them again."""
+"""``axisbus stop`` beside a running master: the drives stop and stay stopped, and no program enables them again."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ TIMES = (
 
 @pytest.fixture
 def axisbus_stop(monkeypatch, capsys):
-    """Type ``axisbus stop CELL``; returns exit code and what it prints."""
+    """Run ``axisbus stop CELL``; return the exit code and the output."""
 
     def call(line: Line) -> tuple[int, str]:
         monkeypatch.setattr(sys, "argv", ["axisbus", "stop", str(line.file)])
@@ -45,7 +45,7 @@ def axisbus_stop(monkeypatch, capsys):
 
 @contextmanager
 def live(folder, names: str = "xy") -> Iterator[tuple[Line, Machine]]:
-    """A master that lets its axes turn. It is closed in the end, whatever it then has to tell."""
+    """A master that lets its axes turn. It is closed at the end, and its errors are ignored."""
     with Line(folder, names, stop=TIMES) as line:
         machine = line.open()
         try:

@@ -181,7 +181,7 @@ def test_a_fault_ends_all_of_them_with_its_reason(scenario):
     assert cell.end_of(cell.x.enable()) is None
     rests = cell.where("x")
     cell.run(1.0)
-    assert cell.where("x") == pytest.approx(rests, abs=0.1)  # nothing goes on by itself
+    assert cell.where("x") == pytest.approx(rests, abs=0.1)  # no further motion
 
 
 def test_another_move_takes_over_from_them_without_a_jolt(scenario):
@@ -226,7 +226,7 @@ def test_a_superimposed_distance_survives_a_move_that_takes_over(scenario):
     must_have_kept_limits(ledger)
 
 
-def test_one_that_took_over_and_turns_round_still_is_waited_for(scenario):
+def test_a_blended_move_that_took_over_and_reverses_is_still_waited_for(scenario):
     cell, ledger = one(scenario)
     cell.x.move_absolute(100.0, velocity=90.0, buffer="blending_low")
     cell.until(lambda: cell.where("x") > 50.0)
@@ -317,7 +317,7 @@ def test_a_blended_move_beyond_the_limits_is_refused_and_the_others_continue(sce
     assert cell.where("x") == pytest.approx(99.0, abs=0.1)
 
 
-def test_each_has_the_time_that_it_was_given(scenario):
+def test_each_blended_move_has_the_time_that_it_was_given(scenario):
     cell, _ = one(scenario)
     first = cell.x.move_absolute(60.0, timeout=5.0, buffer="blending_low")
     second = cell.x.move_absolute(160.0, velocity=20.0, timeout=1.0, buffer="blending_low")
@@ -444,7 +444,7 @@ def test_a_move_that_a_superimposed_distance_would_take_beyond_the_limits_does_n
     assert cell.where("x") == pytest.approx(85.0, abs=0.1)
 
 
-def test_one_that_took_over_under_an_override_is_waited_for(scenario):
+def test_a_blended_move_that_took_over_under_an_override_is_waited_for(scenario):
     cell, ledger = one(scenario)
     cell.x.move_absolute(100.0, velocity=90.0, buffer="blending_low")
     cell.until(lambda: cell.where("x") > 10.0)
@@ -540,7 +540,7 @@ def test_each_move_of_the_drive_has_the_time_that_it_was_given(scenario):
 
 
 @pytest.mark.parametrize("handshake", ["on-change", "acknowledge"])
-def test_a_drive_whose_bit_12_proves_nothing_passes_the_end_as_well(scenario, handshake):
+def test_a_drive_whose_bit_12_proves_nothing_passes_the_end_without_stopping_as_well(scenario, handshake):
     axis = AXIS + (f'\nhandshake = "{handshake}"' if handshake == "on-change" else "")
     cell, _ = one(scenario, axis=axis)
     cell.x.move_absolute(60.0, velocity=60.0)
@@ -635,7 +635,7 @@ def test_any_sequence_of_moves_keeps_the_limits_and_ends_at_the_last_target(scen
         assert handle.done or isinstance(handle.exception(), Interrupted | StateError), handle.exception()
     places = cell.positions("x", 0.0)
     jolts = [abs(c - 2 * b + a) / PERIOD**2 for a, b, c in zip(places, places[1:], places[2:], strict=False)]
-    assert max(jolts) < 1100.0  # of the motor, whoever leads it
+    assert max(jolts) < 1100.0  # of the motor, whichever side controls it
     assert max(abs(speed) for _, speed in speeds(cell)) < 400.0
 
 

@@ -108,7 +108,7 @@ def test_a_line_given_late_has_a_narrower_corner_or_a_stop_and_never_a_jolt(scen
     assert cell.end_of(first) is None
     assert cell.end_of(second) is None
     assert place(cell) == pytest.approx([60.0, 60.0], abs=0.1)
-    late = 0.5 < after < 1.5  # before that there is time, after that nothing is under way any more
+    late = 0.5 < after < 1.5  # before that there is time, after that no motion is running
     assert ("narrower" in second.note or "stop before it" in second.note) is late
     must_have_kept_limits(ledger)
 
@@ -225,7 +225,7 @@ def test_an_invalid_point_is_refused_and_the_path_continues(scenario):
     assert place(cell) == pytest.approx([30.0, 0.0], abs=0.1)
 
 
-def test_so_many_are_ahead_and_no_more(scenario):
+def test_a_path_accepts_a_limited_number_of_blended_commands(scenario):
     cell, group, _ = two(scenario, "x")
     path = group.move_path([(1.0,)], velocity=60.0, more=True)
     handles = [group.extend_path([(1.0 + 0.01 * n,)]) for n in range(1, 102)]
@@ -234,11 +234,11 @@ def test_so_many_are_ahead_and_no_more(scenario):
     assert cell.end_of(handles[98]) is None
 
 
-# -- what is refused -----------------------------------------------------------------------------------------------------
+# -- refusals ------------------------------------------------------------------------------------------------------------
 
 
 def test_a_segment_appended_to_a_refused_path_joins_no_other_path(scenario):
-    """The program does not know yet that it is refused, and counts on where it ends; what is under way ends elsewhere."""
+    """The program does not know yet that the path is refused, and assumes its end; the running motion ends elsewhere."""
     cell, group, ledger = two(scenario)
     line = group.move_linear((40.0, 60.0), velocity=60.0)
     refused = group.move_path(

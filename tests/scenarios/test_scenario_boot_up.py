@@ -1,4 +1,4 @@
-"""Boot-up on a bus: the letters of CiA 302-2 by drives that misbehave, optional nodes, lost frames, a master that comes again."""
+"""Boot-up on a bus: the letters of CiA 302-2 by faulty drives, optional nodes, lost frames, a restarted master."""
 
 from __future__ import annotations
 
@@ -154,7 +154,9 @@ def test_a_drive_that_refuses_to_start_names_its_errors_and_not_its_supply(tmp_p
         line.devices["x"].dials.start_error = 0x8130
         error = refused(line)
         assert line.devices["x"].nmt is NmtState.PRE_OPERATIONAL
-        assert len(line.devices["x"].errors.entries) <= 3  # it is not told until its list holds nothing else
+        assert (
+            len(line.devices["x"].errors.entries) <= 3
+        )  # it is not reported until its list holds nothing else
     assert error.step == "start"
     golden("boot_refuses_to_start", error, volatile=True)
 
@@ -200,7 +202,7 @@ def test_a_drive_in_fault_that_refuses_its_configuration_names_the_fault(tmp_pat
     golden("boot_configuration_refused_in_fault", error, volatile=True)
 
 
-# -- what the cell file asks for -----------------------------------------------------------------------------------------
+# -- settings of the cell file -------------------------------------------------------------------------------------------
 
 
 def eds_with_1020(folder) -> None:
@@ -337,7 +339,7 @@ def eds_without(folder, *sections: str) -> None:
     (folder / "drive.eds").write_text(text, encoding="ascii")
 
 
-def test_a_drive_that_can_only_watch_its_rpdos_does_so_and_is_let_go(tmp_path):
+def test_a_drive_that_can_only_monitor_its_rpdos_does_so_and_its_watch_ends_with_the_machine(tmp_path):
     eds_without(tmp_path, "1016", "100C", "100D")
     with Line(tmp_path, eds="drive.eds") as line:
         device = line.devices["x"]
@@ -373,7 +375,7 @@ def test_a_drive_that_can_only_watch_its_rpdos_notices_that_they_end(tmp_path):
 
 
 def simulated(line: Line) -> Machine:
-    """Open the cell in virtual time, where a busy computer makes nobody late."""
+    """Open the cell in virtual time, in which a busy computer causes no delay."""
     described = eds.load(resolve(GENERIC, line.file.parent))
     made = {node: device_from_eds(described, node) for node, _ in enumerate(line.names, start=1)}
     return Machine.simulated(line.file, made)
@@ -383,7 +385,7 @@ def simulated(line: Line) -> Machine:
     ("word", "stopped"), [("group", "y"), ("cell", "yzw"), ("report", "")], ids=["group", "cell", "report"]
 )
 def test_the_cell_file_selects_the_axes_that_a_lost_node_stops(tmp_path, word, stopped):
-    """x and y are a group, z and w another: the loss of x stops y, or everybody, or nobody else."""
+    """x and y are a group, z and w another: the loss of x stops y, all axes, or no other axis."""
     groups = '[groups.xy]\naxes = ["x", "y"]\n[groups.zw]\naxes = ["z", "w"]\n'
     line = Line(tmp_path, "xyzw", more=groups)
     with_bus_line(line, f'on_lost_node = "{word}"')
@@ -401,7 +403,7 @@ def test_the_cell_file_selects_the_axes_that_a_lost_node_stops(tmp_path, word, s
         assert isinstance(machine["x"].error, NodeError)
         assert {name for name in "yzw" if plants[name].velocity == 0.0} == set(stopped)
     finally:
-        with suppress(DriveError):  # the way out tells that x could only be stopped the hard way
+        with suppress(DriveError):  # closing reports that x could only be stopped by a harder stop
             machine.close()
 
 
@@ -441,7 +443,7 @@ def kinds(machine: Machine) -> list[str]:
 
 
 def states(machine: Machine) -> list[str]:
-    """Without what a busy computer adds: a heartbeat that came too late."""
+    """Return the events without late heartbeats, which a busy computer can cause."""
     return [kind for kind in kinds(machine) if kind not in ("LOST", "BACK")]
 
 
@@ -510,7 +512,7 @@ def test_an_optional_node_may_be_absent_in_virtual_time_too(tmp_path):
 
 
 def test_an_optional_node_that_appears_later_is_picked_up_in_virtual_time(tmp_path):
-    """It is asked once a second, also while somebody waits for something else."""
+    """It is asked once a second, also while the program waits for something else."""
     path, made = virtual_line(tmp_path)
     with Machine.simulated(path, made) as machine:
         machine["x"].enable().wait(5)
@@ -543,7 +545,7 @@ def test_an_optional_node_that_appears_as_another_device_is_reported_in_virtual_
         assert not made[2].operational
 
 
-# -- what error control tells, in virtual time ---------------------------------------------------------------------------
+# -- reports of error control, in virtual time ---------------------------------------------------------------------------
 
 
 def test_a_node_that_is_lost_and_returns_is_reported_in_virtual_time(tmp_path):
@@ -562,7 +564,7 @@ def test_a_node_that_is_lost_and_returns_is_reported_in_virtual_time(tmp_path):
         machine.sleep(0.2)
         machine.node(1).command(NmtCommand.RESET_NODE)
         machine.sleep(2.0)
-        # Since its restart it sends no heartbeat: nobody has configured it.
+        # Since its restart it sends no heartbeat, because it has not been configured.
         assert kinds(machine) == ["LOST", "STATE", "BACK", "OPERATIONAL", "BOOT_UP", "LOST"]
         assert machine.node(1).nmt is NmtState.PRE_OPERATIONAL
         lost = machine.events[0]
@@ -591,7 +593,7 @@ def test_an_axis_is_reset_as_soon_as_its_node_has_confirmed_the_start(tmp_path, 
     with Machine.simulated(line.file) as machine:
         x, node = machine["x"], machine.node(1)
         node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-        assert x.state is AxisState.ERRORSTOP  # the axes know of it when the command returns
+        assert x.state is AxisState.ERRORSTOP  # the axes have the error when the command returns
         machine.sleep(pause)
         node.command(NmtCommand.START)
         x.reset().wait(5)
@@ -610,7 +612,7 @@ def test_a_node_without_axes_that_is_lost_in_virtual_time(tmp_path, word, stops)
         machine["x"].enable().wait(5)
         machine["x"].move_velocity(60.0).wait(5)
         heard = []
-        machine.node(2).on_event(heard.append)  # somebody else hears it too: the cell is stopped all the same
+        machine.node(2).on_event(heard.append)  # a further subscriber: the cell is stopped all the same
         machine.simulated_node(2).device.dials.dead = True
         machine.sleep(5.0)
         assert heard == machine.node(2).events
@@ -641,7 +643,7 @@ def test_a_fault_and_its_reset_are_an_incident_in_virtual_time(tmp_path):
 
 
 def opened_again_after(line: Line, machine: Machine, silence: str = "its heartbeat has stopped") -> None:
-    """Do what the error of a reset says for a lost node: bring it back, close the machine, open it again."""
+    """Apply the remedy of a reset for a lost node: restart it, close the machine, open it again."""
     device = line.devices["x"]
     device.dials.dead = True
     until(lambda: machine["x"].error is not None)

@@ -1,4 +1,4 @@
-"""Commands that meet other commands or the wrong state: who takes over, who is refused, and that it is said."""
+"""Commands that meet other commands or the wrong state: which takes over, which is refused, and the message."""
 
 from __future__ import annotations
 
@@ -88,8 +88,8 @@ def test_an_additive_move_of_an_axis_that_was_turned_by_hand_starts_from_its_act
     assert cell.where("x") == pytest.approx(135.0, abs=0.3)
 
 
-def test_a_stop_that_is_asked_for_again_and_again_gets_no_more_time(scenario):
-    """An operator who presses repeatedly, or a loop, must not restart the stop sequence each time."""
+def test_a_stop_that_is_repeated_gets_no_more_time(scenario):
+    """An operator or a loop that repeats the command must not restart the stop sequence each time."""
     cell = scenario.simulated("x", stop='halt_time = "500ms"')
     cell.travelling()
     cell.drive().dials.ignore_halt = True

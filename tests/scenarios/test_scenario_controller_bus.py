@@ -15,7 +15,7 @@ CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 
 
 def loop_that(late: list[bool]):
-    """One that goes on at 60 deg/s, and is late once for each that is put into ``late``."""
+    """A loop that returns 60 deg/s, and is late once for each item of ``late``."""
 
     def loop(_: AxisFeedback) -> float:
         if late and late.pop():

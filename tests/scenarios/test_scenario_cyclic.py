@@ -27,7 +27,7 @@ JOLT = 1.05 * RAMP
 
 
 def turning(scenario, velocity: float = 100.0, **changes) -> Cell:
-    """A cell whose axis is led at a velocity."""
+    """A cell whose axis moves at a velocity."""
     cell = scenario.simulated("x", **changes).enabled()
     cell.x.cyclic_velocity(velocity).wait(5)
     cell.must_move()
@@ -56,12 +56,12 @@ def test_the_drive_gets_the_ramp_and_the_handle_is_done_in_velocity(scenario, ve
     assert cell.sample().velocity == pytest.approx(velocity, rel=0.01)
     assert cell.hardest_change(since=moment) <= JOLT
     assert cell.x.state is AxisState.CONTINUOUS_MOTION
-    cell.run(1.0)  # it goes on
+    cell.run(1.0)  # it continues
     assert cell.sample().velocity == pytest.approx(velocity, rel=0.01)
     assert cell.drive().target_velocity == round(velocity * 100)
 
 
-def test_its_ramps_are_those_of_the_call(scenario):
+def test_a_cyclic_velocity_has_the_ramps_of_the_call(scenario):
     cell = scenario.simulated("x").enabled()
     cell.x.cyclic_velocity(200.0, acceleration=100.0, deceleration=400.0)
     cell.until(lambda: cell.speed() > 50.0)
@@ -73,12 +73,12 @@ def test_its_ramps_are_those_of_the_call(scenario):
     assert cell.hardest_change(since=moment) <= 105.0
 
 
-def test_another_velocity_continues_from_the_present_one(scenario):
+def test_another_cyclic_velocity_continues_from_the_present_one(scenario):
     cell = turning(scenario)
     moment = cell.moment()
     first = cell.x.cyclic_velocity(300.0)
     cell.run(0.2)
-    second = cell.x.cyclic_velocity(-50.0)  # in the middle of the ramp, and the other way round
+    second = cell.x.cyclic_velocity(-50.0)  # in the middle of the ramp, and in the other direction
     second.wait(5)
     assert isinstance(first.exception(), Replaced)
     assert cell.sample().velocity == pytest.approx(-50.0, rel=0.01)
@@ -86,7 +86,7 @@ def test_another_velocity_continues_from_the_present_one(scenario):
     assert cell.drive().mode_display == CSV
 
 
-def test_a_velocity_may_be_given_in_every_cycle_and_a_jam_is_found_all_the_same(scenario):
+def test_a_velocity_given_in_every_cycle_still_lets_a_jam_be_detected(scenario):
     cell = scenario.simulated("x").enabled()
     moment = cell.moment()
     for number in range(200):
@@ -105,7 +105,7 @@ def test_a_velocity_may_be_given_in_every_cycle_and_a_jam_is_found_all_the_same(
 
 
 @pytest.mark.parametrize("pause", [0.0, 0.01, 0.02, 0.05, 0.1])
-def test_a_velocity_that_is_asked_for_before_the_mode_has_changed_replaces_the_first(scenario, pause):
+def test_a_velocity_commanded_before_the_mode_has_changed_replaces_the_first(scenario, pause):
     cell = scenario.simulated("x").enabled()
     cell.drive().dials.mode_delay = 0.2
     cell.device().write(0x60B1, 0, 5000)
@@ -116,7 +116,7 @@ def test_a_velocity_that_is_asked_for_before_the_mode_has_changed_replaces_the_f
     cell.run(0.5)
     assert (
         cell.top_speed() < 31.0
-    )  # what came first was not left out: no offset, and no jump of the first velocity
+    )  # the first transfers were not left out: no offset, and no jump of the first velocity
     assert cell.device().read(0x60C2, 1) == 10
 
 
@@ -142,7 +142,7 @@ def test_no_motion_before_the_mode_is_displayed_and_offsets_of_another_program_a
     assert cell.top_speed() < 21.0
 
 
-# -- velocity: what it gives way to --------------------------------------------------------------------------------------
+# -- velocity: commands that take over -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("hears_halt", [True, False], ids=["hears halt", "deaf to halt"])
@@ -243,7 +243,7 @@ def test_a_command_that_needs_standstill_is_refused_and_the_axis_continues(scena
     assert cell.speed() == pytest.approx(100.0, rel=0.01)
 
 
-def test_it_does_not_begin_in_the_middle_of_another_move(scenario):
+def test_cyclic_commands_are_refused_during_another_move(scenario):
     cell = scenario.simulated("x", axis=RATED)
     cell.turning(90.0)
     for handle in (cell.x.cyclic_velocity(10.0), cell.x.cyclic_torque(0.1, slope=1.0)):
@@ -261,7 +261,7 @@ def test_after_a_halt_the_axis_takes_a_trajectory_and_a_move(scenario):
     assert cell.speed() == pytest.approx(20.0, rel=0.01)
 
 
-# -- velocity: what stops it ---------------------------------------------------------------------------------------------
+# -- velocity: stops -----------------------------------------------------------------------------------------------------
 
 
 def test_a_jammed_axis_is_stopped_and_does_not_leap_when_it_is_released(scenario):
@@ -335,7 +335,7 @@ def test_a_fault_of_another_axis_ramps_it_down(scenario):
     assert cell.hardest_change("x", since=moment) <= JOLT
 
 
-def test_its_own_fault_stops_it(scenario):
+def test_a_fault_of_its_drive_stops_a_cyclic_velocity(scenario):
     cell = turning(scenario)
     cell.drive().fault(0x2310)
     cell.must_stand(within=1.0, stages=FAULT)
@@ -488,7 +488,7 @@ def test_the_drive_gets_the_slope_and_the_handle_is_done_in_torque(scenario):
 
 
 def sent_torques(cell: Cell) -> list[int]:
-    """What the drive has as 6071h in each cycle from now on."""
+    """The values of 6071h in each cycle from now on."""
     values: list[int] = []
     cell.each_cycle(lambda *_: values.append(cell.drive().target_torque))
     return values
@@ -512,7 +512,7 @@ def test_a_load_does_not_fall_when_its_axis_is_halted(scenario, holds):
         scenario, PLANTS["sagging"], axis=f'holds_load = "{holds}"', stop='quick_stop = "ramp-hold"'
     )
     start, moment = cell.where(), cell.moment()
-    cell.x.cyclic_torque(3.0, slope=5.0).wait(5)  # what holds it
+    cell.x.cyclic_torque(3.0, slope=5.0).wait(5)  # the torque that holds it
     cell.must_not_leap(since=moment, way=2.0)
     cell.x.cyclic_torque(3.3, slope=5.0)
     cell.until(lambda: cell.speed() > 10.0, 5.0)
@@ -573,7 +573,7 @@ def test_a_move_takes_over_from_a_torque(scenario, command):
     assert cell.hardest_change(since=moment) <= 1.6 * RAMP
 
 
-# -- what it needs -------------------------------------------------------------------------------------------------------
+# -- requirements --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

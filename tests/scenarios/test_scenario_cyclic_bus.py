@@ -1,4 +1,4 @@
-"""Velocity and torque in each cycle over a bus in real time: what is mapped beside the targets, and what is not."""
+"""Cyclic velocity and torque over a bus in real time: the mapping beside the targets."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from kit.cell import Stage
 from kit.probe import ENABLED, OFF
 
 RAMP = 500.0  # deg/s²
-# The clock of a stand-in and that of the bus are not one: a cycle may take a little more or less of its time.
+# The clock of a simulated drive and that of the bus differ: a cycle may take a little more or less than its time.
 JOLT = 2.0 * RAMP
 OFFSETS = """
 [nodes.1.pdo.rpdo1]

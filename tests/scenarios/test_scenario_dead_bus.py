@@ -76,7 +76,7 @@ class Adapter:
 
 @contextmanager
 def turning_cell(folder, names: str = "xy") -> Iterator[tuple[Line, Adapter, list]]:
-    """A cell with a move of many seconds under way on each axis."""
+    """A cell with a running move of many seconds on each axis."""
     with Line(folder, names) as line:
         machine = line.open()
         adapter = Adapter(machine)
@@ -91,7 +91,7 @@ def turning_cell(folder, names: str = "xy") -> Iterator[tuple[Line, Adapter, lis
 
 
 def _has_target(line: Line, name: str) -> bool:
-    """Whether the move has got as far as the drive's 607Ah; what it needs by SDO is written then."""
+    """Whether the move has set the drive's 607Ah; its SDO writes are done then."""
     with line.stand_ins.lock:
         return line.devices[name].read(0x607A) > 5_000_000
 
@@ -107,14 +107,14 @@ def _close(machine: Machine) -> Exception | None:
 
 
 def closing_error(adapter: Adapter) -> Exception:
-    """Close the machine, which must tell what had happened."""
+    """Close the machine, which must raise the error."""
     error = _close(adapter.machine)
     assert error is not None
     return error
 
 
 def scan_errors(handles: list) -> list[ScanError]:
-    """Return what ended the handles: each must have ended because the scan did."""
+    """Return the errors of the handles: each must have ended because of the scan."""
     until(lambda: not any(handle.busy for handle in handles))
     errors = [handle.exception() for handle in handles]
     assert [type(error) for error in errors] == [ScanError] * len(errors), errors
@@ -134,7 +134,7 @@ def test_a_scan_that_hangs_in_a_send_is_replaced_by_the_supervisor(tmp_path, gol
 
 @pytest.mark.nets("the supervisor", "the drive's watchdog")
 def test_a_send_that_returns_at_last_does_not_set_the_drives_in_motion_again(tmp_path):
-    """What the scan still holds in its hands is an *enable operation* for each axis: it ends a held quick stop."""
+    """The blocked frame of the scan is *enable operation* for each axis: it ends a held quick stop."""
     with turning_cell(tmp_path) as (line, adapter, handles):
         for device in line.devices.values():
             device.write(0x605A, 0, 6)  # brake, and stay in quick stop active
@@ -158,7 +158,7 @@ def test_if_every_send_hangs_the_drives_watchdog_stops_them_and_closing_does_not
 
 @pytest.mark.nets("the quick stop of a dead scan", "the drive's watchdog")
 def test_a_deaf_adapter_stops_every_drive(tmp_path, golden):
-    """What is sent still arrives, but nobody can see what it does."""
+    """Frames are still sent, but no feedback is received."""
     with turning_cell(tmp_path) as (line, adapter, handles):
         adapter.go_deaf()
         for name in "xy":

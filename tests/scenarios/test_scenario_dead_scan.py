@@ -1,4 +1,4 @@
-"""The scan dies, wherever it may: the drives get a quick stop and stand, and every handle says that it ended."""
+"""The scan dies at any point: the drives get a quick stop and reach standstill, and every handle reports the end of the scan."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def test_a_frame_that_was_stuck_is_followed_by_nothing_but_the_quick_stop(scenar
     def stuck() -> None:
         commit()
         scan.failure = ScanError("the scan of the bus hangs")
-        scan.end()  # what the supervisor does, in its own thread
+        scan.end()  # as the supervisor does in its own thread
         sent.clear()
 
     cycle.commit = stuck

@@ -1,4 +1,4 @@
-"""An encoder that nothing leads: a count of an I/O module is where an axis without a drive is, and others follow it."""
+"""An encoder axis: a count of an I/O module is the position of an axis without a drive, and other axes follow it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ RAMP = 500.0  # deg/s², the default of x
 
 
 class Belt:
-    """Goes at a speed (mm/s) from now on, as its counter tells; ``place`` in mm."""
+    """A belt that moves at ``speed`` (mm/s) as its counter shows; ``place`` in mm."""
 
     def __init__(self, cell: Cell, speed: float = 0.0, begin: float = 0.0) -> None:
         self.cell, self.speed, self.place = cell, speed, begin
@@ -89,7 +89,7 @@ def test_an_axis_is_synchronised_with_a_moving_encoder_axis_without_vibration(sc
     cell.must_stand(within=2.0, stages=ENABLED)
 
 
-def test_a_place_of_it_is_met(scenario):
+def test_a_sync_position_of_an_encoder_axis_is_met(scenario):
     cell, belt = belt_and_axis(scenario, speed=50.0)
     at = belt.place + 150.0
     cell.x.gear_in(cell["belt"], 1.0, sync_positions=(at, 20.0), master_start_distance=60.0).wait(10)
@@ -144,7 +144,7 @@ def test_no_command_moves_an_encoder_axis(scenario, command):
     assert cell["belt"].state is AxisState.DISABLED
 
 
-def test_stops_of_it_are_done_at_once_and_its_place_may_be_named(scenario):
+def test_stops_of_an_encoder_axis_are_done_at_once_and_its_position_can_be_set(scenario):
     cell, belt = belt_and_axis(scenario, begin=30.0)
     for name in ("halt", "stop", "quick_stop", "disable", "reset"):
         getattr(cell["belt"], name)().wait(1)
@@ -202,7 +202,7 @@ def test_check_names_an_input_that_does_not_count(tmp_path, change, words):
     assert any(words in problem.message for problem in problems), problems
 
 
-def test_check_asks_for_no_defaults_of_an_encoder_axis(tmp_path):
+def test_check_requires_no_defaults_of_an_encoder_axis(tmp_path):
     problems = check(written(tmp_path, BELT.format(node="")))
     assert not [problem for problem in problems if "axis belt has no default" in problem.message]
     bare = written(tmp_path, BELT.format(node="").replace('encoder = "count"', "virtual = true"))

@@ -1,4 +1,4 @@
-"""A drive that falls into fault: it and its group stop, the make's table tells why, and only a reset leads on."""
+"""A drive goes into fault: it and its group stop, the table of the make gives the reason, and only a reset permits new commands."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ GAINS_UNKNOWN = 0x2_0000_0000, 0x6320
 
 
 def faulty_device(stage):
-    """A module that is in fault before anybody opens the machine."""
+    """A module that is in fault before the machine is opened."""
     from axisbus import eds
 
     def make():
@@ -139,7 +139,7 @@ def test_a_fault_in_the_moment_of_enabling_stops_the_others(scenario, golden):
     golden("fault_on_enable", failed)
 
 
-def test_an_emergency_of_two_bytes_is_read_all_the_same(scenario):
+def test_an_emergency_of_two_bytes_is_read(scenario):
     cell = scenario.simulated("x")
     (handle,) = cell.travelling()
     cell.device().dials.emcy_short = True

@@ -1,4 +1,4 @@
-"""Feed-forward: a drive is told the velocity and the torque of each set-point, and nothing of that stays when nobody leads it."""
+"""Feed-forward: a drive gets velocity and torque of each set-point, and offsets of 0 while the master does not control it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def forward(velocity: bool = True, inertia: float | None = 0.002, torque: float 
 def made(
     stage: Stage, more: str, motor: dict[str, float] | None = None, **changes: str
 ) -> tuple[Cell, Witness]:
-    """A simulated cell with one axis that feeds forward, and what its drive holds at each SYNC."""
+    """A simulated cell with one axis with feed-forward, and the values of its drive at each SYNC."""
 
     def devices() -> dict[int, object]:
         model = eds.load(resolve(GENERIC, stage.folder))
@@ -74,7 +74,7 @@ def velocities(held: list[Held]) -> list[tuple[Held, float]]:
     ]
 
 
-# -- what is sent --------------------------------------------------------------------------------------------------------
+# -- sent offsets --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("invert", ["", 'invert = "master"\n', 'invert = "drive"\n'])
@@ -127,7 +127,7 @@ def test_a_drive_that_turns_velocities_alone_gets_the_other_sign(scenario):
 
 
 def lag_of(cell: Cell, move, distance: float) -> float:
-    """The farthest that the motor is behind its demand on a way, in increments."""
+    """The largest lag of the motor behind its demand during a move, in increments."""
     moment = cell.moment()
     move(cell, distance, 1.2).wait(5)
     record = cell.record().since(moment)
@@ -192,7 +192,9 @@ def test_the_constant_torque_is_ramped_and_sent_in_csp_only(scenario):
     cell, witness = made(scenario, forward(velocity=False, inertia=None, torque=4.0))
     cell.enabled()
     cell.run(0.5)
-    assert not any(h.torque_offset for h in witness.held)  # it stands in pp, where a drive adds nothing
+    assert not any(
+        h.torque_offset for h in witness.held
+    )  # it is at standstill in pp, in which a drive adds nothing
     follow(cell, 1.0, 0.5).wait(5)
     steps = [abs(b.torque_offset - a.torque_offset) for a, b in pairwise(witness.held)]
     assert max(steps) <= 400 * PERIOD / RAMP + 1
@@ -200,7 +202,7 @@ def test_the_constant_torque_is_ramped_and_sent_in_csp_only(scenario):
     assert not any(h.torque_offset for h in witness.held if h.mode != CSP)
 
 
-def test_another_torque_at_run_time(scenario):
+def test_the_torque_offset_is_changed_at_run_time(scenario):
     cell, witness = made(scenario, forward(velocity=False, inertia=None, torque=0.0))
     cell.enabled()
     follow(cell, 1.0, 0.5).wait(5)
@@ -267,7 +269,7 @@ def last_enabled(held: list[Held], until: Held) -> float:
     return max((h.time for h in held if h.stage == ENABLED and h.time <= until.time), default=-1.0)
 
 
-def test_a_halt_goes_down_its_path_with_its_own_velocity_and_the_weight_stays_held(scenario):
+def test_a_halt_brakes_with_the_velocity_offset_of_its_path_and_the_torque_offset_stays(scenario):
     cell, witness = made(scenario, forward(torque=2.0))
     cell.enabled()
     follow(cell, 300.0, 6.0)
@@ -302,7 +304,7 @@ def test_the_scan_that_dies_sends_0(scenario):
 
 
 def test_a_drive_that_was_lost_gets_0_before_it_is_enabled_again(scenario):
-    """It notices nothing of a dead master, and so continues with what it has."""
+    """It does not detect a dead master, and so keeps its values."""
     stop = 'connection_loss = "nothing"\ncommunication_error = "no-change"'
     cell, witness = made(scenario, forward(torque=2.0), stop=stop)
     cell.enabled()
@@ -311,7 +313,7 @@ def test_a_drive_that_was_lost_gets_0_before_it_is_enabled_again(scenario):
     device = cell.device()
     device.dials.dead = True  # the cable
     cell.run(1.0)
-    assert cell.drive().torque_offset > 150  # nobody could tell it
+    assert cell.drive().torque_offset > 150  # it cannot be reached
     device.dials.dead = False
     cell.run(0.1)
     assert (cell.drive().velocity_offset, cell.drive().torque_offset) == (0, 0)
@@ -329,7 +331,7 @@ def test_offsets_of_another_program_are_cleared_before_the_drive_is_enabled(scen
     drive = cell.drive()
     drive.velocity_offset, drive.torque_offset = 5000, -300
     cell.run(0.5)
-    assert (drive.velocity_offset, drive.torque_offset) == (5000, -300)  # nobody has asked for anything
+    assert (drive.velocity_offset, drive.torque_offset) == (5000, -300)  # no command was given
     cell.enabled()
     cell.run(0.1)
     first = next(number for number, h in enumerate(witness.held) if h.stage == ENABLED)

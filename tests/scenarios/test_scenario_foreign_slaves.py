@@ -188,7 +188,7 @@ each_obeying = pytest.mark.parametrize("name", OBEYING)
 
 
 @each_slave
-def test_it_boots_without_power_and_closes_without_power(tmp_path, name):
+def test_a_foreign_slave_boots_and_closes_without_power(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         assert bench.slave.nmt == OPERATIONAL
         assert bench.slave.get(0x1017) == 100
@@ -253,7 +253,7 @@ scale = 1000
 
 
 @each_slave
-def test_it_is_enabled_and_disabled_and_enabled_again_without_a_motion(tmp_path, name):
+def test_a_foreign_slave_is_enabled_disabled_and_enabled_again_without_a_motion(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         for _ in range(2):
             bench.enabled()
@@ -266,7 +266,7 @@ def test_it_is_enabled_and_disabled_and_enabled_again_without_a_motion(tmp_path,
 
 
 @each_moving
-def test_it_closes_at_the_end_of_a_move_without_power(tmp_path, name):
+def test_a_foreign_slave_has_no_power_after_the_machine_closed_at_the_end_of_a_move(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().x.move_absolute(1.0).wait(10)
     assert not bench.slave.energised
@@ -322,7 +322,7 @@ def test_a_set_point_without_acknowledge_is_an_error_that_names_the_key_of_the_c
 
 
 @each_obeying
-def test_it_turns_at_a_velocity_and_halts(tmp_path, name):
+def test_a_foreign_slave_moves_at_a_velocity_and_halts(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled()
         for velocity in (1.5, -1.0):
@@ -343,7 +343,7 @@ def test_it_moves_to_a_position_after_a_halt_in_pv(tmp_path, name):
         bench.must_stand(0.0, energised=True)
 
 
-def test_a_slave_that_goes_a_hundred_times_too_fast_in_pv_is_stopped(tmp_path):
+def test_a_slave_that_moves_a_hundred_times_too_fast_in_pv_is_stopped(tmp_path):
     with Bench(tmp_path, "ros2_canopen") as bench:
         bench.enabled().x.move_velocity(1.0)
         assert bench.span(0.5) < 10.0  # it goes 100 mm/s
@@ -366,7 +366,7 @@ def test_a_slave_without_a_motor_does_not_follow_in_pv(tmp_path):
 
 @pytest.mark.parametrize("method", [35, 37])
 @each_moving
-def test_it_is_homed_in_place(tmp_path, name, method):
+def test_a_foreign_slave_is_homed_in_place(tmp_path, name, method):
     with Bench(tmp_path, name) as bench:
         bench.enabled().x.home(method).wait(10)
         assert bench.slave.get(0x6098) == method
@@ -377,7 +377,7 @@ def test_it_is_homed_in_place(tmp_path, name, method):
 
 
 @each_moving
-def test_it_is_homed_away_from_zero_and_moves_from_there(tmp_path, name):
+def test_a_foreign_slave_is_homed_away_from_zero_and_moves_from_there(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().x.move_absolute(2.0).wait(10)
         bench.x.home().wait(10)
@@ -424,7 +424,7 @@ def test_a_mode_that_the_cell_file_leaves_out_is_refused_and_named(tmp_path):
         assert bench.slave.mode == PP
 
 
-# csv: its objects are in each EDS, and no 6502h claims it. What happens if the cell file names it all the same:
+# csv: its objects are in each EDS, and no 6502h claims it. The result if the cell file names it all the same:
 UNCLAIMED = {
     "ros2_canopen": (FollowingError, "does not follow"),  # it shows the mode and does not move
     "espp": (StateError, "needs 6041h, 606Ch, 6064h and 60FFh in synchronous PDOs"),
@@ -459,7 +459,7 @@ def test_a_mode_that_only_the_cell_file_has_ends_in_an_error_without_a_motion(tm
 
 
 @each_obeying
-def test_it_halts_in_the_middle_of_a_move(tmp_path, name):
+def test_a_foreign_slave_halts_in_the_middle_of_a_move(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().on_its_way(9.0)
         bench.x.halt().wait(10)
@@ -548,7 +548,7 @@ def test_a_slave_that_continues_to_its_old_target_when_enabled_is_stopped(tmp_pa
 
 
 @each_obeying
-def test_it_is_disabled_in_the_middle_of_a_move(tmp_path, name):
+def test_a_foreign_slave_is_disabled_in_the_middle_of_a_move(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().on_its_way(9.0)
         bench.x.disable().wait(10)

@@ -111,7 +111,7 @@ def test_enable_takes_a_resting_drive_over_without_a_jump(scenario):
     place = cell.where()
     cell.x.enable().wait(3)
     assert cell.stage() == ENABLED
-    assert all(word & 0x0F == 0x0F for word in sent)  # it was never dropped on the way
+    assert all(word & 0x0F == 0x0F for word in sent)  # it was enabled all the time
     assert abs(cell.where() - place) < 0.02
     cell.x.move_relative(10.0).wait(5)
     cell.run(0.3)
@@ -156,7 +156,7 @@ def with_offset(stage):
     return made
 
 
-def test_enable_takes_a_drive_over_whose_position_offset_acts(scenario):
+def test_enable_adopts_a_drive_whose_position_offset_acts(scenario):
     cell = scenario.simulated("x", devices=with_offset(scenario))
     place = cell.where()
     cell.x.enable().wait(3)
@@ -191,7 +191,7 @@ def test_halt_stops_a_found_turning_drive(scenario):
     handle.wait(1)
 
 
-def test_another_axis_fault_does_not_touch_a_drive_that_is_not_ours(scenario):
+def test_a_fault_of_another_axis_does_not_affect_a_drive_that_we_did_not_enable(scenario):
     def both():
         (mine,) = found(scenario, PP)().values()
         other = device_from_eds(eds.load(resolve(GENERIC, scenario.folder)), 2)

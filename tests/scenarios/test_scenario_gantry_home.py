@@ -1,4 +1,4 @@
-"""A pair is homed by the switches of both: led together until both were seen, and made square by the second axis alone."""
+"""A pair is homed by the switches of both axes: both move until both were seen, and the second axis alone makes it square."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def motors(pair):
 
 @pytest.mark.parametrize("bent", [0.0, 3.0, -3.0, 9.5, -9.5])
 @pytest.mark.parametrize("offset", [0.0, 1.5])
-def test_both_count_from_their_switches_and_the_beam_is_square(scenario, bent, offset):
-    # Square, y stands offset farther than x: motor y = motor x + (switch of y - switch of x) - 2 + offset.
+def test_both_sides_are_homed_at_their_switches_and_the_beam_is_square(scenario, bent, offset):
+    # Square means y is offset farther than x: motor y = motor x + (switch of y - switch of x) - 2 + offset.
     pair = ready(scenario, -40.0, -38.0 + offset - bent - offset, gantry=f"offset = {offset}")
     begun = pair.moment()
     pair.gantry.home().wait(30)
@@ -46,7 +46,7 @@ def test_both_count_from_their_switches_and_the_beam_is_square(scenario, bent, o
     assert pair["y"].position == pytest.approx(at[1] + 38.0 + bent + 7.0, abs=NEAR)
     assert pair.gantry.skew == pytest.approx(0.0, abs=NEAR)
     assert pair["y"].position - pair["x"].position == pytest.approx(offset, abs=NEAR)
-    # Until both were seen they went together: what is between the motors has changed by squaring alone.
+    # Until both were seen they moved together: the distance between the motors has changed by squaring alone.
     assert pair.worst_skew(begun) == pytest.approx(abs(-bent + offset), abs=NEAR)
     assert pair.fastest("x", begun) < 21.0
     assert pair.fastest("y", begun) < 21.0
@@ -57,7 +57,7 @@ def test_both_count_from_their_switches_and_the_beam_is_square(scenario, bent, o
     assert pair.gantry.max_skew == 8.0
 
 
-def test_both_go_together_until_the_second_has_its_switch(scenario):
+def test_both_sides_move_together_until_the_second_reaches_its_switch(scenario):
     pair = ready(scenario, -40.0, -43.0)
     begun = pair.moment()
     home = pair.gantry.home()
@@ -82,7 +82,7 @@ def test_switches_that_do_not_agree_stop_both_and_nothing_is_homed(scenario, y):
         pair.gantry.move_absolute(10.0)
     with pytest.raises(StateError, match=r"not homed|nobody knows"):
         pair.gantry.skew  # noqa: B018
-    pair.gantry.move_relative(-5.0).wait(5)  # it may be moved, as it stands
+    pair.gantry.move_relative(-5.0).wait(5)  # it may be moved with its present skew
 
 
 def test_a_search_without_a_switch_ends_at_its_distance(scenario):
@@ -216,7 +216,7 @@ def test_before_homing_only_changes_count_as_skew(scenario):
     pair.gantry.move_absolute(10.0).wait(5)
 
 
-def test_it_is_not_homed_while_it_moves(scenario):
+def test_a_gantry_is_not_homed_while_it_moves(scenario):
     pair = ready(scenario)
     pair.gantry.move_relative(50.0)
     pair.run(0.1)

@@ -41,7 +41,7 @@ def test_a_fault_brakes_the_other_axes_on_a_line_as_on_fault_of_their_group_requ
     cell.run(1.5)
     for name in "xy":
         begun, hard = braked(cell, name, since)
-        # The fault is told at a SYNC; two cycles on, the first target that brakes; it is taken, and led to, a cycle later each.
+        # The fault is received at a SYNC; two cycles later, the first target that brakes, which is executed two cycles later.
         assert begun < 7 * CYCLE + 0.02 * abs(cell.record(name).since(since)[0].velocity) / hard
         share = {"x": 1.0, "y": 0.5}[name] if on_fault == "path" else 1.0
         assert hard == pytest.approx(share * ramp, rel=0.15)

@@ -1,4 +1,4 @@
-"""Groups: nobody starts alone, a line is left by all or by none, and what is harmless harms nothing."""
+"""Groups: no axis starts alone, a line is left by all axes or by none, and harmless events have no effect."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from kit.cell import Cell
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
 
 LIMIT = 1000.0  # deg/s², of every axis
-JOLT = 1.2 * LIMIT  # what only a quick stop or a fault may exceed
+JOLT = 1.2 * LIMIT  # only a quick stop or a fault may exceed it
 AXIS = f"max_acceleration = {LIMIT}"
 
-# How one axis may leave a group: a call, and what its plant is then allowed to do that the others are not.
+# How one axis may leave a group: a call, and an additional motion that its plant may then make.
 LEAVING = {
     "halt": lambda x: x.halt(),
     "stop": lambda x: x.stop(),
@@ -32,7 +32,7 @@ LEAVING = {
     "coast": lambda x: x.disable(coast=True),
     "a move of its own": lambda x: x.move_relative(-5.0),
 }
-# What is said to be harmless, at any time.
+# Events and commands that must be harmless at any time.
 HARMLESS = {
     "enable": lambda group: group.enable(),
     "reset": lambda group: group.reset(),
@@ -79,7 +79,7 @@ def test_all_axes_start_in_one_sync_from_any_modes_of_their_drives(tmp_path):
 
 
 def test_the_search_finds_an_axis_that_starts_late(tmp_path, monkeypatch):
-    """Whoever comes last to the gate is held there for two cycles more."""
+    """The last axis at the start barrier is held there for two cycles more."""
     passes, came = StartBarrier.pass_through, defaultdict(list)
 
     def pass_through(gate, comer):
@@ -129,15 +129,13 @@ def test_an_axis_that_is_named_twice_is_refused(scenario, golden):
     golden("group_named_twice", caught.value)
 
 
-def test_two_threads_that_ask_for_the_same_group_get_the_same_one(scenario):
+def test_two_threads_that_create_the_same_group_get_the_same_object(scenario):
     """A second one in the place of the first would leave the first one's line without a clock."""
     cell, group = three(scenario)
     cell.enabled()
     handle = group.move_linear([100.0, 50.0, 100.0], velocity=100.0)
     cell.run(0.5)
-    cell.machine._core.scan.add_group(
-        ("x", "y", "z"), ("x", "y", "z")
-    )  # what the thread that came second does
+    cell.machine._core.scan.add_group(("x", "y", "z"), ("x", "y", "z"))  # the action of the second thread
     handle.wait(5)
     assert cell.where("x") == pytest.approx(100.0, abs=0.1)
 
@@ -168,7 +166,7 @@ def test_an_axis_that_fails_before_the_common_start_keeps_all_from_moving(scenar
 
 @pytest.mark.parametrize("how", ["halt", "disable"])
 @pytest.mark.parametrize("kind", ["direct", "linear"])
-def test_all_axes_start_or_none_in_whatever_cycle_one_is_taken_away(scenario, how, kind):
+def test_all_axes_start_or_none_in_whichever_cycle_one_is_removed(scenario, how, kind):
     """Also in the very cycle in which the gate would open: every cycle around it is tried."""
     outcomes = set()
     for cycles in range(1, 30):
@@ -213,7 +211,7 @@ def test_no_axis_is_energised_by_a_group_enable_if_one_axis_leaves_it(scenario, 
 
 
 @pytest.mark.parametrize("how", ["disable", "coast"])
-def test_all_axes_are_energised_or_none_in_whatever_cycle_one_is_disabled(scenario, how):
+def test_all_axes_are_energised_or_none_in_whichever_cycle_one_is_disabled(scenario, how):
     outcomes = set()
     for cycles in range(1, 35):
         cell, group = three(scenario)
@@ -231,7 +229,7 @@ def test_all_axes_are_energised_or_none_in_whatever_cycle_one_is_disabled(scenar
 
 
 def test_a_fault_before_the_common_start_keeps_all_from_moving(scenario):
-    """The fault is looked into for a while before it is reported; nobody starts meanwhile."""
+    """The fault is diagnosed for a while before it is reported; no axis starts meanwhile."""
     cell, group = three(scenario, more='[groups.others]\naxes = ["y", "z"]\n')
     cell.enabled()
     cell.device("z").dials.sdo_delay = 0.1
@@ -302,7 +300,7 @@ def test_a_harmless_event_does_not_affect_a_running_line(scenario, what, whose):
 
 
 @pytest.mark.parametrize("what", HARMLESS)
-def test_a_halt_on_a_line_continues_braking_along_it_whatever_harmless_is_asked_for(scenario, what):
+def test_a_halt_on_a_line_continues_braking_along_it_during_harmless_commands(scenario, what):
     cell, group, handle = on_a_line(scenario)
     since = cell.moment()
     halt = group.halt()
@@ -334,7 +332,7 @@ def test_one_axis_that_stops_on_a_line_brakes_all_of_them_along_it(scenario, how
     must_be_on_the_line(cell, since)
 
 
-def test_a_line_that_is_asked_for_while_one_brakes_is_refused_and_the_braking_continues(scenario):
+def test_a_line_commanded_while_another_brakes_is_refused_and_the_braking_continues(scenario):
     cell, group, _ = on_a_line(scenario)
     since = cell.moment()
     halt = group.halt()
@@ -363,7 +361,7 @@ def test_a_halt_that_a_move_interrupts_on_one_axis_brakes_the_others_to_the_end(
 
 
 def must_still_work(cell: Cell, names: str = "xyz") -> None:
-    """The scan lives: every axis stands, and takes commands again after a reset."""
+    """The scan lives: every axis is at standstill, and takes commands again after a reset."""
     assert cell.scan_lives
     for name in names:
         cell.run(1.0)
@@ -395,7 +393,7 @@ def test_an_exception_while_a_command_is_taken_ends_it_alone_and_stops_its_axis(
     must_still_work(cell, "x")
 
 
-def test_the_fault_policy_hears_of_a_command_that_breaks_off(scenario, monkeypatch):
+def test_the_fault_policy_acts_on_a_command_that_raises_in_the_scan(scenario, monkeypatch):
     cell, _ = three(scenario)
     cell.turning(90.0)
     with monkeypatch.context() as patch:
@@ -432,7 +430,7 @@ def test_an_exception_in_the_middle_of_a_line_stops_all_of_its_axes(scenario, mo
 
 
 class Path:
-    """A trajectory that stays where the axis stands, until it does something else after 0.1 s."""
+    """A trajectory that stays at the position of the axis, until it does something else after 0.1 s."""
 
     def __init__(self, then, duration: float = 1.0) -> None:
         self._then = then
@@ -450,7 +448,7 @@ def raising(error: type[BaseException]):
 
 
 class Numpy:
-    """An array of one number, as far as this matters: it has a float in it, and is none."""
+    """An array of one number, as far as this matters: it converts to a float, and is no float."""
 
     def __float__(self) -> float:
         return 0.0
@@ -522,7 +520,7 @@ def test_an_exception_of_a_trajectory_in_virtual_time_ends_its_own_command(scena
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_while_a_trajectory_is_called_is_not_an_error_of_the_trajectory(scenario, number):
-    """In virtual time it ends the program's wait, and everything stands."""
+    """In virtual time it ends the program's wait, and all axes stop."""
     cell = scenario.simulated("xy", axis=AXIS)
     cell.turning(90.0, names="y")
     handle = cell.x.follow(Path(lambda: signal.raise_signal(number)))

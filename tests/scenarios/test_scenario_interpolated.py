@@ -1,4 +1,4 @@
-"""A drive that has ip and no csp is led along paths all the same: nothing jumps, and every way of stopping holds as in csp."""
+"""A drive with ip and without csp follows paths all the same: nothing jumps, and every way of stopping works as in csp."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ JOLT = 1.1 * 500.0  # deg/s², the default acceleration
 
 
 class Wire:
-    """What a drive has at each SYNC: stage, mode, controlword, 60C1h:01 and where its demand is."""
+    """The values of a drive at each SYNC: stage, mode, controlword, 60C1h:01 and its demand."""
 
     def __init__(self, drive: Drive) -> None:
         self.seen: list[tuple[int, int, int, int, float]] = []
@@ -163,7 +163,7 @@ def test_a_drive_that_stops_interpolating_is_reported(scenario):
     drive = cell.drive()
     mode = drive._mode
     mode.sync = lambda _axis, _period: None  # it takes no set-point any more
-    mode.bits = lambda _axis: 0  # and says so
+    mode.bits = lambda _axis: 0  # and shows it
     assert isinstance(cell.failure_of(handle, 3.0), AxisbusError)
     cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
 
@@ -187,7 +187,7 @@ def test_a_drive_that_never_interpolates_is_reported_and_nothing_moves(scenario)
     assert cell.top_speed(since=moment) == 0.0
 
 
-def test_a_group_goes_along_a_line(scenario):
+def test_a_group_moves_along_a_line_in_interpolated_position_mode(scenario):
     cell = made(scenario, "xy", more='[groups.xy]\naxes = ["x", "y"]\n').enabled()
     cell.machine.group("x", "y").move_linear((40.0, 20.0), velocity=60.0).wait(5)
     assert (cell.where("x"), cell.where("y")) == (

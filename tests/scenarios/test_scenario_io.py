@@ -178,7 +178,7 @@ def test_an_unknown_name_is_reported(scenario):
 
 
 def test_an_output_is_noted_as_set_before_it_is_sent(scenario):
-    """Whoever finds the core dead between both makes it safe."""
+    """If the core dies between both, the watchdog process makes the output safe."""
     cell, noted = with_io(scenario), []
     cell.machine._core.scan.io.note = lambda readings: noted.append((readings["lamp"].set, word(cell)))
     cell.machine.io["lamp"].set(True).wait(1)
@@ -187,7 +187,7 @@ def test_an_output_is_noted_as_set_before_it_is_sent(scenario):
 
 
 def test_opening_the_mask_of_a_drive_switches_nothing_on(scenario):
-    """A bit that did not act may have been left on by anybody."""
+    """A bit that did not act may have been left on by any program."""
     at_boot = '[nodes.1.objects]\n"60FE:01" = 0x50000\n'
     cell = scenario.simulated(text=cell_text("x", more=IO.format(node="") + at_boot))
     assert cell.device().io.get(0x60FE, 2) == 1 << 16
@@ -209,7 +209,7 @@ def test_failsafe_values_that_the_cell_file_writes_are_kept(scenario):
 
 
 def test_a_module_may_not_stay_operational_without_us(scenario):
-    """It would take its outputs back from the first frame that comes again."""
+    """It would take its outputs again from the next frame."""
     cell = scenario.simulated(text=cell_text("x", more=IO.format(node='[nodes.5.objects]\n"1029:01" = 1')))
     assert cell.machine.simulated_node(5).device.read(0x1029, 1) == 0
 
@@ -232,7 +232,7 @@ def test_a_lost_module_is_unknown_and_stops_the_cell(scenario):
 
 
 def test_an_output_set_while_its_module_dies_does_not_succeed(scenario):
-    """Its death is known three heartbeats later; until then nobody can say that the output is on."""
+    """Its death is known three heartbeats later; until then the output cannot be confirmed."""
     cell = with_io(scenario)
     cell.machine.simulated_node(5).device.dials.dead = True
     handle = cell.machine.io["lamp"].set(True)
@@ -262,7 +262,7 @@ def test_a_wait_for_an_input_of_a_lost_node_ends_with_an_error(scenario):
     assert cell.now < 1.5
 
 
-def test_a_module_that_is_not_heard_but_hears_gets_its_safe_state(scenario):
+def test_a_module_that_sends_no_heartbeat_but_receives_gets_its_safe_state(scenario):
     cell = with_io(scenario, node='on_lost = "report"')
     cell.machine.io["lamp"].set(True).wait(1)
     cell.machine.simulated_node(5).device.dials.heartbeat_stops = True
@@ -286,9 +286,7 @@ def test_after_a_loss_no_output_is_switched_on_without_a_command(scenario):
     cell.run(0.3)
     assert word(cell) == 0x80  # the safe state of both
     assert (io["lamp"].value, io["clamp"].value) == (False, True)
-    with pytest.raises(
-        StaleError, match="valve"
-    ):  # never set: nobody knows what the module made of it meanwhile
+    with pytest.raises(StaleError, match="valve"):  # never set: its state in the module is unknown
         _ = io["valve"].value
     io["lamp"].set(True).wait(1)
     assert word(cell) == 0x88
@@ -340,7 +338,7 @@ def test_at_the_end_outputs_become_safe_after_the_axes_are_at_standstill(scenari
     states = []
     cell.each_cycle(lambda *_: states.append((cell.stage() in OFF, word(cell) >> 3 & 1)))
     assert cell.ctrl_c(10.0) == []
-    settle(cell)  # the frames are still on their way
+    settle(cell)  # the frames are still in transit
     assert (word(cell), word(cell, 0x6411), word_of_drive(cell)) == (0x80, 500, 0)
     assert (False, 0) not in states  # on until the axis was off
     assert (True, 1) in states
@@ -368,14 +366,14 @@ def test_outputs_become_safe_though_an_axis_cannot_be_stopped(scenario):
 
 
 def test_outputs_become_safe_when_the_wait_for_the_axes_has_timed_out(scenario, monkeypatch):
-    """Else the scan would go on sending them as they were, and undo what is written by SDO."""
+    """Otherwise the scan would keep sending them unchanged, and undo the values written by SDO."""
     cell = with_io(scenario)
     cell.machine.io["lamp"].set(True).wait(1)
     monkeypatch.setattr(ShutdownStop, "over", False)
     sent = []
     cell.each_cycle(lambda *_: sent.append(word(cell)))
     cell.machine.close()
-    assert cell.machine._core.scan.io.left  # its own last frames say so, not SDO alone
+    assert cell.machine._core.scan.io.left  # in its own last frames, not by SDO alone
     assert word(cell) == 0
     assert 8 in sent
 
@@ -429,7 +427,7 @@ def test_without_sync_they_travel_on_change(scenario):
     cell.run(3.0)
     assert (
         cell.machine.io["part"].value is True
-    )  # as old as it is: silence of what is sent on change says nothing
+    )  # with its age: silence of a value sent on change is no information
     cell.ctrl_c(10.0)
     assert word(cell) == 0
 

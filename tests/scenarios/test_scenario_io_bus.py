@@ -64,7 +64,7 @@ def until(happened, limit: float = 5.0) -> None:
 
 @BOTH
 @pytest.mark.parametrize("bus", ["", "sync = false"], ids=["SYNC", "events"])
-def test_they_are_seen_and_set_over_the_bus(tmp_path, process, bus, core_in_threads):
+def test_inputs_and_outputs_are_read_and_set_over_the_bus(tmp_path, process, bus, core_in_threads):
     with opened(tmp_path, process, bus=bus) as cell:
         wired, io = cell.simulated_node(5).device.io, cell.io
         wired.set_bit(0x6000, 1, 2, True)
@@ -81,7 +81,7 @@ def test_they_are_seen_and_set_over_the_bus(tmp_path, process, bus, core_in_thre
 
 
 @BOTH
-def test_they_are_in_a_recording_by_their_names(tmp_path, process, core_in_threads):
+def test_inputs_and_outputs_are_in_a_recording_by_their_names(tmp_path, process, core_in_threads):
     pytest.importorskip("mcap")
     path = tmp_path / "io.mcap"
     with opened(tmp_path, process) as cell:
@@ -112,12 +112,12 @@ def test_a_lost_module_is_unknown_and_has_safe_outputs_when_it_returns(tmp_path,
             io["lamp"].wait(False, timeout=3.0)
         with pytest.raises(NodeError, match="lamp = True was not sent"):
             io["lamp"].set(True).wait(2)
-        until(lambda: device.io.get(0x6200, 1) == 0x80)  # by itself: nobody has reached it
+        until(lambda: device.io.get(0x6200, 1) == 0x80)  # without the master: the node cannot be reached
         device.dials.dead = False
 
 
 def test_after_a_loss_no_frame_restores_the_other_outputs_of_the_rpdo(tmp_path, core_in_threads):
-    """The RPDO of the module holds its second byte, too, which nobody has named, and which was found on at boot."""
+    """The RPDO of the module holds its second byte, too, which the cell file does not name, and which was found on at boot-up."""
     with opened(tmp_path, node='on_lost = "report"\n[nodes.5.objects]\n"6200:02" = 0x55') as cell:
         device, lamp = cell.simulated_node(5).device, cell.io["lamp"]
         lamp.set(True).wait(2)
@@ -126,7 +126,7 @@ def test_after_a_loss_no_frame_restores_the_other_outputs_of_the_rpdo(tmp_path, 
         device.dials.dead = True
         with pytest.raises(StaleError, match="lamp"):
             lamp.wait(False, timeout=3.0)
-        until(lambda: device.io.get(0x6200, 2) == 0)  # by itself
+        until(lambda: device.io.get(0x6200, 2) == 0)  # without the master
         device.dials.dead = False
         until(lambda: cell.node(5).nmt is NmtState.PRE_OPERATIONAL)
         cell.node(5).command(NmtCommand.START)
@@ -164,7 +164,7 @@ def test_a_killed_core_leaves_safe_outputs(tmp_path):
     os.kill(machine._core.process, signal.SIGKILL)
     until(
         lambda: wired.get(0x6200, 1) == 0x80 and drive.get(0x60FE, 1) == 0, limit=8.0
-    )  # the drive's: by the warden alone
+    )  # of the drive: by the watchdog process alone
     until(lambda: machine.session.ended, limit=8.0)
     with pytest.raises(StaleError):
         _ = machine.io["lamp"].value
@@ -189,7 +189,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_a_killed_program_leaves_safe_outputs_once_its_axis_is_off(tmp_path):
-    """The plant is read from what the simulated devices write by themselves; their own watch over us is too slow to help."""
+    """The plant is read from the history of the simulated devices; their own monitoring of the master is too slow to help."""
     path = tmp_path / "cell.toml"
     bus = 'process = "own"\noptions = { history = "plant.csv" }'
     path.write_text(cell_text("x", heartbeat="1s", bus=bus, more=IO.format(node="")))
@@ -219,12 +219,12 @@ def plant(path: Path) -> tuple[list[tuple[float, int]], list[tuple[float, int]]]
 
 
 def told_by(path: Path) -> str:
-    """What the core's journal says."""
+    """Return the lines of the core's journal."""
     return path_of(str(path)).read_text()
 
 
 def test_a_dead_module_delays_closing_without_a_fault_of_the_drive(tmp_path, core_in_threads):
-    """It is asked for longer than the drive waits for our heartbeat, which goes on meanwhile."""
+    """It is asked for longer than the drive waits for our heartbeat, which continues meanwhile."""
     cell = opened(tmp_path, node='on_lost = "report"', beat="200ms")
     cell.io.set({"lamp": True, "valve": 5}).wait(2)
     cell.simulated_node(5).device.dials.dead = True

@@ -1,4 +1,4 @@
-"""Moves with a limit of jerk: by the drive where it has one, else led by the master; and never a halt that waits for it."""
+"""Moves with a limit of jerk: by the drive if it has one, otherwise streamed by the master; a halt never waits for it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_a_drive_with_a_profile_jerk_limits_it_itself(scenario):
     begun = cell.now
     assert cell.end_of(cell.x.move_absolute(0.0, jerk=JERK)) is None
     assert (of(cell, TYPE), of(cell, LIMIT, 1)) == (LIMITED, JERK * 100)
-    # A mean of ramps: all of the jerk only where one ramp follows the other.
+    # A mean of ramps: the full jerk occurs only where one ramp follows the other.
     assert demand.worst(3) == pytest.approx(0.5 * JERK, rel=1e-3)
     assert 450.0 < demand.worst(2) <= 500.5
     assert cell.now - begun == pytest.approx(at_once + 2 * 500.0 / JERK, abs=0.05)
@@ -67,7 +67,7 @@ def types_up_to(scenario, highest):
     return scenario.simulated("x", eds="drive.eds").enabled()
 
 
-def test_a_drive_that_calls_it_by_another_number_is_asked_by_that(scenario):
+def test_a_drive_with_another_number_for_the_jerk_free_profile_gets_that_number(scenario):
     cell = types_up_to(scenario, JERK_FREE)
     demand = Demand(cell)
     assert cell.end_of(cell.x.move_absolute(50.0, jerk=JERK)) is None
@@ -181,7 +181,7 @@ def test_a_move_of_the_master_is_overridden_and_held_and_keeps_its_jerk(scenario
 @pytest.mark.parametrize("moment", [0.0, 0.02, 0.15, 0.5, 1.0])
 @pytest.mark.parametrize("target", [300.0, 40.0, -50.0])
 def test_a_move_of_the_master_takes_over_from_another_without_a_jump(scenario, moment, target):
-    """In the midst of speeding up or on its way, farther, back, and to where it cannot stop any more."""
+    """During acceleration or later, farther, back, and to a target before which it cannot stop."""
     cell = soft(scenario, MODULE)
     led = Led(cell)
     first = cell.x.move_absolute(200.0)
@@ -210,7 +210,7 @@ def test_a_move_of_the_master_with_another_jerk_takes_over_velocity_and_accelera
 @pytest.mark.parametrize("moment", [0.15, 0.2, 0.3, 0.9, 1.35])
 @pytest.mark.parametrize("before", [1000.0, 200.0])
 def test_a_move_of_the_master_with_another_acceleration_takes_over_the_present_one(scenario, before, moment):
-    """What is harder, or takes another mean, lets its acceleration go first; out of a move without a jerk as well."""
+    """A harder move, or one with another mean, first ends the acceleration; also after a move without a jerk."""
     cell = soft(scenario, MODULE, axis="max_acceleration = 1000.0")
     led = Led(cell)
     cell.x.move_absolute(100.0, acceleration=before, jerk=8000.0)
@@ -316,7 +316,7 @@ def test_move_direct_moves_each_axis_by_its_own_profile(scenario):
     assert [cell.where(name) for name in "xy"] == pytest.approx([50.0, -50.0], abs=NEAR)
 
 
-# -- what is refused, and told ---------------------------------------------------------------------------------------------
+# -- refusals and notes ----------------------------------------------------------------------------------------------------
 
 
 def test_a_move_of_the_master_does_not_take_over_from_the_drive_and_the_error_gives_the_reason(scenario):

@@ -1,4 +1,4 @@
-"""Moves of one axis that pass into each other with a limit of jerk, and what is refused of that."""
+"""Blended moves of one axis with a limit of jerk, and refusals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SLOWER = {"low": 60.0, "previous": 120.0, "next": 60.0, "high": 120.0}
 
 
 def speed_at(led, at):
-    """How fast the axis was led by a place, in the positive direction."""
+    """The commanded speed of the axis at a position, in the positive direction."""
     row = next(row for row in led.rows if row)
     number = next(k for k, place in enumerate(row) if place >= at)
     return (row[number] - row[number - 1]) / PERIOD
@@ -118,7 +118,7 @@ def test_moves_that_need_more_time_for_their_jerk_are_not_blended_and_the_note_g
     assert led.worst(2) <= HARD * 1.001
 
 
-def test_one_without_a_jerk_joins_and_is_as_soft_as_the_one_before(scenario):
+def test_a_move_without_a_jerk_is_blended_with_the_jerk_of_the_one_before(scenario):
     cell = soft(scenario, MODULE)
     led = Led(cell)
     cell.x.move_absolute(70.0, velocity=60.0, buffer="blending_next")

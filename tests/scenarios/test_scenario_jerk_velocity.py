@@ -1,4 +1,4 @@
-"""Velocities with a limit of jerk: by the drive where it has one, else led; what they take over from, and hand over to."""
+"""Velocities with a jerk limit: by the drive if it has one, otherwise streamed by the master; changes from and to other moves."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_an_override_of_a_velocity_that_the_drive_makes_keeps_its_jerk(scenario)
     must_be_soft(demand)
 
 
-def test_a_drive_that_needs_long_for_its_jerk_is_not_taken_for_a_jammed_one(scenario):
+def test_a_drive_that_takes_long_for_its_jerk_limit_does_not_count_as_jammed(scenario):
     """From 300 to rest and back in four seconds of softness: it is hundreds of degrees from where its ramps alone would have it."""
     cell = scenario.simulated("x", axis="following_error = 5.0").enabled()
     for velocity in (300.0, -300.0, 0.0):
@@ -72,7 +72,7 @@ def test_a_drive_that_needs_long_for_its_jerk_is_not_taken_for_a_jammed_one(scen
     assert cell.x.state is AxisState.CONTINUOUS_MOTION
 
 
-def test_a_drive_that_is_jammed_is_found_out_all_the_same(scenario):
+def test_a_drive_that_is_jammed_during_a_jerk_limited_velocity_is_detected(scenario):
     cell = soft(scenario)
     assert cell.end_of(cell.x.move_velocity(100.0)) is None
     cell.jam()
@@ -80,7 +80,7 @@ def test_a_drive_that_is_jammed_is_found_out_all_the_same(scenario):
 
 
 def test_a_soft_drive_is_stopped_ahead_of_its_position_limits(scenario):
-    """Its halt may be as soft as its ramps: that way is counted on."""
+    """Its halt may be as soft as its ramps: its braking distance is counted."""
     cell = soft(scenario, axis="position_limits = [-10.0, 100.0]")
     cell.x.move_velocity(200.0)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
@@ -154,7 +154,7 @@ def test_a_move_takes_over_from_it_with_its_velocity_and_its_acceleration(scenar
 
 @pytest.mark.parametrize("moment", [0.1, 0.2, 0.25, 0.6, 2.03])
 @pytest.mark.parametrize("velocity", [80.0, 0.0, -80.0])
-def test_it_takes_over_from_a_running_move(scenario, moment, velocity):
+def test_a_jerk_limited_velocity_takes_over_from_a_running_move(scenario, moment, velocity):
     """Speeding up, going evenly, and braking; with another acceleration as well."""
     cell = soft(scenario, MODULE)
     led = Led(cell)
@@ -173,7 +173,7 @@ def test_out_of_a_move_without_a_jerk_it_continues_with_its_acceleration_too(sce
     cell = soft(scenario, MODULE)
     cell.x.follow(TrapezoidalTrajectory(0.0, 10.0, 50.0, HARD))
     cell.run(0.1)
-    cell.x.move_absolute(200.0, jerk=math.inf)  # out of a trajectory it is led
+    cell.x.move_absolute(200.0, jerk=math.inf)  # from a streamed trajectory
     cell.run(moment)
     led = Led(cell)
     cell.run(0.0101)
@@ -261,7 +261,7 @@ def test_an_override_scales_and_holds_it_and_the_handle_waits(scenario, eds):
 
 @pytest.mark.parametrize("velocity", [200.0, -200.0])
 @pytest.mark.parametrize("deceleration", [100.0, 500.0])
-def test_it_is_braked_ahead_of_the_position_limits_by_the_axis_s_own_deceleration(
+def test_a_jerk_limited_velocity_is_braked_before_the_position_limits_by_the_axis_deceleration(
     scenario, velocity, deceleration
 ):
     cell = soft(scenario, MODULE, axis="position_limits = [-150.0, 150.0]")
@@ -295,7 +295,7 @@ def test_a_velocity_back_that_would_first_exceed_the_limits_is_refused(scenario)
 
 
 def test_a_move_out_of_a_velocity_that_could_not_stop_in_time_is_refused(scenario):
-    """The acceleration that is let go of first, and the mean that is gone on with, count."""
+    """The acceleration that is ended first, and the mean that continues, count."""
     cell = soft(scenario, MODULE, axis="position_limits = [-10.0, 120.0]")
     cell.x.move_velocity(200.0)
     cell.until(lambda: cell.where("x") > 60.0)
@@ -345,7 +345,7 @@ def test_a_drive_without_csp_and_without_a_profile_jerk_cannot(scenario):
 # -- faults, and with other things -------------------------------------------------------------------------------------------
 
 
-def test_an_axis_that_jams_is_found_out_and_stopped(scenario):
+def test_an_axis_that_jams_is_detected_and_stopped(scenario):
     cell = soft(scenario, MODULE)
     cell.end_of(cell.x.move_velocity(100.0))
     cell.jam()
@@ -399,7 +399,7 @@ def test_a_distance_is_laid_over_it_and_a_slave_follows_it(scenario):
     assert cell.where("x") > before
 
 
-def test_an_endless_axis_turns_on_and_on_and_a_move_continues_to_its_place_in_the_turn(scenario):
+def test_an_endless_axis_rotates_and_a_move_continues_to_its_position_in_the_turn(scenario):
     cell = soft(scenario, MODULE, axis="modulo = 360.0")
     led = Led(cell)
     assert cell.end_of(cell.x.move_velocity(390.0)) is None
@@ -411,7 +411,7 @@ def test_an_endless_axis_turns_on_and_on_and_a_move_continues_to_its_place_in_th
     must_be_soft(led)
 
 
-def test_one_that_fails_stops_the_others_hard(scenario):
+def test_a_failing_axis_stops_the_others_without_jerk_limit(scenario):
     cell = scenario.simulated("xy", eds=MODULE).enabled()
     for axis in cell.machine:
         assert cell.end_of(axis.move_velocity(100.0, jerk=JERK)) is None

@@ -25,7 +25,7 @@ def deaf(cell, *commands: str) -> None:
         setattr(cell.drive().dials, f"ignore_{command}", True)
 
 
-# -- rung by rung --------------------------------------------------------------------------------------------------------
+# -- step by step --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.nets("the stop ladder")
@@ -113,7 +113,7 @@ def test_the_end_of_the_program_runs_the_same_stop_sequence(scenario, golden):
     golden("ladder_on_exit", failure)
 
 
-# -- what quick stop leaves behind ---------------------------------------------------------------------------------------
+# -- after a quick stop --------------------------------------------------------------------------------------------------
 
 WORDS = (
     "coast",
@@ -174,7 +174,7 @@ def vertical(stage, holds: str, stop: str = ""):
     brake = holds == BRAKE
     stop = stop if brake else f"{HOLD}\n{stop}"
     cell = stage.simulated("x", axis=holds, stop=stop, devices=hanging(stage, brake=brake))
-    if not brake:  # somebody holds it by hand until it is enabled
+    if not brake:  # it is held by hand until it is enabled
         cell.drive().dials.blocked = True
     cell.x.enable().wait(3)
     cell.drive().dials.blocked = False
@@ -251,7 +251,7 @@ def test_a_load_on_the_motor_alone_stays_held_when_the_program_ends(scenario):
 
 
 def test_a_hanging_axis_is_never_switched_off_before_standstill(scenario, golden):
-    """Neither halt nor quick stop is obeyed: cutting the power now would drop the load, so the ladder ends here and says so."""
+    """Neither halt nor quick stop is obeyed: a loss of power would drop the load, so the stop sequence ends with that reason."""
     cell = vertical(scenario, TORQUE, stop=TIMES)
     cell.x.move_relative(2000.0, velocity=60.0)
     cell.run(0.5)

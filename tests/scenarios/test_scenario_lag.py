@@ -17,7 +17,7 @@ from kit.scenarios.bus import Line, turning, until
 
 
 class Gateway:
-    """What lies between the adapter of a machine and the bus; what comes is delayed by ``rate`` seconds more in each second."""
+    """A gateway between the adapter of a machine and the bus; each second delays received frames by ``rate`` seconds more."""
 
     def __init__(self, machine: Machine) -> None:
         self._bus = machine._core.scan.cycle._channel.bus
@@ -64,5 +64,5 @@ def test_an_axis_is_stopped_when_its_process_data_arrive_ever_later(tmp_path, ra
         finally:
             with suppress(
                 AxisbusError, ExceptionGroup
-            ):  # it was not seen to stand while its values were unknown
+            ):  # its standstill was not seen while its values were unknown
                 machine.close()

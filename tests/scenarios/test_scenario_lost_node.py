@@ -1,4 +1,4 @@
-"""A node that dies, restarts or is sent away in mid-move: the others stop, it stops itself, and the message says what happened."""
+"""A node dies, restarts or leaves operational in mid-move: the others stop, it stops itself, and the message gives the reason."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_dead_nodes_own_watchdog_stops_it(scenario, golden):
     assert cell["x"].state is AxisState.ERRORSTOP
     golden(
         "node_dead_for_good", cell["x"].error
-    )  # nobody can confirm that it stands, and the message says so
+    )  # its standstill cannot be confirmed, and the message reports so
 
 
 @pytest.mark.nets("the stop ladder")
@@ -73,7 +73,7 @@ def test_a_restarted_node_cannot_be_reset_into_service(scenario, golden):
 
 
 @pytest.mark.parametrize("enabled", [False, True], ids=["at rest", "moving"])
-def test_a_reset_of_an_axis_whose_node_is_silent_gives_the_remedy(scenario, golden, enabled):
+def test_a_reset_of_an_axis_whose_node_is_silent_names_the_remedy(scenario, golden, enabled):
     """At rest it is said again every time; in motion it is said while the stop sequence still tries to reach it, too."""
     cell = scenario.simulated("x")
     if enabled:

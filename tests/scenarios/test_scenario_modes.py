@@ -91,7 +91,7 @@ def test_a_mode_refused_while_enabled_fails_the_command_and_the_axis_holds_its_p
     assert cell.x.state is AxisState.ERRORSTOP
 
 
-def test_a_refused_mode_is_not_left_asked_for(scenario):
+def test_a_refused_mode_does_not_stay_commanded(scenario):
     """A drive that takes it late, perhaps when its load hangs, would change under our feet."""
     cell = scenario.simulated("x").enabled()
     cell.drive().dials.modes_refused = frozenset({PV})
@@ -245,7 +245,7 @@ def test_a_halt_brakes_along_the_trajectory(scenario, hears_halt):
 
 
 @pytest.mark.nets("the stop ladder")
-def test_a_halt_whose_path_breaks_while_it_brakes_ends_in_the_drives_own_halt(scenario):
+def test_a_halt_whose_feedback_stops_while_it_brakes_ends_in_the_halt_of_the_drive(scenario):
     cell, _ = following(scenario, port=APART)
     start = cell.where()
     halt = cell.x.halt()

@@ -1,7 +1,7 @@
-"""Two CANopen axes and a module that speaks CAN Simple in one machine: they move together, and none goes on whatever happens.
+"""Two CANopen axes and a CAN Simple module in one machine: they move together, and none continues after any fault.
 
-Whoever dies, the module is judged by its own shaft: it turns by a velocity, with which it would go on for ever, since nothing on it
-notices a dead master. Where the net is cut that a scenario relies on, it must be found turning.
+The module is judged by its own shaft: it turns at a velocity, at which it would continue for ever, since it does not
+detect a dead master. If the safety net of a scenario is removed, it must be found turning.
 """
 
 from __future__ import annotations
@@ -199,5 +199,5 @@ def test_a_stop_beside_a_master_that_is_alive_stays_one(tmp_path, stop, monkeypa
         held = "hold" in stop
         assert held or not plants.module.energised
         assert ("can move it again" in found["m"].text) is held
-        with suppress(AxisbusError, ExceptionGroup):  # what it says of nodes that were stopped
+        with suppress(AxisbusError, ExceptionGroup):  # errors of nodes that were stopped
             machine.close()

@@ -91,7 +91,7 @@ def test_a_program_that_ends_leaves_the_module_at_standstill_and_off(tmp_path, p
 
 
 def test_a_module_continues_after_its_program_and_core_are_killed_until_axisbus_stop(tmp_path):
-    """A core that is a thread of its program has nobody who would stop a module; ``axisbus stop`` does."""
+    """If the core is a thread of its program, no process is left to stop the module; ``axisbus stop`` does."""
     with served(tmp_path, "thread") as plants, Doomed(tmp_path, "sleeping") as one:
         one.strike("program", signal.SIGKILL)
         time.sleep(0.7)

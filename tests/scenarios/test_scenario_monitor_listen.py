@@ -1,4 +1,4 @@
-"""``axisbus monitor --listen``: what the bus tells by itself, beside a running master or without any; nothing is sent."""
+"""``axisbus monitor --listen``: the state of the bus from received frames, with or without a running master; nothing is sent."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def test_listening_does_not_need_beside(tmp_path, monitor):
     ("interface", "key"),
     [("slcan", "listen_only"), ("pcan", "state"), ("systec", "state"), ("cantact", "monitor")],
 )
-def test_an_adapter_that_can_be_listen_only_is_asked_to(tmp_path, monkeypatch, capsys, interface, key):
+def test_an_adapter_that_supports_listen_only_is_opened_so(tmp_path, monkeypatch, capsys, interface, key):
     asked = {}
 
     def opening(name, channel, bitrate, options):

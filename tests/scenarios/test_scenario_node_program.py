@@ -46,7 +46,7 @@ def running(line: Line) -> tuple[int, int]:
     return device.read(0x1F52, 1), device.read(0x1F52, 2)
 
 
-# -- what is right -------------------------------------------------------------------------------------------------------
+# -- correct programs ----------------------------------------------------------------------------------------------------
 
 
 def test_the_expected_program_is_left_alone(tmp_path):
@@ -103,7 +103,7 @@ def test_a_drive_without_flash_status_is_taken_at_its_date(tmp_path):
         assert running(line) == NEW
 
 
-def test_a_drive_without_a_date_is_known_by_its_identification(tmp_path):
+def test_a_drive_without_a_program_date_is_identified_by_its_program_identification(tmp_path):
     """Which in the simulated drive is the sum of all bytes of its program."""
     told = sum(program(NEW))
     lines = DOWNLOAD.replace("date_time = 2026-03-01T12:00:00", f"identification = {told}")
@@ -266,7 +266,7 @@ def test_after_a_download_that_failed_the_next_boot_up_fixes_it(tmp_path):
         assert running(line) == NEW
 
 
-# -- who may be disturbed --------------------------------------------------------------------------------------------------
+# -- nodes that may be disturbed -------------------------------------------------------------------------------------------
 
 
 def test_a_drive_found_enabled_keeps_its_program_and_it_is_reported(tmp_path):

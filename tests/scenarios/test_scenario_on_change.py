@@ -1,7 +1,7 @@
-"""Drives whose bit 12 proves nothing: the default handshake names the way out, and with it the axis goes where it is sent.
+"""Drives whose bit 12 proves nothing: the error of the default handshake names the remedy, with which the axis reaches its target.
 
-Four kinds are played: bit 12 never rises; it falls while bit 4 still stands; every write of 6060h takes it away, or
-pulses it. What is asserted is the plant, and what the drive hears.
+Four kinds are simulated: bit 12 never rises; it falls while bit 4 is still set; every write of 6060h clears it, or
+pulses it. The tests assert the plant, and the inputs of the drive.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def settled(cell, target: float) -> bool:
     return round(cell.where() * SCALE) == round(target * SCALE) and cell.speed() == 0.0
 
 
-# -- the way out ---------------------------------------------------------------------------------------------------------
+# -- the remedy ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -142,7 +142,7 @@ def test_a_new_move_replaces_the_old_at_any_moment(scenario, kind, travels):
             cell.x.move_absolute(0.0, velocity=400.0).wait(10)
 
 
-def test_a_halted_axis_goes_to_its_new_target_only_and_once(scenario):
+def test_a_halted_axis_moves_to_its_new_target_only_and_once(scenario):
     """Two edges of an absolute target are one move, and none of them is relative (bit 6)."""
     for deaf in (False, True):
         cell = played(scenario, "never")
@@ -182,8 +182,8 @@ def test_bit_4_is_held_for_a_time_and_repeated(scenario):
 
 
 @pytest.mark.parametrize("offset", range(2, 9))
-def test_the_set_point_of_a_halt_has_an_edge_of_its_own(scenario, offset):
-    """Without 6062h a halted drive is given the place where it stands; the move's own bit 4 may have been high just before."""
+def test_the_set_point_of_a_halt_has_its_own_edge(scenario, offset):
+    """Without 6062h a halted drive gets its actual position; bit 4 of the move may have been high just before."""
     cell = played(scenario, "never", port=TRAVELS["without 6062h"])
     heard = words(cell)
     cell.x.move_relative(500.0, velocity=20.0)
@@ -194,8 +194,8 @@ def test_the_set_point_of_a_halt_has_an_edge_of_its_own(scenario, offset):
     assert abs(edges(heard)[-1] - cell.where()) < 0.05
 
 
-def test_a_halt_whose_new_target_has_not_arrived_is_made_surer(scenario):
-    """Without 6062h and without bit 12 the target that is read back (607Ah) is all that tells of it."""
+def test_a_halt_whose_new_target_has_not_arrived_fails_and_disables_the_drive(scenario):
+    """Without 6062h and without bit 12 only the target that is read back (607Ah) confirms it."""
     cell = played(scenario, "never", port=TRAVELS["without 6062h"])
     cell.x.move_relative(500.0)
     cell.run(1.0)
@@ -245,7 +245,9 @@ def test_a_halted_axis_that_continues_to_its_old_target_is_not_done(scenario, la
     cell = played(scenario, "never", port=TRAVELS[travels])
     cell.x.move_absolute(100.0)
     cell.run(0.7)
-    cell.drive().dials.ignore_setpoint_during_halt = True  # also to what the halt gives it without 6062h
+    cell.drive().dials.ignore_setpoint_during_halt = (
+        True  # also to the set-point that the halt gives without 6062h
+    )
     cell.x.halt().wait(3)
     cell.drive().dials.acknowledge_delay = NEVER
     error = cell.failure_of(cell.x.move_absolute(cell.where() + last))
@@ -254,7 +256,7 @@ def test_a_halted_axis_that_continues_to_its_old_target_is_not_done(scenario, la
 
 
 def test_a_halted_axis_is_not_done_before_it_could_have_continued(scenario):
-    """Its feedback comes late, so that it seems to stand at first, and its bit 10 says nothing."""
+    """Its feedback is late, so that it seems to be at standstill at first, and its bit 10 is not usable."""
     cell = played(scenario, "never", port=TRAVELS["without 6062h"])
     cell.drive().dials.feedback_delay = 0.15
     cell.x.move_absolute(100.0, velocity=20.0)

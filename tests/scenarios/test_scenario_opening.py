@@ -1,4 +1,4 @@
-"""What can be wrong before anything moves: the files, the devices, and who answers on the bus."""
+"""Errors before any motion: files, devices, and missing answers on the bus."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_an_eds_for_another_device_is_reported_in_virtual_time_too(scenario, gol
     golden("eds_of_another_device", caught.value)
 
 
-# -- who answers ---------------------------------------------------------------------------------------------------------
+# -- answering nodes -----------------------------------------------------------------------------------------------------
 
 
 def test_no_node_answers(tmp_path, golden, impatient):
@@ -98,7 +98,7 @@ def test_no_node_answers(tmp_path, golden, impatient):
     golden("nobody_answers", caught.value)
 
 
-def test_one_of_three_nodes_is_missing(tmp_path, golden, impatient):
+def test_an_opening_with_one_of_three_nodes_missing_is_a_boot_error(tmp_path, golden, impatient):
     with Line(tmp_path, "xyz", present="xz") as line:
         with pytest.raises(BootError) as caught:
             line.open()
@@ -108,7 +108,7 @@ def test_one_of_three_nodes_is_missing(tmp_path, golden, impatient):
     golden("one_of_three_missing", caught.value)
 
 
-def test_one_of_three_nodes_is_missing_in_virtual_time(scenario, golden):
+def test_an_opening_with_one_of_three_nodes_missing_in_virtual_time_is_a_boot_error(scenario, golden):
     def two_alive():
         devices = {
             node: device_from_eds(eds.load(resolve(GENERIC, scenario.folder)), node) for node in (1, 2, 3)

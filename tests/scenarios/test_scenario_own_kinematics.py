@@ -15,7 +15,7 @@ from kit.cell import SCALE
 AXIS = "max_acceleration = 4000.0"
 NEAR = 350.0 * math.radians(
     2.5 / SCALE
-)  # what two increments of both joints, and the sampling, make of the tool's place
+)  # the effect of two increments of both joints, and of the sampling, on the tool position
 UPPER, FORE = 200.0, 150.0
 
 
@@ -249,7 +249,7 @@ class Flips(Arm):
         return self.both(coordinates)[coordinates[1] < 20.03]
 
 
-def test_a_leap_to_another_solution_is_refused_with_its_place_and_axis(scenario):
+def test_a_jump_to_another_solution_is_refused_with_its_position_and_axis(scenario):
     _, xy = placed(scenario, Flips())
     with pytest.raises(LimitError, match=r"near \(\S+, 20\.\S+\) [xy] must jump"):
         xy.move_linear((250.0, -100.0), velocity=200.0, acceleration=1000.0)
@@ -351,7 +351,7 @@ def test_random_paths_keep_to_the_tool_path_and_the_axis_limits(scenario, seed):
 
 
 def test_lines_and_stops_have_a_jerk_limit_and_rounded_corners_do_not(scenario):
-    """Of the samples of a corner nothing tells how it bends."""
+    """The samples of a corner do not contain its curvature."""
     cell, tool = placed(scenario, Arm())
     points, pace = [(260.0, 150.0), (260.0, 50.0)], {"velocity": 150.0, "acceleration": 1000.0}
     begun = cell.now

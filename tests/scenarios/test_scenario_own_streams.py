@@ -1,4 +1,4 @@
-"""Points of a workspace that only the program knows: the tool goes where they say, and what cannot be is refused point by point."""
+"""Points in coordinates of the program's own kinematics: the tool follows them, and invalid points are refused one by one."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ AXIS = "max_acceleration = 4000.0"
 UPPER, FORE = 200.0, 150.0
 NEAR = 350.0 * math.radians(
     2.5 / SCALE
-)  # what two increments of both joints, and the spans, make of the tool's place
+)  # the effect of two increments of both joints, and of the spans, on the tool position
 PERIOD, CYCLE = 0.02, 0.01
 
 
 class Arm:
-    """Two arms in a plane by the sines of a triangle, of both solutions the nearer one; ``said`` is what it does instead."""
+    """Two arms in a plane by the law of sines, with the nearer one of both solutions; ``said`` replaces the result."""
 
     def __init__(self):
         self.said = None
@@ -65,7 +65,7 @@ class Turntable:
 
 
 class Telescope:
-    """Two slides on top of each other make one height; each does half of what is to be done."""
+    """Two slides on top of each other make one height; each moves half of it."""
 
     def forward(self, joints):
         return (sum(joints),)
@@ -82,7 +82,7 @@ def placed(scenario, kinematics, start=(0.0, 90.0), **changes):
 
 
 def circle(number, about=(180.0, 150.0), wide=20.0, turns=0.004):
-    """Places on a circle, speeded up and slowed down; the first is (200, 150), where the arm stands."""
+    """Positions on a circle, accelerated and braked; the first is (200, 150), the position of the arm."""
     angle = math.tau * turns * number * min(1.0, number / 50.0)
     return about[0] + wide * math.cos(angle), about[1] + wide * math.sin(angle)
 
@@ -120,7 +120,7 @@ def test_turns_are_counted_from_the_previous_solution(scenario):
 
 
 @pytest.mark.parametrize("refused", [0, 1, 20])
-def test_the_spans_join_whatever_was_refused_between_them(refused):
+def test_the_spans_of_a_stream_join_after_any_refused_point(refused):
     """By spans alone: a solution that is forgotten would be looked for from the beginning, a turn off."""
     axes = {name: Allowed("deg", None, 400.0, 4000.0, "max_acceleration", 4000.0) for name in "xy"}
     own = UserKinematicsAdapter(Turntable(), {}, 0.05)
@@ -178,7 +178,7 @@ def test_an_error_of_the_functions_names_the_point_and_only_that_point_is_reject
                     assert told in refused.value.message
                     assert "nothing has moved" not in refused.value.remedy
                 else:
-                    assert at == 0  # it does not stand there
+                    assert at == 0  # it is not at that position
                 arm.said = None
             points.push(circle(number))
         assert points.count == 60
@@ -268,7 +268,7 @@ def test_no_axis_exceeds_its_velocity_or_acceleration_in_random_streams(scenario
         if rng.random() < 0.05:
             tool.set_override(rng.choice((0.4, 1.0))).wait(1)
         if rng.random() < 0.05:
-            cell.run(0.8)  # too late: it is braked, and goes on
+            cell.run(0.8)  # too late: it is braked, and continues
     points.finish()
     tool.set_override(1.0).wait(1)
     points.handle.wait(30)

@@ -1,4 +1,4 @@
-"""Paths of a group on the plant: rounded corners, circles, an override at any time, a halt on the way, and one axis that fails."""
+"""Paths of a group on the plant: rounded corners, circles, an override at any time, a halt on the path, and one axis that fails."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def must_be_at(cell: Cell, *place: float) -> None:
 
 
 @pytest.mark.parametrize("blend", [0.0, 0.5, 5.0])
-def test_a_path_goes_through_its_points_and_cuts_corners_as_far_as_it_may(scenario, blend):
+def test_a_path_passes_its_points_and_cuts_corners_within_the_blend(scenario, blend):
     cell, group = two(scenario)
     handle = group.move_path(SQUARE, velocity=100.0, acceleration=500.0, blend=blend)
     assert cell.end_of(handle) is None

@@ -1,4 +1,4 @@
-"""A touch probe tells where the axis was at an edge: what its drive has latched, never what it has latched long ago."""
+"""A touch probe reports the position of the axis at an edge: the latched position of its drive, never an old one."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_the_position_is_that_of_the_edge_and_not_of_a_cycle(scenario, velocity)
     assert function(cell) == DISARMED
 
 
-def test_it_is_seen_a_few_cycles_after_the_edge(scenario):
+def test_a_touch_probe_edge_is_reported_a_few_cycles_after_it(scenario):
     cell = scenario.simulated()
     probe = armed(cell)
     edge = cell.now
@@ -73,7 +73,7 @@ def test_it_is_seen_a_few_cycles_after_the_edge(scenario):
     assert 0.0 < probe.result.time - edge <= 0.01 + 4 * 0.01 + 1e-9
 
 
-def test_it_energises_nothing_and_works_without_power(scenario):
+def test_a_touch_probe_energises_nothing_and_works_without_power(scenario):
     cell = scenario.simulated()
     probe = armed(cell)
     cell.drive().axis.motor.position += 12.5 * SCALE  # turned by hand
@@ -85,7 +85,7 @@ def test_it_energises_nothing_and_works_without_power(scenario):
     assert cell.x.state is AxisState.DISABLED
 
 
-def test_it_works_in_fault_and_a_fault_does_not_end_it(scenario):
+def test_a_touch_probe_works_in_fault_and_a_fault_does_not_end_it(scenario):
     cell = scenario.simulated().enabled()
     probe = armed(cell)
     cell.drive().fault(0x4310)
@@ -100,7 +100,7 @@ def test_it_works_in_fault_and_a_fault_does_not_end_it(scenario):
     again.wait(1)
 
 
-def test_both_edges_are_one_of_each(scenario):
+def test_a_probe_of_both_edges_reports_one_of_each(scenario):
     cell = scenario.simulated().enabled()
     mark(cell, 10.0, 20.25)
     probe = armed(cell, edge="both")
@@ -119,7 +119,7 @@ def test_the_falling_edge_alone(scenario):
     assert probe.wait(1).position == pytest.approx(20.0)
 
 
-def test_both_inputs_are_armed_at_a_time_and_do_not_disturb_each_other(scenario):
+def test_both_probe_inputs_are_armed_at_the_same_time_and_do_not_disturb_each_other(scenario):
     cell = scenario.simulated().enabled()
     mark(cell, 10.0, 50.0, 1)
     mark(cell, 20.0, 50.0, 2)
@@ -171,7 +171,7 @@ def test_each_edge_of_a_continuous_probe_is_reported_and_missed_edges_are_counte
     assert function(cell) == DISARMED
 
 
-def test_without_a_counter_a_new_edge_is_one_at_another_place(scenario):
+def test_without_a_counter_an_edge_at_another_position_counts_as_new(scenario):
     cell = scenario.simulated(eds=str(without(scenario, "60D5", "60D6"))).enabled()
     probe = armed(cell, continuous=True)
     for goal in (10.0, 20.0, 30.0):
@@ -204,10 +204,10 @@ def without(scenario: Stage, *objects: str) -> Path:
     return path
 
 
-# -- what is stale ---------------------------------------------------------------------------------------------------
+# -- stale values ----------------------------------------------------------------------------------------------------
 
 
-def test_an_edge_of_long_ago_is_not_taken_for_one(scenario):
+def test_an_edge_from_before_the_arming_does_not_count(scenario):
     cell = scenario.simulated().enabled()
     drive = cell.drive().touch_probe
     drive.take(0x0011)  # another tool has armed it, and there was an edge
@@ -307,7 +307,7 @@ def test_a_window_counts_as_the_axis_does(scenario):
     assert probe.wait(1).position == pytest.approx(125.0)
 
 
-def test_a_window_goes_over_the_end_of_a_turn(scenario):
+def test_a_probe_window_reaches_over_the_end_of_a_turn(scenario):
     cell = scenario.simulated(axis="modulo = 360.0").enabled()
     for begin in (100.0, 355.0, 365.0):
         mark(cell, begin, begin + 2.0)
@@ -323,7 +323,7 @@ def test_a_window_goes_over_the_end_of_a_turn(scenario):
 # -- where the axis counts from --------------------------------------------------------------------------------------
 
 
-def test_it_counts_as_the_axis_does(scenario):
+def test_a_touch_probe_reports_positions_of_the_axis(scenario):
     cell = scenario.simulated(axis='invert = "master"').enabled()
     cell.x.set_position(100.0).wait(1)
     probe = armed(cell)
@@ -332,7 +332,7 @@ def test_it_counts_as_the_axis_does(scenario):
     assert probe.wait(1).position == pytest.approx(cell.x.position) == pytest.approx(125.0, abs=0.1)
 
 
-def test_it_continues_beyond_the_wrap_of_the_drives_count(scenario):
+def test_a_touch_probe_works_beyond_the_wrap_of_the_count_of_the_drive(scenario):
     cell = scenario.simulated()
     cell.drive().axis.motor.position = 2**31 - 1000.0
     cell.run(0.1)
@@ -387,7 +387,7 @@ def test_the_end_of_a_with_block_switches_it_off(scenario):
 
 
 @pytest.mark.parametrize("cycles", range(9))
-def test_it_is_cancelled_at_any_moment(scenario, cycles):
+def test_a_touch_probe_can_be_cancelled_in_any_cycle(scenario, cycles):
     cell = scenario.simulated()
     probe = cell.x.probe()
     for _ in range(cycles):
@@ -539,7 +539,7 @@ def test_a_search_ends_at_standstill_beyond_the_edge_and_reports_the_position_of
     assert cell.speed() == 0.0
     assert (
         12.34 + 2.5 < cell.where() < 12.34 + 2.5 + 50.0 * 0.08
-    )  # braking, and what is gone until it was seen
+    )  # braking, and the distance until it was seen
     assert cell.x.state is AxisState.STANDSTILL
     cell.must_stand(within=0.1, stages=ENABLED)
     assert function(cell) == DISARMED
@@ -651,7 +651,7 @@ def test_a_search_begins_at_standstill_and_within_the_limits(scenario):
     assert function(cell) == DISARMED
 
 
-# -- what is asked ---------------------------------------------------------------------------------------------------
+# -- arguments -------------------------------------------------------------------------------------------------------
 
 
 def test_a_drive_without_a_touch_probe_is_refused_with_object_and_file(scenario):

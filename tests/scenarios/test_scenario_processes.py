@@ -1,7 +1,7 @@
-"""Nobody's death moves an axis: program, core and warden are killed, stopped or told to end while a motor turns.
+"""The death of any process stops the axes: program, core and watchdog process are killed, suspended or terminated during motion.
 
-The plant is read from a history that the simulated drives write by themselves, in a process that nobody harms. Each scenario runs
-once more with the net cut that it relies on, and must then find the motor turning.
+The plant is read from a history of the simulated drives, in a process of its own. Each scenario runs
+once more with its safety net removed, and must then find the motor turning.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Row(NamedTuple):
 
 
 class Doomed:
-    """A program with its core and warden, whose axes turn; kills what is left of them at the end."""
+    """A program with its core and watchdog process, whose axes turn; the remaining processes are killed at the end."""
 
     def __init__(self, folder: Path, scene: str, cut: str, axes: str, more: str = "") -> None:
         self.folder = folder
@@ -82,7 +82,7 @@ class Doomed:
         return at
 
     def plant(self) -> list[Row]:
-        """What the motors have done so far."""
+        """The motions of the motors until now."""
         with (self.folder / "plant.csv").open(encoding="utf-8") as file:
             whole = [row for row in csv.DictReader(file) if row["stage"]]
         return [Row(float(row["time"]), float(row["velocity"]) / SCALE, int(row["stage"])) for row in whole]
@@ -96,12 +96,12 @@ class Doomed:
         return [last[node] for node in sorted(last)]
 
     def journal(self) -> str:
-        """What core and warden have written down."""
+        """The journal of core and watchdog process."""
         (file,) = (self.folder / "axisbus").glob("cell-*.log")
         return file.read_text(encoding="utf-8")
 
     def turns(self, at: float) -> bool:
-        """Whether the motors turned just before a time, as they were told to."""
+        """Whether the motors turned as commanded just before a time."""
         before = [row for row in self.plant() if at - 0.1 <= row.time <= at]
         return bool(before) and all(abs(row.velocity - SPEED) < 1.0 for row in before)
 
@@ -155,7 +155,7 @@ def doomed(folder: Path, scene: str, cut: str = "", axes: str = "x", more: str =
 REST = (*OFF, QUICK_STOP)
 NO_PROGRAM, NO_WARDEN = "the core's eye on its program", "the core's eye on its warden"
 
-# The scene, who is struck, by what, and the net that is cut in the second run.
+# The scene, the process, the signal, and the safety net that is removed in the second run.
 DEATHS = {
     "the program is killed": ("sleeping", "program", signal.SIGKILL, NO_PROGRAM),
     "the program is killed, and a child that it has forked lives on": (
@@ -236,7 +236,7 @@ def test_descriptors_that_a_forked_child_closes_are_its_own_affair(tmp_path):
         ("program", signal.SIGINT),
     ],
 )
-def test_both_motors_of_a_beam_stop_together_whichever_process_dies(tmp_path, who, number):
+def test_both_motors_of_a_beam_stop_together_when_any_process_dies(tmp_path, who, number):
     with doomed(tmp_path, "carrying", axes="xy", more=BEAM) as one:
         at = one.strike(who, number)
         took = one.stands_after(at, REST)

@@ -1,4 +1,4 @@
-"""A command that is refused changes nothing: no state, no mode, no motion, and nothing that another command has under way."""
+"""A refused command changes nothing: no state, no mode, no motion, and no running command."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def names(*texts: str) -> list[str]:
     return [name.replace("\0", ",") for text in texts for name in text.split(",")]
 
 
-# What is refused where, of z and w each, and of the group, the beam and the module.
+# The commands that are refused in each situation, of z and w each, and of the group, the beam and the module.
 REFUSED: dict[str, tuple[list[str], list[str]]] = {
     "disabled": (
         names(NEVER, NEEDS_POWER),
@@ -113,7 +113,7 @@ REFUSED: dict[str, tuple[list[str], list[str]]] = {
 
 
 def opened(scenario: Stage, situation: str) -> tuple[Cell, list[Handle]]:
-    """A cell in a situation, and the handles of what must go on whatever is refused."""
+    """A cell in a situation, and the handles of the motions that must continue."""
     more = MODULE.format(node="").replace("nodes.5", "nodes.9").replace("node = 5", "node = 9")
     level = LEVEL.replace("node = 5", "node = 9")
     cell = scenario.simulated(text=cell_text("xyzwv", axis=AXIS, more=more + level + MORE))
@@ -143,7 +143,7 @@ def opened(scenario: Stage, situation: str) -> tuple[Cell, list[Handle]]:
 
 
 def seen(cell: Cell, goes_on: list[Handle]) -> dict[str, object]:
-    """What a user sees that a command could change."""
+    """The observable state that a command could change."""
     found: dict[str, object] = {handle.name: handle.status for handle in goes_on}
     for axis in cell.machine:
         snapshot = axis.snapshot

@@ -31,7 +31,7 @@ from kit.scenarios.other_master import Ear, OtherMaster, Says
 ALL = {**others.SIGNS, **others.MASTERS}
 QUICK = {
     "heartbeat": "100ms"
-}  # it listens for 0.2 s; where a machine then runs, it is as slow as every scenario's
+}  # it listens for 0.2 s; if a machine is opened then, it is as slow as in every scenario
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_a_second_machine_is_refused_and_the_first_ones_motion_continues_undistu
         assert min(speeds) > 59.0
         assert max(speeds) < 61.0
         line.must_be(ENABLED, "z")
-        for name in "xy":  # stood, and stand
+        for name in "xy":  # at standstill before and after
             assert line.top_speed(name, since) == 0.0
             line.must_be(ENABLED, name)
         assert [axis.error for axis in first] == [None, None, None]
@@ -94,17 +94,17 @@ def test_a_machine_that_was_closed_is_no_other_master(tmp_path):
 
 
 def line_refused(line: Line, says: tuple[Says, ...]) -> list[str]:
-    """Open beside another master, which must be refused; return what was heard, without the numbers."""
+    """Open beside another master, which must be refused; return the observed frames, without the numbers."""
     with OtherMaster(line.channel, says, 0.02), pytest.raises(SecondMasterError) as caught:
         line.open()
     return [text.partition(": ")[0] for text in caught.value.heard]
 
 
-# -- what is heard -------------------------------------------------------------------------------------------------------
+# -- received frames -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("who", ALL)
-def test_another_master_is_heard_and_nothing_was_sent(tmp_path, who):
+def test_another_master_is_detected_and_nothing_was_sent(tmp_path, who):
     with Line(tmp_path, "x", present="", **QUICK) as line, OtherMaster(line.channel, ALL[who]) as other:
         with Ear(line.channel) as ear, pytest.raises(SecondMasterError) as caught:
             line.open()
@@ -130,7 +130,7 @@ def test_the_drives_of_a_refused_cell_see_nothing(tmp_path):
             assert not line.was_energised(name, since)
 
 
-def test_our_own_node_id_is_a_masters_whatever_it_is(tmp_path):
+def test_our_own_node_id_counts_as_that_of_a_master(tmp_path):
     says = (Says(0x705, "05", every=2),)
     with Line(tmp_path, "x", bus="master_id = 5", **QUICK) as line:
         assert line_refused(line, says) == ["heartbeats of node 5 (705h)"]
@@ -173,13 +173,13 @@ def test_the_sync_of_another_device_is_no_sign_of_a_master_if_the_cell_file_allo
         line.must_be(ENABLED)
 
 
-def test_a_master_is_heard_next_to_the_sync_of_another_device(tmp_path):
+def test_a_master_is_detected_next_to_the_sync_of_another_device(tmp_path):
     bus, says = 'sync_producer = "external"', (Says(0x80), Says(0x77F, "05"))
     with Line(tmp_path, "x", bus=bus, **QUICK) as line:
         assert line_refused(line, says) == ["heartbeats of node 127 (77Fh)"]
 
 
-def test_sync_at_another_cob_id_than_the_cells_is_heard_at_both(tmp_path):
+def test_sync_at_a_cob_id_other_than_that_of_the_cell_is_detected_at_both(tmp_path):
     bus, says = "sync_cob_id = 0x90", (Says(0x80), Says(0x90))
     with Line(tmp_path, "x", bus=bus, **QUICK) as line:
         assert line_refused(line, says) == ["SYNC (080h, 090h)"]
@@ -189,7 +189,7 @@ def test_sync_at_another_cob_id_than_the_cells_is_heard_at_both(tmp_path):
 
 
 def masters_in(machine: Machine) -> list[NodeEvent]:
-    """What the machine's events say of another master."""
+    """The machine's events about another master."""
     return [one for one in machine.session.node_events if one.kind is NodeEventKind.MASTER]
 
 
@@ -337,7 +337,7 @@ def test_commands_that_only_listen_are_not_refused(tmp_path, axisbus, command):
         assert "SYNC" in told
 
 
-# -- what is told --------------------------------------------------------------------------------------------------------
+# -- messages ------------------------------------------------------------------------------------------------------------
 
 
 def test_the_refusal_lists_the_received_frames_the_unknowns_and_the_remedy(golden):
@@ -375,7 +375,9 @@ def test_a_tool_is_reported_with_its_frames(golden):
         (0.001, 0.001, 0.1),
     ],
 )
-def test_it_listens_for_two_heartbeats_and_two_cycles_at_most_half_a_second(heartbeat, scan, seconds):
+def test_listening_for_another_master_takes_two_heartbeats_and_two_cycles_at_most_half_a_second(
+    heartbeat, scan, seconds
+):
     assert listening_time(BusConfig(heartbeat=heartbeat, scan_period=scan)) == pytest.approx(seconds)
     assert seconds <= LONGEST
 

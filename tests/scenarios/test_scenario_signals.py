@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM, and a program that just ends: a process of its own, real signals, and the motor of its stand-in at rest."""
+"""Ctrl-C, SIGTERM, and a program that just ends: its own process, real signals, its simulated motor at standstill."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LADDER = pytest.mark.nets("the stop ladder")
 SLOW, QUICK = (
     67.5,
     45.0,
-)  # degrees: what the ramp of a halt takes from 90 deg/s, and the most that a quick stop may
+)  # degrees: the distance of the ramp of a halt from 90 deg/s, and the largest of a quick stop
 PLACES = ("sleeping", "waiting", "awaiting", "awaiting_inside")
 TERM_PLACES = ("awaiting_inside", "waiting")
 KEYBOARD, TERMINATED = "KeyboardInterrupt()", "SystemExit(143)"
@@ -45,7 +45,7 @@ def once(played, nets, number, places=PLACES):
 
 @pytest.mark.parametrize("place", PLACES)
 @LADDER
-def test_ctrl_c_stops_the_motor_on_the_usual_ramp_wherever_the_program_is(played, nets_cut, place):
+def test_ctrl_c_stops_the_motor_on_the_usual_ramp_wherever_in_the_program_it_arrives(played, nets_cut, place):
     seen = once(played, nets_cut, SIGINT).scenes[PLACES.index(place)]
     seen.must_stand()
     assert seen.raised == KEYBOARD
@@ -84,7 +84,7 @@ def test_a_signal_that_ends_a_program_stops_the_motor_of_a_core_in_its_process(p
 
 @pytest.mark.parametrize("before", ["ignored", "handled"])
 def test_sighup_stops_nothing_if_the_program_ignores_or_handles_it(tmp_path, before):
-    """As under nohup, or by a handler that reads a file again: the motor goes on, and SIGTERM stops it."""
+    """As under nohup, or with a handler that reloads a file: the motor continues, and SIGTERM stops it."""
     text = f"""
 import signal, sys, time
 signal.signal(signal.SIGHUP, {"signal.SIG_IGN" if before == "ignored" else "lambda *_: None"})
@@ -128,7 +128,7 @@ with Machine.open({str(tmp_path / "cell.toml")!r}) as machine:
     assert ended.returncode == 143
 
 
-def test_ctrl_c_that_was_ignored_when_the_program_began_stops_its_motor_all_the_same(tmp_path):
+def test_ctrl_c_that_was_ignored_at_the_start_of_the_program_stops_its_motor(tmp_path):
     """As of a job that a shell has put into the background."""
     text = f"""
 import signal, time
@@ -175,7 +175,7 @@ def test_a_signal_while_the_machine_closes_is_raised_after_the_stop(played, nets
 
 @LADDER
 def test_two_signals_at_once_cannot_slip_past_the_stop(played, nets_cut):
-    """The second is handled between the end of the block and the first line of what leaves it."""
+    """The second is handled between the end of the block and the first line of its exit."""
     (seen,) = played([("sleeping", (SIGINT, SIGTERM))], nets_cut).scenes
     seen.must_stand()
     assert seen.way < QUICK

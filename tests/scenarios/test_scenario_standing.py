@@ -1,4 +1,4 @@
-"""A stop is believed only when it is seen: jams, drives that go their own way, and values that are older than the stop."""
+"""A stop counts only when standstill is seen: jams, drives that move without a command, and values older than the stop."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PP, PV, TQ, CSP = 1, 3, 4, 8  # values of 6060h (CiA 402-2 8.4.9)
 
 
 def slip(cell, mode: int) -> float:
-    """Let the drive leave its mode by itself, and not take it back; return the moment."""
+    """Let the drive leave its mode without a command, and not take it again; return the time."""
     moment = cell.moment()
     cell.drive().dials.spontaneous_mode = mode
     return moment
@@ -65,7 +65,7 @@ def test_an_axis_at_standstill_that_creeps_is_reported_and_stopped_from_its_velo
 
 @pytest.mark.parametrize("eds", [MODULE, "builtin:generic-cia402"])
 @pytest.mark.parametrize("what", ["pp", "pv", "csp"])
-def test_a_jam_in_mid_move_is_reported_at_once_and_nothing_leaps_when_it_goes(scenario, golden, eds, what):
+def test_a_jam_during_a_move_is_reported_at_once_and_its_release_causes_no_leap(scenario, golden, eds, what):
     """Once the rotor was held, the demand ran away, and it leapt with 1100 deg/s when it came free."""
     more = (
         "" if eds == MODULE else "following_error = 15.0"
@@ -77,7 +77,7 @@ def test_a_jam_in_mid_move_is_reported_at_once_and_nothing_leaps_when_it_goes(sc
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, limit=2.0)
     assert (
         cell.now - began < 0.25 + 4.0 / 60.0 + 0.6
-    )  # the lag allowed, and what the model of a velocity forgets
+    )  # the allowed lag, and the part that the model of a velocity forgets
     assert isinstance(cell.x.error, FollowingError)
     if eds == MODULE:
         golden(f"jam_{what}", cell.x.error)
@@ -94,7 +94,7 @@ def test_a_stop_on_a_jam_ends_with_nothing_that_pulls(scenario, way, what):
     """Once stop() and halt() were done at full torque, with the demand 93 deg away."""
     cell = scenario.simulated(
         "x", eds=MODULE, axis="following_error = 1000.0"
-    ).enabled()  # nobody tells it before
+    ).enabled()  # no monitoring reports it before
     going(cell, what)
     cell.jam()
     cell.run(1.5)
@@ -222,7 +222,7 @@ def test_a_halt_on_a_drive_without_6062h_leaves_it_no_old_target(scenario):
     going(cell, "pp")
     cell.x.halt().wait(5)
     place, moment = cell.where(), cell.moment()
-    cell.drive().dials.ignore_halt = True  # what then would go on to the target that it has
+    cell.drive().dials.ignore_halt = True  # which would then continue to its target
     cell.run(3.0)
     assert cell.farthest(since=moment)[1] < place + 0.5
     assert cell.x.state is AxisState.STANDSTILL
@@ -299,7 +299,7 @@ def test_a_trajectory_whose_drive_leaves_csp_is_stopped_within_its_limits(scenar
 
 
 @pytest.mark.parametrize("to", [PP, CSP])
-def test_a_drive_that_leaves_pv_goes_back_to_no_old_target(scenario, to):
+def test_a_drive_that_leaves_pv_does_not_move_to_an_old_target(scenario, to):
     """Once 607Ah was that of 3 s and 90 deg ago, and the drive went there."""
     cell = scenario.simulated("x", eds=MODULE).enabled()
     cell.x.move_velocity(30.0)
@@ -324,7 +324,7 @@ def test_a_mode_that_the_drive_has_not_left_yet_is_no_mode_error(scenario):
 
 
 def test_a_halted_drive_that_continues_to_its_old_target_is_stopped_and_reported(scenario, golden):
-    """Once it was said to stand while its drive went on to 150 deg."""
+    """Standstill was once reported while the drive continued to 150 deg."""
     cell = scenario.simulated("x", eds=MODULE).enabled()
     cell.x.move_relative(150.0)
     cell.run(0.6)
@@ -345,7 +345,7 @@ def test_an_axis_that_is_held_at_standstill_by_something_else_is_reported(scenar
     cell.x.move_relative(30.0).wait(10)
     cell.run(0.5)
     cell.jam()
-    cell.drive().axis.position += 30.0 * 100  # what leads the motor
+    cell.drive().axis.position += 30.0 * 100  # the demand for the motor
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
     assert "pulls it to another position" in cell.x.error.message
     cell.run(2.0)
@@ -361,7 +361,7 @@ def test_a_disabled_axis_may_be_turned_by_hand(scenario):
     cell.run(0.1)
     assert cell.x.state is AxisState.DISABLED
     assert cell.x.error is None
-    cell.x.halt().wait(5)  # it was seen to stand since its power went: there is nothing to stop
+    cell.x.halt().wait(5)  # standstill was seen since its power was lost: there is nothing to stop
 
 
 # -- enabling ------------------------------------------------------------------------------------------------------------
@@ -450,7 +450,7 @@ def test_a_motor_that_runs_down_without_power_is_awaited(scenario):
     cell.must_stand(within=0.1, stages=OFF)
 
 
-# -- what is older than the stop -----------------------------------------------------------------------------------------
+# -- values older than the stop ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("timer", [0.1, 0.5])
@@ -516,7 +516,7 @@ POLLED_DEMAND = {"inputs": {"demand": ValueTransport.SDO}, "max_age": {"demand":
 
 
 @pytest.mark.parametrize("what", ["pp", "csp"])
-def test_a_jam_on_a_bus_is_reported_and_nothing_leaps_when_it_goes(scenario, what):
+def test_a_jam_on_a_bus_is_reported_and_its_release_causes_no_leap(scenario, what):
     cell = scenario.real("x", eds=MODULE, period="20ms", heartbeat="200ms").enabled()
     going(cell, what)
     cell.jam()

@@ -40,7 +40,7 @@ def greedy(hold: float, leave: float = 0.001) -> AbstractContextManager[None]:
 
 
 def must_name_us_first(error: BaseException | None) -> None:
-    """Make sure that an error says what was our own before it says what to look at, an alarm excepted."""
+    """Make sure that an error names this program before it names the checks, an alarm excepted."""
     assert isinstance(error, AxisbusError)
     assert OWN in str(error), error
     lines = [line for line in error.remedy.splitlines() if not line.startswith("TREAT ")]
@@ -51,7 +51,7 @@ def must_name_us_first(error: BaseException | None) -> None:
 
 
 def late(cell, times: int = 3, seconds: float = 0.15) -> None:
-    """Let the scan be late some times: each for less than what counts as a suspension."""
+    """Let the scan be late several times: each delay is shorter than a suspension."""
     for _ in range(times):
         cell.faults.send_blocks = seconds
         cell.run(0.2)
@@ -117,7 +117,7 @@ def test_starvation_of_long_ago_is_not_named(scenario):
 @REAL
 @pytest.mark.parametrize("hold", [0.8, 0.2], ids=["long calls", "short ones"])
 def test_a_thread_that_holds_the_interpreter_is_named_and_no_hardware(tmp_path, hold):
-    """Drives, stand-ins and master share the interpreter here: all of them come late. Calls of 0.15 s are often survived."""
+    """Drives, simulated bus and master share the interpreter here: all of them are delayed. Calls of 0.15 s are often survived."""
     with Line(tmp_path, "xy", period="10ms", heartbeat="100ms") as line:
         machine = line.open()
         try:
@@ -137,7 +137,7 @@ def test_a_thread_that_holds_the_interpreter_is_named_and_no_hardware(tmp_path, 
 
 @REAL
 def test_a_send_that_is_not_given_time_is_no_adapter_that_is_stuck(tmp_path):
-    """Another thread gives a frame to the adapter, and is not run before it comes back; the scan waits for its turn."""
+    """Another thread gives a frame to the adapter, and gets no processor time before it returns; the scan waits for its turn."""
     with Line(tmp_path, heartbeat="1s") as line:
         machine = line.open()
         try:

@@ -55,7 +55,7 @@ SEEN = [name for name in TRAVELS if "without" not in name]
 
 
 @pytest.mark.parametrize("travels", SEEN)
-def test_moves_work_however_the_statusword_travels(scenario, travels):
+def test_moves_arrive_for_every_transport_of_the_statusword(scenario, travels):
     cell = scenario.simulated("x", port=TRAVELS[travels]).enabled()
     for target in (30.0, -5.0, -5.0, -4.99):
         cell.x.move_absolute(target).wait(10)
@@ -74,7 +74,7 @@ def test_moves_work_however_the_statusword_travels(scenario, travels):
 
 @pytest.mark.parametrize("travels", TRAVELS)
 @pytest.mark.nets("the stop ladder")
-def test_a_turning_axis_is_stopped_however_the_statusword_travels(scenario, travels):
+def test_a_turning_axis_is_stopped_for_every_transport_of_the_statusword(scenario, travels):
     port = TRAVELS[travels]
     if "without" in travels:  # a drive that cannot say where it is can still be turned and stopped
         cell = scenario.simulated("x").enabled()
@@ -107,7 +107,7 @@ def test_a_statusword_that_becomes_stale_during_a_move_causes_a_quick_stop(scena
     golden(f"statusword_stale_{name}", stale)
 
 
-def test_a_stale_value_is_never_passed_off_as_fresh(scenario, golden):
+def test_a_stale_value_raises_an_error(scenario, golden):
     cell = scenario.simulated("x")
     cell.run(0.2)
     cell.device().dials.tpdos_stop = frozenset({1, 2, 3, 4})
@@ -130,7 +130,7 @@ def test_enabling_without_a_statusword_reports_so(scenario, golden):
 
 @pytest.mark.nets("the stop ladder")
 def test_a_frozen_statusword_does_not_prevent_a_stop(scenario):
-    """The drive's firmware hangs half-way: it goes on sending the word that it had."""
+    """The drive's firmware hangs partly: it keeps sending its last statusword."""
     cell = scenario.simulated("x")
     cell.turning()
     cell.drive().dials.statusword_frozen = True

@@ -57,7 +57,7 @@ class Bench(Line):
         return self.devices["x"].dials
 
 
-# What moves it, by mode. Each is long enough for the whole test.
+# The motion by mode. Each is long enough for the whole test.
 MODES: dict[str, Callable[[Machine], object]] = {
     "pv": lambda machine: machine["x"].move_velocity(SPEED),
     "pp": lambda machine: machine["x"].move_relative(20_000.0, velocity=SPEED),
@@ -92,7 +92,7 @@ def _restart(bench: Bench) -> None:
         bench.devices["x"].nmt_command(NmtCommand.RESET_NODE)
 
 
-# What becomes of the node while it moves.
+# The state of the node while it moves.
 STATES: dict[str, Callable[[Bench], None]] = {
     "operational": lambda _: None,
     "pre-operational": lambda bench: bench.frame(0x000, b"\x80\x01"),

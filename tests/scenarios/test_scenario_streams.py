@@ -1,4 +1,4 @@
-"""Axes follow points that a program gives at its own pace, and come to rest on their way whatever becomes of the points."""
+"""Axes follow points that a program gives at its own pace, and stop on their path if points are missing."""
 
 from __future__ import annotations
 
@@ -257,7 +257,7 @@ def test_cycles_that_are_late_make_it_late_and_nothing_else(scenario):
     assert cell.where("x") == pytest.approx(place((points.count - 1) * STEP)[0], abs=0.1)
 
 
-def test_one_that_gets_no_point_ends_well(scenario):
+def test_a_stream_that_gets_no_point_ends_well(scenario):
     cell = opened(scenario)
     with stream(cell) as points:
         cell.run(0.2)
@@ -294,7 +294,7 @@ def test_an_exception_in_its_block_halts_the_axes(scenario):
         points.push(place(1.0))
 
 
-def test_a_block_whose_stream_was_interrupted_waits_for_standstill(scenario):
+def test_a_with_block_whose_stream_was_interrupted_waits_for_standstill(scenario):
     cell = opened(scenario)
     with pytest.raises(Interrupted), stream(cell) as points:
         feed(cell, points, 0.8)
@@ -326,7 +326,7 @@ STOPS = {
 
 
 @pytest.mark.parametrize("stop", STOPS)
-def test_whatever_stops_one_stops_all(scenario, stop):
+def test_each_stop_of_one_axis_of_a_stream_stops_all(scenario, stop):
     cell = opened(scenario)
     points = stream(cell)
     feed(cell, points, 0.8)

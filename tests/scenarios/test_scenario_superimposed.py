@@ -1,4 +1,4 @@
-"""Distances laid over what leads an axis, on the plant: the sum keeps its limits, and what is below goes on displaced."""
+"""Superimposed moves on the plant: the sum keeps its limits, and the motion below continues displaced."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kit.probe import ENABLED, OFF
 AXIS = "max_acceleration = 2000.0"
 INCREMENT = 1.0 / SCALE
 CYCLE = 0.01  # seconds
-STEP = 2.0 * INCREMENT / CYCLE**2  # deg/s²: what rounding to increments makes of an acceleration
+STEP = 2.0 * INCREMENT / CYCLE**2  # deg/s²: the effect of rounding to increments on an acceleration
 
 
 def one(scenario, names: str = "x", **changes: str) -> Cell:
@@ -25,7 +25,7 @@ def one(scenario, names: str = "x", **changes: str) -> Cell:
 
 
 class Targets:
-    """What an axis was led to in each cycle, in degrees, from when this was made."""
+    """The targets of an axis in each cycle, in degrees, from its construction on."""
 
     def __init__(self, cell: Cell, name: str = "x") -> None:
         self.places: list[float] = []
@@ -51,7 +51,7 @@ class Targets:
 
 
 def going(scenario, velocity: float = 30.0, end: float = 150.0, **changes: str):
-    """A cell whose x goes on along a trajectory, and the handle of that."""
+    """A cell whose x follows a trajectory, and its handle."""
     cell = one(scenario, **changes)
     below = cell.x.follow(TrapezoidalTrajectory(0.0, end, velocity, 200.0))
     cell.run(0.5)
@@ -75,7 +75,7 @@ def test_a_distance_is_laid_over_a_trajectory_which_ends_displaced_by_it(scenari
 
 
 @pytest.mark.parametrize("distance", [25.0, -25.0, 0.004, 0.0])
-def test_any_distance_is_gone_within_an_increment(scenario, distance):
+def test_any_superimposed_distance_is_moved_within_an_increment(scenario, distance):
     cell, below = going(scenario, end=60.0)
     assert cell.end_of(cell.x.move_superimposed(distance, velocity=90.0)) is None
     assert cell.end_of(below) is None

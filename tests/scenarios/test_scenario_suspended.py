@@ -70,7 +70,7 @@ class Master:
         self._program.hear("ended")
 
     def leave(self) -> list[AxisbusError | None]:
-        """Let it leave its block; return what it was told: by its command, and by leaving."""
+        """Let it leave its block; return the errors of its command and of leaving."""
         stdin = self._program.process.stdin
         assert stdin is not None
         stdin.write("go on\n")

@@ -1,4 +1,4 @@
-"""A group is at points at their times, by the polynomials of what is given; what it may not follow is refused at the call."""
+"""A group is at points at their times, by the polynomials of the given values; an invalid trajectory is refused at the call."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def group(cell: Cell):
 
 
 def targets(cell: Cell) -> list[tuple[float, float, float]]:
-    """What the drives are led to in each cycle, from now on: time, x, y."""
+    """The targets of the drives in each cycle, from now on: time, x, y."""
     seen: list[tuple[float, float, float]] = []
     cell.each_cycle(lambda now, _: seen.append((now, *(cell.drive(n).target_position / 100 for n in "xy"))))
     return seen
@@ -150,7 +150,7 @@ def test_a_halt_brakes_on_the_path_and_resume_continues_to_the_end(scenario):
         assert y == pytest.approx(x / 2, abs=0.15)
 
 
-def test_another_one_while_it_runs_is_refused_and_it_continues(scenario):
+def test_another_timed_path_during_one_is_refused_and_the_first_continues(scenario):
     cell = opened(scenario)
     handle = group(cell).follow([TrajectoryPoint(1, (20, 10))])
     cell.run(0.5)

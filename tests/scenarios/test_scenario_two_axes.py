@@ -44,8 +44,8 @@ def test_a_fault_of_one_axis_stops_the_other(scenario, golden):
 
 
 @pytest.mark.nets("the stop ladder")
-def test_leaving_stops_both_before_the_node_is_let_go(scenario):
-    """The first of them stands at once; the second still brakes, and the node's NMT state is theirs together."""
+def test_closing_stops_both_axes_before_the_watch_of_their_node_ends(scenario):
+    """The first of them is at standstill at once; the second still brakes, and both share the NMT state of the node."""
     cell = cell_of(scenario)
     cell.enabled()
     cell["y"].move_velocity(90.0, deceleration=60.0).wait(5)

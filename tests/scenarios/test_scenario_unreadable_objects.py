@@ -161,7 +161,7 @@ def test_an_unreadable_device_name_leaves_the_other_identity_objects(put, axisbu
         (b"\xff" * 8, "????????"),
     ],
 )
-def test_an_eds_is_made_of_a_device_whatever_its_name_is(put, axisbus, tmp_path, text, written):
+def test_an_eds_is_made_of_a_device_with_any_name(put, axisbus, tmp_path, text, written):
     bus, _ = put(Faulty, broken=0, text=text)
     target = tmp_path / "made.eds"
     assert axisbus("eds", "from-device", *bus, "1", "-o", target).code == 0

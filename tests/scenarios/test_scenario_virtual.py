@@ -1,4 +1,4 @@
-"""A virtual axis does what any axis does: it is led, limited, halted and stopped; and it never jumps, for what would follow it."""
+"""A virtual axis is commanded, limited, halted and stopped as any axis; and it never jumps, because other axes may follow it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def beside(scenario, axis="max_velocity = 400.0", **changes):
 # -- moves -------------------------------------------------------------------------------------------------------------
 
 
-def test_it_begins_at_0_without_power_and_moves_only_once_it_is_enabled(scenario):
+def test_a_virtual_axis_begins_at_0_without_power_and_moves_only_once_it_is_enabled(scenario):
     cell = scenario.simulated("x", more=virtual())
     v = cell["v"]
     assert (v.position, v.homed, v.state) == (0.0, True, AxisState.DISABLED)
@@ -83,7 +83,7 @@ def test_a_move_may_be_replaced_at_any_moment_and_nothing_jumps(scenario, after,
     trail.must_be_smooth()
 
 
-def test_it_turns_at_a_velocity_until_it_is_reported_otherwise(scenario):
+def test_a_virtual_axis_moves_at_a_velocity_until_the_next_command(scenario):
     cell, v, trail = alone(scenario)
     v.move_velocity(80.0).wait(5)
     start, began = v.position, cell.now
@@ -108,10 +108,10 @@ def test_a_jog_ends_if_it_is_not_renewed(scenario):
     trail.must_be_smooth()
 
 
-def test_it_turns_past_the_wrap_of_its_count(scenario):
+def test_a_virtual_axis_moves_past_the_wrap_of_its_count(scenario):
     cell, v, _ = alone(scenario, "max_velocity = 400.0\nscale = 5_000_000\nmodulo = 360.0")
     v.move_velocity(200.0).wait(5)
-    cell.run(4.0)  # 4e9 increments: more than INTEGER32 can tell
+    cell.run(4.0)  # 4e9 increments: more than INTEGER32 can hold
     assert v.unwrapped_position > 700.0
     v.halt().wait(5)
     here = v.unwrapped_position
@@ -138,7 +138,7 @@ def test_a_late_scan_makes_it_late_and_it_neither_jumps_nor_counts_as_held(scena
     trail.must_be_smooth()
 
 
-def test_set_position_gives_its_place_another_name_and_moves_nothing(scenario):
+def test_set_position_of_a_virtual_axis_sets_its_position_and_moves_nothing(scenario):
     _, v, trail = alone(scenario)
     v.move_absolute(30.0).wait(5)
     v.set_position(-7.5).wait(5)
@@ -266,7 +266,7 @@ def test_a_dead_scan_leaves_nothing_of_it_to_be_rescued(scenario):
     with pytest.raises(AxisbusError, match="scan") as told:
         cell.machine.close()
     assert "x: stopped, power is off" in str(told.value)
-    assert "v: " not in str(told.value)  # what the scan alone has moved stands with it
+    assert "v: " not in str(told.value)  # an axis of the scan alone has stopped with it
 
 
 # -- limits ------------------------------------------------------------------------------------------------------------
@@ -334,7 +334,7 @@ def test_a_trajectory_that_jumps_is_braked_before_it(scenario):
 # -- with others -------------------------------------------------------------------------------------------------------
 
 
-def test_it_goes_along_a_straight_line_with_a_drive(scenario):
+def test_a_virtual_axis_moves_along_a_straight_line_with_a_drive(scenario):
     cell, v, trail = beside(scenario)
     x, group = cell["x"], cell.machine.group("x", "v")
     places = []
@@ -383,7 +383,7 @@ def test_an_error_of_the_virtual_axis_stops_the_drive_of_its_cell(scenario):
     cell.must_stand("x", within=1.0, stages=ENABLED)
 
 
-# -- what it has not ---------------------------------------------------------------------------------------------------
+# -- missing functions -------------------------------------------------------------------------------------------------
 
 
 def test_commands_that_need_a_drive_are_refused_with_the_reason(scenario):
@@ -403,7 +403,9 @@ def test_commands_that_need_a_drive_are_refused_with_the_reason(scenario):
 @pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
 @pytest.mark.parametrize("names", ["x", ""], ids=["beside a drive", "alone"])
 @pytest.mark.parametrize("process", ["own", "thread"])
-def test_on_a_bus_it_is_moved_by_the_core_wherever_that_runs(tmp_path, names, process, core_in_threads):
+def test_on_a_bus_a_virtual_axis_is_moved_by_the_core_in_every_process(
+    tmp_path, names, process, core_in_threads
+):
     path = tmp_path / "cell.toml"
     path.write_text(cell_text(names, bus=f'process = "{process}"', more=virtual()))
     with Machine.open(path) as machine:

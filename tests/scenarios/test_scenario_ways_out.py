@@ -1,4 +1,4 @@
-"""The odd ways out: from a callback, from two threads, by several machines, with children that were forked, during a fault."""
+"""Odd ends of a program: from a callback, from two threads, by several machines, with forked children, during a fault."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def let_go(line: Line, name: str) -> None:
 
 
 def test_close_in_a_callback_begins_the_stop_and_the_block_waits_for_it(tmp_path):
-    """It runs in the scan's thread, which is what stops the axes."""
+    """It runs in the scan's thread, which has to stop the axes."""
     took = []
 
     def close(machine: Machine) -> None:
@@ -104,7 +104,7 @@ def test_the_error_of_a_close_in_a_callback_is_raised_by_the_next_close(scenario
     cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
     with pytest.raises(DriveError, match="harder stop"):
         cell.machine.close()
-    cell.machine.close()  # told once
+    cell.machine.close()  # raised once
 
 
 # -- from two threads -------------------------------------------------------------------------------------------------------
@@ -179,7 +179,7 @@ def test_a_handler_of_the_users_own_cannot_break_the_stop_off(scenario):
 
 
 def fault_while_closing(cell, code: int = 0x7305) -> None:
-    """Let the drive of x fall into fault in the third cycle of the way out."""
+    """Let the drive of x go into fault in the third cycle of closing."""
     count = []
 
     def observe(*_: object) -> None:
@@ -202,13 +202,13 @@ def test_a_fault_at_speed_while_closing_is_awaited(scenario):
 
 
 @pytest.mark.parametrize("cycles", [0, 1, 5, 20])
-def test_closing_in_the_midst_of_a_fault_reaction_waits_for_its_end(scenario, cycles):
+def test_closing_during_a_fault_reaction_waits_for_its_end(scenario, cycles):
     cell = scenario.simulated("x")
     cell.turning(360.0)
     cell.drive().fault(0x7305)
     cell.run(0.01 * cycles)
     cell.must_move()
-    with suppress(DriveFault):  # told to the command that it ended, or to closing
+    with suppress(DriveFault):  # raised by the command that it ended, or by closing
         cell.machine.close()
     cell.must_stand(within=0.0, stages=FAULT)
 
@@ -277,7 +277,7 @@ def test_an_enable_that_waits_during_ctrl_c_is_refused(scenario):
 # -- after the scan's death -------------------------------------------------------------------------------------------------
 
 
-def test_after_the_scans_death_nothing_of_an_axis_is_passed_off_as_known(scenario, golden):
+def test_after_the_death_of_the_scan_every_value_of_an_axis_raises_an_error(scenario, golden):
     cell = scenario.simulated("x")
     cell.turning()
     x = cell.x

@@ -1,4 +1,4 @@
-"""Ways out of a machine with signals and other processes: threads, forked children, workers, several machines."""
+"""Ends of a machine with signals and other processes: threads, forked children, workers, several machines."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_a_thread_that_commands_after_a_signal_moves_nothing(tmp_path):
 
 
 class Scene:
-    """What the processes of a scene have written down."""
+    """The output of the processes of a scene."""
 
     def __init__(self, folder, name: str) -> None:
         self._lines: list[dict] = []
@@ -86,7 +86,7 @@ class Scene:
         return REMEDY in self.errors
 
     def all(self, who: str) -> list[dict]:
-        """What one of them has written."""
+        """The output of one of them."""
         return [line for line in self._lines if line["who"] == who]
 
     def one(self, who: str) -> dict:
@@ -95,7 +95,7 @@ class Scene:
         return line
 
     def must_turn(self, speed: float, who: str = "end") -> None:
-        """Make sure that the parent's motor went on, watched."""
+        """Make sure that the parent's motor continues, monitored."""
         seen = self.one(who)
         assert abs(seen["velocity"] - speed) < 5.0, seen
         assert seen["stage"] == ENABLED
@@ -107,7 +107,7 @@ class Scene:
 
 
 def must_stand(plant: dict) -> None:
-    """Make sure that a motor stands and is off."""
+    """Make sure that a motor is at standstill and off."""
     if plant["velocity"] or plant["stage"] not in OFF:
         raise PlantMoves(str(plant))
 
@@ -187,7 +187,7 @@ def test_spawned_workers_and_other_programs_leave_the_machine_alone(tmp_path):
 
 
 @POSIX
-def test_a_forked_child_may_have_a_machine_of_its_own(tmp_path):
+def test_a_forked_child_may_have_its_own_machine(tmp_path):
     scene = Scene(tmp_path, "machine_in_child")
     assert scene.code == 0, scene.errors
     must_stand(scene.one("child"))
