@@ -28,7 +28,7 @@ _NO_DESCRIPTORS = ("program", "cell", "axes", "end", "inode")  # of the core's p
 
 
 class ProcessThread(threading.Thread):
-    """Runs what a process runs; closes at its end what that leaves for the end of its process."""
+    """Runs the function of a process; at its end it closes the resources that the end of a process would close."""
 
     def __init__(self, run: Callable[[], None]) -> None:
         super().__init__(daemon=True)

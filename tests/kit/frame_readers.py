@@ -92,7 +92,7 @@ def reader_of(
 
 
 def unshown(_: str, __: Path) -> bool:
-    """Accept every error message: the program handles the error itself, and shows it to nobody."""
+    """Ignore every error message: the program handles the error itself, and does not show it."""
     return True
 
 
@@ -325,7 +325,7 @@ def _lss_master(frames: Sequence[bytes]) -> object:
         return end.value
 
 
-# -- what listens to a channel -----------------------------------------------------------------------------------------
+# -- listeners of a channel --------------------------------------------------------------------------------------------
 
 _MAPPING = (MappedObject(0x6041, 0, 16), MappedObject(0x6064, 0, 32), MappedObject(0x6061, 0, 8))
 _TPDO = PdoConfiguration(1, 0x180 + ID, True, 1, _MAPPING)

@@ -1,4 +1,4 @@
-"""A node that says whatever it is told to say, over and over."""
+"""A node that sends given frames repeatedly."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class MadNode(Talker):
 
 
 def close(machine: Machine) -> list[BaseException]:
-    """Close a machine; return what there was to say of it."""
+    """Close a machine; return the errors."""
     found: list[BaseException] = []
     with fuzz.within(30):
         try:

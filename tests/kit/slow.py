@@ -308,7 +308,7 @@ ALSO_VIRTUAL_TIME = (
     "record/test_record_edges.py",
     "wire/test_wire_stream.py",
 )
-# Files in virtual time whose tests share a machine or a server, with its threads: the clock goes on from test to test.
+# Files in virtual time whose tests share a machine or a server, with its threads: the clock continues from test to test.
 SHARED_VIRTUAL_TIME = (
     "cli/test_cli_found.py",
     "cli/test_cli_joined.py",
@@ -322,7 +322,7 @@ IN_VIRTUAL_TIME = frozenset((*SLOW[VIRTUAL_TIME], *ALSO_VIRTUAL_TIME, *SHARED_VI
 
 
 def is_slow(path: Path, test: str = "") -> bool:
-    """Whether a folder, a file or one of its tests (by its function's name) is named here, or stands in what is."""
+    """Whether a folder, a file or one of its tests (by its function's name) is named here, or is within a named one."""
     return bool(_names(path, test) & NAMES)
 
 

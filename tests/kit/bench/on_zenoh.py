@@ -1,7 +1,7 @@
-"""A bridge to Zenoh beside a machine, and who hears it: ``python -m kit.bench.on_zenoh CELL SECONDS [junk]``, as JSON.
+"""A bridge to Zenoh beside a machine, and a subscriber: ``python -m kit.bench.on_zenoh CELL SECONDS [junk]``, as JSON.
 
-It prints the CPU seconds of the bridge, how many states came, and how long none of an axis did. ``junk``: queries of nonsense come
-as fast as they are answered, too.
+It prints the CPU seconds of the bridge, the number of received states, and the longest gap of an axis. ``junk``: random queries
+are sent as fast as they are answered, too.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def ask_nonsense(client: Client, until: float) -> int:
 
 
 def main(cell: str, seconds: str, *junk: str) -> None:
-    """Listen, and print what came."""
+    """Listen, and print the counts."""
     states: dict[str, list[float]] = {}
 
     def hear(sample: Any) -> None:

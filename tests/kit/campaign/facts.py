@@ -1,4 +1,4 @@
-"""What the rules of the campaign know: the cell, what was asked, what has gone wrong, and what the master says."""
+"""The knowledge of the campaign's rules: the cell, commands, faults, and reports of the master."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _POWER = frozenset({"enable", "disable", "coast"})
 _TAKES_POWER = frozenset({"disable", "coast", "quick_stop"})
 _OF_NODES = frozenset(
     {"alive", "start", "heartbeat", "sdo_well"}
-)  # what ends a mishap of a node, for all of its axes
+)  # the end of a fault of a node, for all of its axes
 HONEST = ("MOVING", "could not be confirmed", "NOT CONFIRMED", "ENERGISED", "is lost", "still energised")
 
-_PULLED = 5.0  # s: for so long a motor without power may be on its way, by what has pulled it
-_CAUGHT = 0.5  # s that an axis must have stood against its command, to be known as held
+_PULLED = 5.0  # s: for so long a motor without power may move after it was pulled
+_CAUGHT = 0.5  # s that an axis must have been at standstill against its command, to be known as held
 
 
 @dataclass
@@ -58,7 +58,7 @@ class Asked:
 
 @dataclass
 class Trouble:
-    """A mishap of one axis, by whom it began, from when and until when."""
+    """A fault of one axis, its origin, its begin and its end."""
 
     what: str
     axis: str
@@ -71,7 +71,7 @@ class Trouble:
 
 
 class Facts:
-    """Holds what has happened in one script."""
+    """Holds the history of one script."""
 
     def __init__(self, site: Site, scene: Scene) -> None:
         self.cell: Cell = site.cell
@@ -96,7 +96,7 @@ class Facts:
     def now(self) -> float:
         return self._clock.now()
 
-    # -- what has gone wrong ---------------------------------------------------------------------------------------------
+    # -- faults ----------------------------------------------------------------------------------------------------------
 
     def begin(self, what: str, axis: str) -> list[str]:
         """A mishap begins; return the axes that it may befall (those of one node, or of one beam, share its troubles)."""
@@ -137,14 +137,14 @@ class Facts:
             self._lost_sight.add(name)
 
     def _begins_to_lag(self, name: str) -> bool:
-        """Whether its feedback has just become late: until the first value that is, it stands still."""
+        """Whether its feedback has just become late: until the first late value, it seems constant."""
         lags = (trouble for trouble in self.troubles[name] if trouble.what == "late_feedback")
         return any(trouble.since > self.now - 0.2 for trouble in lags)
 
     def turns_unseen(self, name: str) -> bool:
-        """Whether the feedback says nothing of the motor, nor does a demand: nobody can know that it turns.
+        """Whether neither the feedback nor a demand shows the motor: its motion cannot be known.
 
-        Where it lied while the motor ran down, what it shows later may be a motor that is turned by hand.
+        If the feedback was wrong while the motor ran down, a later motion may be one by hand.
         """
         dials = self.drive[name].dials
         demanded = self._shows_demand(name) and not dials.demand_frozen
@@ -160,7 +160,7 @@ class Facts:
         return core.image.demand is not None and not seldom
 
     def is_caught_unseen(self, name: str, stop: Asked) -> bool:
-        """Whether something caught the axis while it was being stopped, or just before, and no value tells by what it is led."""
+        """Whether something caught the axis while it was being stopped, or just before, and no value shows its demand."""
         caught = any(
             trouble.what == "jam" and trouble.since > stop.since - _CAUGHT
             for trouble in self.troubled(name, 0.0)
@@ -174,21 +174,21 @@ class Facts:
         return held and self.core[name].image.demand is None
 
     def has_a_will(self, name: str) -> bool:
-        """Whether the drive moves by itself: then a moment's rest is nobody's promise.
+        """Whether the drive moves without a command: then a short standstill is no promise.
 
-        So does one with a torque left (6087h is 0) that counts as none, but overcomes what friction this motor has.
+        So does one with a torque left (6087h is 0) that counts as none, but overcomes the friction of this motor.
         """
         drive = self.drive[name]
         pushed = drive.mode in TORQUE_MODES and drive.params.friction < abs(drive.torque) <= SMALL_TORQUE
         return bool(drive.dials.drift_velocity) or drive.dials.spontaneous_mode is not None or pushed
 
     def hangs(self, name: str) -> bool:
-        """Whether only its motor holds a load, or what pulls on it is a bent beam, or was just now."""
+        """Whether its motor alone holds a load, or a bent beam pulls on it, or did just now."""
         params = self.drive[name].params
         return (bool(params.load) and not params.brake) or self.is_pulled(name)
 
     def is_pulled(self, name: str) -> bool:
-        """Whether the beam that it carries, or somebody, pulls on it with more than its friction, or did so of late."""
+        """Whether its beam, or a person, pulls on it with more than its friction, or did so recently."""
         pulled = getattr(self.cell, "pulled", {})
         return name in pulled and pulled[name] > self.drive[name].time - _PULLED
 
@@ -201,7 +201,7 @@ class Facts:
         own = [asked.what for asked in self.asked if name in asked.names and asked.what in _POWER]
         return self.hangs(name) and bool(own) and own[-1] != "enable"
 
-    # -- what was asked --------------------------------------------------------------------------------------------------
+    # -- commands --------------------------------------------------------------------------------------------------------
 
     def later(self, asked: Asked, name: str) -> bool:
         """Whether something that moves this axis was asked after it."""
@@ -213,7 +213,7 @@ class Facts:
         after = self.asked[self.asked.index(asked) + 1 :]
         return any(other.what in _TAKES_POWER and name in other.names for other in after)
 
-    # -- what the master says --------------------------------------------------------------------------------------------
+    # -- reports of the master -------------------------------------------------------------------------------------------
 
     def is_told(self, name: str, text: str = "") -> bool:
         """Whether the master says of an axis that it may move, or is energised still."""
@@ -240,15 +240,15 @@ class Facts:
         return times.halt + times.quick_stop + times.disable + _LITTLE
 
     def where(self, name: str) -> float:
-        """Where the motor of an axis is, in its unit, 0 where it stood on power-up."""
+        """The position of the motor of an axis, in its unit, 0 at power-up."""
         return self.drive[name].axis.motor.position / self.scale[name]
 
     def turned(self, name: str) -> int:
-        """-1 where the drive counts the other way round than its motor (607Eh), else 1."""
+        """-1 if the drive counts in the opposite direction of its motor (607Eh), else 1."""
         return -1 if self.drive[name].settings.polarity & 0x80 else 1
 
     def stage(self, name: str) -> int:
-        """The state of the power stage, by the stand-in's number."""
+        """The state of the power stage, by the simulated drive's number."""
         return int(self.drive[name].power.stage)
 
     def place(self, name: str) -> float:
@@ -262,7 +262,7 @@ class Facts:
     def must(
         self, holds: bool, rule: str, text: str | Callable[[], str], error: Exception | None = None
     ) -> None:
-        """Hold a rule; ``text`` may be a function, because making it takes time. ``error``: the error of the command.
+        """Require a rule; ``text`` may be a function, because making it takes time. ``error``: the error of the command.
 
         Raises:
             Violation: it does not hold.

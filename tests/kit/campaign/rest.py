@@ -1,4 +1,4 @@
-"""Rules of rest: what is said to stand stands, what was stopped stays, and a drive is energised only when that was asked."""
+"""Rules of standstill: a reported standstill is true, a stopped axis stays, and a drive is energised only by a command."""
 
 from __future__ import annotations
 
@@ -9,14 +9,12 @@ from kit.campaign.facts import Asked, Facts
 from kit.campaign.orders import QUIET, STOPS
 from kit.probe import ENABLED, OFF, STAGE_NAMES
 
-WAY = 1.0  # deg that an axis may come from where it was said to stand; a pull within ``standstill_window`` is no pull
+WAY = 1.0  # deg that an axis may be off its reported position; a pull within ``standstill_window`` is no pull
 SLOW = 0.5  # deg/s: a motor without power that is slower has all but run down
 BLIND = 0.8  # s for which a state may say Standstill while the plant moves
-UNCONFIRMED = (
-    6.5  # s for which ErrorStop may leave an axis moving: all rungs of its ladder, by their usual times
-)
-ENABLE_LATE = 1.0  # s: a transition that was under way when its enable ended
-_STANDS = "is at standstill"  # what an error says of a stop that came otherwise than it was asked for
+UNCONFIRMED = 6.5  # s for which ErrorStop may leave an axis moving: all steps of its stop sequence, by their usual times
+ENABLE_LATE = 1.0  # s: a transition that was running when its enable ended
+_STANDS = "is at standstill"  # the text of an error about a stop by a later step
 _BY_OTHERS = (
     "other_enables",
     "other_shuts_down",
@@ -28,16 +26,18 @@ _TAKES_POWER = frozenset(
     | {"wire_cut", "bus_off", "queue_full"}
 )
 _AT_REST = ("jam", "resumes")  # by these nothing moves that was at rest with nothing to pull it
-_JUST = 0.5  # s within which the master may not have told yet that an axis moves by itself
+_JUST = 0.5  # s within which the master may not have reported yet that an axis moves without a command
 RESTS = 1.0  # s after which an axis at rest is taken at its word
 
 
 class Rest:
-    """Holds what was said to stand, and since when a state and its plant differ."""
+    """Holds the reported standstills, and since when a state and its plant differ."""
 
     def __init__(self, facts: Facts) -> None:
         self._facts = facts
-        self._stood: dict[str, tuple[float, str]] = {}  # axis: where it was said to stand, and by what
+        self._stood: dict[
+            str, tuple[float, str]
+        ] = {}  # axis: position of the reported standstill, and report
         self._stage = {name: facts.cell.stage(name) for name in facts.names}
         self._differs: dict[tuple[str, str], float] = {}  # (axis, rule): since when
         self._resting: dict[str, float] = {}
@@ -109,7 +109,7 @@ class Rest:
         freed = any(trouble.what == "jam" and trouble.until > facts.now - _JUST for trouble in recent)
         stands = freed or not facts.moves(
             name
-        )  # one that comes free moves by what pulled it, which is judged by its way
+        )  # a released one moves by the pull, which is judged by its distance
         facts.must(stands, "a stop that is done stands", f"{told}: {facts.cell.told(name)}")
         self._stood.setdefault(name, (facts.cell.where(name), told))
 
@@ -139,7 +139,7 @@ class Rest:
         recent = facts.now - ENABLE_LATE
         enables = [asked for asked in facts.asked if asked.what == "enable" and name in asked.names]
         asked_for = any(asked.ended is None or asked.ended > recent for asked in enables)
-        # A word of ours that was under way when another master shut the drive down is no command of now.
+        # A controlword of ours in transit when another master shut the drive down is no new command.
         by_other = any(trouble.what in _BY_OTHERS for trouble in facts.troubled(name, ENABLE_LATE))
         text = f"{facts.cell.told(name)}, was {STAGE_NAMES[before]}"
         facts.must(asked_for or by_other, "energised only when asked", text)
@@ -166,7 +166,7 @@ class Rest:
         )
 
     def _rest_is_a_promise(self, name: str) -> None:
-        """An axis that rests in Standstill or ErrorStop, and is not told as moving, is said to stand."""
+        """An axis in Standstill or ErrorStop that is not reported as moving is reported as at standstill."""
         facts = self._facts
         state = facts.core[name].state
         rests = state in (AxisState.STANDSTILL, AxisState.ERRORSTOP) and self._rests(name)

@@ -1,4 +1,4 @@
-"""Rules of motion: a move that is done is there, no command leads beyond a limit, and nothing jolts."""
+"""Rules of motion: a move that is done is at its target, no command exceeds a limit, and nothing jolts."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ _LATE = frozenset(
     {"frames_late", "late_feedback", "inputs_lost", "outputs_lost", "stutters", "demand_stuck"}
     | {"wire_loses", "wire_jitters", "wire_delays", "wire_slows"}
 )
-# Another master leads the axis: its motion goes on for as long as that may take.
+# Another master controls the axis: its motion continues for as long as that may take.
 _FOREIGN = frozenset({"other_sets_point", "other_takes_velocity"})
 # It stops the axis: the motor brakes as hard as it can, and swings.
 _STOPPED = frozenset({"other_shuts_down", "other_quick_stops"})
 _WINDOW = 20.0  # increments within which a place is reached
-_OVERSPEED = 1.1  # what the master takes for noise
-_CYCLES = 5.0  # scan periods in which a guard can do nothing: the way back, its look, the SYNC after it, the drive's own step
+_OVERSPEED = 1.1  # the ratio that the master takes for noise
+_CYCLES = 5.0  # scan periods in which a guard can do nothing: the feedback, its look, the SYNC after it, the drive's own step
 _ON_SLOW_RAMP = (1, 5)  # 605Ah: a quick stop on the slow-down ramp
-_ROUNDING = 0.5  # deg: windows, and what a drive's own profile rounds
+_ROUNDING = 0.5  # deg: windows, and the rounding of a drive's own profile
 _CALM = 2.0  # s after a trouble for which nothing is judged by its smoothness, or by where it went
 _SWINGS = 0.5  # s within which an axis that swings is fast again
 _SEIZED = 0.1  # s for which the demand shows how a motor was pushed
-_SPACING = 0.0039  # s between two positions of which a speed is made
+_SPACING = 0.0039  # s between two positions for a speed
 _QUANTUM = 2.0  # increments by which the difference of two positions may be off by rounding
 
 
@@ -43,17 +43,17 @@ class Travel:
         self._origin: dict[str, float] = {}
         self._astray: dict[
             str, float
-        ] = {}  # may be as fast as a drive that led itself, or swings; and when it was last too fast
+        ] = {}  # the allowed speed of a drive that moved without our command, or swings; and when it was last too fast
         self._foreign: set[str] = set()  # on the way to where another master has sent it
-        # When the motor was not where the demand had it last: in a torque mode, or led away by a drive that creeps.
+        # When the motor was last not at the demand: in a torque mode, or moved away by a drive that creeps.
         self._pushed = dict.fromkeys(facts.names, facts.now)
         self._crept = dict.fromkeys(
             facts.names, -math.inf
         )  # when a drive last held its motor beside its demand
-        self._mode: dict[str, tuple[int, float]] = {}  # what mode the drive shows, and since when
+        self._mode: dict[str, tuple[int, float]] = {}  # the displayed mode of the drive, and since when
 
     def ended(self, asked: Asked) -> None:
-        """A move that is done is where it was to go, and stands."""
+        """A move that is done is at its target, and at standstill."""
         if asked.error is not None:
             return
         facts = self._facts
@@ -115,15 +115,15 @@ class Travel:
     # -- limits ----------------------------------------------------------------------------------------------------------
 
     def _inside_limits(self, name: str) -> None:
-        """By a command alone nobody gets farther beyond a limit than the axis comes before a stop can act (``reaction``)."""
+        """A command alone takes no axis farther beyond a limit than it moves before a stop can act (``reaction``)."""
         facts = self._facts
         core = facts.core[name]
         limits = core.parameters.limits.position
-        homes = core.state is AxisState.HOMING  # the drive counts anew before its master knows
+        homes = core.state is AxisState.HOMING  # the drive restarts its count before its master knows
         if limits is None or not core.bounded or homes or facts.stage(name) in OFF:
             self._outside.pop(name, None)
             return
-        if self._origin.get(name) != facts.origin(name):  # another name for where it stands is no motion
+        if self._origin.get(name) != facts.origin(name):  # a new origin is no motion
             self._origin[name] = facts.origin(name)
             self._outside.pop(name, None)
         units = core.parameters.units.position
@@ -139,7 +139,7 @@ class Travel:
             facts.must(beyond <= self.reaction(name), "never beyond a limit", text)
 
     def _not_too_fast(self, name: str) -> None:
-        """Nor is it faster than max_velocity by more than what a torque adds before it is seen (see ``reaction``).
+        """Nor is it faster than max_velocity by more than the addition of a torque before it is seen (see ``reaction``).
 
         A drive that has crept away from its demand takes that back as fast as it can.
         """
@@ -164,7 +164,7 @@ class Travel:
         return self._facts.core[name].parameters.limits.velocity
 
     def _blind_speed(self, name: str) -> float:
-        """What an unknown torque adds to the speed, in deg/s, before a stop can act; a drive may leave the one it had gradually."""
+        """The addition of an unknown torque to the speed, in deg/s, before a stop acts; a drive may change its torque gradually."""
         drive, facts = self._facts.drive[name], self._facts
         if drive.mode_display not in TORQUE_MODES and drive.mode not in TORQUE_MODES:
             return 0.0
@@ -194,10 +194,10 @@ class Travel:
     # -- jolts -----------------------------------------------------------------------------------------------------------
 
     def _smooth(self, name: str, samples: list[PlantSample]) -> None:
-        """The demand of an enabled drive changes its speed by no more than the hardest ramp that anybody has set.
+        """The demand of an enabled drive changes its speed by no more than the hardest commanded ramp.
 
-        In another mode the drive takes its demand over from the motor, which may have been beside it: then the motor tells. One
-        that has led its motor away by itself, and was seen to stand, takes that back as hard as it can.
+        In another mode the drive sets its demand to the motor, which may have differed: then the motor is judged. A drive
+        that moved its motor away without a command, and was seen at standstill, takes that back as hard as it can.
         """
         drive = self._facts.cell.drive(name)
         if self._facts.now - self._pushed[name] < _SEIZED:
@@ -215,7 +215,7 @@ class Travel:
             self._facts.must(False, "no jolt", text)
 
     def _jolts(self, name: str, samples: list[PlantSample], of: str, allowed: float) -> list[float]:
-        """The accelerations beyond what is allowed, in deg/s²."""
+        """The accelerations beyond the allowed ones, in deg/s²."""
         found = []
         for before, after in pairwise(_speeds(samples, of)):
             change = abs(after[0] - before[0]) / min(before[1], after[1])

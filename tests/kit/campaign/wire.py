@@ -1,4 +1,4 @@
-"""PDOs of one axis that are lost, or come late, in both directions; and another master on the same bus."""
+"""PDOs of one axis that are lost, or late, in both directions; and another master on the same bus."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Wire:
         self._by_id.update(self._inputs | self._outputs)
 
 
-# -- another master: what it does to a drive ------------------------------------------------------------------------------
+# -- another master: its effects on a drive -------------------------------------------------------------------------------
 
 
 def _words(cell: Cell, name: str, *words: int) -> None:

@@ -82,25 +82,25 @@ class DirectCycle:
         return self._now
 
     def wait_until(self, t: float) -> None:
-        """Let the plant run until ``t``; returns at once where ``t`` has passed.
+        """Let the plant run until ``t``; returns at once if ``t`` has passed.
 
         Raises:
-            Exception: what the dial ``wait`` holds.
+            Exception: the one in the fault setting ``wait``.
         """
         if self.dials.wait is not None:
             raise self.dials.wait
         self._advance(t + self.dials.wait_late)
 
     def receive(self) -> bool:
-        """Nothing to do: what was sampled is received as time passes; nobody is behind."""
+        """Nothing to do: samples are received as time passes; no peer is behind."""
         return False
 
     def commit(self) -> None:
-        """Send what the ports were given.
+        """Send the outputs of the ports.
 
         Raises:
             AdapterError: the bus is closed.
-            Exception: what the dial ``commit`` holds.
+            Exception: the one in the fault setting ``commit``.
         """
         self._check_open()
         if self.dials.commit is not None:
@@ -118,7 +118,7 @@ class DirectCycle:
 
         Raises:
             AdapterError: the bus is closed.
-            Exception: what the dial ``sync`` holds.
+            Exception: the one in the fault setting ``sync``.
         """
         self._check_open()
         if self.dials.sync is not None:
@@ -142,7 +142,7 @@ class DirectCycle:
 
         Raises:
             AdapterError: the bus is closed.
-            Exception: what the dial ``heartbeat`` holds.
+            Exception: the one in the fault setting ``heartbeat``.
         """
         self._check_open()
         if self.dials.heartbeat is not None:

@@ -15,7 +15,7 @@ _SYNC_AGE = 0.1  # seconds
 
 
 class DirectIoPort:
-    """Holds samples, what waits for SYNC, and what the node's heartbeats have said."""
+    """Holds samples, outputs that wait for SYNC, and the heartbeat state of the node."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class DirectIoPort:
         """Take the values for this cycle; nothing happens before the commit."""
         self._pending = words
 
-    # What the cycle calls.
+    # Calls of the cycle.
 
     def commit(self) -> None:
         """Let outputs take effect, or wait for SYNC."""
@@ -86,7 +86,7 @@ class DirectIoPort:
         self._apply(latched)
 
     def advance(self, now: float) -> None:
-        """Time has passed until ``now``: heartbeats, and what was sampled or has changed."""
+        """Time has passed until ``now``: send heartbeats, and changed or sampled values."""
         for place, sample in enumerate(self._under_way):
             self._samples[place] = sample
         self._under_way = []

@@ -41,7 +41,7 @@ _MAX_AGE = {
 
 
 class DirectPort:
-    """One axis of a device; holds the samples, what is to be sent, and the SDO queue."""
+    """One axis of a device; holds the samples, the pending outputs, and the SDO queue."""
 
     def __init__(
         self,
@@ -124,19 +124,19 @@ class DirectPort:
         return [number for number, name in enumerate(_INPUTS) if self.capabilities.inputs[name] is source]
 
     def _silent_positions(self) -> list[int]:
-        """A position that is sent on change only is polled as well, as the bus does: silence does not say that it stands."""
+        """A position that is sent on change only is polled as well, as on a bus: silence does not prove standstill."""
         silent = (
             self.capabilities.inputs["position"] is ValueTransport.EVENT_PDO and self._event_timer is None
         )
         return [_INPUTS.index("position")] if silent else []
 
-    # What motion calls.
+    # Calls of motion.
 
     def read(self, now: float) -> Inputs:
         """Return the newest values.
 
         Raises:
-            Exception: what the dial ``read`` holds.
+            Exception: the one in the fault setting ``read``.
         """
         if self.dials.read is not None:
             raise self.dials.read
@@ -165,7 +165,7 @@ class DirectPort:
         """Take the values for this cycle; nothing happens before the commit.
 
         Raises:
-            Exception: what the dial ``write`` holds.
+            Exception: the one in the fault setting ``write``.
         """
         if self.dials.write is not None:
             raise self.dials.write
@@ -203,7 +203,7 @@ class DirectPort:
                 observed=f"NMT state {self.device.nmt.text}",
             )
 
-    # What the cycle calls.
+    # Calls of the cycle.
 
     def commit(self, now: float) -> None:
         """Let event-driven outputs take effect, hold synchronous ones for SYNC, queue SDO and NMT."""
@@ -232,7 +232,7 @@ class DirectPort:
             self.device.nmt_command(NmtCommand.STOP)
 
     def _only_stop(self, pending: Outputs) -> Outputs:
-        """What a node that has sent a boot-up message still gets, as on a bus: what stops it, and questions."""
+        """The outputs that a node still gets after a boot-up message, as on a bus: stops, and requests."""
         refused = [
             request
             for request in pending.sdo
@@ -299,7 +299,7 @@ class DirectPort:
         self._in_service = self._in_service or self._reported is _OPERATIONAL
 
     def quick_stop(self) -> None:
-        """Send the last controlword once more as a quick stop, where one was ever sent."""
+        """Send the last controlword once more as a quick stop, if one was ever sent."""
         word = self._last_controlword
         if word is not None:
             self._latched.update(dict.fromkeys(self._offsets, 0))

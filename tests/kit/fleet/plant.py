@@ -12,14 +12,14 @@ from kit.fleet.stand_in import StandInCell
 
 
 def free_endpoint():
-    """An endpoint that nobody has now."""
+    """A free endpoint."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{taken.getsockname()[1]}"
 
 
 class Plant:
-    """Stand-ins for cells, each with a session of its own that listens at an endpoint."""
+    """Fake cells, each with a session of its own that listens at an endpoint."""
 
     def __init__(self, name="hall"):
         self.name = name

@@ -1,4 +1,4 @@
-"""A stand-in for a cell and its bridge: it keeps to the protocol with rules of its own, and can be made to lose what it hears."""
+"""A fake cell with its bridge: it follows the protocol with code of its own, and can be set to lose messages."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class StandInCell:
         self._thread = threading.Thread(target=self._publish, daemon=True)
         self._thread.start()
 
-    # -- what a test does to it ----------------------------------------------------------------------------------------
+    # -- actions of a test ---------------------------------------------------------------------------------------------
 
     def appear(self):
         liveliness = self._session.liveliness()
@@ -123,7 +123,7 @@ class StandInCell:
         payload = message if isinstance(message, bytes) else msgspec.json.encode(message)
         self._session.put(key, payload)
 
-    # -- what it does by itself ----------------------------------------------------------------------------------------
+    # -- its own actions -----------------------------------------------------------------------------------------------
 
     def _publish(self):
         while not self._ended.wait(1.0 / self.rate):

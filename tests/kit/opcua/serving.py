@@ -1,4 +1,4 @@
-"""An OPC UA server on loopback, and what its tests ask of it."""
+"""An OPC UA server on loopback, and requests of its tests."""
 
 from __future__ import annotations
 

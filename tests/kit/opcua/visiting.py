@@ -35,7 +35,7 @@ class Papers:
 
 @dataclass(frozen=True)
 class Who:
-    """Who visits: by name and password, and with which papers, to a server that shows which certificate."""
+    """The identity of a client: name and password, its certificate, and the expected certificate of the server."""
 
     name: str = ""
     password: str = ""
@@ -59,7 +59,7 @@ class Visit:
         return None if found.Value is None else found.Value.Value, found.StatusCode.name
 
     async def call(self, path: str, method: str) -> Any:
-        """What a method returns; a bad status is raised."""
+        """The result of a method; a bad status is raised."""
         return await self.node(path).call_method(f"{self.index}:{method}")
 
 
@@ -85,10 +85,10 @@ async def come_in(url: str, who: Who, timeout: float = 10.0) -> Client:
 def visit(
     url: str,
     do: Callable[[Visit], Awaitable[T]],
-    who: Who = Who(),  # nobody
+    who: Who = Who(),  # anonymous
     cell: str = "cell",
 ) -> T:
-    """Come in, do something, and go; return what that came to."""
+    """Connect, do something, and disconnect; return the result."""
 
     async def main() -> T:
         client = await come_in(url, who)

@@ -1,6 +1,6 @@
-"""A program of its own in which everything goes wrong for the first time, under a watch over what its scan's threads open.
+"""A program of its own in which every error occurs for the first time, while the files opened by its scan's threads are watched.
 
-``python -m kit.scenarios.first_fault FOLDER``: prints each error as it came, then what was opened.
+``python -m kit.scenarios.first_fault FOLDER``: prints each error, then the opened files.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ _RESCUE = (
     (NodeStop, "_order_at_once", _nothing),
     (NodeStop, "_stop_node", _nothing),
 )
-# Net: what is replaced (owner, attribute, replacement).
+# Net: its replacement (owner, attribute, replacement).
 NETS: dict[str, tuple[tuple[type, str, object], ...]] = {
     "the stop ladder": (
         (StopSequence, "step", _says_it_stands),

@@ -1,4 +1,4 @@
-"""Masters of other people on a virtual channel: the frames that they send, over and over, and an ear that hears everybody's."""
+"""Other masters on a virtual channel: the frames that they send repeatedly, and a frame listener for all frames."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Says(NamedTuple):
     extended: bool = False
 
 
-# One sign each; what a master of this kind cannot hide.
+# One sign each, which a master of this kind cannot avoid.
 SIGNS: dict[str, tuple[Says, ...]] = {
     "a heartbeat of 127": (Says(0x77F, "05", every=5),),
     "SYNC": (Says(0x80),),
@@ -40,7 +40,7 @@ MASTERS: dict[str, tuple[Says, ...]] = {
     "a script on canopen": (Says(0x601, "2B 40 60 00 06 00 00 00", every=4),),
     "CODESYS": (Says(0x77F, "05", every=10), Says(0x80), Says(0x702, remote=True, every=10)),
 }
-# What commands the cell's drives in operation: whom, and how the event names it.
+# Commands to the cell's drives in operation: the commanded drives, and the name in the event.
 COMMANDS: dict[str, tuple[tuple[Says, ...], str, str]] = {
     "200 RPDOs per second": ((Says(0x201, "0F 00"),), "x", "RPDOs to node 1 (201h)"),
     "an RPDO that does not fit": ((Says(0x301, "0F", every=5),), "x", "RPDOs to node 1 (301h)"),
@@ -63,7 +63,7 @@ COMMANDS: dict[str, tuple[tuple[Says, ...], str, str]] = {
     "NMT start of all": ((Says(0x000, "01 00", every=9),), "xy", "NMT commands to all nodes (000h)"),
     "NMT start of one": ((Says(0x000, "01 02", every=9),), "y", "NMT commands to node 2 (000h)"),
 }
-# What is of a master and commands none of the cell's drives.
+# Frames of a master that command none of the cell's drives.
 ASIDE: dict[str, tuple[tuple[Says, ...], str]] = {
     "reading by SDO": (
         (Says(0x601, "40 41 60 00 00 00 00 00", every=3),),
@@ -81,7 +81,7 @@ ASIDE: dict[str, tuple[tuple[Says, ...], str]] = {
         "SDO requests to node 50 (632h)",
     ),
 }
-# What devices and tools that only listen put on a bus.
+# Frames of devices and tools that only listen.
 HARMLESS: dict[str, tuple[Says, ...]] = {
     "heartbeats of another slave": (Says(0x732, "05", every=5),),
     "its boot-up messages": (Says(0x732, "00", every=5),),
@@ -126,7 +126,7 @@ def _message(one: Says) -> can.Message:
 
 
 class Ear:
-    """Hears every frame on a channel while its block lasts; ``ids`` are the COB-IDs that somebody has used."""
+    """Receives every frame on a channel while its block lasts; ``ids`` are the used COB-IDs."""
 
     def __init__(self, channel: str) -> None:
         self._bus = can.Bus(interface="virtual", channel=channel)
@@ -140,11 +140,11 @@ class Ear:
         self._bus.shutdown()
 
     def take(self) -> None:
-        """Take what has come."""
+        """Take the received frames."""
         while (message := self._bus.recv(0)) is not None:
             self.heard.append(message)
 
     @property
     def ids(self) -> set[int]:
-        """The COB-IDs of what was taken."""
+        """The COB-IDs of the taken frames."""
         return {message.arbitration_id for message in self.heard}

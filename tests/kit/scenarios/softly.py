@@ -12,7 +12,7 @@ JERK = 5000.0  # deg/s³
 
 
 class Demand:
-    """Where a drive leads its axis (degrees), cycle by cycle."""
+    """The demand of a drive (degrees), cycle by cycle."""
 
     def __init__(self, cell: Cell, name: str = "x") -> None:
         self.rows: list[list[float]] = [[]]

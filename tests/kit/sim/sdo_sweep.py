@@ -30,7 +30,7 @@ from kit.sim.sdo_wire import FILE, TIMEOUT, SdoWire
 
 _OLD = b"old"
 _MOVING = ("session", "server", "_to_server", "_to_client", "_late", "now", "heard", "content")
-# Decides nothing: what is kept for a diagnosis, what never changes here, and times, which count from now (see ``_state``).
+# No part of the state: diagnosis, constants, and times, which count from now (see ``_state``).
 _NO_STATE = frozenset({"strays", "_dictionary", "_dials", "_heard"})
 
 
@@ -107,7 +107,7 @@ class Sweep:
         return steps
 
     def _at_client(self, before: int) -> bool:
-        """Whether it was the client who has just sent (a block, or the confirmation of one): often enough to compare states."""
+        """Whether the client has just sent (a block, or the confirmation of one): often enough to compare states."""
         return len(self._wire.frames) > before and not self._wire.pipes[1]
 
     def _require_right(self, what: str) -> None:
@@ -118,7 +118,7 @@ class Sweep:
         assert self._request.data is not None or session.data == self._data, what
 
     def _state(self) -> bytes:
-        """Return a digest of everything that decides what follows; no frame is lost any more by then."""
+        """Return a digest of the complete state; no frame is lost any more by then."""
         wire = self._wire
         waits = [wire.now - wire.heard, wire.now - wire.server._heard]
         pipes = [[(max(0.0, round(due - wire.now, 9)), frame) for due, frame in pipe] for pipe in wire.pipes]

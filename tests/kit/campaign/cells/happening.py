@@ -1,4 +1,4 @@
-"""What happens to a drawn cell: a command is given, axes are brought back into service, a motor is pushed."""
+"""Events of a drawn cell: a command is given, axes are brought back into service, a motor is pushed."""
 
 from __future__ import annotations
 
@@ -124,10 +124,10 @@ def _may_recount(facts: Facts, name: str) -> bool:
 
 
 def _called(judge: Judge, asked: Asked, give: Callable[[], Handle]) -> Handle | None:
-    """Give the command; None where it is refused at the call.
+    """Give the command; None if it is refused at the call.
 
     Raises:
-        Violation: something else is raised.
+        Violation: another exception is raised.
     """
     facts = judge.facts
     counts = asked.kind != "extreme"  # those are to be refused

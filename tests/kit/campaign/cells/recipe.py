@@ -22,7 +22,7 @@ _SCALES = {
 }
 _SPEEDS = (4e3, 1e4, 4e4, 2e5)  # increments/s
 _SLOWEST = (
-    300.0  # increments/s: of an axis with fewer, a slow motion cannot be told from the noise of its encoder
+    300.0  # increments/s: with fewer, a slow motion cannot be distinguished from the noise of its encoder
 )
 _RAMP_TIMES = (0.05, 0.1, 0.25, 0.5, 1.0)  # s to max_velocity
 _SPANS = (0.3, 1.0, 1.0, 3.0)  # s at max_velocity from one limit to the other
@@ -119,7 +119,7 @@ class AxisRecipe(NamedTuple):
 
 
 class CellRecipe(NamedTuple):
-    """A cell. ``group``: how many of its axes are a group (0: none), ``on_fault``: its policy; ``beside``: what else is on the bus.
+    """A cell. ``group``: number of axes in a group (0: none), ``on_fault``: its policy; ``beside``: other devices on the bus.
 
     ``kinematics``: kind of workspace of the group; ``gantry``: the first two axes, alike, carry a beam.
     """
@@ -252,7 +252,7 @@ def _motor(chance: random.Random, axis: AxisRecipe) -> AxisRecipe:
 
 
 def _values(chance: random.Random, axis: AxisRecipe) -> AxisRecipe:
-    """How the values of the drive travel, and what 6062h is good for."""
+    """The transport of the values of the drive, and the behaviour of 6062h."""
     if 0x6062 not in axis.without and chance.random() < 0.25:
         axis = axis._replace(demand=chance.choice(("zero", "target")))
     if axis.file not in (GENERIC, GIM) and chance.random() < 0.7:

@@ -19,7 +19,7 @@ from kit.gantry.pair import MAX_SKEW
 from kit.probe import ENABLED, OFF
 
 _ALLOWED_ALONE = STOPS | OVERRIDES | {"coast", "release", "reset", "probe", "axis_override"}  # of one side
-# What keeps the master from seeing a side, or shows it elsewhere.
+# Faults that hide a side from the master, or show it elsewhere.
 _UNSEEN = frozenset(
     {
         "encoder_frozen",
@@ -51,10 +51,10 @@ _FORGETS = frozenset(
 _RESTARTS = frozenset({"reboots"})
 _ELSEWHERE = frozenset(
     {"encoder_jumps", "encoder_frozen"}
-)  # by these a drive tells another place than its motor's
-# By these a side goes where nobody of us has sent it, or not.
+)  # with these a drive reports another position than its motor's
+# With these a side moves without our command, or does not move.
 _STRAYS = frozenset({"slips_to_pp", "slips_to_pv", "slips_to_csp", "resumes", "creeps", "ignores_halt"})
-_SEEN_LATE = 6  # cycles from a bend to both being told of it
+_SEEN_LATE = 6  # cycles from a bend to the stop commands to both
 _BRAKES_LATE = 6  # cycles from a bend, or a failure, to the first deceleration of the plant
 _BRAKED = 950.0  # deg/s²: max_acceleration and each drive's own ramp are 1000
 _STOPPED_STATES = (AxisState.ERRORSTOP, AxisState.DISABLED)
@@ -66,7 +66,7 @@ _STOPPED = 1.5  # s in which one side stops when the other has failed
 
 
 class Beam:
-    """Holds what is square, since when it is bent, and how far the two set-points may differ."""
+    """Holds the square difference, the begin of a bend, and the allowed difference of both set-points."""
 
     def __init__(self, facts: Facts) -> None:
         cell = facts.cell
@@ -108,7 +108,7 @@ class Beam:
         if asked.what == "home":
             self._is_homed(asked)
         elif asked.what == "set_square":
-            # While a drive tells another place than its motor's, nobody knows what is square once it tells its own again.
+            # While a drive reports another position than its motor's, the square difference is unknown when it ends.
             self.square = None if self._troubled_by(_ELSEWHERE, 0.5) else self._apart
         elif asked.what.startswith("move_") and asked.what != "move_velocity" and not self._troubled(_CALM):
             self._is_square(asked)
@@ -136,7 +136,7 @@ class Beam:
     # -- neither alone ---------------------------------------------------------------------------------------------------
 
     def _refused_alone(self, asked: Asked) -> None:
-        """What would move, or energise, one side is refused."""
+        """A command that would move, or energise, one side is refused."""
         if asked.names not in tuple(AXES) or asked.what in _ALLOWED_ALONE:
             return
         told = f"{asked.handle.name} ended well"
@@ -158,7 +158,7 @@ class Beam:
                 )
 
     def _disabled_together(self) -> None:
-        """What disables one side disables the other."""
+        """A command that disables one side disables the other."""
         facts = self._facts
         for asked in [each for each in self._off if facts.now - (each.ended or 0.0) > _STOPPED]:
             self._off.remove(asked)
@@ -210,7 +210,7 @@ class Beam:
         facts.must(not late, "a bent beam is stopped", told)
 
     def _is_not_bent_more(self) -> None:
-        """It is bent no farther than the bound, the way until it is seen, and that which braking takes."""
+        """It is bent no farther than the bound, the distance until it is seen, and the braking distance."""
         facts, skew = self._facts, self.skew
         hindered = self._troubled_by(_UNSEEN | _STRAYS | {"pushed", "sticks"}, _CALM) or self._deaf()
         powered = all(facts.stage(name) == ENABLED for name in AXES)
@@ -254,12 +254,12 @@ class Beam:
             facts.must(rests, "one that fails stops the other", f"{told}, {facts.core[other].state}")
 
     def _strays(self, name: str) -> bool:
-        """Whether the axis cannot be stopped in time, or moves by itself: that is judged by its own rules."""
+        """Whether the axis cannot be stopped in time, or moves without a command: that is judged by its own rules."""
         troubles = self._facts.troubled(name, _CALM + _STOPPED)
         own = [trouble for trouble in troubles if trouble.kind.shared or trouble.axis == name]
         return any(t.kind.deaf or t.kind.moves or t.what in _UNSEEN | {"outputs_lost"} for t in own)
 
-    # -- what is said ----------------------------------------------------------------------------------------------------
+    # -- reports ---------------------------------------------------------------------------------------------------------
 
     def _is_homed(self, asked: Asked) -> None:
         """Each place is that which its switch has; nothing else may have moved the count."""
@@ -280,7 +280,7 @@ class Beam:
         told = f"{asked.handle.name} is done, and the beam is {self.skew:g} deg out of square"
         self._facts.must(abs(self.skew) <= 1.0, "done means square", told)
 
-    # -- what is the matter ----------------------------------------------------------------------------------------------
+    # -- causes ----------------------------------------------------------------------------------------------------------
 
     def _confirmed(self) -> bool:
         return self._absolute or all(self._facts.core[name].homed for name in AXES)
