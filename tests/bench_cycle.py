@@ -249,7 +249,7 @@ def _cell(bus: can.BusABC, cyclic: CyclicSocket | None, count: int, period: floa
     cell = Cell(bus, cyclic, count, period)
     stream = SimpleNamespace(send=lambda _: None, waiting=0)
     outlet = Publisher(mmap.mmap(-1, size_of(count)), tuple(cell.axes))
-    outlet.admit(stream)  # type: ignore[arg-type]  # nobody is told
+    outlet.admit(stream)  # type: ignore[arg-type]  # no receiver
     cell.scan.observers = [outlet.after_cycle]
     return cell
 
@@ -279,12 +279,12 @@ def following(cell: Cell, period: float) -> Iterator[None]:
 
 
 COMPARED = {"ours": ours, "theirs": theirs, "usual": usual, "floor": floor}
-MOST_OF_USUAL = 32  # axes: with more, canopen's usual way is not done within the cycle
+MOST_OF_USUAL = 32  # axes: with more, canopen's usual idiom is not done within the cycle
 SIDES = {**COMPARED, "core": core}
 
 
 def measure(side: str, count: int, period: float, seconds: float, plain: bool = False) -> Any:
-    """What one side has come to, in a process of its own: CPU seconds per cycle, of ``core`` with its lateness."""
+    """The result of one side, in a process of its own: CPU seconds per cycle, of ``core`` with its lateness."""
     command = [
         sys.executable,
         __file__,
@@ -321,7 +321,7 @@ def compare(count: int, period: float, pairs: int, seconds: float, plain: bool =
 
 
 def _each_more(before: tuple[int, float] | None, found: dict[str, float]) -> str:
-    """What each axis costs that ``found`` has more than the run ``before``, of that many axes and CPU seconds."""
+    """The cost of each axis that ``found`` has more than the run ``before``, of that many axes and CPU seconds."""
     if before is None:
         return ""
     axes, seconds = before

@@ -1,4 +1,4 @@
-"""What a fleet costs: 100 cells that stand-ins play, and simulated cells in processes of their own; prints figures, in minutes.
+"""The cost of a fleet: 100 fake cells, and simulated cells in processes of their own; prints figures, in minutes.
 
 ``python tests/bench_fleet.py [stand-ins] [cells]``; the CPU is that of this computer's processes, in per cent of one core.
 """
@@ -184,7 +184,7 @@ def gone_after(fleet, cell):
 
 
 def late(begun):
-    """What the machines themselves say of cycles that were left out."""
+    """The skipped cycles, reported by the machines themselves."""
     skipped = [
         int(found[-1])
         if (found := re.findall(r"; (\d+) skipped", cell.file.with_name("1.log").read_text()))
@@ -204,5 +204,5 @@ def main(arguments):
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of ending what was begun
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the started processes are ended
     main(sys.argv[1:])

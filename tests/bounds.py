@@ -43,7 +43,7 @@ def _quiet() -> None:
 
 
 def table(total: Play) -> str:
-    """Return what was asked for, and what it came to."""
+    """Return the commands, and their results."""
     lines = [f"{'':32}{'asked for':>10}{'done':>8}{'broken off':>12}"]
     for what in ORDER:
         counts = total.asked[what], total.done[what], total.broken_off[what]

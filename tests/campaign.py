@@ -40,7 +40,7 @@ BY_MUTANT = 500  # scenarios within which a mutant has to be noticed
 
 
 class Outcome(NamedTuple):
-    """What came of one seed; ``broke``: the trial itself failed, which is a finding as well."""
+    """The result of one seed; ``broke``: the trial itself failed, which is a finding as well."""
 
     seed: int
     scene: str

@@ -1,4 +1,4 @@
-"""A warning that an axis may move is in an error in whatever way the error is shown."""
+"""A warning that an axis may move is in an error in whatever form the error is shown."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def printed_by_command(error: BaseException) -> str:
 
 
 def noted(cls: type[BaseException], error: AxisbusError) -> BaseException:
-    """What leaves a block of a machine that could not be stopped."""
+    """The exception that leaves a block of a machine that could not be stopped."""
     found = cls()
     _add_notes(found, [error])
     return found
@@ -107,7 +107,7 @@ DOORS = {
 
 @pytest.mark.parametrize("by", ["remedy", "note"])
 @pytest.mark.parametrize("door", DOORS)
-def test_a_warning_that_an_axis_moves_is_shown_wherever_an_error_is_shown(door, by):
+def test_a_warning_that_an_axis_moves_is_shown_next_to_every_error(door, by):
     assert ALARM in DOORS[door](alarming(by))
 
 

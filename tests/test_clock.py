@@ -193,10 +193,10 @@ def test_events_happen_at_their_times_while_a_thread_waits() -> None:
     clock = VirtualClock()
     ticks = Ticks(clock, 0.25)
     clock.add(ticks)
-    assert not ticks.seen  # the time stands still
+    assert not ticks.seen  # no time passes
     clock.sleep(1.0)
     assert ticks.seen == [0.25, 0.5, 0.75, 1.0]
-    assert ticks.caught_up == [1.0]  # who looks at a plant after a wait sees that of now
+    assert ticks.caught_up == [1.0]  # a read of a plant after a wait gives its present state
 
 
 def test_an_event_that_wakes_the_program_ends_its_wait_at_once() -> None:
@@ -251,7 +251,7 @@ def test_a_thread_that_nothing_can_wake_does_not_keep_the_program_from_continuin
     assert not thread.is_alive()
 
 
-def test_closing_ends_threads_wherever_they_wait_and_those_that_have_not_begun() -> None:
+def test_closing_ends_threads_in_every_wait_and_those_that_have_not_begun() -> None:
     clock, cleaned = VirtualClock(), list[str]()
 
     def live() -> None:

@@ -1,6 +1,6 @@
-"""The notebooks of examples/ run as they are, and the stop button of a notebook halts what moves and leaves the machine open.
+"""The notebooks of examples/ run as they are, and the stop button of a notebook halts moving axes and leaves the machine open.
 
-The plant is read from a history that the simulated drives write by themselves, or asked by a second program.
+The plant is read from a history that the simulated drives write, or by a second program.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ pytestmark = [
     pytest.mark.timeout(120),
 ]
 SPEED = 40.0  # deg/s
-SLOW = SPEED**2 / 2 / 500.0  # degrees: what the ramp of a halt takes
+SLOW = SPEED**2 / 2 / 500.0  # degrees: the distance of the ramp of a halt
 STANDS_WITHIN = 1.5  # seconds on a busy computer; the ramp takes 0.08
 
 
@@ -37,7 +37,7 @@ def read(path):
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
-    """Run notebooks in a copy of what they use, each once; return the outputs of its cells of code."""
+    """Run notebooks in a copy of their files, each once; return the outputs of its cells of code."""
     folder = tmp_path_factory.mktemp("checkout")
     for name in ("examples", "eds"):
         shutil.copytree(ROOT / name, folder / name)
@@ -56,7 +56,7 @@ def ran(tmp_path_factory):
 
 
 def shown(outputs, kind):
-    """What cells show of a kind, such as text/html."""
+    """The outputs of cells of a kind, such as text/html."""
     return [one.data[kind] for each in outputs for one in each if "data" in one and kind in one.data]
 
 
@@ -122,7 +122,7 @@ class Bench:
         ]
 
     def way_after(self, at):
-        """Return how many degrees x went after a time, once it stands; None where it does not in time."""
+        """Return how many degrees x moved after a time, once it is at standstill; None if it is not in time."""
         until = time.monotonic() + STANDS_WITHIN + 0.3
         while time.monotonic() < until:
             time.sleep(0.1)
@@ -307,7 +307,7 @@ def test_the_end_of_a_kernel_stops_its_axes(tmp_path, way):
         assert stands(bench, at)
 
 
-# It tells that it has begun only where it is within the call: an interrupt before it halts, and leaves the machine open.
+# It prints only within the call: an interrupt before it halts, and leaves the machine open.
 CLOSES = """
 import sys, threading
 main = threading.main_thread().ident

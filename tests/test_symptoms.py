@@ -33,7 +33,7 @@ CLASSES = {name: each for name, each in vars(errors).items() if inspect.isclass(
 ABORTS = [int(row["code"], 16) for row in tables.rows("axisbus.cia301", "abort.tsv")]
 FAULTS = [int(row["code"], 16) for row in tables.rows("axisbus.cia301", "emcy.tsv")]
 each_symptom = pytest.mark.parametrize("symptom", SYMPTOMS.values(), ids=list(SYMPTOMS))
-# What stands for something on the pages, with something that it may be.
+# Placeholders on the pages, with a possible value.
 STANDS_FOR = {
     "CELL": "examples/cell.toml",
     "AXIS": "x",
@@ -129,7 +129,7 @@ def _stand_in(span):
 
 
 def parsed(words):
-    """Give the words to the command that they name, as far as its arguments and options go; nothing is run."""
+    """Parse the words of a command, up to its arguments and options; nothing is run."""
     command, context, left = cli, click.Context(cli, info_name="axisbus", **cli.context_settings), list(words)
     while isinstance(command, click.Group):
         name = left.pop(0)
@@ -205,7 +205,7 @@ def test_a_command_names_the_page_below_the_texts(name):
     assert with_page(error) == f"{error}\n  more:     axisbus explain {error.page}"
 
 
-def test_a_traceback_names_the_page_of_the_code_that_an_error_has_by_then():
+def test_a_traceback_names_the_page_of_the_final_code_of_an_error():
     error = BootError("no", node=5, step="configure", observed="nothing")
     error.add_note("while stopping: x")
     error.letter = "M"
@@ -311,11 +311,11 @@ def test_a_page_with_many_codes_lists_their_classes_in_a_terminal_and_each_for_t
     assert "`0x2131`: Short circuit phases L1-L2" in all_of_them
 
 
-# -- what the texts name ---------------------------------------------------------------------------------------------------------
+# -- names in the texts ----------------------------------------------------------------------------------------------------------
 
 
 def keys_and_tables(schema, name=""):
-    """Every key of a cell file, and the name of every table that has it, with N and NAME for what the user calls it."""
+    """Every key of a cell file, and the name of every table that has it, with N and NAME for the user's names."""
     for key, each in (*schema.get("properties", {}).items(), *schema.get("patternProperties", {}).items()):
         inner = f"{name}.{key}" if key.isidentifier() else f"{name}.*"
         yield key

@@ -53,7 +53,7 @@ def tests_for(mutant: Mutant, known: LineMap, enough: float) -> list[str]:
     with that of a constant made of it, and the tests that import its module.
     """
     found = known.tests(mutant.file, *mutant.lines)
-    # What a test's child process imports does not concern that test alone; a function may be called at import only.
+    # Imports of a test's child process do not concern that test alone; a function may be called at import only.
     if mutant.names or known.at_import(mutant.file, *mutant.lines):
         users = _users(_made_of(mutant.names[-1:], known.texts.get(mutant.file, "")), known)
         importers = _importers(mutant.file, known) or _users(set(mutant.names), known)

@@ -1,4 +1,4 @@
-"""What each kind of small mistake makes of a line, and what is left alone."""
+"""The replacements of each kind of small mistake, and lines that are left alone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from mutation.mutant import Mutant
 from mutation.operators import KINDS, mutants
 
-# kind, a function's body, what its lines may become
+# kind, a function's body, its possible lines
 CASES = [
     ("comparison", "return a < b", {"return a <= b", "return a > b"}),
     ("comparison", "return a >= b", {"return a > b", "return a < b"}),
@@ -64,7 +64,7 @@ CASES = [
 
 
 def lines(body: str, kind: str, returns: str = "") -> set[str]:
-    """Return what the body may become by mistakes of one kind."""
+    """Return the possible bodies after mistakes of one kind."""
     source = f"def f(a, b, c){returns}:\n    {body}\n"
     found = [mutant for mutant in mutants("f.py", source) if mutant.kind == kind]
     for mutant in found:
