@@ -42,7 +42,7 @@ def alarming(by: str) -> DriveError:
     return error
 
 
-def said_by_ros(error: AxisbusError) -> str:
+def ros_log_text(error: AxisbusError) -> str:
     lines: list[str] = []
     saying = RosLogThread(lines.append)
     saying.tell("no", error)
@@ -100,7 +100,7 @@ DOORS = {
     "page, a command": lambda error: str(told_by_page("failed", error)),
     "events of the bridges": lambda error: str(happening_of_bridge("x", error, 0.0)),
     "recording": kept_by_ledger,
-    "ROS 2": said_by_ros,
+    "ROS 2": ros_log_text,
     "Zenoh, an axis": told_by_zenoh,
 }
 

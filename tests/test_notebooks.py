@@ -121,7 +121,7 @@ class Bench:
             for row in rows
         ]
 
-    def way_after(self, at):
+    def distance_after(self, at):
         """Return how many degrees x moved after a time, once it is at standstill; None if it is not in time."""
         until = time.monotonic() + STANDS_WITHIN + 0.3
         while time.monotonic() < until:
@@ -211,7 +211,7 @@ def test_an_interrupt_in_mid_move_halts_and_the_next_cell_moves_on(bench, doing)
     cell = begun(bench, MIDST[doing])
     at = bench.of.interrupt()
     assert bench.of.end(cell).error in ("KeyboardInterrupt", "CancelledError")
-    way = bench.way_after(at)
+    way = bench.distance_after(at)
     assert way is not None
     assert 0.7 * SLOW < way < SLOW + 0.3 * SPEED  # on the ramp of a halt, begun at once
     with Machine.attach(bench.folder / "cell.toml") as seen:
@@ -225,7 +225,7 @@ def test_an_interrupt_between_two_cells_halts_moving_axes(bench):
     bench.of.run(f"x.move_velocity({SPEED}).wait()")
     await_turning(bench)
     at = bench.of.interrupt()
-    assert bench.way_after(at) is not None
+    assert bench.distance_after(at) is not None
     assert bench.of.run("print(x.state.value, x.error)") == "Standstill None"
     assert goes_on(bench)
 
@@ -236,7 +236,7 @@ def test_an_interrupt_in_a_call_that_lets_no_thread_run_halts_before_its_end(ben
     )
     cell = begun(bench, code)
     at = bench.of.interrupt()
-    assert bench.way_after(at) < SLOW + 0.6 * SPEED
+    assert bench.distance_after(at) < SLOW + 0.6 * SPEED
     bench.of.end(cell)
     assert bench.of.run("print(x.error)") == "None"
     assert goes_on(bench)
@@ -247,7 +247,7 @@ def test_a_second_interrupt_while_something_moves_is_a_quick_stop(bench):
     bench.of.interrupt()
     time.sleep(0.08)
     at = bench.of.interrupt()
-    assert bench.way_after(at) is not None
+    assert bench.distance_after(at) is not None
     assert bench.of.run("print(x.state.value)") == "Disabled"
     assert goes_on(bench)
 

@@ -121,10 +121,10 @@ def test_the_pages_for_further_reading_exist(symptom):
 def typed(symptom):
     """The commands that a page says to type, as lists of words."""
     spans = re.findall(r"`axisbus ([^`]+)`", " ".join((symptom.seen, *symptom.checks)))
-    return [[STANDS_FOR.get(word, word) for word in shlex.split(_stand_in(span))] for span in spans]
+    return [[STANDS_FOR.get(word, word) for word in shlex.split(_placeholder_value(span))] for span in spans]
 
 
-def _stand_in(span):
+def _placeholder_value(span):
     return re.sub(r"\b([A-Z]+)(?=[:=])", lambda found: STANDS_FOR[found[1]], span)
 
 

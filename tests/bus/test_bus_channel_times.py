@@ -205,7 +205,7 @@ def test_a_bus_off_is_reported_once_and_ends_with_a_restart(open_channel: Channe
 def test_a_driver_that_cannot_report_its_state_is_not_asked_again(fake: FakeBus, clock: HandClock) -> None:
     asked: list[float] = []
 
-    class Asked(FakeBus):
+    class CountingBus(FakeBus):
         @property
         def state(self) -> can.BusState:
             asked.append(clock.time)
@@ -213,7 +213,7 @@ def test_a_driver_that_cannot_report_its_state_is_not_asked_again(fake: FakeBus,
                 raise NotImplementedError("no state")
             return can.BusState.ACTIVE
 
-    with Channel(Asked(), "fake", clock=clock) as made:
+    with Channel(CountingBus(), "fake", clock=clock) as made:
         made._state_due = clock.time
         eventually(lambda: len(asked) == 1)
         assert made._state_due == pytest.approx(clock.time + 0.1)
@@ -237,7 +237,7 @@ def test_a_driver_that_cannot_report_its_state_is_not_asked_again(fake: FakeBus,
 def test_a_driver_is_not_asked_for_its_state_while_it_is_opened(fake: FakeBus) -> None:
     """It may raise anything then, and whether it does must not depend on how a process orders names."""
 
-    class Asked(FakeBus):
+    class CountingBus(FakeBus):
         asked = False
 
         @property
@@ -245,7 +245,7 @@ def test_a_driver_is_not_asked_for_its_state_while_it_is_opened(fake: FakeBus) -
             self.asked = True
             raise NotImplementedError("no state")
 
-    bus = Asked()
+    bus = CountingBus()
     with Channel(bus, "fake", clock=HandClock(-1.0)) as made:  # no time for the receive thread to ask
         assert not bus.asked
         assert made.failure is None

@@ -334,13 +334,13 @@ def test_a_node_without_a_count_is_polled_and_its_values_are_as_old_as_its_answe
     assert not worker.jobs
     trips.note(0.0, 0.004)
     assert lags.look(14.0, True) == [10.0, 10.0]
-    for asked_at in (11.0, 12.0):
-        trips.note(asked_at, asked_at + 0.204)
+    for requested_at in (11.0, 12.0):
+        trips.note(requested_at, requested_at + 0.204)
         seen = lags.look(14.0, True)
     assert seen == pytest.approx([9.8, 9.8])
     assert lags.late == pytest.approx(0.2)
-    for asked_at in (13.0, 14.0):
-        trips.note(asked_at, asked_at + LONGEST + 0.1)
+    for requested_at in (13.0, 14.0):
+        trips.note(requested_at, requested_at + LONGEST + 0.1)
         seen = lags.look(15.0, True)
     assert seen[0] == -float("inf")  # silence says nothing of it, so nothing else would end it
     assert seen[1] == pytest.approx(10.0 - LONGEST - 0.096)

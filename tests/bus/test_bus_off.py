@@ -38,7 +38,7 @@ def go_off(fake: FakeBus, channel: Channel) -> None:
     eventually(lambda: channel.off)
 
 
-def come_back(fake: FakeBus, channel: Channel) -> None:
+def restart(fake: FakeBus, channel: Channel) -> None:
     fake.inject_error_frame(RESTARTED)
     eventually(lambda: channel.off is None)
 
@@ -136,7 +136,7 @@ def test_after_a_restart_the_channel_sends_again_and_nothing_of_before(can0: Cha
     go_off(fake, can0)
     with pytest.raises(BusOff):
         can0.send(0x201, b"\x1f\x00")
-    come_back(fake, can0)
+    restart(fake, can0)
     can0.send(0x202, b"\x06\x00")
     assert fake.sent == [(0x202, b"\x06\x00")]
     assert (can0.offs, can0.controller.condition) == (1, CanErrorState.ACTIVE)
@@ -231,7 +231,7 @@ def test_a_node_is_unknown_after_a_bus_off_until_it_reports_again(can0: Channel,
         events = NodeEvents(node.nmt)
         go_off(fake, can0)
         events.look(time.monotonic())
-        come_back(fake, can0)
+        restart(fake, can0)
         assert not node.nmt.operational(time.monotonic())
         assert node.nmt.state is NmtState.UNKNOWN
         fake.inject(0x705, "05")
@@ -244,7 +244,7 @@ def test_a_state_that_was_only_assumed_is_not_assumed_any_more(can0: Channel, fa
     with CanopenNode(can0, 5) as node:
         node.nmt.assume(NmtState.OPERATIONAL)
         go_off(fake, can0)
-        come_back(fake, can0)
+        restart(fake, can0)
         assert not node.nmt.operational(time.monotonic())
 
 
@@ -276,6 +276,6 @@ def test_the_cycle_continues_without_a_frame_and_begins_again_with_heartbeat_and
     for _ in range(3):
         once()
     assert len(fake.sent) == 2
-    come_back(fake, can0)
+    restart(fake, can0)
     once()
     assert fake.sent[2:] == [(0x80, b""), (0x77F, b"\x05")]

@@ -265,7 +265,7 @@ def test_an_energised_drive_just_after_a_boot_up_message_is_a_second_device_unde
 # -- a bus-off, reported by the state of the driver ----
 
 
-def go_off_and_come_back(port: CanPort, node: CanopenNode, fake: FakeBus) -> None:
+def short_bus_off(port: CanPort, node: CanopenNode, fake: FakeBus) -> None:
     """A bus-off between two looks: shorter than a cycle, and reported all the same."""
     fake.says = can.BusState.ERROR
     eventually(lambda: node.channel.off)
@@ -289,7 +289,7 @@ def test_a_node_that_is_still_operational_after_a_bus_off_serves_again(
     arrived(node, fake, 0x705, "05")
     port = make(WHOLE)
     assert serves(port)[0]
-    go_off_and_come_back(port, node, fake)
+    short_bus_off(port, node, fake)
     assert not serves(port)[0]  # nothing has been heard of it
     arrived(node, fake, 0x705, "05")
     operational, frames = serves(port)
@@ -308,7 +308,7 @@ def test_a_node_that_may_have_restarted_unnoticed_gets_only_a_stop_whatever_its_
     )
     assert (port._only_image is not None) is short
     assert serves(port)[1]
-    go_off_and_come_back(port, node, fake)
+    short_bus_off(port, node, fake)
     arrived(node, fake, 0x705, "7F")
     assert serves(port) == (False, [])
     arrived(node, fake, 0x705, "05")
@@ -326,7 +326,7 @@ def test_a_node_that_is_only_assumed_to_be_operational_is_also_treated_as_possib
     node.nmt.assume(NmtState.OPERATIONAL)
     port = make(WHOLE)
     assert serves(port)[0]
-    go_off_and_come_back(port, node, fake)
+    short_bus_off(port, node, fake)
     node.nmt.assume(NmtState.OPERATIONAL)
     assert serves(port) == (False, [])
 

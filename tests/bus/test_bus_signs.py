@@ -445,7 +445,7 @@ def test_our_heartbeat_is_sent_in_its_period_and_a_late_one_moves_no_other():
         assert due(Wire(), times, **options) == []
 
 
-class Asked:
+class GuardedNode:
     """A node that is asked for its state."""
 
     def __init__(self, wire: Wire, node_id: int) -> None:
@@ -457,7 +457,9 @@ class Asked:
 
 def test_each_node_without_heartbeat_is_guarded_in_its_period():
     wire = Wire()
-    sent = due(wire, [10.0, 10.25, 10.5, 10.75, 11.0], guarded={Asked(wire, 5): 0.5, Asked(wire, 6): 1.0})
+    sent = due(
+        wire, [10.0, 10.25, 10.5, 10.75, 11.0], guarded={GuardedNode(wire, 5): 0.5, GuardedNode(wire, 6): 1.0}
+    )
     assert [(at, can_id) for at, can_id, _ in sent] == [
         (10.0, 0x705),
         (10.0, 0x706),
@@ -471,8 +473,8 @@ def test_a_node_that_joins_is_guarded_and_checked_too():
     wire = Wire()
     cycle = CanCycle(wire, [])
     looked = []
-    cycle.add([], Asked(wire, 7), SimpleNamespace(look=looked.append), 0.5)
-    cycle.add([], Asked(wire, 8), SimpleNamespace(look=looked.append))
+    cycle.add([], GuardedNode(wire, 7), SimpleNamespace(look=looked.append), 0.5)
+    cycle.add([], GuardedNode(wire, 8), SimpleNamespace(look=looked.append))
     wire.now = 3.0
     cycle.heartbeat()
     cycle.commit()
@@ -527,7 +529,7 @@ def test_a_bus_off_ends_no_cycle():
         [],
         master_id=127,
         heartbeat=0.5,
-        guarded={Asked(wire, 5): 0.5},
+        guarded={GuardedNode(wire, 5): 0.5},
     )
     wire.fails = True
     cycle.sync()

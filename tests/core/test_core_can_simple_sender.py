@@ -30,7 +30,7 @@ class Quiet:
         self.receivers.pop(can_id, None)
 
 
-class Talk:
+class SenderBench:
     """A sender and its module, which is in closed loop once it was requested, and turns as commanded."""
 
     def __init__(self) -> None:
@@ -60,8 +60,8 @@ class Talk:
         return inputs, [(can_id & 0x1F, data) for can_id, data in frames]
 
 
-def turning() -> Talk:
-    talk = Talk()
+def turning() -> SenderBench:
+    talk = SenderBench()
     for _ in range(30):
         talk.cycle(None)
     for word in (0x06, 0x07, *[ENABLE] * 40):
@@ -117,13 +117,13 @@ def test_the_frames_of_a_stop_are_there_for_another_thread():
     assert mode == (5 << 5 | 0x0B, VELOCITY_MODE)
     assert speed == (5 << 5 | 0x0D, bytes(8))
     assert none == ()
-    idle = Talk()
+    idle = SenderBench()
     for _ in range(30):
         idle.cycle(None)
     assert idle.sender.stop_frames() == ((), ())
 
 
 def test_a_closed_sender_is_no_longer_a_receiver_of_the_channel():
-    talk = Talk()
+    talk = SenderBench()
     talk.sender.close()
     assert talk.channel.receivers == {}

@@ -134,7 +134,7 @@ def test_a_suspended_client_with_hold_to_run_halts_its_axes(machine, file):
             time.sleep(1.0)
             assert turns(machine, 2) == pytest.approx(30.0, abs=1.0)
             program.send_signal(signal.SIGSTOP)
-            stands_by(machine, 5.0)
+            must_be_still_within(machine, 5.0)
             assert not machine.has_control
         finally:
             program.kill()
@@ -144,7 +144,7 @@ def test_a_suspended_client_with_hold_to_run_halts_its_axes(machine, file):
         time.sleep(0.01)
 
 
-def stands_by(machine, seconds):
+def must_be_still_within(machine, seconds):
     """Axis y reaches standstill, enabled, within so many seconds."""
     until = time.monotonic() + seconds
     while abs(turns(machine, 2)) > 0.1 or machine["y"].state is not AxisState.STANDSTILL:

@@ -132,7 +132,7 @@ def test_a_motion_from_standstill_takes_the_time_of_its_trapezoid():
 # -- the drive ---------------------------------------------------------------------------------------------------------
 
 
-class Led:
+class DriveBench:
     """A drive that is commanded cycle by cycle, as the scan does it."""
 
     def __init__(self, slow: float = 1000.0, quick: float = 5000.0) -> None:
@@ -146,7 +146,7 @@ class Led:
         self.seen = self.port.read(self.now)
         return self.drive
 
-    def enabled(self, mode: int, **wishes: int) -> Led:
+    def enabled(self, mode: int, **wishes: int) -> DriveBench:
         for word in (0x06, 0x07, 0x0F):
             self.cycle(word, mode=mode, **wishes)
         assert self.drive.state is PowerState.OPERATION_ENABLED
@@ -159,7 +159,7 @@ class Led:
 
 
 def test_in_a_cyclic_mode_it_is_at_its_target_a_cycle_later():
-    led = Led().enabled(CSP, target_position=0)
+    led = DriveBench().enabled(CSP, target_position=0)
     for target in (0, 10, 25, 24, -7):
         led.cycle(target_position=target)
         assert led.seen.position.value == target
@@ -170,7 +170,7 @@ def test_in_a_cyclic_mode_it_is_at_its_target_a_cycle_later():
 
 
 def test_a_set_point_is_taken_at_the_edge_alone_and_acknowledged():
-    led = Led().enabled(PP)
+    led = DriveBench().enabled(PP)
     led.set(speed=1000, up=10_000, down=10_000)
     led.cycle(target_position=100)
     assert not led.drive.statusword & 0x1000
@@ -188,7 +188,7 @@ def test_a_set_point_is_taken_at_the_edge_alone_and_acknowledged():
 
 
 def test_the_count_wraps_as_a_drive_s_does():
-    led = Led(1e9, 1e9).enabled(CSP, target_position=0)
+    led = DriveBench(1e9, 1e9).enabled(CSP, target_position=0)
     step, top = 1 << 29, 1 << 31
     for number in range(1, 9):
         led.cycle(target_position=(number * step + top) % (2 * top) - top)
@@ -198,7 +198,7 @@ def test_the_count_wraps_as_a_drive_s_does():
 
 
 def test_turning_for_a_day_loses_no_increment():
-    led = Led(1e6, 1e6).enabled(PV)
+    led = DriveBench(1e6, 1e6).enabled(PV)
     led.set(up=1_000_000, down=1_000_000)
     led.cycle(target_velocity=123_457)
     while led.drive.velocity != 123_457:
@@ -212,7 +212,7 @@ def test_turning_for_a_day_loses_no_increment():
 
 
 def test_a_quick_stop_ends_without_power():
-    led = Led(1000.0, 50_000.0).enabled(PV)
+    led = DriveBench(1000.0, 50_000.0).enabled(PV)
     led.set(up=100_000, down=1000)
     for _ in range(30):
         led.cycle(target_velocity=10_000)
@@ -235,7 +235,7 @@ def test_a_quick_stop_ends_without_power():
     ],
 )
 def test_an_sdo_request_is_answered_in_the_next_cycle(request_, value, code):
-    led = Led()
+    led = DriveBench()
     led.port.write(Outputs(None, sdo=(request_,)))
     (reply,) = led.port.read(PERIOD).sdo
     assert (reply.id, reply.value, reply.abort) == (7, value, code)
@@ -243,7 +243,7 @@ def test_an_sdo_request_is_answered_in_the_next_cycle(request_, value, code):
 
 
 def test_a_virtual_drive_reports_all_values_but_torque_in_each_cycle():
-    led = Led()
+    led = DriveBench()
     led.cycle(None)
     seen, how = led.seen, led.port.capabilities
     assert seen.torque is None
@@ -270,7 +270,7 @@ wishes = st.fixed_dictionaries(
 @settings(max_examples=300)
 @given(st.lists(st.tuples(wishes, st.integers(1, 30)), max_size=30))
 def test_the_velocity_of_a_virtual_drive_jumps_with_a_cyclic_target_only(asked):
-    led = Led(1000.0, 5000.0).enabled(PV)
+    led = DriveBench(1000.0, 5000.0).enabled(PV)
     led.set(speed=3000, up=4000, down=2000)
     hardest = 5000.0 * PERIOD
     for wish, cycles in asked:
@@ -292,13 +292,13 @@ def test_the_velocity_of_a_virtual_drive_jumps_with_a_cyclic_target_only(asked):
                 assert abs(now) <= abs(before)
 
 
-def moving_in_csp(led: Led) -> None:
+def moving_in_csp(led: DriveBench) -> None:
     for target in range(0, 400, 20):  # 2000 increments per s
         led.cycle(target_position=target)
     assert led.drive.velocity == 2000
 
 
-def must_rest_beyond(led: Led, place: int, word: int = ENABLE, **wishes: int) -> None:
+def must_stop_beyond(led: DriveBench, place: int, word: int = ENABLE, **wishes: int) -> None:
     """Brake on a ramp from the last target on, and stay where that ends, whatever was a target before."""
     for _ in range(300):
         led.cycle(word, **wishes)
@@ -311,31 +311,31 @@ def must_rest_beyond(led: Led, place: int, word: int = ENABLE, **wishes: int) ->
 
 
 def test_a_cyclic_target_does_not_act_again_once_the_axis_was_without_power():
-    led = Led(1000.0, 5000.0).enabled(CSP, target_position=0)
+    led = DriveBench(1000.0, 5000.0).enabled(CSP, target_position=0)
     moving_in_csp(led)
-    must_rest_beyond(led, led.drive.position, 0x07)
+    must_stop_beyond(led, led.drive.position, 0x07)
 
 
 def test_a_cyclic_target_does_not_act_again_after_a_halt_even_one_sent_with_it():
-    led = Led(1000.0, 5000.0).enabled(CSP, target_position=0)
+    led = DriveBench(1000.0, 5000.0).enabled(CSP, target_position=0)
     moving_in_csp(led)
     place = led.drive.position
-    must_rest_beyond(led, place, ENABLE | HALT, target_position=place)
+    must_stop_beyond(led, place, ENABLE | HALT, target_position=place)
 
 
 @pytest.mark.parametrize("other", [PP, PV])
 def test_a_cyclic_target_does_not_act_again_after_another_mode(other):
-    led = Led(1000.0, 5000.0).enabled(CSP, target_position=0)
+    led = DriveBench(1000.0, 5000.0).enabled(CSP, target_position=0)
     moving_in_csp(led)
     place = led.drive.position
     for _ in range(300):
         led.cycle(mode=other, target_velocity=0)
     led.cycle(mode=CSP)
-    must_rest_beyond(led, place)
+    must_stop_beyond(led, place)
 
 
 def test_a_goal_does_not_act_again_once_the_axis_was_without_power():
-    led = Led(1000.0, 5000.0).enabled(PP)
+    led = DriveBench(1000.0, 5000.0).enabled(PP)
     led.set(speed=2000, up=10_000, down=10_000)
     for _ in range(30):
         led.cycle(ENABLE | NEW, target_position=100_000)

@@ -19,7 +19,7 @@ PP = 1
 HOMING = 6
 
 
-class Talk:
+class PortBench:
     """A port and a module that sends the values of the test every 10 ms; heartbeats every 0.1 s."""
 
     def __init__(self) -> None:
@@ -58,7 +58,7 @@ class Talk:
             sent += self.sent
         return sent
 
-    def enabled(self) -> Talk:
+    def enabled(self) -> PortBench:
         self.cycles(20)
         for word in (0x06, 0x07):
             self.cycles(2, word, mode=PP)
@@ -70,7 +70,7 @@ class Talk:
 
 
 def test_a_word_that_stays_at_enable_operation_enables_nothing_again():
-    talk = Talk().enabled()
+    talk = PortBench().enabled()
     talk.state = 1
     sent = talk.cycles(300, 0x0F)
     assert [data for command, data in sent if command == 7] == []
@@ -79,7 +79,7 @@ def test_a_word_that_stays_at_enable_operation_enables_nothing_again():
 
 @pytest.mark.parametrize("word", [0x00, 0x02, 0x06, 0x07])
 def test_a_controlword_that_withdraws_the_enable_requests_idle(word):
-    talk = Talk()
+    talk = PortBench()
     talk.cycles(20)
     talk.cycles(2, 0x06)
     talk.cycles(2, 0x07)
@@ -93,7 +93,7 @@ def test_a_controlword_that_withdraws_the_enable_requests_idle(word):
 
 
 def test_closed_loop_without_a_position_is_not_operation_enabled():
-    talk = Talk()
+    talk = PortBench()
     talk.cycles(20)
     talk.cycles(2, 0x06)
     talk.cycles(2, 0x07)
@@ -109,7 +109,7 @@ def test_closed_loop_without_a_position_is_not_operation_enabled():
 
 
 def test_a_set_point_is_reached_by_a_heartbeat_received_after_it():
-    talk = Talk().enabled()
+    talk = PortBench().enabled()
     for index, value in ((0x6081, COUNTS), (0x6083, COUNTS), (0x6084, COUNTS)):
         talk.port.objects.write(index, 0, value)
     while round(talk.now * 100) % 10 != 2:
@@ -126,14 +126,14 @@ def test_a_set_point_is_reached_by_a_heartbeat_received_after_it():
 
 
 def test_a_set_point_without_velocity_or_ramp_is_not_taken():
-    talk = Talk().enabled()
+    talk = PortBench().enabled()
     assert talk.cycles(5, 0x1F, target_position=5000) == []
     assert talk.cycle(0x1F) & 0x1000 == 0
 
 
 @pytest.mark.parametrize("method", [0, 1, 17, 33])
 def test_a_homing_that_would_move_is_an_error(method):
-    talk = Talk().enabled()
+    talk = PortBench().enabled()
     talk.port.objects.write(0x6098, 0, method)
     talk.cycles(20, 0x0F, mode=HOMING)
     assert talk.cycles(1, 0x1F) == []
@@ -141,7 +141,7 @@ def test_a_homing_that_would_move_is_an_error(method):
 
 
 def test_a_mode_that_there_is_not_is_not_shown():
-    talk = Talk().enabled()
+    talk = PortBench().enabled()
     for mode in (2, 7, 9, 10, 11, -3):
         talk.cycles(3, 0x0F, mode=mode)
         assert talk.inputs.mode.value == PP
@@ -149,7 +149,7 @@ def test_a_mode_that_there_is_not_is_not_shown():
 
 @pytest.mark.parametrize("turns", [0.25, -0.2, 12.0])
 def test_zeros_of_a_module_that_switched_itself_off_do_not_replace_its_last_position(turns):
-    talk = Talk()
+    talk = PortBench()
     talk.turns = turns
     talk.enabled()
     place = talk.inputs.position.value
@@ -163,7 +163,7 @@ def test_zeros_of_a_module_that_switched_itself_off_do_not_replace_its_last_posi
 
 @pytest.mark.parametrize("life", [3, 100, 250])
 def test_a_counter_that_does_not_continue_after_a_silence_is_a_restart(life):
-    talk = Talk()
+    talk = PortBench()
     talk.life = life
     talk.cycles(30)
     assert talk.inputs.operational
@@ -177,7 +177,7 @@ def test_a_counter_that_does_not_continue_after_a_silence_is_a_restart(life):
 
 @pytest.mark.parametrize("life", [3, 100, 250])
 def test_a_life_counter_that_continues_after_a_silence_shows_no_restart(life):
-    talk = Talk()
+    talk = PortBench()
     talk.life = life
     talk.cycles(30)
     talk.now += 1.6
@@ -203,7 +203,7 @@ def test_between_rare_counts_the_direction_that_fits_the_speed_is_used():
 
 
 def test_an_object_that_there_is_not_is_refused_with_its_code():
-    talk = Talk()
+    talk = PortBench()
     talk.cycles(20)
     asked = (SdoRequest(1, 0x6099, 1, None), SdoRequest(2, 0x6041, 0, None), SdoRequest(3, 0x6085, 0, 5))
     talk.cycle(None, sdo=asked)
@@ -247,9 +247,9 @@ def test_more_current_than_it_bears_is_refused():
         TorqueSettings(0.0, 1.0, 1.0)
 
 
-def _after_silence(life: int, next_life: int, silence: float) -> Talk:
+def _after_silence(life: int, next_life: int, silence: float) -> PortBench:
     """A module that was heard with one life counter, and after a silence with another."""
-    talk = Talk()
+    talk = PortBench()
     for place in range(3):
         talk.now += 0.1
         talk.life = life - 2 + place

@@ -67,7 +67,7 @@ def play(seed: int, *, mishaps: bool, loss: float) -> Rig:
     return r
 
 
-def must_come_to_rest(r: Rig) -> None:
+def must_stop(r: Rig) -> None:
     r.scan.request_stop("the program ends")
     r.run(12.0)
     if r.core.touched:
@@ -82,7 +82,7 @@ def test_random_commands_move_smoothly_and_end_at_standstill(seed):
     r = play(seed, mishaps=False, loss=0.0)
     judge(r)
     r.must_be_smooth(HARDEST)
-    must_come_to_rest(r)
+    must_stop(r)
     assert not r.module.axis.faulty
     judge(r)
 
@@ -92,7 +92,7 @@ def test_random_faults_end_at_standstill(seed):
     r = play(seed, mishaps=True, loss=0.0)
     judge(r)
     r.must_be_smooth(HARDEST)
-    must_come_to_rest(r)
+    must_stop(r)
     judge(r)
 
 
@@ -100,7 +100,7 @@ def test_random_faults_end_at_standstill(seed):
 def test_random_frame_losses_end_at_standstill(seed):
     r = play(seed, mishaps=True, loss=0.05)
     r.cycle.lose = lambda *_: False
-    must_come_to_rest(r)
+    must_stop(r)
 
 
 @pytest.mark.parametrize("seed", range(300, 305))

@@ -179,7 +179,7 @@ def test_foreign_traffic_counts_as_another_node():
         bitrate.require_alone(*found, 16)
 
 
-def heard_at(module, rate):
+def found_at_rate(module, rate):
     """The node IDs that ``find`` reports on a wire of this rate."""
     module.dials.line_bitrate = rate
     return [key[1] for key in search(module, ask=ProbeScope.ALL).found]
@@ -196,8 +196,8 @@ def test_cut_off_at_each_step_it_is_found_at_one_rate(cut, at):
     except Cut:
         assert cut is not None
         module.restart()
-    assert heard_at(module, at) == [5]
-    assert heard_at(module, 1_500_000 - at) == []
+    assert found_at_rate(module, at) == [5]
+    assert found_at_rate(module, 1_500_000 - at) == []
 
 
 # -- zero ------------------------------------------------------------------------------------------------------------------------

@@ -111,7 +111,7 @@ def test_in_operation_the_other_axis_continues_and_all_is_closed(tmp_path, frame
                     assert len(machine.events) < 60
                     errors = close(machine)
                 assert about_y(errors), errors
-                cell.must_stand("x", stages=(0, 1, 2, 3))
+                cell.must_be_still("x", stages=(0, 1, 2, 3))
         finally:
             close(machine)
 
@@ -196,7 +196,7 @@ def test_a_node_with_damaged_frames_boots_or_gives_the_reason_and_disturbs_no_ot
                 cell.must_move("x")
                 errors += close(machine)
                 assert about_y(errors), errors
-                cell.must_stand("x", stages=(0, 1, 2, 3))
+                cell.must_be_still("x", stages=(0, 1, 2, 3))
         finally:
             close(machine)
 

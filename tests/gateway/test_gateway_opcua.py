@@ -53,7 +53,7 @@ from kit.opcua.serving import (
     served,
     until,
 )
-from kit.opcua.visiting import Visit, Who, come_in, papers, visit
+from kit.opcua.visiting import ClientIdentity, Visit, connected_client, key_pair, visit
 
 
 @pytest.fixture(scope="module")
@@ -293,7 +293,10 @@ def test_without_a_machine_a_method_is_refused_and_an_event_reports_it(server):
 
 
 def test_a_wrong_password_is_refused_each_time(server):
-    for who in (*(Who("anna", each) for each in ("wrong", "x", "right ")), Who("nobody", "right")):
+    for who in (
+        *(ClientIdentity("anna", each) for each in ("wrong", "x", "right ")),
+        ClientIdentity("nobody", "right"),
+    ):
         with refused("BadUserAccessDenied"):
             visit(server.url, halt, who)
     assert visit(server.url, running, ANNA)[1] == "Good"
@@ -307,13 +310,13 @@ def test_many_clients_with_wrong_passwords_do_not_prevent_users_from_connecting(
     async def wrong():
         while not over.is_set():
             with suppress(UaStatusCodeError, ServiceError, ConnectionError, TimeoutError):
-                await come_in(server.url, Who("anna", "wrong"))
+                await connected_client(server.url, ClientIdentity("anna", "wrong"))
 
     async def beside():
         crowd = [asyncio.create_task(wrong()) for _ in range(12)]
         await asyncio.sleep(0.5)
         for _ in range(3):
-            client = await come_in(server.url, ANNA)
+            client = await connected_client(server.url, ANNA)
             await client.disconnect()
         over.set()
         await asyncio.wait(crowd)
@@ -326,7 +329,7 @@ def test_a_client_s_session_and_subscriptions_are_its_own(server):
     async def steal(seen: Visit):
         heard = Heard()
         subscription = await seen.client.create_subscription(50, heard)
-        other = await come_in(server.url, Who())
+        other = await connected_client(server.url, ClientIdentity())
         try:
             (status,) = await other.uaclient.delete_subscriptions([subscription.subscription_id])
             assert status.name == "BadSubscriptionIdInvalid"
@@ -419,7 +422,7 @@ def test_a_client_that_sends_requests_and_never_reads_is_disconnected(server, mo
     asked = ua.ReadValueId(NodeId=large, AttributeId=ua.AttributeIds.Value)
 
     async def flood():
-        client = await come_in(server.url, Who())
+        client = await connected_client(server.url, ClientIdentity())
         line = client.uaclient.protocol
         transport = line.transport
         transport.pause_reading()
@@ -450,7 +453,7 @@ def test_many_anonymous_clients_leave_room_for_other_addresses_and_for_users(ser
     most = limits.OF_ADDRESS.sessions
 
     async def crowd():
-        asked = (come_in(server.url, Who()) for _ in range(most + 5))
+        asked = (connected_client(server.url, ClientIdentity()) for _ in range(most + 5))
         found = await asyncio.gather(*asked, return_exceptions=True)
         entered = [each for each in found if not isinstance(each, BaseException)]
         values = await asyncio.gather(*(each.nodes.server_state.read_value() for each in entered))
@@ -458,7 +461,7 @@ def test_many_anonymous_clients_leave_room_for_other_addresses_and_for_users(ser
         other = inner.create_session(("127.0.0.9", 1))
         assert inner.has_place(other, named=False)
         inner.unregister_external_session(other)
-        users = [await come_in(server.url, ANNA) for _ in range(10)]
+        users = [await connected_client(server.url, ANNA) for _ in range(10)]
         for each in users:
             subscription = await each.create_subscription(1000, Heard())
             await subscription.subscribe_data_change(each.nodes.server_state)
@@ -479,7 +482,7 @@ def test_disconnected_clients_leave_room_for_new_ones(server):
     """Each has a session and a subscription, and is cut off: those wait for a client that returns, but not for ever."""
 
     async def lose():
-        client = await come_in(server.url, Who())
+        client = await connected_client(server.url, ClientIdentity())
         await client.create_subscription(1000, Heard())
         client.uaclient.protocol.transport.abort()
         with suppress(Exception):
@@ -488,7 +491,7 @@ def test_disconnected_clients_leave_room_for_new_ones(server):
     async def crowd():
         for _ in range(limits.OF_ADDRESS.sessions + 5):
             await asyncio.wait_for(lose(), 5)
-        client = await come_in(server.url, Who())
+        client = await connected_client(server.url, ClientIdentity())
         for _ in range(15):
             await client.create_subscription(1000, Heard())
         await client.disconnect()
@@ -500,7 +503,7 @@ def test_a_connection_whose_client_uses_another_one_is_closed(server, monkeypatc
     monkeypatch.setattr(limits, "PATIENCE", 0.5)
 
     async def stay():
-        client = await come_in(server.url, Who())
+        client = await connected_client(server.url, ClientIdentity())
         (line,) = [each for each in connections(server) if each.is_in]
         line.processor.session_last_activity -= 3600.0  # and its session is as it was
         for _ in range(100):
@@ -519,7 +522,7 @@ def test_a_connection_without_a_session_is_closed(server, monkeypatch):
     monkeypatch.setattr(limits, "PATIENCE", 0.5)
 
     async def leave():
-        client = await come_in(server.url, Who())
+        client = await connected_client(server.url, ClientIdentity())
         await asyncio.sleep(1.5)
         stays = len(connections(server))
         await client.close_session()
@@ -753,13 +756,13 @@ def test_a_subscription_is_neither_too_fast_nor_too_large(server):
 
 @pytest.fixture(scope="module")
 def own(folder):
-    return papers(folder, "server", server=True)
+    return key_pair(folder, "server", server=True)
 
 
 @pytest.fixture(scope="module")
 def friend(folder):
     (folder / "trust").mkdir()
-    found = papers(folder, "friend")
+    found = key_pair(folder, "friend")
     shutil.copy(found.certificate, folder / "trust")
     return found
 
@@ -773,26 +776,29 @@ def secured(file, folder, known, own, friend):
 
 
 def test_a_trusted_client_reads_and_a_trusted_user_halts(secured, own, friend):
-    assert visit(secured.url, running, Who(papers=friend, server=own.certificate)) == (False, "Good")
-    anna = Who("anna", "right", friend, own.certificate)
+    assert visit(secured.url, running, ClientIdentity(key_pair=friend, server=own.certificate)) == (
+        False,
+        "Good",
+    )
+    anna = ClientIdentity("anna", "right", friend, own.certificate)
     with refused("BadNoCommunication"):  # it was let through: no machine is there
         visit(secured.url, halt, anna)
     with refused("BadUserAccessDenied"):
-        visit(secured.url, halt, Who(papers=friend, server=own.certificate))
+        visit(secured.url, halt, ClientIdentity(key_pair=friend, server=own.certificate))
     with refused("BadUserAccessDenied"):
-        visit(secured.url, halt, Who("anna", "wrong", friend, own.certificate))
+        visit(secured.url, halt, ClientIdentity("anna", "wrong", friend, own.certificate))
 
 
 def test_a_certificate_that_is_not_known_opens_no_channel(secured, own, folder):
-    stranger = papers(folder, "stranger")
+    stranger = key_pair(folder, "stranger")
     with pytest.raises(Exception, match=r"Untrusted|ConnectionClosed|closed|Connection"):
-        visit(secured.url, running, Who("anna", "right", stranger, own.certificate))
+        visit(secured.url, running, ClientIdentity("anna", "right", stranger, own.certificate))
 
 
 def test_an_expired_certificate_opens_no_channel_and_untrusted_ones_need_a_user(folder, known, own):
     opened = []
     factory = SimpleNamespace(matches=lambda *_: True, create=opened.append)
-    old, fresh = (trusted_of(papers(folder, name, days=days)) for name, days in (("old", -1), ("fresh", 5)))
+    old, fresh = (trusted_of(key_pair(folder, name, days=days)) for name, days in (("old", -1), ("fresh", 5)))
     for_all = TrustingFactory(factory, None)
     with pytest.raises(ua.uaerrors.BadRequestTooLarge) as caught:
         for_all.create(old)
@@ -826,7 +832,7 @@ def test_without_encryption_only_the_endpoints_are_served(secured):
     (endpoint,) = asyncio.run(endpoints())
     assert endpoint.SecurityMode is ua.MessageSecurityMode.SignAndEncrypt
     assert endpoint.SecurityPolicyUri.endswith("#Basic256Sha256")
-    for who in (Who(), ANNA):
+    for who in (ClientIdentity(), ANNA):
         with pytest.raises(Exception, match=r"BadSecurityModeInsufficient|No matching|not found"):
             visit(secured.url, running, who)
     assert secured._updater._server.iserver._external_sessions == {}
@@ -857,11 +863,13 @@ def test_a_session_without_encryption_is_refused_by_the_server_itself(secured):
 
 def test_a_trusted_certificate_of_another_client_in_the_request_is_refused(secured, own, friend, folder):
     """The certificate of the channel counts, not the one in a request."""
-    thief = papers(folder, "thief")
-    who = Who(papers=type(thief)(thief.certificate, thief.key, friend.uri), server=own.certificate)
+    thief = key_pair(folder, "thief")
+    who = ClientIdentity(
+        key_pair=type(thief)(thief.certificate, thief.key, friend.uri), server=own.certificate
+    )
 
     async def enter():
-        client = await come_in(secured.url, who)
+        client = await connected_client(secured.url, who)
         await client.disconnect()
 
     with pytest.raises(Exception, match=r"Untrusted|ConnectionClosed|closed|Connection"):
@@ -901,7 +909,7 @@ def test_incompatible_options_are_refused_before_anything_is_served(run, file, w
 
 
 def test_a_certificate_without_a_uri_is_refused(run, file, folder, known):
-    bare = papers(folder, "bare", server=True, names=False)
+    bare = key_pair(folder, "bare", server=True, names=False)
     words = ("--certificate", bare.certificate, "--key", bare.key, "--users", folder / "users")
     code, _, err = run("bridge", "opcua", file, "--port", "0", *words)
     assert code == 1
@@ -919,7 +927,7 @@ def test_a_user_s_line_is_printed_without_his_password(run):
 @pytest.mark.parametrize(("there", "instead"), [("a003020102", "a003020107"), ("0603551d0f", "0603551d11")])
 def test_an_invalid_certificate_is_refused_by_the_name_of_its_file(tmp_path, there, instead):
     """The version is unknown, or an extension occurs twice."""
-    made = x509.load_pem_x509_certificate(papers(tmp_path, "x", server=True).certificate.read_bytes())
+    made = x509.load_pem_x509_certificate(key_pair(tmp_path, "x", server=True).certificate.read_bytes())
     octets = made.public_bytes(Encoding.DER)
     assert trust.is_in_time(octets)
     wrong = tmp_path / "trusted" / "wrong.der"

@@ -173,7 +173,7 @@ another_stack = pytest.mark.skipif(
 )
 
 
-def seen_by_node(server, *who):
+def read_by_node_client(server, *who):
     ran = subprocess.run(
         ["node", str(CLIENT), server.url, "cell", "x", *who],
         stdout=subprocess.PIPE,
@@ -187,7 +187,7 @@ def seen_by_node(server, *who):
 @another_stack
 def test_a_client_of_another_stack_sees_it_all_and_without_a_name_calls_nothing(server, machine):
     good(server.url)
-    seen = seen_by_node(server)
+    seen = read_by_node_client(server)
     assert seen["axes"] == ["x", "y"]
     assert sorted(seen["methods"]) == ["Halt", "Stop"]
     assert seen["variables"]["PositionActualValue"]["unit"] == {"symbol": "deg", "number": 17476}
@@ -201,7 +201,7 @@ def test_a_client_of_another_stack_sees_it_all_and_without_a_name_calls_nothing(
 @another_stack
 def test_a_client_of_another_stack_with_a_name_halts_and_writes_nothing(server, machine):
     good(server.url)
-    seen = seen_by_node(server, "anna", "right")
+    seen = read_by_node_client(server, "anna", "right")
     assert seen["halt"] == ["Good", "x: Disabled at 0 deg"]
     assert seen["written"] == "BadNotWritable"
 
@@ -209,7 +209,7 @@ def test_a_client_of_another_stack_with_a_name_halts_and_writes_nothing(server, 
 @another_stack
 def test_a_client_of_another_stack_receives_refusals(server):
     server.follow(None)
-    seen = seen_by_node(server, "anna", "right")
+    seen = read_by_node_client(server, "anna", "right")
     assert seen["halt"][0] == "BadNoCommunication"
     (event,) = seen["events"]
     message, severity, cause, remedy, axis = event

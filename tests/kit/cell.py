@@ -203,7 +203,7 @@ class Cell(PlantProbe):
         return self.clock.now()
 
     @property
-    def scan_lives(self) -> bool:
+    def scan_runs(self) -> bool:
         """Whether the machine's scan continues."""
         return not self.machine._core.scan.ended
 

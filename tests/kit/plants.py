@@ -169,7 +169,7 @@ MOTIONS: Mapping[str, Callable[[Cell, str], Handle]] = {
 }
 
 
-def set_going(cell: Cell, mode: str, names: str = "x") -> list[Handle]:
+def set_in_motion(cell: Cell, mode: str, names: str = "x") -> list[Handle]:
     """Bring the axes into motion in a mode, and let them get up to their speed; return their handles."""
     handles = [MOTIONS[mode](cell, name) for name in names]
     for name in names:

@@ -210,7 +210,7 @@ class PlantProbe(ABC):
         """Make sure that the axis is in motion."""
         assert self.speed(name) > faster_than, f"{name} does not move: {self.speed(name):g} deg/s"
 
-    def must_stand(
+    def must_be_still(
         self,
         name: str = "x",
         *,
@@ -247,7 +247,7 @@ class PlantProbe(ABC):
         if self.stage(name) not in ((stages,) if isinstance(stages, int) else stages):
             raise PlantMoves(self.told(name))
 
-    def must_have_come(self, name: str, start: float, between: tuple[float, float]) -> None:
+    def must_have_moved(self, name: str, start: float, between: tuple[float, float]) -> None:
         """Make sure that a motor at standstill has braked on a ramp: its distance from ``start``, in units.
 
         Raises:

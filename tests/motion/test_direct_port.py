@@ -10,7 +10,7 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import BusCycle, Outputs, Port, SdoReply, SdoRequest, ValueTransport
 from axisbus.errors import AdapterError, SdoAbort, SdoTimeout
 from axisbus.sim.device import Device
-from kit.direct.cycle import CycleDials, DirectCycle, DirectPort
+from kit.direct.cycle import CycleFaultSettings, DirectCycle, DirectPort
 from kit.sim.eds import drive_eds, two_axes, without
 from kit.sim.rig import state
 
@@ -332,7 +332,7 @@ def test_a_closed_bus_sends_nothing_more():
 
 
 def test_a_send_that_blocks_and_a_wait_that_is_late_cost_virtual_time():
-    bench = Bench(cycle={"dials": CycleDials(send_blocks=0.5, wait_late=0.2)})
+    bench = Bench(cycle={"dials": CycleFaultSettings(send_blocks=0.5, wait_late=0.2)})
     bench.once()
     assert bench.cycle.now() == pytest.approx(0.01 + 0.2 + 0.5)
     assert bench.cycle.dials.send_blocks == 0.0

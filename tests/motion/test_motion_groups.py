@@ -52,7 +52,7 @@ def off_the_line(points, start, end) -> float:
     return worst
 
 
-def time_on_the_way(seen: dict[str, Watch]) -> float:
+def time_of_motion(seen: dict[str, Watch]) -> float:
     spans = [watch.moving() for watch in seen.values() if watch.speed > 20]
     return max(end for _, end in spans) - min(begin for begin, _ in spans)
 
@@ -226,7 +226,7 @@ def test_a_straight_line_takes_the_time_of_its_trapezoid_and_stays_straight():
     seen = watches(r)
     r.groups["all"].move_linear((30.0, 40.0), velocity=50.0, acceleration=250.0).wait(5)
     # 50 deg at 50 deg/s with 250 deg/s²: 50/50 + 50/250 = 1.2 s
-    assert time_on_the_way(seen) == pytest.approx(1.2, abs=0.04)
+    assert time_of_motion(seen) == pytest.approx(1.2, abs=0.04)
     assert seen["x"].speed == pytest.approx(30_000, rel=0.01)
     assert seen["y"].speed == pytest.approx(40_000, rel=0.01)
     assert off_the_line(path(seen), (0.0, 0.0), (30.0, 40.0)) < 0.003
@@ -239,7 +239,7 @@ def test_a_short_line_is_a_triangle():
     r = rig("xy").enabled()
     seen = watches(r)
     r.groups["all"].move_linear((3.0, 4.0), velocity=200.0, acceleration=500.0).wait(5)
-    assert time_on_the_way(seen) == pytest.approx(2 * math.sqrt(5.0 / 500.0), abs=0.03)  # 0.2 s
+    assert time_of_motion(seen) == pytest.approx(2 * math.sqrt(5.0 / 500.0), abs=0.03)  # 0.2 s
     assert off_the_line(path(seen), (0.0, 0.0), (3.0, 4.0)) < 0.003
 
 
@@ -252,7 +252,7 @@ def test_the_slowest_axis_slows_all_and_the_line_stays_straight():
     seen = watches(r)
     r.groups["all"].move_linear((20.0, 20.0, 10.0), velocity=300.0, acceleration=1000.0).wait(10)
     # y may do 10 deg/s over 20 deg; z may do 40 deg/s² over 10 deg: shares of the path 0.5 /s and 4 /s²; 1/0.5 + 0.5/4 s
-    assert time_on_the_way(seen) == pytest.approx(2.0 + 0.125, abs=0.04)
+    assert time_of_motion(seen) == pytest.approx(2.0 + 0.125, abs=0.04)
     assert seen["y"].speed <= 10_000 * 1.01
     assert seen["z"].acceleration(5) <= 40_000 * 1.1
     assert off_the_line(path(seen), (0.0, 0.0, 0.0), (20.0, 20.0, 10.0)) < 0.004
@@ -421,7 +421,7 @@ def test_a_line_without_an_acceleration_uses_the_smallest_default_or_names_the_a
     r = rig("xy", each={"y": {"defaults": Defaults(velocity=10.0, acceleration=50.0)}}).enabled()
     seen = watches(r)
     r.groups["all"].move_linear((30.0, 40.0), velocity=50.0).wait(10)
-    assert time_on_the_way(seen) == pytest.approx(50 / 50 + 50 / 50, abs=0.04)
+    assert time_of_motion(seen) == pytest.approx(50 / 50 + 50 / 50, abs=0.04)
     lacking = rig("xy", each={"y": {"defaults": Defaults()}})
     with pytest.raises(ArgumentError, match="acceleration is missing") as caught:
         lacking.groups["all"].move_linear((30.0, 40.0), velocity=50.0)

@@ -295,7 +295,7 @@ class AxisUnderFire(RuleBasedStateMachine):
             assert self.drive.velocity == 0
 
     @invariant()
-    def the_error_is_told_where_there_is_one(self) -> None:
+    def an_error_is_reported_in_errorstop(self) -> None:
         if not hasattr(self, "core"):
             return
         core = self.core
@@ -419,7 +419,7 @@ class AxisUnderFire(RuleBasedStateMachine):
         self.drive.drop()
 
     @rule(count=st.sampled_from([3, 12, 60, 250]))
-    def no_tpdo_comes(self, count) -> None:
+    def tpdos_stop(self, count) -> None:
         self.locked = False
         self.silent = True
         self.cycles(count)

@@ -1433,14 +1433,14 @@ def waiting(*names: str) -> tuple[Drive, StandstillWaiters, list[tuple[str, str]
     return drive, waits, ends
 
 
-def rest_step(waits: StandstillWaiters, drive: Drive, ends: list[tuple[str, str]]) -> None:
+def standstill_step(waits: StandstillWaiters, drive: Drive, ends: list[tuple[str, str]]) -> None:
     waits.step(drive.image, lambda ticket, error: ends.append((ticket.name, error and error.message)))
 
 
 def test_a_command_that_waits_for_standstill_is_done_after_the_standstill_window():
     drive, waits, ends = waiting("a", "b")
     for _ in range(8):
-        rest_step(waits, drive.cycle(statusword=ENABLED, position=0) and drive, ends)
+        standstill_step(waits, drive.cycle(statusword=ENABLED, position=0) and drive, ends)
         if ends:
             break
     assert ends == [("a", "done"), ("a", None), ("b", "done"), ("b", None)]
@@ -1452,7 +1452,7 @@ def test_an_axis_not_at_standstill_after_two_seconds_refuses_the_waiting_command
     drive, waits, ends = waiting("a")
     for number in range(200):
         drive.cycle(statusword=ENABLED, position=100 * number)
-        rest_step(waits, drive, ends)
+        standstill_step(waits, drive, ends)
         if ends:
             break
     assert ends == [("a", "a: the axis is not at standstill")]

@@ -272,14 +272,14 @@ class InAndOut:
         return -5.0 + 5.0 * (1.0 - math.cos(math.tau * t / self.duration))
 
 
-class ToldBefore(InAndOut):
+class KnownInAdvance(InAndOut):
     """The same, with all properties known in advance."""
 
     span = (-5.0, 5.0)
     top_speed = 10.0
 
 
-@pytest.mark.parametrize("path", [InAndOut, ToldBefore])
+@pytest.mark.parametrize("path", [InAndOut, KnownInAdvance])
 def test_a_trajectory_that_enters_from_beyond_a_limit_does_not_leave_again(path):
     r = bounded(place=-5.0, motor=None)
     watch = Watch(r)

@@ -17,14 +17,14 @@ SAME = settings(deadline=None, derandomize=True)
 COUNT = 4000
 
 
-def places_of(curve: SplineTrajectory) -> list[float]:
+def positions_of(curve: SplineTrajectory) -> list[float]:
     return [curve.position(curve.duration * step / COUNT) for step in range(COUNT + 1)]
 
 
 def test_the_span_of_a_part_that_is_nearly_a_parabola():
     curve = SplineTrajectory((0.0, 1.8046875, 3.5546875, 5.359375), (0.0, 1.0, 1.0, 0.0))
     assert 0.0 < abs(curve._parts[1].twist) < 1e-15
-    assert curve.span[1] == pytest.approx(max(places_of(curve)), abs=1e-6)
+    assert curve.span[1] == pytest.approx(max(positions_of(curve)), abs=1e-6)
 
 
 @SAME
@@ -40,7 +40,7 @@ def test_a_spline_is_smooth_passes_its_points_and_reports_its_extremes(steps, st
     curve = SplineTrajectory(times, positions)
     for time, place in zip(times, positions, strict=True):
         assert curve.position(time) == pytest.approx(place, abs=1e-6)
-    places = places_of(curve)
+    places = positions_of(curve)
     dt = curve.duration / COUNT
     speeds = [(b - a) / dt for a, b in pairwise(places)]
     bends = [(b - a) / dt for a, b in pairwise(speeds)]

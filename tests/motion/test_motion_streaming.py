@@ -112,7 +112,7 @@ def late_at(moment: float):
     return lambda t: NEVER if t >= moment else 0.0
 
 
-def stands_on(path, watch: Watch, until: float, tolerance: float = 5.0) -> None:
+def must_lie_on(path, watch: Watch, until: float, tolerance: float = 5.0) -> None:
     """All targets lie on the path, in its order, no farther than it was known."""
     t, step = 0.0, PERIOD / 50
     for target in watch.targets:
@@ -237,7 +237,7 @@ def test_a_corner_at_the_limit_is_not_rounded_beyond_it(when):
     assert isinstance(handle.exception(), Stopped)
     assert r.axis.state is AxisState.STANDSTILL
     assert max(watch.targets) <= 10_000
-    stands_on(path, watch, path.duration, tolerance=hardest(path) * PERIOD**2)
+    must_lie_on(path, watch, path.duration, tolerance=hardest(path) * PERIOD**2)
 
 
 # Late samples.
@@ -263,7 +263,7 @@ def test_an_axis_whose_program_sends_nothing_more_is_braked_along_the_known_part
     assert watch.transitions == []  # along the path: no quick stop
     assert watch.acceleration() <= max(500_000, hardest(path)) * 1.1
     assert abs(r.drive.axis.motor.velocity) < 1.0
-    stands_on(path, watch, wire.stream.known_until)
+    must_lie_on(path, watch, wire.stream.known_until)
     r.axis.reset().wait(1)
     r.axis.move_absolute(0.0).wait(10)
 
@@ -321,7 +321,7 @@ def test_a_slow_deceleration_requires_the_path_as_far_ahead_as_braking_takes():
     r.until(lambda: r.core.ladder is None)
     assert isinstance(handle.exception(), CommandError)
     assert watch.acceleration() <= 500_000 * 1.05  # at its beginning
-    stands_on(path, watch, wire.stream.known_until)
+    must_lie_on(path, watch, wire.stream.known_until)
 
 
 def test_without_a_known_deceleration_the_drive_stops_it_before_its_targets_end():
@@ -357,7 +357,7 @@ def test_an_exception_of_the_program_ends_the_command_and_brakes_the_axis_along_
     r.until(lambda: r.core.ladder is None)
     assert watch.displacement > 100
     assert watch.transitions == []
-    stands_on(path, watch, 3.0)
+    must_lie_on(path, watch, 3.0)
 
 
 def test_a_trajectory_that_is_broken_before_it_begins_moves_nothing():
@@ -408,7 +408,7 @@ def test_whichever_samples_are_late_the_axis_stops_on_its_path(waves, decelerati
     assert abs(r.drive.axis.motor.velocity) < 1.0
     assert watch.acceleration() <= max(deceleration * 1000, hardest(path)) * 1.1 + 20_000
     assert not {9, 11} & set(watch.transitions)
-    stands_on(path, watch, wire.stream.known_until, tolerance=8.0)
+    must_lie_on(path, watch, wire.stream.known_until, tolerance=8.0)
 
 
 # Another command takes over.

@@ -61,7 +61,7 @@ def places(tree: ast.Module) -> Iterator[Place]:
 
 
 def _statement(node: ast.stmt, around: Place) -> Iterator[Place]:
-    if _says_nothing(node):
+    if _has_no_effect(node):
         return
     body = [
         child
@@ -121,7 +121,7 @@ def _only_checks(node: ast.AST) -> bool:
     return isinstance(node, ast.keyword) and node.arg == "strict"
 
 
-def _says_nothing(node: ast.stmt) -> bool:
+def _has_no_effect(node: ast.stmt) -> bool:
     if isinstance(node, ast.Import | ast.ImportFrom | ast.Pass | ast.Global | ast.Nonlocal):
         return True
     if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):

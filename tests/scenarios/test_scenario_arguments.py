@@ -238,7 +238,7 @@ def must_work(cell) -> None:
     cell.x.release().wait(1)
     cell.x.enable().wait(5)
     cell.x.move_relative(-3.0).wait(5)
-    assert cell.scan_lives
+    assert cell.scan_runs
 
 
 def test_a_straight_line_out_of_the_limits_is_refused(scenario, golden):
@@ -277,12 +277,12 @@ def test_a_trajectory_that_raises_while_it_runs_stops_only_its_axis_and_its_grou
     handle = cell.x.follow(Breaks())
     cell.run(1.0)
     cell.must_move("x")
-    cell.must_stand("x", within=1.5, stages=(1, 4, 5))
-    cell.must_stand("y", within=1.5, stages=4)
+    cell.must_be_still("x", within=1.5, stages=(1, 4, 5))
+    cell.must_be_still("y", within=1.5, stages=4)
     failed = cell.failure_of(handle)
     assert isinstance(failed, AxisbusError)
     golden("trajectory_breaks", failed)
-    assert cell.scan_lives  # one program's mistake does not end the bus
+    assert cell.scan_runs  # one program's mistake does not end the bus
 
 
 def scenario_text(scenario, *, max_velocity: float = 400.0, axis: str = "") -> str:

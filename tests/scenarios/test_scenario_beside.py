@@ -60,13 +60,13 @@ def test_the_drives_of_a_live_master_stop_and_it_takes_that_as_a_fault(tmp_path,
     with live(tmp_path) as (line, machine):
         code, told = axisbus_stop(line)
         for name in "xy":
-            line.must_stand(name, stages=STOPPED, within=0.1)
+            line.must_be_still(name, stages=STOPPED, within=0.1)
         assert code == 0, told
         for axis in machine:
             until(lambda axis=axis: "NMT state is stopped, not operational" in str(axis.error))
             assert axis.state is AxisState.ERRORSTOP
         for name in "xy":
-            line.must_stand(name, stages=STOPPED, within=0.1, for_good=0.5)
+            line.must_be_still(name, stages=STOPPED, within=0.1, for_good=0.5)
             assert line.devices[name].nmt is NmtState.STOPPED
         assert "x: " in told
 
@@ -104,7 +104,7 @@ def test_a_master_that_continues_sending_enable_operation_is_cut_off(tmp_path, a
         until(lambda: not machine._core._thread.is_alive())
         line.must_move()
         code, told = axisbus_stop(line)
-        line.must_stand(stages=STOPPED, within=0.1, for_good=0.6)
+        line.must_be_still(stages=STOPPED, within=0.1, for_good=0.6)
         assert code == 0, told
 
 

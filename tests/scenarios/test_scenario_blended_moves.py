@@ -599,10 +599,10 @@ def test_on_an_endless_axis_the_shortest_direction_counts_from_the_end_of_the_pr
     handles.append(cell.x.move_absolute(80.0, direction=1, buffer="blending_low"))
     assert [cell.end_of(handle, 20.0) for handle in handles] == [None] * 4
     assert cell.where("x") == pytest.approx(360.0 + 90.0 + 350.0, abs=0.2)
-    assert min(speed for x, speed in seen_between(cell, 20.0, 780.0)) > 90.0
+    assert min(speed for x, speed in speeds_between(cell, 20.0, 780.0)) > 90.0
 
 
-def seen_between(cell: Cell, low: float, high: float) -> list[tuple[float, float]]:
+def speeds_between(cell: Cell, low: float, high: float) -> list[tuple[float, float]]:
     return [(x, speed) for x, speed in speeds(cell) if low < x < high]
 
 
@@ -615,7 +615,7 @@ def test_any_sequence_of_moves_keeps_the_limits_and_ends_at_the_last_target(scen
     cell, _ = one(scenario)
     handles = []
     for _ in range(chance.randint(5, 25)):
-        handles.append(asked_by_chance(cell, chance))
+        handles.append(random_command(cell, chance))
         cell.run(chance.choice([0.0, 0.0, 0.02, 0.1, 0.3, 1.0]))
     cell.x.set_override(1.0)
     target = chance.uniform(-100.0, 100.0)
@@ -639,7 +639,7 @@ def test_any_sequence_of_moves_keeps_the_limits_and_ends_at_the_last_target(scen
     assert max(abs(speed) for _, speed in speeds(cell)) < 400.0
 
 
-def asked_by_chance(cell: Cell, chance: random.Random):
+def random_command(cell: Cell, chance: random.Random):
     """A move that passes into the next, or replaces it, or something that comes between."""
     x, mode = cell.x, f"blending_{chance.choice(MODES)}"
     pace = {

@@ -217,7 +217,7 @@ def test_every_handle_of_random_buffered_commands_ends_and_the_scan_survives(sce
         cell.run(rng.choice([0.0, 0.0, 0.05, 0.6]))
     last = x.move_absolute(3.0, buffer=True)
     cell.until(lambda: not last.busy and all(not handle.busy for handle in handles), 60.0)
-    assert cell.scan_lives
+    assert cell.scan_runs
     if last.exception() is None:
         assert cell.where("x") == pytest.approx(3.0, abs=0.1)
     else:

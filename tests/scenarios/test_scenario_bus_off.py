@@ -99,7 +99,7 @@ def test_bus_off_ends_every_command_and_the_drives_watchdog_stops_them(tmp_path)
         wire.go_off()
         told = ends_of(handles)
         for name in "xy":
-            line.must_stand(name, stages=OFF)
+            line.must_be_still(name, stages=OFF)
         assert [type(error) for error in told] == [BusOff, BusOff]
         went = f"the CAN controller of {wire.channel.name} went bus-off: it no longer takes part in the bus"
         assert [error.message for error in told] == [
@@ -141,13 +141,13 @@ def test_a_drive_without_a_watchdog_is_stopped_as_soon_as_the_bus_is_back_and_se
         refused = x.reset()
         assert isinstance(ends_of([refused])[0], StateError)
         wire.restart()
-        line.must_stand(stages=OFF)
+        line.must_be_still(stages=OFF)
         until(lambda: machine.node(1).nmt is NmtState.OPERATIONAL)
         assert x.state is AxisState.ERRORSTOP
         assert isinstance(ends_of([x.enable()])[0], AxisbusError)
         until(lambda: ends_of([x.reset()]) == [None])
         enable(x)
-        line.must_stand(stages=ENABLED)
+        line.must_be_still(stages=ENABLED)
         x.move_relative(5.0).wait(10)
         assert machine.bus_events[-1].restarted
 
@@ -158,7 +158,7 @@ def test_a_second_bus_off_is_reported_as_the_first(tmp_path, monkeypatch):
         for _ in range(2):
             wire.go_off()
             wire.restart()  # soon: no watchdog has reacted, and still no axis continues its motion
-            line.must_stand(stages=OFF)
+            line.must_be_still(stages=OFF)
             assert isinstance(ends_of(handles)[0], BusOff)
             x = machine["x"]
             until(lambda: machine.node(1).nmt is NmtState.OPERATIONAL)
@@ -173,14 +173,14 @@ def test_a_drive_found_pre_operational_after_bus_off_needs_the_machine_opened_ag
     with turning_cell(tmp_path, "x") as (line, machine, wire, handles):
         wire.go_off()
         ends_of(handles)
-        line.must_stand(stages=OFF)
+        line.must_be_still(stages=OFF)
         assert line.devices["x"].nmt is NmtState.PRE_OPERATIONAL
         wire.restart()
         until(lambda: machine.node(1).nmt is NmtState.PRE_OPERATIONAL)
         machine.node(1).command(NmtCommand.START)
         x = machine["x"]
         until(lambda: "is still being stopped" not in str(ends_of([x.reset()])[0]))
-        line.must_stand(stages=OFF)
+        line.must_be_still(stages=OFF)
         refused = ends_of([x.reset()])[0]
         assert isinstance(refused, StateError)
         assert "node 1 has returned, but a reset is not enough" in str(refused)
@@ -226,7 +226,7 @@ def test_a_queue_that_is_full_for_some_cycles_stops_the_axes_and_they_serve_afte
             queue.full = False
             told = ends_of(handles)
             for name in "xy":
-                line.must_stand(name, stages=OFF)
+                line.must_be_still(name, stages=OFF)
             assert [type(error) for error in told] == [TransmitQueueFull] * 2
             assert "its transmit queue is full" in told[0].message
             assert "only the drive's own watchdog can stop it now" in told[0].remedy

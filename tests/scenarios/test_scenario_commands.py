@@ -46,7 +46,7 @@ def test_a_stop_locks_until_it_is_released(scenario, golden):
     cell.travelling()
     stop = cell.x.stop()
     golden("move_while_stopping", cell.failure_of(cell.x.move_absolute(0.0)))
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     stop.wait(1)
     golden("move_while_stopped", cell.failure_of(cell.x.move_absolute(0.0)))
     cell.x.halt().wait(1)  # a halt does not unlock it
@@ -69,7 +69,7 @@ def test_a_disable_cannot_be_undone_by_a_move(scenario, golden):
     cell.travelling()
     cell.x.disable()
     golden("move_while_disabling", cell.failure_of(cell.x.move_velocity(50.0)))
-    cell.must_stand(within=1.0, stages=OFF)
+    cell.must_be_still(within=1.0, stages=OFF)
 
 
 @pytest.mark.nets("the stop ladder")
@@ -96,7 +96,7 @@ def test_a_stop_that_is_repeated_gets_no_more_time(scenario):
     for _ in range(15):
         cell.x.stop()
         cell.run(0.1)
-    cell.must_stand(within=0.5, stages=OFF)
+    cell.must_be_still(within=0.5, stages=OFF)
 
 
 def test_commands_in_the_wrong_state_name_the_command_that_must_be_first(scenario, golden):
@@ -157,8 +157,8 @@ def test_a_drive_that_loses_its_power_stops_the_others_and_is_not_enabled_again(
     cell = scenario.simulated("xy")
     handles = cell.travelling()
     cell.drive("x").power.force(9)  # safe torque off, for one
-    cell.must_stand("y", within=1.0, stages=ENABLED)
-    cell.must_stand("x", within=8.0, stages=OFF)  # it coasts
+    cell.must_be_still("y", within=1.0, stages=ENABLED)
+    cell.must_be_still("x", within=8.0, stages=OFF)  # it coasts
     golden("power_dropped", cell.failure_of(handles[0]))
 
 
@@ -179,7 +179,7 @@ def test_a_jog_that_is_not_renewed_halts(scenario):
         cell.x.jog(50.0).wait(1)
         cell.run(0.1)
     cell.must_move(faster_than=45.0)
-    cell.must_stand(within=0.5, stages=ENABLED)
+    cell.must_be_still(within=0.5, stages=ENABLED)
 
 
 def test_several_failures_are_raised_together(scenario):

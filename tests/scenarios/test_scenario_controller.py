@@ -108,7 +108,7 @@ def test_an_invalid_answer_stops_the_axis_with_the_reason(scenario, by, answer):
     assert isinstance(error, CommandError)
     assert "its controller has failed" in error.message
     assert type(controller.error).__name__ in error.message
-    cell.must_stand(within=1.5, stages=ENABLED)
+    cell.must_be_still(within=1.5, stages=ENABLED)
     assert cell.x.state is AxisState.ERRORSTOP
     before = next(calls)
     cell.run(1.0)
@@ -120,7 +120,7 @@ def test_the_end_of_a_block_halts_the_axis(scenario):
     with cell.x.controller(lambda _: 80.0) as controller:
         cell.run(1.0)
         cell.must_move()
-    cell.must_stand(within=1.5, stages=ENABLED)
+    cell.must_be_still(within=1.5, stages=ENABLED)
     assert isinstance(controller.handle.exception(), Interrupted)
     assert cell.x.state is AxisState.STANDSTILL
 
@@ -137,7 +137,7 @@ def test_the_end_of_a_block_raises_the_error_that_ended_the_loop(scenario):
 
     with pytest.raises(CommandError, match="ZeroDivisionError: no way"), cell.x.controller(loop):
         cell.run(2.0)
-    cell.must_stand(within=1.5, stages=ENABLED)
+    cell.must_be_still(within=1.5, stages=ENABLED)
 
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
@@ -186,7 +186,7 @@ def test_each_command_that_takes_over_ends_the_controller_without_a_jump(scenari
         assert cell.speed() == pytest.approx(20.0, rel=0.02)
         assert cell.hardest_change(since=moment) <= 1.05 * RAMP
     else:
-        cell.must_stand(
+        cell.must_be_still(
             within=1.5, stages={"disable": OFF, "quick_stop": (*OFF, QUICK_STOP)}.get(stop, ENABLED)
         )
 

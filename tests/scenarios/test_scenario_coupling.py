@@ -43,7 +43,7 @@ def off(cell: Cell, law, since: float, slave: str = "y", master: str = "x", late
 
 def must_brake(cell: Cell, name: str) -> None:
     cell.run(1.0)
-    cell.must_stand(name, within=0.1, stages=ENABLED)
+    cell.must_be_still(name, within=0.1, stages=ENABLED)
     assert cell.hardest_change(name) < 2100.0
 
 
@@ -637,7 +637,7 @@ def test_random_commands_of_master_and_slave_cause_no_jolt_and_every_slave_can_b
     for _ in range(25):
         rng.choice(asks)()
         cell.run(rng.choice([0.0, 0.02, 0.1, 0.5]))
-        assert cell.scan_lives
+        assert cell.scan_runs
     assert cell.hardest_change("y") < 2300.0
     assert cell.top_speed("y") < 410.0
     assert cell.end_of(y.halt()) is None

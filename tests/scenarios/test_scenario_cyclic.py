@@ -101,7 +101,7 @@ def test_a_velocity_given_in_every_cycle_still_lets_a_jam_be_detected(scenario):
         cell.x.cyclic_velocity(140.0)
         cell.run(0.01)
     assert isinstance(cell.x.error, FollowingError)
-    cell.must_stand(within=2.0, stages=OFF)
+    cell.must_be_still(within=2.0, stages=OFF)
 
 
 @pytest.mark.parametrize("pause", [0.0, 0.01, 0.02, 0.05, 0.1])
@@ -152,8 +152,8 @@ def test_a_halt_ramps_the_velocity_down(scenario, how, hears_halt):
     cell.drive().dials.halt_in_cyclic_modes = hears_halt
     start, moment = cell.where(), cell.moment()
     getattr(cell.x, how)().wait(5)
-    cell.must_stand(within=0.1, stages=OFF if how == "disable" else ENABLED)
-    cell.must_have_come("x", start, (10.0, 13.0))
+    cell.must_be_still(within=0.1, stages=OFF if how == "disable" else ENABLED)
+    cell.must_have_moved("x", start, (10.0, 13.0))
     assert cell.hardest_change(since=moment) <= JOLT
 
 
@@ -162,7 +162,7 @@ def test_a_halt_brakes_with_the_deceleration_of_the_call(scenario):
     cell.x.cyclic_velocity(100.0, deceleration=200.0).wait(5)
     start = cell.where()
     cell.x.halt().wait(5)
-    cell.must_have_come("x", start, (25.0, 29.0))
+    cell.must_have_moved("x", start, (25.0, 29.0))
 
 
 def test_a_halt_may_be_interrupted_and_the_axis_continues_from_its_velocity(scenario):
@@ -216,7 +216,7 @@ def test_a_halt_during_a_mode_change_ramps_down(scenario):
     cell.x.move_velocity(150.0)
     cell.run(0.05)
     cell.x.halt().wait(5)
-    cell.must_stand(within=0.1, stages=ENABLED)
+    cell.must_be_still(within=0.1, stages=ENABLED)
     assert cell.hardest_change(since=moment) <= 1.6 * RAMP
 
 
@@ -225,7 +225,7 @@ def test_a_drive_that_does_not_take_the_next_mode_is_ramped_down(scenario):
     cell.drive().dials.modes_refused = frozenset({1})
     moment = cell.moment()
     cell.failure_of(cell.x.move_relative(500.0))
-    cell.must_stand(within=2.0, stages=(ENABLED, QUICK_STOP, *OFF))
+    cell.must_be_still(within=2.0, stages=(ENABLED, QUICK_STOP, *OFF))
     assert cell.hardest_change(since=moment) <= 1.6 * RAMP
 
 
@@ -306,7 +306,7 @@ def test_a_lost_target_pdo_is_found_while_the_velocity_changes(scenario):
     lose_the_targets(cell)
     error = cell.failure_of(cell.x.cyclic_velocity(0.0))
     assert isinstance(error, FollowingError | MotionTimeout)
-    cell.must_stand(within=4.0, stages=OFF)
+    cell.must_be_still(within=4.0, stages=OFF)
 
 
 def test_a_halt_whose_targets_are_lost_ends_in_a_harder_stop(scenario):
@@ -314,7 +314,7 @@ def test_a_halt_whose_targets_are_lost_ends_in_a_harder_stop(scenario):
     lose_the_targets(cell)
     halt = cell.x.halt()
     assert "harder stop" in str(cell.failure_of(halt))
-    cell.must_stand(within=1.0, stages=OFF)
+    cell.must_be_still(within=1.0, stages=OFF)
 
 
 def test_a_node_that_dies_in_csv_is_reported_and_the_scan_survives(scenario):
@@ -322,7 +322,7 @@ def test_a_node_that_dies_in_csv_is_reported_and_the_scan_survives(scenario):
     cell.device().dials.dead = True
     cell.run(5.0)
     assert cell.x.error is not None
-    assert cell.scan_lives
+    assert cell.scan_runs
 
 
 def test_a_fault_of_another_axis_ramps_it_down(scenario):
@@ -330,15 +330,15 @@ def test_a_fault_of_another_axis_ramps_it_down(scenario):
     cell["x"].cyclic_velocity(100.0).wait(5)
     start, moment = cell.where("x"), cell.moment("x")
     cell.drive("y").fault(0x2310)
-    cell.must_stand("x", within=1.0, stages=ENABLED)
-    cell.must_have_come("x", start, (10.0, 16.0))
+    cell.must_be_still("x", within=1.0, stages=ENABLED)
+    cell.must_have_moved("x", start, (10.0, 16.0))
     assert cell.hardest_change("x", since=moment) <= JOLT
 
 
 def test_a_fault_of_its_drive_stops_a_cyclic_velocity(scenario):
     cell = turning(scenario)
     cell.drive().fault(0x2310)
-    cell.must_stand(within=1.0, stages=FAULT)
+    cell.must_be_still(within=1.0, stages=FAULT)
     assert cell.x.state is AxisState.ERRORSTOP
 
 
@@ -346,7 +346,7 @@ def test_ctrl_c_ramps_it_down_and_takes_its_power(scenario):
     cell = turning(scenario)
     moment = cell.moment()
     assert cell.ctrl_c(10.0) == []
-    cell.must_stand(within=0.1, stages=OFF)
+    cell.must_be_still(within=0.1, stages=OFF)
     assert cell.hardest_change(since=moment) <= JOLT
 
 
@@ -364,8 +364,8 @@ def test_a_quick_stop_is_the_drives_own(scenario):
     cell = turning(scenario)
     start = cell.where()
     cell.x.quick_stop().wait(5)
-    cell.must_stand(within=0.1, stages=OFF)
-    cell.must_have_come("x", start, (5.0, 8.0))  # 1000 deg/s²
+    cell.must_be_still(within=0.1, stages=OFF)
+    cell.must_have_moved("x", start, (5.0, 8.0))  # 1000 deg/s²
 
 
 @pytest.mark.parametrize("seconds", [0.4, 2.0])
@@ -374,21 +374,21 @@ def test_a_program_that_did_not_run_for_a_while_ramps_the_axis_down(scenario, se
     moment = cell.moment()
     cell.faults.stall(seconds)
     cell.run(0.05)
-    cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=3.0, stages=(ENABLED, *OFF))
     assert cell.hardest_change(since=moment) <= 2.2 * RAMP  # at worst the drive's own quick stop
 
 
 def test_a_drive_that_leaves_the_commanded_mode_is_stopped(scenario):
     cell = turning(scenario)
     cell.drive().dials.spontaneous_mode = 1
-    cell.must_stand(within=2.0, stages=OFF)
+    cell.must_be_still(within=2.0, stages=OFF)
     assert "left mode 9 (csv)" in str(cell.x.error)
 
 
 def test_a_tpdo_that_stops_stops_the_axis(scenario):
     cell = turning(scenario, axis="position_limits = [-3000.0, 3000.0]", port={"apart": ("position",)})
     cell.device().dials.tpdos_stop = frozenset({2})
-    cell.must_stand(within=4.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=4.0, stages=(ENABLED, *OFF))
     assert cell.x.state is AxisState.ERRORSTOP
 
 
@@ -397,7 +397,7 @@ def test_a_mode_display_that_is_lost_while_it_brakes_is_no_jolt(scenario):
     moment = cell.moment()
     cell.device().dials.tpdos_stop = frozenset({2})
     halt = cell.x.halt()
-    cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=3.0, stages=(ENABLED, *OFF))
     cell.end_of(halt)
     assert cell.hardest_change(since=moment) <= 2.2 * RAMP
 
@@ -410,7 +410,7 @@ def test_a_load_is_held_before_during_and_after(scenario, holds, velocity):
     cell.x.cyclic_velocity(velocity).wait(5)
     cell.run(0.5)
     cell.x.halt().wait(5)
-    cell.must_stand(within=0.1, stages=ENABLED)
+    cell.must_be_still(within=0.1, stages=ENABLED)
     assert cell.hardest_change(since=moment) <= JOLT
     low, high = cell.farthest(since=moment)
     assert high - low == pytest.approx(abs(cell.where() - cell.positions(since=moment)[0]), abs=0.1)
@@ -426,7 +426,7 @@ def test_a_cyclic_velocity_ends_at_standstill_within_the_position_limits(scenari
     cell.x.cyclic_velocity(direction * speed)
     cell.must_move(faster_than=-1.0)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 10.0)
-    cell.must_stand(within=2.0, stages=ENABLED)
+    cell.must_be_still(within=2.0, stages=ENABLED)
     assert isinstance(cell.x.error, LimitError)
     low, high = cell.farthest()
     assert low >= -300.0
@@ -443,7 +443,7 @@ def test_a_weaker_deceleration_near_the_limit_is_refused_and_the_axis_continues(
     error = cell.failure_of(cell.x.cyclic_velocity(190.0, deceleration=50.0))
     assert isinstance(error, LimitError)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 10.0)
-    cell.must_stand(within=2.0, stages=ENABLED)
+    cell.must_be_still(within=2.0, stages=ENABLED)
     assert cell.farthest()[1] <= 300.0
 
 
@@ -503,7 +503,7 @@ def test_without_rated_torque_it_is_refused_at_the_call(scenario):
 def test_every_stop_of_a_pushed_axis_ends_at_standstill(scenario, how):
     cell = pushing(scenario)
     cell.end_of(getattr(cell.x, how)())
-    cell.must_stand(within=1.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=1.0, stages=(ENABLED, *OFF))
 
 
 @pytest.mark.parametrize("holds", ["brake", "torque"])
@@ -518,7 +518,7 @@ def test_a_load_does_not_fall_when_its_axis_is_halted(scenario, holds):
     cell.until(lambda: cell.speed() > 10.0, 5.0)
     halted = cell.moment()
     cell.x.halt().wait(5)
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     assert cell.farthest(since=halted)[0] >= start - 2.0
     assert cell.drive().mode_display != CST
 
@@ -526,7 +526,7 @@ def test_a_load_does_not_fall_when_its_axis_is_halted(scenario, holds):
 def test_a_cyclic_torque_ends_at_standstill_within_the_position_limits(scenario):
     cell = pushing(scenario, 0.3, axis="position_limits = [-300.0, 300.0]\n")
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 10.0)
-    cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=3.0, stages=(ENABLED, *OFF))
     assert cell.farthest()[1] <= 300.0
 
 
@@ -534,7 +534,7 @@ def test_a_pushed_axis_does_not_get_faster_than_it_may(scenario):
     cell = pushing(scenario, 1.5)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 10.0)
     assert "max_velocity" in str(cell.x.error)
-    cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=3.0, stages=(ENABLED, *OFF))
     assert cell.top_speed() <= 440.0
 
 
@@ -562,7 +562,7 @@ def test_a_fault_a_dead_node_and_each_end_of_the_program_stop_a_cyclic_torque(sc
     else:
         with pytest.raises(ZeroDivisionError), cell.machine:
             _ = 1 / 0
-    cell.must_stand(within=3.0, stages=OFF)
+    cell.must_be_still(within=3.0, stages=OFF)
 
 
 @pytest.mark.parametrize("command", ["move_velocity", "move_relative"])

@@ -62,11 +62,11 @@ class Adapter:
             noticed.set()
             raise NO_DEVICE
 
-        def gone_too(_timeout: float | None = None) -> None:
+        def missing_device(_timeout: float | None = None) -> None:
             noticed.wait()
             raise NO_DEVICE
 
-        self._bus.send, self._bus.recv = gone, gone_too
+        self._bus.send, self._bus.recv = gone, missing_device
 
     def let_go(self) -> None:
         """Work again."""
@@ -126,7 +126,7 @@ def test_a_scan_that_hangs_in_a_send_is_replaced_by_the_supervisor(tmp_path, gol
     with turning_cell(tmp_path) as (line, adapter, handles):
         adapter.hang(for_all=False)
         for name in "xy":
-            line.must_stand(name, stages=SWITCH_ON_DISABLED)
+            line.must_be_still(name, stages=SWITCH_ON_DISABLED)
         golden("scan_hangs", scan_errors(handles)[0], volatile=True)
         late = adapter.machine["x"].move_absolute(0.0)
         assert isinstance(late.exception(), ScanError)
@@ -140,10 +140,10 @@ def test_a_send_that_returns_at_last_does_not_set_the_drives_in_motion_again(tmp
             device.write(0x605A, 0, 6)  # brake, and stay in quick stop active
         adapter.hang(for_all=False)
         for name in "xy":
-            line.must_stand(name, stages=QUICK_STOP)
+            line.must_be_still(name, stages=QUICK_STOP)
         adapter.let_go()
         for name in "xy":
-            line.must_stand(name, stages=QUICK_STOP, within=1.0)
+            line.must_be_still(name, stages=QUICK_STOP, within=1.0)
         scan_errors(handles)
 
 
@@ -151,7 +151,7 @@ def test_a_send_that_returns_at_last_does_not_set_the_drives_in_motion_again(tmp
 def test_if_every_send_hangs_the_drives_watchdog_stops_them_and_closing_does_not_hang(tmp_path, golden):
     with turning_cell(tmp_path, "x") as (line, adapter, handles):
         adapter.hang(for_all=True)
-        line.must_stand(stages=OFF)
+        line.must_be_still(stages=OFF)
         scan_errors(handles)
         golden("closing_while_every_send_hangs", closing_error(adapter), volatile=True)
 
@@ -162,7 +162,7 @@ def test_a_deaf_adapter_stops_every_drive(tmp_path, golden):
     with turning_cell(tmp_path) as (line, adapter, handles):
         adapter.go_deaf()
         for name in "xy":
-            line.must_stand(name, stages=SWITCH_ON_DISABLED)
+            line.must_be_still(name, stages=SWITCH_ON_DISABLED)
         golden("adapter_deaf", scan_errors(handles)[0])
         golden("closing_deaf", closing_error(adapter))
 
@@ -172,7 +172,7 @@ def test_an_adapter_that_is_unplugged_leaves_the_drives_to_their_watchdog(tmp_pa
     with turning_cell(tmp_path) as (line, adapter, handles):
         adapter.unplug()
         for name in "xy":
-            line.must_stand(name, stages=OFF)
+            line.must_be_still(name, stages=OFF)
         golden("adapter_unplug", *scan_errors(handles), volatile=True)
         golden("closing_unplug", closing_error(adapter), volatile=True)
 
@@ -184,7 +184,7 @@ def test_an_adapter_that_refuses_every_frame_leaves_the_drives_to_their_watchdog
     with turning_cell(tmp_path) as (line, adapter, handles):
         adapter.refuse()
         for name in "xy":
-            line.must_stand(name, stages=OFF)
+            line.must_be_still(name, stages=OFF)
         until(lambda: not any(handle.busy for handle in handles))
         assert not adapter.machine._core.scan.ended
         errors = [handle.exception() for handle in handles]

@@ -40,7 +40,7 @@ def test_a_scan_that_dies_stops_every_drive_and_ends_every_handle(scenario, gold
     fail(cell, place)
     cell.run(0.2)
     for name in "xy":
-        cell.must_stand(name, within=1.0, stages=SWITCH_ON_DISABLED)
+        cell.must_be_still(name, within=1.0, stages=SWITCH_ON_DISABLED)
     for handle, axis in zip(handles, cell.machine, strict=True):
         assert isinstance(handle.exception(), ScanError)
         golden(f"scan_died_{axis.name}", handle.exception())
@@ -60,7 +60,7 @@ def test_a_fault_of_our_own_in_an_axis_kills_the_scan_and_stops_every_drive(scen
     with pytest.raises(KeyError):
         cell.run(0.2)
     for name in "xy":
-        cell.must_stand(name, within=1.0, stages=SWITCH_ON_DISABLED)
+        cell.must_be_still(name, within=1.0, stages=SWITCH_ON_DISABLED)
     golden("scan_died_by_a_bug", handles[1].exception())
 
 
@@ -73,7 +73,7 @@ def test_a_group_whose_scan_dies_ends_its_handle_and_stops(scenario):
     cell.faults.commit = unplugged()
     cell.run(0.05)
     for name in "xy":
-        cell.must_stand(name, within=1.0, stages=SWITCH_ON_DISABLED)
+        cell.must_be_still(name, within=1.0, stages=SWITCH_ON_DISABLED)
     assert isinstance(line.exception(), ScanError)
 
 
@@ -87,7 +87,7 @@ def test_if_the_quick_stop_cannot_be_sent_the_drives_own_watchdog_stops_them(sce
     cell.must_move()
     with pytest.raises(ScanError):
         cell.machine.close()
-    cell.must_stand(within=1.0, stages=OFF)
+    cell.must_be_still(within=1.0, stages=OFF)
 
 
 def test_closing_after_the_scan_has_died_reports_that_and_the_unknown_states(scenario, golden):
@@ -130,4 +130,4 @@ def test_a_frame_that_was_stuck_is_followed_by_nothing_but_the_quick_stop(scenar
     cycle.commit = stuck
     cell.run(0.05)
     assert sent == []
-    cell.must_stand(within=1.0, stages=OFF)
+    cell.must_be_still(within=1.0, stages=OFF)

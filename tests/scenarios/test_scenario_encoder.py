@@ -86,7 +86,7 @@ def test_an_axis_is_synchronised_with_a_moving_encoder_axis_without_vibration(sc
     assert cell.where("x") - x == pytest.approx(0.5 * (belt.place - before), abs=0.3)
     assert cell.hardest_change(since=moment) < 0.3 * RAMP
     belt.speed = 0.0
-    cell.must_stand(within=2.0, stages=ENABLED)
+    cell.must_be_still(within=2.0, stages=ENABLED)
 
 
 def test_a_sync_position_of_an_encoder_axis_is_met(scenario):
@@ -111,7 +111,7 @@ def test_a_dead_encoder_brakes_its_slave_and_the_error_names_it(scenario, how):
     else:
         device.nmt_command(NmtCommand.STOP)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 3.0)
-    cell.must_stand(within=1.5, stages=ENABLED)
+    cell.must_be_still(within=1.5, stages=ENABLED)
     assert cell.hardest_change(since=moment) < 2.1 * RAMP
     error = cell.x.error
     assert error is not None
@@ -125,7 +125,7 @@ def test_by_default_a_dead_encoder_stops_the_cell(scenario):
     cell.x.gear_in(cell["belt"], 0.5).wait(5)
     cell.machine.simulated_node(5).device.dials.dead = True
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 3.0)
-    cell.must_stand(within=1.5, stages=ENABLED)
+    cell.must_be_still(within=1.5, stages=ENABLED)
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def test_leaving_the_with_block_stops_disables_and_ends_the_node_watches(scenari
     with cell.machine:
         cell.turning()
     for name in "xy":
-        cell.must_stand(name, within=0.01, stages=SWITCH_ON_DISABLED)
+        cell.must_be_still(name, within=0.01, stages=SWITCH_ON_DISABLED)
         let_go(cell, name)
 
 
@@ -48,7 +48,7 @@ def test_an_exception_in_the_with_block_stops_everything_and_passes_on(scenario)
         cell.turning()
         _ = 1 / 0
     for name in "xy":
-        cell.must_stand(name, within=0.01, stages=SWITCH_ON_DISABLED)
+        cell.must_be_still(name, within=0.01, stages=SWITCH_ON_DISABLED)
         let_go(cell, name)
     assert not getattr(caught.value, "__notes__", [])
 
@@ -60,7 +60,7 @@ def test_an_exception_has_notes_about_errors_during_the_stop(scenario, golden):
         cell.travelling()
         cell.drive().dials.ignore_halt = True
         _ = 1 / 0
-    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still(within=0.01, stages=SWITCH_ON_DISABLED)
     golden("exception_with_notes", caught.value)
 
 
@@ -70,7 +70,7 @@ def test_close_does_the_same_and_may_be_repeated(scenario):
     cell.turning()
     cell.machine.close()
     cell.machine.close()
-    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still(within=0.01, stages=SWITCH_ON_DISABLED)
     let_go(cell)
 
 
@@ -89,7 +89,7 @@ def test_ctrl_c_while_an_exception_leaves_the_block_is_not_lost(scenario, error)
         cell.turning()
         scan.once = with_ctrl_c  # the first cycle of closing
         raise error
-    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still(within=0.01, stages=SWITCH_ON_DISABLED)
     assert isinstance(caught.value, error) or isinstance(caught.value.__context__, error)
 
 
@@ -109,8 +109,8 @@ def test_a_signal_within_the_handler_of_another_makes_it_a_quick_stop_too(scenar
         start = cell.where()
         scan.request_stop = interrupted
         signal.raise_signal(signal.SIGINT)
-    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
-    cell.must_have_come("x", start, (3.0, 7.0))  # 4 deg by the ramp of the quick stop, 8 by that of the halt
+    cell.must_be_still(within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_have_moved("x", start, (3.0, 7.0))  # 4 deg by the ramp of the quick stop, 8 by that of the halt
 
 
 def test_an_interrupted_opening_ends_the_node_watches_again(tmp_path, monkeypatch):
@@ -197,8 +197,8 @@ def test_a_fault_while_closing_is_reported(scenario, golden):
         cell.machine.close()
     except DriveFault as error:
         failure = error
-    cell.must_stand("x", within=1.0, stages=OFF)
-    cell.must_stand("y", within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still("x", within=1.0, stages=OFF)
+    cell.must_be_still("y", within=0.01, stages=SWITCH_ON_DISABLED)
     golden("fault_while_closing", failure)
 
 
@@ -215,8 +215,8 @@ def test_a_node_that_is_lost_when_the_machine_closes_keeps_its_watch_over_us(sce
         failures.append(error)
     except Exception as error:  # noqa: BLE001  # which one is for the golden message to say
         failures.append(error)
-    cell.must_stand("x", within=3.0, stages=OFF)
-    cell.must_stand("y", within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still("x", within=3.0, stages=OFF)
+    cell.must_be_still("y", within=0.01, stages=SWITCH_ON_DISABLED)
     assert cell.device("x").read(0x1016, 1) != 0
     assert cell.device("y").read(0x1016, 1) == 0
     golden("closing_with_a_lost_node", *failures)
@@ -258,7 +258,7 @@ def test_on_a_bus_too_a_deliberate_exit_leaves_drives_that_bear_our_silence(tmp_
         time.sleep(2.0)  # twenty heartbeats of ours
         for name in "xy":
             device = line.devices[name]
-            line.must_stand(name, stages=SWITCH_ON_DISABLED, within=0.1, for_good=0.1)
+            line.must_be_still(name, stages=SWITCH_ON_DISABLED, within=0.1, for_good=0.1)
             assert device.read(0x1016, 1) == 0
             assert device.nmt is NmtState.PRE_OPERATIONAL
             assert device.errors.register == 0

@@ -35,8 +35,8 @@ def test_a_fault_in_mid_move_stops_the_group_and_is_reported_in_the_makers_words
     cell = scenario.simulated("xy", eds=MODULE)
     faulty, other = cell.travelling()
     cell.drive("x").fault(MOSFET_HOT[1], MOSFET_HOT[0])
-    cell.must_stand("x", within=1.0, stages=FAULT)
-    cell.must_stand("y", within=1.0, stages=ENABLED)
+    cell.must_be_still("x", within=1.0, stages=FAULT)
+    cell.must_be_still("y", within=1.0, stages=ENABLED)
     fault = cell.failure_of(faulty)
     assert isinstance(fault, DriveFault)
     assert fault.code == 0x4310
@@ -134,8 +134,8 @@ def test_a_fault_in_the_moment_of_enabling_stops_the_others(scenario, golden):
     cell["y"].move_velocity(90.0).wait(3)
     cell.drive("x").dials.fault_on_enable = 0x7121
     failed = cell.failure_of(cell["x"].enable())
-    cell.must_stand("x", within=0.5, stages=OFF)
-    cell.must_stand("y", within=1.0, stages=ENABLED)
+    cell.must_be_still("x", within=0.5, stages=OFF)
+    cell.must_be_still("y", within=1.0, stages=ENABLED)
     golden("fault_on_enable", failed)
 
 

@@ -299,7 +299,7 @@ def test_the_scan_that_dies_sends_0(scenario):
     cell.faults.commit = AdapterError("the adapter is gone")
     with suppress(AxisbusError):
         cell.run(0.05)
-    assert not cell.scan_lives
+    assert not cell.scan_runs
     assert (witness.held[-1].velocity_offset, witness.held[-1].torque_offset) == (0, 0)
 
 

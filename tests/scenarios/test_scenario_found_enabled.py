@@ -178,7 +178,7 @@ def test_a_drive_that_cannot_be_taken_over_without_a_jump_is_left_at_its_positio
 def test_disable_stops_a_found_turning_drive(scenario):
     cell = turning(scenario)
     handle = cell.x.disable()
-    cell.must_stand(within=1.0, stages=(SWITCH_ON_DISABLED, SWITCHED_ON))
+    cell.must_be_still(within=1.0, stages=(SWITCH_ON_DISABLED, SWITCHED_ON))
     handle.wait(1)
     assert cell.stage() == SWITCH_ON_DISABLED
 
@@ -187,7 +187,7 @@ def test_disable_stops_a_found_turning_drive(scenario):
 def test_halt_stops_a_found_turning_drive(scenario):
     cell = turning(scenario)
     handle = cell.x.halt()
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     handle.wait(1)
 
 

@@ -111,7 +111,7 @@ def test_a_group_of_one_axis_is_a_group_and_takes_every_command(scenario):
     one.disable().wait(5)
     cell.must_be(SWITCH_ON_DISABLED, "x")
     cell.must_move("y")
-    assert cell.scan_lives
+    assert cell.scan_runs
 
 
 def test_the_handle_of_a_group_of_one_axis_ends_in_real_time_too(scenario):
@@ -119,7 +119,7 @@ def test_the_handle_of_a_group_of_one_axis_ends_in_real_time_too(scenario):
     handle = cell.machine.group("x").enable()
     handle.wait(5)
     cell.must_be(ENABLED)
-    assert cell.scan_lives
+    assert cell.scan_runs
 
 
 def test_an_axis_that_is_named_twice_is_refused(scenario, golden):
@@ -313,7 +313,7 @@ def test_a_halt_on_a_line_continues_braking_along_it_during_harmless_commands(sc
     must_be_smooth(cell, since)
     must_be_on_the_line(cell, since)
     for name in "xyz":
-        cell.must_stand(name, within=0.1, stages=ENABLED, for_good=0.3)
+        cell.must_be_still(name, within=0.1, stages=ENABLED, for_good=0.3)
         assert cell[name].error is None
     group.move_linear([0.0, 0.0, 0.0], velocity=200.0).wait(10)
     assert cell.where("x") == pytest.approx(0.0, abs=0.1)
@@ -327,7 +327,7 @@ def test_one_axis_that_stops_on_a_line_brakes_all_of_them_along_it(scenario, how
     assert isinstance(cell.failure_of(handle), Interrupted)
     own.wait(5)
     for name in "yz":
-        cell.must_stand(name, within=1.0, stages=ENABLED)
+        cell.must_be_still(name, within=1.0, stages=ENABLED)
     must_be_smooth(cell, since)
     must_be_on_the_line(cell, since)
 
@@ -354,7 +354,7 @@ def test_a_halt_that_a_move_interrupts_on_one_axis_brakes_the_others_to_the_end(
     cell.run(3.0)
     must_be_smooth(cell, since, "yz")
     for name in "yz":
-        cell.must_stand(name, within=0.1, stages=ENABLED)
+        cell.must_be_still(name, within=0.1, stages=ENABLED)
 
 
 # -- exceptions in the scan's thread end one command -------------------------------------------------------------------
@@ -362,7 +362,7 @@ def test_a_halt_that_a_move_interrupts_on_one_axis_brakes_the_others_to_the_end(
 
 def must_still_work(cell: Cell, names: str = "xyz") -> None:
     """The scan lives: every axis is at standstill, and takes commands again after a reset."""
-    assert cell.scan_lives
+    assert cell.scan_runs
     for name in names:
         cell.run(1.0)
         cell[name].reset().wait(2)
@@ -387,7 +387,7 @@ def test_an_exception_while_a_command_is_taken_ends_it_alone_and_stops_its_axis(
     assert isinstance(error.__cause__, ZeroDivisionError)
     assert error.__cause__.__traceback__ is not None
     golden("command_broke_off", error)
-    cell.must_stand("x", within=1.0, stages=ENABLED)
+    cell.must_be_still("x", within=1.0, stages=ENABLED)
     must_be_smooth(cell, since)
     cell.must_move("y")  # of another group: the fault policy leaves it alone
     must_still_work(cell, "x")
@@ -400,7 +400,7 @@ def test_the_fault_policy_acts_on_a_command_that_raises_in_the_scan(scenario, mo
         patch.setattr(accept_motion, "_within_reach", lambda *_: 1 // 0)
         cell.failure_of(cell["x"].move_absolute(10.0))
     for name in "xyz":
-        cell.must_stand(name, within=1.0, stages=ENABLED)
+        cell.must_be_still(name, within=1.0, stages=ENABLED)
 
 
 def test_an_exception_while_a_line_is_planned_ends_it_without_a_motion(scenario, monkeypatch):
@@ -425,7 +425,7 @@ def test_an_exception_in_the_middle_of_a_line_stops_all_of_its_axes(scenario, mo
         error = cell.failure_of(handle)
         assert isinstance(error, CommandError)
         for name in "xyz":
-            cell.must_stand(name, within=1.5, stages=(SWITCH_ON_DISABLED, ENABLED, 5))
+            cell.must_be_still(name, within=1.5, stages=(SWITCH_ON_DISABLED, ENABLED, 5))
     must_still_work(cell)
 
 
@@ -527,7 +527,7 @@ def test_a_signal_while_a_trajectory_is_called_is_not_an_error_of_the_trajectory
     with pytest.raises((KeyboardInterrupt, SystemExit)):
         handle.wait(5)
     for name in "xy":
-        cell.must_stand(name, within=2.0, stages=OFF)
+        cell.must_be_still(name, within=2.0, stages=OFF)
 
 
 @pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit, RuntimeError])
@@ -598,8 +598,8 @@ def test_several_threads_that_command_one_group_at_once_leave_no_handle_open(sce
         thread.join()
     for handle in handles:
         cell.end_of(handle)
-    assert cell.scan_lives
+    assert cell.scan_runs
     for name in "xy":
-        cell.must_stand(name, within=1.0, stages=ENABLED)
+        cell.must_be_still(name, within=1.0, stages=ENABLED)
     times = [sample.time for sample in cell.record("x").samples]
     assert all(b > a for a, b in pairwise(times))

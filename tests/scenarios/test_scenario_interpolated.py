@@ -124,7 +124,7 @@ def test_every_stop_holds(scenario, how):
     cell.run(1.0)
     moment = cell.moment()
     STOPS[how](cell)
-    cell.must_stand(within=1.0, stages=(ENABLED,) if how in ("halt", "stop") else OFF)
+    cell.must_be_still(within=1.0, stages=(ENABLED,) if how in ("halt", "stop") else OFF)
     assert cell.hardest_change(since=moment) <= 1.1 * 1000.0
     for stage, _, word, *_ in wire.seen[-20:]:
         assert stage == ENABLED or not word & BIT_4
@@ -146,7 +146,7 @@ def test_a_fault_in_ip_and_the_recovery(scenario):
     cell.run(1.0)
     cell.drive().fault(0x7500)
     assert isinstance(cell.failure_of(handle), AxisbusError)
-    cell.must_stand(within=3.0, stages=OFF)
+    cell.must_be_still(within=3.0, stages=OFF)
     cell.x.reset().wait(5)
     cell.run(1.0)
     start = cell.where()
@@ -165,7 +165,7 @@ def test_a_drive_that_stops_interpolating_is_reported(scenario):
     mode.sync = lambda _axis, _period: None  # it takes no set-point any more
     mode.bits = lambda _axis: 0  # and shows it
     assert isinstance(cell.failure_of(handle, 3.0), AxisbusError)
-    cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=3.0, stages=(ENABLED, *OFF))
 
 
 def test_a_drive_that_interpolates_late_is_waited_for(scenario):

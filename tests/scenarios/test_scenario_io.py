@@ -223,7 +223,7 @@ def test_a_lost_module_is_unknown_and_stops_the_cell(scenario):
     module(cell).set_bit(0x6000, 1, 2, True)
     cell.machine.io["lamp"].set(True).wait(1)
     cell.machine.simulated_node(5).device.dials.dead = True
-    cell.must_stand("x", within=2.0, stages=ENABLED)
+    cell.must_be_still("x", within=2.0, stages=ENABLED)
     for name in ("part", "lamp", "level"):
         with pytest.raises(StaleError) as caught:
             _ = cell.machine.io[name].value

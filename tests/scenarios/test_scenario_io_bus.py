@@ -197,9 +197,9 @@ def test_a_killed_program_leaves_safe_outputs_once_its_axis_is_off(tmp_path):
         [sys.executable, "-c", PROGRAM, str(path)], capture_output=True, text=True, timeout=30, check=False
     )
     assert ran.stdout.strip() == "set", ran.stderr
-    until(lambda: "the core ended" in told_by(path), limit=10.0)
-    assert "leaving: the program has ended" in told_by(path)
-    assert "went wrong" not in told_by(path)  # each output was read back
+    until(lambda: "the core ended" in journal_text(path), limit=10.0)
+    assert "leaving: the program has ended" in journal_text(path)
+    assert "went wrong" not in journal_text(path)  # each output was read back
     outputs, stages = plant(tmp_path / "plant.csv")
     lamp_on = [at for at, word in outputs if word == 8]
     driven = [at for at, stage in stages if stage not in OFF]
@@ -218,7 +218,7 @@ def plant(path: Path) -> tuple[list[tuple[float, int]], list[tuple[float, int]]]
     return outputs, [(float(row["time"]), int(row["stage"])) for row in rows if row["stage"]]
 
 
-def told_by(path: Path) -> str:
+def journal_text(path: Path) -> str:
     """Return the lines of the core's journal."""
     return path_of(str(path)).read_text()
 

@@ -10,7 +10,7 @@ import pytest
 from axisbus.errors import LimitError, Replaced, StateError, Stopped
 from axisbus.motion.states import AxisState
 from kit.cell import GENERIC, MODULE, cell_text
-from kit.scenarios.softly import JERK, NEAR, PERIOD, Led, soft
+from kit.scenarios.softly import JERK, NEAR, PERIOD, ComputedMotion, soft
 from kit.virtual import virtual
 
 HARD = 500.0  # deg/s²
@@ -41,7 +41,7 @@ def must_be_soft(led, hardest=HARD, jerk=JERK):
 def test_a_transition_has_the_velocity_of_its_mode(scenario, eds, mode, velocities, joint):
     """By the master, also where the drive has a profile jerk."""
     cell = soft(scenario, eds)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     first = cell.x.move_absolute(70.0, velocity=velocities[0], buffer=f"blending_{mode}")
     second = cell.x.move_absolute(150.0, velocity=velocities[1], buffer=f"blending_{mode}")
     assert cell.end_of(first) is None
@@ -59,7 +59,7 @@ def test_a_transition_has_the_velocity_of_its_mode(scenario, eds, mode, velociti
 @pytest.mark.parametrize("moment", [0.0, 0.02, 0.2, 0.6, 0.75])
 def test_a_jerk_limited_move_can_be_joined_before_it_begins_and_while_it_moves(scenario, moment):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     first = cell.x.move_absolute(70.0, velocity=100.0)
     cell.run(moment)
     second = cell.x.move_absolute(150.0, velocity=60.0, buffer="blending_low")
@@ -77,7 +77,7 @@ def test_a_jerk_limited_move_can_be_joined_before_it_begins_and_while_it_moves(s
 
 def test_a_move_given_while_the_axis_brakes_has_a_slower_transition_and_its_note_gives_the_velocity(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     cell.x.move_absolute(70.0, velocity=100.0)
     cell.run(0.9)
     second = cell.x.move_absolute(150.0, velocity=100.0, buffer="blending_low")
@@ -89,7 +89,7 @@ def test_a_move_given_while_the_axis_brakes_has_a_slower_transition_and_its_note
 
 def test_if_the_path_reverses_it_stops_at_the_end_and_the_note_gives_the_reason(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     first = cell.x.move_absolute(70.0, buffer="blending_next")
     second = cell.x.move_absolute(20.0, buffer="blending_next")
     assert cell.end_of(first) is None
@@ -102,7 +102,7 @@ def test_if_the_path_reverses_it_stops_at_the_end_and_the_note_gives_the_reason(
 
 def test_moves_that_need_more_time_for_their_jerk_are_not_blended_and_the_note_gives_the_reason(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     first = cell.x.move_absolute(70.0, jerk=10_000.0, buffer="blending_next")
     second = cell.x.move_absolute(150.0, jerk=5000.0, buffer="blending_next")
     assert cell.end_of(first) is None
@@ -120,7 +120,7 @@ def test_moves_that_need_more_time_for_their_jerk_are_not_blended_and_the_note_g
 
 def test_a_move_without_a_jerk_is_blended_with_the_jerk_of_the_one_before(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     cell.x.move_absolute(70.0, velocity=60.0, buffer="blending_next")
     second = cell.x.move_absolute(150.0, velocity=100.0, jerk=math.inf, buffer="blending_next")
     assert cell.end_of(second) is None
@@ -159,7 +159,7 @@ def test_a_drive_without_csp_plans_them_itself_or_refuses(scenario):
 
 def test_an_override_slows_and_holds_it_and_above_1_it_is_as_fast_as_at_1(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     handles = [
         cell.x.move_absolute(70.0, velocity=100.0, buffer="blending_next"),
         cell.x.move_absolute(300.0, velocity=60.0, buffer="blending_high"),
@@ -195,7 +195,7 @@ def test_a_halt_and_a_stop_are_as_hard_as_without_and_end_all(scenario, call):
 @pytest.mark.parametrize("by", ["move", "velocity", "harder"])
 def test_a_move_that_takes_over_begins_with_the_present_velocity_and_acceleration(scenario, moment, by):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     handles = [
         cell.x.move_absolute(60.0, velocity=100.0, buffer="blending_next"),
         cell.x.move_absolute(150.0, velocity=30.0, buffer="blending_next"),
@@ -226,7 +226,7 @@ def test_a_virtual_axis_passes_softly_too(scenario):
     cell = scenario.simulated(text=cell_text("", more=virtual("max_velocity = 400.0")))
     v = cell["v"]
     v.enable().wait(5)
-    led = Led(cell, "v")
+    led = ComputedMotion(cell, "v")
     v.move_absolute(50.0, velocity=100.0, jerk=JERK)
     last = v.move_absolute(120.0, velocity=40.0, jerk=JERK, buffer="blending_high")
     assert cell.end_of(last) is None
@@ -254,7 +254,7 @@ def test_a_fault_during_the_moves_ends_all_of_them(scenario):
 @pytest.mark.parametrize("seed", range(8))
 def test_random_moves_that_join_at_random_times_keep_their_jerk(scenario, seed):
     cell, chance = soft(scenario, MODULE, axis="max_acceleration = 500"), random.Random(seed)
-    led, end = Led(cell), 0.0
+    led, end = ComputedMotion(cell), 0.0
     handles = []
     for _ in range(12):
         end += chance.choice([0.0, 0.02, 1.0, 20.0, 80.0]) * chance.choice([1.0, 1.0, -1.0])

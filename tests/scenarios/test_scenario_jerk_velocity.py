@@ -11,7 +11,7 @@ from axisbus.errors import ArgumentError, Interrupted, LimitError, MotionTimeout
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import MODULE, cell_text
-from kit.scenarios.softly import JERK, NEAR, PERIOD, Demand, Led, differences, soft
+from kit.scenarios.softly import JERK, NEAR, PERIOD, ComputedMotion, Demand, differences, soft
 from kit.virtual import virtual
 
 CSP, PV = 8, 3
@@ -97,7 +97,7 @@ def test_a_soft_drive_is_stopped_ahead_of_its_position_limits(scenario):
 
 def test_without_a_profile_jerk_the_master_controls_the_velocity(scenario):
     cell = soft(scenario, MODULE)
-    led, begun = Led(cell), cell.now
+    led, begun = ComputedMotion(cell), cell.now
     handle = cell.x.move_velocity(100.0)
     assert cell.end_of(handle) is None
     assert cell.now - begun < 100.0 / HARD + HARD / JERK + 0.4
@@ -124,7 +124,7 @@ def test_without_a_jerk_the_drive_makes_the_ramp(scenario):
 
 def test_a_velocity_of_0_stops_the_axis_under_control_of_the_master(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     cell.end_of(cell.x.move_velocity(100.0))
     assert cell.end_of(cell.x.move_velocity(0.0)) is None
     must_be_soft(led)
@@ -140,7 +140,7 @@ def test_a_velocity_of_0_stops_the_axis_under_control_of_the_master(scenario):
 @pytest.mark.parametrize("target", [300.0, 20.0, -50.0])
 def test_a_move_takes_over_from_it_with_its_velocity_and_its_acceleration(scenario, moment, target):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     first = cell.x.move_velocity(100.0)
     cell.run(moment)
     second = cell.x.move_absolute(target)
@@ -157,7 +157,7 @@ def test_a_move_takes_over_from_it_with_its_velocity_and_its_acceleration(scenar
 def test_a_jerk_limited_velocity_takes_over_from_a_running_move(scenario, moment, velocity):
     """Speeding up, going evenly, and braking; with another acceleration as well."""
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     first = cell.x.move_absolute(200.0)
     cell.run(moment)
     second = cell.x.move_velocity(velocity, acceleration=300.0)
@@ -175,7 +175,7 @@ def test_out_of_a_move_without_a_jerk_it_continues_with_its_acceleration_too(sce
     cell.run(0.1)
     cell.x.move_absolute(200.0, jerk=math.inf)  # from a streamed trajectory
     cell.run(moment)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     cell.run(0.0101)
     assert cell.end_of(cell.x.move_velocity(30.0)) is None
     must_be_soft(led)
@@ -184,7 +184,7 @@ def test_out_of_a_move_without_a_jerk_it_continues_with_its_acceleration_too(sce
 @pytest.mark.parametrize("moment", [0.1, 0.3, 1.0])
 def test_a_halt_is_as_soft_and_may_be_interrupted(scenario, moment):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     cell.x.move_velocity(100.0)
     cell.run(moment)
     assert cell.end_of(cell.x.halt()) is None
@@ -243,7 +243,7 @@ def test_an_override_scales_and_holds_it_and_the_handle_waits(scenario, eds):
         cell[name].enable().wait(5)
     else:
         cell, name = soft(scenario, eds), "x"
-    axis, led = cell[name], Led(cell, name)
+    axis, led = cell[name], ComputedMotion(cell, name)
     axis.set_override(0.0).wait()
     handle = axis.move_velocity(300.0, jerk=JERK)
     cell.run(10.0)
@@ -359,7 +359,7 @@ def test_an_axis_that_jams_is_detected_and_stopped(scenario):
 
 def test_a_velocity_that_is_not_reached_in_time_ends_with_an_error_and_the_axis_brakes_on_its_path(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     error = cell.failure_of(cell.x.move_velocity(100.0, timeout=0.05))
     assert isinstance(error, MotionTimeout)
     assert "has not reached 100 deg/s" in str(error)
@@ -401,7 +401,7 @@ def test_a_distance_is_laid_over_it_and_a_slave_follows_it(scenario):
 
 def test_an_endless_axis_rotates_and_a_move_continues_to_its_position_in_the_turn(scenario):
     cell = soft(scenario, MODULE, axis="modulo = 360.0")
-    led = Led(cell)
+    led = ComputedMotion(cell)
     assert cell.end_of(cell.x.move_velocity(390.0)) is None
     cell.run(5.0)
     assert 0.0 <= cell.x.position < 360.0
@@ -415,7 +415,7 @@ def test_a_failing_axis_stops_the_others_without_jerk_limit(scenario):
     cell = scenario.simulated("xy", eds=MODULE).enabled()
     for axis in cell.machine:
         assert cell.end_of(axis.move_velocity(100.0, jerk=JERK)) is None
-    led = Led(cell, "y")
+    led = ComputedMotion(cell, "y")
     cell.run(0.1)
     cell.drive("x").fault(0x2310)
     cell.until(lambda: cell["y"].state is AxisState.STANDSTILL, 5.0)
@@ -440,7 +440,7 @@ def test_other_modes_take_over_from_it_without_a_jolt(scenario):
 @pytest.mark.parametrize("seed", range(10))
 def test_random_velocities_moves_halts_and_overrides_keep_jerk_and_acceleration(scenario, seed):
     cell, chance = soft(scenario, MODULE, axis="max_acceleration = 1000.0"), random.Random(seed)
-    led, handles = Led(cell), []
+    led, handles = ComputedMotion(cell), []
     ramps = (200.0, 500.0, 1000.0)
     for _ in range(30):
         kind = chance.choice("vvvmho")

@@ -146,11 +146,11 @@ def test_a_restore_that_is_killed_repeatedly_continues_with_the_values_that_diff
     assert drive.held() == factory
     for key in ((0x1800, 1), (0x607D, 2), (0x1A00, 1), (0x1A00, 0), (0x1800, 1)):
         drive.killed_after(drive.written(key), *restore)
-        assert _said_to_differ(drive, file) == _differing(drive)
+        assert _reported_differences(drive, file) == _differing(drive)
     code, out = drive.axisbus(*restore, "--json")
     assert (code, json.loads(out)["ok"]) == (0, True)
     assert drive.held() == WANTED
-    assert _said_to_differ(drive, file) == set()
+    assert _reported_differences(drive, file) == set()
 
 
 def _differing(drive: Drive) -> set[tuple[int, int]]:
@@ -158,7 +158,7 @@ def _differing(drive: Drive) -> set[tuple[int, int]]:
     return {key for key, value in WANTED.items() if held[key] != value}
 
 
-def _said_to_differ(drive: Drive, file: str) -> set[tuple[int, int]]:
+def _reported_differences(drive: Drive, file: str) -> set[tuple[int, int]]:
     code, out = drive.axisbus("config", "diff", file, str(NODE), "--json")
     differences = json.loads(out)["differences"]
     assert code == bool(differences)

@@ -60,7 +60,7 @@ def test_an_axis_is_stopped_when_its_process_data_arrive_ever_later(tmp_path, ra
             assert isinstance(handle.exception(), StaleError)
             assert reached < 0.1 + rate * 1.0 + 0.1  # the maximum age, the grace, and a busy computer
             until(lambda: x.state is AxisState.ERRORSTOP)
-            line.must_stand(stages=OFF)
+            line.must_be_still(stages=OFF)
         finally:
             with suppress(
                 AxisbusError, ExceptionGroup

@@ -404,7 +404,7 @@ def test_a_move_out_of_a_halt_on_a_trajectory_and_a_halt_of_that_move_do_not_jol
     cell["x"].halt().wait(5)
     assert cell.hardest_change("x", since) <= 720.0 + 300.0
     assert cell["x"].state is AxisState.STANDSTILL
-    cell.must_stand("x", within=0.1, stages=ENABLED)
+    cell.must_be_still("x", within=0.1, stages=ENABLED)
 
 
 def test_a_move_out_of_a_trajectory_that_could_not_brake_within_the_limits_is_refused(scenario):
@@ -439,7 +439,7 @@ def test_a_move_out_of_a_trajectory_ends_at_the_caller_s_timeout(scenario):
     cell.until(lambda: cell.where("x") > 40.0)
     error = cell.failure_of(cell["x"].move_absolute(170.0, velocity=10, timeout=0.5))
     assert isinstance(error, MotionTimeout)
-    cell.must_stand("x", within=2.0, stages=(ENABLED, *OFF))
+    cell.must_be_still("x", within=2.0, stages=(ENABLED, *OFF))
 
 
 # Limits in the drive.

@@ -108,7 +108,7 @@ def test_a_mode_refused_in_mid_move_stops_the_axis(scenario, golden):
     cell.drive().dials.modes_refused = frozenset({PV})
     handle = cell.x.move_velocity(-50.0)
     cell.run(1.1)
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     golden("mode_refused_in_mid_move", cell.failure_of(handle))
 
 
@@ -121,7 +121,7 @@ def test_csp_is_refused_if_the_drive_refuses_60c2(scenario, golden):
     failed = cell.failure_of(cell.x.follow(Ramp()))
     assert isinstance(failed, DriveError)
     golden("csp_60c2_refused", failed)
-    cell.must_stand(within=0.5, stages=ENABLED)
+    cell.must_be_still(within=0.5, stages=ENABLED)
     assert cell.drive().mode_display == PP
 
 
@@ -132,7 +132,7 @@ def test_csp_is_refused_if_60c2_reads_back_another_period(scenario, golden):
     failed = cell.failure_of(cell.x.follow(Ramp()))
     assert isinstance(failed, DriveError)
     golden("csp_60c2_other", failed)
-    cell.must_stand(within=0.5, stages=ENABLED)
+    cell.must_be_still(within=0.5, stages=ENABLED)
 
 
 @pytest.mark.parametrize(
@@ -171,8 +171,8 @@ def test_a_trajectory_that_becomes_too_fast_is_braked_along_its_path(scenario, g
 
     handle = cell.x.follow(Faster())
     cell.until(lambda: cell.where() > 400.0)  # at 2 s, when it is at the limit of 400 deg/s
-    cell.must_stand(within=1.5, stages=(ENABLED, *OFF))
-    cell.must_have_come("x", 400.0, (145.0, 175.0))  # along the path with 500 deg/s², the default, 160 deg
+    cell.must_be_still(within=1.5, stages=(ENABLED, *OFF))
+    cell.must_have_moved("x", 400.0, (145.0, 175.0))  # along the path with 500 deg/s², the default, 160 deg
     golden("csp_too_fast", cell.failure_of(handle))
 
 
@@ -186,7 +186,7 @@ def test_a_trajectory_beyond_the_limit_is_braked_to_standstill_within_it(scenari
 
     handle = cell.x.follow(Onwards())
     cell.until(lambda: way * cell.where() > 78.0)  # braking from 100 deg/s with 500 deg/s² takes 10 deg
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     assert 85.0 < way * cell.where() < 90.01
     failed = cell.failure_of(handle)
     if way > 0:
@@ -207,8 +207,8 @@ def test_a_trajectory_that_is_known_to_leave_the_limits_is_refused_at_the_call(s
 def test_csp_without_feedback_is_stopped(scenario, golden):
     cell, (handle, other) = following(scenario, "xy", port=APART)
     cell.device("x").dials.tpdos_stop = POSITION
-    cell.must_stand("x", within=1.5, stages=OFF)
-    cell.must_stand("y", within=1.5, stages=ENABLED)
+    cell.must_be_still("x", within=1.5, stages=OFF)
+    cell.must_be_still("y", within=1.5, stages=ENABLED)
     golden("csp_feedback_lost", cell.failure_of(handle))
     cell.failure_of(other)
 
@@ -218,7 +218,7 @@ def test_a_turning_axis_that_sync_no_longer_reaches_is_stopped_by_sdo(scenario, 
     cell = scenario.simulated("x")
     cell.turning()
     cell.faults.sync_lost = True
-    cell.must_stand(within=1.5, stages=OFF)
+    cell.must_be_still(within=1.5, stages=OFF)
     golden("sync_lost_turning", cell.x.error)
     assert "TREAT" not in str(cell.x.error)
 
@@ -226,7 +226,7 @@ def test_a_turning_axis_that_sync_no_longer_reaches_is_stopped_by_sdo(scenario, 
 def test_a_following_axis_that_sync_no_longer_reaches_stops_at_its_last_target(scenario, golden):
     cell, (handle,) = following(scenario)
     cell.faults.sync_lost = True
-    cell.must_stand(within=1.5, stages=OFF)
+    cell.must_be_still(within=1.5, stages=OFF)
     golden("sync_lost_following", cell.failure_of(handle))
 
 
@@ -237,10 +237,10 @@ def test_a_halt_brakes_along_the_trajectory(scenario, hears_halt):
     cell.drive().dials.halt_in_cyclic_modes = hears_halt
     start = cell.where()
     halt = cell.x.halt()
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     halt.wait(1)
     # 100 deg/s with 500 deg/s² takes 10 deg; a target that stayed behind would have stopped it within one period.
-    cell.must_have_come("x", start, (8.0, 13.0))
+    cell.must_have_moved("x", start, (8.0, 13.0))
     assert handle.aborted
 
 
@@ -251,9 +251,9 @@ def test_a_halt_whose_feedback_stops_while_it_brakes_ends_in_the_halt_of_the_dri
     halt = cell.x.halt()
     cell.run(0.05)
     cell.device().dials.tpdos_stop = POSITION  # and now the feedback goes, too
-    cell.must_stand(within=2.5, stages=(ENABLED, QUICK_STOP, *OFF))
-    cell.must_have_come("x", start, (8.0, 13.0))
-    assert cell.scan_lives
+    cell.must_be_still(within=2.5, stages=(ENABLED, QUICK_STOP, *OFF))
+    cell.must_have_moved("x", start, (8.0, 13.0))
+    assert cell.scan_runs
     cell.end_of(halt)
 
 
@@ -262,7 +262,7 @@ def test_a_group_on_a_line_is_stopped_on_the_line_by_another_axis_fault(scenario
     line = cell.machine.group("x", "y").move_linear((600.0, 300.0), velocity=150.0)
     cell.run(1.0)
     cell.drive("z").fault(0x2310)
-    cell.must_stand("x", within=1.0, stages=ENABLED)
-    cell.must_stand("y", within=1.0, stages=ENABLED)
+    cell.must_be_still("x", within=1.0, stages=ENABLED)
+    cell.must_be_still("y", within=1.0, stages=ENABLED)
     assert abs(cell.where("x") - 2.0 * cell.where("y")) < 3 / SCALE
     assert line.aborted

@@ -18,7 +18,7 @@ from kit.cell import cell_text
 from kit.probe import ENABLED
 from kit.scenarios import other_master as others
 from kit.scenarios.bus import Line, enable
-from kit.scenarios.other_master import Ear, OtherMaster, Says
+from kit.scenarios.other_master import Ear, OtherMaster, RepeatedFrame
 
 
 @pytest.fixture
@@ -96,11 +96,11 @@ def test_every_frame_on_the_bus_belongs_to_others(tmp_path, monitor):
 
 def test_events_since_the_last_refresh_are_reported_as_news(tmp_path, monitor):
     says = (
-        Says(0x081, "20 43 08 00 00 00 00 00", every=8),
-        Says(0x000, "80 01", every=8),
-        Says(0x701, "7F", every=5),
-        Says(0x732, "05", every=5),
-        Says(0x123, "01 02"),
+        RepeatedFrame(0x081, "20 43 08 00 00 00 00 00", every=8),
+        RepeatedFrame(0x000, "80 01", every=8),
+        RepeatedFrame(0x701, "7F", every=5),
+        RepeatedFrame(0x732, "05", every=5),
+        RepeatedFrame(0x123, "01 02"),
     )
     with Line(tmp_path, "x", present="") as line, OtherMaster(line.channel, says):
         code, told, _ = monitor(line)

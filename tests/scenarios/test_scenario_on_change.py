@@ -38,7 +38,7 @@ TRAVELS = {
 }
 
 
-def turn_dials(drive, kind: str) -> None:
+def apply_fault_settings(drive, kind: str) -> None:
     for name, value in KINDS[kind].items():
         setattr(drive.dials, name, value)
 
@@ -46,7 +46,7 @@ def turn_dials(drive, kind: str) -> None:
 def played(scenario, kind: str, axis: str = ON_CHANGE, **changes):
     """An enabled cell whose drive is of a kind; 6060h is written in every cycle, as an RPDO that holds it does."""
     cell = scenario.simulated("x", axis=axis, **changes)
-    turn_dials(cell.drive(), kind)
+    apply_fault_settings(cell.drive(), kind)
     cell.each_cycle(lambda *_: cell.device().write(0x6060, 0, cell.drive().mode))
     return cell.enabled()
 
@@ -83,7 +83,7 @@ def settled(cell, target: float) -> bool:
 def test_the_error_of_the_default_handshake_names_the_remedy(scenario, golden, kind):
     cell = played(scenario, kind, axis="")
     error = cell.failure_of(cell.x.move_absolute(2000.0))
-    cell.must_stand(within=2.0, stages=ENABLED)
+    cell.must_be_still(within=2.0, stages=ENABLED)
     assert isinstance(error, SetPointError)
     assert 'handshake = "on-change" in [axes.x]' in error.remedy
     golden(f"bit_12_{kind}", error)
@@ -114,7 +114,7 @@ def test_stops_stop_and_leave_nothing_behind(scenario, kind, way):
         cell.run(offset * PERIOD) if offset else None
         stop = getattr(cell.x, way)()
         stop.wait(5)
-        cell.must_stand(within=0.1, stages=OFF if way == "quick_stop" else ENABLED)
+        cell.must_be_still(within=0.1, stages=OFF if way == "quick_stop" else ENABLED)
         cell.x.release() if way == "stop" else None
         cell.x.enable().wait(5)
         stood = cell.where()
@@ -235,7 +235,7 @@ def test_a_replacement_that_is_not_taken_is_no_move(scenario, last, travels):
     error = cell.failure_of(cell.x.move_absolute(last))
     assert isinstance(error, SetPointError)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP and not cell.core().ladder, 3.0)
-    cell.must_stand(within=0.1, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=0.1, stages=(ENABLED, *OFF))
     assert abs(cell.where() - last) > 10.0
 
 
@@ -295,7 +295,7 @@ def test_an_axis_that_stopped_a_little_short_may_be_moved_to_the_same_target_aga
 @pytest.mark.parametrize("kind", KINDS)
 def test_on_a_bus_moves_arrive_stop_and_are_replaced(tmp_path, kind):
     with Line(tmp_path, axis=ON_CHANGE) as line:
-        turn_dials(line.drive(), kind)
+        apply_fault_settings(line.drive(), kind)
         with line.open() as cell:
             x = cell["x"]
             enable(x)
@@ -310,18 +310,18 @@ def test_on_a_bus_moves_arrive_stop_and_are_replaced(tmp_path, kind):
             x.move_absolute(1000.0)
             line.run(0.6)
             x.halt().wait(10)
-            line.must_stand(stages=ENABLED)
+            line.must_be_still(stages=ENABLED)
             x.move_relative(-5.0).wait(10)
 
 
 @pytest.mark.parametrize("kind", ["never", "early"])
 def test_on_a_bus_the_error_of_the_default_handshake_names_the_remedy(tmp_path, kind):
     with Line(tmp_path) as line:
-        turn_dials(line.drive(), kind)
+        apply_fault_settings(line.drive(), kind)
         with line.open() as cell:
             enable(cell["x"])
             error = _failure(cell)
-            line.must_stand(stages=ENABLED)
+            line.must_be_still(stages=ENABLED)
     assert isinstance(error, SetPointError)
     assert 'handshake = "on-change" in [axes.x]' in error.remedy
 

@@ -189,7 +189,7 @@ def test_one_axis_in_fault_stops_the_other_on_the_path(scenario):
     cell.machine.simulated_node(2).fault(0x2310)
     assert isinstance(cell.failure_of(handle), DriveFault)
     cell.run(1.0)
-    cell.must_stand("x", within=0.1, stages=ENABLED)
+    cell.must_be_still("x", within=0.1, stages=ENABLED)
     assert "is ErrorStop" in str(cell.failure_of(group.resume()))
 
 

@@ -11,7 +11,7 @@ from axisbus.errors import AxisbusError, Interrupted
 from axisbus.machine.handle import Handle
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
-from kit.plants import MOTIONS, PLANTS, cell_on, jam, set_going
+from kit.plants import MOTIONS, PLANTS, cell_on, jam, set_in_motion
 from kit.probe import PlantMoves
 
 LONGEST = 15.0  # seconds: all steps of the stop sequence, and some
@@ -161,7 +161,7 @@ def must_keep_its_promise(cell: Cell, ending: Ending, *, jammed: bool) -> None:
         cell.must_not_leap(since=freed, way=WAY, speed=SPEED)
 
 
-def must_be_told_plainly(ending: Ending) -> None:
+def must_be_clear(ending: Ending) -> None:
     for error in ending.errors:
         assert not isinstance(error, Interrupted), f"a stop ended as interrupted: {error}"
         assert error.remedy or "\n" in str(error), f"no remedy: {error}"
@@ -186,11 +186,11 @@ def test_after_a_completed_stop_the_axis_stays_at_standstill(scenario, plant, mo
     names = "xy" if way == "lost-node" else "x"
     limits = "position_limits = [-3000.0, 300.0]" if way == "limit" else ""
     cell = cell_on(scenario, PLANTS[plant], names, search=mode == "hm", limits=limits)
-    set_going(cell, mode, "x")
+    set_in_motion(cell, mode, "x")
     jams = PLANTS[plant].jams
     if jams is not None:
         cell.after(max(0.0, -jams), lambda: jam(cell, PLANTS[plant]))
         cell.run(max(0.0, jams))
     ending = WAYS[way](cell)
-    must_be_told_plainly(ending)
+    must_be_clear(ending)
     must_keep_its_promise(cell, ending, jammed=jams is not None)

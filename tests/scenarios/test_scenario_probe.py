@@ -522,7 +522,7 @@ def test_a_probe_does_not_change_the_motion_of_an_axis_on_a_trajectory(scenario)
         cell.run(0.2)
         since = cell.moment()
         cell.x.follow(TrapezoidalTrajectory(0.0, 60.0, 100.0, 500.0)).wait(5)
-        cell.must_stand(within=0.5, stages=ENABLED)
+        cell.must_be_still(within=0.5, stages=ENABLED)
         ways.append(cell.positions(since=since))
         assert [edge.position for edge in probe.captures] == pytest.approx([20.0, 30.0] if probed else [])
     assert ways[0] == ways[1]
@@ -541,7 +541,7 @@ def test_a_search_ends_at_standstill_beyond_the_edge_and_reports_the_position_of
         12.34 + 2.5 < cell.where() < 12.34 + 2.5 + 50.0 * 0.08
     )  # braking, and the distance until it was seen
     assert cell.x.state is AxisState.STANDSTILL
-    cell.must_stand(within=0.1, stages=ENABLED)
+    cell.must_be_still(within=0.1, stages=ENABLED)
     assert function(cell) == DISARMED
     cell.x.move_absolute(0.0).wait(5)
 
@@ -551,7 +551,7 @@ def test_no_motion_before_the_input_is_armed(scenario):
     cell.drive().dials.probe_deaf = True
     search = cell.x.probe_move(40.0)
     assert isinstance(cell.failure_of(search), DriveError)
-    cell.must_stand(within=0.1, stages=ENABLED)
+    cell.must_be_still(within=0.1, stages=ENABLED)
     assert cell.farthest() == (0.0, 0.0)
 
 
@@ -604,7 +604,7 @@ def test_a_touch_probe_that_fails_halts_the_search(scenario):
     cell.until(lambda: cell.where() > 10.0)
     cell.drive().touch_probe.take(0)
     assert isinstance(cell.failure_of(search), DriveError)
-    cell.must_stand(within=0.5, stages=ENABLED)
+    cell.must_be_still(within=0.5, stages=ENABLED)
     assert cell.where() < 40.0
 
 
@@ -614,7 +614,7 @@ def test_another_request_for_its_input_halts_the_search(scenario):
     cell.until(lambda: cell.where() > 10.0)
     probe = cell.x.probe()
     assert isinstance(cell.failure_of(search), Replaced)
-    cell.must_stand(within=0.5, stages=ENABLED)
+    cell.must_be_still(within=0.5, stages=ENABLED)
     assert probe.active
 
 
@@ -625,7 +625,7 @@ def test_a_node_that_dies_ends_a_search_and_the_others_stop(scenario):
     search = cell["x"].probe_move(200.0)
     cell.until(lambda: cell.where("x") > 10.0)
     cell.device("x").dials.dead = True
-    cell.must_stand("y", within=1.0, stages=ENABLED)
+    cell.must_be_still("y", within=1.0, stages=ENABLED)
     assert isinstance(cell.failure_of(search), NodeError)
 
 

@@ -110,7 +110,9 @@ class Doomed:
         before = [row for row in self.plant() if at - 0.5 <= row.time <= at]
         return any(row.velocity > 0.3 * SPEED for row in before)
 
-    def stands_after(self, at: float, stages: tuple[int, ...], within: float = STOPS_WITHIN) -> float | None:
+    def standstill_after(
+        self, at: float, stages: tuple[int, ...], within: float = STOPS_WITHIN
+    ) -> float | None:
         """Return how many seconds after a time all motors stood for good in these stages; None if they do not in time."""
         until = time.monotonic() + within
         while time.monotonic() < until:
@@ -201,7 +203,7 @@ def test_a_motor_stops_whichever_process_dies(tmp_path, death, whole):
     with doomed(tmp_path, scene, "" if whole else net) as one:
         time.sleep(0.3)
         at = one.strike(who, number)
-        took = one.stands_after(at, REST, STOPS_WITHIN if whole else 2.0)
+        took = one.standstill_after(at, REST, STOPS_WITHIN if whole else 2.0)
         assert one.turns(at)
         assert (took is not None) is whole, took
 
@@ -214,7 +216,7 @@ LOST = "the eyes on the program's descriptors"
 def test_a_motor_stops_when_its_program_has_lost_the_descriptor_to_the_core(tmp_path, loss, whole):
     with doomed(tmp_path, loss, "" if whole else LOST) as one:
         at = one.strike("program", signal.SIGUSR1)
-        took = one.stands_after(at, REST, STOPS_WITHIN if whole else 2.0)
+        took = one.standstill_after(at, REST, STOPS_WITHIN if whole else 2.0)
         assert one.turns(at)
         assert (took is not None) is whole, took
 
@@ -239,7 +241,7 @@ def test_descriptors_that_a_forked_child_closes_are_its_own_affair(tmp_path):
 def test_both_motors_of_a_beam_stop_together_when_any_process_dies(tmp_path, who, number):
     with doomed(tmp_path, "carrying", axes="xy", more=BEAM) as one:
         at = one.strike(who, number)
-        took = one.stands_after(at, REST)
+        took = one.standstill_after(at, REST)
         assert one.moves(at)
         assert took is not None
         x, y = one.places()
@@ -251,7 +253,7 @@ def test_both_motors_of_a_beam_stop_together_when_any_process_dies(tmp_path, who
 def test_the_motors_of_a_core_with_many_axes_stop_as_soon(tmp_path, number):
     with doomed(tmp_path, "sleeping", axes="abcdefghijkl") as one:
         at = one.strike("core", number)
-        took = one.stands_after(at, REST)
+        took = one.standstill_after(at, REST)
         assert one.turns(at)
         assert took is not None
 
@@ -276,13 +278,13 @@ def test_a_suspended_program_ends_nothing_and_its_motor_continues(tmp_path):
         time.sleep(0.5)
         assert one.process.poll() is None
         at = one.strike("program", signal.SIGINT)
-        assert one.stands_after(at, REST) is not None
+        assert one.standstill_after(at, REST) is not None
 
 
 def test_the_stream_of_a_suspended_program_runs_out_and_continues_with_the_program(tmp_path):
     with doomed(tmp_path, "streaming", axes="xy") as one:
         at = one.strike("program", signal.SIGSTOP)
-        took = one.stands_after(at, (ENABLED,))
+        took = one.standstill_after(at, (ENABLED,))
         assert one.moves(at)
         assert took is not None
         assert took > 0.2  # there were points ahead
@@ -290,18 +292,18 @@ def test_the_stream_of_a_suspended_program_runs_out_and_continues_with_the_progr
         time.sleep(1.5)
         assert one.moves(at + 1.0)
         at = one.strike("program", signal.SIGINT)
-        assert one.stands_after(at, REST) is not None
+        assert one.standstill_after(at, REST) is not None
 
 
 @pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
 def test_the_motors_of_a_stream_stop_and_are_off_when_its_program_is_killed(tmp_path, whole):
     with doomed(tmp_path, "streaming", "" if whole else NO_PROGRAM, axes="xy") as one:
         at = one.strike("program", signal.SIGKILL)
-        took = one.stands_after(at, REST, STOPS_WITHIN if whole else 1.5)
+        took = one.standstill_after(at, REST, STOPS_WITHIN if whole else 1.5)
         assert one.moves(at)
         assert (took is not None) is whole, took
         if not whole:  # its points have run out all the same, and they are held there
-            assert one.stands_after(at, (ENABLED,)) is not None
+            assert one.standstill_after(at, (ENABLED,)) is not None
 
 
 def test_a_program_gets_the_reason_of_the_end_of_its_core_and_the_state_of_its_drives(tmp_path):
@@ -323,7 +325,7 @@ def test_a_program_gets_the_reason_of_the_end_of_its_core_and_the_state_of_its_d
 def test_a_suspended_watchdog_process_is_reported_and_all_processes_end(tmp_path):
     with doomed(tmp_path, "waiting") as one:
         at = one.strike("warden", signal.SIGSTOP)
-        assert one.stands_after(at, REST) is not None
+        assert one.standstill_after(at, REST) is not None
         told = tmp_path / "told.txt"
         assert one.ends("core", 6.0)
         assert one.ends("warden", 2.0)

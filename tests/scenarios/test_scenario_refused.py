@@ -175,14 +175,14 @@ def test_a_refused_command_changes_nothing(scenario, situation):
         assert cell.where("z") == pytest.approx(100.0, abs=0.1)
 
 
-def standing_in_csp(scenario: Stage) -> Cell:
+def at_standstill_in_csp(scenario: Stage) -> Cell:
     cell = scenario.simulated("xy", axis=AXIS).enabled()
     cell.x.follow([(0.0, 0.0), (1.0, 10.0), (2.0, 10.0)]).wait(5)
     return cell
 
 
 def test_a_trajectory_that_begins_elsewhere_leaves_the_axis_at_standstill(scenario):
-    cell = standing_in_csp(scenario)
+    cell = at_standstill_in_csp(scenario)
     with pytest.raises(LimitError, match="does not begin at the position of the axis"):
         cell.x.follow([(0.0, 90.0), (1.0, 90.0)]).wait(2)
     cell.run(0.3)
@@ -191,7 +191,7 @@ def test_a_trajectory_that_begins_elsewhere_leaves_the_axis_at_standstill(scenar
 
 
 def test_a_slave_that_cannot_synchronise_is_left_at_standstill(scenario):
-    cell = standing_in_csp(scenario)
+    cell = at_standstill_in_csp(scenario)
     waits = cell.x.gear_in(cell["y"], 1.0, sync_positions=(20.0, 30.0), master_start_distance=90.0)
     cell.run(0.3)
     cell["y"].move_absolute(50.0)
@@ -203,7 +203,7 @@ def test_a_slave_that_cannot_synchronise_is_left_at_standstill(scenario):
 
 @pytest.mark.parametrize("couple", ["gear", "cam"])
 def test_a_slave_whose_master_is_in_fault_is_left_as_it_is(scenario, couple):
-    cell = standing_in_csp(scenario)
+    cell = at_standstill_in_csp(scenario)
     cell.drive("y").fault(0x2310)
     cell.run(0.5)
     with pytest.raises(StateError, match="its master is lost"):
@@ -212,7 +212,7 @@ def test_a_slave_whose_master_is_in_fault_is_left_as_it_is(scenario, couple):
 
 
 def test_a_synchronised_slave_stays_so_if_another_cam_is_refused(scenario):
-    cell = standing_in_csp(scenario)
+    cell = at_standstill_in_csp(scenario)
     cell.x.gear_in(cell["y"], 1.0).wait(5)
     with pytest.raises(LimitError):
         cell.x.cam_in(cell["y"], CAM, master_offset=90.0).wait(2)

@@ -26,7 +26,7 @@ from kit.cell import cell_text
 from kit.probe import ENABLED, OFF, QUICK_STOP
 from kit.scenarios import other_master as others
 from kit.scenarios.bus import Line, enable, turning, until
-from kit.scenarios.other_master import Ear, OtherMaster, Says
+from kit.scenarios.other_master import Ear, OtherMaster, RepeatedFrame
 
 ALL = {**others.SIGNS, **others.MASTERS}
 QUICK = {
@@ -93,7 +93,7 @@ def test_a_machine_that_was_closed_is_no_other_master(tmp_path):
                 line.must_be(ENABLED)
 
 
-def line_refused(line: Line, says: tuple[Says, ...]) -> list[str]:
+def line_refused(line: Line, says: tuple[RepeatedFrame, ...]) -> list[str]:
     """Open beside another master, which must be refused; return the observed frames, without the numbers."""
     with OtherMaster(line.channel, says, 0.02), pytest.raises(SecondMasterError) as caught:
         line.open()
@@ -131,7 +131,7 @@ def test_the_drives_of_a_refused_cell_see_nothing(tmp_path):
 
 
 def test_our_own_node_id_counts_as_that_of_a_master(tmp_path):
-    says = (Says(0x705, "05", every=2),)
+    says = (RepeatedFrame(0x705, "05", every=2),)
     with Line(tmp_path, "x", bus="master_id = 5", **QUICK) as line:
         assert line_refused(line, says) == ["heartbeats of node 5 (705h)"]
 
@@ -166,7 +166,7 @@ def test_the_sync_of_another_device_is_no_sign_of_a_master_if_the_cell_file_allo
     bus = 'sync_producer = "external"\nsync_timeout = "1s"'  # this computer may be late
     with (
         Line(tmp_path, "x", bus=bus) as line,
-        OtherMaster(line.channel, (Says(0x80),), 0.02),
+        OtherMaster(line.channel, (RepeatedFrame(0x80),), 0.02),
         line.open() as machine,
     ):
         enable(machine["x"])
@@ -174,13 +174,13 @@ def test_the_sync_of_another_device_is_no_sign_of_a_master_if_the_cell_file_allo
 
 
 def test_a_master_is_detected_next_to_the_sync_of_another_device(tmp_path):
-    bus, says = 'sync_producer = "external"', (Says(0x80), Says(0x77F, "05"))
+    bus, says = 'sync_producer = "external"', (RepeatedFrame(0x80), RepeatedFrame(0x77F, "05"))
     with Line(tmp_path, "x", bus=bus, **QUICK) as line:
         assert line_refused(line, says) == ["heartbeats of node 127 (77Fh)"]
 
 
 def test_sync_at_a_cob_id_other_than_that_of_the_cell_is_detected_at_both(tmp_path):
-    bus, says = "sync_cob_id = 0x90", (Says(0x80), Says(0x90))
+    bus, says = "sync_cob_id = 0x90", (RepeatedFrame(0x80), RepeatedFrame(0x90))
     with Line(tmp_path, "x", bus=bus, **QUICK) as line:
         assert line_refused(line, says) == ["SYNC (080h, 090h)"]
 
@@ -201,7 +201,7 @@ def test_axes_that_another_master_commands_are_stopped_and_it_is_an_event(tmp_pa
         assert masters_in(machine) == []
         with OtherMaster(line.channel, says, 0.005):
             for name in "xy":  # the fault policy stops the other one too
-                line.must_stand(name, stages=(ENABLED, QUICK_STOP, *OFF), within=1.5)
+                line.must_be_still(name, stages=(ENABLED, QUICK_STOP, *OFF), within=1.5)
             until(lambda: all(machine[name].state is AxisState.ERRORSTOP for name in names))
         for name in names:
             assert isinstance(machine[name].error, SecondMasterError)
@@ -243,7 +243,7 @@ def test_frames_of_another_master_that_command_no_drive_are_an_event_and_stop_no
 
 
 def test_with_beside_the_commands_of_another_master_are_events_and_stop_nothing(tmp_path):
-    says = (Says(0x602, "23 81 60 00 00 10 00 00", every=20),)
+    says = (RepeatedFrame(0x602, "23 81 60 00 00 10 00 00", every=20),)
     with Line(tmp_path, "xy", bus="beside = true") as line, line.open() as machine:
         turning(machine, line)
         with OtherMaster(line.channel, says, 0.005):
@@ -253,7 +253,7 @@ def test_with_beside_the_commands_of_another_master_are_events_and_stop_nothing(
 
 
 def test_an_axis_that_another_master_has_never_seen_us_command_is_left_to_it(tmp_path):
-    says = (Says(0x201, "06 00"),)
+    says = (RepeatedFrame(0x201, "06 00"),)
     with Line(tmp_path, "xy") as line, line.open() as machine:
         enable(machine["y"])
         with OtherMaster(line.channel, says, 0.005):
@@ -321,7 +321,7 @@ def test_stop_is_never_refused(tmp_path, axisbus):
             code, told, _ = axisbus("stop", line.file)
             assert code == 0, told
             for name in "xy":
-                line.must_stand(name, stages=(5, *OFF), within=1.0)
+                line.must_be_still(name, stages=(5, *OFF), within=1.0)
         finally:
             machine._close("the scenario ends")
 

@@ -47,7 +47,7 @@ def once(played, nets, number, places=PLACES):
 @LADDER
 def test_ctrl_c_stops_the_motor_on_the_usual_ramp_wherever_in_the_program_it_arrives(played, nets_cut, place):
     seen = once(played, nets_cut, SIGINT).scenes[PLACES.index(place)]
-    seen.must_stand()
+    seen.must_be_still()
     assert seen.raised == KEYBOARD
     assert seen.notes == []
 
@@ -55,14 +55,14 @@ def test_ctrl_c_stops_the_motor_on_the_usual_ramp_wherever_in_the_program_it_arr
 @LADDER
 def test_ctrl_c_brakes_without_a_jolt(played, nets_cut):
     seen = once(played, nets_cut, SIGINT).scenes[0]
-    seen.must_stand()
+    seen.must_be_still()
     assert 0.7 * SLOW < seen.way < 1.3 * SLOW
 
 
 @pytest.mark.parametrize("place", TERM_PLACES)
 def test_sigterm_stops_the_motor_on_the_usual_ramp(played, place):
     seen = once(played, (), SIGTERM, TERM_PLACES).scenes[TERM_PLACES.index(place)]
-    seen.must_stand()
+    seen.must_be_still()
     assert seen.raised == TERMINATED
 
 
@@ -77,7 +77,7 @@ def test_the_exit_code_is_that_of_the_signal(played, number, code):
 def test_a_signal_that_ends_a_program_stops_the_motor_of_a_core_in_its_process(played, monkeypatch, number):
     monkeypatch.setenv("AXISBUS_PROCESS", "thread")
     ended = once(played, (), number, ("sleeping",))
-    ended.scenes[0].must_stand()
+    ended.scenes[0].must_be_still()
     assert ended.scenes[0].raised == f"SystemExit({128 + number})"
     assert ended.code == 128 + number
 
@@ -156,7 +156,7 @@ TWICE = [("sleeping", (SIGINT, SIGINT)), ("leaving", (SIGINT, SIGINT)), ("sleepi
 @LADDER
 def test_a_second_signal_makes_it_a_quick_stop(played, nets_cut, scene):
     seen = played(TWICE, nets_cut, pause=0.2).scenes[scene]
-    seen.must_stand()
+    seen.must_be_still()
     assert seen.way < QUICK
     assert seen.raised == KEYBOARD
 
@@ -168,7 +168,7 @@ WHILE_STOPPING = [("leaving", (SIGINT,)), ("leaving", (SIGTERM,)), ("closing", (
 @LADDER
 def test_a_signal_while_the_machine_closes_is_raised_after_the_stop(played, nets_cut, scene):
     seen = played(WHILE_STOPPING, nets_cut, before=0.3).scenes[scene]
-    seen.must_stand()
+    seen.must_be_still()
     assert seen.way > 0.7 * SLOW  # it is being stopped already, and one signal does not make that harder
     assert seen.raised == (KEYBOARD if WHILE_STOPPING[scene][1] == (SIGINT,) else TERMINATED)
 
@@ -177,7 +177,7 @@ def test_a_signal_while_the_machine_closes_is_raised_after_the_stop(played, nets
 def test_two_signals_at_once_cannot_slip_past_the_stop(played, nets_cut):
     """The second is handled between the end of the block and the first line of its exit."""
     (seen,) = played([("sleeping", (SIGINT, SIGTERM))], nets_cut).scenes
-    seen.must_stand()
+    seen.must_be_still()
     assert seen.way < QUICK
     assert seen.raised in (KEYBOARD, TERMINATED)
 
@@ -189,6 +189,6 @@ def test_two_signals_at_once_cannot_slip_past_the_stop(played, nets_cut):
 @LADDER
 def test_a_program_that_ends_without_closing_the_machine_leaves_the_motor_at_standstill(played, nets_cut):
     ended = played([("forgetting", ())], nets_cut)
-    ended.scenes[0].must_stand()
+    ended.scenes[0].must_be_still()
     assert ended.code == 0
     assert ended.errors == ""

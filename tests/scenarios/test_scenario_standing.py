@@ -243,7 +243,7 @@ def test_a_drive_whose_6062h_is_its_target_can_be_halted_and_does_not_trip(scena
     going(cell, "pp")
     assert cell.x.state is AxisState.DISCRETE_MOTION
     cell.x.halt().wait(5)
-    cell.must_stand(within=0.1, stages=ENABLED)
+    cell.must_be_still(within=0.1, stages=ENABLED)
 
 
 def test_a_drive_without_6062h_that_takes_no_target_under_halt_is_reported(scenario):
@@ -291,7 +291,7 @@ def test_a_trajectory_whose_drive_leaves_csp_is_stopped_within_its_limits(scenar
     cell.run(0.6)
     cell.drive().target_velocity = round(60.0 * 100)
     moment = slip(cell, to)
-    cell.must_stand(within=1.0, stages=OFF, for_good=3.0)
+    cell.must_be_still(within=1.0, stages=OFF, for_good=3.0)
     assert cell.farthest(since=moment)[1] < 60.0
     assert isinstance(cell.x.error, ModeError)
     if to == PV:
@@ -333,7 +333,7 @@ def test_a_halted_drive_that_continues_to_its_old_target_is_stopped_and_reported
     moment = cell.moment()
     cell.drive().dials.ignore_halt = True
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
-    cell.must_stand(within=1.0, stages=OFF)
+    cell.must_be_still(within=1.0, stages=OFF)
     assert cell.farthest(since=moment)[1] < place + 15.0
     assert isinstance(cell.x.error, UncommandedMotion)
     golden("moves_by_itself", cell.x.error)
@@ -398,7 +398,7 @@ def test_a_moving_axis_is_enabled_with_allow_moving(scenario):
     cell = scenario.simulated("x")
     coasting(cell, 50.0)
     cell.x.enable(allow_moving=True).wait(10)
-    cell.must_stand(within=0.1, stages=ENABLED)
+    cell.must_be_still(within=0.1, stages=ENABLED)
 
 
 def test_a_drive_that_continues_to_its_old_target_when_enabled_is_stopped(scenario, golden):
@@ -413,7 +413,7 @@ def test_a_drive_that_continues_to_its_old_target_when_enabled_is_stopped(scenar
     failed = cell.failure_of(cell.x.enable())
     assert isinstance(failed, UncommandedMotion)
     golden("moves_on_enable", failed)
-    cell.must_stand(within=2.0, stages=OFF)
+    cell.must_be_still(within=2.0, stages=OFF)
     assert cell.farthest(since=moment)[1] < 15.0
 
 
@@ -447,7 +447,7 @@ def test_a_motor_that_runs_down_without_power_is_awaited(scenario):
     cell.x.move_velocity(100.0).wait(5)
     cell.x.quick_stop().wait(10)
     assert cell.speed() == 0.0
-    cell.must_stand(within=0.1, stages=OFF)
+    cell.must_be_still(within=0.1, stages=OFF)
 
 
 # -- values older than the stop ------------------------------------------------------------------------------------------
@@ -466,7 +466,7 @@ def test_a_position_from_before_the_stop_does_not_count(scenario, timer):
     cell.run(0.15)
     cell.x.halt().wait(5)
     assert cell.speed() == 0.0
-    cell.must_stand(within=0.0, stages=ENABLED)
+    cell.must_be_still(within=0.0, stages=ENABLED)
 
 
 def silence(cell, timer: float) -> None:
@@ -536,6 +536,6 @@ def test_a_halted_drive_on_a_bus_that_continues_is_stopped(scenario):
     place, moment = cell.where(), cell.moment()
     cell.drive().dials.ignore_halt = True
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, limit=10.0)
-    cell.must_stand(within=4.0, stages=OFF)
+    cell.must_be_still(within=4.0, stages=OFF)
     assert cell.farthest(since=moment)[1] < place + 40.0
     assert isinstance(cell.x.error, UncommandedMotion), cell.x.error

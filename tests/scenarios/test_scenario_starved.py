@@ -67,7 +67,7 @@ def test_a_heartbeat_missed_by_a_starved_program_is_not_blamed_on_the_node(scena
     must_name_us_first(cell.x.error)
     assert isinstance(cell.x.error, NodeError)
     golden("starved_heartbeat", cell.x.error)
-    cell.must_stand(within=2.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=2.0, stages=(ENABLED, *OFF))
 
 
 def test_process_data_missed_by_a_starved_program_are_not_blamed_on_the_node(scenario, golden):
@@ -79,7 +79,7 @@ def test_process_data_missed_by_a_starved_program_are_not_blamed_on_the_node(sce
     must_name_us_first(cell.x.error)
     assert isinstance(cell.x.error, StaleError)
     golden("starved_silence", cell.x.error)
-    cell.must_stand(within=3.0, stages=OFF)
+    cell.must_be_still(within=3.0, stages=OFF)
 
 
 @pytest.mark.parametrize("code", [0x8130, 0x8250, 0x8700])  # our heartbeat, an RPDO's deadline, SYNC
@@ -130,7 +130,7 @@ def test_a_thread_that_holds_the_interpreter_is_named_and_no_hardware(tmp_path, 
             failure = machine._core.scan.failure
             assert failure is None or OWN in str(failure), failure
             for name in "xy":
-                line.must_stand(name, stages=(ENABLED, *OFF))
+                line.must_be_still(name, stages=(ENABLED, *OFF))
         finally:
             machine._close("the scenario ends")
 
@@ -175,7 +175,7 @@ def test_a_callback_that_holds_the_scan_up_is_named_and_no_adapter(tmp_path):
             handle = machine["x"].move_relative(1e5, velocity=90.0)
             until(lambda: handle.active)
             machine._core.scan.observers.append(lambda *_: free.wait())
-            line.must_stand(stages=OFF)
+            line.must_be_still(stages=OFF)
             error = handle.exception()
             assert "blocked by code of the program" in error.observed
             assert "test_scenario_starved.py" in error.observed

@@ -84,7 +84,7 @@ def test_a_turning_axis_is_stopped_for_every_transport_of_the_statusword(scenari
         cell = scenario.simulated("x", port=port)
         cell.turning(50.0)
     stop = cell.x.stop()
-    cell.must_stand(within=2.5, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=2.5, stages=(ENABLED, *OFF))
     cell.end_of(stop)
 
 
@@ -101,7 +101,7 @@ def test_a_statusword_that_becomes_stale_during_a_move_causes_a_quick_stop(scena
     cell = scenario.simulated("x", port=port)
     (handle,) = cell.travelling()
     cell.hold_back("statusword")  # the drive sends everything but that
-    cell.must_stand(within=1.5, stages=OFF)
+    cell.must_be_still(within=1.5, stages=OFF)
     stale = cell.failure_of(handle)
     assert isinstance(stale, StaleError)
     golden(f"statusword_stale_{name}", stale)
@@ -135,7 +135,7 @@ def test_a_frozen_statusword_does_not_prevent_a_stop(scenario):
     cell.turning()
     cell.drive().dials.statusword_frozen = True
     stop = cell.x.disable()
-    cell.must_stand(within=1.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=1.0, stages=(ENABLED, *OFF))
     cell.end_of(stop)
     cell.run(0.2)
     assert cell.stage() in OFF

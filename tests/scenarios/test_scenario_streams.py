@@ -62,7 +62,7 @@ def must_not_jolt(cell: Cell, names: str = "xyz") -> None:
         assert cell.hardest_change(name) < 1.3 * HARDEST
 
 
-def must_stand(cell: Cell, names: str = "xyz") -> None:
+def must_be_still(cell: Cell, names: str = "xyz") -> None:
     before = [cell.where(name) for name in names]
     cell.run(0.3)
     assert [cell.where(name) for name in names] == pytest.approx(before, abs=0.02)
@@ -107,7 +107,7 @@ def test_without_points_the_axes_brake_on_their_path_and_continue_with_the_next_
     cell.must_move("x")
     cell.run(pause)
     if pause > 1.0:
-        must_stand(cell)
+        must_be_still(cell)
         assert points.buffered_seconds == 0.0
     assert points.handle.active
     feed(cell, points, 1.0)
@@ -129,7 +129,7 @@ def test_an_underrun_ends_a_stream_that_is_to_end_by_it(scenario):
     assert "s of the stream" in error.observed
     assert "buffer" in error.remedy
     cell.run(1.0)
-    must_stand(cell)
+    must_be_still(cell)
     must_be_on_the_line(cell)
     must_not_jolt(cell)
     with pytest.raises(CommandError, match="underrun"):
@@ -238,7 +238,7 @@ def test_points_that_are_lost_in_transit_end_the_stream_without_a_jump(scenario)
     with pytest.raises(StateError, match="did not arrive"):
         feed(cell, points, 1.0)
     cell.run(1.0)
-    must_stand(cell)
+    must_be_still(cell)
     must_be_on_the_line(cell)
     must_not_jolt(cell)
 
@@ -262,7 +262,7 @@ def test_a_stream_that_gets_no_point_ends_well(scenario):
     with stream(cell) as points:
         cell.run(0.2)
     assert points.handle.done
-    must_stand(cell)
+    must_be_still(cell)
 
 
 def test_a_full_buffer_blocks_the_program_no_longer_than_its_timeout(scenario):
@@ -287,7 +287,7 @@ def test_an_exception_in_its_block_halts_the_axes(scenario):
     with pytest.raises(ZeroDivisionError), stream(cell) as points:
         feed(cell, points, 0.8)
         points.push((1 / 0, 0.0, 0.0))
-    must_stand(cell)
+    must_be_still(cell)
     must_be_on_the_line(cell)
     assert points.handle.aborted
     with pytest.raises(Interrupted):
@@ -299,7 +299,7 @@ def test_a_with_block_whose_stream_was_interrupted_waits_for_standstill(scenario
     with pytest.raises(Interrupted), stream(cell) as points:
         feed(cell, points, 0.8)
         cell["y"].halt()
-    must_stand(cell)
+    must_be_still(cell)
 
 
 def test_a_block_left_by_an_exception_does_not_end_motions_that_have_taken_over(scenario):
@@ -344,7 +344,7 @@ def test_each_stop_of_one_axis_of_a_stream_stops_all(scenario, stop):
     cell.run(1.0)
     assert cell.end_of(handle) is None
     assert not points.handle.busy
-    must_stand(cell)
+    must_be_still(cell)
     if "halt" in stop:
         must_be_on_the_line(cell)
 
@@ -382,5 +382,5 @@ def test_a_lost_node_stops_the_others_on_their_path(scenario):
     with pytest.raises(NodeError):
         feed(cell, points, 2.0)
     cell.run(1.5)
-    must_stand(cell, "xy")
+    must_be_still(cell, "xy")
     assert cell.where("y") == pytest.approx(0.5 * cell.where("x"), abs=0.1)

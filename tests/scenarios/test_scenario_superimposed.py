@@ -192,7 +192,7 @@ def test_the_fault_of_one_axis_of_a_line_ends_the_addition_of_another(scenario, 
     assert cell.end_of(line) is not None
     assert isinstance(cell.end_of(over), Interrupted)
     cell.run(0.5)
-    cell.must_stand("x", within=0.1, stages=(*OFF, ENABLED) if on_fault == "quick" else ENABLED)
+    cell.must_be_still("x", within=0.1, stages=(*OFF, ENABLED) if on_fault == "quick" else ENABLED)
     assert on_fault == "quick" or targets.hardest <= 2000.0 + STEP
 
 
@@ -309,7 +309,7 @@ def test_a_command_that_stops_the_axis_ends_both_motions(scenario, command):
     assert cell.end_of(getattr(cell.x, command)()) is None
     assert isinstance(below.exception(), Interrupted)
     assert isinstance(over.exception(), Interrupted)
-    cell.must_stand("x", within=0.1, stages=ENABLED if command in ("halt", "stop") else OFF)
+    cell.must_be_still("x", within=0.1, stages=ENABLED if command in ("halt", "stop") else OFF)
     assert cell.hardest_change("x") < 2100.0
 
 
@@ -336,7 +336,7 @@ def test_a_move_out_of_a_trajectory_is_displaced_under_any_override(scenario):
         assert cell.end_of(cell.x.set_override(factor)) is None
         cell.run(0.6)
         if not factor:
-            cell.must_stand("x", within=0.1, stages=ENABLED)
+            cell.must_be_still("x", within=0.1, stages=ENABLED)
     assert cell.end_of(over) is None
     assert cell.end_of(below) is None
     assert cell.where("x") == pytest.approx(75.0, abs=INCREMENT)

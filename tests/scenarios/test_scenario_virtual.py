@@ -380,7 +380,7 @@ def test_an_error_of_the_virtual_axis_stops_the_drive_of_its_cell(scenario):
     cell["x"].move_velocity(50.0).wait(5)
     v.move_velocity(300.0).wait(5)
     cell.until(lambda: v.state is AxisState.ERRORSTOP, 5)
-    cell.must_stand("x", within=1.0, stages=ENABLED)
+    cell.must_be_still("x", within=1.0, stages=ENABLED)
 
 
 # -- missing functions -------------------------------------------------------------------------------------------------

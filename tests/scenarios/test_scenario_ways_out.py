@@ -56,9 +56,9 @@ def test_close_in_a_callback_begins_the_stop_and_the_block_waits_for_it(tmp_path
             turning(machine, line)
             end = machine["y"].halt()
             end.add_done_callback(lambda: close(machine))
-            line.must_stand("x", stages=SWITCH_ON_DISABLED)
+            line.must_be_still("x", stages=SWITCH_ON_DISABLED)
         for name in "xy":
-            line.must_stand(name, stages=SWITCH_ON_DISABLED, within=0.1)
+            line.must_be_still(name, stages=SWITCH_ON_DISABLED, within=0.1)
             let_go(line, name)
             assert not line.devices[name].errors.entries
     assert took[0] < 0.2
@@ -77,7 +77,7 @@ def test_a_block_that_ends_just_after_a_close_in_a_callback_waits_for_standstill
 
             machine._core.scan.observers.append(observe)
             assert closed.wait(STOP)
-        line.must_stand(stages=SWITCH_ON_DISABLED, within=0.0)
+        line.must_be_still(stages=SWITCH_ON_DISABLED, within=0.0)
         let_go(line, "x")
 
 
@@ -89,8 +89,8 @@ def test_close_in_a_callback_in_virtual_time(scenario):
     end.add_done_callback(cell.machine.close)
     cell.run(3.0)
     for name in "xy":
-        cell.must_stand(name, within=0.01, stages=SWITCH_ON_DISABLED)
-    assert not cell.scan_lives
+        cell.must_be_still(name, within=0.01, stages=SWITCH_ON_DISABLED)
+    assert not cell.scan_runs
     assert cell.device("x").nmt is NmtState.PRE_OPERATIONAL
     cell.machine.close()
 
@@ -101,7 +101,7 @@ def test_the_error_of_a_close_in_a_callback_is_raised_by_the_next_close(scenario
     cell.drive().dials.ignore_halt = True
     cell.each_cycle(lambda *_: cell.machine.close())
     cell.run(3.0)
-    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still(within=0.01, stages=SWITCH_ON_DISABLED)
     with pytest.raises(DriveError, match="harder stop"):
         cell.machine.close()
     cell.machine.close()  # raised once
@@ -117,7 +117,7 @@ def test_the_end_of_the_block_waits_for_the_close_of_another_thread(tmp_path):
             closer = threading.Thread(target=machine.close)
             closer.start()
             time.sleep(0.02)
-        line.must_stand(stages=SWITCH_ON_DISABLED, within=0.0)
+        line.must_be_still(stages=SWITCH_ON_DISABLED, within=0.0)
         let_go(line, "x")
         closer.join(STOP)
 
@@ -172,7 +172,7 @@ def test_a_handler_of_the_users_own_cannot_break_the_stop_off(scenario):
             cell.machine.close()
     finally:
         signal.signal(signal.SIGUSR1, before)
-    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still(within=0.01, stages=SWITCH_ON_DISABLED)
 
 
 # -- during a fault -----------------------------------------------------------------------------------------------------------
@@ -197,7 +197,7 @@ def test_a_fault_at_speed_while_closing_is_awaited(scenario):
     fault_while_closing(cell)
     with pytest.raises(DriveFault) as caught:
         cell.machine.close()
-    cell.must_stand(within=0.0, stages=FAULT)
+    cell.must_be_still(within=0.0, stages=FAULT)
     assert "TREAT" not in caught.value.remedy
 
 
@@ -210,7 +210,7 @@ def test_closing_during_a_fault_reaction_waits_for_its_end(scenario, cycles):
     cell.must_move()
     with suppress(DriveFault):  # raised by the command that it ended, or by closing
         cell.machine.close()
-    cell.must_stand(within=0.0, stages=FAULT)
+    cell.must_be_still(within=0.0, stages=FAULT)
 
 
 COASTS = 'fault = "coast"'
@@ -223,7 +223,7 @@ def test_a_drive_that_coasts_in_fault_while_closing_is_awaited(scenario):
     fault_while_closing(cell)
     with pytest.raises(DriveFault):
         cell.machine.close()
-    cell.must_stand(within=0.0, stages=FAULT)
+    cell.must_be_still(within=0.0, stages=FAULT)
 
 
 def test_a_drive_that_coasts_for_longer_than_its_stop_sequence_is_reported_as_moving(scenario, golden):
@@ -297,7 +297,7 @@ def test_after_a_good_close_an_axis_shows_how_it_was_left(scenario):
     cell = scenario.simulated("x")
     cell.turning()
     cell.machine.close()
-    cell.must_stand(within=0.0, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still(within=0.0, stages=SWITCH_ON_DISABLED)
     assert cell.x.state.value == "Disabled"
     assert cell.x.error is None
     with pytest.raises(StaleError, match="closed"):

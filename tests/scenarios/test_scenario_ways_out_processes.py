@@ -35,7 +35,7 @@ def test_a_signal_while_another_thread_closes_interrupts_the_main_thread(tmp_pat
             signal.raise_signal(signal.SIGINT)
             time.sleep(20.0)
         assert time.monotonic() - began < 10.0
-        line.must_stand(stages=SWITCH_ON_DISABLED, within=0.0)
+        line.must_be_still(stages=SWITCH_ON_DISABLED, within=0.0)
         closer.join(STOP)
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
     assert not EXIT.listens
@@ -60,7 +60,7 @@ def test_a_thread_that_commands_after_a_signal_moves_nothing(tmp_path):
             try:
                 signal.raise_signal(signal.SIGTERM)
             finally:
-                line.must_stand(stages=SWITCH_ON_DISABLED, for_good=1.0)
+                line.must_be_still(stages=SWITCH_ON_DISABLED, for_good=1.0)
                 over.set()
                 worker.join(STOP)
 
@@ -106,7 +106,7 @@ class Scene:
         assert self.all("sent") == []
 
 
-def must_stand(plant: dict) -> None:
+def must_be_still(plant: dict) -> None:
     """Make sure that a motor is at standstill and off."""
     if plant["velocity"] or plant["stage"] not in OFF:
         raise PlantMoves(str(plant))
@@ -115,7 +115,7 @@ def must_stand(plant: dict) -> None:
 @POSIX
 def test_a_machine_that_is_closed_leaves_the_signals_to_the_others(tmp_path):
     scene = Scene(tmp_path, "first_closed_first")
-    must_stand(scene.one("end"))
+    must_be_still(scene.one("end"))
     assert scene.code == 143
 
 
@@ -130,8 +130,8 @@ def test_after_the_last_machine_the_process_is_as_before_in_any_order(tmp_path):
 def test_a_signal_stops_all_machines(tmp_path):
     scene = Scene(tmp_path, "signal_stops_both")
     assert scene.code == 0, scene.errors
-    must_stand(scene.one("end")["first"])
-    must_stand(scene.one("end")["second"])
+    must_be_still(scene.one("end")["first"])
+    must_be_still(scene.one("end")["second"])
 
 
 @POSIX
@@ -190,6 +190,6 @@ def test_spawned_workers_and_other_programs_leave_the_machine_alone(tmp_path):
 def test_a_forked_child_may_have_its_own_machine(tmp_path):
     scene = Scene(tmp_path, "machine_in_child")
     assert scene.code == 0, scene.errors
-    must_stand(scene.one("child"))
+    must_be_still(scene.one("child"))
     scene.must_turn(90.0)
     assert scene.one("end")["code"] == 143

@@ -11,7 +11,7 @@ from axisbus import CoreXY, Delta, Scara
 from axisbus.errors import ArgumentError, Interrupted, LimitError
 from axisbus.machine.groups import Group
 from kit.cell import SCALE, Cell
-from kit.scenarios.softly import Led, differences
+from kit.scenarios.softly import ComputedMotion, differences
 
 AXIS = "max_acceleration = 4000.0"
 ARM = Scara(200.0, 150.0)
@@ -94,7 +94,7 @@ def test_a_belt_moves_one_axis_by_two_motors(scenario):
 def test_the_tool_has_limited_jerk_under_an_override_and_a_halt(scenario, what, jerk):
     """Its jerk, from the targets of its joints; on a circle only that of the speed along it, without the turning."""
     cell, xy = arm(scenario)
-    led = [Led(cell, name) for name in "xy"]
+    led = [ComputedMotion(cell, name) for name in "xy"]
     pace = {"velocity": 200.0, "acceleration": 1000.0, "jerk": jerk}
     points = [(260.0, 150.0), (260.0, 0.0)]
     if what == "line":

@@ -15,7 +15,7 @@ LOADED = MotorParams(stiffness=0.5, damping=0.2, load=100.0)  # it droops by 200
 STEPS = [0.0001, 0.001, 0.007, 0.02]
 
 
-def ramp_and_rest(motor: Motor, dt: float, seconds: float = 1.4) -> list[tuple[float, float]]:
+def ramp_and_hold(motor: Motor, dt: float, seconds: float = 1.4) -> list[tuple[float, float]]:
     """Move a motor at 20 000 increments/s for 0.7 s, then hold; return time and position at every 0.14 s."""
     seen, time, demand = [], 0.0, motor.seize()
     begin = demand
@@ -38,8 +38,8 @@ def test_a_motor_without_stiffness_is_the_usual_one():
 @pytest.mark.parametrize("dt", STEPS)
 @pytest.mark.parametrize("params", [SOFT, LOADED], ids=["free", "loaded"])
 def test_the_step_width_does_not_matter(params, dt):
-    fine = dict(ramp_and_rest(make_motor(params), 0.0005))
-    seen = ramp_and_rest(make_motor(params), dt)
+    fine = dict(ramp_and_hold(make_motor(params), 0.0005))
+    seen = ramp_and_hold(make_motor(params), dt)
     assert len(seen) >= 9
     for time, position in seen:
         assert position == pytest.approx(fine[time], abs=1.0)
@@ -59,7 +59,7 @@ def test_a_load_lets_it_droop_by_load_over_stiffness_and_stay_there(dt):
 
 def test_a_soft_motor_oscillates_when_its_demand_stops():
     motor = make_motor(SOFT)
-    ramp_and_rest(motor, 0.001, 0.7)
+    ramp_and_hold(motor, 0.001, 0.7)
     place, speeds = 14_000.0, []
     for _ in range(300):
         motor.track(place, 0.001, 3000.0)

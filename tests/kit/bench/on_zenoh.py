@@ -18,7 +18,7 @@ from kit.bench.scopes import spent
 from kit.zenoh_cell import KEYS, BridgeProcess, Client
 
 
-def ask_nonsense(client: Client, until: float) -> int:
+def send_nonsense(client: Client, until: float) -> int:
     """Ask it without end, and return how often."""
     asked = 0
     while time.monotonic() < until:
@@ -42,7 +42,7 @@ def main(cell: str, seconds: str, *junk: str) -> None:
             client.session.declare_subscriber(KEYS.events, lambda _: None)
             began, end = spent(bridge.process.pid), time.monotonic() + float(seconds)
             asked: list[int] = []
-            thread = threading.Thread(target=lambda: asked.append(ask_nonsense(client, end)))
+            thread = threading.Thread(target=lambda: asked.append(send_nonsense(client, end)))
             if junk:
                 thread.start()
             time.sleep(max(0.0, end - time.monotonic()))

@@ -299,7 +299,7 @@ class Player:
         """Points of a random walk that keeps some of its speed, given in time, late, or not at all any more."""
         return self._streamed(self.group, tuple(axis.commanded_position for axis in self.group))
 
-    def _stream_of_places(self) -> Handle:
+    def _workspace_stream(self) -> Handle:
         """The same through places of a workspace."""
         belt = CoreXY()
         return self._streamed(
@@ -342,7 +342,7 @@ class Player:
         self.walk.points.resume()
         return self._walk_on(self.walk)
 
-    def _own_way(self) -> Handle:
+    def _own_kinematics_path(self) -> Handle:
         """A path by kinematics of the program's own."""
         self._rest(0.8)
         points = [self._point() for _ in range(self.random.randint(1, 4))]
@@ -411,9 +411,9 @@ ORDER: dict[str, Callable[[Player], Handle]] = {
     "moves blended with jerk": Player._softly_blended,
     "circle": Player._circle,
     "stream": Player._stream,
-    "stream of places": Player._stream_of_places,
+    "stream of places": Player._workspace_stream,
     "stream gone on with": Player._resumed_stream,
-    "path of own kinematics": Player._own_way,
+    "path of own kinematics": Player._own_kinematics_path,
     "trajectory": Player._trajectory,
     "trajectory with more laid over": Player._laid_over,
     "replan": Player._replan,

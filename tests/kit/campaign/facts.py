@@ -33,7 +33,7 @@ _CAUGHT = 0.5  # s that an axis must have been at standstill against its command
 
 
 @dataclass
-class Asked:
+class GivenCommand:
     """A command that was given; ``goals``: the known target of each axis, in increments of the drive.
 
     On a drawn cell: ``kind`` is that of the order, ``legal`` whether the command must end well, ``direction`` (1 or -1) that of the
@@ -78,7 +78,7 @@ class Facts:
         self.site = site
         self.scene = scene
         self.names = scene.names
-        self.asked: list[Asked] = []
+        self.asked: list[GivenCommand] = []
         self.troubles: dict[str, list[Trouble]] = {name: [] for name in scene.names}
         self.at = ""
         self.worst = 0.0  # seconds that a stop took at most
@@ -159,7 +159,7 @@ class Facts:
         seldom = core.capabilities.max_age.get("demand", 0.0) > max(0.1, shortest)
         return core.image.demand is not None and not seldom
 
-    def is_caught_unseen(self, name: str, stop: Asked) -> bool:
+    def is_caught_unseen(self, name: str, stop: GivenCommand) -> bool:
         """Whether something caught the axis while it was being stopped, or just before, and no value shows its demand."""
         caught = any(
             trouble.what == "jam" and trouble.since > stop.since - _CAUGHT
@@ -203,19 +203,19 @@ class Facts:
 
     # -- commands --------------------------------------------------------------------------------------------------------
 
-    def later(self, asked: Asked, name: str) -> bool:
+    def later(self, asked: GivenCommand, name: str) -> bool:
         """Whether something that moves this axis was asked after it."""
         after = self.asked[self.asked.index(asked) + 1 :]
         return any(other.what not in QUIET and name in other.names for other in after)
 
-    def power_asked_after(self, asked: Asked, name: str) -> bool:
+    def power_removed_after(self, asked: GivenCommand, name: str) -> bool:
         """Whether its power was asked to go, or a stop that may take it, after this command."""
         after = self.asked[self.asked.index(asked) + 1 :]
         return any(other.what in _TAKES_POWER and name in other.names for other in after)
 
     # -- reports of the master -------------------------------------------------------------------------------------------
 
-    def is_told(self, name: str, text: str = "") -> bool:
+    def is_reported_as_moving(self, name: str, text: str = "") -> bool:
         """Whether the master says of an axis that it may move, or is energised still."""
         error = self.core[name].error
         lines = [str(error)] if error is not None else []

@@ -9,7 +9,7 @@ from axisbus.machine.handle import Handle
 from axisbus.motion.parameters import HoldsLoad
 from kit.campaign import beside, outputs
 from kit.campaign.beside import Beside
-from kit.campaign.facts import Asked, Facts
+from kit.campaign.facts import Facts, GivenCommand
 from kit.campaign.gantry.rules import Beam
 from kit.campaign.gantry.scene import NAME
 from kit.campaign.mishaps import ENDS, MISHAPS
@@ -48,7 +48,7 @@ class Judge:
         self._beside = Beside(facts.cell) if beside.NAME in facts.cell.machine.cell.axes else None
         self._switched: list[Handle] = []
 
-    def asked(self, asked: Asked) -> None:
+    def asked(self, asked: GivenCommand) -> None:
         """A command was given."""
         self.facts.asked.append(asked)
         if self._beside is not None and asked.what == "enable" and len(asked.names) > 1:
@@ -56,7 +56,7 @@ class Judge:
         self._rest.asked(asked)
         self._travel.asked(asked)
 
-    def refused(self, asked: Asked, error: AxisbusError) -> None:
+    def refused(self, asked: GivenCommand, error: AxisbusError) -> None:
         """A command was refused at the call."""
         self._travel.refused(asked, error)
 
@@ -152,7 +152,11 @@ class Judge:
         for asked in facts.asked:
             busy = f"{asked.handle!r} is busy after the machine was left ({ending})"
             facts.must(not asked.handle.busy, "every handle ends", busy)
-        honest = [name for name in facts.names if facts.is_told(name, text) or facts.turns_unseen(name)]
+        honest = [
+            name
+            for name in facts.names
+            if facts.is_reported_as_moving(name, text) or facts.turns_unseen(name)
+        ]
         for name in facts.names:
             if name not in honest:
                 self._is_left(name, text)

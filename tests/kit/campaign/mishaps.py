@@ -56,7 +56,7 @@ _bus_dial = partial(_set, lambda site, _: site.cell.faults)
 _fault_of_wire = partial(_set, lambda site, _: site.cell.wire.faults)
 
 
-def _wire_dial(**values: Any) -> Doing:
+def _wire_setting(**values: Any) -> Doing:
     def turn(site: Site, axis: str, _: float) -> None:
         for name, value in values.items():
             site.wires[axis].turn(name, value)
@@ -181,9 +181,9 @@ MISHAPS: Mapping[str, Mishap] = {
     "keeps_mode_during_halt": Mishap(_dial(ignore_mode_during_halt=True), _MODE, "takes_mode_during_halt"),
     "encoder_jumps": Mishap(_jump, (*_STANDS, *_BY_ITSELF), moves=True),
     "late_feedback": Mishap(_dial(feedback_delay=0.1), _STANDS, "prompt_feedback"),
-    "inputs_lost": Mishap(_wire_dial(inputs_lost=0.4), _UNSEEN, "inputs_come"),
-    "outputs_lost": Mishap(_wire_dial(outputs_lost=0.4), _STANDS, "outputs_go"),
-    "frames_late": Mishap(_wire_dial(late=2), _STANDS, "frames_prompt"),
+    "inputs_lost": Mishap(_wire_setting(inputs_lost=0.4), _UNSEEN, "inputs_come"),
+    "outputs_lost": Mishap(_wire_setting(outputs_lost=0.4), _STANDS, "outputs_go"),
+    "frames_late": Mishap(_wire_setting(late=2), _STANDS, "frames_prompt"),
     "sync_lost": Mishap(
         _bus_dial(sync_lost=True), (*_UNSEEN, *_STANDS), "sync_comes", deaf=True, shared=True
     ),
@@ -269,9 +269,9 @@ ENDS: Mapping[str, Doing] = {
     "quick_mode": _dial(mode_delay=0.0),
     "takes_mode_during_halt": _dial(ignore_mode_during_halt=False),
     "prompt_feedback": _dial(feedback_delay=0.0),
-    "inputs_come": _wire_dial(inputs_lost=0.0),
-    "outputs_go": _wire_dial(outputs_lost=0.0),
-    "frames_prompt": _wire_dial(late=0),
+    "inputs_come": _wire_setting(inputs_lost=0.0),
+    "outputs_go": _wire_setting(outputs_lost=0.0),
+    "frames_prompt": _wire_setting(late=0),
     "sync_comes": _bus_dial(sync_lost=False),
     "heartbeat_comes": _bus_dial(heartbeat_lost=False),
     "wire_carries": _fault_of_wire(loss=0.0, duplication=0.0, jitter=0.0, delay=0.0, cut=False),

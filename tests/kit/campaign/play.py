@@ -15,8 +15,8 @@ from kit.campaign.cells.recipe import CellRecipe, simpler
 from kit.campaign.cells.recipe import told as told_cell
 from kit.campaign.cells.scene import scene_on
 from kit.campaign.events import Event, Script
-from kit.campaign.facts import Asked, Facts
-from kit.campaign.gantry.orders import PAIR, asked_of
+from kit.campaign.facts import Facts, GivenCommand
+from kit.campaign.gantry.orders import PAIR, kind_and_axes
 from kit.campaign.judge import Judge
 from kit.campaign.mishaps import ENDS, MISHAPS, Site
 from kit.campaign.orders import GROUP, ORDERS, OVERRIDES, PLACES, demand_of
@@ -97,7 +97,7 @@ def _lift(facts: Facts, judge: Judge) -> None:
     groups = [*machine.groups.values()] or [machine.group(*facts.names)]
     for whose in (*groups, machine, *machine, *pairs):
         with suppress(AxisbusError):
-            judge.asked(Asked("cell_override", facts.names, whose.set_override(1.0), facts.now, {}))
+            judge.asked(GivenCommand("cell_override", facts.names, whose.set_override(1.0), facts.now, {}))
 
 
 def happen(event: Event, judge: Judge) -> None:
@@ -112,13 +112,13 @@ def happen(event: Event, judge: Judge) -> None:
     with suppress(AxisbusError):
         goals = dict(_goals(facts, event))
         handle = _give(facts.cell, event)
-        judge.asked(Asked(*_asked_of(event, facts), handle, facts.now, goals))
+        judge.asked(GivenCommand(*_kind_and_axes(event, facts), handle, facts.now, goals))
 
 
-def _asked_of(event: Event, facts: Facts) -> tuple[str, str]:
+def _kind_and_axes(event: Event, facts: Facts) -> tuple[str, str]:
     """Its kind for the rules, and its axes."""
     if event.what in PAIR:
-        return asked_of(event.what, facts.names)
+        return kind_and_axes(event.what, facts.names)
     return event.what.removeprefix("group_"), event.axis or facts.names
 
 

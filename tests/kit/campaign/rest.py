@@ -5,7 +5,7 @@ from __future__ import annotations
 from axisbus.cia402.state import PowerState
 from axisbus.errors import Interrupted
 from axisbus.motion.states import AxisState
-from kit.campaign.facts import Asked, Facts
+from kit.campaign.facts import Facts, GivenCommand
 from kit.campaign.orders import QUIET, STOPS
 from kit.probe import ENABLED, OFF, STAGE_NAMES
 
@@ -42,7 +42,7 @@ class Rest:
         self._differs: dict[tuple[str, str], float] = {}  # (axis, rule): since when
         self._resting: dict[str, float] = {}
 
-    def asked(self, asked: Asked) -> None:
+    def asked(self, asked: GivenCommand) -> None:
         """A command was given: by some of them nothing moves."""
         for name in asked.names:
             drive = self._facts.drive[name]
@@ -60,7 +60,7 @@ class Rest:
             if moves and what not in _AT_REST:
                 self._forget(name)
 
-    def ended(self, asked: Asked) -> None:
+    def ended(self, asked: GivenCommand) -> None:
         """A command has ended; a stop that is done, or says why it was none, has promised something."""
         error = asked.error
         if asked.what == "enable" and error is None:
@@ -73,13 +73,13 @@ class Rest:
             if error is None or (_STANDS in error.message and name in error.message):
                 self._promised(name, asked)
 
-    def _is_energised(self, name: str, enable: Asked) -> None:
+    def _is_energised(self, name: str, enable: GivenCommand) -> None:
         """An enable that is done has a drive that is energised, unless something has just happened to it.
 
         The master itself may take an axis to ErrorStop in the cycle in which it finds nothing left to enable.
         """
         facts = self._facts
-        if any(True for _ in facts.troubled(name, 1.0)) or facts.power_asked_after(enable, name):
+        if any(True for _ in facts.troubled(name, 1.0)) or facts.power_removed_after(enable, name):
             return
         if facts.core[name].state is AxisState.ERRORSTOP:
             return
@@ -87,16 +87,16 @@ class Rest:
         facts.must(facts.cell.stage(name) == ENABLED, "an enable that is done has power", told)
 
     def look(self, name: str) -> None:
-        self._energised_only_when_asked(name)
+        self._energised_only_by_command(name)
         self._stays_where_it_was_stopped(name)
         self._states_are_true(name)
-        self._rest_is_a_promise(name)
+        self._reported_standstill_holds(name)
 
     def _forget(self, name: str) -> None:
         self._stood.pop(name, None)
         self._resting.pop(name, None)
 
-    def _promised(self, name: str, stop: Asked) -> None:
+    def _promised(self, name: str, stop: GivenCommand) -> None:
         facts = self._facts
         recent = list(facts.troubled(name, _JUST))
         moved = any(trouble.kind.moves and trouble.what not in _AT_REST for trouble in recent)
@@ -131,7 +131,7 @@ class Rest:
             lambda: f"{told}; now {facts.cell.told(name)}, {came:g} deg on",
         )
 
-    def _energised_only_when_asked(self, name: str) -> None:
+    def _energised_only_by_command(self, name: str) -> None:
         facts = self._facts
         before, self._stage[name] = self._stage[name], facts.stage(name)
         if before not in OFF or self._stage[name] != ENABLED:
@@ -160,18 +160,18 @@ class Rest:
         off = state is AxisState.DISABLED and energised and core.touched and known
         self._not_long("Disabled is off", name, BLIND, off and self._rests(name))
         untold = state is AxisState.ERRORSTOP and moves and energised and seen
-        untold = untold and not facts.cell.device(name).dials.dead and not facts.is_told(name)
+        untold = untold and not facts.cell.device(name).dials.dead and not facts.is_reported_as_moving(name)
         self._not_long(
             "ErrorStop stops or says that it moves", name, max(UNCONFIRMED, facts.stops_in(name)), untold
         )
 
-    def _rest_is_a_promise(self, name: str) -> None:
+    def _reported_standstill_holds(self, name: str) -> None:
         """An axis in Standstill or ErrorStop that is not reported as moving is reported as at standstill."""
         facts = self._facts
         state = facts.core[name].state
         rests = state in (AxisState.STANDSTILL, AxisState.ERRORSTOP) and self._rests(name)
         restless = facts.has_a_will(name) or facts.may_fall(name) or facts.is_held_unseen(name)
-        if not rests or facts.is_told(name) or restless:
+        if not rests or facts.is_reported_as_moving(name) or restless:
             self._resting.pop(name, None)
             return
         since = self._resting.setdefault(name, facts.now)

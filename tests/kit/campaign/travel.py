@@ -8,7 +8,7 @@ from itertools import pairwise
 from axisbus.errors import AxisbusError
 from axisbus.motion.states import AxisState
 from axisbus.sim.power import Effort
-from kit.campaign.facts import TORQUE_MODES, Asked, Facts, Trouble
+from kit.campaign.facts import TORQUE_MODES, Facts, GivenCommand, Trouble
 from kit.campaign.orders import OVERRIDES, PATHS
 from kit.probe import ENABLED, OFF, PlantSample
 
@@ -52,7 +52,7 @@ class Travel:
         )  # when a drive last held its motor beside its demand
         self._mode: dict[str, tuple[int, float]] = {}  # the displayed mode of the drive, and since when
 
-    def ended(self, asked: Asked) -> None:
+    def ended(self, asked: GivenCommand) -> None:
         """A move that is done is at its target, and at standstill."""
         if asked.error is not None:
             return
@@ -79,7 +79,7 @@ class Travel:
         samples = self._facts.cell.record(name).since(self._seen[name])
         exact = self._facts.scene.exact
         calm = exact and not any(True for _ in self._facts.troubled(name, _CALM))
-        if exact and not self._is_led_astray(name):
+        if exact and not self._is_moved_by_others(name):
             self._inside_limits(name)
             self._not_too_fast(name)
         else:
@@ -95,21 +95,21 @@ class Travel:
         """Note that no promise holds for the position of the axis now."""
         self._outside.pop(name, None)
 
-    def asked(self, asked: Asked) -> None:
+    def asked(self, asked: GivenCommand) -> None:
         """A command was given."""
 
-    def refused(self, asked: Asked, error: AxisbusError) -> None:
+    def refused(self, asked: GivenCommand, error: AxisbusError) -> None:
         """A command was refused at the call."""
 
-    def _is_led_astray(self, name: str) -> bool:
+    def _is_moved_by_others(self, name: str) -> bool:
         troubles = list(self._facts.troubled(name, _CALM))
         if any(trouble.what in _FOREIGN for trouble in troubles):
             self._foreign.add(name)
         elif not self._facts.moves(name):
             self._foreign.discard(name)
-        return name in self._foreign or any(map(self._leads_astray, troubles))
+        return name in self._foreign or any(map(self._may_move_it, troubles))
 
-    def _leads_astray(self, trouble: Trouble) -> bool:
+    def _may_move_it(self, trouble: Trouble) -> bool:
         return trouble.kind.moves or trouble.kind.deaf or trouble.what in _LATE | _STOPPED
 
     # -- limits ----------------------------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.errors import AxisbusError, CommandError, Interrupted, LimitError, StateError
 from kit.campaign import beside
-from kit.campaign.facts import Asked, Facts, Trouble
+from kit.campaign.facts import Facts, GivenCommand, Trouble
 from kit.campaign.gantry.rules import has_bent
 from kit.campaign.orders import OVERRIDES
 
@@ -80,12 +80,12 @@ class Truth:
         """Whether an override holds the motion, or makes it slower."""
         return any(self._facts.cell.core(name).override.factor < 1.0 for name in self._facts.names)
 
-    def takes_hours(self, asked: Asked) -> bool:
+    def takes_hours(self, asked: GivenCommand) -> bool:
         """Whether it goes to the other end of the drive's count, at any speed, or back from where that is called a place nearby."""
         far = (abs(goal - self._facts.place(name)) > _FAR for name, goal in asked.goals.items())
         return asked.kind == "extreme" or any(far)
 
-    def _has_far_to_go(self, asked: Asked) -> bool:
+    def _has_far_to_go(self, asked: GivenCommand) -> bool:
         """Whether it commands an axis whose count has run far away meanwhile, and moves, or has only just arrived.
 
         If the drive does not report the arrival, the time for that whole distance must be over.
@@ -99,7 +99,7 @@ class Truth:
             for name in asked.names
         )
 
-    def ended(self, asked: Asked) -> None:
+    def ended(self, asked: GivenCommand) -> None:
         """A command that failed says why, and that has happened."""
         error = asked.error
         if error is None or isinstance(error, (Interrupted, *_REFUSED)):
@@ -123,7 +123,7 @@ class Truth:
         away = facts.turned(name) * off / facts.scale[name]
         here = facts.where(name) - away
         near = max(_NEAR, _COUNTS / abs(facts.scale[name]))
-        if abs(here - facts.where(name)) < near or self._counts_anew(name):
+        if abs(here - facts.where(name)) < near or self._restarts_count(name):
             return
         if facts.drive[name].dials.feedback_delay > 0.0:
             self._late_until[name] = facts.now + 0.3
@@ -140,7 +140,7 @@ class Truth:
         told = f"shown at {here:g} deg (of its plant), which was between {low:g} and {high:g} for {age:g} s"
         facts.must(low <= here <= high, "nothing stale is shown", told)
 
-    def _counts_anew(self, name: str) -> bool:
+    def _restarts_count(self, name: str) -> bool:
         """Whether homing, or a restart, has just given the place another number."""
         if any(trouble.what == "reboots" for trouble in self._facts.troubled(name, 2.0)):
             return True

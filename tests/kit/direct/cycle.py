@@ -17,11 +17,11 @@ from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.errors import AdapterError
 from axisbus.sim.device import Device
-from kit.direct.dials import CycleDials
+from kit.direct.dials import CycleFaultSettings
 from kit.direct.io import DirectIoPort
 from kit.direct.port import DirectPort
 
-__all__ = ["CycleDials", "DirectCycle", "DirectPort"]
+__all__ = ["CycleFaultSettings", "DirectCycle", "DirectPort"]
 
 _LONGEST_STEP = 0.01  # s
 
@@ -39,7 +39,7 @@ class DirectCycle:
         master_id: int = 127,
         heartbeat: float = 0.1,
         operational: bool = True,
-        dials: CycleDials | None = None,
+        dials: CycleFaultSettings | None = None,
         devices: Sequence[Device] = (),
         io: Sequence[DirectIoPort] = (),
     ) -> None:
@@ -52,7 +52,7 @@ class DirectCycle:
         """
         self.ports = list(ports)
         self.io = list(io)
-        self.dials = dials or CycleDials()
+        self.dials = dials or CycleFaultSettings()
         self.devices: list[Device] = list(devices)
         self.listeners: list[Listener] = []
         for port in self.ports:
@@ -201,9 +201,9 @@ class DirectCycle:
                 self._now = t
             for device in self.devices:
                 device.step(dt)
-            self._tell_ports()
+            self._inform_ports()
 
-    def _tell_ports(self) -> None:
+    def _inform_ports(self) -> None:
         now = self._now
         messages = {device.node_id: device.errors.take_emcy(now) for device in self.devices}
         for port in self.ports:

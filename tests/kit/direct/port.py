@@ -20,7 +20,7 @@ from axisbus.errors import SdoTimeout
 from axisbus.sim.control_bits import CW_ENABLE_VOLTAGE, CW_FAULT_RESET, CW_QUICK_STOP_LOW
 from axisbus.sim.device import Device
 from axisbus.sim.settings import AXIS_SPAN
-from kit.direct.dials import CycleDials
+from kit.direct.dials import CycleFaultSettings
 from kit.direct.sdo import SdoQueue, shifted
 
 # Looked at in every cycle.
@@ -58,7 +58,7 @@ class DirectPort:
         node_heartbeat: float = 0.1,
         remappable: bool = True,
         controlword_first: bool = False,
-        dials: CycleDials | None = None,
+        dials: CycleFaultSettings | None = None,
     ) -> None:
         """Offer axis ``axis`` (from 0) of ``device``.
 
@@ -70,7 +70,7 @@ class DirectPort:
         """
         self.device = device
         self.drive = device.drives[axis]
-        self.dials = dials or CycleDials()
+        self.dials = dials or CycleFaultSettings()
         self._offset = axis * AXIS_SPAN
         self._event_timer = event_timer
         self._sdo_poll = sdo_poll
@@ -275,7 +275,7 @@ class DirectPort:
         if now >= self._next_beat - 1e-9 and device.nmt is not _INITIALISING:
             self._next_beat = now + self._node_heartbeat
             if not device.dials.heartbeat_stops:
-                self.hear_state(now)
+                self.receive_state(now)
         if self._events:
             self._watch_events(now)
         if self._polled and now >= self._next_poll and device.answers_sdo:
@@ -289,11 +289,11 @@ class DirectPort:
 
     def know_state(self, now: float) -> None:
         """The node's NMT state is known at once, as after a boot-up that was watched."""
-        self.hear_state(now)
+        self.receive_state(now)
         self._boot_ups = self.device.boot_ups
         self._next_beat = now + self._node_heartbeat
 
-    def hear_state(self, now: float) -> None:
+    def receive_state(self, now: float) -> None:
         """A heartbeat came."""
         self._last_beat, self._reported, self._nmt = now, self.device.nmt, int(self.device.nmt)
         self._in_service = self._in_service or self._reported is _OPERATIONAL

@@ -8,7 +8,7 @@ from contextlib import suppress
 import zenoh
 
 from axisbus.fleet.network import ZenohNetwork, opened
-from kit.fleet.stand_in import StandInCell
+from kit.fleet.stand_in import FakeCell
 
 
 def free_endpoint():
@@ -29,7 +29,7 @@ class Plant:
     def cell(self, name, axes=("x",), *, endpoint=None, **more):
         endpoint = endpoint or free_endpoint()
         session = opened(ZenohNetwork(listen=(endpoint,)))
-        cell = StandInCell(session, self.name, name, axes, **more)
+        cell = FakeCell(session, self.name, name, axes, **more)
         self.endpoints.append(endpoint)
         self._ends += [session.close, cell.end]
         cell.cut = session.close

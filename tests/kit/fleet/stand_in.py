@@ -25,7 +25,7 @@ VERBS = {
 }  # fmt: skip
 
 
-class StandInCell:
+class FakeCell:
     """A cell of axes that are where they are commanded to be at once; ``moved`` counts how often each was moved."""
 
     def __init__(

@@ -86,7 +86,7 @@ class Line(RealTime, PlantProbe):
         """The lock that stops the plants meanwhile."""
         return self.stand_ins.lock
 
-    def must_stand(
+    def must_be_still(
         self,
         name: str = "x",
         *,
@@ -96,7 +96,7 @@ class Line(RealTime, PlantProbe):
         wander: float = 0.05,
     ) -> float:
         """As every probe's, with a computer's patience."""
-        return super().must_stand(
+        return super().must_be_still(
             name, within=patience(within), stages=stages, for_good=for_good, wander=wander
         )
 

@@ -20,7 +20,7 @@ LONGEST = 120.0  # seconds after which a program that hangs is killed; it needs 
 
 
 @dataclass(frozen=True)
-class Seen:
+class FinalState:
     """The end of a scene, as the program wrote it down: velocity in deg/s, the distance in degrees since closing began."""
 
     scene: str
@@ -30,7 +30,7 @@ class Seen:
     stage: int
     way: float
 
-    def must_stand(self) -> None:
+    def must_be_still(self) -> None:
         """Make sure that the motor was at standstill and off when the machine was closed.
 
         Raises:
@@ -44,7 +44,7 @@ class Seen:
 class Ended:
     """A program that has ended."""
 
-    scenes: list[Seen]
+    scenes: list[FinalState]
     code: int
     errors: str
 
@@ -114,7 +114,7 @@ def play(
         code, errors = program.end()
     seen = folder / "seen.jsonl"
     assert seen.exists(), errors
-    return Ended([Seen(**json.loads(line)) for line in seen.read_text().splitlines()], code, errors)
+    return Ended([FinalState(**json.loads(line)) for line in seen.read_text().splitlines()], code, errors)
 
 
 def _in_time(scene: str, numbers: tuple[int, ...], nets: Sequence[str]) -> tuple[int, ...]:

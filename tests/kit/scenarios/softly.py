@@ -28,7 +28,7 @@ class Demand:
         self.rows = [[]]
 
 
-class Led(Demand):
+class ComputedMotion(Demand):
     """Where the master controls an axis, as it was computed; each time that it begins again makes a row."""
 
     def __init__(self, cell: Cell, name: str = "x") -> None:

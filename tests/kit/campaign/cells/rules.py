@@ -24,7 +24,7 @@ from kit.campaign.cells import promises
 from kit.campaign.cells.files import BUILTIN, model_of
 from kit.campaign.cells.opening import DrawnCell, is_slow, velocity_unit
 from kit.campaign.cells.recipe import NORM
-from kit.campaign.facts import MOVES, TORQUE_MODES, Asked, Facts
+from kit.campaign.facts import MOVES, TORQUE_MODES, Facts, GivenCommand
 from kit.campaign.orders import OVERRIDES
 from kit.campaign.travel import Travel
 from kit.probe import ENABLED, OFF, QUICK_STOP, REACTION
@@ -116,7 +116,7 @@ class Physics(Travel):
             name: deque(maxlen=_SETTLED) for name in facts.names
         }
         self._off: dict[
-            str, tuple[float, Asked]
+            str, tuple[float, GivenCommand]
         ] = {}  # since when (by the plant's clock) a stop has kept it without power
         self._refusals: list[tuple[float, str, float, str]] = []
         self._failed: dict[str, float] = {}  # since when it has been in ErrorStop
@@ -124,7 +124,7 @@ class Physics(Travel):
         self._errors: dict[str, int] = {}
         self._blind: dict[str, tuple[float, float]] = {}  # the speed that a torque adds, and since when
         self._was_reset: dict[str, float] = {}
-        self._watched: list[Asked] = []
+        self._watched: list[GivenCommand] = []
         for name in facts.names:
             facts.tally["axes"] += 1
             for text in self._promised[name].printed:
@@ -134,7 +134,7 @@ class Physics(Travel):
 
     # -- events ----------------------------------------------------------------------------------------------------------
 
-    def asked(self, asked: Asked) -> None:
+    def asked(self, asked: GivenCommand) -> None:
         """A command was given."""
         if asked.what == "enable":
             for name in asked.names:
@@ -145,7 +145,7 @@ class Physics(Travel):
             if asked.what == "reset":
                 self._was_reset[name] = self._facts.now
 
-    def refused(self, asked: Asked, error: AxisbusError) -> None:
+    def refused(self, asked: GivenCommand, error: AxisbusError) -> None:
         """Note that a command was rejected at the call."""
         if not asked.legal or asked.kind == "extreme":
             return
@@ -160,7 +160,7 @@ class Physics(Travel):
         group = recipe.names[: recipe.group]
         self._faults.append((self._facts.now, name, group if name in group else recipe.names))
 
-    def ended(self, asked: Asked) -> None:
+    def ended(self, asked: GivenCommand) -> None:
         """A command has ended."""
         super().ended(asked)
         error, facts = asked.error, self._facts
@@ -177,17 +177,17 @@ class Physics(Travel):
         self._ends_well(asked, error)
         self._time_out_halts(asked, error)
 
-    def _mode_of(self, asked: Asked) -> str:
+    def _mode_of(self, asked: GivenCommand) -> str:
         mode = self._facts.drive[asked.names[0]].mode_display
         return ModeOfOperation(mode).name.lower() if mode in ModeOfOperation._value2member_map_ else str(mode)
 
-    def _enabled_since(self, asked: Asked, name: str) -> bool:
+    def _enabled_since(self, asked: GivenCommand, name: str) -> bool:
         later = self._facts.asked[self._facts.asked.index(asked) + 1 :]
         return any(other.what == "enable" and name in other.names for other in later)
 
     # -- ends ------------------------------------------------------------------------------------------------------------
 
-    def _ends_well(self, asked: Asked, error: AxisbusError | None) -> None:
+    def _ends_well(self, asked: GivenCommand, error: AxisbusError | None) -> None:
         """Check that a legal command ends without an error on healthy axes that got no other command."""
         facts = self._facts
         if not asked.legal or asked.kind in (
@@ -237,7 +237,7 @@ class Physics(Travel):
             if name in self._was_reset and asked.since - self._was_reset[name] < 5.0:
                 facts.must(error is None, "usable after a reset", text, error)
 
-    def _turns_back(self, asked: Asked, error: AxisbusError | None) -> None:
+    def _turns_back(self, asked: GivenCommand, error: AxisbusError | None) -> None:
         """Check that a velocity command from beyond a limit, or from near it, back into the limits is not ended by that limit."""
         name, facts = asked.names[0], self._facts
         axis = self._cell.recipe.axis(name)
@@ -258,7 +258,7 @@ class Physics(Travel):
             text = f"{asked.handle.name} ended by {error}"
             facts.must(not stopped, "back from beyond a limit", text, error if stopped else None)
 
-    def _leaves_count(self, asked: Asked, name: str) -> bool:
+    def _leaves_count(self, asked: GivenCommand, name: str) -> bool:
         """Whether the goal is beyond the range of 607Ah, of an axis without a modulo; or it turns on near that end of its count.
 
         An axis that has turned on past the end of its count has another one, in which its earlier positions do not exist.
@@ -330,7 +330,7 @@ class Physics(Travel):
         axis = self._cell.recipe.axis(name)
         return axis.file in BUILTIN and not axis.modes and not axis.written
 
-    def _disturbed(self, asked: Asked) -> bool:
+    def _disturbed(self, asked: GivenCommand) -> bool:
         """Whether something went wrong meanwhile, or another command was given to one of its axes."""
         facts = self._facts
         later = facts.asked[facts.asked.index(asked) + 1 :]
@@ -346,7 +346,7 @@ class Physics(Travel):
         span = facts.now - asked.since + 0.1
         return before or any(True for name in facts.names for _ in facts.troubled(name, span))
 
-    def _was_beyond(self, asked: Asked, name: str) -> bool:
+    def _was_beyond(self, asked: GivenCommand, name: str) -> bool:
         axis = self._cell.recipe.axis(name)
         if axis.edges is None or name not in asked.goals:
             return False
@@ -364,7 +364,7 @@ class Physics(Travel):
         turned = -1.0 if self._facts.drive[name].settings.polarity & 0x80 else 1.0
         return turned * axis.increments / self._cell.factor(name)
 
-    def _time_out_halts(self, asked: Asked, error: AxisbusError | None) -> None:
+    def _time_out_halts(self, asked: GivenCommand, error: AxisbusError | None) -> None:
         if not isinstance(error, MotionTimeout) or self._disturbed(asked):
             return
         facts = self._facts
@@ -386,7 +386,7 @@ class Physics(Travel):
         self._no_false_error(name)
         self._is_stopped(name)
         if self._watched:
-            self._right_way(name)
+            self._right_direction(name)
         if self._refusals:
             self._moved_nothing()
         if self._faults:
@@ -463,7 +463,7 @@ class Physics(Travel):
         """
         axis, mode = self._cell.recipe.axis(name), int(self._facts.drive[name].mode_display)
         if self._turned_to.get(name, (None, False))[0] != mode:
-            self._turned_to[name] = mode, not self._has_stood(name)
+            self._turned_to[name] = mode, not self._has_been_at_standstill(name)
         if mode in TORQUE_MODES:
             return NORM * max(0.0, axis.lag - _SHORT_LAG)
         in_motion = mode in _BY_VELOCITY and self._turned_to[name][1]
@@ -484,7 +484,7 @@ class Physics(Travel):
             key = name, int(drive.mode_display)
             self._led[key] = self._led.get(key, 0.0) + self._period
 
-    def _has_stood(self, name: str) -> bool:
+    def _has_been_at_standstill(self, name: str) -> bool:
         """Whether the motor has stood for so long that the positions that come can have shown it."""
         core = self._facts.core[name]
         shows = core.parameters.timing.standstill_time + core.capabilities.max_age.get("position", 0.1)
@@ -627,7 +627,7 @@ class Physics(Travel):
             asked.ended is None or asked.ended > self._facts.now - 2.0 for asked in own
         )
 
-    def _right_way(self, name: str) -> None:
+    def _right_direction(self, name: str) -> None:
         """Check that a motor starts from standstill in the direction of its command."""
         for asked in list(self._watched):
             if (

@@ -107,7 +107,7 @@ ALONE = (
 )
 
 
-def asked_of(what: str, names: str) -> tuple[str, str]:
+def kind_and_axes(what: str, names: str) -> tuple[str, str]:
     """Return the kind of a command of a pair for the rules, and its axes; ``names``: all."""
     plain = what.removeprefix("pair_")
     together = plain.startswith("group_") and plain != "group_enable"

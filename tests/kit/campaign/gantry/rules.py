@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from axisbus.errors import SkewError
 from axisbus.motion.states import MOVING, AxisState
-from kit.campaign.facts import Asked, Facts
+from kit.campaign.facts import Facts, GivenCommand
 from kit.campaign.gantry.scene import AXES, SQUARE_AT_SWITCHES, PairCell
 from kit.campaign.orders import OVERRIDES, STOPS
 from kit.gantry.pair import MAX_SKEW
@@ -81,7 +81,7 @@ class Beam:
             0.0  # deg/s: how fast the beam was when it was bent, and deg: beyond which it counted as bent
         )
         self._bound, self._inside_at = MAX_SKEW, 0.0
-        self._off: list[Asked] = []  # one side was disabled
+        self._off: list[GivenCommand] = []  # one side was disabled
         self._alone_since: dict[str, float] = {}
         self._failed_since: dict[str, float] = {}
         self._stage = {name: facts.stage(name) for name in AXES}
@@ -98,7 +98,7 @@ class Beam:
         """How far the beam is out of square, by the motors."""
         return None if self.square is None else self._apart - self.square
 
-    def ended(self, asked: Asked) -> None:
+    def ended(self, asked: GivenCommand) -> None:
         """A command has ended."""
         self._refused_alone(asked)
         if asked.what == "disable" and asked.names in tuple(AXES) and asked.error is None:
@@ -124,7 +124,7 @@ class Beam:
         self._one_fails_both_stop()
         self._energised_together()
         self._disabled_together()
-        self._led_as_one()
+        self._commanded_as_one()
 
     def _look_for_switches(self) -> None:
         """A homing has counted from both switches, whatever becomes of it afterwards."""
@@ -135,7 +135,7 @@ class Beam:
 
     # -- neither alone ---------------------------------------------------------------------------------------------------
 
-    def _refused_alone(self, asked: Asked) -> None:
+    def _refused_alone(self, asked: GivenCommand) -> None:
         """A command that would move, or energise, one side is refused."""
         if asked.names not in tuple(AXES) or asked.what in _ALLOWED_ALONE:
             return
@@ -169,7 +169,7 @@ class Beam:
                     not on, "what disables one disables both", f"{asked.handle.name} was done: {on} has power"
                 )
 
-    def _led_as_one(self) -> None:
+    def _commanded_as_one(self) -> None:
         """The set-points of both differ by no more than they did at rest, unless the beam is being made square."""
         cell = self._cell
         samples = [cell.record(name).sample for name in AXES]
@@ -226,11 +226,11 @@ class Beam:
             self._fastest = max(self._fastest, speed)  # until it is braked it may get faster
         if not self._fastest:
             return  # it was so when this began to count
-        allowed = self._bound + _ROUNDING + self._way_of_stopping(self._fastest)
+        allowed = self._bound + _ROUNDING + self._stopping_distance(self._fastest)
         told = f"{skew:g} deg where {allowed:g} are allowed after {self._fastest:g} deg/s"
         facts.must(abs(skew) <= allowed, "bent no farther than stopping takes", told)
 
-    def _way_of_stopping(self, speed: float) -> float:
+    def _stopping_distance(self, speed: float) -> float:
         return speed * (_BRAKES_LATE * self._facts.scene.period + self._lag()) + speed * speed / (2 * _BRAKED)
 
     def _lag(self) -> float:
@@ -261,7 +261,7 @@ class Beam:
 
     # -- reports ---------------------------------------------------------------------------------------------------------
 
-    def _is_homed(self, asked: Asked) -> None:
+    def _is_homed(self, asked: GivenCommand) -> None:
         """Each place is that which its switch has; nothing else may have moved the count."""
         if self._troubled(_CALM):
             return
@@ -274,7 +274,7 @@ class Beam:
             self._facts.must(abs(shown - true) <= _ROUNDING, "homed counts from the switch", told)
         self._is_square(asked)
 
-    def _is_square(self, asked: Asked) -> None:
+    def _is_square(self, asked: GivenCommand) -> None:
         if self._facts.later(asked, "x") or self.skew is None:
             return
         told = f"{asked.handle.name} is done, and the beam is {self.skew:g} deg out of square"
