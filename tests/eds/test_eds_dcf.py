@@ -82,7 +82,7 @@ def test_compact_sub_indices_get_their_values_in_a_list() -> None:
     assert text(dcf.to_eds(again)) == text(eds)
 
 
-@pytest.mark.parametrize("first", [True, False], ids=["new lists", "lists that are there"])
+@pytest.mark.parametrize("first", [True, False], ids=["new lists", "existing lists"])
 def test_ten_times_as_many_values_in_lists_take_ten_times_as_many_steps(
     monkeypatch: pytest.MonkeyPatch, first: bool
 ) -> None:

@@ -725,7 +725,7 @@ def test_without_6064h_bit_10_confirms_a_set_point_given_at_standstill():
         lambda _: ENABLED,  # in motion before and after
         lambda time: ENABLED | (BIT_10 if time > 0.2 else 0),  # the end of the move before
     ],
-    ids=["at rest", "in motion", "to the end"],
+    ids=["at standstill", "in motion", "to the end"],
 )
 def test_without_6064h_an_unconfirmed_set_point_fails(word_at):
     with pytest.raises(SetPointError, match="no sign that"):

@@ -169,7 +169,7 @@ def test_a_drive_in_csv_with_a_velocity_offset_does_not_begin_to_turn(offsets):
 
 
 @pytest.mark.parametrize("offset", [0, 30_000])
-@pytest.mark.parametrize("hears_halt", [True, False], ids=["hears halt", "deaf to halt in cyclic modes"])
+@pytest.mark.parametrize("hears_halt", [True, False], ids=["obeys halt", "ignores halt in cyclic modes"])
 def test_a_drive_that_turns_in_csv_is_braked_on_a_ramp(offset, hears_halt):
     r = rig(limits=AxisLimits())
     r.device.write(0x60B1, 0, offset)

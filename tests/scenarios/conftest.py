@@ -38,7 +38,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Let the look for golden messages that no scenario uses come after all scenarios; virtual time knows no processes."""
+    """Run the check for unused golden messages after all scenarios; scenarios in virtual time have no processes."""
     items.sort(key=lambda item: item.path.name == "test_scenario_zz_golden.py")
     if OWN:
         virtual = [item for item in items if not is_real_time(item.path)]
@@ -56,7 +56,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 @pytest.fixture(autouse=True)
 def nets_cut() -> tuple[str, ...]:
-    """The nets that are cut in this run of the scenario."""
+    """The safety nets that are removed in this run of the scenario."""
     return ()
 
 

@@ -145,7 +145,7 @@ def test_no_motion_before_the_mode_is_displayed_and_offsets_of_another_program_a
 # -- velocity: commands that take over -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("hears_halt", [True, False], ids=["hears halt", "deaf to halt"])
+@pytest.mark.parametrize("hears_halt", [True, False], ids=["obeys halt", "ignores halt"])
 @pytest.mark.parametrize("how", ["halt", "stop", "disable"])
 def test_a_halt_ramps_the_velocity_down(scenario, how, hears_halt):
     cell = turning(scenario)
@@ -194,7 +194,7 @@ def test_a_halt_may_be_interrupted_at_its_very_end(scenario):
         lambda x: x.move_relative(200.0),
         lambda x: x.jog(50.0),
     ],
-    ids=["the other way", "faster", "to a position", "jog"],
+    ids=["reversed", "faster", "to a position", "jog"],
 )
 def test_a_move_in_another_mode_takes_over_without_a_jolt(scenario, command, mode_delay):
     cell = turning(scenario)

@@ -72,7 +72,7 @@ def test_a_restarted_node_cannot_be_reset_into_service(scenario, golden):
     assert cell.stage() in OFF
 
 
-@pytest.mark.parametrize("enabled", [False, True], ids=["at rest", "moving"])
+@pytest.mark.parametrize("enabled", [False, True], ids=["at standstill", "moving"])
 def test_a_reset_of_an_axis_whose_node_is_silent_names_the_remedy(scenario, golden, enabled):
     """At rest it is said again every time; in motion it is said while the stop sequence still tries to reach it, too."""
     cell = scenario.simulated("x")

@@ -230,7 +230,7 @@ def test_a_following_axis_that_sync_no_longer_reaches_stops_at_its_last_target(s
     golden("sync_lost_following", cell.failure_of(handle))
 
 
-@pytest.mark.parametrize("hears_halt", [True, False], ids=["hears halt", "deaf to halt"])
+@pytest.mark.parametrize("hears_halt", [True, False], ids=["obeys halt", "ignores halt"])
 @pytest.mark.nets("the stop ladder")
 def test_a_halt_brakes_along_the_trajectory(scenario, hears_halt):
     cell, (handle,) = following(scenario)

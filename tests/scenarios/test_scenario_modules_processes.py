@@ -29,7 +29,7 @@ own = pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of
 
 
 @own
-@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "without the safety net"])
 @pytest.mark.parametrize("death", DEATHS)
 def test_the_module_stops_whichever_process_dies(tmp_path, death, whole):
     who, number, net = DEATHS[death]

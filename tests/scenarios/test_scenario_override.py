@@ -72,7 +72,7 @@ def test_a_held_move_can_be_halted_and_replaced(scenario):
 
 
 @pytest.mark.parametrize("way", ["halt", "stop"])
-@pytest.mark.parametrize("rises", [False, True], ids=["held", "let go just before"])
+@pytest.mark.parametrize("rises", [False, True], ids=["held", "released just before"])
 def test_a_held_axis_does_not_count_as_jammed_without_a_usable_6062h(scenario, way, rises):
     cell, _ = moving(scenario, axis='demand = "ignore"')
     cell.x.set_override(0.0).wait()

@@ -196,7 +196,7 @@ DEATHS = {
 }
 
 
-@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "without the safety net"])
 @pytest.mark.parametrize("death", DEATHS)
 def test_a_motor_stops_whichever_process_dies(tmp_path, death, whole):
     scene, who, number, net = DEATHS[death]
@@ -211,7 +211,7 @@ def test_a_motor_stops_whichever_process_dies(tmp_path, death, whole):
 LOST = "the eyes on the program's descriptors"
 
 
-@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "without the safety net"])
 @pytest.mark.parametrize("loss", [loss for loss in LOSSES if loss != "closing-in-a-child"])
 def test_a_motor_stops_when_its_program_has_lost_the_descriptor_to_the_core(tmp_path, loss, whole):
     with doomed(tmp_path, loss, "" if whole else LOST) as one:
@@ -295,7 +295,7 @@ def test_the_stream_of_a_suspended_program_runs_out_and_continues_with_the_progr
         assert one.standstill_after(at, REST) is not None
 
 
-@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "without the safety net"])
 def test_the_motors_of_a_stream_stop_and_are_off_when_its_program_is_killed(tmp_path, whole):
     with doomed(tmp_path, "streaming", "" if whole else NO_PROGRAM, axes="xy") as one:
         at = one.strike("program", signal.SIGKILL)

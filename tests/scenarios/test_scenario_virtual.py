@@ -191,7 +191,7 @@ def test_stop_locks_it_until_it_is_released(scenario):
 @pytest.mark.parametrize(
     ("more", "hardest"),
     [("deceleration = 2000.0", 2000.0), ("", HARDEST)],
-    ids=["as its stop says", "as its defaults say"],
+    ids=["by its stop options", "by its defaults"],
 )
 def test_a_quick_stop_has_its_own_ramp(scenario, more, hardest):
     _, v, trail = alone(scenario, stop=more)

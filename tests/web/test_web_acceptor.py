@@ -185,7 +185,7 @@ def test_a_thousand_requests_of_one_browser_keep_no_other_one_out(path, more):
         ("GET / HTTP/1.1\r\nHost: ", False),
         (REQUEST.format("/long") + "Cookie: c={}\r\n\r\n", True),
     ],
-    ids=["nothing", "half a request", "one that waits for its answer"],
+    ids=["nothing", "half a request", "waiting for its answer"],
 )
 @pytest.mark.parametrize("encrypted", [False, True])
 def test_a_connection_that_has_not_passed_the_gate_is_ended(monkeypatch, said, lives, encrypted, request):
