@@ -51,7 +51,7 @@ def used():
 
 
 def measured(fleet):
-    """CPU of this process (per cent of a core) and states heard per second, over some seconds."""
+    """CPU of this process (per cent of a core) and states received per second, over some seconds."""
     before, begun, heard = used(), time.monotonic(), numbers(fleet)
     time.sleep(SECONDS)
     lasted = time.monotonic() - begun

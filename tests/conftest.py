@@ -1,5 +1,4 @@
-"""What all tests share: which examples are tried, which tests are slow, how much memory a test may take, and what only the end of
-a shared-out run can tell."""
+"""Settings of all tests: the examples to try, the slow tests, the memory limit of a test, and checks at the end of a run."""
 
 from __future__ import annotations
 
@@ -135,7 +134,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
     """Collect the garbage of a failed test once it is over: otherwise a later test in this process is blamed for it."""
-    if hasattr(report, "node"):  # this process only hears of it
+    if hasattr(report, "node"):  # this process only gets the result
         return
     if report.failed:
         _failed.add(report.nodeid)

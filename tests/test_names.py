@@ -109,7 +109,7 @@ def test_public_class_names_are_unique():
     assert [name for name, count in named.items() if count > 1] == []
 
 
-# Participles, adverbs, and words that do not say what is in a module.
+# Participles, adverbs, and words that do not name the contents of a module.
 UNCLEAR_MODULES = re.compile(
     r"told|asked|looked|kept|known|shown|wanted|armed|fitted|led|bent|mapped|packed|softened|answered|given|reached|"
     r"described|listed|commanded|served|booted|checked|inherited|relayed|guarded|protected|numbered|found|looking|hearing|"

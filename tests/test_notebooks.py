@@ -283,7 +283,7 @@ def test_an_interrupt_of_another_program_halts_only_if_it_has_control(bench):
 
 
 def stands(bench, at):
-    """Whether x is at rest soon after a time, for good; its history may have ended."""
+    """Whether x is permanently at standstill soon after a time; its history may have ended."""
     until = time.monotonic() + STANDS_WITHIN
     while time.monotonic() < until and abs(bench.plant()[-1][2]) > 0.05:
         time.sleep(0.1)

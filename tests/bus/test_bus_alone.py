@@ -1,4 +1,4 @@
-"""Listening before the first frame: the frames heard decide, each failure is reported with its cause, and nothing is sent."""
+"""Listening before the first frame: the received frames decide, each failure is reported with its cause, and nothing is sent."""
 
 from __future__ import annotations
 

@@ -27,9 +27,9 @@ PCAN = Opening("pcan", "PCAN_USBBUS1", 1_000_000)
 
 
 class AtOneRate(HandSlave):
-    """A slave that hears a bus only at its own rate; it changes over with the activation, unless it is ``stubborn``.
+    """A slave that receives on a bus only at its own rate; it changes over with the activation, unless it is ``stubborn``.
 
-    ``restarting``: how many frames at its new rate it does not hear.
+    ``restarting``: the number of frames at its new rate that it does not receive.
     """
 
     def __init__(self, address: LssAddress, *, stubborn: bool = False) -> None:

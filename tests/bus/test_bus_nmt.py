@@ -77,7 +77,7 @@ def test_an_overdue_heartbeat_ends_operational(node: CanopenNode, slave: Slave, 
 
 
 def test_the_watch_counts_from_its_beginning(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
-    """A heartbeat heard long ago must not make the node overdue at once."""
+    """A heartbeat received long ago must not make the node overdue at once."""
     beat(fake, slave, node)
     time.sleep(0.05)
     node.nmt.watch(0.02)

@@ -205,7 +205,7 @@ def test_a_pdo_parameter_that_cannot_be_written_is_reported(sdo: SdoClient, slav
 
 
 def test_one_object_that_cannot_be_mapped_does_not_cost_the_others(sdo: SdoClient, slave: Slave) -> None:
-    """The EDS says that 6060h may be mapped, the drive says no at the second entry."""
+    """By the EDS 6060h may be mapped, but the drive refuses it as the second entry."""
     original = slave._write
 
     def write(index: int, subindex: int, value: bytes) -> int:

@@ -290,7 +290,7 @@ def test_a_node_that_is_still_operational_after_a_bus_off_serves_again(
     port = make(WHOLE)
     assert serves(port)[0]
     short_bus_off(port, node, fake)
-    assert not serves(port)[0]  # nothing has been heard of it
+    assert not serves(port)[0]  # no message of it was received
     arrived(node, fake, 0x705, "05")
     operational, frames = serves(port)
     assert (operational, [can_id for can_id, _ in frames]) == (True, [0x205])

@@ -83,7 +83,7 @@ def test_an_expedited_upload_frame_by_frame(sdo: SdoClient, fake: FakeBus) -> No
         ("42 60 60 00 FF AA AA AA", 0x6060, "FF"),
         ("42 7A 60 00 01 02 03 04", 0x607A, "01 02 03 04"),
         ("42 00 20 00 01 02 AA AA", 0x2000, "01 02 AA AA"),  # its type is not known
-        ("43 41 60 00 37 06 00 00", 0x6041, "37 06 00 00"),  # it says that it sends four
+        ("43 41 60 00 37 06 00 00", 0x6041, "37 06 00 00"),  # it announces four bytes
     ],
 )
 def test_an_answer_without_a_size_has_the_size_of_the_type(

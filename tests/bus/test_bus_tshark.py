@@ -61,7 +61,7 @@ class Recording(can.Listener):
 
 @pytest.fixture(scope="module")
 def session() -> Iterator[list[can.Message]]:
-    """From boot-up to a moving drive and its stop, with everything that a master may send, as a third party hears it."""
+    """From boot-up to a moving drive and its stop, with everything that a master may send, as a third party receives it."""
     name = f"recorded {next(_channels)}"
     with ExitStack() as stack:
         recording = Recording()

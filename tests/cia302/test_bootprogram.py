@@ -33,7 +33,7 @@ class Loader(Slave):
         self.version: tuple[int, int] | None = OLD
         self.identification: int | None = None  # 1F56h:01
         self.control = 1
-        self.flash: int | None = 0  # 1F57h:01 at rest; None: the node has none
+        self.flash: int | None = 0  # 1F57h:01 without a running command; None: the node has none
         self.busy_until = 0.0
         self.away_until = 0.0
         self.memory = b""
@@ -540,7 +540,7 @@ def steps_of_a_replacement() -> list[b.Request]:
 @pytest.mark.parametrize("lost", range(len(steps_of_a_replacement())))
 @pytest.mark.parametrize("arrives", [True, False], ids=["the answer", "the request"])
 def test_any_single_answer_may_be_lost(lost, arrives):
-    """Whatever it is, and whether the node has heard the request or not, the new program is there in the end."""
+    """Whatever it is, and whether the node has received the request or not, the new program is loaded in the end."""
     loader = Loader()
     made, number = loader._made, iter(range(10_000))
 

@@ -222,7 +222,7 @@ def test_a_slave_that_answers_every_request_ends_the_search_with_a_reason() -> N
 
 def test_a_slave_that_contradicts_itself_is_reported_by_the_range_that_it_is_in() -> None:
     class Liar(HandSlave):
-        """Says that it is in a branch, and in neither half of it."""
+        """Answers in a branch, and in neither half of it."""
 
         def _fastscan(self, value: int, bit: int, sub: int, following: int) -> bytes | None:
             answer = super()._fastscan(value, bit, sub, following)

@@ -28,7 +28,7 @@ def cell(folder, **changes):
 
 @pytest.fixture
 def touched(monkeypatch):
-    """Let the sensor be touched, and let go again, half a second after the input was armed."""
+    """Let the sensor be touched and released half a second after the input was armed."""
     open_machine = probe.machine_of
 
     def opened(*given, **options):

@@ -137,7 +137,7 @@ def test_a_request_received_byte_by_byte_is_one(cell):
         b"s\x02\x00\xff\xff",
         b"s\x04\x00[1]]",
         b"s\x01\x00[",
-        b"s\x00\x40" + b"[" * 0x4000,  # nested too deeply; the door must stay open
+        b"s\x00\x40" + b"[" * 0x4000,  # nested too deeply; the acceptor must continue
     ],
     ids=range(6),
 )

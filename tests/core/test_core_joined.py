@@ -38,7 +38,7 @@ def opened(file):
 
 @pytest.fixture
 def machine(opened):
-    """The machine of the program that opened it, with its axes enabled and at rest."""
+    """The machine of the program that opened it, with its axes enabled and at standstill."""
     for axis in opened:
         enabled(axis)
     yield opened
@@ -197,7 +197,7 @@ def test_a_changed_cell_file_and_a_missing_machine_are_reported(machine, file, t
         file.write_text(before)
 
 
-# The door.
+# The acceptor.
 
 
 def test_a_core_that_ends_while_a_client_joins_is_reported(machine, file, monkeypatch):

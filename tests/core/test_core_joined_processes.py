@@ -40,7 +40,7 @@ def opened(file):
 
 @pytest.fixture
 def machine(opened):
-    """The machine of the program that opened it, with its axes enabled and at rest."""
+    """The machine of the program that opened it, with its axes enabled and at standstill."""
     for axis in opened:
         enabled(axis)
     yield opened

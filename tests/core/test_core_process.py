@@ -47,7 +47,7 @@ def opened(file):
 
 @pytest.fixture
 def machine(opened):
-    """The machine, with its axes enabled and at rest."""
+    """The machine, with its axes enabled and at standstill."""
     for axis in opened:
         enabled(axis)
     yield opened
@@ -134,7 +134,7 @@ def test_a_closed_machine_is_at_standstill_and_refuses_commands(file):
         motion.wait(1)
     assert stand_in.drive().axis.motor.velocity == 0.0
     assert machine.cycle_jitter.cycles > 10
-    assert machine.node(1).nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)  # as it was heard last
+    assert machine.node(1).nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)  # as it was received last
     assert not machine.node(1).emcy
     assert machine.events[-1].reason == "the with block ended"
     with pytest.raises((ScanError, StateError)):

@@ -45,7 +45,7 @@ def opened(file):
 
 @pytest.fixture
 def machine(opened):
-    """The machine, with its axes enabled and at rest."""
+    """The machine, with its axes enabled and at standstill."""
     for axis in opened:
         enabled(axis)
     yield opened

@@ -248,7 +248,7 @@ def test_more_current_than_it_bears_is_refused():
 
 
 def _after_silence(life: int, next_life: int, silence: float) -> PortBench:
-    """A module that was heard with one life counter, and after a silence with another."""
+    """A module that was received with one life counter, and after a silence with another."""
     talk = PortBench()
     for place in range(3):
         talk.now += 0.1

@@ -297,7 +297,7 @@ def test_a_lease_lost_for_missing_answers_can_be_taken_again_at_once(plant):
                 time.monotonic()
             )  # as where no renewal was answered: the cell has it down for a moment longer
             until(lambda: keeper.why is not None)
-            with press.command():  # and says no more that another program of this name has it
+            with press.command():  # and no longer reports that another program of this name has it
                 press["x"].move_absolute(1.0).wait(5)
 
 

@@ -129,7 +129,7 @@ def test_at_boot_there_is_a_machine_or_one_clear_error_and_nothing_is_left_behin
         assert errors or machine is not None
         if machine is not None:
             failure = machine._core.scan.failure
-            left = close(machine)  # before it is judged: one that stays open is heard of in every later test
+            left = close(machine)  # before it is judged: one that stays open is reported in every later test
             assert failure is None, failure
             assert about_y(left), left
         until(lambda: not any(thread.name.startswith("axisbus") for thread in threading.enumerate()), 15)

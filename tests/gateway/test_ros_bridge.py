@@ -213,7 +213,7 @@ def test_wrong_stale_huge_or_random_messages_move_nothing(ros, machine):
         (["x", "y"], (0.0, rad(x + 5, y)), (1.0, rad(x + 6, y)), 0),  # a jump
         (["x", "y"], (0.01, rad(x + 90, y)), 0),  # too fast
         (["x", "y"], (1.0, rad(x + 5, y)), (0.5, rad(x + 6, y)), 0),
-        (["x", "y"], (1.0, rad(x + 5, y), rad(30, 0)), 0),  # it does not end at rest
+        (["x", "y"], (1.0, rad(x + 5, y), rad(30, 0)), 0),  # it does not end at standstill
     ):
         ros.send(joints, *rows, stamp=stamp)
         time.sleep(0.1)  # none is refused for others that wait

@@ -89,7 +89,7 @@ class Page:
 
     @property
     def gone(self) -> bool:
-        """Whether the page says that its values are not of now."""
+        """Whether the page marks its values as outdated."""
         return bool(self.run("return document.body === null || document.body.classList.contains('gone')"))
 
     def run(self, script: str, *arguments: object) -> Any:

@@ -252,7 +252,7 @@ def _drive(frames: Sequence[bytes]) -> None:
         for can_id, data in slave.take_frames():
             assert 0 <= can_id <= 0x7FF
             assert len(data) <= 8
-    for _ in range(4):  # a drive that is being reset hears nothing
+    for _ in range(4):  # a drive receives nothing during a reset
         now += 0.5
         slave.step(now)
     for request in ("0401", f"11{ID:02x}", "17", "0400"):  # the input may have changed the node-ID

@@ -13,7 +13,7 @@ TRAVEL = 0.0003  # s: a frame there and one back, at 1 Mbit/s
 
 
 class HandSlave:
-    """One LSS slave. Dials: ``delay`` in s; ``errors`` maps a command to (error code, specific code); ``deaf_for`` commands are not
+    """One LSS slave; ``delay`` in s; ``errors`` maps a command to (error code, specific code); ``deaf_for`` commands are not
     heard; ``silent`` is deaf altogether.
     """
 

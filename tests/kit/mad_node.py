@@ -15,7 +15,7 @@ PAUSE = 0.001  # s between two frames
 
 
 class MadNode(Talker):
-    """Says its frames over and over on a channel while its block lasts."""
+    """Sends its frames repeatedly on a channel while its block lasts."""
 
     def __init__(self, channel: str, frames: list[can.Message], pause: float = PAUSE) -> None:
         super().__init__(channel)

@@ -1,4 +1,4 @@
-"""A router and a session of Zenoh that play ROS 2: joint states are heard, and joint trajectories sent, as rmw_zenoh does it."""
+"""A router and a session of Zenoh that play ROS 2: joint states are received, and joint trajectories sent, as rmw_zenoh does it."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ def test_the_fault_of_one_stops_the_others_by_the_policy_of_their_group(cell, mo
     for node in (40, 41):
         assert cell.simulated_node(node).drive().axis.motor.velocity == pytest.approx(0.0, abs=50.0)
     assert module.shaft.speed == pytest.approx(0.0, abs=0.02)
-    assert module.energised is (axis == "x")  # a module that is in fault has let go
+    assert module.energised is (axis == "x")  # a module in fault has switched its power off
 
 
 def test_a_module_that_restarts_has_to_be_opened_again(cell, module):

@@ -1,4 +1,4 @@
-"""A signal is heard while the main thread is busy, and wakes it where the system gave the signal to another thread."""
+"""A signal is received while the main thread is busy, and wakes it where the system gave the signal to another thread."""
 
 from __future__ import annotations
 

@@ -174,7 +174,7 @@ def test_random_legs_that_join_at_random_times_keep_their_limits_and_the_planned
         t = min(t + chance.choice([0.0, 0.003, 0.1, 1.0]), course.duration * 0.999)
         while len(legs) > 1 and course.joints[len(course.joints) - len(legs)].time <= t:
             legs.pop(0)
-    if t < 1.0:  # nothing of it has been let go of
+    if t < 1.0:  # nothing of it has been dropped
         must_hold(course, all_legs, start)
 
 

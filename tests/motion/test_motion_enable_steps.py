@@ -165,7 +165,7 @@ def test_catching_an_axis_in_motion_is_not_reported_as_uncommanded_motion():
 
 
 def obey_until_enabled(drive: Drive, activity: EnableActivity) -> None:
-    """Let the drive take each word until it has power, at rest."""
+    """Let the drive take each word until it has power, at standstill."""
     word = DISABLED
     while word != ENABLED:
         activity.step(*drive.cycle(statusword=word, mode=1, position=0))

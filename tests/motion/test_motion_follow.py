@@ -319,7 +319,7 @@ def test_a_trajectory_that_jumps_never_reaches_the_drive():
 
 
 class Kink:
-    """At rest, then at a velocity from one cycle to the next."""
+    """At standstill, then at a velocity from one cycle to the next."""
 
     duration = 1.0
 

@@ -162,7 +162,7 @@ def test_a_position_that_was_received_once_is_no_standstill():
     sample = Sample(100, 0.0)
     for number in range(20):
         img.update(Inputs(number * T, True, None, None, sample, None, None, None))
-    assert not img.standstill  # the same frame over and over says nothing
+    assert not img.standstill  # the repeated frame proves nothing
 
 
 def test_an_endless_axis_past_int32_keeps_its_angle_over_a_gap():
@@ -468,9 +468,9 @@ def test_disabling_waits_for_the_last_step_down():
 
 
 def test_standstill_seen_before_the_step_could_act_does_not_count():
-    """A motion may be on its way to the drive."""
+    """The command of a motion may be in transit to the drive."""
     fall = Fall()
-    for _ in range(20):  # it stood for long before the halt
+    for _ in range(20):  # it was at standstill for long before the halt
         fall.image.update(
             Inputs(fall.now, True, Sample(ENABLED, fall.now), None, Sample(0, fall.now), None, None, None)
         )

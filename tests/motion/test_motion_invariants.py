@@ -40,9 +40,7 @@ from kit.motion.tiny_drive import CSP, HM, PP, PV, TQ, TinyDrive, state_of
 PERIOD = 0.01
 AGE = 0.1  # seconds that an input counts
 WINDOW = 20  # increments in which a move ends
-BRAKED = (
-    20  # cycles after which an axis that is not heard of must be off: the age of its statusword, and some
-)
+BRAKED = 20  # cycles after which an axis without messages must be off: the age of its statusword, and some
 GIVEN_UP = 80  # the same while it is being enabled: the time of one transition more
 ONE = Scale.of(1, "inc")
 MAY_MOVE = {
@@ -83,7 +81,7 @@ def make_core(resting: int | None) -> AxisCore:
 
 
 class AxisUnderFire(RuleBasedStateMachine):
-    """Random commands and mishaps; every cycle's outputs, and every handle that ends, are held against the rules."""
+    """Random commands and faults; every cycle's outputs, and every handle that ends, are checked against the rules."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -49,7 +49,9 @@ def test_no_sum_of_waves_leaves_the_limits(waves, deceleration):
     assume(abs(path(PERIOD)) < 5.0)
     seen, braked = run(path, 3.0, deceleration)
     inside = all(-10.0 <= path(k * PERIOD) <= 10.0 for k in range(302))
-    first = abs(path(PERIOD)) ** 2 / PERIOD**2 / (2 * deceleration)  # it does not begin at rest, as it should
+    first = (
+        abs(path(PERIOD)) ** 2 / PERIOD**2 / (2 * deceleration)
+    )  # it does not begin at standstill, as it should
     assume(first < 5.0)
     assert all(-10.0 <= position <= 10.0 for position in seen)
     assert not (inside and braked)

@@ -270,7 +270,7 @@ def test_statuswords_from_within_the_settling_time_do_not_confirm_home():
     for _ in range(2):
         assert not run.step(*drive.cycle(statusword=ENABLED | 0x1400))
     while drive.now < edge + 1.0:
-        assert not run.step(*drive.cycle())  # nothing new is heard
+        assert not run.step(*drive.cycle())  # nothing new is received
     assert run.step(*drive.cycle(statusword=ENABLED | 0x1400))
 
 
@@ -1419,7 +1419,7 @@ def test_by_velocity_an_axis_is_at_standstill_below_the_speed_of_the_cell_file(v
     assert seen is stands
 
 
-# Commands that take effect at rest.
+# Commands that take effect at standstill.
 
 
 def waiting(*names: str) -> tuple[Drive, StandstillWaiters, list[tuple[str, str]]]:

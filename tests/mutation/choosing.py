@@ -49,7 +49,7 @@ def without(found: list[Mutant], equivalents: list[Equivalent], texts: dict[str,
 def tests_for(mutant: Mutant, known: LineMap, enough: float) -> list[str]:
     """Return the tests that concern a mutant, the fastest first, as many as fit into the time.
 
-    They are those that execute its statement. What is executed at import only concerns those that execute a line with its name, or
+    They are those that execute its statement. Code executed at import only concerns tests that execute a line with its name, or
     with that of a constant made of it, and the tests that import its module.
     """
     found = known.tests(mutant.file, *mutant.lines)

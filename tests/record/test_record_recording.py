@@ -25,7 +25,7 @@ OVER_TEMPERATURE = 0x4310
 
 
 def job(cell: Machine) -> None:
-    """Enable, home, move x and z, let a fault befall y in its move, and bring it back."""
+    """Enable, home, move x and z, let y go into fault in its move, and reset it."""
     wait([axis.enable() for axis in cell])
     wait([axis.home() for axis in cell])
     wait([cell["x"].move_absolute(60.0), cell["z"].move_absolute(-30.0)])

@@ -109,6 +109,6 @@ def golden(tmp_path):
 
 @pytest.fixture
 def scenario(tmp_path):
-    """Make simulated cells in virtual time; see ``kit.cell.Stage``. They are let go afterwards, whatever became of them."""
+    """Make simulated cells in virtual time; see ``kit.cell.Stage``. They are released afterwards in any case."""
     with Stage(tmp_path) as stage:
         yield stage

@@ -72,7 +72,7 @@ def test_the_drives_of_a_live_master_stop_and_it_takes_that_as_a_fault(tmp_path,
 
 
 class Stubborn(Talker):
-    """A master that sends *enable operation* in every cycle and looks at nothing: the frames of a live one, over and over."""
+    """A master that sends *enable operation* in every cycle and looks at nothing: the recorded frames of one, repeated."""
 
     def __init__(self, line: Line) -> None:
         super().__init__(line.channel)

@@ -278,7 +278,7 @@ def test_an_optional_node_that_appears_later_is_picked_up(tmp_path, impatient):
             machine.group("xy").move_direct((2.0, -2.0), velocity=20.0).wait(20)
             assert line.where("y") == pytest.approx(-2.0, abs=1.5)
             assert [report.ok for report in machine.reports] == [True, True]
-        assert late.read(0x1016, 1) == 0  # let go like the others
+        assert late.read(0x1016, 1) == 0  # released like the others
         assert line.stage("y") in OFF
 
 
@@ -529,7 +529,7 @@ def test_an_optional_node_that_appears_later_is_picked_up_in_virtual_time(tmp_pa
         machine.group("xy").move_direct((62.0, -2.0), velocity=20.0).wait(10)
         assert made[2].drive.axis.motor.position == pytest.approx(-200, abs=5)
         assert made[2].read(0x1016, 1) == 127 << 16 | 600
-    assert made[2].read(0x1016, 1) == 0  # let go like the other
+    assert made[2].read(0x1016, 1) == 0  # released like the other
     assert made[2].drive.power.stage in OFF
 
 

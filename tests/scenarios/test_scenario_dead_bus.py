@@ -19,7 +19,7 @@ NO_DEVICE = OSError(errno.ENODEV, "No such device")
 
 
 class Adapter:
-    """The adapter of a machine, which can be made to fail; all of it is let go at the end."""
+    """The adapter of a machine, which can be made to fail; all of it is released at the end."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine

@@ -1,4 +1,4 @@
-"""Random commands and mishaps on drawn cells: other axes, units, scales, limits, drives and neighbours in each scenario.
+"""Random commands and faults on drawn cells: other axes, units, scales, limits, drives and neighbours in each scenario.
 
 ``make campaign`` plays fresh ones by the thousand; a seed that fails is shrunk, with its cell, and printed as a script.
 """

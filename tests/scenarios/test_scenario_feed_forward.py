@@ -419,7 +419,7 @@ def test_a_bus_without_sync_is_refused(scenario):
 
 
 def test_a_drive_without_the_object_is_refused_at_boot(scenario):
-    """Its file says that it has it."""
+    """By its file it has the object."""
     text = resolve(GENERIC, scenario.folder).read_text(encoding="utf-8").replace("60B1", "5FB1")
     (scenario.folder / "other.eds").write_text(text, encoding="utf-8")
     other = device_from_eds(eds.load(scenario.folder / "other.eds"), 1)

@@ -1,7 +1,7 @@
 """Slaves of other CANopen stacks with their own EDS: boot, enable, pp, pv, homing, halt, quick stop, fault, disable, close.
 
 The slaves are fakes (kit/foreign_slaves.py). The tests judge a motion by the state of the fake, never by the master's report. If a
-slave cannot do a command, the command must fail with an error that says so, and the master must not report standstill while the
+slave cannot do a command, the command must fail with that reason, and the master must not report standstill while the
 slave moves.
 """
 

@@ -121,7 +121,7 @@ def test_enable_takes_a_resting_drive_over_without_a_jump(scenario):
 @pytest.mark.parametrize("mode", [PV, PP, CSP])
 def test_enable_takes_a_moving_drive_over_by_braking_it_on_its_ramp(scenario, mode):
     cell = scenario.simulated("x", devices=found(scenario, mode, target_velocity=TURNING))
-    if mode == PP:  # on its way to a far target of the other master
+    if mode == PP:  # moving to a far target of the other master
         cell.device().write(0x6081, 0, TURNING)
         cell.drive().target_position = 1_000_000
         cell.drive().controlword = 0x3F
@@ -145,7 +145,7 @@ OFFSET = 30_000  # position increments
 
 
 def with_offset(stage):
-    """A drive at rest in csp, whose position offset makes up for its target."""
+    """A drive at standstill in csp, whose position offset compensates its target."""
     make = found(stage, CSP, target_position=-OFFSET)
 
     def made() -> dict[int, Device]:

@@ -74,7 +74,7 @@ def test_a_restarted_node_cannot_be_reset_into_service(scenario, golden):
 
 @pytest.mark.parametrize("enabled", [False, True], ids=["at standstill", "moving"])
 def test_a_reset_of_an_axis_whose_node_is_silent_names_the_remedy(scenario, golden, enabled):
-    """At rest it is said again every time; in motion it is said while the stop sequence still tries to reach it, too."""
+    """At standstill each reset reports it; in motion also while the stop sequence still tries to reach the node."""
     cell = scenario.simulated("x")
     if enabled:
         cell.turning()

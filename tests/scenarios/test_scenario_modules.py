@@ -178,8 +178,8 @@ def test_a_scan_that_fails_leaves_the_module_without_power_and_closing_reports_i
     assert not cell.module.energised
 
 
-# -- whoever dies ----------------------------------------------------------------------------------------------------
-# Who is struck, by what, and the net without which the module goes on.
+# -- killed processes ------------------------------------------------------------------------------------------------
+# The process, the signal, and the safety net without which the module continues.
 own = pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
 
 

@@ -52,7 +52,7 @@ def played(scenario, kind: str, axis: str = ON_CHANGE, **changes):
 
 
 def words(cell) -> list[tuple[int, float]]:
-    """Every new controlword that the drive hears from now on, with the target beside it in degrees."""
+    """Every new controlword that the drive receives from now on, with its target in degrees."""
     drive, heard = cell.drive(), []
     hear = drive._hear
 

@@ -113,7 +113,7 @@ class Doomed:
     def standstill_after(
         self, at: float, stages: tuple[int, ...], within: float = STOPS_WITHIN
     ) -> float | None:
-        """Return how many seconds after a time all motors stood for good in these stages; None if they do not in time."""
+        """Return how many seconds after a time all motors stay at standstill in these stages; None if not in time."""
         until = time.monotonic() + within
         while time.monotonic() < until:
             time.sleep(0.1)

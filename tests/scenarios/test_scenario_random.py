@@ -1313,7 +1313,7 @@ FOUND: Mapping[str, Script] = {
         scene="no-demand",
         ending="busy-close",
     ),
-    # The quick stop of a halt at rest went out blind, and Standstill was said until it was over.
+    # The quick stop of a halt at standstill was sent blind, and Standstill was reported until it was over.
     "feedback that is lost while an axis is halted at rest": Script(
         "lagging",
         (

@@ -320,7 +320,7 @@ def test_a_mode_that_the_drive_has_not_left_yet_is_no_mode_error(scenario):
     assert cell.x.state is AxisState.STANDSTILL
 
 
-# -- at rest -------------------------------------------------------------------------------------------------------------
+# -- at standstill -------------------------------------------------------------------------------------------------------
 
 
 def test_a_halted_drive_that_continues_to_its_old_target_is_stopped_and_reported(scenario, golden):
@@ -340,7 +340,7 @@ def test_a_halted_drive_that_continues_to_its_old_target_is_stopped_and_reported
 
 
 def test_an_axis_that_is_held_at_standstill_by_something_else_is_reported(scenario):
-    """A jammed axis with a distant demand would leap when freed. A move has proven the demand, so the jam is seen at rest."""
+    """A jammed axis with a distant demand would leap when freed. A move has proven the demand, so the jam is seen at standstill."""
     cell = scenario.simulated("x", eds=MODULE).enabled()
     cell.x.move_relative(30.0).wait(10)
     cell.run(0.5)

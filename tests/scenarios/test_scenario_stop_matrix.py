@@ -1,8 +1,8 @@
-"""Every way of asking for a stop × every state of the node × mode: the axis comes to standstill, or is reported as not confirmed.
+"""Every stop command × every state of the node × mode: the axis comes to standstill, or is reported as not confirmed.
 
-Each cell is judged on the plant. The motor must come to rest, because every state here leaves a path to the drive that works (RPDO
+Each cell is judged on the plant. The motor must stop, because every state here leaves a path to the drive that works (RPDO
 with SYNC, SDO, NMT stop); the drive's own watchdog is switched off, so that nothing else stops it. Success may be reported only
-when the motor is at rest. The table of ``docs/stopping.md`` says what is reported.
+when the motor is at standstill. The table of ``docs/stopping.md`` lists the reports.
 """
 
 from __future__ import annotations

@@ -234,7 +234,7 @@ def test_points_that_are_lost_in_transit_end_the_stream_without_a_jump(scenario)
     cell = opened(scenario)
     points = stream(cell)
     feed(cell, points, 0.8)
-    points._sent += 1  # as if one had not found its way to the core
+    points._sent += 1  # as if one had not reached the core
     with pytest.raises(StateError, match="did not arrive"):
         feed(cell, points, 1.0)
     cell.run(1.0)

@@ -73,7 +73,7 @@ def test_the_curve_has_the_given_values_and_does_not_overshoot_positions():
         0.0,
         0.0,
         0.0,
-    )  # at rest at both ends, and where it turns
+    )  # at standstill at both ends, and where it turns
     full = [TrajectoryPoint(1, (10,), (3,), (4,)), TrajectoryPoint(2, (12,), (0,), (-1,))]
     (_, first, last, _) = way_of(full, (0.0,), 0.01, "it")
     assert (first.from_[0], first.to[0], last.to[0]) == ((0, 0, 0), (10, 3, 4), (12, 0, -1))

@@ -34,7 +34,7 @@ def ours() -> list[str]:
 
 
 def let_go(line: Line, name: str) -> None:
-    """Make sure that a node was let go."""
+    """Make sure that a node was released."""
     assert line.devices[name].read(0x1016, 1) == 0
     assert line.devices[name].nmt is NmtState.PRE_OPERATIONAL
 

@@ -129,7 +129,7 @@ def test_torque_rises_on_its_slope_and_drives_the_motor():
     assert rig.until(lambda: rig.drive.torque == 200) == pytest.approx(0.2, rel=0.01)  # 1000 ‰/s
     assert rig.has(BIT_10)
     rig.run(1.0)
-    # at rest with viscous friction: v = torque · gain · time constant = 200 · 2000/s² · 0.1 s
+    # without acceleration, viscous friction: v = torque · gain · time constant = 200 · 2000/s² · 0.1 s
     assert rig.drive.velocity == pytest.approx(40_000, rel=0.01)
 
 

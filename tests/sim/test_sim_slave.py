@@ -253,7 +253,7 @@ def test_sdo_toggle_and_abort_end_a_transfer():
 
 
 def test_a_block_upload_of_few_bytes_is_answered_by_a_normal_one():
-    """The client says that it would rather have up to 4 bytes in a normal transfer."""
+    """The client prefers a normal transfer for up to 4 bytes."""
     assert Wire().run(0.1).sdo("a000100010040000") == "4300100092010200"
 
 
@@ -428,7 +428,7 @@ def test_a_lost_master_causes_the_reaction_of_6007h(option, ends_in):
     wire.run(0.3)
     assert (
         state(wire.device.drive.statusword) == "operation enabled"
-    )  # no heartbeat was ever heard: not watched yet
+    )  # no heartbeat was ever received: not watched yet
     for _ in range(5):
         wire.send(0x77F, "05")
         wire.run(0.05)
@@ -485,7 +485,7 @@ def test_life_guarding_is_a_watchdog_too():
 def test_a_missing_rpdo_is_noticed_by_its_deadline():
     wire = Wire(x1401_5=40, x6007=1, x1029_1=1).start()
     wire.run(0.2)
-    assert wire.of(0x85) == []  # never heard: not watched
+    assert wire.of(0x85) == []  # never received: not watched
     for _ in range(5):
         wire.send(0x305, "060000000000")
         wire.run(0.03)

@@ -78,7 +78,7 @@ def test_a_question_meets_the_accessibility_rules(scene, scheme):
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_loss_is_reported_in_one_line_on_a_phone_and_covers_nothing_else(scene, scheme):
-    """Grey marks old values by itself; the words and the stops are for every user."""
+    """Grey alone marks old values; the words and the stops are for every user."""
     page = scene.page
     page.view("axis-y")
     page.as_seen(390, scheme)

@@ -164,7 +164,7 @@ def test_the_first_reason_is_the_one_that_is_reported():
 
 
 def test_an_axis_that_rings_returns_by_its_new_target_and_is_measured():
-    """The drive never says that it has arrived: the axis is in motion all the time."""
+    """The drive never reports its arrival: the axis is in motion all the time."""
     seen = TrialBench()
     seen.cycle()
     assert seen.side(MOVES, 10.0, lambda time: 10.0 + math.sin(60 * time))[-1] is NextAction.RETURN

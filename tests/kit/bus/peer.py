@@ -98,9 +98,9 @@ def eventually(condition: Callable[[], object], seconds: float = 5.0) -> None:
 
 
 class Slave:
-    """A CANopen slave: SDO server (expedited and segmented), the PDO parameter rules, NMT. Typed off CiA 301, not off the library.
+    """A CANopen slave: SDO server (expedited and segmented), the PDO parameter rules, NMT. By CiA 301, not from the library.
 
-    Dials: ``ignore`` requests get no answer; with ``hold`` answers wait until ``release``; ``abort_on`` maps (index, subindex) to
+    Settings: ``ignore`` requests get no answer; with ``hold`` they wait until ``release``; ``abort_on`` maps (index, subindex) to
     the abort code of a write; ``flip_toggle`` spoils the toggle bit of that many segments; ``fixed_mapping`` refuses any change of
     a map, ``fixed_communication`` any of the communication parameters.
     """

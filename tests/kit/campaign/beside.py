@@ -86,7 +86,7 @@ class Beside:
         cell.each_cycle(lambda now, _: self._look(now))
 
     def happen(self, value: float) -> None:
-        """Give it a command, or a mishap, by a number from -1 to 1."""
+        """Give it a command, or a fault, by a number from -1 to 1."""
         number = round(abs(value) * 100)
         if not number:  # the event that brings the others back into service
             self._turn(DIALS[0])
@@ -116,7 +116,7 @@ class Beside:
         self._enables.append((handle, None))
 
     def is_out_of_reach(self, text: str) -> bool:
-        """Whether the master says that it may move or be energised still, or cannot hear that it does."""
+        """Whether the master reports that it may move or still be energised, or cannot receive whether it does."""
         error = self._axis.error
         lines = [str(error)] if error is not None else []
         lines += [part for part in text.split("\0") if f"{NAME}: " in part or f"[{NAME}]" in part]

@@ -99,7 +99,7 @@ class Facts:
     # -- faults ----------------------------------------------------------------------------------------------------------
 
     def begin(self, what: str, axis: str) -> list[str]:
-        """A mishap begins; return the axes that it may befall (those of one node, or of one beam, share its troubles)."""
+        """A fault begins; return the axes that it may affect (those of one node, or of one beam, share it)."""
         kind = MISHAPS[what]
         befallen = [name for name in self.names if kind.shared or self._share_node(name, axis)]
         for name in befallen:
@@ -108,7 +108,7 @@ class Facts:
         return befallen
 
     def end(self, what: str, axis: str) -> None:
-        """A mishap ends."""
+        """A fault ends."""
         for name, troubles in self.troubles.items():
             for trouble in troubles:
                 here = trouble.kind.shared or trouble.axis == axis or what in _OF_NODES
@@ -193,11 +193,11 @@ class Facts:
         return name in pulled and pulled[name] > self.drive[name].time - _PULLED
 
     def may_fall(self, name: str) -> bool:
-        """Whether a load that only the motor holds is without power, or was let go by its user."""
+        """Whether a load that only the motor holds is without power, or was released by its user."""
         return (self.hangs(name) and self.stage(name) in OFF) or self.is_dropped(name)
 
     def is_dropped(self, name: str) -> bool:
-        """Whether its user has let go of a load that only the motor holds: it falls."""
+        """Whether its user has released a load that only the motor holds: it falls."""
         own = [asked.what for asked in self.asked if name in asked.names and asked.what in _POWER]
         return self.hangs(name) and bool(own) and own[-1] != "enable"
 
@@ -216,7 +216,7 @@ class Facts:
     # -- reports of the master -------------------------------------------------------------------------------------------
 
     def is_reported_as_moving(self, name: str, text: str = "") -> bool:
-        """Whether the master says of an axis that it may move, or is energised still."""
+        """Whether the master reports an axis as possibly moving, or still energised."""
         error = self.core[name].error
         lines = [str(error)] if error is not None else []
         lines += [part for part in text.split("\0") if f"{name}: " in part or f"[{name}]" in part]

@@ -74,7 +74,7 @@ class Judge:
             self._switched += [self._outputs.ask(name, int(on)) for name, on in asked.items()]
 
     def happen(self, what: str, axis: str, value: float) -> None:
-        """A mishap begins or ends."""
+        """A fault begins or ends."""
         if what in ENDS:
             self.facts.end(what, axis)
             ENDS[what](self.facts.site, axis, value)

@@ -25,9 +25,9 @@ _TAKES_POWER = frozenset(
     {"fault", "drops_power", "other_shuts_down", "other_quick_stops", "heartbeat_lost", "stalls", "reboots"}
     | {"wire_cut", "bus_off", "queue_full"}
 )
-_AT_REST = ("jam", "resumes")  # by these nothing moves that was at rest with nothing to pull it
+_AT_REST = ("jam", "resumes")  # these move no axis that was at standstill with nothing to pull it
 _JUST = 0.5  # s within which the master may not have reported yet that an axis moves without a command
-RESTS = 1.0  # s after which an axis at rest is taken at its word
+RESTS = 1.0  # s after which a reported standstill must be true
 
 
 class Rest:

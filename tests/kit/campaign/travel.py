@@ -175,13 +175,13 @@ class Travel:
     def reaction(self, name: str) -> float:
         """Degrees that an axis may be beyond a limit by a command.
 
-        Derivation. In each cycle the guard stops what would not come to rest before the limit with the deceleration of its stop.
-        It cannot know of what happens in the ``T`` = 5 scan periods between a position's sampling and the drive's obeying. A motion
-        that is led is known ahead, speed and acceleration: nothing remains but rounding, and the lag of the motor, which trails
-        behind a demand that stops before the limit. Under torque the acceleration is not known before it is seen: from rest,
-        ``a T²/2`` until the stop acts, at the speed ``a T``, which takes ``(a T)² / 2 d`` to brake with the deceleration ``d``
-        of the quick stop. ``a`` is the torque that is commanded, less friction, times what one torque accelerates. A quick stop on
-        the slow-down ramp (605Ah) has the deceleration 6084h, any other 6085h.
+        Derivation. In each cycle the guard stops an axis that would not stop before the limit with the deceleration of its
+        stop. It cannot know the motion during the ``T`` = 5 scan periods between the sampling of a position and the reaction of
+        the drive. The speed and acceleration of a motion streamed by the master are known in advance: only rounding remains,
+        and the lag of the motor behind a demand that stops before the limit. Under torque the acceleration is unknown until it
+        is measured: from standstill, ``a T²/2`` until the stop acts, at the speed ``a T``, which takes ``(a T)² / 2 d`` to
+        brake with the deceleration ``d`` of the quick stop. ``a`` is the commanded torque, less friction, times the
+        acceleration per torque. A quick stop on the slow-down ramp (605Ah) has the deceleration 6084h, any other 6085h.
         """
         drive, facts = self._facts.drive[name], self._facts
         speed, time = self._blind_speed(name), _CYCLES * facts.scene.period

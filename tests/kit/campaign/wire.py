@@ -19,7 +19,7 @@ _LATER, _EACH, _LATEST = (
 
 
 class Wire:
-    """The PDOs of one axis on the wire. Its fields are dials.
+    """The PDOs of one axis on the wire. Its fields are fault settings.
 
     ``inputs_lost``, ``outputs_lost``: the share of frames that never arrive. ``late``: cycles by which both come later.
     """
@@ -32,7 +32,7 @@ class Wire:
         self._period = period
 
     def turn(self, dial: str, value: float) -> None:
-        """Turn a dial."""
+        """Change a fault setting."""
         whose = {
             "inputs_lost": self._inputs,
             "outputs_lost": self._outputs,

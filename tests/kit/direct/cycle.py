@@ -1,12 +1,13 @@
-"""The seam of ``cia402.port`` over arithmetic: simulated drives in virtual time, without frames, threads or a clock.
+"""The interface ``cia402.port`` over arithmetic: simulated drives in virtual time, without frames, threads or a clock.
 
 Theory of operation
 -------------------
-``DirectCycle.wait_until`` is the only thing that lets time pass: plants, watchdogs and SDO transfers advance in it, so the machine
-moves on whether or not the scan still asks. What a port is given takes effect as its values travel: event-driven ones at
-``commit``, synchronous ones at ``sync``, which samples the inputs first (an answer to a command is seen one SYNC later), values by
-SDO when their transfer has been served. What was sampled is on its way until time passes: who reads right after SYNC reads what
-was sampled at the one before, as on a wire. Every value that was ``NONE`` is never seen and never sent.
+
+Time passes only in ``DirectCycle.wait_until``: plants, watchdogs and SDO transfers advance in it, so the machine moves on even
+if the scan no longer asks. Outputs take effect according to their transport: event-driven values at ``commit``; synchronous
+values at ``sync``, which samples the inputs first (an answer to a command is seen one SYNC later); values by SDO when their
+transfer has been served. Sampled inputs are in transit until time passes: a read right after SYNC returns the sample of the
+previous SYNC, as on a wire. A value with the transport ``NONE`` is never received and never sent.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ class DirectPort:
         self._next_poll = self._next_beat = 0.0
         self._last_beat = -1e9
         self._reported, self._nmt = NmtState.UNKNOWN, int(NmtState.UNKNOWN)
-        self._boot_ups = device.boot_ups  # so many were heard, or could not be
+        self._boot_ups = device.boot_ups  # so many were received, or lost
         self._in_service = False
         self._rebooted = False  # since it was operational: its configuration is gone, as on a bus
         taken = self._sources(OUTPUT_OBJECTS, outputs)

@@ -40,7 +40,7 @@ class FakeCell:
         self.jogs = []
         self.given = []
         self.asked = Counter()  # by id
-        self.deaf = 0  # so many commands are not heard
+        self.deaf = 0  # so many commands are lost
         self.dumb = 0  # so many are done, and not answered
         self.overtaken = 0  # so many come too late
         self.runs = 0  # so many answers are that it runs

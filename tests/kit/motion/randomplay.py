@@ -21,7 +21,7 @@ from kit.direct.cycle import DirectCycle, DirectPort
 from kit.motion.rig import GENERIC, PERIOD, SCALE, dictionary_of, parameters
 
 EVERY = 30  # cycles between two commands, on average
-MISHAP = 150  # and between two mishaps
+MISHAP = 150  # and between two faults
 SAMPLES = ("statusword", "mode", "position", "velocity", "torque", "demand")
 PORTS = (
     {},

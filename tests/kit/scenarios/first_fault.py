@@ -39,7 +39,7 @@ def node_is_lost(folder: Path) -> None:
         line.devices["x"].dials.dead = True
         told(machine)
         line.devices["x"].dials.dead = False
-        time.sleep(1.0)  # it is heard again
+        time.sleep(1.0)  # its messages are received again
 
 
 def drive_refuses(folder: Path) -> None:

@@ -118,7 +118,7 @@ HARMLESS: dict[str, tuple[RepeatedFrame, ...]] = {
 
 
 class OtherMaster(Talker):
-    """Says something over and over on a channel while its block lasts; ``counted`` is how many frames went out."""
+    """Sends frames repeatedly on a channel while its block lasts; ``counted`` is how many frames went out."""
 
     def __init__(self, channel: str, says: tuple[RepeatedFrame, ...], tick: float = TICK) -> None:
         super().__init__(channel)

@@ -1,4 +1,4 @@
-"""Cells whose moves have a limit of jerk, and the differences of the places that their axes are led to."""
+"""Cells whose moves have a limit of jerk, and the differences of the commanded positions of their axes."""
 
 from __future__ import annotations
 

@@ -2,12 +2,12 @@
 
 Theory of operation
 -------------------
-Wire, session and server are deterministic: what follows depends on nothing but their state. So one undisturbed transfer is run,
-and the state before each of its steps is kept. For a lost frame the step that sends it is done again on a copy, without that frame,
-and the copy runs on until it is in a state from which a transfer has already been seen to end well, with the right data (all
-that has come and all that is under way is part of the state); else it runs to its end, and the states on its way are remembered.
-From the end backwards that is about two blocks for each lost frame. Nothing is assumed about how the protocol recovers: where no
-state is met again, the whole rest of the transfer is run.
+Wire, session and server are deterministic: everything that follows depends on their state alone. So one undisturbed transfer is
+run, and the state before each of its steps is stored. For a lost frame, the step that sends it is repeated on a copy, without
+that frame. The copy runs until it is in a state from which a transfer has already ended well, with the right data (all received
+data and all frames in transit are part of the state); otherwise it runs to its end, and its states are stored. From the end
+backwards that is about two blocks for each lost frame. Nothing is assumed about the recovery of the protocol: if no known state
+is reached, the whole rest of the transfer is run.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ def _plain(value: Any) -> Any:
     return type(value).__name__, tuple((name, _plain(each)) for name, each in kept)
 
 
-# -- copies, in which dictionary and dials stay the wire's own ----------------------------------------------------------
+# -- copies, in which dictionary and settings stay the wire's own ----------------------------------------------------------
 
 
 class _Pickler(pickle.Pickler):

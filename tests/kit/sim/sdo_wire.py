@@ -95,7 +95,7 @@ class SdoWire:
         self._late = session.late
 
     def settle(self) -> None:
-        """Let the server have all that is under way to it."""
+        """Deliver all frames in transit to the server."""
         while self._to_server:
             self._serve()
 

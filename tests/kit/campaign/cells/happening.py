@@ -23,7 +23,7 @@ _PLACES = frozenset(
     {"move_absolute", "move_led", "move_waiting"}
 )  # absolute moves reach their target from any motion
 _NUDGES = (1, 2, 3, 5, 20)  # increments
-_MODULE_IS_WELL = 7  # every number that it divides is a mishap of the module beside the axes
+_MODULE_IS_WELL = 7  # every number that it divides is a fault of the module beside the axes
 
 
 def happen(event: Event, judge: Judge) -> None:
@@ -100,7 +100,7 @@ def is_healthy(facts: Facts, within: float = QUIET) -> bool:
 
 
 def _is_ready(facts: Facts, name: str, kind: str) -> bool:
-    """Whether an axis is in service, at rest, and has nothing to do; a stop must end well whatever it does."""
+    """Whether an axis is in service, at standstill, and has no command; a stop must end well whatever it does."""
     core = facts.core[name]
     if core.error is not None or facts.stage(name) != ENABLED:
         return False

@@ -235,7 +235,7 @@ def _additive(args: Args) -> Handle:
 
 
 def _follow(args: Args) -> Handle:
-    """A trapezoid from where the axis is led to, gentler than the limits."""
+    """A trapezoid from the commanded position of the axis, gentler than the limits."""
     recipe, start = args.recipe, args.led
     target = args.inside(args.chance.random())
     args.direction = math.copysign(1.0, target - start)
@@ -501,7 +501,7 @@ def _direct(args: GroupArgs) -> Handle:
 
 
 def _stream(args: GroupArgs) -> Handle:
-    """A sine from where the axes are led to, gentler than the limits: ended, or left to run out."""
+    """A sine from the commanded positions of the axes, gentler than the limits: ended, or left to run out."""
     starts = args.group.tool_position if args.cell.recipe.kinematics else [one.led for one in args.args]
     sizes = (
         [5.0] * len(starts)

@@ -55,14 +55,14 @@ class AxisRecipe(NamedTuple):
     """One axis. ``speed`` and ``acceleration`` are max_velocity and max_acceleration in increments per s and s².
 
     ``file``: ``generic-cia402``, ``gim6010-8`` or a file of the EDS corpus. ``without``: objects taken out of it, ``fixed``: those
-    made read-only, accelerations with such a part of max_acceleration. ``rpm``: the drive counts turns per minute by this
+    made read-only, accelerations with such a part of max_acceleration. ``rpm``: the drive has turns per minute with this
     power of ten. ``scaled``: the cell file has velocity_scale and acceleration_scale. ``ease``: default velocity and acceleration
     as shares of the maxima; ``stop``: that of the quick stop's deceleration. ``limits``: from and to, in s at max_velocity.
-    ``demand``: what 6062h shows: ``real``, ``zero`` or ``target``. ``slow``: values that come with every n-th SYNC; ``polled``:
+    ``demand``: the value of 6062h: ``real``, ``zero`` or ``target``. ``slow``: values sent with every n-th SYNC; ``polled``:
     those that are read by SDO; ``apart``: those with a TPDO of their own. ``event_timer``: that of all TPDOs in ms, which are then
-    event-driven; 0: they answer SYNC. ``written``: outputs that are written by SDO. ``word_first``: the controlword comes in an
-    RPDO before that of the target. ``start``: where the motor stands on power-up; ``homed``: whether it is homed where it stands,
-    or is where its drive says.
+    event-driven; 0: they answer SYNC. ``written``: outputs that are written by SDO. ``word_first``: the controlword is in an
+    RPDO before that of the target. ``start``: the motor's position at power-up; ``homed``: whether it is homed at its position,
+    or at the position reported by its drive.
     """
 
     file: str = GENERIC

@@ -445,7 +445,7 @@ class Physics(Travel):
     def _step_of_set_points(self, name: str) -> float:
         """Return by how many norm degrees a fault reaction may go beyond the end of a path that brakes as hard as it does.
 
-        Derivation. From set-point to set-point the drive moves evenly, and its velocity falls in steps. A path that brakes evenly
+        Derivation. Between two set-points the drive moves at a constant velocity, which falls in steps. A path that brakes evenly
         with ``d`` has ``v²/2d`` left at a set-point, where ``v`` is its own velocity. The drive has the mean velocity of the period
         ``T`` before that, which is ``v + dT/2``. The drive's own reaction begins with it, and needs ``vT/2 + dT²/8`` more: less
         than half of that velocity times ``T``. No command of the master can change this.
@@ -485,7 +485,7 @@ class Physics(Travel):
             self._led[key] = self._led.get(key, 0.0) + self._period
 
     def _has_been_at_standstill(self, name: str) -> bool:
-        """Whether the motor has stood for so long that the positions that come can have shown it."""
+        """Whether the motor was at standstill for so long that received positions can have shown it."""
         core = self._facts.core[name]
         shows = core.parameters.timing.standstill_time + core.capabilities.max_age.get("position", 0.1)
         return self._facts.now - self._rolled.get(name, -math.inf) > shows + _SAMPLES * self._period
@@ -606,7 +606,7 @@ class Physics(Travel):
             return not self._has_all_modes(name)
         if isinstance(error, StaleError):
             return "never received" in str(error)  # a maker's file whose 6064h cannot be mapped
-        # The acceleration of the cell file is more than the maker's file permits, and the drive has said so; or it may be blocked.
+        # The acceleration exceeds the limit in the maker's file, and the drive has reported it; or it may be blocked.
         if isinstance(error, DriveError) and (self._is_too_much(name, error) or self._crawls(name, error)):
             return True
         # How it brakes is not known, so that a quick stop past its last target may be a pull.
@@ -648,7 +648,7 @@ class Physics(Travel):
         return 1.0 if self._unit(name) > 0.0 else -1.0
 
     def _moved_nothing(self) -> None:
-        """A command that was refused at the call, on an axis at rest, moves nothing."""
+        """A command that was refused at the call, on an axis at standstill, moves nothing."""
         facts = self._facts
         for refusal in list(self._refusals):
             at, name, place, text = refusal

@@ -1,11 +1,12 @@
-"""What a pair promises: neither side is driven alone or told to go elsewhere, and a beam that is bent, or loses a side, is stopped.
+"""The promises of a pair: neither side moves alone, and a beam that is bent, or loses a side, is stopped.
 
 Theory of operation
 -------------------
-The oracle is the motors: the beam is bent by what they differ from ``square``, which is how they differed when the cell was
-opened, when the switches were found, or when the user said so. Where a drive counts anew and nobody has confirmed the place since,
-nobody knows, and nothing is judged by it. Feedback that lies, frames that do not come and drives that hear nothing excuse what
-must be seen, or heard, to be kept; what a mishap of one side does to the other is no excuse.
+
+The oracle is the motors. The bend of the beam is the deviation of their difference from ``square``. ``square`` is that
+difference when the cell was opened, when the switches were found, or when the user defined it. If a drive restarts its count
+and the position has not been confirmed since, the bend is unknown and is not judged. Wrong feedback, missing frames and drives
+that receive nothing excuse the rules that need them. The effect of a fault of one side on the other side is no excuse.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ _STOPPED_STATES = (AxisState.ERRORSTOP, AxisState.DISABLED)
 _AT_REST = (AxisState.DISABLED, AxisState.STANDSTILL)
 _TOGETHER = 0.03  # s within which both are energised
 _ROUNDING = 0.3  # deg
-_CALM = 2.0  # s after a mishap
+_CALM = 2.0  # s after a fault
 _STOPPED = 1.5  # s in which one side stops when the other has failed
 
 
@@ -170,7 +171,7 @@ class Beam:
                 )
 
     def _commanded_as_one(self) -> None:
-        """The set-points of both differ by no more than they did at rest, unless the beam is being made square."""
+        """The set-points of both differ by no more than they did at standstill, unless the beam is being made square."""
         cell = self._cell
         samples = [cell.record(name).sample for name in AXES]
         led = all(sample.stage == ENABLED for sample in samples) and all(
