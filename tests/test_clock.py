@@ -41,7 +41,7 @@ def clock(request: pytest.FixtureRequest) -> Clock:
 # -- both clocks -------------------------------------------------------------------------------------------------------
 
 
-def test_sleeping_takes_its_time(clock: Clock) -> None:
+def test_a_sleep_lasts_at_least_its_time(clock: Clock) -> None:
     began = clock.now()
     clock.sleep(0.02)
     assert clock.now() - began >= 0.02
@@ -109,7 +109,7 @@ def test_a_condition_is_waited_for_until_something_holds(clock: Clock) -> None:
     assert clock.now() - began >= 0.02
 
 
-def test_polling_ends_when_it_is_done_or_its_time_is_over(clock: Clock) -> None:
+def test_polling_ends_when_the_condition_holds_or_the_time_is_over(clock: Clock) -> None:
     asked = list[float]()
 
     def done() -> bool:

@@ -230,7 +230,7 @@ def test_an_interrupt_between_two_cells_halts_moving_axes(bench):
     assert goes_on(bench)
 
 
-def test_an_interrupt_in_a_call_that_lets_no_thread_run_halts_before_its_end(bench):
+def test_an_interrupt_during_a_call_that_blocks_all_threads_halts_before_its_end(bench):
     code = (
         f"x.move_velocity({SPEED}).wait()\nbegan = time.monotonic(); 3 ** 12_000_000; print(time.monotonic())"
     )

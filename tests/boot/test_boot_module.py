@@ -117,7 +117,7 @@ def test_a_silent_module_is_reported_with_the_received_frames(frames, message, r
     assert remedy in told
 
 
-def test_its_stop_sequence_names_the_steps_that_hold_and_those_that_coast():
+def test_the_stop_sequence_of_a_module_names_the_steps_that_hold_and_those_that_coast():
     off = ladder("m", SETTINGS, StopTimes(), HoldsLoad.NO)
     rows = {title: text for title, _, text in off.rows}
     assert list(rows)[:4] == ["1 halt", "2 quick stop", "3 power off", "4 NMT stop"]

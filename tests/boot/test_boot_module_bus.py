@@ -170,7 +170,7 @@ def armed(
         ),
     ],
 )
-def test_with_its_list_boot_reports_armed_time_outs_and_writes_nothing(tmp_path, set_to, kind, words):
+def test_with_an_endpoint_list_boot_reports_armed_time_outs_and_writes_nothing(tmp_path, set_to, kind, words):
     with bus(tmp_path, **set_to) as one:
         before = one.module.usb_read("can.config.break_timeout")
         report = armed(one, tmp_path).report

@@ -127,7 +127,7 @@ def test_error_frames_of_other_adapters_are_only_counted(fake: FakeBus) -> None:
         channel.check()
 
 
-def test_stop_frames_go_out_in_a_failed_channel(channel: Channel, fake: FakeBus) -> None:
+def test_stop_frames_are_sent_in_a_failed_channel(channel: Channel, fake: FakeBus) -> None:
     fake.fail_receiving(OSError("unplugged"))
     eventually(lambda: channel.failure)
     assert channel.send_urgent([(0x201, b"\x02\x00"), (0x80, b"")]) == 2

@@ -124,7 +124,7 @@ def test_a_serial_adapter_that_takes_nothing_for_a_while_has_not_failed(
         open_channel.send(0x201, b"c")
 
 
-def test_stop_frames_go_out_in_any_state_of_the_channel(open_channel: Channel, fake: FakeBus) -> None:
+def test_stop_frames_are_sent_in_any_state_of_the_channel(open_channel: Channel, fake: FakeBus) -> None:
     open_channel.fail(AdapterError("broken"))
     with pytest.raises(AdapterError, match="broken"):
         open_channel.send(0x201, b"")

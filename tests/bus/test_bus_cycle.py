@@ -179,7 +179,7 @@ def test_our_first_heartbeat_may_wait_for_a_full_queue_in_virtual_time() -> None
     clock.close()
 
 
-def test_a_deaf_master_sends_no_more_set_points(
+def test_a_master_that_receives_nothing_sends_no_more_set_points(
     channel: Channel, fake: FakeBus, ports: list[CanPort]
 ) -> None:
     cycle = CanCycle(channel, ports)
@@ -203,7 +203,7 @@ def once(cycle: CanCycle, ports: list[CanPort], position: int) -> None:
     cycle.heartbeat()
 
 
-def test_a_full_queue_ends_no_cycle_and_nothing_of_it_is_sent_later(
+def test_a_full_queue_ends_no_cycle_and_its_refused_frames_are_not_sent_later(
     channel: Channel, fake: FakeBus, ports: list[CanPort]
 ) -> None:
     cycle = CanCycle(channel, ports, sync_counter=10, master_id=127, heartbeat=0.001)
@@ -364,7 +364,7 @@ def test_a_quick_stop_gets_out_of_a_failed_channel(
     assert target(5, 0x02, 1000) in fake.sent
 
 
-def test_a_quick_stop_passes_the_scan_thread_that_is_stuck_in_send(
+def test_a_quick_stop_overtakes_the_scan_thread_that_is_stuck_in_send(
     channel: Channel, fake: FakeBus, ports: list[CanPort]
 ) -> None:
     cycle = CanCycle(channel, ports)

@@ -219,7 +219,7 @@ def passes(filters, can_id: int) -> int:
     return sum(can_id & mask == wanted & mask for wanted, mask in filters)
 
 
-def test_the_kernel_lets_data_frames_of_these_cob_ids_through_here_and_all_others_there():
+def test_the_kernel_filters_data_frames_of_these_cob_ids_to_one_socket_and_all_others_to_the_other():
     here, there = Options(), Options()
     assert CyclicSocket(here, there).listen([0x181, 0x282])
     assert [call[:2] for call in (*here.set, *there.set)] == [(101, 1), (101, 1)]

@@ -78,7 +78,7 @@ def _closed() -> socket.socket:
     return made
 
 
-def test_only_python_cans_own_socketcan_is_passed_by(ends):
+def test_only_the_socketcan_bus_of_python_can_is_bypassed(ends):
     assert isinstance(line_of(SocketcanBus(ends[0]), None), SocketCanLine)
     assert isinstance(line_of(SocketcanBus("no socket"), None), PythonCanLine)
     assert isinstance(line_of(OtherBus(ends[0]), None), PythonCanLine)
@@ -245,7 +245,7 @@ def test_a_line_that_was_shut_down_is_closed_without_a_complaint(caplog):
     ]  # others' buses may go here, too
 
 
-def test_many_frames_go_out_in_order_by_few_calls(ends):
+def test_many_frames_are_sent_in_order_by_few_calls(ends):
     line = SocketCanLine(ends[0])
     sent = [(0x200 + number, bytes((number,) * (number % 9))) for number in range(150)]
     sent[77] = (0x1234_5678, b"\7")

@@ -65,7 +65,9 @@ def test_a_flood_is_one_event_at_once_and_then_one_per_second_and_no_frame_of_it
     )
 
 
-def test_its_nodes_are_stopped_at_once_and_again_as_long_as_it_continues(bus, watch, stopped):
+def test_the_nodes_of_another_master_are_stopped_at_once_and_again_as_long_as_it_continues(
+    bus, watch, stopped
+):
     for tick in range(100):
         bus.hear(0x205, "0F 00", 10.0 + tick / 200)
     assert 1 + int(0.49 / AGAIN) <= len(stopped) <= 2 + int(0.5 / AGAIN)

@@ -116,7 +116,7 @@ def test_all_pdos_are_off_before_the_first_mapping_changes(sdo: SdoClient, slave
     assert names[-2:] == ["1400:1", "1800:1"]
 
 
-def test_event_driven_gets_its_timers(sdo: SdoClient, slave: Slave) -> None:
+def test_event_driven_pdos_get_their_timers(sdo: SdoClient, slave: Slave) -> None:
     plan = configure(sdo, PAIR, Policy(sync=False))
     assert slave.number(0x1800, 5) == 20
     assert slave.number(0x1800, 3) == 50
@@ -237,7 +237,7 @@ def test_one_object_that_cannot_be_mapped_does_not_cost_the_others(sdo: SdoClien
         (0x0800_0022, "the mapping"),  # not in this state
     ],
 )
-def test_by_its_abort_code_a_refused_entry_costs_its_object_or_the_mapping(
+def test_a_refused_entry_costs_its_object_or_the_mapping_depending_on_its_abort_code(
     sdo: SdoClient, slave: Slave, code: int, speaks_of: str
 ) -> None:
     original = slave._write

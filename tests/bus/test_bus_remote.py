@@ -54,7 +54,7 @@ def test_sdo_failures_of_a_remote_node_are_raised_as_canopen_errors(node: Canope
         remote.sdo.open(0x1021)
 
 
-def test_nmt_commands_go_out_and_short_emergencies_harm_nothing(
+def test_nmt_commands_are_sent_and_short_emergencies_are_recorded(
     node: CanopenNode, slave: Slave, fake: FakeBus
 ) -> None:
     remote = remote_node(node)

@@ -80,7 +80,7 @@ def test_an_event_driven_rpdo_is_sent_when_its_content_changes() -> None:
     assert master.cycle(0x1F, mode=1, target_position=6) == []
 
 
-def test_targets_that_change_in_every_cycle_go_in_every_cycle() -> None:
+def test_targets_that_change_in_every_cycle_are_sent_in_every_cycle() -> None:
     master = Master(ONE)
     frames = [master.cycle(mode=8, target_position=position) for position in range(100)]
     assert frames == [[whole(8, position, 0x0F)] for position in range(100)]
@@ -128,7 +128,7 @@ def test_a_watched_rpdo_is_due_if_the_next_cycle_would_be_after_a_third_of_its_t
 
 
 @pytest.mark.parametrize("policy", [ON_ARRIVAL, WITH_SYNC], ids=["on arrival", "with SYNC"])
-def test_a_watched_rpdo_continues_when_nothing_of_it_is_in_use(policy: Policy) -> None:
+def test_a_watched_rpdo_continues_when_its_values_are_no_longer_in_use(policy: Policy) -> None:
     """The drive begins to watch with the first one, and does not know that it is not needed any more."""
     master = Master(ONE, policy, deadline={2: 60})
     for _ in range(100):
@@ -167,7 +167,7 @@ def test_an_edge_that_another_rpdo_sent_is_reversed_by_sending_the_first_rpdo_ag
     assert after == before
 
 
-def test_an_output_that_was_forgotten_is_sent_again() -> None:
+def test_all_rpdos_are_sent_again_after_forget() -> None:
     master = Master(APART)
     master.cycle(mode=1, target_position=5)
     assert master.cycle(mode=1, target_position=5) == []

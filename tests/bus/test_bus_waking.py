@@ -24,7 +24,7 @@ def test_the_thread_is_woken_with_the_largest_allowance_until_enough_wakings_are
     assert lived(*[20] * 49).early == MOST
 
 
-def test_after_fifty_sleeps_it_is_little_more_than_they_needed():
+def test_after_fifty_sleeps_the_allowance_is_little_more_than_their_lateness():
     assert 20e-6 < lived(*[20] * 50).early < 30e-6
 
 

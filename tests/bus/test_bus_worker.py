@@ -177,7 +177,9 @@ def test_quick_stops_of_both_axes_are_carried_out(worker: SdoWorker, slave: Slav
     assert slave.objects[0x6840, 0] == b"\x02\x00"
 
 
-def test_a_quick_stop_passes_a_users_transfer_too(worker: SdoWorker, slave: Slave, channel: Channel) -> None:
+def test_a_quick_stop_overtakes_a_transfer_of_the_user_too(
+    worker: SdoWorker, slave: Slave, channel: Channel
+) -> None:
     """The worker waits for the client's lock, which a user's transfer with a silent node holds."""
     ends = Ends()
     client = worker._sdo

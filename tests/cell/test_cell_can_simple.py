@@ -64,7 +64,7 @@ def test_a_module_is_read_with_its_settings(cell):
     assert found.nodes[40].module is None
 
 
-def test_without_rated_torque_it_has_no_torques(cell):
+def test_a_module_without_rated_torque_has_no_torque_settings(cell):
     node = reader.load(cell()).nodes[16]
     assert node.module.settings(16, None, 0.01, "ramp").torque is None
     assert not node.module.settings(16, None, 0.01, None).quick_stop_holds
@@ -109,7 +109,7 @@ def test_a_check_finds_invalid_keys(cell, old, new, words):
     assert any(words in each for each in errors(cell(old, new)))
 
 
-def test_the_manuals_node_ids_go_together_and_a_free_one_is_reported(cell):
+def test_two_owners_of_an_identifier_are_an_error_that_reports_a_free_node_id(cell):
     assert not any("two owners" in each for each in errors(cell()))
     (found,) = [each for each in errors(cell("[nodes.40]", "[nodes.1]")) if "two owners" in each]
     assert "free:" in found

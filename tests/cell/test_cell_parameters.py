@@ -305,7 +305,7 @@ def test_values_written_at_boot_are_resolved_and_scaled() -> None:
     ]
 
 
-def test_the_words_of_a_second_axis_go_800h_further() -> None:
+def test_the_option_objects_of_a_second_axis_are_800h_higher() -> None:
     cell = cell_with(
         ("[axes.y]\nnode = 2", "[axes.y]\nnode = 1\ndrive_axis = 2"),
         (

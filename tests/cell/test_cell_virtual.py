@@ -170,7 +170,7 @@ def test_an_axis_that_is_not_virtual_needs_a_node_and_a_scale() -> None:
     assert refused_by_schema(MINIMAL + VIRTUAL.replace("true", "false"))
 
 
-def test_its_unit_is_needed() -> None:
+def test_the_unit_of_a_virtual_axis_is_required() -> None:
     _, wrong = read(MINIMAL + VIRTUAL.replace('unit = "mm"\n', ""))
     assert [message for _, message, _ in wrong] == ["unit is missing in [axes.v]"]
 
@@ -249,13 +249,13 @@ def test_check_warns_if_a_virtual_axis_begins_outside_its_limits(tmp_path) -> No
     assert found == ["warning 8: virtual axis v begins outside its position limits"]
 
 
-def test_check_holds_its_numbers_against_each_other(tmp_path) -> None:
+def test_check_compares_the_numbers_of_a_virtual_axis_with_each_other(tmp_path) -> None:
     found = checked(tmp_path, BUS + WHOLE.replace("velocity = 100.0", "velocity = 501.0"))
     assert any("beyond max_velocity" in each for each in found)
     found = checked(tmp_path, BUS + WHOLE.replace('unit = "deg"', 'unit = "deg"\nmodulo = 360.0'))
     assert any("an endless axis (modulo) has no position limits" in each for each in found)
 
 
-def test_check_takes_it_into_groups(tmp_path) -> None:
+def test_check_accepts_a_virtual_axis_in_a_group(tmp_path) -> None:
     group = '[groups.xv]\naxes = ["x", "v"]\n'
     assert not [each for each in checked(tmp_path, MINIMAL + WHOLE + group) if each.startswith("error")]

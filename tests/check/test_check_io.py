@@ -148,7 +148,7 @@ def test_a_safe_number_that_makers_differ_about_is_warned_of(tmp_path):
     assert found(tmp_path, VALVE.format(0.5), node=own) == []
 
 
-def test_their_frames_are_in_the_load_and_in_the_timetable(tmp_path):
+def test_the_frames_of_inputs_and_outputs_are_in_the_load_and_in_the_timetable(tmp_path):
     path = tmp_path / "cell.toml"
     io = f'[io.lamp]\n{LAMP}[io.part]\nnode = 5\nobject = "6000h:01"\nbit = 0\n'
     io += '[io.relay]\nnode = 1\nobject = "60FEh:01"\nbit = 16\nsafe = 0\n'

@@ -89,7 +89,7 @@ def test_a_module_without_detection_of_a_dead_master_is_a_warning(tmp_path, bus,
     assert ("nothing stops it when this program is killed" in found) is worse
 
 
-def test_its_frames_are_in_the_load_and_in_the_timetable(tmp_path):
+def test_the_frames_of_a_module_are_in_the_load_and_in_the_timetable(tmp_path):
     cell = reader.load(write(tmp_path, SIM + "\nbitrate = 1_000_000"))
     files = load_dictionaries(cell)
     # a scan of 20 ms: estimates are sent unasked every 10 ms, a target in each cycle

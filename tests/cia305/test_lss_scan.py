@@ -171,7 +171,7 @@ def test_a_floor_that_makes_no_sense_is_refused(floor: float) -> None:
         LssTiming(floor=floor)
 
 
-def test_known_numbers_spare_their_bits() -> None:
+def test_known_identity_numbers_save_the_requests_for_their_bits() -> None:
     slave = HandSlave(ONES, ONES, ONES, 4)
     free, told = Line(slave), Line(slave)
     scan(free)

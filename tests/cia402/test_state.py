@@ -18,7 +18,7 @@ def table(name):
 
 
 @pytest.mark.parametrize("row", table("statuswords.csv"), ids=lambda row: row["word"])
-def test_statusword_shows_its_state(row):
+def test_each_statusword_decodes_to_its_state(row):
     assert decode(int(row["word"], 16)).value == row["state"]
 
 

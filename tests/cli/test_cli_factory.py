@@ -102,7 +102,7 @@ def test_init_reports_can_simple_modules_too(axisbus, tmp_path):
 # -- trace ----------------------------------------------------------------------------------------------------------------------
 
 
-def test_trace_decodes_their_heartbeats_and_reports_the_modules_at_the_end(axisbus, tmp_path):
+def test_trace_decodes_the_heartbeats_of_modules_and_reports_the_modules_at_the_end(axisbus, tmp_path):
     code, out, err = axisbus("trace", log(tmp_path / "run.log", (0, 4)))
     assert code == 0
     lines = out.splitlines()
@@ -249,7 +249,7 @@ def test_socketcan_gets_the_lines_to_type(axisbus, wire):
     assert "sudo ip link set can0 up type can bitrate 500000 listen-only on" in out
 
 
-def test_a_rate_that_an_adapter_does_not_have_is_passed_over(wire, monkeypatch):
+def test_a_rate_that_an_adapter_does_not_have_is_skipped(wire, monkeypatch):
     def picky(interface, channel, bitrate, options):
         if bitrate != 125_000:
             raise AdapterError(f"no {bitrate}")

@@ -70,7 +70,7 @@ def test_tuning_without_a_terminal_needs_yes_and_guesses_no_argument(axisbus):
     assert one.position == 0.0
 
 
-def test_ctrl_c_brakes_it_and_lets_it_go(axisbus):
+def test_ctrl_c_during_a_tuning_move_brakes_the_module_and_switches_it_off(axisbus):
     one = Module(5, vel_ramp_rate=20.0)
 
     def interrupt():

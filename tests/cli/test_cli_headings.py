@@ -68,7 +68,7 @@ def test_on_the_bus_it_is_called_by_its_device_type(axisbus, device, tmp_path):
     assert f"# {kind}:" in (tmp_path / "new.toml").read_text("utf-8")
 
 
-def test_by_its_file_it_is_called_by_its_device_type(axisbus, device, tmp_path):
+def test_a_device_is_named_by_the_device_type_of_its_file(axisbus, device, tmp_path):
     kind, path, _, _ = device
     code, out, _ = axisbus("eds", "show", path)
     assert (code, out.splitlines()[0].startswith("Box")) == (0, True)

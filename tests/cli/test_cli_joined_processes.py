@@ -104,7 +104,7 @@ def test_a_command_that_took_control_names_the_axes_that_it_leaves_enabled(opene
     opened["y"].disable().wait(10)
 
 
-def test_an_axis_that_a_suspended_command_has_set_going_halts(opened, file):
+def test_an_axis_set_in_motion_by_a_suspended_command_halts(opened, file):
     """Ctrl-Z: nothing would monitor it, and Ctrl-C reaches the command no more."""
     opened["y"].disable().wait(10)
     turning = subprocess.Popen(

@@ -59,7 +59,7 @@ def test_a_bus_served_by_sim_is_scanned_checked_and_booted(axisbus, served, tmp_
     assert tomllib.loads(drawn.read_text(encoding="utf-8"))["bus"]["interface"] == "socketcand"
 
 
-def test_its_axes_are_homed_and_moved(axisbus, served):
+def test_the_axes_of_sim_are_homed_and_moved(axisbus, served):
     mine, _ = served
     code, out, err = axisbus("home", mine, "x")
     assert code == 0, err
@@ -69,7 +69,7 @@ def test_its_axes_are_homed_and_moved(axisbus, served):
     assert at == pytest.approx({"x": 10.0, "y": -5.0}, abs=0.05)
 
 
-def test_its_objects_are_read_and_its_frames_traced(axisbus, served, tmp_path):
+def test_the_objects_of_sim_are_read_and_its_frames_traced(axisbus, served, tmp_path):
     mine, options = served
     assert axisbus("od", "read", "x:6041", "--cell", mine).code == 0
     assert axisbus("config", "backup", "x", "--cell", mine, "-o", tmp_path / "x.dcf").code == 0

@@ -36,7 +36,7 @@ def cell(tmp_path):
     return path
 
 
-def test_axes_turn_for_their_time_and_are_disabled(axisbus, cell):
+def test_axes_turn_for_the_given_time_and_are_disabled(axisbus, cell):
     begin = time.monotonic()
     code, out, err = axisbus("velocity", cell, "x=30", "y=-15", "--for", "1")
     assert code == 0, err

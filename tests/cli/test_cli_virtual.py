@@ -73,7 +73,7 @@ def test_a_cell_of_it_alone_is_booted_planned_and_shown(axisbus, alone):
     assert "virtual" in err
 
 
-def test_monitor_shows_it_without_a_node(axisbus, cell):
+def test_monitor_shows_a_virtual_axis_without_a_node(axisbus, cell):
     code, out, _ = axisbus("monitor", cell, "--count", "1", "--json")
     assert code == 0
     seen = {each["axis"]: each for each in json.loads(out)}

@@ -46,7 +46,9 @@ def test_listening_at_every_address_is_refused(axisbus, address, more):
 
 
 @pytest.mark.parametrize("option", ["--certificate", "--key"])
-def test_a_certificate_and_its_key_go_together(axisbus, option, tmp_path):
+def test_a_certificate_without_its_key_is_refused_and_a_key_without_its_certificate(
+    axisbus, option, tmp_path
+):
     (tmp_path / "file").write_text("x", "utf-8")
     code, _, err = axisbus("web", commands.CELL, option, tmp_path / "file")
     assert code == 2

@@ -187,7 +187,7 @@ def test_objects_that_act_are_never_restored():
     assert {each.key for each in with_orders.items} == set(WANTED)
 
 
-def test_calibration_stays_unless_it_is_named():
+def test_calibration_objects_are_not_restored_unless_they_are_named():
     make = Make("maker", calibration_objects=((0x2001, None),))
     left = select(DCF, NODE, make)
     assert _why(left)[0x2001, 0] is SkipReason.CALIBRATION
@@ -354,7 +354,7 @@ class Forgetful(StrictDevice):
             self.values |= {key: bytes(4) for key in self.values if key[0] == index and key[1]}
 
 
-def test_a_drive_that_forgets_a_mapping_with_its_count_is_restored():
+def test_a_drive_that_clears_a_mapping_with_its_count_is_restored():
     device = Forgetful(FACTORY)
     assert _run(device).ok
     assert not _differing(device)

@@ -132,7 +132,7 @@ def bus(tmp_path):
     made.close()
 
 
-def test_they_move_together_on_a_line_and_direct(bus):
+def test_canopen_and_can_simple_axes_move_together_on_a_line_and_direct(bus):
     bus.homed()
     bus.group.move_linear((40.0, -20.0, 60.0), velocity=60.0).wait(10)
     assert bus.module.position * 45.0 == pytest.approx(60.0, abs=0.1)

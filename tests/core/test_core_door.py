@@ -268,7 +268,7 @@ def impostor(cell):
 
 
 @needs_root
-def test_a_machine_of_another_user_is_found_and_neither_joined_nor_believed(cell):
+def test_a_machine_of_another_user_is_found_and_neither_joined_nor_trusted(cell):
     os.chmod(os.path.dirname(cell), 0o755)
     with as_user(lambda: impostor(cell)):
         (found,) = listener.machines_of(cell)

@@ -192,7 +192,7 @@ def test_private_attributes_are_refused(served):
             plant.simulated_node(1)._go("__class__", None)  # as a client of one's own might ask
 
 
-def test_nonsense_ends_its_own_connection_alone(served):
+def test_invalid_requests_end_their_own_connection_only(served):
     path, _ = served
     with SimulationControl(path) as plant:
         for sent in (

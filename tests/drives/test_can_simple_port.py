@@ -308,7 +308,7 @@ def test_another_homing_method_is_refused(made):
 
 
 @pytest.mark.parametrize("bandwidth", [None, 60.0])
-def test_it_moves_on_a_line_with_canopen_axes(made, bandwidth):
+def test_a_module_moves_on_a_line_with_canopen_axes(made, bandwidth):
     settings = replace(SETTINGS, filter_bandwidth=bandwidth)
     one = Module(5, **OWN, input_filter_bandwidth=60.0)
     r = homed(made("ab", settings=settings, module=one, groups={"all": ["m", "a", "b"]}))

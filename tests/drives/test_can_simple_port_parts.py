@@ -240,7 +240,7 @@ def test_no_setting_is_zero_or_missing(name, value):
         replace(SETTINGS, **{name: value})
 
 
-def test_more_current_than_it_bears_is_refused():
+def test_a_current_above_the_limit_of_the_module_is_refused():
     with pytest.raises(LimitError, match="current_limit"):
         replace(SETTINGS, current_limit=50.1)
     with pytest.raises(ArgumentError, match="constant"):

@@ -115,7 +115,7 @@ def test_whenever_the_scan_dies_the_last_frames_stop_the_module(seed):
     assert r.module.position == pytest.approx(place, abs=0.02)
 
 
-def test_the_end_of_a_program_lets_the_module_go():
+def test_the_end_of_a_program_switches_the_module_off():
     r = rig().enabled()
     r.axis.move_velocity(90.0).wait(5)
     r.scan.request_stop("the program ends")

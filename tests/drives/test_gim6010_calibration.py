@@ -151,7 +151,7 @@ def test_after_a_motor_that_failed_the_encoder_is_not_turned():
     assert "encoder calibration was not seen among its states" in found.verdict.wrong
 
 
-def test_without_its_error_words_the_heartbeat_judges():
+def test_without_error_words_the_heartbeat_decides_the_verdict():
     found, _, _ = calibrated(CalibrationKind.FULL, bench(get_error_answered=False))
     assert found.verdict.good
     assert "its error words are not available over CAN: only its heartbeat was checked" in found.verdict.notes
@@ -347,7 +347,7 @@ def test_slow_heartbeats_are_waited_for():
     assert calibrated(CalibrationKind.FULL, one)[0].verdict.good
 
 
-def test_foreign_and_short_frames_are_passed_over():
+def test_foreign_and_short_frames_are_ignored():
     found = Calibration(5, CalibrationKind.FULL)
     for can_id in (0x0A1, 0x0AA, 0x0A3, 0x0C1, 0x7FF):
         for size in range(9):

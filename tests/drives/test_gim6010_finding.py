@@ -311,7 +311,7 @@ def test_a_module_that_goes_silent_during_the_search_is_reported_with_what_was_r
 
 
 @pytest.mark.parametrize("length", [0, 1, 4, 7])
-def test_answers_of_wrong_lengths_are_reported_and_not_believed(length):
+def test_answers_of_wrong_lengths_are_reported_and_not_used(length):
     def answer(request, _):
         if request.can_id == 5 << 5 | 0x17:
             return [(request.can_id, bytes(length))]

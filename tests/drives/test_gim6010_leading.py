@@ -93,7 +93,7 @@ def test_a_pulse():
         HeartbeatMonitor(64)
 
 
-def test_letting_go_by_steps():
+def test_the_power_is_switched_off_by_idle_then_estop():
     """Idle for 1.5 s and two periods, then ESTOP as long, then the unknown state is reported."""
     pulse = HeartbeatMonitor(5)
     for number in range(5):

@@ -243,7 +243,7 @@ def test_cut_off_before_the_save_the_old_zero_is_back_after_a_start(cut):
     assert [bench.module.usb_read(path) for path in (OFFSET, USED)] == [0.7, 1]
 
 
-def test_an_estimate_that_is_dead_is_not_believed():
+def test_a_frozen_position_estimate_is_refused_for_the_zero():
     place = zero.RotorZero(0.0, False, 0.0, 4096, 16384)
     with pytest.raises(StateError, match="does not agree"):
         zero.wanted(place, place)
@@ -252,7 +252,7 @@ def test_an_estimate_that_is_dead_is_not_believed():
 @pytest.mark.parametrize(
     ("off", "good"), [(0.0099, True), (0.0101, False), (-0.0099, True), (-0.0101, False)]
 )
-def test_how_near_they_have_to_be(off, good):
+def test_both_estimates_of_the_zero_must_agree_within_the_tolerance(off, good):
     place = zero.RotorZero(0.7, True, 0.55 + off, 4096, 16384)
     if good:
         assert zero.wanted(place, place).values[0][1] == pytest.approx((0.25 + off) % 1.0)

@@ -109,7 +109,7 @@ def test_errors_have_words_and_are_cleared():
     assert "encoder NO_RESPONSE" in " ".join(module.clear_errors().lines)
 
 
-def test_flags_without_their_words_and_reserved_bits_are_reported():
+def test_error_flags_without_their_words_and_reserved_bits_are_reported():
     from axisbus.drives.gim6010.modbus.module import ErrorWords
 
     lines = ErrorWords(0x0022, dict.fromkeys(("motor", "encoder", "controller", "system", "axis"), 0)).lines

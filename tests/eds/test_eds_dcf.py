@@ -42,7 +42,7 @@ def test_a_dcf_has_the_node_and_the_value_and_all_else_as_it_was() -> None:
     assert text(dcf.to_eds(made)) == text(eds)
 
 
-def test_names_of_files_go_to_the_file_info_and_back() -> None:
+def test_names_of_files_are_written_to_the_file_info_and_read_back() -> None:
     head = "[FileInfo]\nFileName=drive.eds\nFileVersion=1\n\n" + HEAD
     eds = file(head=head)
     made = dcf.make(eds, Settings(5, file_name="lift.dcf", last_eds="drive.eds"))

@@ -347,7 +347,7 @@ LINES = st.sampled_from(
 
 @settings(max_examples=200, deadline=None)
 @given(st.lists(LINES, max_size=20), st.sampled_from(["\n", "\r\n", "\r"]))
-def test_fixing_any_lines_twice_has_the_result_of_fixing_them_once(lines: list[str], newline: str) -> None:
+def test_whatever_the_lines_mending_twice_is_mending_once(lines: list[str], newline: str) -> None:
     before = reader.read((HEAD + "\n".join(lines)).replace("\n", newline).encode(), "x.eds")
     done = fix(before)
     again = reader.read(writer.dumps(done.reading), "x.eds")

@@ -224,7 +224,7 @@ def test_an_object_of_a_node_is_read(plant):
             fleet["press"].read_object(1, 0x5FFF)
 
 
-def test_over_a_wire_that_is_cut_and_fixed_nothing_is_believed_and_no_event_is_missed(plant):
+def test_after_a_wire_is_cut_and_fixed_old_values_are_not_used_and_no_event_is_missed(plant):
     wire = Wire(int(plant[0].endpoint.rpartition(":")[2]))
     try:
         with Fleet("hall", connect=[wire.endpoint]) as fleet, fleet_of(plant) as beside:

@@ -104,7 +104,7 @@ def test_a_slave_that_continues_talking_does_not_slow_the_scan_down_for_ever():
 
 
 @pytest.mark.parametrize("told", [0, 128, 200, 254])
-def test_an_impossible_node_id_is_not_believed(told):
+def test_an_impossible_node_id_is_refused(told):
     """0 would be all nodes in the NMT command that a new node-ID may need."""
 
     def take(_: int, ask: LssRequest) -> LssReplies:

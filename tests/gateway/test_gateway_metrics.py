@@ -137,7 +137,7 @@ def test_values_that_are_not_current_are_left_out(exporter, url, machine):
     assert not found(samples, "axisbus_axis_position")
 
 
-def test_counters_count_new_events_and_forget_none():
+def test_counters_count_new_events_and_lose_none():
     tally = MetricCounters()
 
     def items(*stamps):

@@ -158,7 +158,7 @@ def test_of_a_lost_node_only_values_of_the_master_are_good(machine):
     assert seen["y", "PositionActualValue"].quality is Quality.GOOD
 
 
-def test_after_the_machine_has_ended_nothing_of_it_is_good(machine):
+def test_after_the_machine_has_ended_all_its_values_are_bad(machine):
     looker = AxisReadings(machine.cell)
     looker.follow(machine)
     looker.look()

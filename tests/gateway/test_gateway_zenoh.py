@@ -191,7 +191,7 @@ def test_any_client_stops_without_a_lease_and_every_stop_is_executed(client, bri
         assert stands(machine)
 
 
-def test_a_jog_lives_from_query_to_query_and_a_press_that_was_silent_is_over(client, machine):
+def test_a_jog_continues_from_query_to_query_and_ends_by_silence(client, machine):
     client.take()
     client.do("enable", "x")
 

@@ -149,7 +149,7 @@ def test_an_invalid_command_is_refused_with_the_valid_ones(verb, asked, words):
     assert caught.value.remedy or caught.value.observed or "twice" in words
 
 
-def test_without_axes_it_is_of_all_and_nothing_spoils_a_stop():
+def test_commands_without_axes_are_for_all_axes_and_a_stop_ignores_invalid_arguments():
     assert act_of("enable", ask(), ("x", "y")).axes == ("x", "y")
     assert act_of("move_absolute", ask("x", position=1), ("x",)).values == {"position": 1.0}
     assert act_of("home", ask("x", method=-1, timeout=4), ("x",)).values == {"method": -1, "timeout": 4.0}

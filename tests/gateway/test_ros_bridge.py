@@ -168,7 +168,7 @@ def test_a_trajectory_of_one_later_point_moves_one_axis_there(ros, machine):
     assert place(machine) == pytest.approx(x, abs=0.05)
 
 
-def test_without_points_it_halts_and_while_one_runs_no_other_begins(ros, machine):
+def test_a_trajectory_without_points_halts_and_during_one_no_other_begins(ros, machine):
     x = place(machine)
     ros.send(["x"], (5.0, rad(x + 100)))
     until(lambda: turns(machine) > 5)

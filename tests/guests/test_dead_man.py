@@ -34,7 +34,7 @@ def test_after_a_silence_no_message_of_that_press_revives_it():
     assert beaten(dead, 0.4, press=2).held
 
 
-def test_once_ended_it_needs_another_press():
+def test_an_ended_jog_needs_another_press():
     dead = beaten(DeadMan(), 0.0).ended()
     assert not beaten(dead, 0.05).held
     assert not beaten(dead, 0.05, press=0).held

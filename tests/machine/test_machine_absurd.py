@@ -210,7 +210,7 @@ def test_an_invalid_time_is_refused_before_anything_waits(machine, text, value):
 
 
 @pytest.mark.parametrize("value", [*ABSURD[:6], "1", None, []], ids=lambda value: type(value).__name__)
-def test_a_sleep_of_no_number_lets_no_time_pass(machine, value):
+def test_a_sleep_of_an_invalid_duration_is_refused_and_no_time_passes(machine, value):
     before = machine["z"].snapshot.now
     with pytest.raises(ArgumentError):
         machine.sleep(value)

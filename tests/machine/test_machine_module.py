@@ -36,7 +36,7 @@ def up(cell) -> None:
     wait([axis.home() for axis in cell])
 
 
-def test_opening_it_gives_it_no_power_and_reports_its_firmware(cell, module):
+def test_opening_a_machine_leaves_the_module_without_power_and_reports_its_firmware(cell, module):
     report = next(report for report in cell.reports if report.node_id == MODULE)
     assert "firmware 0.5.13, by its endpoints" in report.text()
     assert [axis.state for axis in cell] == [AxisState.DISABLED] * 3

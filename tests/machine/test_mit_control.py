@@ -38,7 +38,7 @@ def spin(control, seconds=0.2):
     return cycle
 
 
-def test_a_loop_commands_the_module_and_the_end_of_the_block_lets_it_go():
+def test_a_loop_commands_the_module_and_the_end_of_the_block_switches_it_off():
     module = Module(5)
     with led(module) as control:
         with pytest.raises(StateError, match="not answered"):
@@ -101,7 +101,7 @@ def fail(_):
     raise ZeroDivisionError
 
 
-def test_an_exception_of_the_program_lets_it_go_and_reports_how_it_was_left():
+def test_an_exception_of_the_program_switches_the_module_off_and_reports_its_final_state():
     module = Module(5)
     with pytest.raises(ZeroDivisionError) as caught:
         lead(module, fail)
@@ -112,7 +112,7 @@ def test_an_exception_of_the_program_lets_it_go_and_reports_how_it_was_left():
 @pytest.mark.parametrize(
     ("number", "raised"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)]
 )
-def test_a_signal_lets_it_go(number, raised):
+def test_a_signal_switches_the_module_off(number, raised):
     module, before = Module(5), [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)]
 
     def interrupted(control):

@@ -58,7 +58,7 @@ def pytest_run(folder: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_the_example_passes_as_it_is_started_by_a_reader() -> None:
+def test_the_example_passes_when_run_with_pytest() -> None:
     ran = pytest_run(EXAMPLE)
     assert ran.returncode == 0, ran.stdout
     assert "4 passed" in ran.stdout

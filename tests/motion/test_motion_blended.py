@@ -44,7 +44,7 @@ def must_hold(course: BlendedProfile, legs: list[Leg], start: float) -> None:
     ("mode", "joint"), [("low", 50.0), ("previous", 50.0), ("next", 80.0), ("high", 80.0)]
 )
 @pytest.mark.parametrize("turned", [1.0, -1.0])
-def test_a_faster_move_is_passed_into_with_the_velocity_of_its_mode(mode, joint, turned):
+def test_a_faster_move_is_blended_at_the_velocity_of_the_buffer_mode(mode, joint, turned):
     legs = [
         Leg(100.0 * turned, 50.0, 200.0, 400.0),
         Leg(200.0 * turned, 80.0, 200.0, 400.0, BufferMode(f"blending_{mode}")),
@@ -63,7 +63,7 @@ def test_a_faster_move_is_passed_into_with_the_velocity_of_its_mode(mode, joint,
 @pytest.mark.parametrize(
     ("mode", "joint"), [("low", 50.0), ("previous", 80.0), ("next", 50.0), ("high", 80.0)]
 )
-def test_a_slower_move_is_passed_into_with_the_velocity_of_its_mode(mode, joint):
+def test_a_slower_move_is_blended_at_the_velocity_of_the_buffer_mode(mode, joint):
     legs = [Leg(100.0, 80.0, 200.0, 400.0), Leg(200.0, 50.0, 200.0, 400.0, BufferMode(f"blending_{mode}"))]
     course = course_of(0.0, legs)
     assert speed_near(course, course.joints[0].time) == pytest.approx(joint, abs=0.5)

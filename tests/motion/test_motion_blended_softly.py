@@ -78,7 +78,7 @@ def test_before_a_reversal_the_stop_is_reached_and_seen():
     assert highest([place for _, place in rows], 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
 
 
-def test_legs_that_are_too_short_for_their_softness_are_passed_nearly_so():
+def test_moves_too_short_for_their_jerk_limit_are_blended_at_nearly_the_velocity():
     legs = [
         Leg(100.0, 60.0, 200.0, 200.0),
         *(Leg(end, 60.0, 200.0, 200.0, BufferMode.HIGH) for end in (102.0, 104.0)),

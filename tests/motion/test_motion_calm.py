@@ -126,7 +126,7 @@ def test_calm_cycles_give_the_outputs_and_state_of_whole_cycles(seed, kind):
     assert mine == others
 
 
-def test_the_lives_have_calm_cycles_in_every_state_that_is_powered_and_others():
+def test_the_random_plays_have_calm_cycles_in_every_powered_state_and_other_cycles():
     calm, others = set(), set()
     for seed in range(24):
         play = Play(seed)
@@ -150,7 +150,7 @@ def test_the_lives_have_calm_cycles_in_every_state_that_is_powered_and_others():
 
 
 @pytest.mark.parametrize("kind", [Play, GroupPlay])
-def test_the_lives_have_cycles_that_are_done_by_one_function(kind, monkeypatch):
+def test_the_random_plays_have_cycles_that_use_the_fast_path(kind, monkeypatch):
     taken, step = [], FastPath.step
 
     def noted(cruise, inputs):

@@ -538,7 +538,7 @@ def test_three_speeds_have_a_median_already():
     assert speeds.motion == (20.0, 0.0)
 
 
-def test_a_deviation_from_the_ramp_is_forgotten_within_a_minute():
+def test_a_deviation_from_the_ramp_decays_within_a_minute():
     drive = Drive(ages={"position": 10.0, "velocity": 10.0})
     way = RampedWay(0, 1.0, 1.0, 1.0, 1.0)
     way.step(drive.cycle(position=0, velocity=0)[0])

@@ -219,7 +219,7 @@ def test_each_attribute_is_reset_or_kept_for_a_reason(path):
 
 
 @pytest.mark.parametrize("loss", list(Loss))
-def test_a_loss_forgets_its_list_and_those_of_the_smaller_ones(loss):
+def test_a_loss_resets_its_list_and_those_of_the_smaller_losses(loss):
     core = rig().core
     values = {name: each for kind in Loss for name, each in FORGOTTEN[kind].items()}
     for name, (dirty, _) in values.items():

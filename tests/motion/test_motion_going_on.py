@@ -69,7 +69,7 @@ def test_until_the_new_move_begins_the_trajectory_before_it_controls_the_axis():
     assert last == 60_000
 
 
-def test_while_it_waits_the_path_before_does_not_get_too_far_for_its_deceleration():
+def test_while_a_move_waits_the_running_path_stops_in_time_for_the_deceleration_of_the_move():
     """From 20 deg/s it needs 100 deg to brake with 2 deg/s²; the axis had room for that when it was commanded."""
     drive, before = led(limits=AxisLimits(position=(-10.0, 400.0), velocity=400.0))
     gate = StartBarrier()

@@ -217,7 +217,7 @@ def test_while_disabling_an_unknown_state_gets_a_controlword_that_is_safe_in_eve
     assert stop.words[-1] == last
 
 
-def test_disabling_has_its_time_limit_and_then_the_power_is_cut():
+def test_disabling_has_its_time_limit_and_then_the_power_is_removed():
     stop = Stop(AfterStop.DISABLE).run(6, False, statusword=ENABLED, mode=1)
     stood = len(stop.sent)
     stop.run(60, False, statusword=SWITCHED_ON)

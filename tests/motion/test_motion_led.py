@@ -27,7 +27,7 @@ def judged(
     return trust
 
 
-def test_a_demand_that_runs_ahead_of_the_axis_to_its_target_is_believed_after_three_samples():
+def test_a_demand_ahead_of_the_axis_towards_its_target_is_trusted_after_three_samples():
     ahead = [(0, 0), (100, 90), (200, 180), (300, 270)]
     assert not judged(*ahead[:3]).believes(PP)
     assert judged(*ahead).believes(PP)

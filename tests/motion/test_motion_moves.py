@@ -256,7 +256,7 @@ def test_a_target_changed_while_moving_is_reached_without_a_jolt(first, second):
         assert all(abs(row.velocity) > 90_000 for row in watch.rows[:20])  # it did not stop meanwhile
 
 
-def test_after_a_halt_the_old_target_is_forgotten():
+def test_after_a_halt_the_old_target_is_not_used():
     r = rig().enabled()
     r.axis.move_absolute(300.0)
     r.run(0.5)

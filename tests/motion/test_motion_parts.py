@@ -274,7 +274,7 @@ def test_statuswords_from_within_the_settling_time_do_not_confirm_home():
     assert run.step(*drive.cycle(statusword=ENABLED | 0x1400))
 
 
-def test_homing_has_its_time_and_no_more():
+def test_homing_has_a_time_limit():
     drive = Drive()
     run = searching(drive)
     edge = drive.now
@@ -810,7 +810,7 @@ def test_a_new_velocity_may_be_taken_in_any_of_some_cycles_without_a_lag(late):
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_distance_of_settling_after_a_stop_is_forgotten_and_creeping_is_not(sign):
+def test_the_distance_of_settling_after_a_stop_decays_and_creeping_does_not(sign):
     drive = Drive(ages={"position": 1e9, "velocity": 1e9})
     way = RampedWay(sign * 1000, 2.0, math.inf, math.inf, 100.0)
     way.step(drive.cycle(position=0, velocity=sign * 1000)[0])

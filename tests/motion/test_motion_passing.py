@@ -96,7 +96,7 @@ def test_each_blended_move_ends_when_its_end_is_passed():
     assert play.passing.commands == 1
 
 
-def test_without_a_position_nothing_is_passed():
+def test_without_a_position_the_first_move_does_not_end():
     play = Passed("low", SLOW, FAST)
     image, _ = play.drive.cycle(statusword=0x1237, mode=1)
     assert image.position is None

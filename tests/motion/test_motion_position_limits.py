@@ -105,7 +105,7 @@ def test_a_path_that_begins_at_a_limit_may_return_to_it():
 
 
 @pytest.mark.parametrize("lap", [0, 1, -3])
-def test_the_range_of_the_count_ends_at_the_wrap_of_the_drive(lap):
+def test_the_range_of_the_count_ends_just_before_the_wrap_of_the_drive(lap):
     room, low, high = room_of_count(lap * 2**32 + 17), lap * 2**32 - 2**31, lap * 2**32 + 2**31 - 1
     assert room == (low + 10, high - 10)
     assert room_of_count(int(room.low)) == room_of_count(int(room.high)) == room
@@ -364,7 +364,7 @@ def test_a_move_that_does_not_arrive_in_time_is_halted_whether_drive_or_master_c
 
 @pytest.mark.parametrize("buffer", ["blending_low", False])
 @pytest.mark.parametrize("jerk", [None, 5_000.0])
-def test_a_deadline_that_passes_during_a_halt_changes_nothing_of_it(jerk, buffer):
+def test_a_deadline_that_passes_during_a_halt_does_not_change_the_halt(jerk, buffer):
     defaults = Defaults(velocity=100.0, acceleration=100.0)
     without = frozenset(rig().core.parameters.objects - {0x60A4, 0x6086})
     r = bounded(motor=None, defaults=defaults, objects=without)

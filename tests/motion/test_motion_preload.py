@@ -131,7 +131,7 @@ def test_no_change_of_mode_moves_an_axis_at_standstill(first, second):
 
 
 @pytest.mark.parametrize(("first", "second"), list(permutations([PP, PV, HM, CSP], 2)))
-def test_no_change_of_mode_lets_a_loaded_axis_sag(first, second):
+def test_a_loaded_axis_does_not_sag_at_any_change_of_mode(first, second):
     """The reference is the demand: the actual position lies below it, and would go a little deeper at every change."""
     r = rig(motor=LOAD, homing=SEARCH, limits=AxisLimits(), holds_load=HoldsLoad.TORQUE)
     r.drive.start_enabled(1)  # the load hangs on the motor when we come

@@ -49,7 +49,7 @@ def shortest(change: float, ramp: float, jerk: float) -> float:
 
 
 @pytest.mark.parametrize("goal", [3.0, 40.0, 90.0, -90.0, 300.0])
-def test_from_standstill_it_takes_the_shortest_time_and_a_cycle_or_two(goal):
+def test_a_soft_ramp_from_standstill_takes_the_shortest_time_and_a_cycle_or_two(goal):
     ramp = SoftRamp(ReferenceState(5.0), RAMPS)
     ramp.goal = goal
     places = to_goal(ramp, [5.0] * 4)

@@ -127,7 +127,7 @@ def test_a_torque_that_is_not_reached_in_the_caller_s_time_fails():
     assert r.axis.state is AxisState.ERRORSTOP
 
 
-def test_a_drive_without_torque_feedback_is_believed_by_bit_10():
+def test_a_drive_without_torque_feedback_reaches_its_torque_by_bit_10():
     r = rig(motor=FREE, limits=AxisLimits(), port={"inputs": {"torque": ValueTransport.NONE}}).enabled()
     r.axis.torque_control(1.0, slope=2.0).wait(3)
     assert r.drive.axis.torque_demand == pytest.approx(100.0)

@@ -355,7 +355,7 @@ def test_a_disabled_axis_takes_no_velocity():
 # Jogging.
 
 
-def test_a_jog_lives_200_ms_and_then_halts():
+def test_a_jog_lasts_200_ms_and_then_halts():
     r = rig().enabled()
     watch = Watch(r)
     handle = r.axis.jog(50.0, acceleration=2000.0)

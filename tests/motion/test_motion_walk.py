@@ -33,7 +33,7 @@ def to_the_end(walk: OnlineProfile, places: list[float]) -> list[float]:
     return places
 
 
-def test_from_standstill_it_takes_the_time_of_a_ramp_and_of_the_mean():
+def test_a_soft_move_from_standstill_takes_the_time_of_a_ramp_and_of_the_mean():
     walk = walk_from(ReferenceState(5.0), 95.0, JerkLimits(100.0, 500.0, 150.0), 50, T)
     places = to_the_end(walk, [5.0] * 4)
     assert places[-1] == 95.0

@@ -355,7 +355,7 @@ def test_an_axis_at_standstill_must_keep_its_position_and_its_demand(positions, 
     assert (errors[-1] is None) if told is None else told in errors[-1].message
 
 
-def test_standstill_is_judged_by_new_positions_and_restarts_when_forgotten():
+def test_standstill_is_judged_by_new_positions_and_restarts_after_a_reset():
     drive = Drive()
     resting = StandstillMonitor(drive.parameters)
     resting.error(drive.cycle(statusword=ENABLED, mode=1, position=0)[0])
@@ -930,7 +930,7 @@ def test_a_velocity_counts_with_the_weaker_ramp_until_its_own_is_written():
     assert moving(drive, 5).course == CommandedMotion(10_000.0, 100_000.0, 50_000.0, by_target=True)
 
 
-def test_a_jog_lives_as_long_as_it_is_renewed():
+def test_a_jog_lasts_as_long_as_it_is_renewed():
     drive = Drive()
     drive.cycle(statusword=ENABLED, mode=3, velocity=0)
     command = MoveVelocity(PROFILE, 0.25)

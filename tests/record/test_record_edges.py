@@ -62,7 +62,7 @@ def test_a_signal_that_is_true_from_the_beginning_is_no_edge(cell, tmp_path):
         assert not capture.fired
 
 
-def test_a_value_passes_its_limit_in_its_unit(cell, tmp_path):
+def test_a_capture_is_triggered_by_a_limit_in_the_unit_of_the_value(cell, tmp_path):
     machine = cell.machine
     with machine.capture(tmp_path / "moment.mcap", "level >= 2.5", before=0.1, after=0.1) as capture:
         for raw in (100, 349):

@@ -93,7 +93,7 @@ def test_the_states_and_the_following_error_are_those_of_the_motion(run):
     assert max(x["velocity"]) == pytest.approx(90.0, abs=1.0)
 
 
-def test_commands_with_their_ends_and_the_fault_are_among_its_events(run):
+def test_commands_with_their_ends_and_the_fault_are_among_the_events_of_a_recording(run):
     commands = [(event.where, event.text) for event in run.events if event.sort == "command"]
     assert ("x.move_absolute(60 deg)", "given") in commands
     assert ("x.move_absolute(60 deg)", "done") in commands

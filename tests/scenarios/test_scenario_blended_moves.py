@@ -364,7 +364,7 @@ def test_no_more_than_a_hundred_share_one_motion(scenario):
 
 
 @pytest.mark.parametrize(("mode", "joint"), FASTER.items())
-def test_a_move_of_the_drive_passes_into_a_faster_one(scenario, mode, joint):
+def test_a_move_of_the_drive_is_blended_with_a_faster_one(scenario, mode, joint):
     cell, _ = one(scenario)
     first = cell.x.move_absolute(60.0, velocity=60.0)
     second = cell.x.move_absolute(150.0, velocity=120.0, buffer=f"blending_{mode}")
@@ -382,7 +382,7 @@ def test_a_move_of_the_drive_passes_into_a_faster_one(scenario, mode, joint):
 
 
 @pytest.mark.parametrize(("mode", "joint"), SLOWER.items())
-def test_a_move_of_the_drive_passes_into_a_slower_one(scenario, mode, joint):
+def test_a_move_of_the_drive_is_blended_with_a_slower_one(scenario, mode, joint):
     cell, _ = one(scenario)
     cell.x.move_absolute(100.0, velocity=120.0)
     second = cell.x.move_absolute(150.0, velocity=60.0, buffer=f"blending_{mode}")

@@ -187,7 +187,7 @@ def test_a_move_that_took_over_after_a_halt_continues_to_the_end_of_all(scenario
 # -- points that are added -----------------------------------------------------------------------------------------------
 
 
-def test_points_that_are_added_in_time_are_passed_at_the_speed_of_the_path(scenario):
+def test_points_added_in_time_are_passed_at_the_speed_of_the_path(scenario):
     cell, group, ledger = two(scenario)
     handles = [group.move_path([(30.0, 0.0), (30.0, 30.0)], velocity=60.0, blend=4.0, more=True)]
     for corner in [(60.0, 30.0), (60.0, 60.0), (90.0, 60.0), (90.0, 90.0)]:

@@ -49,7 +49,7 @@ def test_moves_wait_for_each_other(scenario):
     assert x.state is AxisState.STANDSTILL
 
 
-def test_with_nothing_before_it_it_begins_at_once_and_without_power_it_is_refused(scenario):
+def test_a_buffered_move_begins_at_once_without_another_before_it_and_is_refused_without_power(scenario):
     cell = one(scenario)
     assert cell.end_of(cell["x"].move_absolute(10.0, buffer=True)) is None
     assert cell.where("x") == pytest.approx(10.0, abs=0.1)

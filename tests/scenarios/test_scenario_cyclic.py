@@ -342,7 +342,7 @@ def test_a_fault_of_its_drive_stops_a_cyclic_velocity(scenario):
     assert cell.x.state is AxisState.ERRORSTOP
 
 
-def test_ctrl_c_ramps_it_down_and_takes_its_power(scenario):
+def test_ctrl_c_ramps_a_cyclic_velocity_down_and_disables_the_drive(scenario):
     cell = turning(scenario)
     moment = cell.moment()
     assert cell.ctrl_c(10.0) == []
@@ -494,7 +494,7 @@ def sent_torques(cell: Cell) -> list[int]:
     return values
 
 
-def test_without_rated_torque_it_is_refused_at_the_call(scenario):
+def test_a_cyclic_torque_without_rated_torque_is_refused_at_the_call(scenario):
     with pytest.raises(ArgumentError, match="rated_torque"):
         scenario.simulated("x").enabled().x.cyclic_torque(0.1, slope=1.0)
 

@@ -157,7 +157,7 @@ def test_if_every_send_hangs_the_drives_watchdog_stops_them_and_closing_does_not
 
 
 @pytest.mark.nets("the quick stop of a dead scan", "the drive's watchdog")
-def test_a_deaf_adapter_stops_every_drive(tmp_path, golden):
+def test_an_adapter_that_receives_nothing_stops_every_drive(tmp_path, golden):
     """Frames are still sent, but no feedback is received."""
     with turning_cell(tmp_path) as (line, adapter, handles):
         adapter.go_deaf()

@@ -42,7 +42,7 @@ def test_leaving_the_with_block_stops_disables_and_ends_the_node_watches(scenari
 
 
 @pytest.mark.nets("the stop ladder")
-def test_an_exception_in_the_with_block_stops_everything_and_passes_on(scenario):
+def test_an_exception_in_the_with_block_stops_everything_and_is_raised(scenario):
     cell = scenario.simulated("xy")
     with pytest.raises(ZeroDivisionError) as caught, cell.machine:
         cell.turning()

@@ -83,7 +83,7 @@ def generic(scenario: Stage) -> Device:
     return device_from_eds(eds.load(resolve(GENERIC, scenario.folder)), 1)
 
 
-def test_a_drive_that_lets_nothing_be_mapped_is_refused_at_boot(scenario: Stage) -> None:
+def test_a_drive_that_refuses_every_mapping_is_refused_at_boot(scenario: Stage) -> None:
     made = generic(scenario)
     made.dials.fixed_mapping = 0x0601_0002
     with pytest.raises(BootError, match="its feed-forward cannot be sent by 60B1h") as caught:

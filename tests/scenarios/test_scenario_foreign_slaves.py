@@ -287,7 +287,7 @@ def test_a_slave_with_its_axes_in_sub_indices_is_refused_before_the_first_frame(
 
 
 @each_moving
-def test_it_moves_to_positions_and_by_distances(tmp_path, name):
+def test_a_foreign_slave_moves_to_positions_and_by_distances(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled()
         for command, goal in (
@@ -335,7 +335,7 @@ def test_a_foreign_slave_moves_at_a_velocity_and_halts(tmp_path, name):
 
 
 @each_obeying
-def test_it_moves_to_a_position_after_a_halt_in_pv(tmp_path, name):
+def test_a_foreign_slave_moves_to_a_position_after_a_halt_in_pv(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().x.move_velocity(1.5).wait(10)
         bench.x.halt().wait(10)
@@ -476,7 +476,7 @@ def test_a_halted_drive_has_its_own_position_as_target(tmp_path, name):
 
 
 @each_obeying
-def test_it_moves_on_after_a_halt(tmp_path, name):
+def test_a_foreign_slave_moves_again_after_a_halt(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().start_move(9.0)
         bench.x.halt().wait(10)
@@ -505,7 +505,7 @@ def test_a_halt_that_the_slave_ignores_for_too_long_is_an_error(tmp_path):
 
 
 @each_obeying
-def test_it_stops_quickly_in_the_middle_of_a_move(tmp_path, name):
+def test_a_foreign_slave_stops_quickly_in_the_middle_of_a_move(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().start_move(9.0)
         bench.x.quick_stop().wait(10)
@@ -557,7 +557,7 @@ def test_a_foreign_slave_is_disabled_in_the_middle_of_a_move(tmp_path, name):
 
 
 @each_obeying
-def test_it_moves_after_it_was_disabled_in_the_middle_of_a_move(tmp_path, name):
+def test_a_foreign_slave_moves_after_it_was_disabled_in_the_middle_of_a_move(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().start_move(9.0)
         bench.x.disable().wait(10)

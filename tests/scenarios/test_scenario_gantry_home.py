@@ -133,7 +133,7 @@ def test_with_one_switch_the_beam_is_taken_to_be_square(scenario):
 
 
 @pytest.mark.parametrize("bent", [4.0, -4.0])
-def test_from_switches_beyond_its_limits_the_beam_moves_back_within_them(scenario, bent):
+def test_after_homing_at_switches_beyond_the_limits_the_beam_moves_back_within_them(scenario, bent):
     pair = pair_of(
         scenario, axis=f"{AXIS}\nposition_limits = [10.0, 300.0]", more=HOMING, stiff=0.0, required=True
     )

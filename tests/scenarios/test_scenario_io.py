@@ -419,7 +419,7 @@ def test_a_halt_and_a_fault_leave_outputs_as_they_are(scenario):
 # -- without SYNC, without axes ----------------------------------------------------------------------------------------
 
 
-def test_without_sync_they_travel_on_change(scenario):
+def test_without_sync_inputs_and_outputs_are_sent_on_change(scenario):
     cell = with_io(scenario, bus="sync = false")
     module(cell).set_bit(0x6000, 1, 2, True)
     cell.machine.io["lamp"].set(True).wait(1)

@@ -222,7 +222,7 @@ def test_an_end_beyond_the_limits_is_refused_and_the_running_moves_continue(scen
     assert cell.where("x") == pytest.approx(70.0, abs=0.1)
 
 
-def test_a_virtual_axis_passes_softly_too(scenario):
+def test_a_virtual_axis_blends_moves_with_a_jerk_limit_too(scenario):
     cell = scenario.simulated(text=cell_text("", more=virtual("max_velocity = 400.0")))
     v = cell["v"]
     v.enable().wait(5)

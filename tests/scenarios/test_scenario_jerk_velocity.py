@@ -306,7 +306,7 @@ def test_a_move_out_of_a_velocity_that_could_not_stop_in_time_is_refused(scenari
     assert cell.x.velocity > 150.0
 
 
-def test_before_it_is_homed_no_position_limit_holds(scenario):
+def test_before_homing_no_position_limit_holds(scenario):
     cell = scenario.simulated(
         text=cell_text("x", eds=MODULE, axis="position_limits = [-20.0, 20.0]").replace(
             "required = false", "required = true"

@@ -166,7 +166,7 @@ def test_an_axis_under_torque_keeps_its_limits_of_position_and_velocity(scenario
     assert cell.top_speed("x") <= 360.0
 
 
-def test_a_torque_that_friction_balances_is_let_alone(scenario):
+def test_a_torque_that_friction_balances_is_not_stopped(scenario):
     cell = joints(scenario)
     cell["x"].torque_control(0.15, slope=5.0)
     cell.run(4.0)

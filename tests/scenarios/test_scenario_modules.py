@@ -87,7 +87,7 @@ def cell(tmp_path, process, monkeypatch, core_in_threads) -> Iterator[Cell]:
 
 
 @BOTH
-def test_they_move_as_one_and_a_fault_of_the_module_stops_all_and_can_be_reset(cell):
+def test_canopen_and_can_simple_axes_move_as_one_and_a_fault_of_the_module_stops_all_and_is_reset(cell):
     assert cell.machine.node(MODULE).events == []
     cell.up()
     cell.group.move_linear((40.0, -20.0, 60.0), velocity=60.0).wait(10)
@@ -184,7 +184,7 @@ own = pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of
 
 
 @pytest.mark.parametrize("stop", ['quick_stop = "ramp"', 'quick_stop = "ramp-hold"'])
-def test_a_stop_beside_a_master_that_is_alive_stays_one(tmp_path, stop, monkeypatch):
+def test_a_stop_beside_a_running_master_persists(tmp_path, stop, monkeypatch):
     _has_been_on(monkeypatch)
     with served(tmp_path, "thread", stop) as plants, Machine.open(plants.file) as machine:
         for axis in machine:

@@ -63,7 +63,7 @@ def test_a_silent_bus_stays_silent(tmp_path, monitor):
     assert "1 x        nothing heard" in told
 
 
-def test_with_beside_it_shows_the_axes_of_a_running_machine_and_disturbs_nothing(tmp_path, monitor):
+def test_monitor_with_beside_shows_the_axes_of_a_running_machine_and_disturbs_nothing(tmp_path, monitor):
     with Line(tmp_path, "xy") as line, line.open() as machine:
         for axis in machine:
             enable(axis)

@@ -84,7 +84,7 @@ def test_a_program_is_replaced_once_and_the_drive_then_used(tmp_path):
     assert [done for _, done, _ in told] == sorted(done for _, done, _ in told)
 
 
-def test_a_drive_that_is_slow_deaf_and_restarts_at_every_order(tmp_path):
+def test_a_slow_drive_that_ignores_sdo_and_restarts_at_every_program_command_is_loaded(tmp_path):
     with rig(tmp_path, DOWNLOAD) as line:
         dials = line.devices["x"].dials
         dials.program.stop_restarts, dials.program.deaf = True, True

@@ -223,7 +223,7 @@ def test_an_edge_from_before_the_arming_does_not_count(scenario):
     assert probe.wait(1).position == pytest.approx(place) == pytest.approx(30.0)
 
 
-def test_a_drive_that_does_not_forget_is_not_believed(scenario, golden):
+def test_a_drive_whose_probe_bits_stay_set_is_refused(scenario, golden):
     cell = scenario.simulated()
     drive = cell.drive()
     drive.touch_probe.take(0x0011)
@@ -344,7 +344,7 @@ def test_a_touch_probe_works_beyond_the_wrap_of_the_count_of_the_drive(scenario)
     assert probe.wait(2).position == pytest.approx(15.0)
 
 
-def test_homing_ends_it_and_it_is_refused_meanwhile(scenario, golden):
+def test_homing_ends_a_touch_probe_and_a_probe_during_homing_is_refused(scenario, golden):
     cell = scenario.simulated().enabled()
     probe = armed(cell)
     home = cell.x.home()
@@ -452,7 +452,7 @@ def test_a_scan_that_dies_ends_it(scenario, place):
     assert isinstance(probe.exception(), ScanError)
 
 
-def test_ctrl_c_ends_it_and_nothing_stays_armed(scenario):
+def test_ctrl_c_ends_a_touch_probe_and_leaves_nothing_armed(scenario):
     cell = scenario.simulated().enabled()
     probe = armed(cell)
     cell.ctrl_c(5.0)
@@ -501,7 +501,7 @@ def test_slow_sdo_answers_delay_the_result_and_do_not_change_it(scenario):
     assert probe.wait(1).position == pytest.approx(12.34)
 
 
-def test_late_cycles_change_nothing_of_the_position(scenario):
+def test_late_cycles_do_not_change_the_latched_position(scenario):
     cell = scenario.simulated().enabled()
     mark(cell, 12.34, 50.0)
     probe = armed(cell)

@@ -1528,7 +1528,7 @@ def test_a_script_replays_exactly(tmp_path):
     assert str(first) == str(second)
 
 
-def test_the_seeds_visit_every_scene():
+def test_the_seeds_cover_every_scene():
     """Scenes with makers' files only if there are such files."""
     visited = {script(seed).scene for seed in range(SEEDS)}
     assert set(SCENES) <= visited

@@ -128,7 +128,7 @@ def test_without_a_line_that_was_broken_off_there_is_nothing_to_continue_with(sc
     refusal_of(group.resume(), cell, "the line has ended")
 
 
-def test_disabled_it_is_refused_as_any_line(scenario):
+def test_a_resume_of_a_disabled_group_is_refused_like_any_line(scenario):
     cell, group, _ = on_a_line(scenario)
     cell.end_of(group.halt())
     cell.end_of(group.disable())

@@ -382,7 +382,7 @@ def test_listening_for_another_master_takes_two_heartbeats_and_two_cycles_at_mos
     assert seconds <= LONGEST
 
 
-def test_ctrl_c_while_it_listens_leaves_nothing_behind(tmp_path, monkeypatch):
+def test_ctrl_c_while_listening_for_another_master_leaves_nothing_behind(tmp_path, monkeypatch):
     def interrupted(_: float) -> None:
         raise KeyboardInterrupt
 

@@ -348,7 +348,7 @@ def test_the_tool_passes_the_points_of_the_workspace(scenario, period):
     must_not_jolt(cell)
 
 
-def test_between_two_places_on_a_line_the_tool_is_on_the_line(scenario):
+def test_between_two_positions_on_a_line_the_tool_is_on_the_line(scenario):
     cell, xy = arm(scenario)
     since = cell.moment()
     with xy.stream(period=3.0, buffer="6s") as points:

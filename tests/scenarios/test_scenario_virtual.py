@@ -179,7 +179,7 @@ def test_every_kind_of_stop_works_in_every_kind_of_motion(scenario, verb, state,
     trail.must_be_smooth()
 
 
-def test_stop_locks_it_until_it_is_released(scenario):
+def test_stop_locks_a_virtual_axis_until_it_is_released(scenario):
     cell, v, _ = alone(scenario)
     v.move_velocity(100.0).wait(5)
     with v.held_stopped(5):
@@ -256,7 +256,7 @@ def test_leaving_the_block_stops_it(tmp_path):
     assert (v.snapshot.velocity, v.snapshot.power_state) == (0, PowerState.SWITCH_ON_DISABLED)
 
 
-def test_a_dead_scan_leaves_nothing_of_it_to_be_rescued(scenario):
+def test_a_dead_scan_leaves_no_virtual_axis_to_be_rescued(scenario):
     cell, v, _ = beside(scenario)
     v.move_velocity(50.0).wait(5)
     cell["x"].move_velocity(50.0).wait(5)

@@ -165,7 +165,7 @@ def test_an_impossible_path_is_refused_before_anything_moves(scenario, ask, erro
     assert cell.top_speed("x", since) == 0.0
 
 
-def test_lines_of_a_named_group_go_through_its_workspace(scenario):
+def test_lines_of_a_named_group_run_in_its_workspace(scenario):
     arm = '[groups.arm]\naxes = ["x", "y"]\n[groups.arm.kinematics]\nkind = "scara"\nupper = 200.0\nfore = 150.0\n'
     cell = scenario.simulated("xy", axis="max_acceleration = 2000.0", more=arm).enabled()
     group = cell.machine.group("arm")

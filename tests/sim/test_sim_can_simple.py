@@ -165,7 +165,7 @@ def test_current_torque_and_power_of_a_turning_motor_are_reported(bench):
     assert voltage * current == pytest.approx(electrical, rel=1e-5)
 
 
-def test_the_position_is_dead_in_idle_and_the_count_alive(bench):
+def test_the_reported_position_is_0_in_idle_and_the_count_is_not(bench):
     bench.module.motor.position = 16384 * 2.25
     assert bench.floats(ESTIMATES) == (0.0, 0.0)
     shadow, in_turn = struct.unpack("<ii", bench.ask(5, COUNT))
@@ -329,7 +329,7 @@ def test_torque_turns_the_motor_and_too_fast_is_an_error(bench):
     assert bench.send(0xA3, bytes([3, *bytes(7)]))[0].data == bytes([1, 0, 0, 0])
 
 
-def test_torque_with_its_velocity_limit_does_not_run_off(bench):
+def test_torque_mode_with_its_velocity_limit_does_not_run_away(bench):
     bench.module.usb_write(CONTROLLER + "enable_torque_mode_vel_limit", 1)
     bench.module.dials.runaway_after = None
     bench.order(LIMITS, 5.0, 20.0)

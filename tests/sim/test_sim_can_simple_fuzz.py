@@ -49,7 +49,7 @@ def test_random_frames_in_closed_loop_neither_raise_nor_cause_a_jump(frames, mod
 
 @settings(max_examples=30)
 @given(can_id=st.integers(0, 0x1FFF_FFFF), data=_lengths, remote=st.booleans())
-def test_frames_of_others_are_passed_over(can_id, data, remote):
+def test_frames_of_others_are_ignored(can_id, data, remote):
     bench = Bench(Module(5))
     if can_id >> 5 != 5:
         assert bench.send(can_id, data, remote=remote) == []

@@ -50,7 +50,7 @@ def error(bench: Bench) -> int:
 # -- restarts ---------------------------------------------------------------------------------------------------------------------
 
 
-def test_saving_restarts_it_silent_for_a_while_and_then_idle(bench):
+def test_after_saving_the_module_restarts_silent_for_a_while_and_then_idle(bench):
     bench.order(SET_ID, 9)
     bench.order(SAVE)
     since = bench.now
@@ -78,7 +78,7 @@ def test_unsaved_values_are_lost_and_a_restart_switches_the_power_off(bench):
     bench.must_be_smooth()
 
 
-def test_after_a_restart_the_turns_are_forgotten_and_the_branch_may_be_another(bench):
+def test_a_restart_loses_the_turns_and_may_change_the_origin(bench):
     bench.module.motor.position = 16384 * 3.25
     bench.order(REBOOT)
     bench.run(2.0)
@@ -160,7 +160,7 @@ def test_with_neither_a_dead_master_is_not_noticed(bench):
 # -- the runaway ------------------------------------------------------------------------------------------------------------------
 
 
-def test_in_passthrough_it_runs_off_when_set_points_pause_and_disarms(bench):
+def test_in_passthrough_a_module_runs_away_when_set_points_pause_and_disarms(bench):
     bench.order(LIMITS, 20.0, 40.0)
     bench.enable(3, 1)
     bench.run(2.0, 0.005)

@@ -55,7 +55,7 @@ def test_modbus_frames_are_separated_for_any_split_of_their_bytes(values, data):
     assert found == sent
 
 
-def test_a_broken_frame_is_forgotten_and_silence_begins_again():
+def test_a_broken_frame_is_dropped_and_silence_begins_again():
     frames = Frames()
     good = framed(bytes.fromhex("01 04 00 01 00 01"))
     assert frames.take(good[:-1] + b"\x00", 0.0) == []

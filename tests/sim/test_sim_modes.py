@@ -355,7 +355,7 @@ def test_csp_follows_a_ramp_and_runs_straight_between_two_syncs():
     assert rig.has(BIT_12)
 
 
-def test_csp_keeps_its_position_when_sync_stops():
+def test_a_drive_in_csp_holds_its_position_when_sync_stops():
     rig = Rig().enable(CSP)
 
     def target(number):

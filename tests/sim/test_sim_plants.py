@@ -46,7 +46,7 @@ def test_the_step_width_does_not_matter(params, dt):
 
 
 @pytest.mark.parametrize("dt", STEPS)
-def test_a_load_lets_it_droop_by_load_over_stiffness_and_stay_there(dt):
+def test_a_loaded_motor_droops_by_load_over_stiffness(dt):
     motor = make_motor(LOADED)
     demand = motor.seize()
     for _ in range(round(3.0 / dt)):
@@ -83,7 +83,7 @@ def test_a_jammed_motor_pulls_with_the_force_of_its_spring_up_to_the_limit():
 
 
 @pytest.mark.parametrize("dt", STEPS)
-def test_with_little_torque_it_still_stops_at_its_target(dt):
+def test_a_motor_with_little_torque_still_stops_at_its_target(dt):
     motor = make_motor(SOFT)
     motor.seize()
     for _ in range(round(20.0 / dt)):
@@ -211,7 +211,7 @@ def test_bit_10_can_be_made_to_be_set_all_the_time():
 # -- a will of its own ---------------------------------------------------------------------------------------------------
 
 
-def test_a_drive_that_slips_into_another_mode_stays_there_until_it_is_let():
+def test_a_drive_that_changes_its_mode_spontaneously_stays_there_until_the_fault_ends():
     rig = Rig().enable(PV)
     rig.drive.target_velocity = 10_000
     rig.run(1.0)

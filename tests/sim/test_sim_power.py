@@ -175,7 +175,7 @@ def test_disable_voltage_cuts_a_quick_stop_ramp_short():
     assert stage.stage is Stage.SWITCH_ON_DISABLED
 
 
-def test_dials_make_it_deaf_slow_or_stubborn():
+def test_fault_settings_make_a_power_stage_ignore_delay_or_refuse_commands():
     dials = DriveFaults(ignore_quick_stop=True, ignore_disable_voltage=True)
     stage = stage_in("operation enabled", dials=dials)
     for word in (2, 0):

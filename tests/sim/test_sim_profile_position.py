@@ -147,7 +147,7 @@ def test_a_set_point_too_near_to_stop_is_overrun_and_then_reached():
     assert rig.drive.position == near
 
 
-def test_change_on_set_point_passes_the_first_at_speed():
+def test_change_on_set_point_passes_the_first_target_at_speed():
     rig = Rig().enable(PP)
     rig.present(20_000)
     rig.run(0.5)

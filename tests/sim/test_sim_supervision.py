@@ -95,7 +95,7 @@ def test_without_any_deceleration_a_ramp_still_brakes():
     assert rig.until(lambda: rig.state == "switch on disabled") < 0.1
 
 
-def test_disable_voltage_lets_it_coast_at_once_unless_ignored():
+def test_disable_voltage_lets_the_motor_coast_at_once_unless_ignored():
     rig = running()
     rig.dials.ignore_disable_voltage = True
     rig.word(0x0000)

@@ -188,7 +188,7 @@ def test_a_thousand_requests_of_one_browser_keep_no_other_one_out(path, more):
     ids=["nothing", "half a request", "waiting for its answer"],
 )
 @pytest.mark.parametrize("encrypted", [False, True])
-def test_a_connection_that_has_not_passed_the_gate_is_ended(monkeypatch, said, lives, encrypted, request):
+def test_a_connection_that_is_not_authorised_in_time_is_closed(monkeypatch, said, lives, encrypted, request):
     """Also one that says nothing where a TLS handshake is waited for."""
     monkeypatch.setattr(acceptor, "PATIENCE", 0.2)
     tls = request.getfixturevalue("certificate") if encrypted else None

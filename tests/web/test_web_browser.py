@@ -129,7 +129,7 @@ def test_a_jog_ends_when_the_page_is_hidden_or_loses_the_focus(x, happens):
     assert x.speed() < 0.1
 
 
-def test_with_its_socket_cut_a_jog_ends_within_half_a_second(x):
+def test_a_jog_whose_socket_is_cut_ends_within_half_a_second(x):
     jogs(x)
     x.page.run("sockets.filter((socket) => socket.url.endsWith('/live')).at(-1).close()")
     assert until(lambda: x.speed() < 0.1) < 0.5

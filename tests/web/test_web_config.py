@@ -479,7 +479,7 @@ def test_a_job_is_cancelled_only_by_its_page_and_by_the_page_with_the_controls(d
     assert "was cancelled" in desk.job.now.error["message"]
 
 
-def test_a_job_ends_with_its_page_and_nothing_of_it_is_kept(desk, monkeypatch):
+def test_a_job_ends_with_its_page_and_leaves_no_file(desk, monkeypatch):
     monkeypatch.setattr(verifying, "PACE", 0.01)
     desk.ask(desk.looker, "backup", node=1)
     desk.run(lambda: desk.desk.leave(desk.looker))

@@ -75,7 +75,7 @@ def test_a_trial_begins_only_at_standstill(state):
 
 
 @pytest.mark.parametrize("state", [each for each in AxisState if each not in (STANDS, MOVES)])
-def test_another_state_disturbs_it_and_it_does_not_go_back(state):
+def test_another_axis_state_disturbs_a_trial_which_then_does_not_return(state):
     seen = TrialBench()
     seen.cycle()
     seen.cycle(MOVES, target=10.0)
@@ -102,7 +102,7 @@ def test_a_turning_axis_that_stops_ends_the_trial():
 
 
 @pytest.mark.parametrize(("after", "gap"), [(3 * PERIOD, False), (4 * PERIOD, True), (1.0, True)])
-def test_missing_cycles_disturb_it(after, gap):
+def test_missing_cycles_disturb_a_trial(after, gap):
     seen = TrialBench()
     seen.cycle()
     seen.cycle(MOVES, target=10.0)

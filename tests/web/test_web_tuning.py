@@ -381,7 +381,7 @@ def test_a_trial_leaves_the_other_axis_alone_and_is_left_alone(pages, place):
     assert pages.machine["y"].position == pytest.approx(10.0, abs=0.1)
 
 
-def test_after_its_end_a_trial_is_observed_no_longer(pages, place, monkeypatch):
+def test_a_trial_is_no_longer_observed_after_its_end(pages, place, monkeypatch):
     forgotten = []
     forget = type(pages.machine.session).forget
     monkeypatch.setattr(
