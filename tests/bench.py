@@ -71,7 +71,7 @@ def row(what: str, figure: str, baseline: str, ratio: float, promise: bool | Non
 
 
 def generators() -> None:
-    """CPU per cycle of a path of 32 axes with 50 rounded corners, against what their 32 steps take without one."""
+    """CPU per cycle of a path of 32 axes with 50 rounded corners, against that of their 32 steps without one."""
     places = [tuple(30.0 * math.sin(0.7 * point + axis) for axis in range(32)) for point in range(52)]
     pieces, stops = polyline(places, 0.5)
     cycle = CycleVelocity(500.0, 0.004)
@@ -94,7 +94,7 @@ def generators() -> None:
 
 
 def couplings() -> None:
-    """CPU per cycle of 31 gears in step with one master, against what the steps of their 32 axes take in the same cycles."""
+    """CPU per cycle of 31 gears synchronised with one master, against that of the steps of their 32 axes in the same cycles."""
     names = "abcdefghijklmnopqrstuvwxyzABCDEF"
     test = rig(names).enabled()
     master, *slaves = (test.axes[name] for name in names)
@@ -224,7 +224,7 @@ def an_hour() -> None:
 
 
 def canopen_import(text: str) -> Callable[[], object]:
-    """Return what reads a text with canopen."""
+    """Return a function that reads a text with canopen."""
 
     def work() -> object:
         stream = io.StringIO(text)
@@ -252,7 +252,7 @@ def many_objects(size: int) -> str:
 
 
 def reading() -> None:
-    """Reading and modelling an EDS against canopen.import_od; what it says is understood when it is looked at."""
+    """Reading and modelling an EDS against canopen.import_od; values are parsed when they are read."""
     for what, text in (("EDS", many_objects(0)), ("EDS of 770 kB", many_objects(770_000))):
         data = text.encode()
         mine, other = best(lambda data=data: reader.read(data, "bench")), best(canopen_import(text), 3)
@@ -309,7 +309,7 @@ def nodes_of_one_type() -> None:
 
 
 def fast_scan() -> None:
-    """LSS fast scan of one slave on the virtual bus, until it is known that nobody is left, against canopen's."""
+    """LSS fast scan of one slave on the virtual bus, until it is known that no other is left, against canopen's."""
     made = eds.load(resolve("builtin:gim6010-8", ROOT))
     name, serial = "bench-lss", 0x1234_5678
     with (

@@ -1,6 +1,6 @@
-"""What a core in a process of its own is worth: SYNC beside busy programs, full wires, opening. ``make bench-core``.
+"""The performance of a core in a process of its own: SYNC beside busy programs, full buses, opening. ``make bench-core``.
 
-Every figure is measured in processes of its own, in turn with what it is compared with. It takes minutes (``--help``).
+Every figure is measured in processes of its own, in turn with its reference. It takes minutes (``--help``).
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def beside_programs(seconds: float, pairs: int) -> None:
 
 
 def cycles(axes: int, period: float, seconds: float) -> dict[str, float]:
-    """What ``bench_cycle.py`` finds of a core with so many axes."""
+    """The result of ``bench_cycle.py`` for a core with so many axes."""
     asked = ("--axes", str(axes), "--period", str(period), "--seconds", str(seconds))
     command = [sys.executable, str(Path(__file__).with_name("bench_cycle.py")), "core", *asked]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -1,12 +1,13 @@
-"""What a whole cycle costs over a real socket, ours against canopen's PDO maps, in CPU time: ``python tests/bench_cycle.py``.
+"""The cost of a whole cycle over a real socket, ours against canopen's PDO maps, in CPU time: ``python tests/bench_cycle.py``.
 
-Every figure is measured in a process of its own, in turn with those that it is compared with; the drives answer in another one. The
-drives send an EMCY every 50 cycles, and as often an object is read by SDO, and an axis of ours is given a command. Beside canopen's
-fastest idiom, maps held as variables, stands its usual one: three TPDOs for each axis, whose values are found by name. The floor is
-a loop over the same frames that knows nothing of motion.
+Every figure is measured in a process of its own, alternating with the figures to which it is compared; the drives answer in
+another process. The drives send an EMCY every 50 cycles; as often, an object is read by SDO and one of our axes gets a command.
+canopen is measured with its fastest idiom, maps held as variables, and with its usual one: three TPDOs for each axis, whose
+values are found by name. The floor is a loop over the same frames without any motion.
 
-All sides have what a core in a process of its own takes where it may: real-time priority, and processors that do not sleep deeply.
-With ``--plain`` none has: then the price of waking up, which differs much from computer to computer, is most of every figure.
+All sides have the scheduling of a core in a process of its own, if it is permitted: real-time priority, and processors without
+deep sleep states. With ``--plain`` no side has it: then most of every figure is the cost of waking up, which differs much
+between computers.
 """
 
 from __future__ import annotations
@@ -249,7 +250,7 @@ def _cell(bus: can.BusABC, cyclic: CyclicSocket | None, count: int, period: floa
     cell = Cell(bus, cyclic, count, period)
     stream = SimpleNamespace(send=lambda _: None, waiting=0)
     outlet = Publisher(mmap.mmap(-1, size_of(count)), tuple(cell.axes))
-    outlet.admit(stream)  # type: ignore[arg-type]  # nobody is told
+    outlet.admit(stream)  # type: ignore[arg-type]  # no receiver
     cell.scan.observers = [outlet.after_cycle]
     return cell
 
@@ -279,12 +280,12 @@ def following(cell: Cell, period: float) -> Iterator[None]:
 
 
 COMPARED = {"ours": ours, "theirs": theirs, "usual": usual, "floor": floor}
-MOST_OF_USUAL = 32  # axes: with more, canopen's usual way is not done within the cycle
+MOST_OF_USUAL = 32  # axes: with more, canopen's usual idiom is not done within the cycle
 SIDES = {**COMPARED, "core": core}
 
 
 def measure(side: str, count: int, period: float, seconds: float, plain: bool = False) -> Any:
-    """What one side has come to, in a process of its own: CPU seconds per cycle, of ``core`` with its lateness."""
+    """The result of one side, in a process of its own: CPU seconds per cycle, of ``core`` with its lateness."""
     command = [
         sys.executable,
         __file__,
@@ -321,7 +322,7 @@ def compare(count: int, period: float, pairs: int, seconds: float, plain: bool =
 
 
 def _each_more(before: tuple[int, float] | None, found: dict[str, float]) -> str:
-    """What each axis costs that ``found`` has more than the run ``before``, of that many axes and CPU seconds."""
+    """The cost of each axis that ``found`` has more than the run ``before``, of that many axes and CPU seconds."""
     if before is None:
         return ""
     axes, seconds = before

@@ -1,4 +1,4 @@
-"""What the simulated drive costs, printed: run it by hand with ``python tests/bench_drive.py``."""
+"""The cost of the simulated drive, printed: run it by hand with ``python tests/bench_drive.py``."""
 
 from __future__ import annotations
 

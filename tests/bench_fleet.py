@@ -1,4 +1,4 @@
-"""What a fleet costs: 100 cells that stand-ins play, and simulated cells in processes of their own; prints figures, in minutes.
+"""The cost of a fleet: 100 fake cells, and simulated cells in processes of their own; prints figures, in minutes.
 
 ``python tests/bench_fleet.py [stand-ins] [cells]``; the CPU is that of this computer's processes, in per cent of one core.
 """
@@ -30,10 +30,10 @@ ROOT = Path(__file__).parents[1]
 STAND_INS = """
 import sys, threading
 from axisbus.fleet.network import ZenohNetwork, opened
-from kit.fleet.stand_in import StandInCell
+from kit.fleet.stand_in import FakeCell
 endpoint, first, count, rate = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4])
 session = opened(ZenohNetwork(listen=(endpoint,)))
-cells = [StandInCell(session, "bench", f"cell{n}", ("x", "y", "z"), rate=rate) for n in range(first, first + count)]
+cells = [FakeCell(session, "bench", f"cell{n}", ("x", "y", "z"), rate=rate) for n in range(first, first + count)]
 print("ready", flush=True)
 threading.Event().wait()
 """
@@ -51,7 +51,7 @@ def used():
 
 
 def measured(fleet):
-    """CPU of this process (per cent of a core) and states heard per second, over some seconds."""
+    """CPU of this process (per cent of a core) and states received per second, over some seconds."""
     before, begun, heard = used(), time.monotonic(), numbers(fleet)
     time.sleep(SECONDS)
     lasted = time.monotonic() - begun
@@ -165,7 +165,7 @@ def cells(count, period, axes="xyz"):
                     f"watcher {took / count:.2f} %; together {count * (machine + bridge) + took:.0f} % of "
                     f"{100 * os.cpu_count()} %; {fresh(fleet)} of {all_axes} values fresh, "
                     f"age median {1000 * told[len(told) // 2]:.0f} ms, oldest {1000 * told[-1]:.0f} ms; {late(begun)}; "
-                    f"a cell that is killed is gone after {1000 * gone_after(fleet, begun[-1]):.0f} ms",
+                    f"a cell that is killed is gone after {1000 * unreachable_after(fleet, begun[-1]):.0f} ms",
                     flush=True,
                 )
         finally:
@@ -174,7 +174,7 @@ def cells(count, period, axes="xyz"):
                 cell.end()
 
 
-def gone_after(fleet, cell):
+def unreachable_after(fleet, cell):
     """Kill a cell, and return after how many seconds the fleet sees it as gone."""
     cell.kill()
     begin = time.monotonic()
@@ -184,7 +184,7 @@ def gone_after(fleet, cell):
 
 
 def late(begun):
-    """What the machines themselves say of cycles that were left out."""
+    """The skipped cycles, reported by the machines themselves."""
     skipped = [
         int(found[-1])
         if (found := re.findall(r"; (\d+) skipped", cell.file.with_name("1.log").read_text()))
@@ -204,5 +204,5 @@ def main(arguments):
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of ending what was begun
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the started processes are ended
     main(sys.argv[1:])

@@ -1,4 +1,4 @@
-"""What programs beside a core cost its cycle: recordings, monitors, and attacks at its door. ``make bench-guests``.
+"""The cost of programs beside a core for its cycle: recordings, monitors, and attacks on its acceptor. ``make bench-guests``.
 
 Each is measured in turn with a control, which is the same machine without it: three axes on a trajectory, at 4 ms.
 """
@@ -32,7 +32,7 @@ rows: list[dict[str, object]] = []
 
 
 class Run(NamedTuple):
-    """One run: cycles, lost ones, lateness in seconds, and the CPU time of who was beside, in seconds."""
+    """One run: cycles, lost ones, lateness in seconds, and the CPU time of the programs beside it, in seconds."""
 
     cycles: float
     lost: float
@@ -56,13 +56,13 @@ def run(cell: Path, beside: Callable[[float], float], seconds: float) -> Run:
 
 
 def waiting(seconds: float) -> float:
-    """Nobody is beside."""
+    """No program beside it."""
     time.sleep(seconds)
     return 0.0
 
 
 def program(*words: str) -> Callable[[float], float]:
-    """A program that ends by itself after so many seconds (``{}`` in its words)."""
+    """A program that ends after so many seconds (``{}`` in its words)."""
 
     def beside(seconds: float) -> float:
         command = [sys.executable, "-m", *(word.format(seconds) for word in words)]
@@ -103,7 +103,7 @@ def recording(cell: Path, seconds: float, count: int, folder: Path) -> None:
 
 
 def others(cell: Path, seconds: float, count: int) -> None:
-    """Who looks on."""
+    """Programs that only read."""
     looks = str(int(seconds * 10))
     beside = {
         "axisbus monitor, 10 looks a second": (
@@ -167,7 +167,7 @@ def by_opcua(cell: Path, said: list[str], client: str, *words: str) -> Callable[
 
 
 def by_zenoh(cell: Path, told: list[dict[str, float]], *words: str) -> Callable[[float], float]:
-    """A bridge to a Zenoh network with somebody who hears all of it; what that had is kept in ``told``."""
+    """A bridge to a Zenoh network with a subscriber to all of it; its counts are stored in ``told``."""
 
     def beside(seconds: float) -> float:
         command = [sys.executable, "-m", "kit.bench.on_zenoh", str(cell), str(seconds), *words]
@@ -200,7 +200,7 @@ def by_metrics(cell: Path) -> Callable[[float], float]:
 
 
 def bridged(cell: Path, seconds: float, count: int) -> None:
-    """Each bridge with who takes all that it has, and with who does not behave; then all of them at a time."""
+    """Each bridge with a client that reads all of it, and with a misbehaving one; then all of them at a time."""
     for what, client, words in (
         ("a subscriber", "kit.opcua.subscribing", (cell.stem,)),
         ("attacked", "kit.opcua.attacking", ()),
@@ -240,7 +240,7 @@ def at_a_time(*besides: Callable[[float], float]) -> Callable[[float], float]:
 
 
 def attacks(cell: Path, seconds: float, count: int) -> None:
-    """Whoever comes in at the door."""
+    """Attacks on the acceptor."""
     for name in ATTACKS:
         row(name, *pairs(cell, program("kit.attacks", name, str(cell), "{}"), seconds, count))
 

@@ -1,9 +1,10 @@
 """The highest velocity, acceleration and jerk of axes that the master controls, as a share of the limits: ``make bounds``.
 
 ``python tests/bounds.py [--commands 10000] [--first SEED] [--jobs N]``: random lines, paths, circles, streams, trajectories,
-gears, replans, soft velocities and moves, overrides, halts and resumes, in virtual time, with a table of what was asked for and the
-highest share of each limit; and a tenth as many starts of a group, with the SYNCs by which its axes set off apart. Fresh ones in
-each run unless the first seed is given. Exit code 1 where a limit did not hold, or an axis set off later than another.
+gears, replans, soft velocities and moves, overrides, halts and resumes, in virtual time, with a table of the commands and the
+highest share of each limit; and a tenth as many starts of a group, with the number of SYNCs between the starts of its axes.
+Each run uses new seeds unless the first seed is given. The exit code is 1 if a limit did not hold, or if an axis started later
+than another.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ def _quiet() -> None:
 
 
 def table(total: Play) -> str:
-    """Return what was asked for, and what it came to."""
+    """Return the commands, and their results."""
     lines = [f"{'':32}{'asked for':>10}{'done':>8}{'broken off':>12}"]
     for what in ORDER:
         counts = total.asked[what], total.done[what], total.broken_off[what]

@@ -1,12 +1,13 @@
-"""Random commands, mishaps and ways out on simulated cells, each judged on its plants: ``make campaign``.
+"""Random commands, faults and closings of simulated cells, each judged on its plants: ``make campaign``.
 
-``python tests/campaign.py [--scenarios 10000] [--first SEED] [--jobs N] [--scene NAME]``: fresh scripts in each run unless the
-first seed is given. Every second seed draws its cell as well (all do with ``--scene drawn``); the others play on fixed scenes.
-What fails is shrunk and printed as a script that can be pasted into ``tests/scenarios/test_scenario_random.py``. Exit code 1
-where a rule did not hold, or where one of the rules of drawn cells was never exercised.
+``python tests/campaign.py [--scenarios 10000] [--first SEED] [--jobs N] [--scene NAME]``: each run uses new scripts unless the
+first seed is given. Every second seed draws its cell as well (all do with ``--scene drawn``); the others run on fixed scenes. A
+failing script is shrunk and printed in a form that can be pasted into ``tests/scenarios/test_scenario_random.py``. The exit
+code is 1 if a rule did not hold, or if one of the rules of drawn cells was never exercised.
 
 ``--mutant NAME`` (or ``all``) is the self-test: the product is changed while it runs (``kit.campaign.mutants``), and the exit
-code is 1 where that is not noticed within ``--scenarios`` (500) drawn cells. What fails without the change as well does not count.
+code is 1 if no rule detects that within ``--scenarios`` (500) drawn cells. A script that fails without the change as well does
+not count.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ BY_MUTANT = 500  # scenarios within which a mutant has to be noticed
 
 
 class Outcome(NamedTuple):
-    """What came of one seed; ``broke``: the trial itself failed, which is a finding as well."""
+    """The result of one seed; ``broke``: the trial itself failed, which is a finding as well."""
 
     seed: int
     scene: str

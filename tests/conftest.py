@@ -1,5 +1,4 @@
-"""What all tests share: which examples are tried, which tests are slow, how much memory a test may take, and what only the end of
-a shared-out run can tell."""
+"""Settings of all tests: the examples to try, the slow tests, the memory limit of a test, and checks at the end of a run."""
 
 from __future__ import annotations
 
@@ -39,9 +38,9 @@ settings.load_profile(os.environ.get("AXISBUS_EXAMPLES", "same"))
 
 _MEMORY = (
     8 << 30
-)  # bytes of address space; a test that wants more fails by itself, and does not take the machine with it
+)  # bytes of address space; a test that needs more fails alone, and does not stop the computer
 
-# In the tests the core runs in the program, where they can look into it; ``AXISBUS_PROCESS=own`` gives it a process of its own.
+# In the tests the core runs in the program, so that they can look into it; ``AXISBUS_PROCESS=own`` gives it a process of its own.
 os.environ.setdefault("AXISBUS_PROCESS", "thread")
 os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="axisbus-journals-")  # nothing is left in a home
 atexit.register(shutil.rmtree, os.environ["XDG_STATE_HOME"], ignore_errors=True)
@@ -53,7 +52,7 @@ if sys.platform == "linux":
     if _soft == resource.RLIM_INFINITY or _soft > _MEMORY:
         resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _hard))
 
-# A shell starts in the background what Ctrl-C shall not reach.
+# A shell ignores Ctrl-C for processes in the background.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 # nohup has them ignored, and the programs that tests start would inherit that.
@@ -70,7 +69,7 @@ _kept: set[str] = set()
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Not even read what is slow, where only the quick tests are asked for: importing it takes as long as they do."""
+    """Do not even import slow tests if only the quick ones are run: importing takes as long as they do."""
     return True if config.option.markexpr == QUICK and is_slow(collection_path) else None
 
 
@@ -134,8 +133,8 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Collect what a failed test has left open, once it is over: else a later test in this process is blamed for it."""
-    if hasattr(report, "node"):  # this process only hears of it
+    """Collect the garbage of a failed test once it is over: otherwise a later test in this process is blamed for it."""
+    if hasattr(report, "node"):  # this process only gets the result
         return
     if report.failed:
         _failed.add(report.nodeid)

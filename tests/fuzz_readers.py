@@ -89,7 +89,7 @@ def main() -> int:
     seed = given.seed if given.seed is not None else time.time_ns() % 1_000_000
     if given.o is not None:
         given.o.mkdir(parents=True, exist_ok=True)
-    warnings.simplefilter("ignore")  # of readers about what they have repaired
+    warnings.simplefilter("ignore")  # of readers about their repairs
     logging.getLogger("can").setLevel(
         logging.CRITICAL
     )  # python-can logs each line that it does not understand

@@ -26,7 +26,7 @@ AXIS = '[axes.a{node}]\nnode = {node}\nunit = "deg"\nscale = 100\n'
 
 
 def boot_once(folder: Path, nodes: int, loss: float, seed: int) -> tuple[list[NodeReport], LossyLine]:
-    """Power ``nodes`` simulated drives on, boot them over a wire that loses frames, and return what was reported."""
+    """Power ``nodes`` simulated drives on, boot them over a wire that loses frames, and return the reports."""
     near, far = (f"axisbus-lossy-{end}-{os.getpid()}-{seed}" for end in ("near", "far"))
     cell = folder / "cell.toml"
     text = BUS.format(channel=near)

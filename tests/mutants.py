@@ -1,4 +1,4 @@
-"""Small wrong changes of the source, and whether a test notices each. ``make mutants``; ``--help`` tells what else it can do."""
+"""Small wrong changes of the source, and whether a test notices each. ``make mutants``; ``--help`` lists the options."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ MEASURED = (
             "cli",
         )
     ),
-)  # who uses a constant
+)  # the users of a constant
 MAP = ROOT / ".mutants-map" / "map.json"
 EQUIVALENT = ROOT / "tests" / "mutation" / "equivalent.toml"
-NOT_FOR_THESE = {"eds", "sim", "socketcan", "mutation"}  # folders whose tests say nothing of what is tried
+NOT_FOR_THESE = {"eds", "sim", "socketcan", "mutation"}  # folders whose tests do not concern the tried code
 # Minutes of matrices and of processes that are killed: they come last for every line, and never within the time of a mutant.
 TOO_LONG = {"test_scenario_plants.py", "test_scenario_killed.py", "test_scenario_zz_golden.py"}
 ENOUGH_KILLED = 0.9

@@ -1,4 +1,4 @@
-"""A warning that an axis may move is in an error in whatever way the error is shown."""
+"""A warning that an axis may move is in an error in whatever form the error is shown."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def alarming(by: str) -> DriveError:
     return error
 
 
-def said_by_ros(error: AxisbusError) -> str:
+def ros_log_text(error: AxisbusError) -> str:
     lines: list[str] = []
     saying = RosLogThread(lines.append)
     saying.tell("no", error)
@@ -62,7 +62,7 @@ def printed_by_command(error: BaseException) -> str:
 
 
 def noted(cls: type[BaseException], error: AxisbusError) -> BaseException:
-    """What leaves a block of a machine that could not be stopped."""
+    """The exception that leaves a block of a machine that could not be stopped."""
     found = cls()
     _add_notes(found, [error])
     return found
@@ -100,18 +100,18 @@ DOORS = {
     "page, a command": lambda error: str(told_by_page("failed", error)),
     "events of the bridges": lambda error: str(happening_of_bridge("x", error, 0.0)),
     "recording": kept_by_ledger,
-    "ROS 2": said_by_ros,
+    "ROS 2": ros_log_text,
     "Zenoh, an axis": told_by_zenoh,
 }
 
 
 @pytest.mark.parametrize("by", ["remedy", "note"])
 @pytest.mark.parametrize("door", DOORS)
-def test_a_warning_that_an_axis_moves_is_shown_wherever_an_error_is_shown(door, by):
+def test_a_warning_that_an_axis_moves_is_shown_next_to_every_error(door, by):
     assert ALARM in DOORS[door](alarming(by))
 
 
-def test_a_traceback_says_each_part_of_an_error_once():
+def test_a_traceback_contains_each_part_of_an_error_once():
     told = "".join(traceback.format_exception(alarming("note")))
     for part in ("x: lost", "no heartbeat", "x: not stopped", "it turns", ALARM, "axisbus explain"):
         assert told.count(part) == 1, part

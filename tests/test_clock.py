@@ -41,7 +41,7 @@ def clock(request: pytest.FixtureRequest) -> Clock:
 # -- both clocks -------------------------------------------------------------------------------------------------------
 
 
-def test_sleeping_takes_its_time(clock: Clock) -> None:
+def test_a_sleep_lasts_at_least_its_time(clock: Clock) -> None:
     began = clock.now()
     clock.sleep(0.02)
     assert clock.now() - began >= 0.02
@@ -109,7 +109,7 @@ def test_a_condition_is_waited_for_until_something_holds(clock: Clock) -> None:
     assert clock.now() - began >= 0.02
 
 
-def test_polling_ends_when_it_is_done_or_its_time_is_over(clock: Clock) -> None:
+def test_polling_ends_when_the_condition_holds_or_the_time_is_over(clock: Clock) -> None:
     asked = list[float]()
 
     def done() -> bool:
@@ -193,10 +193,10 @@ def test_events_happen_at_their_times_while_a_thread_waits() -> None:
     clock = VirtualClock()
     ticks = Ticks(clock, 0.25)
     clock.add(ticks)
-    assert not ticks.seen  # the time stands still
+    assert not ticks.seen  # no time passes
     clock.sleep(1.0)
     assert ticks.seen == [0.25, 0.5, 0.75, 1.0]
-    assert ticks.caught_up == [1.0]  # who looks at a plant after a wait sees that of now
+    assert ticks.caught_up == [1.0]  # a read of a plant after a wait gives its present state
 
 
 def test_an_event_that_wakes_the_program_ends_its_wait_at_once() -> None:
@@ -251,7 +251,7 @@ def test_a_thread_that_nothing_can_wake_does_not_keep_the_program_from_continuin
     assert not thread.is_alive()
 
 
-def test_closing_ends_threads_wherever_they_wait_and_those_that_have_not_begun() -> None:
+def test_closing_ends_threads_in_every_wait_and_those_that_have_not_begun() -> None:
     clock, cleaned = VirtualClock(), list[str]()
 
     def live() -> None:
@@ -272,7 +272,7 @@ def test_closing_ends_threads_wherever_they_wait_and_those_that_have_not_begun()
     clock.close()
 
 
-def test_an_interrupt_comes_when_the_other_thread_waits_again() -> None:
+def test_an_interrupt_is_raised_when_the_other_thread_waits_again() -> None:
     """A signal handler may raise while another thread has the turn: two threads must never run at once."""
     clock, order = VirtualClock(), list[str]()
 

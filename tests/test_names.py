@@ -73,7 +73,7 @@ def test_the_search_finds_dotted_names_and_paths():
         "serial.Serial.read",
     ],
 )
-def test_a_name_that_is_there_or_not_ours_is_accepted(name):
+def test_a_name_that_exists_or_is_of_another_package_is_accepted(name):
     assert exists(name, SOURCE / "units.py")
     assert exists(name)
 
@@ -89,7 +89,7 @@ def test_a_name_that_is_there_or_not_ours_is_accepted(name):
         "cell.nothing",
     ],
 )
-def test_a_name_of_ours_that_is_not_there_is_found(name):
+def test_a_missing_name_of_our_package_is_found(name):
     assert not exists(name, SOURCE / "units.py")
     assert not exists(name)
 
@@ -109,7 +109,7 @@ def test_public_class_names_are_unique():
     assert [name for name, count in named.items() if count > 1] == []
 
 
-# Participles, adverbs, and words that do not say what is in a module.
+# Participles, adverbs, and words that do not name the contents of a module.
 UNCLEAR_MODULES = re.compile(
     r"told|asked|looked|kept|known|shown|wanted|armed|fitted|led|bent|mapped|packed|softened|answered|given|reached|"
     r"described|listed|commanded|served|booted|checked|inherited|relayed|guarded|protected|numbered|found|looking|hearing|"

@@ -1,6 +1,6 @@
-"""The notebooks of examples/ run as they are, and the stop button of a notebook halts what moves and leaves the machine open.
+"""The notebooks of examples/ run as they are, and the stop button of a notebook halts moving axes and leaves the machine open.
 
-The plant is read from a history that the simulated drives write by themselves, or asked by a second program.
+The plant is read from a history that the simulated drives write, or by a second program.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ pytestmark = [
     pytest.mark.timeout(120),
 ]
 SPEED = 40.0  # deg/s
-SLOW = SPEED**2 / 2 / 500.0  # degrees: what the ramp of a halt takes
+SLOW = SPEED**2 / 2 / 500.0  # degrees: the distance of the ramp of a halt
 STANDS_WITHIN = 1.5  # seconds on a busy computer; the ramp takes 0.08
 
 
@@ -37,7 +37,7 @@ def read(path):
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
-    """Run notebooks in a copy of what they use, each once; return the outputs of its cells of code."""
+    """Run notebooks in a copy of their files, each once; return the outputs of its cells of code."""
     folder = tmp_path_factory.mktemp("checkout")
     for name in ("examples", "eds"):
         shutil.copytree(ROOT / name, folder / name)
@@ -56,7 +56,7 @@ def ran(tmp_path_factory):
 
 
 def shown(outputs, kind):
-    """What cells show of a kind, such as text/html."""
+    """The outputs of cells of a kind, such as text/html."""
     return [one.data[kind] for each in outputs for one in each if "data" in one and kind in one.data]
 
 
@@ -121,8 +121,8 @@ class Bench:
             for row in rows
         ]
 
-    def way_after(self, at):
-        """Return how many degrees x went after a time, once it stands; None where it does not in time."""
+    def distance_after(self, at):
+        """Return how many degrees x moved after a time, once it is at standstill; None if it is not in time."""
         until = time.monotonic() + STANDS_WITHIN + 0.3
         while time.monotonic() < until:
             time.sleep(0.1)
@@ -211,7 +211,7 @@ def test_an_interrupt_in_mid_move_halts_and_the_next_cell_moves_on(bench, doing)
     cell = begun(bench, MIDST[doing])
     at = bench.of.interrupt()
     assert bench.of.end(cell).error in ("KeyboardInterrupt", "CancelledError")
-    way = bench.way_after(at)
+    way = bench.distance_after(at)
     assert way is not None
     assert 0.7 * SLOW < way < SLOW + 0.3 * SPEED  # on the ramp of a halt, begun at once
     with Machine.attach(bench.folder / "cell.toml") as seen:
@@ -221,22 +221,22 @@ def test_an_interrupt_in_mid_move_halts_and_the_next_cell_moves_on(bench, doing)
     assert goes_on(bench)
 
 
-def test_an_interrupt_between_two_cells_halts_what_turns(bench):
+def test_an_interrupt_between_two_cells_halts_moving_axes(bench):
     bench.of.run(f"x.move_velocity({SPEED}).wait()")
     await_turning(bench)
     at = bench.of.interrupt()
-    assert bench.way_after(at) is not None
+    assert bench.distance_after(at) is not None
     assert bench.of.run("print(x.state.value, x.error)") == "Standstill None"
     assert goes_on(bench)
 
 
-def test_an_interrupt_in_a_call_that_lets_no_thread_run_halts_before_its_end(bench):
+def test_an_interrupt_during_a_call_that_blocks_all_threads_halts_before_its_end(bench):
     code = (
         f"x.move_velocity({SPEED}).wait()\nbegan = time.monotonic(); 3 ** 12_000_000; print(time.monotonic())"
     )
     cell = begun(bench, code)
     at = bench.of.interrupt()
-    assert bench.way_after(at) < SLOW + 0.6 * SPEED
+    assert bench.distance_after(at) < SLOW + 0.6 * SPEED
     bench.of.end(cell)
     assert bench.of.run("print(x.error)") == "None"
     assert goes_on(bench)
@@ -247,7 +247,7 @@ def test_a_second_interrupt_while_something_moves_is_a_quick_stop(bench):
     bench.of.interrupt()
     time.sleep(0.08)
     at = bench.of.interrupt()
-    assert bench.way_after(at) is not None
+    assert bench.distance_after(at) is not None
     assert bench.of.run("print(x.state.value)") == "Disabled"
     assert goes_on(bench)
 
@@ -260,7 +260,7 @@ def test_an_interrupt_of_a_cell_that_moves_nothing_changes_nothing(bench):
     assert goes_on(bench)
 
 
-def test_an_interrupt_of_another_program_halts_only_where_it_has_the_command(bench):
+def test_an_interrupt_of_another_program_halts_only_if_it_has_control(bench):
     bench.of.run(f"x.move_velocity({SPEED}).wait()")
     await_turning(bench)
     path = bench.folder / "cell.toml"
@@ -283,7 +283,7 @@ def test_an_interrupt_of_another_program_halts_only_where_it_has_the_command(ben
 
 
 def stands(bench, at):
-    """Whether x is at rest soon after a time, for good; its history may have ended."""
+    """Whether x is permanently at standstill soon after a time; its history may have ended."""
     until = time.monotonic() + STANDS_WITHIN
     while time.monotonic() < until and abs(bench.plant()[-1][2]) > 0.05:
         time.sleep(0.1)
@@ -307,7 +307,7 @@ def test_the_end_of_a_kernel_stops_its_axes(tmp_path, way):
         assert stands(bench, at)
 
 
-# It tells that it has begun only where it is within the call: an interrupt before it halts, and leaves the machine open.
+# It prints only within the call: an interrupt before it halts, and leaves the machine open.
 CLOSES = """
 import sys, threading
 main = threading.main_thread().ident

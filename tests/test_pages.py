@@ -1,6 +1,6 @@
-"""What README.md and the pages under docs/ show is run and true: every command line, program, excerpt and message.
+"""The contents of README.md and the pages under docs/ are run and true: every command line, program, excerpt and message.
 
-A line that stands on several pages runs once; what it came to is kept for all of them.
+A line that is on several pages runs once; its result is stored for all of them.
 """
 
 import json
@@ -45,7 +45,7 @@ ARCHITECTURE, COMMISSIONING, ERRORS, STOPPING = (
     ROOT / "docs" / name for name in ("architecture.md", "commissioning.md", "api/errors.md", "stopping.md")
 )
 LANGUAGES = {"sh", "bat", "python", "toml", "text", "c"}
-# What ends with 1 where it is as it should be: nobody without a node-ID, two files that differ.
+# Commands that correctly end with 1: no slave without a node-ID, two files that differ.
 FOUND_SOMETHING = {("lss", "find"), ("eds", "diff")}
 MAY_FIND = {"jitter"}  # 1: a busy computer leaves cycles out
 SET_UP = re.compile(r"python -m venv |.*python -m (pip install|pytest)")  # done already where this test runs
@@ -86,7 +86,7 @@ def command_lines(page):
 
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory):
-    """A copy of what the lines use, and what each line came to that has run in it."""
+    """A copy of the files of the lines, and the result of each line that has run in it."""
     folder = tmp_path_factory.mktemp("checkout")
     for name in ("examples", "eds"):
         shutil.copytree(ROOT / name, folder / name)
@@ -170,7 +170,7 @@ def test_each_command_line_runs_as_printed_and_without_hardware(page, axisbus, c
 
 
 def run_all(page, axisbus, folder, serve):
-    """Run the command lines of a page, each of which must print something and end as it should."""
+    """Run the command lines of a page, each of which must print something and end as expected."""
     for printed in command_lines(page):
         assert printed[0] == "axisbus", printed
         if printed[1] == "sim":
@@ -190,7 +190,7 @@ def run_all(page, axisbus, folder, serve):
             assert flag not in ("-o", "--concise") or (folder / name).stat().st_size, words
 
 
-def test_every_block_of_the_pages_is_of_a_kind_that_is_looked_at():
+def test_every_block_of_the_pages_is_of_a_kind_that_is_checked():
     for page in PAGES:
         fences = re.findall(r"^```(\w*)$", text_of(page), re.MULTILINE)
         kinds = Counter(fences[::2])
@@ -244,11 +244,11 @@ def test_the_commands_named_exist():
     spans = [span for page in PAGES for span in re.findall(r"`[^`\n]+`", text_of(page))]
     code = " ".join([*spans, *(block for kind in ("sh", "bat") for _, block in blocks_of_all(kind))])
     named = set(re.findall(r"axisbus ([a-z]+[0-9]*)", code))
-    assert named == set(COMMANDS)  # and every command stands on a page
+    assert named == set(COMMANDS)  # and every command is on a page
 
 
 def named_in_the_text():
-    """The commands that the text names, as lists of words; what a shell does with their output is left out."""
+    """The commands in the text, as lists of words; the redirections of a shell are left out."""
     found = [text for page in PAGES for text in re.findall(r"`axisbus ([a-z][^`\n]*)`", text_of(page))]
     return [shlex.split(text.partition(">")[0].replace("...", "")) for text in dict.fromkeys(found)]
 
@@ -292,11 +292,11 @@ def test_each_program_runs_as_printed(page, checkout, monkeypatch, capsys):
 
 
 def excerpts(made_by_init):
-    """What is printed of cell files."""
+    """The excerpts of printed cell files."""
     return [block for block in cell_excerpts() if ("CONFIRM" in block) is made_by_init]
 
 
-def test_each_plan_of_faults_is_good_for_the_cell_of_the_pages(tmp_path):
+def test_each_fault_plan_of_the_pages_is_valid_for_their_cell(tmp_path):
     plans = fault_plans()
     assert plans
     for plan in plans:
@@ -306,7 +306,7 @@ def test_each_plan_of_faults_is_good_for_the_cell_of_the_pages(tmp_path):
 
 
 @pytest.mark.parametrize("excerpt", excerpts(False), ids=lambda text: " ".join(text.split()[:4]))
-def test_each_excerpt_of_a_cell_file_is_good(excerpt, tmp_path):
+def test_each_excerpt_of_a_cell_file_is_valid(excerpt, tmp_path):
     path = tmp_path / "cell.toml"
     path.write_text(whole_cell(excerpt), encoding="utf-8")
     (tmp_path / "endpoints_0.5.13.json").write_text(json.dumps(Module().json()), encoding="utf-8")
@@ -320,17 +320,17 @@ def test_there_is_a_bus_table_for_each_adapter():
     assert {"socketcan", "pcan", "kvaser", "slcan"} <= buses
 
 
-def test_the_excerpt_of_what_init_makes_is_what_it_makes(axisbus, checkout):
+def test_the_excerpt_of_the_output_of_init_is_current(axisbus, checkout):
     (excerpt,) = excerpts(True)
     assert axisbus(INIT).code == 0
     assert excerpt in (checkout[0] / "cell.toml").read_text(encoding="utf-8")
     assert axisbus(("boot", "cell.toml")).code == 0
 
 
-# -- what is told of messages and meanings ----------------------------------------------------------------------------------------
+# -- messages and meanings --------------------------------------------------------------------------------------------------------
 
 
-def test_the_excerpts_of_what_boot_prints_are_what_it_prints(axisbus):
+def test_the_excerpts_of_the_output_of_boot_are_current(axisbus):
     excerpts, printed = blocks(STOPPING, "text"), axisbus(BOOT).out
     assert len(excerpts) == 2  # the stop sequence, and which limit is kept in which mode
     assert [excerpt for excerpt in excerpts if excerpt not in printed] == []
@@ -364,7 +364,7 @@ def test_the_words_of_stopping_have_the_values_that_are_reported():
         assert {word: int(value) for word, value in re.findall(r"`([\w-]+)` (\d)", words)} == option.words
 
 
-def test_each_word_of_stopping_has_its_meaning():
+def test_each_stop_option_word_has_its_explanation():
     explained = {word for cells in rows(STOPPING, "word") for word in re.findall(r"`([\w.-]+)`", cells[0])}
     words = {word for option in options.ALL for word in option.words if not word.endswith("-hold")}
     assert explained == words | {"...-hold"}

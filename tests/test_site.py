@@ -1,4 +1,4 @@
-"""What ``make docs`` is made by: the check of its links finds what is broken, and no page is left out of the navigation."""
+"""The parts of ``make docs``: the check of its links finds broken ones, and no page is left out of the navigation."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def test_every_public_name_is_there():
 
 
 def seconds(*arguments):
-    """Processor time of a run: what it takes where nobody else wants the processor."""
+    """Processor time of a run: its duration on an idle processor."""
     before = os.times()
     subprocess.run([sys.executable, *arguments], check=True, capture_output=True)
     after = os.times()

@@ -1,5 +1,6 @@
 """Rules of the package structure that no linter checks: every package has a docstring and is not empty, no imports form a circle,
-the pages name what exists, and no test imports another."""
+the names on the pages exist, and no test imports another.
+"""
 
 import ast
 import importlib
@@ -51,7 +52,7 @@ def test_no_module_imports_itself_through_others():
 
 # -- time ----------------------------------------------------------------------------------------------------------------
 
-# What waits or runs in real time, whatever the clock of a channel is: those modules of these packages that may do so.
+# The modules of these packages that may wait or run in real time, whatever the clock of a channel is.
 IN_CLOCKED_PACKAGES = ("bus", "boot", "configuration", "core", "sim")
 REAL_NAMES = {
     "time": {"monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns", "sleep"},
@@ -95,7 +96,7 @@ REAL_BY_NATURE = {
 
 
 def real_names(tree):
-    """What a module uses of REAL_NAMES, under whatever name it was imported."""
+    """The names of REAL_NAMES that a module uses, under whatever name they were imported."""
     modules, found = {}, set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -111,7 +112,7 @@ def real_names(tree):
     return found
 
 
-def test_only_what_is_real_by_nature_passes_over_the_clock_of_its_channel():
+def test_only_listed_modules_bypass_the_clock_of_their_channel():
     """All others run in virtual time too: a wait in real time would keep the one thread that runs there."""
     paths = [path for package in IN_CLOCKED_PACKAGES for path in (SOURCE / package).rglob("*.py")]
     found = {
@@ -120,7 +121,9 @@ def test_only_what_is_real_by_nature_passes_over_the_clock_of_its_channel():
         if (names := real_names(ast.parse(path.read_text(encoding="utf-8"))))
     }
     assert {name: names for name, names in found.items() if name not in REAL_BY_NATURE} == {}
-    assert REAL_BY_NATURE.keys() - found.keys() == set()  # and who does so no more is not on the list
+    assert (
+        REAL_BY_NATURE.keys() - found.keys() == set()
+    )  # and a module that does so no more is not on the list
 
 
 @pytest.mark.parametrize(
@@ -134,7 +137,7 @@ def test_only_what_is_real_by_nature_passes_over_the_clock_of_its_channel():
         ("import time, threading\ntime.time()\nthreading.Lock()\nclock.sleep(1)", set()),
     ],
 )
-def test_what_passes_over_the_clock(text, names):
+def test_names_that_bypass_the_clock(text, names):
     assert real_names(ast.parse(text)) == names
 
 
@@ -155,7 +158,7 @@ def test_the_pages_name_files():
 
 
 def anchors(page):
-    """What a link to a heading of the page may name, as GitHub makes it."""
+    """The anchors of the page's headings, as GitHub makes them."""
     headings = re.findall(r"^#+ (.*)$", re.sub(r"^```.*?^```", "", text_of(page), flags=re.S | re.M), re.M)
     return {re.sub(r"[^\w\- ]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
 
@@ -185,13 +188,13 @@ def test_the_readme_is_short():
     assert len(text_of(README).split()) <= README_WORDS
 
 
-# -- what is public ---------------------------------------------------------------------------------------------------------------
+# -- public names -----------------------------------------------------------------------------------------------------------------
 
 API = {
     name: ROOT / "docs" / "api" / f"{name.rpartition('.')[2]}.md"
     for name in ("axisbus", "axisbus.eds", "axisbus.errors")
 } | {"axisbus.testing": ROOT / "docs" / "testing.md"}
-# What public classes have beside what is for users: name, and what it is there for.
+# Members of public classes that are not for users: name, and purpose.
 BETWEEN_ROOMS = {
     "Machine.disown": "a forked child gives its parent's machine up",
     "Machine.session": "Recorder attaches to the core by it",
@@ -288,7 +291,7 @@ def test_the_page_names_the_members_of_each_public_class(module, cell):
         assert named - has == set(), heading
 
 
-def test_what_a_machine_gives_has_the_names_that_the_page_reports(cell):
+def test_the_objects_of_a_machine_have_the_names_on_the_page(cell):
     expressions = {heading: names for heading, names in sections(API["axisbus"]).items() if "(" in heading}
     assert len(expressions) == 2
     for expression, names in expressions.items():
@@ -303,7 +306,7 @@ def test_a_page_names_no_module_and_no_name_that_is_not_public(page):
         assert not rest or rest in public(module), dotted
 
 
-def test_the_programs_on_the_pages_import_only_what_is_public():
+def test_the_programs_on_the_pages_import_only_public_names():
     for page, program in blocks_of_all("python"):
         for node in ast.walk(ast.parse(program)):
             if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] == "axisbus":
@@ -331,7 +334,7 @@ def test_every_exception_is_public_and_in_the_tree():
 
 TESTS = ROOT / "tests"
 FILES = sorted(TESTS.rglob("*.py"))
-TOOL = TESTS / "mutation"  # a package by itself
+TOOL = TESTS / "mutation"  # a separate package
 IMPORT = re.compile(r"^ *(?:from|import) ([\w.]+)", re.MULTILINE)
 
 
@@ -359,7 +362,7 @@ def test_every_test_named_as_slow_or_with_a_time_exists(name):
     assert not function or f"\ndef {function}(" in (TESTS / path).read_text(encoding="utf-8")
 
 
-def test_what_runs_in_real_time_is_named_once_with_its_reason_and_not_in_virtual_time():
+def test_each_test_in_real_time_is_named_once_with_its_reason_and_not_in_virtual_time():
     names = [name for names in REAL_TIME.values() for name in names]
     assert len(names) == len(set(names))
     assert all(reason.strip() for reason in REAL_TIME)

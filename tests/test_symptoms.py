@@ -33,7 +33,7 @@ CLASSES = {name: each for name, each in vars(errors).items() if inspect.isclass(
 ABORTS = [int(row["code"], 16) for row in tables.rows("axisbus.cia301", "abort.tsv")]
 FAULTS = [int(row["code"], 16) for row in tables.rows("axisbus.cia301", "emcy.tsv")]
 each_symptom = pytest.mark.parametrize("symptom", SYMPTOMS.values(), ids=list(SYMPTOMS))
-# What stands for something on the pages, with something that it may be.
+# Placeholders on the pages, with a possible value.
 STANDS_FOR = {
     "CELL": "examples/cell.toml",
     "AXIS": "x",
@@ -106,13 +106,13 @@ OF_THE_BUS = {"bus-off", "late-cycles", "pdo-mapping", "second-master", "node-lo
 
 
 @pytest.mark.parametrize("code", [code for code in FAULTS if lookup.page_of_fault(code) in OF_THE_BUS])
-def test_what_to_do_first_is_of_the_kind_that_the_page_is_of(code):
+def test_the_remedy_is_of_the_same_kind_as_the_page(code):
     assert re.search(r"bus|cable|frames|cycles|node-ID", remedy(code)), remedy(code)
     assert "tuning" not in remedy(code)
 
 
 @each_symptom
-def test_where_to_read_on_is_there(symptom):
+def test_the_pages_for_further_reading_exist(symptom):
     assert symptom.read_on
     for page in symptom.read_on:
         assert (ROOT / "docs" / page.partition("#")[0]).exists(), page  # the anchors: when the site is made
@@ -121,15 +121,15 @@ def test_where_to_read_on_is_there(symptom):
 def typed(symptom):
     """The commands that a page says to type, as lists of words."""
     spans = re.findall(r"`axisbus ([^`]+)`", " ".join((symptom.seen, *symptom.checks)))
-    return [[STANDS_FOR.get(word, word) for word in shlex.split(_stand_in(span))] for span in spans]
+    return [[STANDS_FOR.get(word, word) for word in shlex.split(_placeholder_value(span))] for span in spans]
 
 
-def _stand_in(span):
+def _placeholder_value(span):
     return re.sub(r"\b([A-Z]+)(?=[:=])", lambda found: STANDS_FOR[found[1]], span)
 
 
 def parsed(words):
-    """Give the words to the command that they name, as far as its arguments and options go; nothing is run."""
+    """Parse the words of a command, up to its arguments and options; nothing is run."""
     command, context, left = cli, click.Context(cli, info_name="axisbus", **cli.context_settings), list(words)
     while isinstance(command, click.Group):
         name = left.pop(0)
@@ -153,7 +153,7 @@ def test_a_command_that_is_wrong_would_be_noticed(words):
         parsed(words)
 
 
-def test_most_pages_say_what_to_type():
+def test_most_pages_name_commands():
     assert sum(bool(typed(symptom)) for symptom in SYMPTOMS.values()) > len(SYMPTOMS) * 3 // 4
 
 
@@ -205,7 +205,7 @@ def test_a_command_names_the_page_below_the_texts(name):
     assert with_page(error) == f"{error}\n  more:     axisbus explain {error.page}"
 
 
-def test_a_traceback_names_the_page_of_the_code_that_an_error_has_by_then():
+def test_a_traceback_names_the_page_of_the_final_code_of_an_error():
     error = BootError("no", node=5, step="configure", observed="nothing")
     error.add_note("while stopping: x")
     error.letter = "M"
@@ -219,7 +219,7 @@ def test_a_traceback_names_the_page_of_the_code_that_an_error_has_by_then():
         ]
 
 
-def test_what_ends_a_program_names_the_page():
+def test_the_error_that_ends_a_program_names_its_page():
     program = "from axisbus.errors import FollowingError; raise FollowingError('no', remedy='look')"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert ran.stderr.endswith("no\n  remedy:   look\n  more:     axisbus explain following-error\n")
@@ -269,7 +269,7 @@ def test_a_page_is_printed(symptom, axisbus):
         ("FF00", "drive-fault"),
     ],
 )
-def test_a_class_a_letter_and_a_code_lead_to_their_page(axisbus, word, page):
+def test_a_class_a_letter_or_a_code_gives_its_page(axisbus, word, page):
     assert axisbus("explain", word).out.startswith(f"# {SYMPTOMS[page].title}\n")
 
 
@@ -291,7 +291,7 @@ def test_on_a_terminal_the_page_is_laid_out(monkeypatch, capsys):
     assert "axisbus scan CELL" in out
 
 
-def test_a_node_that_did_not_come_up_names_its_page():
+def test_a_node_that_did_not_boot_names_its_page():
     error = boot("M")
     report = NodeReport(5, error=error)
     assert "\n    more:     axisbus explain another-device\n" in report.text() + "\n"
@@ -311,11 +311,11 @@ def test_a_page_with_many_codes_lists_their_classes_in_a_terminal_and_each_for_t
     assert "`0x2131`: Short circuit phases L1-L2" in all_of_them
 
 
-# -- what the texts name ---------------------------------------------------------------------------------------------------------
+# -- names in the texts ----------------------------------------------------------------------------------------------------------
 
 
 def keys_and_tables(schema, name=""):
-    """Every key of a cell file, and the name of every table that has it, with N and NAME for what the user calls it."""
+    """Every key of a cell file, and the name of every table that has it, with N and NAME for the user's names."""
     for key, each in (*schema.get("properties", {}).items(), *schema.get("patternProperties", {}).items()):
         inner = f"{name}.{key}" if key.isidentifier() else f"{name}.*"
         yield key

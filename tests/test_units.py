@@ -25,7 +25,7 @@ def test_an_invalid_scale_is_refused(wrong):
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
-def test_no_increments_for_what_is_not_finite(wrong):
+def test_a_value_that_is_not_finite_has_no_increments(wrong):
     with pytest.raises(ArgumentError):
         Scale.of(100, "mm").to_increments(wrong)
 

@@ -86,7 +86,7 @@ def test_sockets_block_in_virtual_time() -> None:
             assert time.monotonic() - start == pytest.approx(5.0, abs=0.01)
 
 
-def test_the_clock_stands_while_data_are_on_their_way() -> None:
+def test_virtual_time_does_not_pass_while_data_are_in_transit() -> None:
     with virtual_time(), socket.create_server(("127.0.0.1", 0)) as server:
 
         def echo() -> None:

@@ -1,4 +1,4 @@
-"""Numbers with their nouns: one function makes them, and no message writes a plural behind a number by itself."""
+"""Numbers with their nouns: one function makes them, and no message contains a literal plural behind a number."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NOUNS = re.compile(
     r"octets|others|positions|requests|searches|sections|segments|seconds|slaves|sub-indices|times|tries|turns|units|values|"
     r"warnings)\b(?!/)"
 )
-# What stands before such a noun and is no count: constants above one, and measures that need not be whole.
+# Texts before such a noun that are no count: constants above one, and measures that need not be whole.
 NO_COUNT = re.compile(
     r"^[A-Z_]+$|^(?:slot|first|bits|room|ratio|length|rate|speed|ramp|self\.factor|abs\(|float\(|node_id)"
 )
@@ -58,7 +58,7 @@ def test_the_search_for_plurals_finds_them() -> None:
     ]
 
 
-def test_no_message_writes_a_plural_behind_a_number_by_itself() -> None:
+def test_no_message_has_a_literal_plural_behind_a_number() -> None:
     found = [
         f"{path.relative_to(SOURCE)}:{line}: {words}"
         for path in sorted(SOURCE.rglob("*.py"))

@@ -65,7 +65,7 @@ def simulated(path, made=None):
     return Machine.simulated(path, {3: made} if made is not None else None)
 
 
-def test_what_the_cell_file_says_is_in_the_drive(tmp_path):
+def test_values_of_the_cell_file_are_written_into_the_drive(tmp_path):
     made = device()
     with simulated(cell(tmp_path), made):
         assert made.read(0x6065) == 3000
@@ -105,7 +105,7 @@ def test_the_modes_are_those_that_objects_and_the_drives_own_6502h_show(tmp_path
         assert "6502h lists ip, but 60C1h is missing" in report.text()
 
 
-def test_another_consumer_keeps_its_entry(tmp_path):
+def test_a_heartbeat_consumer_entry_of_another_producer_is_kept(tmp_path):
     made = device()
     entries = made.read(0x1016, 0)
     made.write(0x1016, 1, 5 << 16 | 500)
@@ -116,7 +116,7 @@ def test_another_consumer_keeps_its_entry(tmp_path):
 
 
 def test_without_1016_the_node_is_guarded(tmp_path):
-    """A drive with 100Ch and 100Dh only: the scan asks for its state, the drive notices when nobody asks."""
+    """A drive with 100Ch and 100Dh only: the scan polls its state, the drive notices missing polls."""
     source = (ROOT / "eds" / "generic-cia402.eds").read_text()
     for section in ("1016", "1016sub0", "1016sub1", "1017"):
         begin = source.index(f"[{section}]")
@@ -138,7 +138,7 @@ def test_without_1016_the_node_is_guarded(tmp_path):
         assert machine.node(3).nmt is NmtState.OPERATIONAL
         made = machine.simulated_node(3).device
         assert made.drive.error_code == 0
-    time.sleep(0.5)  # our silence afterwards faults nobody
+    time.sleep(0.5)  # our silence afterwards causes no fault
     assert made.drive.error_code == 0
 
 
@@ -174,7 +174,7 @@ def test_a_slow_event_timer_of_the_statusword_is_shortened_and_reported(tmp_path
     assert axis["event_timers"] == [{"pdo": "TPDO1", "was_ms": 1000, "wanted_ms": 20, "now_ms": 20}]
 
 
-def test_one_that_the_drive_does_not_let_be_written_is_reported_as_well(tmp_path):
+def test_a_setting_that_the_drive_refuses_to_write_is_reported_as_well(tmp_path):
     path = cell(tmp_path, ("[axes.x]", SLOW_STATUSWORD))
     (report,), now = reports_of(path, timer=1000, sdo_write_aborts={(0x1800, 5): 0x0601_0002})
     assert now == 1000
@@ -422,7 +422,7 @@ def test_axes_groups_and_names(tmp_path):
     machine.close()  # once more does nothing
 
 
-def test_a_drive_that_says_to_have_more_consumer_heartbeats_than_there_are_nodes_is_not_asked_for_all(
+def test_the_number_of_consumer_heartbeats_that_are_read_is_limited_by_the_number_of_nodes(
     tmp_path,
 ):
     asked = []

@@ -41,7 +41,7 @@ scale = 100
 velocity = 50.0
 acceleration = 500.0
 """
-# What a user sets with ``axisbus eds dcf --set``: objects and values by hand.
+# The values of a user with ``axisbus eds dcf --set``: objects and values by hand.
 VALUES = {"6083": "4321", "6065": "1111", "6085": "222", "6098": "17", "607D:1": "-9000"}
 
 
@@ -76,7 +76,7 @@ def test_the_values_of_the_dcf_reach_the_drive(cell):
     assert made.read(0x607D, 1) == -9000
 
 
-def test_what_the_drive_has_already_is_not_written_again(cell):
+def test_values_that_the_drive_has_already_are_not_written_again(cell):
     path = cell()
     made = _booted(path, device_from_eds(GENERIC, 3))
     written = []
@@ -94,7 +94,7 @@ def test_what_the_drive_has_already_is_not_written_again(cell):
     ],
     ids=["the node's objects", "the axis's objects", "the axis's words"],
 )
-def test_what_the_cell_file_says_itself_wins_and_the_dcf_is_not_even_written(cell, more, index, value):
+def test_values_of_the_cell_file_take_precedence_over_the_dcf(cell, more, index, value):
     made = device_from_eds(GENERIC, 3)
     written = []
     made.dictionary.on_write(index << 8, written.append)
@@ -198,7 +198,7 @@ def _with_1020(path, tmp_path):
     return eds.load(tmp_path / "drive.eds")
 
 
-def test_a_drive_that_has_the_configuration_of_this_date_is_not_asked_for_the_values_of_its_dcf(
+def test_the_values_of_a_dcf_are_not_written_to_a_drive_that_has_the_configuration_of_its_date(
     cell, tmp_path, monkeypatch
 ):
     """2026-03-31 is day 15430 after 1984-01-01, 14:30 is 52200000 ms after midnight (by hand)."""
@@ -241,7 +241,7 @@ def test_the_settings_of_a_large_dcf_are_selected_in_time(cell):
     begun = time.process_time()
     whole = dcf_values.select(reading.eds, 3, GENERIC_MAKE)
     found = settings(cells.load(path), 3, reading.eds, GENERIC_MAKE, frozenset(((0x2001, 0),)), whole)
-    assert time.process_time() - begun < 5.0  # what is not linear takes minutes
+    assert time.process_time() - begun < 5.0  # an algorithm that is not linear takes minutes
     assert [item.key for item in found.items] == [
         (0x2000, 0),
         *((index, 0) for index in range(0x2002, 0x6000)),

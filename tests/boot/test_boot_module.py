@@ -24,7 +24,7 @@ BEAT = 0x201  # 16 times 32, and command 1 (manual v2.2, 4.1.1)
 
 
 def heard(*frames: CanFrame) -> NodeListener:
-    """What was heard of node 16, by these frames."""
+    """The observations of node 16, by these frames."""
     listening = NodeListener(None, NODE)
     for frame in frames:
         listening._take(frame)
@@ -51,7 +51,7 @@ def test_one_module_that_beats_as_from_the_factory_is_one():
     identity.require_one(heard(*beats()), 0.1)
 
 
-def test_beats_that_a_busy_computer_took_late_are_as_often_all_the_same():
+def test_heartbeats_that_a_busy_computer_received_late_still_identify_the_module():
     late = [
         CanFrame(0.6 if frame.time in (0.3, 0.4, 0.5) else frame.time, frame.can_id, frame.data)
         for frame in beats()
@@ -81,8 +81,8 @@ def test_a_firmware_that_its_endpoints_report_is_compared():
     assert "it reports 0.5.13" in told
 
 
-def test_one_that_answers_no_endpoint_is_compared_by_its_heartbeats_alone():
-    counted = heard(*beats())  # a life counter goes on: firmware 0.5.12 or later
+def test_a_module_that_answers_no_endpoint_is_compared_by_its_heartbeats_alone():
+    counted = heard(*beats())  # a life counter that counts: firmware 0.5.12 or later
     silent = SimpleFacts(silent=["endpoints"])
     identity.require_firmware(counted, silent, "0.5.12")
     assert "show firmware 0.5.12 or" in refused(identity.require_firmware, counted, silent, "0.5.11")
@@ -111,13 +111,13 @@ def test_the_identity_of_a_module_as_text():
         ),
     ],
 )
-def test_one_that_is_not_heard_is_reported_by_what_is(frames, message, remedy):
+def test_a_silent_module_is_reported_with_the_received_frames(frames, message, remedy):
     told = str(identity.no_answer_error(heard(*frames), 3.0, "nothing is wrong with the channel"))
     assert message in told
     assert remedy in told
 
 
-def test_its_stop_sequence_says_what_holds_and_what_coasts():
+def test_the_stop_sequence_of_a_module_names_the_steps_that_hold_and_those_that_coast():
     off = ladder("m", SETTINGS, StopTimes(), HoldsLoad.NO)
     rows = {title: text for title, _, text in off.rows}
     assert list(rows)[:4] == ["1 halt", "2 quick stop", "3 power off", "4 NMT stop"]
@@ -128,20 +128,20 @@ def test_its_stop_sequence_says_what_holds_and_what_coasts():
     assert "coasts" in off.warnings[0]
 
 
-def test_one_that_holds_after_a_quick_stop_says_so():
+def test_the_stop_sequence_of_a_module_that_holds_after_a_quick_stop():
     held = ladder("m", replace(SETTINGS, quick_stop_holds=True), StopTimes(), HoldsLoad.TORQUE)
     rows = {title: text for title, _, text in held.rows}
     assert "holds its position" in rows["2 quick stop"]
     assert "never switched off before it is at standstill" in rows["holds a load"]
 
 
-def test_nothing_on_it_is_said_to_notice_a_dead_master():
+def test_no_monitoring_of_the_master_is_reported_for_a_module():
     assert WATCHDOG.kind is Watchdog.NONE
     for word in ("break_timeout", "watchdog_timeout", "CAN_BUS_FAILED", "untested"):
         assert word in WATCHDOG.text
 
 
-def test_over_canopen_the_report_says_that_break_timeout_is_not_read(tmp_path):
+def test_over_canopen_the_report_notes_that_break_timeout_is_not_read(tmp_path):
     (tmp_path / "cell.toml").write_text(
         """
 [bus]

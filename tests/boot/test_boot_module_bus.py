@@ -1,4 +1,4 @@
-"""Boot of a simulated module that speaks CAN Simple, on a bus in real time: what it reports, and that it commands nothing."""
+"""Boot-up of a simulated module that speaks CAN Simple, on a bus in real time: its report, and it commands nothing."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from axisbus.sim.can_simple.module import Module
 from kit.can_simple.mixed import MODULE, write
 from kit.modules_on_bus import modules_on_bus
 
-# What may be asked, by the manual's numbers (v2.2, 4.1.2): Get_Error, endpoints, the supply voltage.
+# The permitted requests, by the manual's numbers (v2.2, 4.1.2): Get_Error, endpoints, the supply voltage.
 QUESTIONS = {0x03, 0x04, 0x17}
 
 
 class Bus:
-    """A bus with one module, and what was sent on it by others."""
+    """A bus with one module, and the frames that others sent on it."""
 
     def __init__(self, folder: Path, module: Module, channel: Channel) -> None:
         self.module = module
@@ -78,13 +78,13 @@ def test_a_module_is_up_with_its_axis_and_nothing_was_commanded(tmp_path):
         assert not one.module.energised
 
 
-def test_one_that_answers_no_endpoint_is_up_and_said_not_to_confirm_its_firmware(tmp_path):
+def test_a_module_that_answers_no_endpoint_is_booted_with_unconfirmed_firmware(tmp_path):
     with bus(tmp_path) as one:
         one.module.dials.endpoints = False
         assert "which it does not confirm" in one.boot().report.identity
 
 
-def test_one_that_is_in_closed_loop_is_left_in_it(tmp_path):
+def test_a_module_that_is_in_closed_loop_is_left_in_it(tmp_path):
     with bus(tmp_path) as one:
         one.module.axis.request(8)
         booted = one.boot()
@@ -93,7 +93,7 @@ def test_one_that_is_in_closed_loop_is_left_in_it(tmp_path):
         assert one.module.energised
 
 
-def test_one_in_fault_is_up_and_its_words_are_reported(tmp_path):
+def test_a_module_in_fault_is_booted_and_its_error_words_are_reported(tmp_path):
     with bus(tmp_path) as one:
         one.module.dials.motor_error = 0x20000
         report = one.boot().report
@@ -105,7 +105,7 @@ def test_one_in_fault_is_up_and_its_words_are_reported(tmp_path):
         assert "MOTOR_FAILED" in told
 
 
-def test_another_firmware_is_refused_and_a_missing_module_is_reported(tmp_path):
+def test_a_module_with_another_firmware_is_refused_and_a_missing_module_is_reported(tmp_path):
     with bus(tmp_path, firmware=Firmware(0, 5, 11)) as one:
         error = one.boot().report.error
         assert isinstance(error, BootError)
@@ -127,7 +127,7 @@ def test_a_reaction_that_a_module_has_not_fails_the_boot_as_it_fails_the_check(t
         assert "does not accept" in error.message
 
 
-# -- what is armed
+# -- armed time-outs ----
 
 
 def armed(
@@ -170,7 +170,7 @@ def armed(
         ),
     ],
 )
-def test_with_its_list_boot_reports_what_is_armed_and_writes_nothing(tmp_path, set_to, kind, words):
+def test_with_an_endpoint_list_boot_reports_armed_time_outs_and_writes_nothing(tmp_path, set_to, kind, words):
     with bus(tmp_path, **set_to) as one:
         before = one.module.usb_read("can.config.break_timeout")
         report = armed(one, tmp_path).report
@@ -206,7 +206,7 @@ def test_a_time_out_that_the_scan_cannot_feed_in_time_fails_the_boot(tmp_path):
         assert "scan_period of at most 19.75 ms" in error.remedy
 
 
-def test_on_a_serial_line_an_armed_time_out_is_not_fed_and_said_to_trip():
+def test_on_a_serial_line_an_armed_time_out_is_not_fed_and_reported_to_trip():
     settings = ModuleSettings(1, 20.0, 10.0, 40.0, 80.0, 0.02, relayed=True)
     found = Armed(0.05, 0.0)
     assert feed_time(found, Given(0, 5, 13), settings) == 0.0
@@ -228,7 +228,7 @@ def test_a_module_that_answers_one_of_two_time_outs_is_reported_so():
     assert "no function is known to detect" in found.text
 
 
-def test_a_module_that_answers_no_endpoint_is_up_and_its_list_said_to_be_of_no_use(tmp_path):
+def test_a_module_that_answers_no_endpoint_is_booted_and_its_list_reported_as_unused(tmp_path):
     with bus(tmp_path) as one:
         one.module.dials.endpoints = False
         report = armed(one, tmp_path).report
@@ -239,7 +239,7 @@ def test_a_module_that_answers_no_endpoint_is_up_and_its_list_said_to_be_of_no_u
         assert any("was not used" in text for text in report.warnings)
 
 
-def test_a_list_of_another_firmware_is_read_by_nobody(tmp_path):
+def test_a_list_of_another_firmware_is_not_used(tmp_path):
     with bus(tmp_path) as one:
         report = armed(one, tmp_path, listed=Module(MODULE, firmware=Firmware(0, 6, 0))).report
         assert not report.ok
@@ -247,7 +247,7 @@ def test_a_list_of_another_firmware_is_read_by_nobody(tmp_path):
         assert {each & 0x1F for each in one.sent} <= QUESTIONS
 
 
-def test_a_list_that_is_not_there_fails_the_boot_and_says_so(tmp_path):
+def test_a_missing_list_fails_the_boot_with_the_reason(tmp_path):
     with bus(tmp_path) as one:
         path = write(tmp_path, 'interface = "sim"')
         path.write_text(

@@ -1,4 +1,4 @@
-"""What is promised of an axis's limits, by its files and by its drive, and that a drive in another unit is refused."""
+"""The promises for an axis's limits, by its files and by its drive, and a drive in another unit is refused."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def write(
     """Write a cell and its drive, which has these unit objects, and so many increments of a motor turn (608Fh)."""
     text = resolve("builtin:generic-cia402", folder).read_text(encoding="ascii")
     text = entry(entry(text, "608Fsub1", DefaultValue=str(turn)), "608Fsub2", DefaultValue="1")
-    text = entry(text, "60A9", DefaultValue="0")  # what this drive counts in, the tests say
+    text = entry(text, "60A9", DefaultValue="0")  # the tests set the unit of this drive
     text = change(text)
     for index, value in (units or {}).items():
         listed = f"[{index:04X}]" in text
@@ -143,7 +143,7 @@ def test_the_old_dimension_index_of_revolutions_per_minute():
         ({(0x60A9, 0): 0xFD010300}, (), False),
     ],
 )
-def test_what_a_velocity_increment_is_in_position_increments(values, ratios, certain):
+def test_the_ratio_of_velocity_to_position_increments(values, ratios, certain):
     [rate] = scale_proposal.rates(values)
     assert (rate.ratios, rate.is_certain) == (ratios, certain)
 
@@ -203,7 +203,7 @@ def test_a_written_scale_against_an_encoder_of_the_eds_alone_is_a_warning(tmp_pa
     assert any("velocity_scale does not match" in each.message for each in check(path))
 
 
-def test_a_drive_that_counts_otherwise_than_its_eds_says_is_refused_at_boot(tmp_path):
+def test_a_drive_that_counts_differently_from_its_eds_is_refused_at_boot(tmp_path):
     path = write(tmp_path, units={0x60A9: INC_S, 0x60AA: INC_S2})
     from axisbus import eds
     from axisbus.sim.build import device_from_eds
@@ -222,7 +222,7 @@ def test_a_drive_that_counts_otherwise_than_its_eds_says_is_refused_at_boot(tmp_
 # -- promises --------------------------------------------------------------------------------------------------------
 
 
-def test_an_axis_whose_numbers_are_known_is_promised_all(tmp_path):
+def test_every_promise_is_made_for_an_axis_whose_values_are_known(tmp_path):
     path = write(tmp_path)
     with Machine.simulated(path) as cell:
         booted = cell["a"].promises
@@ -240,7 +240,7 @@ def test_an_axis_whose_numbers_are_known_is_promised_all(tmp_path):
     assert "pp, pv, tq, csp, csv, cst: braked ahead" in notes[0].observed
 
 
-def test_an_axis_in_increments_is_promised_what_can_be_kept(tmp_path):
+def test_an_axis_in_increments_is_promised_only_limits_that_can_be_kept(tmp_path):
     path = write(tmp_path, RAW)
     found = promised(path)["a"]
     assert kept(found) == {
@@ -270,7 +270,7 @@ def test_an_axis_in_increments_is_promised_what_can_be_kept(tmp_path):
         (SCALED, {}),
     ],
 )
-def test_where_the_drive_or_the_cell_reports_the_ratio_limits_are_braked_for(tmp_path, axis, units):
+def test_if_the_drive_or_the_cell_file_gives_the_ratio_limits_are_braked_for(tmp_path, axis, units):
     path = write(tmp_path, axis, units=units)
     assert kept(promised(path)["a"])["pv"] is AHEAD
     with Machine.simulated(path) as cell:
@@ -302,7 +302,7 @@ def farthest(cell, velocity: float, seconds: float = 15.0) -> float:
         ),
     ],
 )
-def test_limits_are_braked_for_with_what_the_drive_has(tmp_path, change):
+def test_limits_are_braked_for_with_the_objects_that_the_drive_has(tmp_path, change):
     path = write(tmp_path, change=change)
     with Machine.simulated(path) as cell:
         assert kept(cell["a"].promises)["pv"] is AHEAD
@@ -321,7 +321,7 @@ def test_a_drive_that_shows_no_deceleration_is_not_promised_for(tmp_path):
         assert isinstance(cell["a"].error, AxisbusError | None)
 
 
-def test_boot_says_what_is_promised(tmp_path):
+def test_boot_reports_the_promises(tmp_path):
     from axisbus.machine.opening import boot
 
     [report] = boot(write(tmp_path, RAW), lambda *_: None, lambda *_: None)

@@ -1,4 +1,4 @@
-"""What the bus tests share: an open channel on the fake bus, closed behind each test, which must leave no thread behind."""
+"""Fixtures of the bus tests: an open channel on the fake bus, closed after each test, which must leave no thread behind."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def test_no_more_than_the_three_nearest_names_are_reported() -> None:
     assert caught.value.remedy == "did you mean 'socketcan' or 'socketcand' or 'slcan'?"
 
 
-def test_a_bitrate_is_needed_where_the_adapter_sets_it() -> None:
+def test_a_bitrate_is_required_if_the_adapter_sets_it() -> None:
     with pytest.raises(AdapterError, match="no bitrate") as caught:
         adapter.open_adapter("pcan", "PCAN_USBBUS1", None, {})
     assert "bitrate" in caught.value.remedy
@@ -60,7 +60,7 @@ def test_a_bitrate_is_needed_where_the_adapter_sets_it() -> None:
         (can.CanInitializationError("in use"), "plugged in"),
     ],
 )
-def test_what_the_driver_raises_becomes_a_remedy(
+def test_an_error_of_the_driver_has_a_remedy(
     error: Exception, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(**_: object) -> can.BusABC:
@@ -95,7 +95,7 @@ def test_a_link_that_is_not_there() -> None:
         adapter.check_link("can7", 500_000, lambda _: None)
 
 
-def test_a_link_that_is_down_gets_the_line_that_brings_it_up() -> None:
+def test_a_link_that_is_down_is_reported_with_the_line_that_brings_it_up() -> None:
     with pytest.raises(AdapterError, match="is down") as caught:
         adapter.check_link("can0", 500_000, lambda name: CanInterface(name, up=False))
     assert caught.value.remedy.startswith("sudo ip link set can0 up type can bitrate 500000")
@@ -129,7 +129,9 @@ def test_an_unusable_answer_of_ip_is_ignored(text: str) -> None:
     assert socketcan.parse_ip(text) is None
 
 
-def test_without_ip_sysfs_reports_what_it_can(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_ip_sysfs_gives_state_and_queue_length(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for name, kind, flags in (
         ("can0", "280", "0x10041"),
         ("eth0", "1", "0x1003"),
@@ -151,7 +153,7 @@ def test_without_ip_sysfs_reports_what_it_can(tmp_path: Path, monkeypatch: pytes
     ("script", "answer"),
     [
         ("echo answer", "answer\n"),
-        ("echo answer; exit 1", "answer\n"),  # what it does not know it says in its own way
+        ("echo answer; exit 1", "answer\n"),  # it rejects unknown options in its own way
         ("sleep 9", ""),
         (None, ""),
     ],
@@ -247,7 +249,7 @@ def test_a_socketcand_server_that_reads_no_more_is_a_full_queue_and_gets_every_f
         assert sent > 100
         server.end.settimeout(0.5)
         came = b""
-        for _ in range(2):  # what waits is read, then a frame finds room again
+        for _ in range(2):  # the waiting frames are read, then a frame finds room again
             with suppress(TimeoutError):
                 while True:
                     came += server.end.recv(65536)

@@ -1,4 +1,4 @@
-"""Listening before the first frame: the frames heard decide, each failure is reported with its cause, and nothing is sent."""
+"""Listening before the first frame: the received frames decide, each failure is reported with its cause, and nothing is sent."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def later(action: object, seconds: float = 0.03) -> Iterator[None]:
         timer.join()
 
 
-def test_a_quiet_bus_is_ours(channel: Channel, fake: FakeBus) -> None:
+def test_a_quiet_bus_passes_the_check_for_another_master(channel: Channel, fake: FakeBus) -> None:
     require_alone(channel, CAST, 0.05)
     assert fake.sent == []
     assert fake.remote == []
@@ -45,13 +45,15 @@ def test_the_error_is_reported_in_plain_fields_and_nothing_was_sent(channel: Cha
     assert fake.sent == []
 
 
-def test_a_remote_frame_of_guarding_is_heard_too(channel: Channel, fake: FakeBus) -> None:
+def test_a_remote_frame_of_guarding_is_reported_as_another_master_too(
+    channel: Channel, fake: FakeBus
+) -> None:
     guard = can.Message(arbitration_id=0x705, is_remote_frame=True, is_extended_id=False)
     with later(lambda: fake.inbox.put(guard)), pytest.raises(SecondMasterError, match="node guarding"):
         require_alone(channel, CAST, 0.2)
 
 
-def test_what_came_before_and_what_comes_after_does_not_count(channel: Channel, fake: FakeBus) -> None:
+def test_frames_from_before_or_after_listening_do_not_count(channel: Channel, fake: FakeBus) -> None:
     fake.inject(0x77F, "05")
     eventually(lambda: channel.counters.received == 1)
     require_alone(channel, CAST, 0.05)
@@ -66,7 +68,7 @@ def test_an_adapter_that_fails_meanwhile_is_reported_as_that(channel: Channel, f
         require_alone(channel, CAST, 0.2)
 
 
-def test_a_controller_that_goes_bus_off_meanwhile_is_reported_as_that(
+def test_a_controller_that_goes_bus_off_during_the_check_is_reported_as_bus_off(
     channel: Channel, fake: FakeBus
 ) -> None:
     fake.says = can.BusState.ERROR
@@ -74,7 +76,9 @@ def test_a_controller_that_goes_bus_off_meanwhile_is_reported_as_that(
         require_alone(channel, CAST, 0.3)
 
 
-def test_it_is_not_for_the_receive_thread(channel: Channel, fake: FakeBus) -> None:
+def test_the_check_for_another_master_is_refused_in_the_receive_thread(
+    channel: Channel, fake: FakeBus
+) -> None:
     caught: list[StateError] = []
 
     def receiver(_data: bytes, _stamp: float) -> None:

@@ -27,9 +27,9 @@ PCAN = Opening("pcan", "PCAN_USBBUS1", 1_000_000)
 
 
 class AtOneRate(HandSlave):
-    """A slave that hears a bus only at its own rate; it changes over with the activation, unless it is ``stubborn``.
+    """A slave that receives on a bus only at its own rate; it changes over with the activation, unless it is ``stubborn``.
 
-    ``restarting``: how many frames at its new rate it does not hear.
+    ``restarting``: the number of frames at its new rate that it does not receive.
     """
 
     def __init__(self, address: LssAddress, *, stubborn: bool = False) -> None:
@@ -103,7 +103,9 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bitrate_change, "ANSWER_TIME", 0.0)
 
 
-def test_the_adapter_goes_along_in_the_slaves_silence_and_each_is_asked_at_the_new_rate(desk) -> None:
+def test_the_adapter_changes_while_the_slaves_are_silent_and_each_slave_is_asked_at_the_new_rate(
+    desk,
+) -> None:
     slaves = AtOneRate(ONE), AtOneRate(OTHER)
     table = desk(*slaves)
     begin = time.monotonic()
@@ -118,10 +120,10 @@ def test_the_adapter_goes_along_in_the_slaves_silence_and_each_is_asked_at_the_n
         (),
         True,
     )
-    assert table.after.frames(0x7E5)[-1].hex() == "0400000000000000"  # everybody is back in waiting
+    assert table.after.frames(0x7E5)[-1].hex() == "0400000000000000"  # all slaves are back in waiting state
 
 
-def test_nothing_is_said_at_the_new_rate_before_the_second_delay_is_over(desk) -> None:
+def test_no_frame_is_sent_at_the_new_rate_before_the_second_delay_has_passed(desk) -> None:
     table = desk(AtOneRate(ONE))
     sent_at: list[float] = []
     table.after.peers.append(lambda *_: sent_at.append(time.monotonic()) or [])
@@ -133,7 +135,7 @@ def test_nothing_is_said_at_the_new_rate_before_the_second_delay_is_over(desk) -
     assert sent_at[0] - activated[0] >= 2 * DELAY
 
 
-def test_one_that_restarts_for_it_is_asked_again(desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slave_that_restarts_for_the_new_rate_is_asked_again(desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bitrate_change, "ANSWER_TIME", 20.0)
     slave = AtOneRate(ONE)
     slave.at_rate, slave.restarting = 250_000, 19  # a whole question, with its tries
@@ -145,10 +147,10 @@ def test_one_that_restarts_for_it_is_asked_again(desk, monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize(("answers_after", "asked"), [(0.0, 1), (2.9, 7), (4.8, 11), (5.1, 11), (9.0, 11)])
-def test_one_that_is_silent_is_asked_until_five_seconds_are_over(
+def test_a_slave_that_is_silent_is_asked_until_five_seconds_are_over(
     monkeypatch: pytest.MonkeyPatch, answers_after: float, asked: int
 ) -> None:
-    """With a pause between the questions, of which each takes 0.3 s here."""
+    """With a pause between the requests, each of which takes 0.3 s here."""
     monkeypatch.setattr(bitrate_change, "ANSWER_TIME", 5.0)
     clock, questions = HandClock(1000.0), list[LssAddress]()
 
@@ -164,13 +166,13 @@ def test_one_that_is_silent_is_asked_until_five_seconds_are_over(
     assert clock.slept == [0.2] * (asked - 1)
 
 
-def test_one_that_has_not_come_along_is_named(desk) -> None:
+def test_a_slave_that_did_not_change_its_rate_is_named(desk) -> None:
     table = desk(AtOneRate(ONE), AtOneRate(OTHER, stubborn=True))
     done = table.change([ONE, OTHER])
     assert (done.answered, done.silent, done.complete) == ((ONE,), (OTHER,), False)
 
 
-def test_nothing_is_activated_and_the_adapter_stays_when_one_named_is_silent(desk) -> None:
+def test_if_a_named_slave_is_silent_nothing_is_activated_and_the_adapter_keeps_its_rate(desk) -> None:
     table = desk(AtOneRate(ONE))
     table.master.set_bit_rate([ONE], 250_000)
     with pytest.raises(LssTimeout):
@@ -221,7 +223,7 @@ def test_a_link_of_the_systems_is_left_alone_and_the_lines_are_reported_in_order
         (
             Opening("pcan", "PCAN_USBBUS1", None, {"timing": object()}),
             OwnRate.SYSTEM,
-        ),  # whoever wrote it must change it
+        ),  # its writer must change it
         (Opening("socketcand", "can0"), OwnRate.SYSTEM),
         (Opening("virtual", "here"), OwnRate.NONE),
         (Opening("udp_multicast", "239.0.0.1"), OwnRate.NONE),

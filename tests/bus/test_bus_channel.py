@@ -16,7 +16,7 @@ from axisbus.errors import AdapterError, BusError
 from kit.bus.peer import FakeBus, eventually
 
 
-def test_a_frame_comes_with_its_monotonic_reception_time(channel: Channel, fake: FakeBus) -> None:
+def test_a_frame_has_its_monotonic_reception_time(channel: Channel, fake: FakeBus) -> None:
     got: list[tuple[bytes, float]] = []
     channel.subscribe(0x181, lambda data, stamp: got.append((data, stamp)))
     before = time.monotonic()
@@ -42,7 +42,7 @@ def test_an_ended_subscription_gets_nothing_more(channel: Channel, fake: FakeBus
     assert got == []
 
 
-def test_when_recv_raises_every_later_call_says_so(channel: Channel, fake: FakeBus) -> None:
+def test_after_recv_has_raised_every_later_call_raises(channel: Channel, fake: FakeBus) -> None:
     """python-can's notifier thread would end and the master go on driving deaf."""
     told: list[BusError] = []
     channel.on_failure.append(told.append)
@@ -127,7 +127,7 @@ def test_error_frames_of_other_adapters_are_only_counted(fake: FakeBus) -> None:
         channel.check()
 
 
-def test_stop_frames_go_out_in_a_failed_channel(channel: Channel, fake: FakeBus) -> None:
+def test_stop_frames_are_sent_in_a_failed_channel(channel: Channel, fake: FakeBus) -> None:
     fake.fail_receiving(OSError("unplugged"))
     eventually(lambda: channel.failure)
     assert channel.send_urgent([(0x201, b"\x02\x00"), (0x80, b"")]) == 2
@@ -177,7 +177,7 @@ def test_canopen_features_work_on_the_channel(channel: Channel, fake: FakeBus) -
     assert got == [b"\x11\x00"]
 
 
-def test_two_virtual_channels_hear_each_other() -> None:
+def test_two_virtual_channels_receive_the_frames_of_each_other() -> None:
     with Channel.open("virtual", "axisbus-test") as one, Channel.open("virtual", "axisbus-test") as two:
         got: list[bytes] = []
         two.subscribe(0x80, lambda data, _: got.append(data))
@@ -186,7 +186,7 @@ def test_two_virtual_channels_hear_each_other() -> None:
         assert got == [b""]
 
 
-def test_who_overhears_gets_every_frame_remote_ones_included_until_the_block_ends(
+def test_a_frame_listener_gets_every_frame_with_remote_ones_until_the_block_ends(
     channel: Channel, fake: FakeBus
 ) -> None:
     heard: list[tuple[int, bytes, bool]] = []
@@ -199,7 +199,7 @@ def test_who_overhears_gets_every_frame_remote_ones_included_until_the_block_end
     assert heard == [(0x77F, b"\x05", False), (0x701, b"", True)]
 
 
-def test_who_taps_gets_every_frame_in_both_directions_until_that_ends(
+def test_a_tap_gets_every_frame_in_both_directions_until_it_is_removed(
     channel: Channel, fake: FakeBus
 ) -> None:
     heard: list[tuple[int, bytes, bool]] = []
@@ -222,7 +222,7 @@ def test_who_taps_gets_every_frame_in_both_directions_until_that_ends(
     assert len(heard) == 4
 
 
-def test_what_it_has_carried_is_counted_in_both_directions(channel: Channel, fake: FakeBus) -> None:
+def test_frames_and_octets_are_counted_in_both_directions(channel: Channel, fake: FakeBus) -> None:
     began = channel.carried
     fake.inject(0x77F, "05")
     channel.send(0x201, b"\x0f\x00")
@@ -253,7 +253,7 @@ def test_on_socketcan_a_frame_is_sent_without_a_lock_and_counted() -> None:
         assert (channel.counters.sent, channel.counters.octets) == (1, 3)
 
 
-def test_an_ear_that_fails_is_known_and_does_not_end_in_silence(channel: Channel, fake: FakeBus) -> None:
+def test_a_frame_listener_that_raises_fails_the_channel(channel: Channel, fake: FakeBus) -> None:
     def ear(_: object) -> None:
         raise ValueError("broken")
 

@@ -103,7 +103,7 @@ def test_stop_frames_wait_for_a_full_queue_together_and_in_their_order(
         (OSError(errno.EIO, "device gone"), False),
     ],
 )
-def test_which_errors_of_drivers_are_a_full_queue(error: Exception, full: bool) -> None:
+def test_driver_errors_that_mean_a_full_queue(error: Exception, full: bool) -> None:
     assert failures.is_full(error) is full
 
 
@@ -124,7 +124,7 @@ def test_a_serial_adapter_that_takes_nothing_for_a_while_has_not_failed(
         open_channel.send(0x201, b"c")
 
 
-def test_stop_frames_go_out_in_any_state_of_the_channel(open_channel: Channel, fake: FakeBus) -> None:
+def test_stop_frames_are_sent_in_any_state_of_the_channel(open_channel: Channel, fake: FakeBus) -> None:
     open_channel.fail(AdapterError("broken"))
     with pytest.raises(AdapterError, match="broken"):
         open_channel.send(0x201, b"")
@@ -161,7 +161,7 @@ def test_an_identifier_above_7ff_has_29_bits(
     )
 
 
-def test_what_the_wire_looks_like(open_channel: Channel) -> None:
+def test_the_health_of_the_channel_names_error_frames_and_controller_state(open_channel: Channel) -> None:
     assert open_channel.health() == ""
     open_channel.controller.condition = CanErrorState.PASSIVE
     assert open_channel.health() == "the CAN controller is error passive"
@@ -202,10 +202,10 @@ def test_a_bus_off_is_reported_once_and_ends_with_a_restart(open_channel: Channe
     assert (open_channel.offs, open_channel.controller.counters) == (2, ErrorCounters(97, 0))
 
 
-def test_a_driver_that_cannot_say_its_state_is_asked_no_more(fake: FakeBus, clock: HandClock) -> None:
+def test_a_driver_that_cannot_report_its_state_is_not_asked_again(fake: FakeBus, clock: HandClock) -> None:
     asked: list[float] = []
 
-    class Asked(FakeBus):
+    class CountingBus(FakeBus):
         @property
         def state(self) -> can.BusState:
             asked.append(clock.time)
@@ -213,7 +213,7 @@ def test_a_driver_that_cannot_say_its_state_is_asked_no_more(fake: FakeBus, cloc
                 raise NotImplementedError("no state")
             return can.BusState.ACTIVE
 
-    with Channel(Asked(), "fake", clock=clock) as made:
+    with Channel(CountingBus(), "fake", clock=clock) as made:
         made._state_due = clock.time
         eventually(lambda: len(asked) == 1)
         assert made._state_due == pytest.approx(clock.time + 0.1)
@@ -237,7 +237,7 @@ def test_a_driver_that_cannot_say_its_state_is_asked_no_more(fake: FakeBus, cloc
 def test_a_driver_is_not_asked_for_its_state_while_it_is_opened(fake: FakeBus) -> None:
     """It may raise anything then, and whether it does must not depend on how a process orders names."""
 
-    class Asked(FakeBus):
+    class CountingBus(FakeBus):
         asked = False
 
         @property
@@ -245,13 +245,13 @@ def test_a_driver_is_not_asked_for_its_state_while_it_is_opened(fake: FakeBus) -
             self.asked = True
             raise NotImplementedError("no state")
 
-    bus = Asked()
+    bus = CountingBus()
     with Channel(bus, "fake", clock=HandClock(-1.0)) as made:  # no time for the receive thread to ask
         assert not bus.asked
         assert made.failure is None
 
 
-def test_what_a_driver_says_on_closing_is_kept(fake: FakeBus, clock: HandClock) -> None:
+def test_an_error_of_the_driver_on_closing_is_stored(fake: FakeBus, clock: HandClock) -> None:
     made = Channel(fake, "fake", clock=clock)
     shutdown = fake.shutdown
 
@@ -264,7 +264,7 @@ def test_what_a_driver_says_on_closing_is_kept(fake: FakeBus, clock: HandClock) 
     assert made.counters.errors[-1] == "on closing: gone already"
 
 
-def test_one_that_is_closed_says_so(fake: FakeBus, clock: HandClock) -> None:
+def test_a_closed_channel_refuses_to_send_and_names_itself(fake: FakeBus, clock: HandClock) -> None:
     made = Channel(fake, "fake", clock=clock)
     made.check()
     made.close()
@@ -300,7 +300,7 @@ class Held:
             3.0,
             4,
             "hardly ran for 12 s",
-        ),  # ten seconds in which this program hardly ran: nobody's fault but its own
+        ),  # ten seconds in which this program hardly ran: only the program is to blame
         (9.0, 2, "hardly ran for 18 s"),
     ],
 )

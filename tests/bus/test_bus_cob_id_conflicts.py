@@ -30,7 +30,7 @@ MAY_SHARE = {  # one drive may follow the feedback of another
 
 
 @pytest.mark.parametrize(("one", "other"), [(one, other) for one in PDOS for other in PDOS])
-def test_each_cob_id_has_one_producer_and_a_command_one_consumer(one, other):
+def test_two_pdos_conflict_unless_one_of_the_shared_pairs_of_uses(one, other):
     first, second = PDOS[one], PDOS[other]._replace(node_id=2)
     assert first.conflicts(second) is ({one, other} not in MAY_SHARE)
     assert not first.conflicts(second._replace(cob_id=0x221))
@@ -52,7 +52,7 @@ def test_the_node_with_the_unused_pdo_yields_in_whatever_order_they_boot(order):
     assert found == [(pdos[1], pdos[3])]
 
 
-def test_one_that_is_switched_off_is_in_conflict_no_more():
+def test_a_pdo_that_is_switched_off_no_longer_conflicts():
     uses = CobIdUses([1, 2])
     first, second = PdoUse(1, False, 4, 0x4A0, used=False), PdoUse(2, False, 4, 0x4A0, used=False)
     assert not uses.conflicts(1, [first])
@@ -94,14 +94,14 @@ def test_an_unused_rpdo_that_listens_to_the_commands_of_another_node_is_switched
     assert text in warnings
 
 
-def test_one_that_consumes_the_feedback_of_another_node_stays(tmp_path):
+def test_an_rpdo_that_consumes_the_feedback_of_another_node_keeps_its_cob_id(tmp_path):
     made = devices()
     made[2].write(0x1403, 1, 0x181)
     with opened(tmp_path, made):
         assert made[2].read(0x1403, 1) == 0x181
 
 
-def test_one_that_the_drive_does_not_let_be_switched_off_is_refused(tmp_path):
+def test_a_conflicting_pdo_that_the_drive_does_not_allow_to_be_switched_off_is_refused(tmp_path):
     model, file = fixed(tmp_path, "1403", "$NODEID+0x80000500", "0x201")
     made = {1: device_from_eds(eds.load(GENERIC), 1), 2: device_from_eds(model, 2)}
     with pytest.raises(

@@ -1,4 +1,4 @@
-"""What a CAN controller is in, followed by error frames and by the driver's own state: one event for each change."""
+"""The state of a CAN controller from error frames and from the driver's own state: one event for each change."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_each_change_is_one_event_with_its_time_and_counters():
     )
 
 
-def test_a_restart_is_reported_also_where_the_bus_off_before_it_went_unheard():
+def test_a_restart_is_reported_even_if_its_bus_off_was_not_received():
     made = CanController("can0")
     event = made.error_frame(0x100, bytes(8), 1.0)
     assert (event.condition, event.restarted) == (ACTIVE, True)

@@ -108,7 +108,7 @@ def test_the_end_of_a_wait_is_watched_and_not_slept_through(channel: Channel) ->
     assert clock.looks[-1] >= 100.004
 
 
-def test_real_time_never_comes_back_too_early(channel: Channel) -> None:
+def test_a_wait_in_real_time_never_ends_too_early(channel: Channel) -> None:
     cycle = CanCycle(channel, [])
     for _ in range(20):
         t = cycle.now() + 0.002
@@ -179,7 +179,7 @@ def test_our_first_heartbeat_may_wait_for_a_full_queue_in_virtual_time() -> None
     clock.close()
 
 
-def test_a_deaf_master_sends_no_more_set_points(
+def test_a_master_that_receives_nothing_sends_no_more_set_points(
     channel: Channel, fake: FakeBus, ports: list[CanPort]
 ) -> None:
     cycle = CanCycle(channel, ports)
@@ -194,7 +194,7 @@ def test_a_deaf_master_sends_no_more_set_points(
 
 
 def once(cycle: CanCycle, ports: list[CanPort], position: int) -> None:
-    """Do what a scan does in a cycle, with a target for each port."""
+    """Run one cycle as a scan does, with a target for each port."""
     cycle.sync()
     for port in ports:
         port.read(cycle.now())
@@ -203,7 +203,7 @@ def once(cycle: CanCycle, ports: list[CanPort], position: int) -> None:
     cycle.heartbeat()
 
 
-def test_a_full_queue_ends_no_cycle_and_nothing_of_it_is_sent_later(
+def test_a_full_queue_ends_no_cycle_and_its_refused_frames_are_not_sent_later(
     channel: Channel, fake: FakeBus, ports: list[CanPort]
 ) -> None:
     cycle = CanCycle(channel, ports, sync_counter=10, master_id=127, heartbeat=0.001)
@@ -223,7 +223,7 @@ def test_a_full_queue_ends_no_cycle_and_nothing_of_it_is_sent_later(
     assert "its transmit queue is full" in seen[0].bus.message
     assert fake.sent == before
     fake.full = False
-    # What the drives hold is replaced before SYNC makes it act, and SYNC counts what was sent.
+    # The outputs of the drives are replaced before SYNC, and SYNC counts the sent frames.
     once(cycle, ports, 5)
     assert fake.sent[4:] == [target(5, 0x0F, 5), target(6, 0x0F, 5), (0x80, b"\x02"), (0x77F, b"\x05")]
     seen = [port.read(cycle.now()) for port in ports]
@@ -266,7 +266,7 @@ def test_a_cycle_without_frames_finds_out_by_sync_or_heartbeat_that_the_queue_ha
     assert fake.sent.count((0x80, b"")) <= 1
 
 
-def test_a_queue_that_is_full_again_in_mid_cycle_drops_the_rest_of_it(
+def test_a_queue_that_fills_in_mid_cycle_drops_the_rest_of_the_cycle(
     channel: Channel, fake: FakeBus, ports: list[CanPort]
 ) -> None:
     cycle = CanCycle(channel, ports)
@@ -364,7 +364,7 @@ def test_a_quick_stop_gets_out_of_a_failed_channel(
     assert target(5, 0x02, 1000) in fake.sent
 
 
-def test_a_quick_stop_passes_the_scan_thread_that_is_stuck_in_send(
+def test_a_quick_stop_overtakes_the_scan_thread_that_is_stuck_in_send(
     channel: Channel, fake: FakeBus, ports: list[CanPort]
 ) -> None:
     cycle = CanCycle(channel, ports)
@@ -381,7 +381,7 @@ def test_a_quick_stop_passes_the_scan_thread_that_is_stuck_in_send(
     scan.join()
 
 
-def test_a_quick_stop_comes_back_from_a_driver_that_does_not(
+def test_a_quick_stop_returns_even_if_the_driver_does_not(
     channel: Channel, fake: FakeBus, ports: list[CanPort]
 ) -> None:
     cycle = CanCycle(channel, ports)

@@ -22,7 +22,7 @@ SO_TIMESTAMPNS = 35
 
 
 class Line(CyclicSocket):
-    """A pair of sockets instead of a CAN link; ``asked`` holds what was to be listened to."""
+    """A pair of sockets instead of a CAN link; ``asked`` holds the requested identifiers."""
 
     def __init__(self, stamps: bool = True) -> None:
         self.far, near = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -46,7 +46,7 @@ def line():
     made.close()
 
 
-def test_each_frame_comes_once_in_order_with_its_data(line):
+def test_each_frame_is_received_once_in_order_with_its_data(line):
     line.far.send(can_frame(0x181, b"\1\2\3"))
     line.far.send(can_frame(0x182, b""))
     line.far.send(can_frame(0x181, bytes(8)))
@@ -58,7 +58,7 @@ def test_each_frame_comes_once_in_order_with_its_data(line):
     assert list(line.drain()) == []
 
 
-def test_a_frame_has_the_time_at_which_it_came_and_not_at_which_it_was_read(line):
+def test_the_stamp_of_a_frame_is_its_reception_and_not_its_reading(line):
     list(line.drain())
     before = time.monotonic()
     line.far.send(can_frame(0x181, b""))
@@ -99,21 +99,21 @@ def test_a_short_frame_ends_the_look(line):
     assert list(line.drain()) == []
 
 
-def test_more_frames_than_one_call_brings_come_all(line):
+def test_more_frames_than_one_call_returns_are_all_received(line):
     for number in range(200):
         line.far.send(can_frame(0x181, bytes((number,))))
     assert [data[0] for _, data, _ in line.drain()] == list(range(200))
     assert line.drain() == []
 
 
-def test_the_frames_of_a_pair_whose_other_end_has_gone_are_the_last(line):
+def test_the_frames_sent_before_the_other_end_of_a_pair_closed_are_the_last(line):
     line.far.send(can_frame(0x181, b"\1"))
     line.far.close()
     assert [data for _, data, _ in line.drain()] == [b"\1"]
     assert line.drain() == []
 
 
-def test_the_time_of_a_frame_is_not_that_of_the_one_before_in_its_place(line):
+def test_each_frame_has_its_own_receive_time_and_not_that_of_the_frame_before(line):
     line.far.send(can_frame(0x181, b""))
     ((_, _, first),) = line.drain()
     time.sleep(0.02)
@@ -129,7 +129,7 @@ def channel_on(line: Line) -> Channel:
     return Channel(FakeBus(), "socketcan:fake", cyclic=line)
 
 
-def test_a_channel_hands_out_what_is_drained_to_all_who_listen_and_to_ears(line):
+def test_a_channel_passes_drained_frames_to_subscribers_and_frame_listeners(line):
     heard: list[tuple[str, bytes]] = []
     with channel_on(line) as channel:
         channel.subscribe_cyclic(0x181, lambda data, _: heard.append(("slot", data)))
@@ -143,7 +143,7 @@ def test_a_channel_hands_out_what_is_drained_to_all_who_listen_and_to_ears(line)
     assert heard == [("ear 181", b"\5"), ("slot", b"\5"), ("other", b"\5"), ("slot", b"\6"), ("other", b"\6")]
 
 
-def test_a_channel_listens_for_what_is_subscribed_and_no_more_when_it_is_not(line):
+def test_a_channel_listens_only_for_subscribed_identifiers(line):
     def receiver(_data, _stamp):
         raise AssertionError
 
@@ -159,7 +159,7 @@ def test_a_channel_listens_for_what_is_subscribed_and_no_more_when_it_is_not(lin
     assert line.asked == [{0x181}, {0x181, 0x182}, {0x182}, set()]
 
 
-def test_where_the_kernel_does_not_filter_nothing_is_drained(line):
+def test_if_the_kernel_does_not_filter_nothing_is_drained(line):
     line.takes = False
     heard = []
     with channel_on(line) as channel:
@@ -169,7 +169,7 @@ def test_where_the_kernel_does_not_filter_nothing_is_drained(line):
     assert heard == []
 
 
-def test_a_link_that_goes_is_told_by_the_next_check(line):
+def test_a_lost_link_is_reported_by_the_next_check(line):
     with channel_on(line) as channel:
         channel.subscribe_cyclic(0x181, lambda *_: None)
         line._raw.close()
@@ -219,7 +219,7 @@ def passes(filters, can_id: int) -> int:
     return sum(can_id & mask == wanted & mask for wanted, mask in filters)
 
 
-def test_the_kernel_lets_data_frames_of_these_cob_ids_through_here_and_all_others_there():
+def test_the_kernel_filters_data_frames_of_these_cob_ids_to_one_socket_and_all_others_to_the_other():
     here, there = Options(), Options()
     assert CyclicSocket(here, there).listen([0x181, 0x282])
     assert [call[:2] for call in (*here.set, *there.set)] == [(101, 1), (101, 1)]
@@ -232,7 +232,7 @@ def test_the_kernel_lets_data_frames_of_these_cob_ids_through_here_and_all_other
 
 
 @given(st.sets(st.integers(0, 0x7FF), max_size=60))
-def test_every_frame_comes_one_way_and_no_frame_both(can_ids):
+def test_every_frame_passes_exactly_one_of_the_two_filters(can_ids):
     others = all_but(can_ids)
     assert {can_id for can_id in range(0x800) if passes(others, can_id) != 1} == can_ids
     assert all(passes(others, can_id) <= 1 for can_id in range(0x800))
@@ -243,7 +243,7 @@ def test_the_tpdos_of_many_drives_are_few_filters():
     assert len(all_but(tpdos)) < 60
 
 
-def test_with_nothing_to_listen_to_everything_comes_there():
+def test_without_subscriptions_the_other_socket_receives_every_frame():
     here, there = Options(), Options()
     assert CyclicSocket(here, there).listen([])
     assert here.set[0][2] == b""
@@ -251,7 +251,7 @@ def test_with_nothing_to_listen_to_everything_comes_there():
     assert all(passes(others, can_id) for can_id in (0, 0x181, 0x7FF, 0x181 | REMOTE, 0x181 | EXTENDED))
 
 
-def test_a_kernel_that_cannot_do_it_and_too_many_cob_ids_are_told():
+def test_an_unable_kernel_and_too_many_cob_ids_are_reported():
     assert not CyclicSocket(Options(refuses=1), Options()).listen([0x181])
     assert not CyclicSocket(Options(), Options(refuses=1)).listen([0x181])
     assert CyclicSocket(Options(), Options()).listen(range(0x100, 0x100 + 512))

@@ -48,7 +48,7 @@ def opened(*modules, listed=None, made_for=V13, node=None, bystander=None, line=
 
 @pytest.mark.parametrize("node", [0, 5, 63])
 @pytest.mark.parametrize("answer", [0x04, 0x05])
-def test_what_is_written_is_read_back_and_a_restart_undoes_it(node, answer):
+def test_a_written_value_is_read_back_and_a_restart_reverts_it(node, answer):
     module = Module(node, dials=ModuleDials(endpoint_answer=answer, restart_time=0.2))
     with opened(module) as found:
         assert (found.firmware, found.serial) == (V13, 0x32323334)
@@ -65,7 +65,7 @@ def test_what_is_written_is_read_back_and_a_restart_undoes_it(node, answer):
 
 
 @pytest.mark.parametrize("firmware", [Made(0, 5, 11), Made(0, 5, 13)])
-def test_saving_brings_it_to_flash_and_back(firmware):
+def test_a_saved_endpoint_is_kept_over_a_restart(firmware):
     module = Module(5, firmware=firmware)
     with opened(module, made_for=Firmware(*firmware)) as found:
         found.write(LIMIT, 12.5)
@@ -128,7 +128,7 @@ def test_a_list_of_another_version_is_refused():
         pass
 
 
-def test_a_list_that_only_says_it_fits_is_not_proven():
+def test_an_endpoint_list_of_the_right_version_still_has_its_types_tested():
     """It is called 0.6.0, as the module's firmware is, and is that of 0.5.13: only 9, 10 and 11 are asked, and the node ID."""
     module, seen = Module(5, firmware=Made(0, 6, 0)), []
     wrong = list_of(Module(5, firmware=Made(0, 5, 13)))
@@ -142,16 +142,16 @@ def test_a_list_that_only_says_it_fits_is_not_proven():
     assert module.restarts == 0
 
 
-# -- what may come between --------------------------------------------------------------------------------------------------------
+# -- interruptions ----------------------------------------------------------------------------------------------------------------
 
 
-def test_a_module_that_answers_no_endpoint_is_reported_with_what_to_do():
+def test_a_module_that_answers_no_endpoint_is_reported_with_the_remedy():
     with pytest.raises(NodeTimeout, match="USB"), opened(Module(5, dials=ModuleDials(endpoints=False))):
         pass
 
 
 def test_answers_of_wrong_lengths_are_reported():
-    """Somebody answers instead, with too few bytes."""
+    """Another device answers instead, with too few bytes."""
 
     def answer(message):
         if message.arbitration_id == 5 << 5 | 4 and len(message.data) == 8:
@@ -180,7 +180,7 @@ def test_two_modules_of_one_id_are_noticed_by_heartbeats_or_by_answers():
             pass
 
 
-def test_nothing_is_written_while_another_program_sends_requests():
+def test_no_value_is_written_while_another_program_sends_requests():
     seen = []
     with opened(Module(5), bystander=seen) as found:
         other = can.Bus(interface="virtual", channel=found.line.channel.bus.channel_id)

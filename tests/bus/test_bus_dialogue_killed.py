@@ -1,4 +1,4 @@
-"""A node ID, protocol or bit rate that is changed, killed before each frame: ``find`` explains what it leaves; in virtual time."""
+"""A change of node ID, protocol or bit rate, killed before each frame: ``find`` explains the remaining state; in virtual time."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def set_bitrate(channel):
     parameters(channel, act)
 
 
-# What it is before, and what it is once it was saved: protocol, node ID, bit rate; and how many frames that takes, of which the
+# The settings before, and after they were saved: protocol, node ID, bit rate; and the number of frames, of which the
 # last saves, and of parameters the two before write and read back.
 OLD = ("CAN Simple", 5, 500_000)
 PLAYS = {
@@ -71,7 +71,7 @@ def played(name, killed_at=None):
 
 
 def explained(module, rate, since, ask=ProbeScope.HEARD):
-    """What ``find`` tells at a bit rate."""
+    """The report of ``find`` at a bit rate."""
     module.dials.line_bitrate = rate
     found = search(module, ask=ask, since=since).found
     for each in found.values():
@@ -83,7 +83,7 @@ def explained(module, rate, since, ask=ProbeScope.HEARD):
 
 
 @pytest.mark.parametrize("name", PLAYS)
-def test_how_many_frames_there_are_and_what_it_comes_to(name):
+def test_the_number_of_frames_of_each_dialogue_and_its_result(name):
     module, channel = played(name)
     _, after, frames = PLAYS[name]
     assert len(channel.sent) == frames
@@ -101,7 +101,7 @@ def test_how_many_frames_there_are_and_what_it_comes_to(name):
         for at in sorted({0, *range(max(0, frames - 3), frames)})
     ],
 )
-def test_killed_before_any_frame_it_is_where_it_was_after_a_start(name, killed_at):
+def test_a_dialogue_killed_before_any_frame_leaves_the_old_settings_after_a_restart(name, killed_at):
     module, channel = played(name, killed_at)
     assert len(channel.sent) == killed_at
     in_ram = ("CAN Simple", module.node_id, 500_000)

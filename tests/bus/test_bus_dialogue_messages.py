@@ -81,7 +81,7 @@ def test_an_error_is_cleared_and_one_that_stays_is_reported():
 @pytest.mark.parametrize(
     "act", [lambda m: m.set_limits(20.0, 15.0), lambda m: m.set_zero(), lambda m: m.clear()]
 )
-def test_nothing_is_sent_to_an_enabled_module(act):
+def test_no_setting_is_sent_to_an_enabled_module(act):
     module = Module(5)
     module.on_frame(5 << 5 | 7, (8).to_bytes(8, "little"), 0.0)
     before = limits_of(module), module.shaft.origin
@@ -91,7 +91,7 @@ def test_nothing_is_sent_to_an_enabled_module(act):
     assert module.energised
 
 
-def test_nothing_is_sent_to_a_module_that_is_not_heard():
+def test_no_setting_is_sent_to_a_module_without_a_heartbeat():
     module = Module(5, heartbeat_rate_ms=0)
     with opened(module) as found, pytest.raises(StateError, match="no heartbeat"):
         found.set_limits(20.0, 15.0)

@@ -60,7 +60,7 @@ def test_a_stopped_node_is_found_by_its_heartbeat(channel: Channel, fake: FakeBu
     assert found.kind == ""
 
 
-def test_one_lost_answer_loses_no_node(channel: Channel, fake: FakeBus) -> None:
+def test_a_node_whose_first_answer_was_lost_is_found_all_the_same(channel: Channel, fake: FakeBus) -> None:
     slave = drive(3)
     slave.ignore = 1
     fake.peers.append(slave)
@@ -105,7 +105,7 @@ def test_a_bus_on_which_no_node_acknowledges_is_reported(channel: Channel, fake:
     assert "acknowledges" in caught.value.remedy
 
 
-def test_nothing_stays_subscribed(channel: Channel, fake: FakeBus) -> None:
+def test_after_a_scan_there_is_no_subscription(channel: Channel, fake: FakeBus) -> None:
     fake.peers.append(drive(3))
     scan(channel, ids=(3, 4), listen=0.05)
     assert channel._receivers == {}
@@ -123,10 +123,10 @@ def test_each_id_is_asked_for_its_device_type_and_the_silent_ones_once_more(
     assert [data for can_id, data in asked[3:] if can_id == 0x602] == []
 
 
-def test_the_second_question_comes_in_the_middle_of_the_time_after_the_first(
+def test_the_second_request_is_sent_in_the_middle_of_the_listening_time(
     channel: Channel, fake: FakeBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whoever is slow has as long to answer the one as the other."""
+    """A slow node has as long to answer the one as the other."""
     until: list[float] = []
     monkeypatch.setattr(discover, "sleep_until", lambda _clock, t: until.append(t))
     asked: list[int] = []
@@ -148,7 +148,7 @@ def test_an_answer_that_is_too_short_reports_no_device_type(
     assert (found.node_id, found.answers_sdo, found.identity.device_type) == (2, True, None)
 
 
-def test_one_that_says_no_to_its_device_type_is_there_without_a_kind(channel: Channel, fake: FakeBus) -> None:
+def test_a_node_that_aborts_its_device_type_is_found_without_a_kind(channel: Channel, fake: FakeBus) -> None:
     fake.peers.append(
         lambda can_id, *_: [(0x582, bytes.fromhex("80 00 10 00 00 00 02 06"))] if can_id == 0x602 else []
     )
@@ -162,7 +162,7 @@ def test_one_that_says_no_to_its_device_type_is_there_without_a_kind(channel: Ch
     )
 
 
-def test_one_that_falls_silent_after_its_device_type_has_at_least_that(
+def test_a_node_that_stops_answering_after_its_device_type_is_found_with_that_alone(
     channel: Channel, fake: FakeBus
 ) -> None:
     answers = [bytes.fromhex("43 00 10 00 92 01 02 00")]

@@ -1,4 +1,4 @@
-"""Our SDO, PDO and NMT against a responder that somebody else wrote: durand, on python-can's virtual bus."""
+"""Our SDO, PDO and NMT against an independent responder: durand, on python-can's virtual bus."""
 
 from __future__ import annotations
 
@@ -109,7 +109,9 @@ def test_values_are_read_and_written(peer: Peer, node: CanopenNode, index, data_
         (0x6060, b"\x00\x00", 0x0607_0010),
     ],
 )
-def test_its_refusals_are_raised_with_their_code(node: CanopenNode, index, data, code) -> None:
+def test_the_refusals_of_the_durand_slave_are_raised_with_their_code(
+    node: CanopenNode, index, data, code
+) -> None:
     with pytest.raises(SdoAbort) as caught:
         node.sdo.upload(index) if data is None else node.sdo.download(index, 0, data)
     assert caught.value.code == code
@@ -117,7 +119,9 @@ def test_its_refusals_are_raised_with_their_code(node: CanopenNode, index, data,
 
 @pytest.mark.parametrize("way", list(SdoTransferType))
 @pytest.mark.parametrize("size", [1, 4, 5, 7, 8, 255, 256, 889, 890])
-def test_domains_travel_both_ways(peer: Peer, node: CanopenNode, size: int, way: SdoTransferType) -> None:
+def test_domains_are_transferred_in_both_directions(
+    peer: Peer, node: CanopenNode, size: int, way: SdoTransferType
+) -> None:
     node.sdo.download(0x2100, 0, BIG[:size], way=way)
     assert peer.od.read(0x2100, 0) == BIG[:size]
     assert node.sdo.upload(0x2100, way=way) == BIG[:size]
@@ -159,7 +163,7 @@ def test_nmt_commands_are_followed_and_confirmed(peer: Peer, node: CanopenNode) 
     assert peer.node.nmt.state == 127
 
 
-def test_its_heartbeat_is_heard(peer: Peer, node: CanopenNode) -> None:
+def test_the_heartbeat_of_the_durand_slave_is_received(peer: Peer, node: CanopenNode) -> None:
     node.sdo.write(0x1017, 0, 500)
     eventually(lambda: node.nmt.has_heartbeat)
     assert node.nmt.state is NmtState.PRE_OPERATIONAL
@@ -180,7 +184,9 @@ def test_an_rpdo_that_we_mapped_sets_its_objects(peer: Peer, node: CanopenNode, 
     peer.od.write(0x6064, 0, -123456)
 
 
-def test_a_tpdo_that_we_mapped_comes_on_change(peer: Peer, node: CanopenNode, wire: Channel) -> None:
+def test_a_tpdo_that_the_master_mapped_is_sent_on_change(
+    peer: Peer, node: CanopenNode, wire: Channel
+) -> None:
     mapping = (MappedObject(0x6041, 0, 16), MappedObject(0x6064, 0, 32))
     pdo = set_pdo(node.sdo, False, 1, mapping=mapping, transmission_type=255)
     came: list[bytes] = []
@@ -193,7 +199,7 @@ def test_a_tpdo_that_we_mapped_comes_on_change(peer: Peer, node: CanopenNode, wi
     peer.od.write(0x6041, 0, 0x0250)
 
 
-def test_a_synchronous_tpdo_comes_with_sync(peer: Peer, node: CanopenNode, wire: Channel) -> None:
+def test_a_synchronous_tpdo_is_sent_with_sync(peer: Peer, node: CanopenNode, wire: Channel) -> None:
     pdo = set_pdo(node.sdo, False, 2, mapping=(MappedObject(0x6041, 0, 16),), transmission_type=1)
     assert pdo.synchronous
     came: list[bytes] = []

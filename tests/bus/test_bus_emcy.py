@@ -49,7 +49,9 @@ def test_each_axis_of_a_node_gets_every_message(channel: Channel, fake: FakeBus)
     assert [emcy.code for emcy in two.take()] == [0x8611, 0]
 
 
-def test_a_drive_gone_mad_fills_no_memory(channel: Channel, fake: FakeBus) -> None:
+def test_the_emergency_history_of_a_drive_that_sends_hundreds_is_bounded(
+    channel: Channel, fake: FakeBus
+) -> None:
     monitor = EmcyMonitor(channel, 5)
     feed = monitor.feed()
     for number in range(300):
@@ -62,7 +64,7 @@ def test_a_drive_gone_mad_fills_no_memory(channel: Channel, fake: FakeBus) -> No
     assert len(monitor.history) == 64
 
 
-def test_messages_are_grouped_and_a_boot_up_ends_what_was_open(channel: Channel, fake: FakeBus) -> None:
+def test_messages_are_grouped_and_a_boot_up_ends_the_open_incident(channel: Channel, fake: FakeBus) -> None:
     monitor = EmcyMonitor(channel, 5)
     fake.inject(0x085, "10 23 03")
     fake.inject(0x085, "20 32 07")
@@ -80,14 +82,14 @@ def test_messages_are_grouped_and_a_boot_up_ends_what_was_open(channel: Channel,
     assert booted <= incident.ended <= time.monotonic()
 
 
-def test_a_closed_monitor_hears_nothing(channel: Channel, fake: FakeBus) -> None:
+def test_a_closed_monitor_receives_nothing(channel: Channel, fake: FakeBus) -> None:
     monitor = EmcyMonitor(channel, 5, 0x0F5)
     monitor.close()
     assert channel._receivers == {}
     monitor.close()
 
 
-def test_a_node_whose_1014_says_another_identifier_is_heard_there(channel: Channel, fake: FakeBus) -> None:
+def test_a_node_with_another_identifier_in_1014h_is_received_there(channel: Channel, fake: FakeBus) -> None:
     monitor = EmcyMonitor(channel, 5)
     monitor.listen_to(0x0F5)
     fake.inject(0x085, "10 23 03")

@@ -23,7 +23,7 @@ def hear(fake: FakeBus, node: CanopenNode, data: str) -> float:
     return node.nmt.stamp
 
 
-def test_nothing_is_reported_while_all_is_well(node: CanopenNode, fake: FakeBus) -> None:
+def test_no_event_is_reported_while_heartbeats_arrive(node: CanopenNode, fake: FakeBus) -> None:
     hear(fake, node, "05")
     node.nmt.watch(0.3)
     events = NodeEvents(node.nmt)
@@ -99,7 +99,7 @@ def test_a_node_is_asked_once_by_guarding(node: CanopenNode, slave: Slave, chann
     assert not node.nmt.has_heartbeat
 
 
-def test_a_node_that_goes_mad_is_reported_once_a_second_with_how_often(
+def test_a_node_that_restarts_again_and_again_is_reported_once_a_second_with_the_count(
     node: CanopenNode, fake: FakeBus
 ) -> None:
     heard = hear(fake, node, "05")

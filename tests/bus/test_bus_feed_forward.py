@@ -25,7 +25,7 @@ def planned(
     return make_plan(NODE, device, objects(unmappable=(0x60B1, 0x60B2) if unmappable else ()), wanted, policy)
 
 
-def test_they_have_an_rpdo_of_their_own() -> None:
+def test_feed_forward_objects_are_mapped_into_an_rpdo_of_their_own() -> None:
     plan = planned(EMPTY, "velocity_offset", "torque_offset")
     third = [pdo for pdo in plan.active if pdo.name == "RPDO3"]
     assert [pdo.target.mapping for pdo in third] == [mapped("60B1/32 60B2/16")]
@@ -34,7 +34,7 @@ def test_they_have_an_rpdo_of_their_own() -> None:
     assert plan.impossible == ()
 
 
-def test_without_being_asked_for_they_are_not_mapped() -> None:
+def test_feed_forward_objects_are_not_mapped_without_being_required() -> None:
     plain = make_plan(NODE, EMPTY, objects())
     assert [pdo.name for pdo in plain.active if pdo.receive] == ["RPDO1", "RPDO2"]
     assert "velocity_offset" not in plain.outputs
@@ -42,7 +42,7 @@ def test_without_being_asked_for_they_are_not_mapped() -> None:
     assert [pdo.target.mapping for pdo in plan.active if pdo.name == "RPDO3"] == [mapped("60B2/16")]
 
 
-def test_a_drive_with_two_rpdos_takes_what_has_room_and_the_rest_is_reported() -> None:
+def test_a_drive_with_two_rpdos_gets_the_offsets_that_fit_and_the_others_are_reported() -> None:
     plan = planned(DevicePdos(EMPTY.rpdos[:2], EMPTY.tpdos), "velocity_offset", "torque_offset")
     assert plan.outputs["torque_offset"] is ValueTransport.SYNC_PDO
     assert plan.outputs["velocity_offset"] is ValueTransport.SDO
@@ -51,7 +51,7 @@ def test_a_drive_with_two_rpdos_takes_what_has_room_and_the_rest_is_reported() -
     )
 
 
-def test_what_may_not_be_mapped_is_reported() -> None:
+def test_offsets_that_cannot_be_mapped_are_reported() -> None:
     plan = planned(EMPTY, "torque_offset", unmappable=True)
     assert plan.outputs["torque_offset"] is ValueTransport.SDO
     assert any("60B2h" in note for note in plan.notes)

@@ -32,7 +32,7 @@ def within_watchdog(work: Callable[[], None]) -> None:
     def run() -> None:
         try:
             work()
-        except BaseException as error:  # noqa: BLE001 - told below
+        except BaseException as error:  # noqa: BLE001 - reported below
             ended.append(error)
         else:
             ended.append(None)
@@ -83,7 +83,7 @@ def test_the_waits_of_sdo_and_lss_end_however_short(channel: Channel, fake: Fake
             line, master = (
                 SdoConnection(channel, 5),
                 LssMaster(channel),
-            )  # new: nobody has waited there before
+            )  # new: no thread has waited there before
             assert line.receive(patience) is None
             assert master._take(time.monotonic() + patience) is None
             line.close()
@@ -128,7 +128,7 @@ def simple_queues(path: Path) -> list[int]:
 
 @pytest.mark.parametrize("root", [PACKAGE, HERE.parent], ids=["the package", "its tests"])
 def test_no_module_waits_at_a_simple_queue(root: Path) -> None:
-    """Its wait may have no end (see ``bus.link.frame_queue``), and a call with a time-out is hard to tell from one without."""
+    """Its wait may have no end (see ``bus.link.frame_queue``), and a call with a time-out looks like one without."""
     modules = sorted(root.rglob("*.py"))
     assert len(modules) > 50
     found = [f"{path.relative_to(root)}:{line}" for path in modules for line in simple_queues(path)]

@@ -1,4 +1,4 @@
-"""The short look at TPDOs that come as they should: in every life of a port it gives what a whole look in each cycle gives."""
+"""The short look at regular TPDOs: in every life of a port it gives the same inputs as a whole look in each cycle."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def packed(dice: random.Random, mapping: str) -> bytes:
 
 
 def events(node: CanopenNode, port: CanPort, now: float) -> tuple[object, list[object]]:
-    """What a port reads, and what it has to tell of its TPDOs."""
+    """The inputs of a port, and the events of its TPDOs."""
     before = len(node.pdo_events)
     inputs = port.read(now)
     told = [str(event) for event in list(node.pdo_events)[before:]]
@@ -72,7 +72,7 @@ def events(node: CanopenNode, port: CanPort, now: float) -> tuple[object, list[o
 
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("seed", range(6))
-def test_the_short_look_gives_what_the_whole_one_gives(node: CanopenNode, drive, seed: int) -> None:
+def test_the_short_look_gives_the_samples_of_the_whole_one(node: CanopenNode, drive, seed: int) -> None:
     dice = random.Random(f"{seed} {drive}")
     primed = {"demand": Sample(7, 0.5), "position": Sample(3, dice.choice((0.5, 1.01)))}
     short, whole = port_on(node, drive, primed), port_on(node, drive, primed)
@@ -106,7 +106,7 @@ def test_the_short_look_gives_what_the_whole_one_gives(node: CanopenNode, drive,
 
 
 def trouble(dice: random.Random, node: CanopenNode, now: float) -> None:
-    """What may befall a node and its bus between two cycles."""
+    """Cause a random disturbance of a node and its bus between two cycles."""
     what, nmt, channel = dice.random(), node.nmt, node.channel
     if what < 0.004:
         nmt.state = dice.choice((NmtState.PRE_OPERATIONAL, NmtState.STOPPED))
@@ -126,7 +126,7 @@ def trouble(dice: random.Random, node: CanopenNode, now: float) -> None:
 
 
 def short_bus_off(node: CanopenNode) -> None:
-    """One that has ended again before anybody looked."""
+    """A bus-off that has ended before the next look."""
     node.channel.last_off = BusOff("off")
     node.channel.offs += 1
 
@@ -164,7 +164,7 @@ def test_any_event_of_the_node_or_the_bus_ends_the_fast_path_at_once(
     port.close()
 
 
-def test_a_short_look_ends_where_frames_fall_behind_sync_and_their_values_have_its_time(
+def test_a_short_look_ends_if_frames_fall_behind_sync_and_their_values_have_its_time(
     node: CanopenNode, monkeypatch
 ) -> None:
     """From cycle 20 on each frame comes six SYNCs after the one that it answers; none is lost."""

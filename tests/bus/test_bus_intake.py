@@ -1,4 +1,4 @@
-"""What the receive thread takes from a SocketCAN link at once is what python-can takes from it one by one."""
+"""Frames that the receive thread takes from a SocketCAN link at once are equal to those that python-can takes one by one."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ FRAMES = st.one_of(
 
 
 @given(st.lists(FRAMES, min_size=1, max_size=70))
-def test_all_kinds_of_frames_are_what_python_can_makes_of_them(frames):
+def test_all_kinds_of_frames_are_read_as_by_python_can(frames):
     ends = Ends()
     try:
         for frame in frames:
@@ -87,7 +87,7 @@ def test_all_kinds_of_frames_are_what_python_can_makes_of_them(frames):
         ends.close()
 
 
-def test_what_came_together_is_taken_together_with_the_kernels_time(ends):
+def test_frames_received_together_are_taken_together_with_the_kernels_time(ends):
     before = time.time()
     for node_id in range(1, 17):
         ends.far.send(can_frame(0x700 + node_id, b"\5"))
@@ -98,13 +98,13 @@ def test_what_came_together_is_taken_together_with_the_kernels_time(ends):
     assert all(before - 0.001 <= came <= time.time() + 0.001 for _, _, came in taken)
 
 
-def test_where_nothing_comes_it_waits_no_longer_than_it_is_reported(ends):
+def test_without_a_frame_it_waits_no_longer_than_its_timeout(ends):
     began = time.monotonic()
     assert list(ends.intake.take(0.02)) == []
     assert 0.015 < time.monotonic() - began < 1.0
 
 
-def test_a_line_whose_other_end_has_gone_is_reported_and_not_asked_for_ever(ends):
+def test_a_line_whose_other_end_has_closed_is_reported_and_not_read_again(ends):
     ends.far.send(can_frame(0x181, b"\1"))
     ends.far.close()
     assert [can_id for can_id, _, _ in ends.intake.take(0.0)] == [0x181]

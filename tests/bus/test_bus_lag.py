@@ -40,9 +40,9 @@ class Worker:
 
 @dataclass
 class World:
-    """A drive that answers SYNC over a link which delays what it sends, and the scan that looks at it once in each period.
+    """A drive that answers SYNC over a link with delays, and the scan that looks at it once in each period.
 
-    ``lag`` gives the delay of the link (seconds) at a time; what is sent earlier also comes earlier. ``lost`` is the share of its
+    ``lag`` gives the delay of the link (seconds) at a time; the order of frames is kept. ``lost`` is the share of its
     TPDOs that get lost, ``mute`` the share of SDO answers.
     """
 
@@ -131,7 +131,7 @@ class World:
         return self
 
     def oldest(self) -> float:
-        """The greatest age that was stated, less what late cycles made of it."""
+        """The greatest age that was stated, without the effect of late cycles."""
         return max(now - stated for now, stated, _ in self.looks)
 
 
@@ -150,9 +150,7 @@ KINDS = {
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("kind", KINDS)
-def test_data_that_come_in_time_have_the_time_of_their_reception_within_what_is_allowed(
-    kind: str, seed: int
-) -> None:
+def test_data_in_time_have_their_reception_time_within_the_tolerance(kind: str, seed: int) -> None:
     world = World(seed, **KINDS[kind]).run(60.0 if kind != "every 240th" else 400.0)
     longest = max(later - earlier for (earlier, _, _), (later, _, _) in itertools.pairwise(world.looks))
     assert world.oldest() - longest <= world.max_age
@@ -174,9 +172,7 @@ def test_data_that_come_in_time_have_the_time_of_their_reception_within_what_is_
 )
 def test_lost_frames_are_no_delay_once_the_node_was_asked(kind: dict, seed: int) -> None:
     world = World(seed, **kind).run(60.0)
-    received = max(
-        now - true for now, _, true in world.looks
-    )  # gaps and late cycles make them old by themselves
+    received = max(now - true for now, _, true in world.looks)  # gaps and late cycles alone make them old
     assert world.oldest() <= max(world.max_age, received + 2 * world.period)
     assert 0 < world.asks <= 60.0 / ASK_PAUSE
 
@@ -198,7 +194,7 @@ def test_lost_frames_are_no_delay_once_the_node_was_asked(kind: dict, seed: int)
         {"lost": 0.02, "burst": 2, "jitter": 0.008, "mute": 0.3},
     ],
 )
-def test_a_growing_delay_is_seen_before_a_value_is_taken_for_younger_than_it_is(
+def test_a_growing_delay_is_detected_before_a_value_counts_as_younger_than_it_is(
     kind: dict, rate: float, seed: int
 ) -> None:
     world = World(seed, **kind)
@@ -215,7 +211,7 @@ def test_a_growing_delay_is_seen_before_a_value_is_taken_for_younger_than_it_is(
             doubtful = False
             continue
         began, doubtful = (began if doubtful else now), True
-        # Within the grace a value counts as nearly too old, and not as unknown; where no answer comes, gaps count as lost.
+        # Within the grace time a value counts as nearly too old, and not as unknown; without an answer, gaps count as lost.
         assert now - stated >= 0.8 * world.max_age or world.mute
         assert now - began <= (LONGEST_ANSWER if world.mute else GRACE) + 3 * world.period + late
     known = [(now, true) for now, stated, true in world.looks if now - stated <= world.max_age]
@@ -225,7 +221,7 @@ def test_a_growing_delay_is_seen_before_a_value_is_taken_for_younger_than_it_is(
     assert max(now - stated for now, stated, _ in world.looks[-20:]) > 0.3
 
 
-def test_a_delay_that_goes_away_is_forgotten() -> None:
+def test_a_delay_that_ends_no_longer_counts() -> None:
     world = World(1)
     world.run(1.0)
     world.lag = lambda t: max(0.0, min(0.06, 0.1 * (t - 101.0), 0.1 * (103.0 - t)))
@@ -238,7 +234,7 @@ def test_a_delay_that_goes_away_is_forgotten() -> None:
     assert stated - true <= world.period
 
 
-def test_a_link_that_was_slow_from_the_beginning_is_known_by_its_round_trips() -> None:
+def test_a_link_that_was_slow_from_the_beginning_is_detected_by_its_round_trips() -> None:
     world = World(1, lag=lambda _: 0.4)
     world.trips = world.lags._trips = RoundTrips()
     for asked in range(5):
@@ -247,13 +243,13 @@ def test_a_link_that_was_slow_from_the_beginning_is_known_by_its_round_trips() -
     assert all(now - stated >= 0.4 - ALLOWED for now, stated, _ in world.looks if now > 101.0)
 
 
-def test_nothing_is_counted_before_the_node_is_operational_and_begins_again_after() -> None:
+def test_counting_begins_when_the_node_is_operational_and_restarts_after_a_loss() -> None:
     world = World(1)
     world.run(1.0)
     assert world.lags.is_known
     (count,) = world.lags.counts
     before = count.offset
-    world.slot.frames += 50  # what was sent while nobody counted
+    world.slot.frames += 50  # sent while counting was off
     world.lags.look(world.now, False)
     assert not world.lags.is_known
     world.run(1.0)
@@ -280,7 +276,7 @@ def test_a_frame_that_was_sent_before_the_first_sync_belongs_to_no_sync() -> Non
 @pytest.mark.parametrize(
     "behind", [SyncTimes.KEPT - 1, SyncTimes.KEPT, SyncTimes.KEPT + 1, 3 * SyncTimes.KEPT]
 )
-def test_frames_that_come_later_than_the_times_of_syncs_are_kept_are_old_and_end_nothing(behind: int) -> None:
+def test_frames_later_than_the_stored_sync_times_are_old_and_raise_no_error(behind: int) -> None:
     world = World(1, period=0.001)
     world.run(1.0)
     for _ in range(behind):
@@ -318,9 +314,7 @@ def test_two_slow_answers_in_succession_are_a_delay_and_one_is_a_busy_node() -> 
     assert steps == pytest.approx([0, 0, 0, 0, 0, 0, 0, 0, 0.196, 0.196, 0, 0])
 
 
-def test_a_node_without_a_count_is_asked_again_and_again_and_its_values_are_as_old_as_its_answers_say() -> (
-    None
-):
+def test_a_node_without_a_count_is_polled_and_its_values_are_as_old_as_its_answers_show() -> None:
     trips = RoundTrips()
     changing, timed = (SimpleNamespace(frames=1, latest=(b"", 10.0)) for _ in range(2))
     lags = Lags([(changing, 0, float("inf")), (timed, 0, 0.35)], 0.01, SyncTimes(), trips)
@@ -340,19 +334,19 @@ def test_a_node_without_a_count_is_asked_again_and_again_and_its_values_are_as_o
     assert not worker.jobs
     trips.note(0.0, 0.004)
     assert lags.look(14.0, True) == [10.0, 10.0]
-    for asked_at in (11.0, 12.0):
-        trips.note(asked_at, asked_at + 0.204)
+    for requested_at in (11.0, 12.0):
+        trips.note(requested_at, requested_at + 0.204)
         seen = lags.look(14.0, True)
     assert seen == pytest.approx([9.8, 9.8])
     assert lags.late == pytest.approx(0.2)
-    for asked_at in (13.0, 14.0):
-        trips.note(asked_at, asked_at + LONGEST + 0.1)
+    for requested_at in (13.0, 14.0):
+        trips.note(requested_at, requested_at + LONGEST + 0.1)
         seen = lags.look(15.0, True)
     assert seen[0] == -float("inf")  # silence says nothing of it, so nothing else would end it
     assert seen[1] == pytest.approx(10.0 - LONGEST - 0.096)
 
 
-def test_round_trips_know_the_nodes_own_time_up_to_what_may_be_its_own() -> None:
+def test_round_trips_exclude_the_allowed_processing_time_of_the_node() -> None:
     trips = RoundTrips()
     assert (trips.delay(), trips.shortest_delay, trips.own_time) == (0.0, 0.0, ALLOWED)
     trips.note(1.0, 1.3)

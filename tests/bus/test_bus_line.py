@@ -1,4 +1,4 @@
-"""One frame on its way: the bytes that Linux's SocketCAN wants, a message for another adapter, and between two processes."""
+"""One frame in transit: the bytes of Linux's SocketCAN, a message for another adapter, and between two processes."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_a_full_queue_is_refused_at_once_and_may_be_tried_again(ends):
     line.send(0x205, bytes(8))
 
 
-def test_a_socket_that_is_gone_says_so_as_python_can_does():
+def test_a_closed_socket_raises_the_error_of_python_can():
     line = SocketCanLine(_closed())
     with pytest.raises(can.CanOperationError, match="Failed to transmit") as gone:
         line.send(0x205, b"")
@@ -78,7 +78,7 @@ def _closed() -> socket.socket:
     return made
 
 
-def test_only_python_cans_own_socketcan_is_passed_by(ends):
+def test_only_the_socketcan_bus_of_python_can_is_bypassed(ends):
     assert isinstance(line_of(SocketcanBus(ends[0]), None), SocketCanLine)
     assert isinstance(line_of(SocketcanBus("no socket"), None), PythonCanLine)
     assert isinstance(line_of(OtherBus(ends[0]), None), PythonCanLine)
@@ -128,7 +128,7 @@ def pair():
         (0x1234_5678, True, True, b""),
     ],
 )
-def test_a_frame_comes_out_of_the_other_end_as_it_went_in(pair, can_id, extended, remote, data):
+def test_a_frame_arrives_unchanged_at_the_other_end(pair, can_id, extended, remote, data):
     sent = can.Message(
         arbitration_id=can_id,
         is_extended_id=extended,
@@ -142,7 +142,7 @@ def test_a_frame_comes_out_of_the_other_end_as_it_went_in(pair, can_id, extended
         assert receiver.recv(0.0) is None
 
 
-def test_the_program_notices_that_the_other_end_is_gone_and_the_drives_continue(pair):
+def test_a_closed_line_raises_in_the_program_and_the_drives_continue(pair):
     program, drives = pair
     drives.socket.shutdown(socket.SHUT_RDWR)
     with pytest.raises(can.CanOperationError, match="the other end of the line has closed"):
@@ -156,7 +156,7 @@ def test_the_program_notices_that_the_other_end_is_gone_and_the_drives_continue(
     assert drives.recv(0.0) is None
 
 
-def test_a_program_sees_whether_its_drives_have_taken_what_it_sent(pair):
+def test_a_program_can_see_if_its_drives_have_taken_its_frames(pair):
     program, drives = pair
     assert not program.behind()
     for _ in range(2):
@@ -166,7 +166,7 @@ def test_a_program_sees_whether_its_drives_have_taken_what_it_sent(pair):
     assert program.behind()
     drives.recv(1.0)
     assert not program.behind()
-    drives.send(can.Message(arbitration_id=0x185))  # what waits for the program is not theirs to take
+    drives.send(can.Message(arbitration_id=0x185))  # frames for the program are not counted
     assert not program.behind()
     program.send(can.Message(arbitration_id=0x80))
     program.shutdown()
@@ -245,7 +245,7 @@ def test_a_line_that_was_shut_down_is_closed_without_a_complaint(caplog):
     ]  # others' buses may go here, too
 
 
-def test_many_frames_go_out_in_order_by_few_calls(ends):
+def test_many_frames_are_sent_in_order_by_few_calls(ends):
     line = SocketCanLine(ends[0])
     sent = [(0x200 + number, bytes((number,) * (number % 9))) for number in range(150)]
     sent[77] = (0x1234_5678, b"\7")

@@ -157,7 +157,7 @@ def test_a_node_that_does_not_report_its_node_id(
         monkeypatch.setattr(bus_lss, "BOOT_WAIT", 0.1)
     given = master.set_node_id(ADDRESS, 5, reset=True)
     assert (given.set.old, given.booted) == (None, booted)
-    assert fake.frames(0) == []  # nobody is reset on a guess
+    assert fake.frames(0) == []  # no node is reset on a guess
 
 
 def test_a_node_id_that_is_taken_is_not_given(master: LssMaster, fake: FakeBus) -> None:
@@ -168,7 +168,9 @@ def test_a_node_id_that_is_taken_is_not_given(master: LssMaster, fake: FakeBus) 
     assert one.pending == 255
 
 
-def test_its_own_node_id_is_not_taken(master: LssMaster, fake: FakeBus) -> None:
+def test_the_lss_master_may_set_the_node_id_that_the_slave_already_has(
+    master: LssMaster, fake: FakeBus
+) -> None:
     one = slave(node_id=5)
     fake.peers += [one, Slave(5)]
     master.set_node_id(ADDRESS, 5, store=True)
@@ -223,9 +225,7 @@ def test_a_bus_in_operation_is_left_alone(
     assert fake.sent == []
 
 
-def test_with_beside_the_command_does_not_check_that_the_bus_is_quiet(
-    channel: Channel, fake: FakeBus
-) -> None:
+def test_with_beside_operation_lss_does_not_require_a_quiet_bus(channel: Channel, fake: FakeBus) -> None:
     fake.peers.append(slave())
     with again(lambda: fake.inject(0x080, ""), 0.02):
         assert LssMaster(channel, PATIENT, beside_operation=True).inquire(ADDRESS).address == ADDRESS
@@ -279,7 +279,7 @@ def test_a_bus_on_which_no_node_acknowledges_is_reported(master: LssMaster, fake
         master.inquire(ADDRESS)
 
 
-def test_it_cannot_be_called_in_the_receive_thread(
+def test_an_lss_service_is_refused_in_the_receive_thread(
     channel: Channel, fake: FakeBus, master: LssMaster
 ) -> None:
     raised: list[Exception] = []
@@ -299,7 +299,7 @@ def test_it_cannot_be_called_in_the_receive_thread(
     assert "receive thread" in str(raised[0])
 
 
-def test_nothing_stays_subscribed(master: LssMaster, channel: Channel, fake: FakeBus) -> None:
+def test_after_lss_there_is_no_subscription(master: LssMaster, channel: Channel, fake: FakeBus) -> None:
     fake.peers.append(slave())
     master.set_node_id(ADDRESS, 5)
     with pytest.raises(LssTimeout):
@@ -308,7 +308,7 @@ def test_nothing_stays_subscribed(master: LssMaster, channel: Channel, fake: Fak
     assert channel.on_failure == []
 
 
-def test_who_is_there_by_range_and_without_a_node_id(master: LssMaster, fake: FakeBus) -> None:
+def test_slaves_are_identified_by_a_range_and_without_a_node_id(master: LssMaster, fake: FakeBus) -> None:
     fake.peers.append(slave(node_id=7))
     assert master.identify(LssAddress(0xC0B00, 8, 0, 0), LssAddress(0xC0B00, 8, 9, 9999))
     assert not master.any_unconfigured()

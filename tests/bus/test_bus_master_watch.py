@@ -1,4 +1,4 @@
-"""Another master in operation, by the frames alone: one event at once and then one in a second, and whom each frame commands."""
+"""Another master in operation, by its frames alone: one event at once and then one per second, and the commanded nodes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CAST = ExpectedMasters(frozenset({1, 5}), frozenset({127}), rpdos={0x1A5: 5}, pr
 
 
 class Subscriptions:
-    """What of a channel the watch needs; frames come at the times that a test says."""
+    """The part of a channel that the watch needs; frames are received at the times of the test."""
 
     def __init__(self) -> None:
         self.receivers: dict[int, Any] = {}
@@ -65,7 +65,9 @@ def test_a_flood_is_one_event_at_once_and_then_one_per_second_and_no_frame_of_it
     )
 
 
-def test_its_nodes_are_stopped_at_once_and_again_as_long_as_it_continues(bus, watch, stopped):
+def test_the_nodes_of_another_master_are_stopped_at_once_and_again_as_long_as_it_continues(
+    bus, watch, stopped
+):
     for tick in range(100):
         bus.hear(0x205, "0F 00", 10.0 + tick / 200)
     assert 1 + int(0.49 / AGAIN) <= len(stopped) <= 2 + int(0.5 / AGAIN)
@@ -104,7 +106,7 @@ def test_its_nodes_are_stopped_at_once_and_again_as_long_as_it_continues(bus, wa
         (0x701, "05", None),
     ],
 )
-def test_whom_each_frame_commands(bus, watch, stopped, can_id, data, nodes):
+def test_the_nodes_that_each_frame_commands(bus, watch, stopped, can_id, data, nodes):
     bus.hear(can_id, data, 10.0)
     assert [set(found) for _, found in stopped] == ([nodes] if nodes else [])
     assert len(watch.events) == (0 if nodes is None else 1)
@@ -120,7 +122,7 @@ def test_a_write_after_many_reads_is_reported_at_once(bus, watch, stopped):
     )
 
 
-def test_time_is_a_sign_where_we_send_it_and_sync_commands_nobody_where_we_do_not(bus, stopped):
+def test_time_is_a_sign_if_we_send_it_and_sync_commands_no_node_if_we_do_not(bus, stopped):
     watch = MasterWatch(bus, stops=True)
     watch.on_command = lambda _, nodes: stopped.append(nodes)
     watch.begin(ExpectedMasters(frozenset({1}), frozenset(), times=frozenset({0x100})))
@@ -130,7 +132,7 @@ def test_time_is_a_sign_where_we_send_it_and_sync_commands_nobody_where_we_do_no
     assert stopped == []
 
 
-def test_nodes_that_come_later_are_watched_too_and_closing_ends_all_of_it(bus, watch):
+def test_nodes_added_later_are_watched_too_and_closing_ends_all_subscriptions(bus, watch):
     watch.begin(ExpectedMasters(frozenset({1, 5, 9}), frozenset({127}), produced=0x80))
     bus.hear(0x209, "00", 10.0)
     assert [event.node for event in watch.events] == [9]
@@ -140,7 +142,7 @@ def test_nodes_that_come_later_are_watched_too_and_closing_ends_all_of_it(bus, w
 
 
 @pytest.mark.parametrize("returns", [True, False])
-def test_an_adapter_that_gives_our_own_frames_back_is_found_out(
+def test_an_adapter_that_returns_our_own_frames_is_detected(
     channel: Channel, fake: FakeBus, returns: bool
 ) -> None:
     echoes = Echoes(channel)

@@ -1,4 +1,4 @@
-"""What a node says of itself, by a clock of our own: states, boot-ups, overdue heartbeats, guarding and its toggle bit."""
+"""The reports of a node, with a clock of the test: states, boot-ups, overdue heartbeats, guarding and its toggle bit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HEARTBEAT, NMT = 0x705, 0x000
 
 
 class Line:
-    """A channel without a bus: who listens to what, and what goes wrong."""
+    """A channel without a bus: its subscriptions, and its failures."""
 
     def __init__(self, clock: HandClock) -> None:
         self.clock = clock
@@ -72,7 +72,7 @@ def node(line: Line) -> NodeMonitor:
         ("05", NmtState.OPERATIONAL),
         ("7F", NmtState.PRE_OPERATIONAL),
         ("85", NmtState.OPERATIONAL),
-        ("00", NmtState.PRE_OPERATIONAL),  # a node enters it by itself after its boot-up
+        ("00", NmtState.PRE_OPERATIONAL),  # a node enters it automatically after its boot-up
     ],
 )
 def test_a_report_is_kept_with_its_time(node: NodeMonitor, line: Line, byte: str, state: NmtState) -> None:
@@ -117,7 +117,7 @@ def test_a_heartbeat_is_overdue_after_its_time_from_the_last_one_or_from_the_beg
     assert not node.overdue(1e9)
 
 
-def test_one_that_was_never_heard_is_overdue_from_the_beginning_of_the_watch(node: NodeMonitor) -> None:
+def test_a_node_that_never_reported_is_overdue_from_the_beginning_of_the_watch(node: NodeMonitor) -> None:
     node.watch(0.25)
     assert node.deadline == 100.25
 
@@ -132,7 +132,7 @@ def test_guarding_is_a_watch_and_its_answers_are_no_heartbeats(node: NodeMonitor
     assert (node.reports, node.state, node.stamp, node.toggle_errors) == (2, NmtState.OPERATIONAL, 101.25, 1)
     line.brings(HEARTBEAT, "04", 101.75)
     assert (node.reports, node.state) == (3, NmtState.STOPPED)
-    line.brings(HEARTBEAT, "00", 102.0)  # a boot-up begins the toggle anew
+    line.brings(HEARTBEAT, "00", 102.0)  # a boot-up restarts the toggle
     line.brings(HEARTBEAT, "7F", 102.25)
     assert (node.reports, node.bootups, node.toggle_errors) == (5, 1, 1)
 
@@ -186,7 +186,7 @@ def test_a_heartbeat_has_no_toggle_bit(node: NodeMonitor, line: Line) -> None:
         ("03 05", NmtState.UNKNOWN),
     ],
 )
-def test_what_another_master_commands_is_assumed_of_a_node_without_heartbeat(
+def test_a_node_without_heartbeat_is_assumed_in_the_state_that_another_master_commands(
     node: NodeMonitor, line: Line, data: str, state: NmtState
 ) -> None:
     line.brings(NMT, data)
@@ -237,7 +237,7 @@ def test_at_a_bus_off_nothing_is_known_any_more_and_at_other_failures_it_is(
     assert (node.state, node.toggle_errors) == (NmtState.OPERATIONAL, 0)
 
 
-def test_one_that_is_closed_hears_nothing(node: NodeMonitor, line: Line) -> None:
+def test_a_closed_node_monitor_receives_nothing(node: NodeMonitor, line: Line) -> None:
     node.close()
     line.brings(HEARTBEAT, "05", 1.0)
     line.brings(NMT, "01 05", 1.0)
@@ -260,7 +260,7 @@ def test_one_that_is_closed_hears_nothing(node: NodeMonitor, line: Line) -> None
         (None, "", []),
     ],
 )
-def test_what_shows_that_a_machine_is_running(
+def test_frames_that_show_a_running_machine(
     line: Line, can_id: int | None, data: str, told: list[str]
 ) -> None:
     looks: list[int] = []
@@ -272,7 +272,7 @@ def test_what_shows_that_a_machine_is_running(
 
     line.check = check
     assert detect_other_master.bus_activity(line, 0.05) == told
-    assert not any(line.receivers.values())  # nobody listens any more
+    assert not any(line.receivers.values())  # no subscription remains
 
 
 def test_a_sign_of_a_master_ends_the_listening(line: Line, clock: HandClock) -> None:
@@ -281,7 +281,7 @@ def test_a_sign_of_a_master_ends_the_listening(line: Line, clock: HandClock) -> 
     assert clock.time == pytest.approx(100.05)
 
 
-def test_nobody_listens_in_the_receive_thread(line: Line) -> None:
+def test_listening_in_the_receive_thread_is_refused(line: Line) -> None:
     line.in_receive_thread = True
     with pytest.raises(StateError, match="listening to the bus"):
         detect_other_master.bus_activity(line, 0.05)
@@ -307,7 +307,7 @@ def guarded(node: NodeMonitor, line: Line, clock: HandClock, *answers: str) -> l
     return asked
 
 
-def test_a_guarded_node_that_answers_twice_with_nothing_is_not_asked_on(
+def test_a_guarded_node_that_answers_twice_with_another_state_is_not_asked_further(
     node: NodeMonitor, line: Line, clock: HandClock
 ) -> None:
     asked = guarded(node, line, clock)
@@ -325,7 +325,7 @@ def test_with_each_answer_a_guarded_node_has_two_tries_again(
     assert asked == pytest.approx([0.0, 0.1, 0.2, 0.3])
 
 
-def test_a_guarded_node_that_stays_where_it_is_is_asked_until_the_time_is_over(
+def test_a_guarded_node_that_keeps_its_state_is_polled_until_the_timeout(
     node: NodeMonitor, line: Line, clock: HandClock
 ) -> None:
     asked = guarded(node, line, clock, *["7F", "FF"] * 9)

@@ -1,4 +1,4 @@
-"""NMT: what a node says of itself is kept, and a command counts when something confirms it."""
+"""NMT: the reports of a node are stored, and a command counts when it is confirmed."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_every_boot_up_is_counted_even_between_two_looks(node: CanopenNode, fake
     node.nmt.wait_bootup(timeout=0.0, after=1)  # it has come: no waiting, no matter how long ago
 
 
-def test_a_boot_up_that_never_comes_is_a_time_out_with_its_remedy(node: CanopenNode) -> None:
+def test_a_missing_boot_up_is_a_time_out_with_its_remedy(node: CanopenNode) -> None:
     with pytest.raises(NodeTimeout, match="no boot-up") as caught:
         node.nmt.wait_bootup(timeout=0.02)
     assert caught.value.node == 5
@@ -64,7 +64,7 @@ def test_an_overdue_heartbeat_ends_operational(node: CanopenNode, slave: Slave, 
     beat(fake, slave, node)
     stamp = node.nmt.stamp
     assert stamp is not None
-    assert node.nmt.operational(stamp + 1000)  # nobody watches it
+    assert node.nmt.operational(stamp + 1000)  # it is not monitored
     node.nmt.watch(0.3)
     beat(fake, slave, node)
     stamp = node.nmt.stamp
@@ -77,14 +77,14 @@ def test_an_overdue_heartbeat_ends_operational(node: CanopenNode, slave: Slave, 
 
 
 def test_the_watch_counts_from_its_beginning(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
-    """A heartbeat heard long ago must not make the node overdue at once."""
+    """A heartbeat received long ago must not make the node overdue at once."""
     beat(fake, slave, node)
     time.sleep(0.05)
     node.nmt.watch(0.02)
     assert not node.nmt.overdue(time.monotonic())
 
 
-def test_one_that_has_never_reported_is_overdue_after_its_time(node: CanopenNode) -> None:
+def test_a_node_that_has_never_reported_is_overdue_after_its_time(node: CanopenNode) -> None:
     node.nmt.watch(0.3)
     now = time.monotonic()
     assert not node.nmt.overdue(now)
@@ -130,7 +130,7 @@ def test_a_command_that_is_lost_is_sent_again(node: CanopenNode, slave: Slave, f
     assert fake.frames(0) == [b"\x01\x05", b"\x01\x05"]
 
 
-def test_a_heartbeat_from_before_the_command_confirms_nothing(
+def test_a_heartbeat_from_before_the_command_does_not_confirm_it(
     node: CanopenNode, slave: Slave, fake: FakeBus
 ) -> None:
     slave.nmt_state = 5
@@ -139,11 +139,11 @@ def test_a_heartbeat_from_before_the_command_confirms_nothing(
         node.command(NmtCommand.START, timeout=0.02)
 
 
-def test_a_node_that_stays_where_it_is_is_named(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
+def test_a_node_that_keeps_its_state_is_named(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
     beat(fake, slave, node)
     answers_with_heartbeat(slave, fake)
     slave.nmt_state = 127
-    fake.peers.remove(slave)  # it hears no command any more, but goes on beating
+    fake.peers.remove(slave)  # it receives no command any more, but keeps sending heartbeats
     with pytest.raises(NodeTimeout) as caught:
         node.command(NmtCommand.START, timeout=0.05)
     assert "expected operational" in caught.value.observed
@@ -182,7 +182,7 @@ def test_a_reset_is_confirmed_by_the_boot_up(node: CanopenNode, reset: NmtComman
     assert node.nmt.bootups == 1
 
 
-def test_another_masters_command_is_seen_where_no_heartbeat_reports(node: CanopenNode, fake: FakeBus) -> None:
+def test_the_command_of_another_master_is_seen_without_a_heartbeat(node: CanopenNode, fake: FakeBus) -> None:
     node.nmt.assume(NmtState.OPERATIONAL)
     fake.inject(0x000, "02 00")
     eventually(lambda: node.nmt.state is NmtState.STOPPED)
@@ -221,7 +221,7 @@ def test_waiting_in_the_receive_thread_is_an_error(
     eventually(lambda: caught)
 
 
-def test_a_closed_monitor_hears_nothing(channel: Channel, fake: FakeBus) -> None:
+def test_a_closed_monitor_receives_nothing(channel: Channel, fake: FakeBus) -> None:
     monitor = NodeMonitor(channel, 5)
     monitor.close()
     seen: list[bytes] = []
@@ -271,10 +271,10 @@ def test_a_node_id_out_of_range_is_refused(channel: Channel, node_id: int) -> No
         CanopenNode(channel, node_id)
 
 
-def test_a_node_that_nobody_guards_is_not_asked_by_remote_frames(
+def test_a_node_without_guarding_is_not_polled_by_remote_frames(
     channel: Channel, node: CanopenNode, slave: Slave, fake: FakeBus
 ) -> None:
-    """That would arm its life guarding, and nobody would continue with it."""
+    """That would arm its life guarding, and the polling would not be continued."""
     assert (
         nmt.command(channel, node.nmt, NmtCommand.START, timeout=0.05, answers_sdo=lambda: True)
         is Confirmation.SDO

@@ -1,4 +1,4 @@
-"""NMT commands by hand: how each node shows that it took one, and what is never asked of it. The slave is typed off CiA 301."""
+"""NMT commands from the command line: the confirmation of each node, and forbidden requests. The slave is typed from CiA 301."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def give(channel: Channel, node: CanopenNode, command: NmtCommand) -> nmt_comman
     return nmt_commands.command(channel, [node], command, ways, everybody=False)[0]
 
 
-def test_guarding_confirms_where_life_guarding_is_off(fake, channel, slave, node):
+def test_guarding_confirms_if_life_guarding_is_off(fake, channel, slave, node):
     slave.answers_guarding = True
     outcome = give(channel, node, NmtCommand.START)
     assert (outcome.ok, outcome.way.by, outcome.state) == (True, Confirmation.GUARDING, NmtState.OPERATIONAL)

@@ -1,4 +1,4 @@
-"""What is read from and written to a device's objects, against a store of bytes: PDOs, skeletons; error frames."""
+"""Reading and writing the objects of a device, against a store of bytes: PDOs, skeletons; error frames."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ INVALID, NO_RTR = 1 << 31, 1 << 30
 
 
 class Store:
-    """A device as its bytes; ``refuse`` holds abort codes by (index, sub-index, value or None), ``deaf`` what is not kept."""
+    """A device as its bytes; ``refuse`` holds abort codes by (index, sub-index, value or None), ``deaf`` unstored keys."""
 
     node_id = 5
 
@@ -115,7 +115,7 @@ def test_a_pdo_is_read_with_all_that_it_has():
         (0xFFFF_F985 & ~0x20000000, 0x185, False),
     ],
 )
-def test_a_cob_id_has_11_bits_or_29_where_bit_29_says_so(raw, cob_id, valid):
+def test_a_cob_id_has_11_bits_or_29_if_bit_29_is_set(raw, cob_id, valid):
     device = drive()
     device.objects[0x1800, 1] = little(raw, 4)
     found = read_pdo(device, False, 1)
@@ -162,14 +162,14 @@ def test_of_many_pdos_the_first_eight_of_each_axis_are_read_and_those_that_are_n
     assert more == [*range(1, 9), 12, *range(65, 73), 129, 512]
 
 
-def test_the_last_rpdo_s_mapping_is_not_taken_for_a_tpdo():
+def test_the_mapping_of_the_last_rpdo_is_not_read_as_a_tpdo():
     device = Store(pdo(True, 512, 0x205, 1, "60400010", "60600008"), with_pdos(0, 1))
     assert 0x17FF in device.dictionary.eds
     device.objects |= pdo(False, 1, 0x185, 1)
     assert [one.number for one in read_pdos(device).tpdos] == [1]
 
 
-def test_where_no_eds_reports_the_usual_ones_are_tried():
+def test_without_an_eds_the_usual_pdos_are_tried():
     device = Store({})
     for number in (1, 8, 9, 64, 65, 68, 69):
         device.objects |= pdo(False, number, 0x185, 1)
@@ -229,7 +229,7 @@ def test_whether_a_pdo_answers_remote_frames_is_its_bit_30():
     assert device.written[-1] == ("1800:1", 0x185 | NO_RTR)
 
 
-def test_a_pdo_with_29_bits_says_so():
+def test_a_pdo_with_29_bits_is_written_with_bit_29():
     device = drive()
     set_pdo(device, True, 1, cob_id=0x12345)
     assert device.written[-1] == ("1400:1", 0x12345 | 1 << 29)
@@ -237,14 +237,14 @@ def test_a_pdo_with_29_bits_says_so():
     assert device.written[-1] == ("1400:1", 0x7FF)
 
 
-def test_one_that_was_off_is_switched_on():
+def test_a_pdo_that_was_off_is_switched_on():
     device = drive()
     device.objects[0x1400, 1] = little(0x205 | INVALID, 4)
     assert set_pdo(device, True, 1).valid
     assert device.written[-1] == ("1400:1", 0x205)
 
 
-def test_a_timer_that_is_refused_is_no_failure_and_anything_else_has_back_what_it_had():
+def test_a_refused_timer_is_no_failure_and_any_other_abort_restores_the_pdo():
     device = drive()
     device.refuse[0x1800, 5, 50] = 0x06090030
     assert set_pdo(device, False, 1, event_timer=50, inhibit_time=20).event_timer == 100
@@ -271,7 +271,7 @@ def test_a_timer_that_is_refused_is_no_failure_and_anything_else_has_back_what_i
         ((0x1A00, 2), None, "its mapping", "606C:00/32, read back"),
     ],
 )
-def test_what_reads_back_as_another_value_is_reported(deaf, value, message, seen):
+def test_a_value_that_reads_back_differently_is_reported(deaf, value, message, seen):
     device = drive()
     device.deaf.add(deaf)
     with pytest.raises(BootError, match=f"TPDO1 accepted {message}") as caught:
@@ -323,7 +323,7 @@ def answering(**more: bytes) -> Store:
         (0x1400, 1): little(0x205, 4),
         (0x1400, 2): b"\xff",
         (0x140F, 0): b"\0",
-        (0x1410, 0): b"\0",  # beyond what is asked for
+        (0x1410, 0): b"\0",  # beyond the range that is read
         (0x1600, 0): b"\x00",
         (0x1800, 0): b"\xc8",
         (0x1801, 0): b"",
@@ -335,7 +335,7 @@ def answering(**more: bytes) -> Store:
     return Store(objects)
 
 
-def test_a_skeleton_has_what_answers_with_its_size_and_its_values_that_never_change():
+def test_a_skeleton_has_answering_objects_with_size_and_constant_values():
     seen = []
     device = answering()
     device.refuse[0x607A, 0, None] = WRITE_ONLY
@@ -384,7 +384,7 @@ def test_a_skeleton_has_what_answers_with_its_size_and_its_values_that_never_cha
 
 
 def test_each_element_of_a_skeleton_has_the_access_of_its_own_row():
-    """The buffer of an interpolated path: what is reported, what is set, and what is only written stand side by side."""
+    """The buffer of an interpolated path: entries that are read, set, and only written are next to each other."""
     device = Store({(0x60C4, 0): b"\6", **{(0x60C4, sub): little(1, 4) for sub in range(1, 7)}})
     buffer = skeleton(device).objects[0x60C4].subs
     assert [number for number in buffer if buffer[number].pdo_mapping] == []
@@ -406,12 +406,12 @@ def test_each_element_of_a_skeleton_has_the_access_of_its_own_row():
         (0x1022, b"\1\0", DataType.UNSIGNED16),
     ],
 )
-def test_a_type_in_a_skeleton_has_the_size_that_came(index, data, data_type):
+def test_a_type_in_a_skeleton_has_the_received_size(index, data, data_type):
     assert skeleton(Store({(index, 0): data})).get(index).data_type is data_type
 
 
 @pytest.mark.parametrize(("data_type", "size"), [(DataType.BOOLEAN, 1), (DataType.INTEGER64, 8)])
-def test_a_type_that_the_file_gives_holds_in_a_skeleton_where_its_size_does(data_type, size):
+def test_a_type_of_the_file_applies_in_a_skeleton_if_its_size_agrees(data_type, size):
     variable = Variable(0x60F4, 0, "v", data_type, "ro")
     file = Eds("x", {0x60F4: Object(0x60F4, "o", ObjectType.VAR, {0: variable})}, {})
     assert skeleton(Store({(0x60F4, 0): bytes(size)}, file)).get(0x60F4).data_type is data_type
@@ -419,7 +419,7 @@ def test_a_type_that_the_file_gives_holds_in_a_skeleton_where_its_size_does(data
     assert other.data_type is DataType.UNSIGNED16
 
 
-def test_a_skeleton_reports_all_that_is_known_of_who_it_is():
+def test_a_skeleton_contains_the_known_identity():
     numbers = {(0x1018, 1): little(0x29C, 4), (0x1018, 2): little(7, 4), (0x1018, 3): little(0x10002, 4)}
     made = skeleton(Store({(0x1018, 0): b"\4", **numbers, (0x1018, 4): little(4711, 4)}))
     assert made.info["deviceinfo"] == {
@@ -496,7 +496,7 @@ def test_data_byte_1_is_read_of_the_class_controller_only(error_class):
 
 
 @pytest.mark.parametrize("length", [0, 1])
-def test_a_frame_that_ends_before_data_byte_1_says_nothing_of_the_controller(length):
+def test_a_frame_that_ends_before_data_byte_1_does_not_show_the_controller_state(length):
     assert controller.condition(0x04, bytes(length)) is None
     assert controller.condition(0x104, bytes(length)) is CanErrorState.ACTIVE
     assert controller.kind(0x04, bytes(length)) == "error frame"
@@ -520,7 +520,7 @@ def test_a_frame_that_ends_before_data_byte_1_says_nothing_of_the_controller(len
         (0x104, 0x01, CanErrorState.ACTIVE),
     ],
 )
-def test_what_a_controller_is_in(error_class, status, expected):
+def test_the_state_of_a_controller_by_its_error_frame(error_class, status, expected):
     assert controller.condition(error_class, bytes([0, status, 0, 0, 0, 0, 0, 0])) is expected
     assert controller.is_restart(error_class) is bool(error_class & 0x100)
 
@@ -544,7 +544,7 @@ def test_the_error_counters_of_a_frame(error_class, data, counters):
     assert ("transmit errors" in text.split("(")[-1]) is (counters is not None)
 
 
-# What is told of a transfer that failed.
+# The report of a failed transfer.
 
 ENTRY = DictionaryEntry(0x6081, 0, "Profile velocity", DataType.UNSIGNED32)
 
@@ -588,7 +588,7 @@ def held_against(
     code: int | None = None,
     flags: int = 0,
 ):
-    """Verify one entry of 4 bytes; return what differs."""
+    """Verify one entry of 4 bytes; return the differences."""
     variable = Variable(
         index, subindex, "v", DataType.UNSIGNED32, access, Number(default), object_flags=flags
     )
@@ -649,11 +649,11 @@ def test_a_number_of_more_than_two_digits_is_shown_in_hex(value, shown):
         ("ro", b"\1", 0x08000000, VerifiedAspect.UNREAD),
     ],
 )
-def test_what_a_device_does_not_bear_out(access, data, code, kind):
+def test_differences_between_a_device_and_its_file(access, data, code, kind):
     found = held_against(0x2000, 1, access, 7, data, code)
     assert [difference.kind for difference in found.differences] == ([] if kind is None else [kind])
 
 
-def test_what_may_not_be_read_is_left_out():
+def test_objects_that_must_not_be_read_are_left_out():
     found = held_against(0x2000, 1, "ro", 7, little(9, 4), flags=2)
     assert (found.read, found.left_out, found.differences) == (0, 1, ())

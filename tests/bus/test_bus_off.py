@@ -38,12 +38,12 @@ def go_off(fake: FakeBus, channel: Channel) -> None:
     eventually(lambda: channel.off)
 
 
-def come_back(fake: FakeBus, channel: Channel) -> None:
+def restart(fake: FakeBus, channel: Channel) -> None:
     fake.inject_error_frame(RESTARTED)
     eventually(lambda: channel.off is None)
 
 
-# -- what an error frame says -------------------------------------------------------------------------------------------------
+# -- contents of error frames -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_a_controller_reports_each_change_once_and_leaves_bus_off_by_a_restart()
     assert [event.stamp for event in controller.events] == [1.0, 3.0, 4.0]
 
 
-def test_a_restart_whose_bus_off_went_unheard_is_one_all_the_same(can0: Channel, fake: FakeBus) -> None:
+def test_a_restart_without_a_received_bus_off_counts_as_a_bus_off(can0: Channel, fake: FakeBus) -> None:
     fake.inject_error_frame(RESTARTED)
     eventually(lambda: can0.offs == 1)
     eventually(lambda: can0.off is None)
@@ -136,7 +136,7 @@ def test_after_a_restart_the_channel_sends_again_and_nothing_of_before(can0: Cha
     go_off(fake, can0)
     with pytest.raises(BusOff):
         can0.send(0x201, b"\x1f\x00")
-    come_back(fake, can0)
+    restart(fake, can0)
     can0.send(0x202, b"\x06\x00")
     assert fake.sent == [(0x202, b"\x06\x00")]
     assert (can0.offs, can0.controller.condition) == (1, CanErrorState.ACTIVE)
@@ -185,7 +185,7 @@ def test_a_running_sdo_transfer_ends_at_once(fake: FakeBus, can0: Channel) -> No
         assert [type(error) for error in caught] == [BusOff]
 
 
-def test_a_driver_that_reports_bus_off_by_its_state_alone_is_asked_for_it(fake: FakeBus) -> None:
+def test_a_driver_that_reports_bus_off_only_by_its_state_is_polled_for_it(fake: FakeBus) -> None:
     with Channel(fake, "ixxat:0") as channel:
         fake.says = can.BusState.ERROR
         eventually(lambda: channel.off)
@@ -210,7 +210,7 @@ def test_a_driver_that_cannot_report_its_state_still_receives(fake: FakeBus) -> 
         channel.check()
 
 
-def test_a_driver_that_raises_at_bus_off_is_dead_and_says_why(fake: FakeBus) -> None:
+def test_a_driver_that_raises_at_bus_off_has_failed_with_the_reason(fake: FakeBus) -> None:
     """PCAN's read fails with the words of its status; only opening it again resets it."""
     with Channel(fake, "pcan:PCAN_USBBUS1") as channel:
         fake.fail_receiving(can.CanOperationError("The CAN controller is in bus-off state. [Error Code 16]"))
@@ -231,7 +231,7 @@ def test_a_node_is_unknown_after_a_bus_off_until_it_reports_again(can0: Channel,
         events = NodeEvents(node.nmt)
         go_off(fake, can0)
         events.look(time.monotonic())
-        come_back(fake, can0)
+        restart(fake, can0)
         assert not node.nmt.operational(time.monotonic())
         assert node.nmt.state is NmtState.UNKNOWN
         fake.inject(0x705, "05")
@@ -244,11 +244,11 @@ def test_a_state_that_was_only_assumed_is_not_assumed_any_more(can0: Channel, fa
     with CanopenNode(can0, 5) as node:
         node.nmt.assume(NmtState.OPERATIONAL)
         go_off(fake, can0)
-        come_back(fake, can0)
+        restart(fake, can0)
         assert not node.nmt.operational(time.monotonic())
 
 
-def test_where_another_device_sends_sync_a_bus_off_ends_the_scan(can0: Channel, fake: FakeBus) -> None:
+def test_if_another_device_sends_sync_a_bus_off_ends_the_scan(can0: Channel, fake: FakeBus) -> None:
     consumer = SyncConsumer(can0, 0x80, 60.0)
     fake.inject(0x80, b"")
     cycle = CanCycle(can0, [], sync_cob_id=None, sync_consumer=consumer)
@@ -276,6 +276,6 @@ def test_the_cycle_continues_without_a_frame_and_begins_again_with_heartbeat_and
     for _ in range(3):
         once()
     assert len(fake.sent) == 2
-    come_back(fake, can0)
+    restart(fake, can0)
     once()
     assert fake.sent[2:] == [(0x80, b""), (0x77F, b"\x05")]

@@ -1,4 +1,4 @@
-"""An axis with a single synchronous RPDO: its short way gives the frames that the way for any RPDOs gives."""
+"""An axis with a single synchronous RPDO: its fast path gives the same frames as the general path."""
 
 from __future__ import annotations
 

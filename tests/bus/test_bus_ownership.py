@@ -100,7 +100,7 @@ def test_the_age_of_a_program_counts_from_its_own_start():
 
 
 def test_after_any_number_of_refusals_the_next_one_is_immediate_and_names_the_owner():
-    """Nobody takes their questions out of the queue of the one who has it."""
+    """No process takes their requests out of the queue of the owner."""
     lock = ownership.take("pcan", NAME)
     assert lock is not None
     refused = []
@@ -123,7 +123,7 @@ def test_after_any_number_of_refusals_the_next_one_is_immediate_and_names_the_ow
     asking.join(10.0)
 
 
-def test_a_process_that_has_inherited_it_keeps_it_when_its_owner_is_gone():
+def test_a_process_that_has_inherited_the_lock_keeps_it_after_its_owner_closed_it():
     lock = ownership.take("pcan", NAME)
     assert lock is not None
     with subprocess.Popen(["sleep", "30"], pass_fds=[lock.fileno()]) as child:
@@ -213,13 +213,13 @@ def test_on_a_device_file_the_claim_of_another_user_counts_if_that_user_may_open
     assert ownership._counts(claimed(STRANGER), Adapter("device:1:1", device=device)) is counts
 
 
-def test_where_nobody_can_report_the_claim_of_another_user_counts():
+def test_if_the_owner_cannot_be_verified_the_claim_of_another_user_counts():
     assert ownership._counts(claimed(STRANGER), Adapter("pcan:PCAN_USBBUS1"))
 
 
 @needs_root
 @pytest.mark.parametrize("name", ["axisbus socketcan:can7", "axisbus xn {key} - - 0000000000000000aaaaaaaa"])
-def test_a_socket_of_another_user_who_has_no_bus_keeps_nobody_off(name):
+def test_a_socket_of_another_user_without_a_bus_excludes_no_program(name):
     name = "\0" + name.format(key=claims.digest("socketcan:can7"))
     with as_user(lambda: claims.HeldClaim(name, None)):
         assert claims._holder(name, "0")[1] == STRANGER
@@ -240,7 +240,7 @@ def test_two_users_of_one_adapter_exclude_each_other_and_the_other_one_is_named(
 
 
 @needs_root
-def test_a_claim_of_another_user_whose_queue_is_full_is_still_known_to_be_theirs():
+def test_a_claim_of_another_user_whose_queue_is_full_is_still_found():
     with as_user(lambda: claims.HeldClaim("\0axisbus xn - - - 0000000000000000bbbbbbbb", None)) as holder:
         name, waiting = "\0axisbus xn - - - 0000000000000000bbbbbbbb", []
         with suppress(BlockingIOError):

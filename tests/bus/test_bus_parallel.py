@@ -54,7 +54,7 @@ def seconds(work: object) -> float:
 
 
 @pytest.mark.timeout(240)
-def test_sixteen_nodes_take_at_most_two_and_a_half_times_what_one_takes(devices, clients):
+def test_sixteen_nodes_take_at_most_two_and_a_half_times_as_long_as_one(devices, clients):
     """Best of several, measured in turn, because the machine may be busy with something else."""
     for device in devices:
         device.dials.sdo_delay = ANSWER

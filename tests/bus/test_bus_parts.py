@@ -57,12 +57,12 @@ def plan_of(*pdos: tuple, inputs: tuple[str, ...] = INPUTS, outputs: tuple[str, 
         (("6041/16", 254, 20), 0.05, 0.11),
     ],
 )
-def test_a_tpdo_may_stay_away_as_long_as_its_transmission_says(pdo, period, age):
+def test_the_maximum_age_of_a_tpdo_follows_from_its_transmission(pdo, period, age):
     [planned] = [one for one in plan_of(pdo, inputs=("statusword",)).active if not one.receive]
     assert freshness.pdo_age(planned, period) == pytest.approx(age)
 
 
-def test_what_no_pdo_brings_is_polled_and_may_be_three_polls_old():
+def test_values_without_a_pdo_are_polled_and_may_be_three_polls_old():
     plan = plan_of(("6041/16 6064/32", 1))
     assert {name for name, source in plan.inputs.items() if source is ValueTransport.SDO} == {
         "mode",
@@ -131,7 +131,7 @@ def test_a_tpdo_is_missing_after_its_age_and_reported_once_and_so_is_its_return(
     assert str(returned) == "node 5: TPDO1 (185h) comes again after 1188 ms"
 
 
-def test_a_tpdo_that_never_came_is_reported_so_and_is_awaited_from_operational_on():
+def test_a_tpdo_never_received_is_reported_so_and_is_awaited_from_operational_on():
     one = Deadline(5, "TPDO1", 0x185, 0.5)
     assert one.step(0.0, -math.inf, False, 0.0) is None
     assert one.step(5.0, -math.inf, False, 0.0) is None
@@ -173,7 +173,7 @@ def test_being_late_by_more_than_two_periods_is_an_excuse():
 # Remote frames, feeds.
 
 
-def test_a_tpdo_on_request_is_asked_for_in_its_period_without_catching_up():
+def test_a_tpdo_on_request_is_requested_in_its_period_without_catching_up():
     slots_ = [
         SimpleNamespace(request=0.5, cob_id=0x185, size=2),
         SimpleNamespace(request=0.0, cob_id=0x285, size=8),
@@ -188,7 +188,7 @@ def test_a_tpdo_on_request_is_asked_for_in_its_period_without_catching_up():
     assert [now for now in (0.0, 0.625, 0.875, 1.0, 1.5) if drifting.due(now)] == [0.0, 0.625, 1.0, 1.5]
 
 
-def test_a_feed_that_nobody_reads_keeps_the_newest_64_and_counts_the_others():
+def test_an_unread_feed_keeps_the_newest_64_and_counts_the_others():
     feed = EmcyFeed()
     assert feed.take() == ()
     for number in range(FEED):
@@ -214,7 +214,7 @@ class Worker:
         self.jobs.append(job)
 
 
-def test_a_value_is_polled_in_its_period_and_not_again_before_it_has_come():
+def test_a_value_is_polled_in_its_period_and_not_again_before_its_answer():
     worker = Worker()
     poller = Poller(worker, {"mode": 0.25, "torque": 0.5}, lambda index: index + 0x800)
     poller.poll(10.0)
@@ -254,7 +254,7 @@ def test_an_answer_that_a_newer_pdo_has_overtaken_does_not_count():
     poller.read_into(samples)
     assert samples["mode"].value == 2  # the PDO was of before the poll
     poller.poll(1.0)
-    samples["mode"] = Sample(3, worker.clock.now() + 1000.0)  # it came while the poll was under way
+    samples["mode"] = Sample(3, worker.clock.now() + 1000.0)  # it was received during the poll
     worker.jobs[1].done(2, None)
     poller.read_into(samples)
     assert samples["mode"].value == 3
@@ -282,7 +282,7 @@ def images(*texts: str) -> list[RpdoImage]:
     return made
 
 
-def test_a_pdo_is_asked_for_only_where_that_was_planned():
+def test_a_pdo_is_requested_only_if_planned():
     pdo = tpdo(1, "6041/16", 255)
     planned = PlannedPdo(False, pdo, pdo, PdoChange.KEEP, ("statusword",), (False,))
     assert not Requests([TpdoSlot(planned)])
@@ -404,7 +404,7 @@ ALL = {"target_position": 0, "target_velocity": 0, "target_torque": 0, "mode": 1
         (("607A/32", "60FF/32"), {"target_velocity": 6}, None, None, ["2"]),
     ],
 )
-def test_no_new_word_goes_before_its_values(texts, given, word, previous, expected):
+def test_a_new_controlword_is_sent_no_earlier_than_its_values(texts, given, word, previous, expected):
     assert frames(*texts, before=ALL, given=given, word=word, previous=previous) == expected
 
 
@@ -469,11 +469,11 @@ def test_a_layout_lists_its_objects_including_those_placed_next_to_another_group
         (False, 4, 0x1803, 0x1A03),
     ],
 )
-def test_where_the_parameters_of_a_pdo_are(receive, number, communication, mapping):
+def test_the_indices_of_the_parameters_of_a_pdo(receive, number, communication, mapping):
     assert Indices.of(receive, number) == Indices(communication, mapping)
 
 
-# What may be mapped, and what travels by SDO.
+# Mappable objects, and values sent by SDO.
 
 
 def test_without_an_eds_every_axis_has_the_standard_s_objects():
@@ -491,7 +491,7 @@ def test_without_an_eds_every_axis_has_the_standard_s_objects():
             ), hex(index)
 
 
-def test_what_a_drive_maps_exists_where_its_file_forgot_it():
+def test_an_object_that_a_drive_maps_exists_without_its_file():
     device = DevicePdos((rpdo(1, "6040/16 607A/32", 1),), ())
     found = axis_objects(Dictionary(Eds("x", {}, {})), device, 1)
     assert sorted(found) == [0x6040, 0x607A]
@@ -517,7 +517,7 @@ def test_what_a_drive_maps_exists_where_its_file_forgot_it():
         (0x80, False),  # a fault reset
     ],
 )
-def test_which_words_take_a_drive_out_of_operation(word, stops):
+def test_controlwords_that_end_operation_enabled(word, stops):
     assert is_stop(word) is stops
 
 
@@ -569,12 +569,12 @@ def test_a_value_that_was_refused_is_tried_again_after_a_while():
     outputs.take({"mode": 2}, None)
     assert len(worker.jobs) == 3
     outputs.take({"mode": 3}, None)
-    worker.jobs[2].done(None, 0x06090030)  # the older one: the newer is on its way
+    worker.jobs[2].done(None, 0x06090030)  # the older one: the newer is pending
     outputs.take({"mode": 3}, None)
     assert [job.value for job in worker.jobs] == [1, 2, 2, 3]
 
 
-def test_a_controlword_by_sdo_goes_behind_the_targets_and_a_stop_before_everything():
+def test_a_controlword_by_sdo_is_sent_after_the_targets_and_a_stop_before_everything():
     worker, outputs = by_sdo("controlword", "target_position")
     assert not outputs.commanded
     assert outputs.take({"target_position": 5}, None) is None
@@ -596,7 +596,7 @@ def test_a_controlword_by_sdo_goes_behind_the_targets_and_a_stop_before_everythi
     assert len(worker.jobs) == 3  # and another one is not
 
 
-def test_where_nothing_of_the_communication_may_change_no_mapping_does():
+def test_if_no_communication_parameter_may_change_no_mapping_changes():
     device = DevicePdos((), (tpdo(1, "6041/16", 1), tpdo(2, "6064/32", 255)))
     for remap in (True, False):
         plan = make_plan(

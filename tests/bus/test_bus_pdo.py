@@ -66,7 +66,7 @@ def test_the_parameters_are_read(sdo: SdoClient) -> None:
     )
 
 
-def test_a_pdo_with_less_than_the_standard_asks_is_read(sdo: SdoClient, slave: Slave) -> None:
+def test_a_pdo_with_fewer_entries_than_the_standard_requires_is_read(sdo: SdoClient, slave: Slave) -> None:
     """No timers, a count of three with two entries, and an ARRAY or RECORD makes no difference: it is read by number."""
     slave.objects.update(pdo_objects(0x1802, 0x1A02, 0x385, 1, [0x60640020, 0x00050008, 0x606C0010], slots=2))
     assert read_pdo(sdo, receive=False, number=3) == PdoConfiguration(
@@ -116,7 +116,7 @@ def test_all_pdos_are_off_before_the_first_mapping_changes(sdo: SdoClient, slave
     assert names[-2:] == ["1400:1", "1800:1"]
 
 
-def test_event_driven_gets_its_timers(sdo: SdoClient, slave: Slave) -> None:
+def test_event_driven_pdos_get_their_timers(sdo: SdoClient, slave: Slave) -> None:
     plan = configure(sdo, PAIR, Policy(sync=False))
     assert slave.number(0x1800, 5) == 20
     assert slave.number(0x1800, 3) == 50
@@ -131,7 +131,7 @@ def test_a_timer_that_the_drive_does_not_take_is_no_failure(sdo: SdoClient, slav
     assert slave.number(0x1800, 1) == NO_RTR | 0x185
 
 
-def test_a_fixed_mapping_is_found_out_and_left_as_it_was(sdo: SdoClient, slave: Slave) -> None:
+def test_a_fixed_mapping_is_detected_and_left_as_it_was(sdo: SdoClient, slave: Slave) -> None:
     slave.fixed_mapping = True
     seen: list[PdoPlan] = []
     plan = configure(sdo, PAIR, on_plan=seen.append)
@@ -145,12 +145,12 @@ def test_a_fixed_mapping_is_found_out_and_left_as_it_was(sdo: SdoClient, slave: 
     assert slave.number(0x1600, 1) == 0x60400010
     assert slave.number(0x1400, 1) == 0x205  # on again
     assert slave.number(0x1400, 2) == 1
-    assert slave.number(0x1401, 1) == OFF | 0x305  # and what was off is off
+    assert slave.number(0x1401, 1) == OFF | 0x305  # and a PDO that was off is off
     assert any("the mapping of RPDO1 is fixed (abort code 06010002h)" in note for note in plan.notes)
 
 
-def test_a_pdo_that_the_next_plan_does_not_use_has_back_what_it_had(sdo: SdoClient, slave: Slave) -> None:
-    """TPDO1 brings a maker's object to somebody; it is switched off for remapping, and that is refused."""
+def test_a_pdo_that_the_next_plan_does_not_use_is_restored(sdo: SdoClient, slave: Slave) -> None:
+    """TPDO1 carries a maker's object; it is switched off for remapping, and that is refused."""
     slave.objects.update(pdo_objects(0x1800, 0x1A00, 0x185, 255, [0x20000010], inhibit=7, event=70))
     slave.fixed_mapping = True
     before = {key: value for key, value in slave.objects.items() if key[0] in (0x1800, 0x1A00)}
@@ -179,10 +179,10 @@ def keeps_its_pdos(slave: Slave, *, timer: bool) -> None:
         del slave.abort_on[0x1800, 5]
 
 
-def test_a_slow_event_timer_is_shortened_where_the_drive_takes_nothing_else(
+def test_a_slow_event_timer_is_shortened_if_the_drive_takes_nothing_else(
     sdo: SdoClient, slave: Slave
 ) -> None:
-    """It is written while the PDO is on: such a drive cannot be told to switch it off."""
+    """It is written while the PDO is on: such a drive does not accept switching it off."""
     keeps_its_pdos(slave, timer=True)
     plan = configure(sdo, PAIR)
     assert slave.number(0x1800, 5) == 20
@@ -205,7 +205,7 @@ def test_a_pdo_parameter_that_cannot_be_written_is_reported(sdo: SdoClient, slav
 
 
 def test_one_object_that_cannot_be_mapped_does_not_cost_the_others(sdo: SdoClient, slave: Slave) -> None:
-    """The EDS says that 6060h may be mapped, the drive says no at the second entry."""
+    """By the EDS 6060h may be mapped, but the drive refuses it as the second entry."""
     original = slave._write
 
     def write(index: int, subindex: int, value: bytes) -> int:
@@ -237,7 +237,7 @@ def test_one_object_that_cannot_be_mapped_does_not_cost_the_others(sdo: SdoClien
         (0x0800_0022, "the mapping"),  # not in this state
     ],
 )
-def test_by_its_abort_code_a_refused_entry_costs_its_object_or_the_mapping(
+def test_a_refused_entry_costs_its_object_or_the_mapping_depending_on_its_abort_code(
     sdo: SdoClient, slave: Slave, code: int, speaks_of: str
 ) -> None:
     original = slave._write
@@ -253,7 +253,9 @@ def test_by_its_abort_code_a_refused_entry_costs_its_object_or_the_mapping(
     assert plan.outputs["mode"] is ValueTransport.SDO
 
 
-def test_a_drive_that_says_yes_and_does_not_do_it(sdo: SdoClient, slave: Slave) -> None:
+def test_a_drive_that_accepts_a_mapping_and_does_not_store_it_is_reported(
+    sdo: SdoClient, slave: Slave
+) -> None:
     original = slave._write
 
     def write(index: int, subindex: int, value: bytes) -> int:

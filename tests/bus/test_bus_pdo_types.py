@@ -90,7 +90,7 @@ def test_without_the_users_word_motions_values_travel_with_every_sync(kind: int)
     assert [pdo.target.transmission_type for pdo in plan.active] == [1, 1]
 
 
-def test_the_plan_says_what_is_asked_for_and_what_starts_late() -> None:
+def test_the_plan_names_requested_pdos_and_their_sync_start() -> None:
     assert "TPDO1 185h requested every 100 ms (type 253)" in describe(plan_of(253, 0.1))
     device = DevicePdos((rpdo(1, "6040/16", 1),), (replace(tpdo(1, "6041/16", 4), sync_start=3),))
     plan = make_plan(NODE, device, objects(), WANTED, Policy(fixed=frozenset({(False, 1)})))
@@ -140,7 +140,7 @@ def test_a_sync_start_value_is_written_while_the_pdo_is_off(sdo: SdoClient, slav
     assert (pdo.transmission_type, pdo.sync_start) == (4, 3)
 
 
-def test_a_drive_that_refuses_the_start_value_has_back_what_it_had(sdo: SdoClient, slave: Slave) -> None:
+def test_a_pdo_is_restored_if_the_drive_refuses_the_start_value(sdo: SdoClient, slave: Slave) -> None:
     slave.abort_on[0x1800, 6] = 0x0609_0030
     with pytest.raises(BootError, match="TPDO1 does not accept the SYNC start value 3"):
         set_pdo(sdo, False, 1, transmission_type=4, sync_start=3)
@@ -148,7 +148,7 @@ def test_a_drive_that_refuses_the_start_value_has_back_what_it_had(sdo: SdoClien
     assert slave.number(0x1800, 2) == 1
 
 
-def test_remote_frames_are_allowed_only_when_they_are_asked_for(sdo: SdoClient, slave: Slave) -> None:
+def test_remote_frames_are_allowed_only_when_they_are_required(sdo: SdoClient, slave: Slave) -> None:
     set_pdo(sdo, False, 1, transmission_type=253)
     assert slave.number(0x1800, 1) == NO_RTR | 0x185  # as the drive had it
     set_pdo(sdo, False, 1, rtr=True)
@@ -158,7 +158,7 @@ def test_remote_frames_are_allowed_only_when_they_are_asked_for(sdo: SdoClient, 
     assert slave.writes == []
 
 
-def test_a_drive_without_remote_frames_says_so(sdo: SdoClient, slave: Slave) -> None:
+def test_a_drive_without_remote_frames_is_reported(sdo: SdoClient, slave: Slave) -> None:
     """Bit 30 cannot be cleared where the device does not answer remote frames (CiA 301 7.5.2.37)."""
     before = slave._write
 
@@ -178,7 +178,7 @@ def test_a_twelfth_tpdo_that_the_user_has_set_carries_its_value(sdo: SdoClient, 
     policy = Policy(remap=False, fixed=frozenset({(False, 12)}))
     assert (
         configure(sdo, WANTED, policy).inputs["statusword"] is ValueTransport.SDO
-    )  # no file, so nobody looks there
+    )  # no file, so its limits are not checked
     plan = configure(sdo, WANTED, policy, also=[(False, 12)])
     assert plan.inputs["statusword"] is ValueTransport.SYNC_PDO
     assert [pdo.target.cob_id for pdo in plan.active if not pdo.receive] == [0x1F0]
@@ -208,13 +208,13 @@ def operational(node: CanopenNode, fake: FakeBus) -> None:
     eventually(lambda: node.nmt.state == 5)
 
 
-def test_a_tpdo_is_asked_for_at_its_period_with_its_length(
+def test_a_tpdo_is_requested_at_its_period_with_its_length(
     channel: Channel, node: CanopenNode, fake: FakeBus, port: CanPort
 ) -> None:
     clock = channel.clock = HandClock(100.0)
     cycle = CanCycle(channel, [port])
     cycle.commit()
-    assert fake.remote == []  # the node is not operational: nobody would answer
+    assert fake.remote == []  # the node is not operational: it would not answer
     operational(node, fake)
     for _ in range(21):  # 0.2 s
         cycle.commit()
@@ -273,7 +273,7 @@ def test_sync_without_a_counter_has_no_data(channel: Channel, fake: FakeBus) -> 
 def looks(
     *frames: float, until: float, age: float = 0.05, skip: tuple[float, float] = (9.0, 9.0)
 ) -> list[PdoEvent]:
-    """Look every 10 ms from 0 on; ``frames`` are the times at which one came; between the times of ``skip`` nobody looks."""
+    """Look every 10 ms from 0 on; ``frames`` are the times of reception; ``skip`` is a time without looks."""
     deadlines = Deadlines([Deadline(NODE, "TPDO1", 0x185, age)], 0.01)
     events = []
     for number in range(round(until * 100) + 1):
@@ -285,7 +285,7 @@ def looks(
     return events
 
 
-def test_a_tpdo_that_stops_coming_is_one_event_with_its_age() -> None:
+def test_a_tpdo_that_is_missing_is_one_event_with_its_age() -> None:
     (event,) = looks(0.005, 0.015, 0.025, until=1.0)
     assert (event.what, event.pdo, event.cob_id, event.never) == (Reception.MISSING, "TPDO1", 0x185, False)
     assert event.age == pytest.approx(0.055, abs=0.011)
@@ -295,7 +295,7 @@ def test_a_tpdo_that_stops_coming_is_one_event_with_its_age() -> None:
     )
 
 
-def test_its_return_is_an_event_too_and_reports_how_long_it_was_away() -> None:
+def test_the_return_of_a_pdo_is_an_event_too_and_reports_how_long_it_was_missing() -> None:
     missing, returned = looks(0.005, 0.505, 0.545, until=0.58)
     assert missing.what is Reception.MISSING
     assert returned.what is Reception.RETURNED
@@ -303,7 +303,7 @@ def test_its_return_is_an_event_too_and_reports_how_long_it_was_away() -> None:
     assert "comes again after 500 ms" in str(returned)
 
 
-def test_one_that_never_came_is_reported_as_such() -> None:
+def test_a_tpdo_never_received_is_reported_as_such() -> None:
     (event,) = looks(until=0.2)
     assert event.never
     assert "has not come since the node became operational" in str(event)
@@ -314,7 +314,7 @@ def test_a_tpdo_that_is_silent_by_its_type_is_never_missing() -> None:
 
 
 def test_our_own_lateness_is_not_the_drives_silence() -> None:
-    """For 0.5 s nobody looked, and nobody sent SYNC; the frame after the next SYNC is in time."""
+    """For 0.5 s there was no look and no SYNC; the frame after the next SYNC is in time."""
     frames = [number / 100 + 0.005 for number in range(10)]
     assert looks(*frames, 0.615, 0.625, 0.635, until=0.66, skip=(0.1, 0.6)) == []
 

@@ -262,7 +262,7 @@ CASES = {
     "a layout that carries no more than what is mapped changes nothing": Case(
         DevicePdos(
             (rpdo(1, "6040/16", 1),),
-            (tpdo(1, "6041/16 6061/8 606C/32", 1),),  # 606Ch could not be mapped anew, 6064h could
+            (tpdo(1, "6041/16 6061/8 606C/32", 1),),  # 606Ch could not be mapped again, 6064h could
         ),
         {"RPDO1": "205 1 6040/16 KEEP", "TPDO1": "185 1 6041/16 6061/8 606C/32 KEEP"},
         by_sdo=("position",),
@@ -367,10 +367,10 @@ MAPPED = PdoRequirements((), ("controlword", "mode", "target_position"))
         ("607A/32 6040/16, 6060/8 6040/16", True),  # two controlwords: the edge may come with the other one
         ("6060/8 607A/32", True),  # the controlword travels by SDO, which waits for no SYNC
         ("6060/8 6040/16", False),  # the target travels by SDO: the port waits for its answer
-        ("6040/16 607A/16 6060/8", False),  # half a target is none: by SDO as well
+        ("6040/16 607A/16 6060/8", False),  # half a target is not used: by SDO as well
     ],
 )
-def test_the_edge_goes_with_its_target_only_where_the_mapping_makes_it_come_later(
+def test_the_edge_has_the_cycle_of_its_target_unless_the_mapping_delays_the_target(
     rpdos: str, after: bool
 ) -> None:
     device = DevicePdos(tuple(rpdo(number, text, 1) for number, text in enumerate(rpdos.split(", "), 1)), ())
@@ -389,7 +389,7 @@ def test_with_an_external_sync_the_edge_waits_for_one_more_cycle(
     assert setpoint_edge_order.delay(after_target, foreign_sync) == cycles
 
 
-def test_what_the_master_lays_out_needs_no_wait() -> None:
+def test_a_layout_of_the_master_needs_no_wait() -> None:
     for rpdos in (1, 2, 4):
         plan = make_plan(NODE, DevicePdos(EMPTY.rpdos[:rpdos], EMPTY.tpdos), objects())
         first = next(pdo for pdo in plan.pdos if "controlword" in pdo.values)
@@ -397,7 +397,7 @@ def test_what_the_master_lays_out_needs_no_wait() -> None:
         assert not plan.edge_after_target
 
 
-def test_event_timer_and_inhibit_time_are_set_where_they_are_off() -> None:
+def test_event_timer_and_inhibit_time_are_set_if_they_are_off() -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", event=0, inhibit=0), tpdo(2, "6064/32")))
     wanted = PdoRequirements(("statusword", "position"), ())
     plan = make_plan(NODE, device, objects(), wanted, Policy(sync=False, event_timer=20, inhibit_time=50))
@@ -463,7 +463,7 @@ def test_with_sync_the_event_timer_does_not_matter() -> None:
     assert (plan.pdos[0].change, plan.pdos[0].target.event_timer) == (PdoChange.KEEP, 1000)
 
 
-def test_what_must_be_synchronous_and_is_not_is_impossible() -> None:
+def test_a_synchronous_value_without_a_synchronous_pdo_is_impossible() -> None:
     wanted = PdoRequirements(
         synchronous_inputs=frozenset({"position"}), synchronous_outputs=frozenset({"target_torque"})
     )
@@ -477,7 +477,7 @@ def test_what_must_be_synchronous_and_is_not_is_impossible() -> None:
     )
 
 
-def test_a_tpdo_sent_at_sync_only_on_change_is_not_taken_for_periodic() -> None:
+def test_a_tpdo_sent_at_sync_only_on_change_does_not_count_as_periodic() -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", transmission=0),))
     plan = make_plan(
         NODE,
@@ -502,7 +502,7 @@ def test_a_tpdo_sent_only_on_request_is_no_source() -> None:
 
 
 @pytest.mark.parametrize(("transmission", "period"), [(253, 0.1), (255, 0.0), (1, 0.0)])
-def test_only_a_tpdo_that_waits_for_a_remote_frame_is_asked_for(transmission: int, period: float) -> None:
+def test_only_a_tpdo_that_waits_for_a_remote_frame_is_requested(transmission: int, period: float) -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", transmission=transmission),))
     policy = Policy(communication=False, requests={1: 0.1})
     (pdo,) = make_plan(NODE, device, objects(), PdoRequirements(("statusword",), ()), policy).pdos
@@ -528,7 +528,7 @@ def test_the_sign_of_every_entry_is_known() -> None:
     }  # fmt: skip
 
 
-def test_the_plan_says_where_a_pdo_carries_an_object() -> None:
+def test_the_plan_gives_the_position_of_an_object_in_its_pdo() -> None:
     plan = make_plan(NODE, EMPTY, objects(0x6062))
     carried = [
         plan.carrier(entry.index, entry.subindex) for pdo in plan.active for entry in pdo.target.mapping
@@ -583,7 +583,7 @@ def test_the_plan_can_be_read() -> None:
     assert "6062h (Position demand value) is not in the drive's dictionary" in text
 
 
-# -- what a drive's dictionary says of mapping
+# -- mapping according to a drive's dictionary ----
 
 
 def eds(*entries: tuple[int, DataType, str, bool]) -> Eds:
@@ -602,7 +602,7 @@ def eds(*entries: tuple[int, DataType, str, bool]) -> Eds:
     )
 
 
-def test_the_dictionary_says_what_may_be_mapped() -> None:
+def test_the_dictionary_lists_the_mappable_objects() -> None:
     file = eds(
         (0x6040, DataType.UNSIGNED16, "rww", True),
         (0x6041, DataType.UNSIGNED16, "ro", True),
@@ -637,7 +637,7 @@ def test_without_a_file_the_standards_objects_are_taken() -> None:
     assert found[0x6841].mapped == MappedObject(0x6841, 0, 16)
 
 
-def test_what_the_file_gives_no_size_cannot_be_mapped() -> None:
+def test_an_object_without_a_size_cannot_be_mapped() -> None:
     file = eds((0x6041, DataType.UNSIGNED16, "ro", True), (0x6064, DataType.DOMAIN, "ro", True))
     assert list(axis_objects(Dictionary(file), DevicePdos((), ()))) == [0x6041]
 
@@ -663,7 +663,7 @@ def types_of(device, **changes) -> dict[str, int]:
     return {pdo.name: pdo.target.transmission_type for pdo in plan.active}
 
 
-def test_on_a_full_wire_only_what_a_cyclic_mode_lives_on_comes_with_every_sync():
+def test_on_a_full_bus_only_values_for_cyclic_modes_are_sent_with_every_sync():
     assert types_of(EMPTY) == {"RPDO1": 1, "RPDO2": 1, "TPDO1": 1, "TPDO2": 12, "TPDO3": 12}
     with_word = types_of(DevicePdos(GENERIC.rpdos, GENERIC.tpdos), remap=False)
     assert set(with_word.values()) == {1}  # each of its TPDOs has the statusword

@@ -1,4 +1,4 @@
-"""The planner over makers' files, where a folder of them is at hand: every drive gets a plan that holds CiA 301's rules."""
+"""The planner over makers' files, if a folder of them exists: every drive gets a plan that follows CiA 301's rules."""
 
 from __future__ import annotations
 

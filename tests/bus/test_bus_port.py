@@ -101,7 +101,7 @@ def values(port: CanPort) -> tuple[int | None, ...]:
 # -- inputs
 
 
-def test_priming_reads_what_no_frame_has_brought(make: Maker) -> None:
+def test_priming_reads_the_values_that_no_frame_has_carried(make: Maker) -> None:
     port = make(WHOLE)
     assert values(port) == (0x0231, 1, -112, -3, -4, None)
 
@@ -145,7 +145,9 @@ def test_bits_and_dummies_in_a_tpdo_are_stepped_over(make: Maker, node: CanopenN
     assert values(port)[2] == -2
 
 
-def test_emergencies_and_the_nmt_state_come_along(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
+def test_emergencies_and_the_nmt_state_are_in_the_inputs(
+    make: Maker, node: CanopenNode, fake: FakeBus
+) -> None:
     port = make(WHOLE)
     assert port.read(0.0).nmt == -1
     arrived(node, fake, 0x085, "11 86 20")
@@ -177,7 +179,7 @@ def rebooted(make: Maker, node: CanopenNode, fake: FakeBus, *then: str) -> CanPo
     return port
 
 
-def test_after_a_boot_up_message_only_what_has_come_since_is_reported_and_the_node_is_not_operational(
+def test_after_a_boot_up_message_only_newer_values_are_reported_and_the_node_is_not_operational(
     make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
     port = rebooted(make, node, fake, "05")
@@ -191,7 +193,7 @@ def test_after_a_boot_up_message_only_what_has_come_since_is_reported_and_the_no
 def test_after_a_boot_up_message_a_node_gets_nothing_but_a_stop(
     make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
-    """Its mapping may be lost: what enables, configures or moves it would be misread. A stop goes by every path."""
+    """Its mapping may be lost: a frame that enables, configures or moves it would be misread. A stop is sent on every path."""
     port = rebooted(make, node, fake, "05")
     for word in (0x06, 0x07, 0x0F, 0x010F, 0x80):
         port.write(
@@ -206,7 +208,7 @@ def test_after_a_boot_up_message_a_node_gets_nothing_but_a_stop(
     assert port.take_frames() == [(0, b"\x02\x05")]
 
 
-def test_after_a_boot_up_message_the_stop_goes_by_sdo_and_the_drive_can_be_looked_at(
+def test_after_a_boot_up_message_the_stop_is_sent_by_sdo_and_the_drive_can_be_observed(
     make: Maker, node: CanopenNode, fake: FakeBus, slave: Slave
 ) -> None:
     port = rebooted(make, node, fake)
@@ -260,11 +262,11 @@ def test_an_energised_drive_just_after_a_boot_up_message_is_a_second_device_unde
 # -- polling
 
 
-# -- a bus-off, as a driver tells it by its state
+# -- a bus-off, reported by the state of the driver ----
 
 
-def go_off_and_come_back(port: CanPort, node: CanopenNode, fake: FakeBus) -> None:
-    """A bus-off between two looks: shorter than a cycle, and told all the same."""
+def short_bus_off(port: CanPort, node: CanopenNode, fake: FakeBus) -> None:
+    """A bus-off between two looks: shorter than a cycle, and reported all the same."""
     fake.says = can.BusState.ERROR
     eventually(lambda: node.channel.off)
     fake.says = can.BusState.ACTIVE
@@ -287,15 +289,15 @@ def test_a_node_that_is_still_operational_after_a_bus_off_serves_again(
     arrived(node, fake, 0x705, "05")
     port = make(WHOLE)
     assert serves(port)[0]
-    go_off_and_come_back(port, node, fake)
-    assert not serves(port)[0]  # nothing has been heard of it
+    short_bus_off(port, node, fake)
+    assert not serves(port)[0]  # no message of it was received
     arrived(node, fake, 0x705, "05")
     operational, frames = serves(port)
     assert (operational, [can_id for can_id, _ in frames]) == (True, [0x205])
 
 
 @pytest.mark.parametrize("short", [False, True], ids=["several RPDOs", "one RPDO"])
-def test_one_that_may_have_restarted_unheard_gets_only_a_stop_whatever_it_says_later(
+def test_a_node_that_may_have_restarted_unnoticed_gets_only_a_stop_whatever_its_later_state(
     make: Maker, node: CanopenNode, fake: FakeBus, slave: Slave, short: bool
 ) -> None:
     arrived(node, fake, 0x705, "05")
@@ -306,7 +308,7 @@ def test_one_that_may_have_restarted_unheard_gets_only_a_stop_whatever_it_says_l
     )
     assert (port._only_image is not None) is short
     assert serves(port)[1]
-    go_off_and_come_back(port, node, fake)
+    short_bus_off(port, node, fake)
     arrived(node, fake, 0x705, "7F")
     assert serves(port) == (False, [])
     arrived(node, fake, 0x705, "05")
@@ -318,13 +320,13 @@ def test_one_that_may_have_restarted_unheard_gets_only_a_stop_whatever_it_says_l
     eventually(lambda: slave.objects[0x6040, 0] == b"\x02\x00")
 
 
-def test_one_that_is_only_assumed_to_be_operational_is_in_doubt_too(
+def test_a_node_that_is_only_assumed_to_be_operational_is_also_treated_as_possibly_restarted(
     make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
     node.nmt.assume(NmtState.OPERATIONAL)
     port = make(WHOLE)
     assert serves(port)[0]
-    go_off_and_come_back(port, node, fake)
+    short_bus_off(port, node, fake)
     node.nmt.assume(NmtState.OPERATIONAL)
     assert serves(port) == (False, [])
 
@@ -359,7 +361,7 @@ def rpdos(port: CanPort, outputs: Outputs = WISH) -> list[int]:
     return [can_id for can_id, _ in port.take_frames()]
 
 
-def test_an_event_driven_rpdo_goes_out_when_it_changes(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
+def test_an_event_driven_rpdo_is_sent_when_it_changes(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
     arrived(node, fake, 0x705, "05")
     port = make(EVENT_DRIVEN, sync=False)
     assert rpdos(port) == [0x205]
@@ -368,7 +370,7 @@ def test_an_event_driven_rpdo_goes_out_when_it_changes(make: Maker, node: Canope
     assert rpdos(port, WISH._replace(target_position=8, target_velocity=1)) == [0x305]
 
 
-def test_one_that_was_dropped_goes_out_later_though_nothing_has_changed(
+def test_an_event_driven_rpdo_that_was_dropped_is_sent_later_without_a_change(
     make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
     arrived(node, fake, 0x705, "05")
@@ -379,10 +381,10 @@ def test_one_that_was_dropped_goes_out_later_though_nothing_has_changed(
     assert rpdos(port) == [0x205]
 
 
-def test_a_node_that_comes_back_to_operational_gets_them_again(
+def test_a_node_that_is_operational_again_gets_its_rpdos_again(
     make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
-    """In any other state it takes none, so what was sent then does not count."""
+    """In any other state it takes none, so earlier frames do not count."""
     arrived(node, fake, 0x705, "7F")
     port = make(EVENT_DRIVEN, sync=False)
     assert rpdos(port) == [0x205]
@@ -451,8 +453,8 @@ def test_a_silent_event_tpdo_is_watched_by_polling(make: Maker) -> None:
     assert ages["statusword"] == ages["position"] == pytest.approx(3 * 0.1 + 0.05)
 
 
-def test_a_standing_axis_with_a_silent_tpdo_has_fresh_positions(make: Maker, slave: Slave) -> None:
-    """Or nobody could tell whether it stands."""
+def test_an_axis_at_standstill_with_a_silent_tpdo_has_fresh_positions(make: Maker, slave: Slave) -> None:
+    """Otherwise its standstill could not be seen."""
     port = make(DevicePdos((), (tpdo(1, "6041/16 6064/32"),)), sync=False)
     first = port.read(time.monotonic()).position
     assert first is not None
@@ -509,14 +511,14 @@ def test_a_slow_scan_has_older_values() -> None:
 # -- outputs
 
 
-def test_an_rpdo_starts_with_what_the_drive_has(make: Maker) -> None:
+def test_an_rpdo_starts_with_the_values_of_the_drive(make: Maker) -> None:
     """canopen would send target position 0 with the first controlword."""
     port = make(WHOLE)
     port.write(Outputs(controlword=0x06))
     assert port.take_frames() == [(0x205, struct.pack("<Hbi", 0x06, 1, -111))]
 
 
-def test_what_cannot_be_read_starts_with_what_shows_the_same(make: Maker, slave: Slave) -> None:
+def test_unreadable_targets_start_with_the_actual_values(make: Maker, slave: Slave) -> None:
     for index in (0x607A, 0x6060, 0x60FF, 0x6071):
         del slave.objects[index, 0]
     port = make(WHOLE)
@@ -687,7 +689,7 @@ def test_a_refused_value_is_tried_again_but_not_in_every_cycle(
 NO_PDO = DevicePdos((), (tpdo(1, "6041/16 6064/32", 1),))
 
 
-def test_a_controlword_without_rpdo_goes_behind_its_target(
+def test_a_controlword_without_rpdo_is_sent_after_its_target(
     make: Maker, slave: Slave, node: CanopenNode
 ) -> None:
     port = make(NO_PDO, PP)
@@ -700,7 +702,7 @@ def test_a_controlword_without_rpdo_goes_behind_its_target(
     assert len(slave.writes) == 2  # nothing changed
 
 
-def test_a_quick_stop_without_rpdo_goes_before_everything(
+def test_a_quick_stop_without_rpdo_is_sent_before_everything(
     make: Maker, slave: Slave, node: CanopenNode
 ) -> None:
     port = make(NO_PDO, PP)
@@ -749,14 +751,14 @@ def test_the_second_axis_has_its_own_objects(make: Maker, slave: Slave, node: Ca
     )
 
 
-def test_what_the_port_can_do_is_reported(make: Maker) -> None:
+def test_the_capabilities_of_the_port_are_reported(make: Maker) -> None:
     told = make(GENERIC, NO_TORQUE).capabilities
     assert set(told.inputs.values()) == {ValueTransport.SYNC_PDO}
     assert told.outputs == dict.fromkeys(NO_TORQUE.outputs, ValueTransport.SYNC_PDO)
     assert make(EMPTY).capabilities.outputs["controlword"] is ValueTransport.SDO
 
 
-def test_a_closed_port_hears_nothing(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
+def test_a_closed_port_receives_nothing(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
     port = make(WHOLE)
     port.close()
     arrived(node, fake, 0x185, struct.pack("<Hbi", 0x0637, 1, 1))

@@ -128,7 +128,7 @@ def test_a_size_in_a_blf_that_is_larger_than_the_file_takes_no_memory(tmp_path):
             can.Message(timestamp=1.0, arbitration_id=0x181, data=b"\1", is_extended_id=False)
         )
     data = path.read_bytes()
-    at = data.index(b"LOBJ") + 8  # the size of an object stands there
+    at = data.index(b"LOBJ") + 8  # the size of an object is there
     path.write_bytes(data[:at] + (0x7FFF_FFFF).to_bytes(4, "little") + data[at + 4 :])
     tracemalloc.start()
     with contextlib.suppress(UserError):
@@ -167,7 +167,7 @@ def blf_frames(path: Path, most: int = 1000) -> list[CanFrame]:
 
 
 @pytest.mark.parametrize("method", [0, 2])
-def test_a_blf_is_read_whose_objects_go_on_in_the_next_container(tmp_path, method):
+def test_a_blf_object_may_continue_in_the_next_container(tmp_path, method):
     objects = b"".join(blf_object(data=bytes([number])) for number in range(100))
     parts = [objects[at : at + 70] for at in range(0, len(objects), 70)]
     found = blf_frames(blf_file(tmp_path / "run.blf", *parts, method=method))
@@ -207,7 +207,7 @@ def test_an_object_of_a_blf_that_never_ends_is_not_stored_without_end(tmp_path):
     assert peak < 30_000_000
 
 
-def test_a_blf_whose_compression_is_not_known_says_so(tmp_path):
+def test_an_unknown_compression_of_a_blf_is_reported(tmp_path):
     with pytest.raises(UserError, match="cannot be read at its beginning") as caught:
         blf_frames(blf_file(tmp_path / "run.blf", blf_object(), method=7))
     assert "compression 7" in caught.value.observed

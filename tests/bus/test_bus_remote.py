@@ -41,7 +41,7 @@ def test_objects_are_read_and_written_by_canopens_names(node: CanopenNode, slave
     assert slave.objects[0x6081, 0] == (500).to_bytes(4, "little")
 
 
-def test_its_failures_are_canopens(node: CanopenNode, slave: Slave) -> None:
+def test_sdo_failures_of_a_remote_node_are_raised_as_canopen_errors(node: CanopenNode, slave: Slave) -> None:
     remote = remote_node(node)
     with pytest.raises(SdoAbortedError) as caught:
         remote.sdo.upload(0x60FE, 1)
@@ -54,7 +54,7 @@ def test_its_failures_are_canopens(node: CanopenNode, slave: Slave) -> None:
         remote.sdo.open(0x1021)
 
 
-def test_nmt_commands_go_out_and_short_emergencies_harm_nothing(
+def test_nmt_commands_are_sent_and_short_emergencies_are_recorded(
     node: CanopenNode, slave: Slave, fake: FakeBus
 ) -> None:
     remote = remote_node(node)

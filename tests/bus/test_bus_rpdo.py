@@ -40,15 +40,15 @@ def velocity(word: int, value: int) -> tuple[int, bytes]:
     return VELOCITY, struct.pack("<Hi", word, value)
 
 
-def test_the_frame_whose_target_changed_goes_first() -> None:
+def test_the_frame_whose_target_changed_is_sent_first() -> None:
     fixed = images(GENERIC)
     arrange(fixed, {"mode": 1, "target_position": 100}, 0x0F, 0x0F)
     frames = arrange(fixed, {"mode": 1, "target_position": 200}, 0x1F, 0x0F)
     assert frames == [position(0x1F, 200), mode(0x1F, 1)]
 
 
-def test_two_changed_targets_come_before_the_edge() -> None:
-    """The first frame must not carry the edge, because the second one still has what belongs to it."""
+def test_two_changed_targets_are_sent_before_the_edge() -> None:
+    """The first frame must not carry the edge, because the second one still has the old target."""
     fixed = images(GENERIC)
     arrange(fixed, {"mode": 1, "target_position": 100, "target_velocity": 10}, 0x0F, 0x0F)
     frames = arrange(fixed, {"mode": 1, "target_position": 200, "target_velocity": 20}, 0x1F, 0x0F)
@@ -60,8 +60,8 @@ def test_two_changed_targets_come_before_the_edge() -> None:
     ]
 
 
-def test_an_edge_never_comes_before_any_new_value() -> None:
-    """Whatever the order: replay the frames into a drive that takes each at once, and look what it has at the edge."""
+def test_an_edge_is_never_sent_before_a_new_value() -> None:
+    """Whatever the order: replay the frames into a drive that takes each at once, and compare its values at the edge."""
     fixed = images(GENERIC)
     arrange(fixed, {"mode": 1, "target_position": 0, "target_velocity": 0}, 0x0F, 0x0F)
     drive = {MODE: 1, POSITION: 0, VELOCITY: 0}
@@ -75,7 +75,7 @@ def test_an_edge_never_comes_before_any_new_value() -> None:
     assert word == 0x1F
 
 
-def test_a_target_alone_goes_before_the_controlword() -> None:
+def test_a_frame_with_only_a_target_is_sent_before_the_controlword() -> None:
     apart = images(DevicePdos((rpdo(1, "6040/16"), rpdo(2, "607A/32")), ()))
     arrange(apart, {"target_position": 1}, 0x0F, None)
     frames = arrange(apart, {"target_position": 2}, 0x1F, 0x0F)
@@ -89,7 +89,7 @@ def test_a_changed_target_alone_makes_the_controlwords_frame_wait_for_it() -> No
     assert frames == [(0x305, b"\x02\0\0\0"), (0x205, b"\x1f\0\x08")]  # each once
 
 
-def test_only_what_is_in_use_is_sent() -> None:
+def test_only_rpdos_in_use_are_sent() -> None:
     fixed = images(GENERIC)
     assert arrange(fixed, {"target_position": 5}, 0x0F, None) == [position(0x0F, 5)]
     assert arrange(fixed, {}, 0x06, 0x0F) == [mode(0x06, 0)]  # one frame is enough for the controlword
@@ -131,7 +131,7 @@ def test_a_dummy_is_sent_as_zero() -> None:
 @pytest.mark.parametrize(
     ("text", "bits"), [("6040/16 607A/32", 0), ("607A/32 6040/16", 32), ("6060/8 0005/8 6040/16", 16)]
 )
-def test_where_the_controlword_is_mapped_is_known(text: str, bits: int) -> None:
+def test_the_position_of_the_controlword_in_the_mapping_is_known(text: str, bits: int) -> None:
     """It is looked for there in the frames of a program that has ended."""
     image = images(DevicePdos((rpdo(1, text),), ()))[0]
     assert image.holds_controlword
@@ -140,13 +140,13 @@ def test_where_the_controlword_is_mapped_is_known(text: str, bits: int) -> None:
     assert int.from_bytes(data, "little") >> bits & 0xFFFF == 0xABCD
 
 
-def test_a_controlword_that_is_mapped_twice_is_the_same_in_both_places() -> None:
+def test_a_controlword_that_is_mapped_twice_has_the_same_value_in_both() -> None:
     """A copy of 0 would be *disable voltage*."""
     image = images(DevicePdos((rpdo(1, "6040/16 607A/32 6040/16"),), ()))[0]
     both = struct.pack("<HiH", 0x0F, 5, 0x0F)
     assert arrange([image], {"target_position": 5}, 0x0F, None) == [(0x205, both)]
     assert image.with_controlword(both, 0x02) == (0x205, struct.pack("<HiH", 0x02, 5, 0x02))
-    # The warden clears all bits of the second controlword but that of a quick stop.
+    # The watchdog process clears all bits of the second controlword but that of a quick stop.
     assert image.controlword_shift == 0
     left = int.from_bytes(both, "little") & ~image.cleared_bits
     assert left.to_bytes(8, "little") == struct.pack("<HiH", 0x0F, 5, 0x02)

@@ -44,7 +44,7 @@ def images_of(plan: PdoPlan) -> list[RpdoImage]:
 
 
 class Master:
-    """Cycles of one port: the pace, and what it says in each; time is counted in cycles."""
+    """Cycles of one port: the pace, and its frames in each; time is counted in cycles."""
 
     def __init__(self, mappings: tuple[str, ...], policy: Policy = ON_ARRIVAL, **options: object) -> None:
         plan = plan_of(mappings, policy, **options)  # type: ignore[arg-type]
@@ -80,18 +80,18 @@ def test_an_event_driven_rpdo_is_sent_when_its_content_changes() -> None:
     assert master.cycle(0x1F, mode=1, target_position=6) == []
 
 
-def test_targets_that_change_in_every_cycle_go_in_every_cycle() -> None:
+def test_targets_that_change_in_every_cycle_are_sent_in_every_cycle() -> None:
     master = Master(ONE)
     frames = [master.cycle(mode=8, target_position=position) for position in range(100)]
     assert frames == [[whole(8, position, 0x0F)] for position in range(100)]
 
 
-def test_a_synchronous_rpdo_goes_in_every_cycle() -> None:
+def test_a_synchronous_rpdo_is_sent_in_every_cycle() -> None:
     master = Master(ONE, WITH_SYNC)
     assert [master.cycle(mode=1, target_position=5) for _ in range(50)] == [[whole(1, 5, 0x0F)]] * 50
 
 
-def test_what_does_not_change_is_repeated_ten_times_a_second() -> None:
+def test_an_unchanged_rpdo_is_repeated_ten_times_a_second() -> None:
     master = Master(ONE)
     for _ in range(1000):
         master.cycle(mode=1, target_position=5)
@@ -118,7 +118,7 @@ def test_a_drive_that_watches_for_an_rpdo_gets_it_well_within_its_time(deadline:
     assert worst <= max(PERIOD, min(REPEAT, deadline / 1000 / 3)) + 1e-9
 
 
-def test_a_watched_rpdo_is_due_where_with_the_next_cycle_a_third_of_its_time_would_have_passed() -> None:
+def test_a_watched_rpdo_is_due_if_the_next_cycle_would_be_after_a_third_of_its_time() -> None:
     plan = plan_of(ONE, ON_ARRIVAL, {1: 750})
     pace = RpdoPace(
         [pdo for pdo in plan.active if pdo.receive], images_of(plan), scan_period=0.125, repeat=math.inf
@@ -128,7 +128,7 @@ def test_a_watched_rpdo_is_due_where_with_the_next_cycle_a_third_of_its_time_wou
 
 
 @pytest.mark.parametrize("policy", [ON_ARRIVAL, WITH_SYNC], ids=["on arrival", "with SYNC"])
-def test_a_watched_rpdo_continues_when_nothing_of_it_is_in_use(policy: Policy) -> None:
+def test_a_watched_rpdo_continues_when_its_values_are_no_longer_in_use(policy: Policy) -> None:
     """The drive begins to watch with the first one, and does not know that it is not needed any more."""
     master = Master(ONE, policy, deadline={2: 60})
     for _ in range(100):
@@ -136,12 +136,12 @@ def test_a_watched_rpdo_continues_when_nothing_of_it_is_in_use(policy: Policy) -
     assert (0x305, struct.pack("<i", 9)) in master.cycle(mode=3, target_velocity=9)
     for _ in range(500):
         for can_id, data in master.cycle(mode=1, target_position=5):
-            assert can_id == 0x205 or data == struct.pack("<i", 9)  # what the drive has already
+            assert can_id == 0x205 or data == struct.pack("<i", 9)  # the present value of the drive
     assert max(master.gaps(0x305)) <= 0.02
     assert len(master.gaps(0x305)) <= 501 * PERIOD / 0.01  # and not in every cycle
 
 
-def test_one_that_nobody_watches_is_not_sent_when_it_is_not_in_use() -> None:
+def test_an_unwatched_rpdo_is_not_sent_while_it_is_not_in_use() -> None:
     master = Master(ONE)
     master.cycle(mode=3, target_velocity=9)
     for _ in range(500):
@@ -156,7 +156,7 @@ def test_without_a_controlword_nothing_that_holds_it_is_repeated() -> None:
     assert {can_id for can_id, _ in later} == {0x305}
 
 
-def test_an_edge_that_another_rpdo_brought_is_taken_back() -> None:
+def test_an_edge_that_another_rpdo_sent_is_reversed_by_sending_the_first_rpdo_again() -> None:
     """RPDO1 says the same as when it was sent last, but RPDO3 has brought another controlword meanwhile."""
     master = Master(EACH)
     (before,) = master.cycle(0x0F)
@@ -167,7 +167,7 @@ def test_an_edge_that_another_rpdo_brought_is_taken_back() -> None:
     assert after == before
 
 
-def test_an_output_that_was_forgotten_is_sent_again() -> None:
+def test_all_rpdos_are_sent_again_after_forget() -> None:
     master = Master(APART)
     master.cycle(mode=1, target_position=5)
     assert master.cycle(mode=1, target_position=5) == []
@@ -180,7 +180,7 @@ def test_an_output_that_was_forgotten_is_sent_again() -> None:
 
 
 class Drive:
-    """Takes each frame at once; what it has, and the target at each rising edge of bit 4."""
+    """Takes each frame at once; its values, and the target at each rising edge of bit 4."""
 
     def __init__(self, mappings: tuple[str, ...]) -> None:
         self.maps = {0x105 + 0x100 * number: text.split() for number, text in enumerate(mappings, 1)}
@@ -200,7 +200,7 @@ class Drive:
 
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("mappings", [ONE, APART, EACH], ids=["one", "apart", "each"])
-def test_the_drive_has_in_every_cycle_what_it_would_have_by_every_frame(
+def test_the_drive_has_the_same_values_in_every_cycle_as_with_every_frame(
     mappings: tuple[str, ...], seed: int
 ) -> None:
     chance = random.Random(seed)

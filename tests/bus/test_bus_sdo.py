@@ -83,10 +83,10 @@ def test_an_expedited_upload_frame_by_frame(sdo: SdoClient, fake: FakeBus) -> No
         ("42 60 60 00 FF AA AA AA", 0x6060, "FF"),
         ("42 7A 60 00 01 02 03 04", 0x607A, "01 02 03 04"),
         ("42 00 20 00 01 02 AA AA", 0x2000, "01 02 AA AA"),  # its type is not known
-        ("43 41 60 00 37 06 00 00", 0x6041, "37 06 00 00"),  # it says that it sends four
+        ("43 41 60 00 37 06 00 00", 0x6041, "37 06 00 00"),  # it announces four bytes
     ],
 )
-def test_an_answer_that_does_not_say_its_size_has_that_of_the_type(
+def test_an_answer_without_a_size_has_the_size_of_the_type(
     fake: FakeBus, channel: Channel, answer: str, index: int, taken: str
 ) -> None:
     fake.peers.append(lambda can_id, *_: [(0x585, bytes.fromhex(answer))] if can_id == 0x605 else [])
@@ -102,7 +102,9 @@ def test_an_answer_that_does_not_say_its_size_has_that_of_the_type(
         (b"\x78\x56\x34\x12", "23 60 60 00 78 56 34 12"),
     ],
 )
-def test_an_expedited_download_says_its_size(sdo: SdoClient, fake: FakeBus, data: bytes, frame: str) -> None:
+def test_an_expedited_download_contains_its_size(
+    sdo: SdoClient, fake: FakeBus, data: bytes, frame: str
+) -> None:
     sdo.download(0x6060, 0, data)
     assert fake.sent == [(0x605, bytes.fromhex(frame))]
 
@@ -130,10 +132,10 @@ def test_an_empty_value_is_read_and_written(sdo: SdoClient, slave: Slave) -> Non
     assert slave.objects[0x2000, 1] == b""
 
 
-# -- what canopen's client gets wrong
+# -- cases that canopen's client handles wrongly ----
 
 
-def test_the_late_answer_of_a_timed_out_write_is_not_taken_for_the_next(
+def test_the_late_answer_of_a_timed_out_write_is_not_accepted_for_the_next(
     hasty: SdoClient, slave: Slave, fake: FakeBus
 ) -> None:
     """The same object is written twice; the answer to the first write comes while the second one waits."""
@@ -150,7 +152,7 @@ def test_the_late_answer_of_a_timed_out_write_is_not_taken_for_the_next(
     assert caught.value.code == 0x0609_0031
 
 
-def test_a_late_answer_that_comes_after_the_next_request_is_drained(
+def test_a_late_answer_received_after_the_next_request_is_drained(
     hasty: SdoClient, slave: Slave, fake: FakeBus
 ) -> None:
     """The server is slow, not dead: it answers everything in order, once the second transfer has begun."""
@@ -203,7 +205,7 @@ def test_our_abort_names_the_object(hasty: SdoClient, slave: Slave) -> None:
     assert slave.aborts_received == [(0x6081, 0, 0x0504_0000)]
 
 
-def test_one_lost_answer_is_only_another_attempt(hasty: SdoClient, slave: Slave) -> None:
+def test_one_lost_answer_is_repaired_by_another_attempt(hasty: SdoClient, slave: Slave) -> None:
     slave.ignore = 1
     hasty.timeout = 0.5
     assert hasty.upload(0x6081) == (1000).to_bytes(4, "little")
@@ -220,7 +222,7 @@ def test_a_silent_node_costs_the_tries_and_no_more(hasty: SdoClient, slave: Slav
     assert isinstance(caught.value, TimeoutError)
 
 
-def test_an_abort_for_another_object_is_not_ours(sdo: SdoClient, slave: Slave, fake: FakeBus) -> None:
+def test_an_abort_for_another_object_is_ignored(sdo: SdoClient, slave: Slave, fake: FakeBus) -> None:
     slave.hold = True
     thread, result = in_thread(lambda: sdo.upload(0x6081))
     eventually(lambda: slave.held)
@@ -230,7 +232,7 @@ def test_an_abort_for_another_object_is_not_ours(sdo: SdoClient, slave: Slave, f
     assert result == [(1000).to_bytes(4, "little")]
 
 
-def test_an_abort_without_multiplexer_is_ours(sdo: SdoClient, slave: Slave, fake: FakeBus) -> None:
+def test_an_abort_without_multiplexer_ends_our_transfer(sdo: SdoClient, slave: Slave, fake: FakeBus) -> None:
     """Some servers leave the multiplexer of their aborts empty."""
     slave.hold = True
     thread, result = in_thread(lambda: sdo.upload(0x6081))
@@ -241,7 +243,7 @@ def test_an_abort_without_multiplexer_is_ours(sdo: SdoClient, slave: Slave, fake
     assert result[0].code == 0x0800_0000
 
 
-def test_the_answer_to_another_master_is_not_ours(hasty: SdoClient, slave: Slave, fake: FakeBus) -> None:
+def test_the_answer_to_another_master_is_ignored(hasty: SdoClient, slave: Slave, fake: FakeBus) -> None:
     hasty.tries = 1
     slave.hold = True
     hasty.timeout = 0.3
@@ -367,7 +369,7 @@ def test_a_channel_that_fails_ends_the_waiting_at_once(sdo: SdoClient, slave: Sl
 # -- behind the end
 
 
-def test_an_answer_behind_the_end_of_a_transfer_is_counted_at_once_as_one_that_nobody_waits_for(
+def test_an_answer_after_the_end_of_a_transfer_is_counted_as_unexpected_at_once(
     sdo: SdoClient, fake: FakeBus, channel: Channel
 ) -> None:
     assert sdo.upload(0x6041) == b"\x37\x06"
@@ -378,7 +380,7 @@ def test_an_answer_behind_the_end_of_a_transfer_is_counted_at_once_as_one_that_n
     ]
 
 
-def test_what_a_transfer_has_left_is_dropped_and_counted_when_the_next_one_begins(
+def test_answers_left_from_a_transfer_are_dropped_and_counted_when_the_next_one_begins(
     channel: Channel, fake: FakeBus
 ) -> None:
     line = SdoConnection(channel, NODE)
@@ -394,7 +396,7 @@ def test_what_a_transfer_has_left_is_dropped_and_counted_when_the_next_one_begin
     line.close()
 
 
-# -- giving way
+# -- yielding ----
 
 
 def test_cancel_ends_the_running_transfer_and_aborts_it_at_the_node(sdo: SdoClient, slave: Slave) -> None:
@@ -424,7 +426,7 @@ def test_an_urgent_write_does_not_wait_for_a_silent_node(sdo: SdoClient, slave: 
     assert kinds == [0x40, 0x80, 0x2B]  # no barrier before it
 
 
-def test_an_urgent_write_that_no_transfer_makes_room_for_goes_out_and_leaves_them_their_turn(
+def test_an_urgent_write_is_sent_while_a_transfer_holds_the_lock_and_the_transfer_then_continues(
     sdo: SdoClient, slave: Slave, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(client, "URGENT_LOCK", 0.03)

@@ -54,7 +54,7 @@ def device() -> Device:
     return Device(Eds("by hand", made, {}), NODE)
 
 
-class StandIn:
+class SimulatedNode:
     """A simulated drive on the fake bus that answers at once."""
 
     def __init__(self, fake: FakeBus) -> None:
@@ -75,26 +75,28 @@ class StandIn:
 
 
 @pytest.fixture
-def stand_in(fake: FakeBus) -> StandIn:
-    return StandIn(fake)
+def stand_in(fake: FakeBus) -> SimulatedNode:
+    return SimulatedNode(fake)
 
 
 @pytest.fixture
-def sdo(channel: Channel, stand_in: StandIn) -> SdoClient:
+def sdo(channel: Channel, stand_in: SimulatedNode) -> SdoClient:
     return SdoClient(channel, NODE, timeout=5.0)
 
 
 @pytest.fixture
-def hasty(channel: Channel, stand_in: StandIn) -> SdoClient:
+def hasty(channel: Channel, stand_in: SimulatedNode) -> SdoClient:
     return SdoClient(channel, NODE, timeout=0.25, tries=5)
 
 
 def asked(fake: FakeBus) -> list[str]:
-    """What was initiated on 2100h: the command bytes."""
+    """The initiated transfers on 2100h: the command bytes."""
     return [data[:1].hex() for data in fake.frames(0x605) if data[1:4] == b"\x00\x21\x00" and data[0] != 0x80]
 
 
-def test_many_bytes_travel_in_blocks_and_few_do_not(sdo: SdoClient, fake: FakeBus, stand_in: StandIn) -> None:
+def test_many_bytes_are_transferred_in_blocks_and_few_are_not(
+    sdo: SdoClient, fake: FakeBus, stand_in: SimulatedNode
+) -> None:
     sdo.download(FILE, 0, DATA)
     assert stand_in.content == DATA
     assert sdo.upload(FILE) == DATA
@@ -120,7 +122,7 @@ def test_segments_leave_in_groups_of_four_with_room_for_the_scan_s_frames_betwee
     channel: Channel,
     sdo: SdoClient,
     fake: FakeBus,
-    stand_in: StandIn,
+    stand_in: SimulatedNode,
     segments: int,
     pauses: list[int],
 ) -> None:
@@ -133,7 +135,7 @@ def test_segments_leave_in_groups_of_four_with_room_for_the_scan_s_frames_betwee
 
 
 def test_a_transfer_that_is_not_wanted_any_more_ends_between_two_groups(
-    channel: Channel, sdo: SdoClient, fake: FakeBus, stand_in: StandIn
+    channel: Channel, sdo: SdoClient, fake: FakeBus, stand_in: SimulatedNode
 ) -> None:
     channel.clock = Pausing(sdo.cancel)
     with pytest.raises(Interrupted):
@@ -142,8 +144,8 @@ def test_a_transfer_that_is_not_wanted_any_more_ends_between_two_groups(
     assert fake.frames(0x605)[-1].hex() == GENERAL_ABORT
 
 
-def test_a_node_without_blocks_is_asked_for_them_once(
-    sdo: SdoClient, fake: FakeBus, stand_in: StandIn
+def test_block_transfers_are_tried_once_with_a_node_that_does_not_support_them(
+    sdo: SdoClient, fake: FakeBus, stand_in: SimulatedNode
 ) -> None:
     stand_in.device.dials.sdo_block = False
     for _ in range(2):
@@ -164,7 +166,7 @@ def test_a_node_without_blocks_is_asked_for_them_once(
     ],
 )
 def test_a_lost_frame_costs_time_and_nothing_else(
-    hasty: SdoClient, stand_in: StandIn, way: SdoTransferType, lost: int
+    hasty: SdoClient, stand_in: SimulatedNode, way: SdoTransferType, lost: int
 ) -> None:
     dials = stand_in.device.dials
     dials.sdo_lost = {lost}
@@ -175,7 +177,7 @@ def test_a_lost_frame_costs_time_and_nothing_else(
     assert hasty.upload(FILE, way=way) == DATA
 
 
-def test_a_node_that_falls_silent_in_a_block_is_a_time_out(hasty: SdoClient, stand_in: StandIn) -> None:
+def test_a_node_that_falls_silent_in_a_block_is_a_time_out(hasty: SdoClient, stand_in: SimulatedNode) -> None:
     stand_in.device.dials.sdo_lost = set(range(100, 100_000))
     with pytest.raises(SdoTimeout, match="2100h:00"):
         hasty.download(FILE, 0, DATA)
@@ -199,7 +201,7 @@ def test_a_server_that_never_confirms_a_segment_is_an_sdo_error(channel: Channel
 
 
 def test_cancel_in_a_block_aborts_it_at_the_node_and_the_next_transfer_is_correct(
-    sdo: SdoClient, fake: FakeBus, stand_in: StandIn
+    sdo: SdoClient, fake: FakeBus, stand_in: SimulatedNode
 ) -> None:
     with pytest.raises(Interrupted):
         sdo.download(FILE, 0, DATA, progress=lambda _done, _all: sdo.cancel())
@@ -208,8 +210,8 @@ def test_cancel_in_a_block_aborts_it_at_the_node_and_the_next_transfer_is_correc
     assert sdo.read(0x2000) == 0x1234
 
 
-def test_an_urgent_write_goes_before_the_rest_of_a_block(
-    sdo: SdoClient, fake: FakeBus, stand_in: StandIn
+def test_an_urgent_write_is_sent_before_the_rest_of_a_block(
+    sdo: SdoClient, fake: FakeBus, stand_in: SimulatedNode
 ) -> None:
     """A quick stop of a drive without a mapped controlword, while its firmware is written."""
     urgent = threading.Thread(target=lambda: sdo.download_urgent(0x6040, 0, b"\x02\x00"))
@@ -249,14 +251,14 @@ def second(channel: Channel, sdo: SdoClient) -> Iterator[SdoClient]:
     client.close()
 
 
-def test_an_additional_channel_is_used(second: SdoClient, fake: FakeBus, stand_in: StandIn) -> None:
+def test_an_additional_channel_is_used(second: SdoClient, fake: FakeBus, stand_in: SimulatedNode) -> None:
     second.download(FILE, 0, DATA)
     assert stand_in.content == DATA
     assert second.read(0x2000, data_type=DataType.UNSIGNED16) == 0x1234
     assert fake.frames(0x655)[0].hex() == "c6002100b80b0000"
 
 
-def test_both_channels_at_once_do_not_mix(sdo: SdoClient, second: SdoClient) -> None:
+def test_concurrent_transfers_on_both_channels_do_not_mix(sdo: SdoClient, second: SdoClient) -> None:
     sdo.download(FILE, 0, DATA)
     got: list[bytes] = []
     reader = threading.Thread(target=lambda: got.extend(second.upload(FILE) for _ in range(5)))

@@ -33,7 +33,7 @@ def test_an_answer_that_is_lost_is_a_retry_and_the_transfer_is_done(
     assert channel.sdo_counts.found == (SdoCount(5, done=2, retries=1),)
 
 
-def test_a_node_that_says_nothing_is_unanswered_after_all_its_retries(
+def test_a_silent_node_is_unanswered_after_all_its_retries(
     sdo: SdoClient, slave: Slave, channel: Channel
 ) -> None:
     slave.ignore = 1000

@@ -86,7 +86,7 @@ def sdo(channel: Channel, slave: Slave) -> SdoClient:
         ("Stiffness", 1.5),
         ("label", "motor"),
         (0x2002, b"\x01\x02\x03\x04\x05"),
-        (0x2003, 0xFFFF),  # nobody knows it: unsigned
+        (0x2003, 0xFFFF),  # an unknown object: unsigned
         (0x2004, 0x030201),
         (0x2005, b"\1\2\3\4\5"),  # no number has five bytes
         (0x2006, 0x0807060504030201),
@@ -126,7 +126,7 @@ def test_a_written_value_has_the_size_of_the_file(sdo: SdoClient, slave: Slave) 
         (0x12345, 5, ArgumentError, "not an object"),
     ],
 )
-def test_what_cannot_be_written_is_refused_before_anything_is_sent(
+def test_an_invalid_value_is_refused_before_anything_is_sent(
     sdo: SdoClient, fake: FakeBus, key: int | str, value: object, error: type[Exception], words: str
 ) -> None:
     with pytest.raises(error) as caught:
@@ -171,7 +171,7 @@ def test_limits_that_limit_nothing_are_not_kept(sdo: SdoClient, slave: Slave) ->
     assert slave.writes == [(0x6085, 0, b"\x07\0\0\0"), (0x607C, 0, b"\xfb\xff\xff\xff")]
 
 
-def test_a_type_may_be_said(sdo: SdoClient, slave: Slave) -> None:
+def test_a_type_may_be_given(sdo: SdoClient, slave: Slave) -> None:
     sdo.write(0x2003, 0, -1, data_type=T.INTEGER16)
     assert slave.writes == [(0x2003, 0, b"\xff\xff")]
     assert sdo.read(0x2003, data_type=T.INTEGER16) == -1

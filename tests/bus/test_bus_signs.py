@@ -26,14 +26,14 @@ from axisbus.errors import BusOff, SdoTimeout, SyncError
 from kit.clock import HandClock
 
 OPERATIONAL, STOPPED, UNKNOWN = NmtState.OPERATIONAL, NmtState.STOPPED, NmtState.UNKNOWN
-UTC = timezone.utc  # noqa: UP017 - one name for what is compared
+UTC = timezone.utc  # noqa: UP017 - one name for the compared value
 
 
 # Events of a node.
 
 
 class Monitor(SimpleNamespace):
-    """What is known of a node."""
+    """The known state of a node."""
 
     def overdue(self, now: float) -> bool:
         return now > self.deadline
@@ -90,7 +90,7 @@ def test_each_change_is_one_event_with_its_times():
     )
 
 
-def test_a_heartbeat_that_stays_away_and_comes_back_is_an_event_each():
+def test_a_missing_heartbeat_and_its_return_are_an_event_each():
     node = monitor(deadline=2.0)
     events = NodeEvents(node)
     for now in (2.0, 2.25, 2.5):
@@ -112,7 +112,7 @@ def test_a_guarded_node_that_is_lost_is_one_that_does_not_answer():
     assert NodeEventKind.UNANSWERED in BAD
 
 
-def test_a_node_that_was_never_heard_has_no_silence():
+def test_a_node_that_never_reported_has_no_silence():
     node = monitor(state=UNKNOWN, stamp=None)
     events = NodeEvents(node)
     node.state = OPERATIONAL
@@ -126,12 +126,12 @@ def test_a_node_that_was_never_heard_has_no_silence():
     watched = monitor(state=UNKNOWN, stamp=None, deadline=2.0)
     events = NodeEvents(watched)
     events.look(3.0)
-    watched.deadline = math.inf  # nobody watches it any more
+    watched.deadline = math.inf  # it is not monitored any more
     events.look(4.0)
     assert events_of(events) == [(NodeEventKind.LOST, 3.0, 0.0, 1.0), (NodeEventKind.BACK, 4.0, 0.0, 0.0)]
 
 
-def test_what_comes_while_the_scan_looks_is_not_of_the_future():
+def test_an_event_during_the_scan_has_no_time_in_the_future():
     node = monitor()
     events = NodeEvents(node)
     node.state, node.stamp = STOPPED, 2.5
@@ -170,7 +170,7 @@ def test_a_held_event_is_reported_when_it_is_due_even_if_nothing_else_happens():
     assert [event.stamp for event in events.history] == [2.0, 2.5]
 
 
-def test_what_happens_at_once_is_reported_in_its_order_however_often_it_was_before():
+def test_simultaneous_events_are_reported_in_order_however_often_they_were_before():
     node = monitor()
     events = NodeEvents(node)
     node.bootups = 1
@@ -191,7 +191,7 @@ def test_each_event_reaches_every_subscriber():
     assert first == second == list(events.history)
 
 
-def test_which_events_are_bad_and_how_many_are_kept():
+def test_events_that_are_bad_and_the_number_that_is_kept():
     assert {kind.name for kind in BAD} == {
         *("LOST", "UNANSWERED", "BOOT_UP", "STATE", "UNKNOWN", "DUPLICATE", "MASTER")
     }
@@ -224,7 +224,7 @@ class WireClock(SystemClock):
 
 
 class Wire:
-    """A channel without a bus, with a clock that continues while somebody waits; ``coming`` are the stamps of SYNC."""
+    """A channel without a bus, with a clock that continues during a wait; ``coming`` are the stamps of SYNC."""
 
     behind = None
 
@@ -328,7 +328,7 @@ def test_a_sync_that_stays_away_is_reported_after_its_patience():
 
 
 @pytest.mark.parametrize(("asleep", "said"), [(1.5, "1.5 s"), (5.0, "1.9 s")])
-def test_where_this_program_did_not_run_that_is_reported_before_the_producer_is_blamed(asleep, said):
+def test_if_this_program_did_not_run_that_is_reported_before_the_producer_is_blamed(asleep, said):
     wire = Wire(10.0, 10.125)
     made = consumer(wire)
     wire.now = 9.9
@@ -357,7 +357,7 @@ def test_that_this_program_did_not_run_long_ago_is_no_reason_for_a_missing_sync(
         made.wait()
 
 
-def test_where_we_come_too_late_ourselves_what_came_meanwhile_counts():
+def test_if_we_are_late_ourselves_a_sync_received_meanwhile_counts():
     wire = Wire(0.125, 0.25, 2.0)
     made = consumer(wire)
     made.wait()
@@ -378,7 +378,7 @@ def test_where_we_come_too_late_ourselves_what_came_meanwhile_counts():
         (0.625 + 0.03, 0.68, False),
     ],
 )
-def test_where_we_come_too_late_ourselves_it_may_be_half_a_period_late(now, comes, begins):
+def test_if_we_are_late_ourselves_sync_may_be_half_a_period_late(now, comes, begins):
     wire = Wire(0.0625, 0.125, comes)
     made = consumer(wire, 0.0625, 0.5)
     made.wait()
@@ -421,7 +421,7 @@ def test_a_steady_sync_is_measured_and_one_of_another_period_refused():
     assert caught.value.observed == "1 SYNC within 0.5 s"
 
 
-# What is due in a cycle.
+# The actions of a cycle.
 
 
 def due(wire: Wire, times: list[float], **options) -> list[tuple[float, int, bytes | int]]:
@@ -432,7 +432,7 @@ def due(wire: Wire, times: list[float], **options) -> list[tuple[float, int, byt
     return wire.sent
 
 
-def test_our_heartbeat_goes_out_in_its_period_and_a_late_one_moves_no_other():
+def test_our_heartbeat_is_sent_in_its_period_and_a_late_one_moves_no_other():
     times = [10.0, 10.25, 10.5, 11.125, 11.25, 11.5, 15.0, 15.25, 15.5]
     sent = due(Wire(), times, master_id=127, heartbeat=0.5)
     assert [at for at, _, _ in sent] == [10.0, 10.5, 11.125, 11.5, 15.0, 15.5]
@@ -445,7 +445,7 @@ def test_our_heartbeat_goes_out_in_its_period_and_a_late_one_moves_no_other():
         assert due(Wire(), times, **options) == []
 
 
-class Asked:
+class GuardedNode:
     """A node that is asked for its state."""
 
     def __init__(self, wire: Wire, node_id: int) -> None:
@@ -455,9 +455,11 @@ class Asked:
         self.wire.send_remote(self.can_id)
 
 
-def test_nodes_without_heartbeat_are_asked_each_in_its_period():
+def test_each_node_without_heartbeat_is_guarded_in_its_period():
     wire = Wire()
-    sent = due(wire, [10.0, 10.25, 10.5, 10.75, 11.0], guarded={Asked(wire, 5): 0.5, Asked(wire, 6): 1.0})
+    sent = due(
+        wire, [10.0, 10.25, 10.5, 10.75, 11.0], guarded={GuardedNode(wire, 5): 0.5, GuardedNode(wire, 6): 1.0}
+    )
     assert [(at, can_id) for at, can_id, _ in sent] == [
         (10.0, 0x705),
         (10.0, 0x706),
@@ -467,12 +469,12 @@ def test_nodes_without_heartbeat_are_asked_each_in_its_period():
     ]
 
 
-def test_a_node_that_joins_is_asked_and_looked_at_too():
+def test_a_node_that_joins_is_guarded_and_checked_too():
     wire = Wire()
     cycle = CanCycle(wire, [])
     looked = []
-    cycle.add([], Asked(wire, 7), SimpleNamespace(look=looked.append), 0.5)
-    cycle.add([], Asked(wire, 8), SimpleNamespace(look=looked.append))
+    cycle.add([], GuardedNode(wire, 7), SimpleNamespace(look=looked.append), 0.5)
+    cycle.add([], GuardedNode(wire, 8), SimpleNamespace(look=looked.append))
     wire.now = 3.0
     cycle.heartbeat()
     cycle.commit()
@@ -498,15 +500,15 @@ def test_sync_counts_from_1_to_its_overflow(counter, data):
 
 
 def lateness_of(cycle: CanCycle, due: float) -> Lateness:
-    """Do one cycle of a scan that is due then; return what it has counted."""
+    """Run one cycle of a scan that is due then; return its counts."""
     scan = Scan(cycle, {}, {}, 0.01)
     scan._next = due
     scan.once()
     return scan.lateness
 
 
-def test_simulated_drives_are_looked_at_before_they_get_more():
-    """Whether they are behind is told of what the cycle before has sent, not of its own SYNC, which nobody can have taken yet."""
+def test_simulated_drives_are_checked_before_they_get_more_frames():
+    """Whether they are behind is judged by the frames of the previous cycle, not by its own SYNC, which is too recent."""
     wire = Wire()
     wire.drain = lambda: None
     cycle = CanCycle(wire, [])
@@ -527,7 +529,7 @@ def test_a_bus_off_ends_no_cycle():
         [],
         master_id=127,
         heartbeat=0.5,
-        guarded={Asked(wire, 5): 0.5},
+        guarded={GuardedNode(wire, 5): 0.5},
     )
     wire.fails = True
     cycle.sync()
@@ -567,7 +569,7 @@ class Port:
         return self.stops
 
 
-def test_the_frames_of_all_ports_go_out_and_what_they_ask_for():
+def test_the_frames_and_sdo_requests_of_all_ports_are_sent():
     wire = Wire()
     ports = [Port(5, [(0x205, b"a"), (0x305, b"b")]), Port(6, [(0x206, b"c")])]
     cycle = CanCycle(wire, ports)
@@ -587,7 +589,7 @@ def test_the_frames_of_all_ports_go_out_and_what_they_ask_for():
     assert [port.closed for port in ports] == [1, 1]
 
 
-def test_nothing_more_goes_out_after_a_quick_stop_that_came_in_between():
+def test_no_frame_is_sent_after_a_quick_stop_during_the_commit():
     """A frame that was stuck must not be followed by one that would enable the drive again."""
     for stop_at in (0x205, 0x305):
         wire = Wire()
@@ -606,9 +608,7 @@ def test_nothing_more_goes_out_after_a_quick_stop_that_came_in_between():
         cycle.commit()
         frames = [can_id for _, can_id, data in wire.sent if isinstance(data, bytes)]
         assert frames == ([0x205] if stop_at == 0x205 else [0x205, 0x305])
-        assert not {0x206, 0x207} & {
-            can_id for _, can_id, _ in wire.sent
-        }  # nor is anybody asked for anything
+        assert not {0x206, 0x207} & {can_id for _, can_id, _ in wire.sent}  # nor is any request sent
 
 
 @pytest.mark.parametrize(("taken", "well"), [(4, True), (3, False)])
@@ -645,7 +645,7 @@ def test_a_port_that_fails_keeps_no_other_from_being_stopped():
 # TIME.
 
 
-def test_time_is_sent_in_its_period_and_heard_with_what_has_passed_since():
+def test_time_is_sent_in_its_period_and_received_with_the_elapsed_time():
     wire = Wire()
     noon = datetime(2024, 3, 25, 12, 0, tzinfo=UTC)
     producer = TimeProducer(wire, 1.0, wall_clock=lambda: noon)
@@ -735,7 +735,7 @@ def test_how_a_silent_node_can_show_its_state(clock, numbers, answers, way):
     assert clock.time == pytest.approx(1.2, abs=0.03)
 
 
-def test_one_that_is_heard_already_is_not_listened_for(clock):
+def test_a_node_whose_heartbeat_was_already_received_is_not_listened_for(clock):
     node = Named(clock, 6, {0x1017: 200})
     node.nmt.reports, node.nmt.state = 1, OPERATIONAL
     assert nmt_commands.ways([node]) == {6: NmtConfirmation(Confirmation.HEARTBEAT, OPERATIONAL, 0.2)}
@@ -785,7 +785,7 @@ def test_an_outcome_in_words(clock):
         (NmtCommand.ENTER_PRE_OPERATIONAL, 0.0, math.inf, True, 0.0),
     ],
 )
-def test_where_nothing_else_shows_it_the_sdo_server_does(clock, wanted, from_, until, ok, seconds):
+def test_without_other_confirmation_the_sdo_server_confirms(clock, wanted, from_, until, ok, seconds):
     node = Named(clock)
     node.serves_from, node.serves_until = from_, until
     found = outcome(node, wanted, NmtConfirmation(Confirmation.SDO, None))
@@ -867,7 +867,7 @@ def test_a_channel_is_opened_as_it_was_before():
         assert opened.failure is None
 
 
-def test_where_another_device_sends_sync_the_cycle_begins_with_it():
+def test_if_another_device_sends_sync_the_cycle_begins_with_it():
     wire = Wire()
     cycle = CanCycle(wire, [], sync_consumer=SimpleNamespace(wait=lambda: 7.5))
     wire.now = 7.75

@@ -79,7 +79,7 @@ def test_from_boot_up_to_operation_enabled_and_a_quick_stop(
     channel.check()
 
 
-def test_a_drive_whose_mapping_is_used_as_it_is(channel: Channel, nodes: list[CanopenNode]) -> None:
+def test_a_drive_is_driven_with_the_mapping_that_it_has(channel: Channel, nodes: list[CanopenNode]) -> None:
     master = Master(channel, nodes[:1], Policy(remap=False))
     assert not any(pdo.change.name == "MAPPING" for pdo in master.ports[0].plan.pdos)
     master.until(0x21, 0x6F, Outputs(controlword=0x06))
@@ -106,7 +106,7 @@ def test_sdo_and_pdo_side_by_side(channel: Channel, nodes: list[CanopenNode]) ->
 
 
 @pytest.mark.parametrize("kind", [252, 253])
-def test_a_drive_that_speaks_only_when_asked_is_asked(
+def test_a_drive_that_sends_its_tpdos_only_on_request_is_requested(
     channel: Channel, nodes: list[CanopenNode], kind: int
 ) -> None:
     """The statusword comes by remote frames every 20 ms, and the drive is taken to operation enabled with it."""

@@ -1,4 +1,4 @@
-"""SYNC of another producer as the clock of the scan, and TIME: when a cycle begins, when the scan stops, and what it then sends."""
+"""SYNC of another producer as the clock of the scan, and TIME: the begin of a cycle, the end of the scan, and its last frames."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ def test_a_longer_patience_is_the_users() -> None:
 
 
 def test_syncs_close_together_begin_one_cycle() -> None:
-    """What the computer hands over late comes in a burst; a cycle for each would move the axes by as much."""
+    """Frames that the computer delivers late arrive in a burst; a cycle for each would move the axes by as much."""
     watch = SyncWatch(PERIOD)
     begun = [watch.take(stamp) for stamp in (1.0, 1.0201, 1.0202, 1.0203, 1.024)]
     assert begun == [True, True, False, False, True]
     assert watch.skipped == 2
 
 
-def test_syncs_that_came_while_we_were_busy_are_counted() -> None:
+def test_syncs_received_while_we_were_busy_are_counted() -> None:
     watch = SyncWatch(PERIOD)
     watch.take(1.0)
     watch.take(1.012, heard=3)
@@ -60,7 +60,7 @@ def test_syncs_that_came_while_we_were_busy_are_counted() -> None:
     ("every", "too_fast"),
     [(0.0021, True), (0.003, True), (0.0035, True), (0.0039, False), (0.004, False), (0.005, False)],
 )
-def test_a_producer_that_is_faster_than_we_think_is_found_out(every: float, too_fast: bool) -> None:
+def test_a_sync_producer_that_is_faster_than_configured_is_detected(every: float, too_fast: bool) -> None:
     """Motion advances 4 ms with each cycle: with SYNC every 3 ms the axes would be a third too fast."""
     watch = SyncWatch(PERIOD)
     for number in range(200):
@@ -126,7 +126,7 @@ def test_the_scan_begins_its_cycles_with_the_other_producers_sync(
     assert scan.lateness.cycles == 11
 
 
-def test_a_sync_on_another_identifier_is_not_ours(
+def test_a_sync_on_another_identifier_is_not_consumed(
     channel: Channel, fake: FakeBus, producer: Producer
 ) -> None:
     consumer = SyncConsumer(channel, 0x90, 0.02)
@@ -158,8 +158,8 @@ def test_a_missing_sync_is_an_error_after_one_and_a_half_periods(channel: Channe
     assert "none on 080h for 6.1 ms, expected within 6 ms" in raised.value.observed
 
 
-def test_our_own_lateness_is_not_taken_for_a_missing_sync(channel: Channel) -> None:
-    """Half a second in which the process stood still: what came meanwhile still waits to be read."""
+def test_our_own_lateness_does_not_count_as_a_missing_sync(channel: Channel) -> None:
+    """Half a second in which the process did not run: the frames received meanwhile are still unread."""
     clock = channel.clock = HandClock(100.0)
     consumer = SyncConsumer(channel, 0x80, PERIOD)
     heard(consumer, 100.0)
@@ -185,7 +185,7 @@ def _before(take, *works):  # type: ignore[no-untyped-def]
     return looking
 
 
-def test_silence_after_our_own_lateness_is_missing_all_the_same(channel: Channel) -> None:
+def test_silence_after_our_own_lateness_still_counts_as_a_missing_sync(channel: Channel) -> None:
     clock = channel.clock = HandClock(100.0)
     consumer = SyncConsumer(channel, 0x80, PERIOD)
     heard(consumer, 100.0)
@@ -195,7 +195,9 @@ def test_silence_after_our_own_lateness_is_missing_all_the_same(channel: Channel
         consumer.wait()
 
 
-def test_when_sync_is_gone_the_drives_are_stopped_by_sdo_without_it(channel: Channel, fake: FakeBus) -> None:
+def test_after_the_last_sync_the_drives_are_stopped_by_sdo_without_sync(
+    channel: Channel, fake: FakeBus
+) -> None:
     """Their RPDOs wait for a SYNC that does not come; the SDO does not. And we send no SYNC: it is not ours."""
     clock = channel.clock = HandClock(100.0)
     slave: Slave = slave_of(fake, 5)
@@ -233,12 +235,12 @@ def test_time_is_sent_at_its_period(channel: Channel, fake: FakeBus) -> None:
     assert fake.sent == [(0x100, bytes.fromhex("00 2e 93 02 d4 16"))] * 3
 
 
-def test_time_has_the_identifier_that_the_cell_says(channel: Channel, fake: FakeBus) -> None:
+def test_time_has_the_identifier_of_the_cell_file(channel: Channel, fake: FakeBus) -> None:
     TimeProducer(channel, 1.0, 0x104, wall_clock=lambda: NOON).step(0.0)
     assert [can_id for can_id, _ in fake.sent] == [0x104]
 
 
-def test_time_of_another_producer_is_heard_and_continues(channel: Channel, fake: FakeBus) -> None:
+def test_the_time_of_another_producer_is_received_and_extrapolated(channel: Channel, fake: FakeBus) -> None:
     consumer = TimeConsumer(channel)
     assert consumer.latest is None
     assert consumer.at(time.monotonic()) is None

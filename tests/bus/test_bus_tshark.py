@@ -41,7 +41,7 @@ _channels = itertools.count()
 
 
 class Recording(can.Listener):
-    """Keeps what was sent and received, in order."""
+    """Stores the sent and received frames, in order."""
 
     def __init__(self) -> None:
         self.messages: list[can.Message] = []
@@ -61,7 +61,7 @@ class Recording(can.Listener):
 
 @pytest.fixture(scope="module")
 def session() -> Iterator[list[can.Message]]:
-    """From boot-up to a moving drive and its stop, with everything that a master may send, as a third party hears it."""
+    """From boot-up to a moving drive and its stop, with everything that a master may send, as a third party receives it."""
     name = f"recorded {next(_channels)}"
     with ExitStack() as stack:
         recording = Recording()
@@ -111,7 +111,7 @@ def play(channel: Channel, node: CanopenNode, device: Device) -> None:
 
 @pytest.fixture(scope="module")
 def decoded(session: list[can.Message], tmp_path_factory: pytest.TempPathFactory) -> Layers:
-    """What tshark says of every frame."""
+    """The layers that tshark decodes in every frame."""
     path = tmp_path_factory.mktemp("recording") / "session.pcap"
     path.write_bytes(pcap(session))
     command = [str(TSHARK), "-r", str(path), "-d", "can.subdissector,canopen", "-T", "json"]
@@ -176,7 +176,7 @@ def of(decoded: Layers, kind: str) -> list[dict[str, object]]:
     return [each for each in found if isinstance(each, dict)]
 
 
-def test_the_decoder_reads_what_we_meant(decoded: Layers) -> None:
+def test_the_decoder_reads_the_sent_values(decoded: Layers) -> None:
     counters = [int(str(each["canopen.sync.counter"])) for each in of(decoded, "SYNC")]
     assert counters == [number % 10 + 1 for number in range(len(counters))]
     times = {str(each["canopen.time_stamp"]) for each in of(decoded, "TIME STAMP")}

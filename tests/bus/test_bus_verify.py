@@ -87,14 +87,14 @@ def test_an_object_that_the_device_lacks_is_named_with_its_line(live):
     assert "is not in the device" in difference.message
 
 
-def test_another_size_shows_in_the_bytes_that_come(live):
+def test_a_size_other_than_in_the_eds_is_detected_by_the_received_bytes(live):
     dictionary = eds.loads(changed("6081", "DataType=0x0007", "DataType=0x0006").encode(), "size.eds")
     (difference,) = found(verify(live(), dictionary)).values()
     assert (difference.kind, difference.index) == (VerifiedAspect.TYPE, 0x6081)
     assert "UNSIGNED16 (2 bytes) in the EDS, the device sends 4 bytes" in difference.message
 
 
-def test_another_identity_is_an_error_and_another_setting_a_note(live):
+def test_an_identity_other_than_in_the_eds_is_an_error_and_another_setting_a_note(live):
     other = changed("1018sub2", "DefaultValue=", "DefaultValue=0x77;")
     other = other.replace("DefaultValue=0x77;", "DefaultValue=0x77\n;")
     device = changed("6081", "DefaultValue=", "DefaultValue=4321\n;")
@@ -107,7 +107,7 @@ def test_another_identity_is_an_error_and_another_setting_a_note(live):
     assert "is 0x10E1" in notes[0].message
 
 
-def test_what_cannot_be_read_and_what_can_after_all(live):
+def test_objects_that_cannot_be_read_or_can_be_read_against_their_access_type(live):
     device = changed("6081", "AccessType=rw", "AccessType=wo")
     result = verify(live(device), eds.loads(GENERIC.encode(), "a.eds"))
     (difference,) = found(result).values()
@@ -117,7 +117,7 @@ def test_what_cannot_be_read_and_what_can_after_all(live):
     assert (difference.kind, difference.severity.value) == (VerifiedAspect.ACCESS, "warning")
 
 
-def test_nothing_is_written(live, monkeypatch):
+def test_verifying_writes_nothing(live, monkeypatch):
     sdo = live()
     monkeypatch.setattr(sdo, "download", lambda *_: pytest.fail("verify wrote to the device"))
     monkeypatch.setattr(sdo, "write", lambda *_: pytest.fail("verify wrote to the device"))
@@ -173,7 +173,7 @@ def test_a_skeleton_is_a_whole_file(live):
             assert parser.getint(f"{entry.index:04X}", "SubNumber") == len(subs)
 
 
-def test_the_stored_eds_is_taken_where_there_is_one(live):
+def test_the_stored_eds_is_used_if_there_is_one(live):
     assert stored_eds(live()) is None
     text = GENERIC + section(
         "1021",
@@ -229,7 +229,7 @@ def asked(delay=0.0, gone_at=None):
 @pytest.mark.parametrize(("delay", "limit"), [(0.0, "0.1 s"), (0.2, "0.5 s")])
 def test_a_node_that_does_not_answer_for_missing_objects_gets_less_time_after_three_of_them(delay, limit):
     made, told, took = asked(delay)
-    assert sorted(made.objects) == sorted(Terse.HAS)  # also what comes after the shorter limit
+    assert sorted(made.objects) == sorted(Terse.HAS)  # also the objects after the shorter limit
     (text,) = told
     assert limit in text
     assert "answers for 1000h" in text
@@ -237,7 +237,7 @@ def test_a_node_that_does_not_answer_for_missing_objects_gets_less_time_after_th
         assert took < 120.0  # it was 1.5 s for each of more than 300 objects
 
 
-def test_a_node_that_falls_silent_while_it_is_asked_is_said_to_be_gone():
+def test_a_node_that_falls_silent_during_the_comparison_is_reported_as_lost():
     with pytest.raises(SdoTimeout, match="node 5 is lost") as caught:
         asked(gone_at=0x6040)
     assert "nor for 1000h" in caught.value.observed

@@ -12,19 +12,19 @@ MOST = 100e-6
 
 
 def lived(*lates: float) -> Waking:
-    """What has been learned from sleeps that were late by so many microseconds."""
+    """The allowance learned from sleeps that were late by so many microseconds."""
     waking = Waking(MOST)
     for late in lates:
         waking.note(late * 1e-6)
     return waking
 
 
-def test_it_begins_with_the_most_and_keeps_that_until_it_knows():
+def test_the_thread_is_woken_with_the_largest_allowance_until_enough_wakings_are_measured():
     assert lived().early == MOST
     assert lived(*[20] * 49).early == MOST
 
 
-def test_after_fifty_sleeps_it_is_little_more_than_they_needed():
+def test_after_fifty_sleeps_the_allowance_is_little_more_than_their_lateness():
     assert 20e-6 < lived(*[20] * 50).early < 30e-6
 
 
@@ -32,7 +32,7 @@ def test_a_sleep_is_shortened_by_at_most_the_maximum():
     assert lived(*[500] * 200).early == MOST
 
 
-def test_one_that_was_later_counts_at_once_and_is_forgotten_after_a_hundred():
+def test_a_later_waking_counts_at_once_and_for_a_hundred_wakings():
     quiet = [20] * 100
     assert lived(*quiet, 60).early > 60e-6
     assert lived(*quiet, 60, *[20] * 98).early > 60e-6

@@ -1,4 +1,4 @@
-"""The SDO worker of a node: in order, never in the scan's way, and giving way to a quick stop."""
+"""The SDO worker of a node: in order, never blocking the scan, and yielding to a quick stop."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_jobs_are_carried_out_in_their_order(worker: SdoWorker, slave: Slave) ->
     eventually(lambda: worker.idle)
 
 
-def test_what_fails_comes_back_as_an_abort_code(worker: SdoWorker, slave: Slave) -> None:
+def test_a_failed_job_ends_with_an_abort_code(worker: SdoWorker, slave: Slave) -> None:
     slave.abort_on[0x6083, 0] = 0x0609_0031
     ends = Ends()
     worker.submit(ends.job("refused", 0x6083, 1))
@@ -83,7 +83,7 @@ def test_what_fails_comes_back_as_an_abort_code(worker: SdoWorker, slave: Slave)
 
 
 def test_limits_of_an_eds_keep_nothing_from_the_drive(worker: SdoWorker, slave: Slave) -> None:
-    """They are often wrong, and a stop must go out in any case; the drive itself refuses what it does not take."""
+    """They are often wrong, and a stop must be sent in any case; the drive itself refuses invalid values."""
     dictionary = worker._sdo.dictionary
     limited = replace(dictionary.entry(0x6040), low=0, high=1)
     worker._sdo.dictionary = SimpleNamespace(entry=lambda *_: limited)  # type: ignore[assignment]
@@ -137,7 +137,7 @@ def test_a_quick_stop_may_be_the_first_job_of_all(worker: SdoWorker, slave: Slav
     assert slave.objects[0x6040, 0] == b"\x02\x00"
 
 
-def test_a_worker_with_a_quick_stop_to_come_is_not_idle(
+def test_a_worker_with_a_pending_quick_stop_is_not_idle(
     worker: SdoWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert worker.idle
@@ -177,7 +177,9 @@ def test_quick_stops_of_both_axes_are_carried_out(worker: SdoWorker, slave: Slav
     assert slave.objects[0x6840, 0] == b"\x02\x00"
 
 
-def test_a_quick_stop_passes_a_users_transfer_too(worker: SdoWorker, slave: Slave, channel: Channel) -> None:
+def test_a_quick_stop_overtakes_a_transfer_of_the_user_too(
+    worker: SdoWorker, slave: Slave, channel: Channel
+) -> None:
     """The worker waits for the client's lock, which a user's transfer with a silent node holds."""
     ends = Ends()
     client = worker._sdo
@@ -225,7 +227,7 @@ def test_a_job_that_is_about_to_begin_yields_too(
     assert slave.aborts_received == []  # it had asked nothing yet
 
 
-def test_cancelled_jobs_never_run_and_say_nothing(worker: SdoWorker, slave: Slave) -> None:
+def test_cancelled_jobs_never_run_and_are_not_answered(worker: SdoWorker, slave: Slave) -> None:
     ends = Ends()
     slave.hold = True
     worker.submit(ends.job(1, 0x6064))
@@ -315,7 +317,7 @@ def test_closing_ends_a_quick_stop_that_waits_behind_another_and_does_not_send_i
     assert [write[0] for write in slave.writes] == [0x6040]
 
 
-def test_who_hears_the_end_of_a_job_may_close_the_worker(worker: SdoWorker, channel: Channel) -> None:
+def test_the_callback_of_a_job_may_close_the_worker(worker: SdoWorker, channel: Channel) -> None:
     closed = threading.Event()
 
     def close(value: int | None, code: int | None) -> None:

@@ -50,7 +50,7 @@ def errors(path) -> list[str]:
     return [str(problem) for problem in check(path) if problem.severity.value == "error"]
 
 
-def test_it_is_read_with_what_its_port_needs(cell):
+def test_a_module_is_read_with_its_settings(cell):
     found = reader.load(cell())
     node, axis = found.nodes[16], found.axes["m"]
     assert (node.protocol, node.firmware) == ("can_simple", "0.5.13")
@@ -64,7 +64,7 @@ def test_it_is_read_with_what_its_port_needs(cell):
     assert found.nodes[40].module is None
 
 
-def test_without_rated_torque_it_has_no_torques(cell):
+def test_a_module_without_rated_torque_has_no_torque_settings(cell):
     node = reader.load(cell()).nodes[16]
     assert node.module.settings(16, None, 0.01, "ramp").torque is None
     assert not node.module.settings(16, None, 0.01, None).quick_stop_holds
@@ -105,33 +105,33 @@ def test_mistakes_are_reported_with_their_line(cell, old, new, words):
         ("node = 16", "node = 16\ndrive_axis = 2", "a module with one axis"),
     ],
 )
-def test_a_check_finds_what_cannot_be(cell, old, new, words):
+def test_a_check_finds_invalid_keys(cell, old, new, words):
     assert any(words in each for each in errors(cell(old, new)))
 
 
-def test_the_manuals_node_ids_go_together_and_a_free_one_is_reported(cell):
+def test_two_owners_of_an_identifier_are_an_error_that_reports_a_free_node_id(cell):
     assert not any("two owners" in each for each in errors(cell()))
     (found,) = [each for each in errors(cell("[nodes.40]", "[nodes.1]")) if "two owners" in each]
     assert "free:" in found
 
 
-def test_half_of_what_torques_need_is_reported(cell):
+def test_incomplete_keys_for_torques_are_reported(cell):
     warnings = [str(each) for each in check(cell("torque_ramp = 1.0\n", ""))]
     assert any("axis m has no torques" in each and "torque_ramp" in each for each in warnings)
 
 
-def test_another_protocol_is_suspected_from_its_firmware_on(cell):
+def test_a_protocol_other_than_can_simple_is_suspected_from_its_first_firmware_on(cell):
     assert any("possibly does not use CAN Simple" in str(each) for each in check(cell("0.5.13", "0.6.8")))
     assert not any("possibly does not use CAN Simple" in str(each) for each in check(cell("0.5.13", "0.6.7")))
 
 
-def test_it_has_no_dictionary_and_is_described_by_its_port(cell):
+def test_a_can_simple_module_has_no_dictionary_and_is_described_by_its_port(cell):
     found = reader.load(cell())
     files = load_dictionaries(found)
     assert sorted(files) == [40]
     assert sorted(described(found, files)) == [16, 40]
     parameters = module_parameters(found, "m")
-    # pp, pv, tq, hm, csp: what the port leads; it has the objects of csv and cst too, and does not lead these
+    # pp, pv, tq, hm, csp: the modes of the port; it has the objects of csv and cst too, and does not use these
     assert {int(mode) for mode in parameters.modes} == {1, 3, 4, 6, 8}
     assert parameters.quick_stop_holds
     assert parameters.limits.torque == 5.0

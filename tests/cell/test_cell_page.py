@@ -31,7 +31,7 @@ each_table = pytest.mark.parametrize("heading", TABLES, ids=lambda heading: head
 
 
 def told(heading: str) -> dict[str, list[str]]:
-    """What the page says of each key below a heading: value, default, and what it says."""
+    """The page's row of each key below a heading: value, default, and text."""
     after = pages.text_of(PAGE).split(f"\n{heading}\n")[1]
     section = re.split(r"^##", after, maxsplit=1, flags=re.MULTILINE)[0]
     found = [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines()]
@@ -41,7 +41,7 @@ def told(heading: str) -> dict[str, list[str]]:
 def range_of(json: Mapping[str, Any]) -> list[str]:
     """The range of a value by its JSON Schema: bounds of whole numbers and of times, and words, as the page writes them."""
     if json.get("enum") == list(AXIS_UNITS):
-        return []  # they stand below the table
+        return []  # they are below the table
     if json.get("type") == "integer":
         return [str(json["minimum"]), str(json["maximum"])] if "minimum" in json else []
     if json.get("type") == "boolean":
@@ -65,13 +65,13 @@ def test_each_key_has_its_range(heading: str) -> None:
         assert [text for text in range_of(TABLES[heading][key].read.json) if text not in said] == [], key
 
 
-def test_ranges_are_looked_at() -> None:
+def test_the_tables_of_keys_name_more_than_a_hundred_ranges() -> None:
     found = [text for keys in TABLES.values() for key in keys.values() for text in range_of(key.read.json)]
     assert len(found) > 100
 
 
 @each_table
-def test_the_page_says_which_keys_are_needed(heading: str) -> None:
+def test_the_page_lists_the_required_keys(heading: str) -> None:
     needed = {key for key, cells in told(heading).items() if cells[1] == "needed"}
     assert needed == {key for key, each in TABLES[heading].items() if each.missing}
 

@@ -1,4 +1,4 @@
-"""From a cell file's axis and an EDS to what motion uses; the numbers are worked out by hand."""
+"""From a cell file's axis and an EDS to the parameters of motion; the numbers are computed by hand."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_an_axis_in_increments_knows_the_ratio_when_it_is_written() -> None:
 # -- limits, homing, times -------------------------------------------------------------------------------------------
 
 
-def test_limits_defaults_and_homing_come_as_written() -> None:
+def test_limits_defaults_and_homing_are_read_as_written() -> None:
     x = parameters("x")
     assert (x.limits.position, x.limits.velocity, x.limits.acceleration) == ((0.0, 500.0), 200.0, 2000.0)
     assert x.limits.torque == 4.0
@@ -95,12 +95,12 @@ def test_limits_defaults_and_homing_come_as_written() -> None:
     assert (x.node, x.scan_period) == (1, 0.004)
 
 
-def test_homing_is_required_where_position_limits_are_set() -> None:
+def test_homing_is_required_if_position_limits_are_set() -> None:
     assert parameters("x").homing.required is True
     assert parameters("y").homing.required is False
 
 
-def test_homing_required_can_be_said_otherwise() -> None:
+def test_homing_required_can_be_overridden() -> None:
     assert parameters("x", ("method = 17", "method = 17\nrequired = false")).homing.required is False
     assert parameters("y", ("method = 35", "method = 35\nrequired = true")).homing.required is True
 
@@ -163,7 +163,7 @@ def test_the_handshake_is_by_bit_12_unless_written_otherwise() -> None:
     ("written", "holds"),
     [('"brake"', HoldsLoad.BRAKE), ('"torque"', HoldsLoad.TORQUE), ("false", HoldsLoad.NO)],
 )
-def test_what_holds_the_load(written: str, holds: HoldsLoad) -> None:
+def test_the_key_for_the_holder_of_a_load_is_read(written: str, holds: HoldsLoad) -> None:
     assert parameters("x", ("scale = 1000", f"scale = 1000\nholds_load = {written}")).holds_load is holds
 
 
@@ -305,7 +305,7 @@ def test_values_written_at_boot_are_resolved_and_scaled() -> None:
     ]
 
 
-def test_the_words_of_a_second_axis_go_800h_further() -> None:
+def test_the_option_objects_of_a_second_axis_are_800h_higher() -> None:
     cell = cell_with(
         ("[axes.y]\nnode = 2", "[axes.y]\nnode = 1\ndrive_axis = 2"),
         (
@@ -339,7 +339,7 @@ def test_a_polarity_written_by_hand_is_left_alone() -> None:
     assert drive.value(0x607E) == 128
 
 
-def test_6062h_is_judged_by_what_the_drive_does_unless_written_otherwise() -> None:
+def test_6062h_is_judged_by_the_behaviour_of_the_drive_unless_the_cell_file_decides() -> None:
     """Left out and chosen are not the same."""
     assert parameters("y").demand is DemandUse.AUTO
     for word, use in (("use", DemandUse.USE), ("ignore", DemandUse.IGNORE)):
@@ -354,7 +354,7 @@ def test_a_following_error_that_is_off_ends_the_comparison_with_6062h_and_allows
     assert changed.lag_allowed(1000.0) == usual.lag_allowed(1000.0)
 
 
-def test_boot_says_what_counts_of_6062h() -> None:
+def test_boot_reports_the_use_of_6062h() -> None:
     """One line for each use, and one where 6062h does not travel."""
     by_pdo = ValueTransport.SYNC_PDO
     usual = replace(parameters("x"), objects=frozenset({0x6062}))

@@ -36,7 +36,7 @@ def load(axes: int, period: float, slow: int, bitrate: int = 1_000_000) -> float
         (2, 0.5, 1),
     ],
 )
-def test_with_each_sync_where_there_is_room_else_as_seldom_as_need_be(axes, period, slow):
+def test_values_are_sent_with_each_sync_if_the_load_permits_and_else_as_often_as_it_does(axes, period, slow):
     assert slow_pace(bus(period), axes) == slow
     if slow > 1 and slow * period < 0.25 - period:
         left = 0.5 - load(axes, period, 10**9)
@@ -50,7 +50,7 @@ def test_a_full_wire_still_carries_the_cell(axes, period):
     assert load(axes, period, slow_pace(bus(period), axes)) < 0.9
 
 
-def test_without_a_known_rate_or_without_sync_everything_comes_as_often_as_it_can():
+def test_without_a_known_rate_or_without_sync_every_value_is_sent_as_often_as_possible():
     assert slow_pace(bus(0.001, None), 100) == 1
     assert slow_pace(bus(0.001, sync=False), 100) == 1
 

@@ -25,7 +25,7 @@ def told(text: str) -> list[str]:
     return [f"{problem.line}: {problem.message}" for problem in read(text)[1]]
 
 
-# -- what is written -------------------------------------------------------------------------------------------------
+# -- valid keys ------------------------------------------------------------------------------------------------------
 
 
 def test_the_whole_clean_cell_is_read_as_written() -> None:
@@ -162,7 +162,7 @@ def test_scales_of_zero_or_without_meaning_are_refused(written: str) -> None:
     assert "scale in [axes.x] cannot be used" in problems[0].message
 
 
-def test_the_error_for_a_negative_scale_says_how_to_invert_an_axis() -> None:
+def test_the_error_for_a_negative_scale_names_the_key_that_inverts_an_axis() -> None:
     _, problems = read(MINIMAL.replace("364.0888888888889", "-364"))
     assert 'invert = "master"' in problems[0].remedy
 
@@ -189,7 +189,7 @@ def test_the_words_of_the_stop_table_are_named_when_one_is_wrong() -> None:
     assert 'did you mean "ramp"?' in problem.remedy
 
 
-# -- what is wrong ---------------------------------------------------------------------------------------------------
+# -- errors ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -238,7 +238,7 @@ def test_an_empty_file_misses_its_tables() -> None:
 
 @pytest.mark.parametrize("value", ["0", '"text"', "[]", "[1, 2]", "1979-05-27"])
 @pytest.mark.parametrize("table", ["bus", "nodes", "axes", "groups"])
-def test_a_value_in_the_place_of_a_table_is_reported(table: str, value: str) -> None:
+def test_a_value_instead_of_a_table_is_reported(table: str, value: str) -> None:
     (first, *_) = [each for each in read(f"{table} = {value}\n")[1] if "must be a table" in each.message]
     assert first.line == 1
     assert first.message == f"{table} must be a table"
@@ -273,7 +273,7 @@ def test_load_takes_a_cell_with_warnings_only(tmp_path: Path) -> None:
     assert [problem.severity.value for problem in reader.read(path)[1]] == ["warning"]
 
 
-def test_read_returns_what_load_would_raise(tmp_path: Path) -> None:
+def test_read_returns_the_error_that_load_would_raise(tmp_path: Path) -> None:
     cell, problems = reader.read(tmp_path / "missing.toml")
     assert cell is None
     (problem,) = problems
@@ -284,14 +284,14 @@ def test_read_returns_what_load_would_raise(tmp_path: Path) -> None:
     )
 
 
-def test_a_syntax_error_is_not_said_with_its_place_twice() -> None:
+def test_a_syntax_error_has_its_location_once() -> None:
     cell, (problem,) = reader.loads("[bus]\na = \n", "cell.toml")
     assert cell is None
     assert problem.line == 2
     assert problem.message.startswith("this is not TOML")
 
 
-def test_a_cell_file_that_is_not_there_is_not_taken_for_a_project_file(tmp_path):
+def test_a_missing_cell_file_is_not_confused_with_a_project_file(tmp_path):
     (tmp_path / "pyproject.toml").write_text("")
     with pytest.raises(ConfigError) as caught:
         reader.load(tmp_path / "cell.toml")

@@ -1,4 +1,4 @@
-"""The JSON Schema of cell files takes what the reader takes, and refuses what an editor can know to be wrong."""
+"""The JSON Schema of cell files accepts the values that the reader accepts, and refuses errors that an editor can know."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ TABLES = {
     "GROUP": schema.GROUP,
     "KINEMATICS": schema.KINEMATICS,
 }
-# What a schema cannot know: which of two numbers is the larger, the bounds of a time, and of a ratio.
+# Rules that a schema cannot express: the larger of two numbers, the bounds of a time, and of a ratio.
 BEYOND = re.compile(
     r"exchange or correct them|units are us, ms, s and min|is the (?:shortest|longest)|both an axis and a group"
 )
@@ -71,7 +71,7 @@ def wrong(text: str) -> list[str]:
 PLANTED = [(old, new) for old, new, *_ in SLIPS]
 
 
-def test_it_is_a_schema() -> None:
+def test_the_schema_of_the_cell_file_is_a_valid_json_schema() -> None:
     jsonschema.Draft7Validator.check_schema(SCHEMA)
     json.dumps(SCHEMA, allow_nan=False)
 
@@ -133,7 +133,7 @@ def test_each_key_has_its_words(table: str) -> None:
     assert all(getattr(key_descriptions, table).values())
 
 
-# -- each key by itself --------------------------------------------------------------------------------------------------------
+# -- each key alone ------------------------------------------------------------------------------------------------------------
 
 KEYS = [(table, key) for table, keys in TABLES.items() for key in keys]
 texts = st.one_of(
@@ -160,13 +160,13 @@ def taken(read: value_readers.ValueReader, value: Any) -> bool:
 
 @cache
 def validator(table: str, key: str) -> jsonschema.Draft7Validator:
-    """What the schema says of one key, by itself."""
+    """The schema of one key alone."""
     return jsonschema.Draft7Validator(dict(TABLES[table][key].read.json))
 
 
 @cache
 def good_ones(key: str) -> list[Any]:
-    """Values of the clean cell and the examples that stand under a key of this name."""
+    """Values of the clean cell and the examples under a key of this name."""
     found = []
 
     def walk(value: Any) -> None:
@@ -181,7 +181,9 @@ def good_ones(key: str) -> list[Any]:
 
 @pytest.mark.parametrize(("table", "key"), KEYS, ids=[f"{table}-{key}" for table, key in KEYS])
 @given(data=st.data())
-def test_nothing_that_the_reader_takes_is_refused(table: str, key: str, data: st.DataObject) -> None:
+def test_no_value_that_the_reader_accepts_is_refused_by_the_schema(
+    table: str, key: str, data: st.DataObject
+) -> None:
     read = TABLES[table][key].read
     good = good_ones(key)
     value = data.draw(st.one_of(anything, st.sampled_from(good)) if good else anything)

@@ -90,7 +90,7 @@ def test_lines_are_the_same_with_the_line_ends_of_windows() -> None:
     assert {path: document.lines.get(path) for path in LINES} == LINES
 
 
-def test_a_path_without_a_line_has_that_of_what_is_around_it() -> None:
+def test_a_path_without_a_line_has_that_of_its_table() -> None:
     document = toml.loads("a = 1\n[b]\nc = 2\n", "cell.toml")
     assert document.line(("b", "missing")) == 2
     assert document.line(("nowhere",)) == 1
@@ -121,7 +121,7 @@ VALUES = st.recursive(
 
 @given(st.lists(st.tuples(BARE | QUOTED, VALUES, st.sampled_from(["", "\n", "# =\n\n"])), max_size=8))
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # a busy computer is no failure
-def test_in_any_text_each_key_has_the_line_where_it_was_written(pairs: list[tuple[str, str, str]]) -> None:
+def test_in_any_text_each_key_has_its_line(pairs: list[tuple[str, str, str]]) -> None:
     text, written = "", {}
     for number, (key, value, gap) in enumerate(pairs):
         name = f'k{number}."' + (key[1:] if key.startswith('"') else f'{key}"')
@@ -133,7 +133,7 @@ def test_in_any_text_each_key_has_the_line_where_it_was_written(pairs: list[tupl
     assert [path for path in paths if path not in document.lines] == []
 
 
-# -- what cannot be read ---------------------------------------------------------------------------------------------
+# -- unreadable files ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -220,7 +220,7 @@ def test_a_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("line", ['eds = "{}"', 'eds = [\n  "a",\n  "{}",\n]'])
-def test_a_path_with_backslashes_is_named_by_its_line_with_what_to_write(path, line):
+def test_a_path_with_backslashes_is_reported_with_its_line_and_the_valid_form(path, line):
     text = "[nodes.1]\n" + line.format(path) + "\n"
     with pytest.raises(ConfigError) as told:
         toml.loads(text, "cell.toml")

@@ -57,7 +57,7 @@ def refused_by_schema(text: str) -> bool:
     return not VALIDATOR.is_valid(tomllib.loads(text))
 
 
-def test_all_that_is_its_own_is_read() -> None:
+def test_all_keys_of_a_virtual_axis_are_read() -> None:
     cell, problems = reader.loads(MINIMAL + WHOLE)
     assert problems == []
     axis = cell.axes["v"]
@@ -75,7 +75,7 @@ def test_all_that_is_its_own_is_read() -> None:
     assert not refused_by_schema(MINIMAL + WHOLE)
 
 
-# What a drive's axis may say and a virtual one cannot: line and what is told of it.
+# Keys that a drive's axis may have and a virtual one cannot: line and message.
 FOREIGN = [
     ("node = 1", "node"),
     ("drive_axis = 1", "drive_axis"),
@@ -170,7 +170,7 @@ def test_an_axis_that_is_not_virtual_needs_a_node_and_a_scale() -> None:
     assert refused_by_schema(MINIMAL + VIRTUAL.replace("true", "false"))
 
 
-def test_its_unit_is_needed() -> None:
+def test_the_unit_of_a_virtual_axis_is_required() -> None:
     _, wrong = read(MINIMAL + VIRTUAL.replace('unit = "mm"\n', ""))
     assert [message for _, message, _ in wrong] == ["unit is missing in [axes.v]"]
 
@@ -190,7 +190,7 @@ def test_without_a_scale_it_counts_finely(unit: str, scale: int) -> None:
     assert units.ratio_known
 
 
-def test_nothing_brakes_it_by_a_guess() -> None:
+def test_no_deceleration_of_a_virtual_axis_is_guessed() -> None:
     bare = MINIMAL + '[axes.v]\nvirtual = true\nunit = "mm"\n'
     _, wrong = read(bare)
     assert [(at, message) for at, message, _ in wrong] == [(10, "no deceleration is given for [axes.v]")]
@@ -205,7 +205,7 @@ def test_nothing_brakes_it_by_a_guess() -> None:
         assert virtual_parameters(cell, "v").braking.quick == quick * 10_000
 
 
-def test_its_limits_hold_without_homing() -> None:
+def test_the_limits_of_a_virtual_axis_hold_without_homing() -> None:
     cell, _ = reader.loads(MINIMAL + WHOLE)
     assert not homing_required(cell.axes["v"])
     assert not virtual_parameters(cell, "v").homing.required
@@ -228,7 +228,7 @@ def test_a_value_that_is_not_an_axis_table_is_reported_and_breaks_nothing(text: 
     assert any(each.severity is Severity.ERROR for each in problems)
 
 
-# -- what check says of it ---------------------------------------------------------------------------------------------
+# -- findings of check -------------------------------------------------------------------------------------------------
 
 
 def checked(tmp_path, text: str) -> list[str]:
@@ -237,25 +237,25 @@ def checked(tmp_path, text: str) -> list[str]:
     return [f"{each.severity.value} {each.line}: {each.message}" for each in check(path)]
 
 
-def test_check_finds_nothing_wrong_with_it_and_says_how_finely_it_counts(tmp_path) -> None:
+def test_check_of_a_valid_virtual_axis_reports_its_default_scale(tmp_path) -> None:
     found = checked(tmp_path, BUS + WHOLE)
     assert found == []
     found = checked(tmp_path, BUS + VIRTUAL + "velocity = 3.0\n")
     assert found == ["note 4: virtual axis v counts 10000 increments per mm, because scale is left out"]
 
 
-def test_check_warns_where_it_begins_outside_its_limits(tmp_path) -> None:
+def test_check_warns_if_a_virtual_axis_begins_outside_its_limits(tmp_path) -> None:
     found = checked(tmp_path, BUS + WHOLE.replace("-10.0", "10.0"))
     assert found == ["warning 8: virtual axis v begins outside its position limits"]
 
 
-def test_check_holds_its_numbers_against_each_other(tmp_path) -> None:
+def test_check_compares_the_numbers_of_a_virtual_axis_with_each_other(tmp_path) -> None:
     found = checked(tmp_path, BUS + WHOLE.replace("velocity = 100.0", "velocity = 501.0"))
     assert any("beyond max_velocity" in each for each in found)
     found = checked(tmp_path, BUS + WHOLE.replace('unit = "deg"', 'unit = "deg"\nmodulo = 360.0'))
     assert any("an endless axis (modulo) has no position limits" in each for each in found)
 
 
-def test_check_takes_it_into_groups(tmp_path) -> None:
+def test_check_accepts_a_virtual_axis_in_a_group(tmp_path) -> None:
     group = '[groups.xv]\naxes = ["x", "v"]\n'
     assert not [each for each in checked(tmp_path, MINIMAL + WHOLE + group) if each.startswith("error")]

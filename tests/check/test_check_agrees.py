@@ -1,6 +1,6 @@
-"""What ``check`` calls an error the machine refuses, and what the machine can run ``check`` lets pass: over every makers' file.
+"""Errors of ``check`` are refused by the machine, and commands that the machine can run pass ``check``: over every makers' file.
 
-Each file makes a simulated drive; each command is given to it in virtual time. The machine's word is what the plant does.
+Each file makes a simulated drive; each command is given to it in virtual time. The machine is judged by the plant.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ required = false
 """
 _PARTS = 8
 SPEEDS = "speed_switch = 100.0\nspeed_zero = 50.0\n"
-# The mode that a command runs in, what the cell file asks for by it, and the command.
+# The mode of a command, its requirement in the cell file, and the command.
 COMMANDS = {
     "pp": ("pp", "", lambda x: x.move_relative(200.0, timeout=8.0)),
     "pv": ("pv", "", lambda x: x.move_velocity(500.0)),
@@ -97,14 +97,14 @@ def verdicts(folder: Path, file: Path) -> dict[str, set[str]]:
 
 
 def tried(machine: Machine, command: Callable[[Axis], Handle]) -> AxisbusError | None:
-    """Give a command to an axis at rest; return what it ended with."""
+    """Give a command to an axis at standstill; return its end."""
     x = machine["x"]
     try:
         if x.error is not None:
             x.reset().wait(5)
         x.enable().wait(10)
         handle = command(x)
-        with suppress(TimeoutError):  # it goes on: it was taken
+        with suppress(TimeoutError):  # it continues: it was accepted
             handle.wait(30)
         x.halt().wait(5)
     except AxisbusError as error:
@@ -113,7 +113,7 @@ def tried(machine: Machine, command: Callable[[Axis], Handle]) -> AxisbusError |
 
 
 def outcomes(folder: Path, file: Path) -> dict[str, AxisbusError | None] | None:
-    """What becomes of each command; None where not even a machine can be made, or the drive cannot be enabled."""
+    """The result of each command; None if no machine can be made, or the drive cannot be enabled."""
     found: dict[str, AxisbusError | None] = {}
     for name, (_, homing, command) in COMMANDS.items():
         try:
@@ -124,7 +124,7 @@ def outcomes(folder: Path, file: Path) -> dict[str, AxisbusError | None] | None:
             machine["x"].enable().wait(10)
             found[name] = tried(machine, command)
         finally:
-            with suppress(AxisbusError, ExceptionGroup):  # what came of the command is told already
+            with suppress(AxisbusError, ExceptionGroup):  # the result of the command is known already
                 machine.close()
     return found
 
@@ -134,7 +134,7 @@ def disagreements(folder: Path, file: Path, seen: Counter[str]) -> list[str]:
     try:
         done = outcomes(folder, file)
     except AxisbusError:
-        done = None  # it cannot be enabled: nothing is told of its modes
+        done = None  # it cannot be enabled: its modes are unknown
     if done is None:
         seen["no machine"] += 1
         return []
@@ -158,7 +158,7 @@ def test_check_and_machine_agree_on_every_makers_file(tmp_path: Path, part: int)
     assert seen["pp: runs"] > 3, seen
 
 
-def test_check_and_machine_agree_on_the_files_that_come_with_axisbus(tmp_path: Path) -> None:
+def test_check_and_machine_agree_on_the_built_in_files(tmp_path: Path) -> None:
     seen: Counter[str] = Counter()
     for file in sorted((CHECKOUT / "eds").glob("*cia402.eds")) + sorted((CHECKOUT / "eds").glob("gim*.eds")):
         assert disagreements(tmp_path, file, seen) == []
@@ -168,7 +168,7 @@ def test_check_and_machine_agree_on_the_files_that_come_with_axisbus(tmp_path: P
 @pytest.mark.parametrize("index", ["607A", "6081", "6083", "60FF", "6087", "6071", "6098", "6099", "6064"])
 def test_check_and_machine_agree_on_a_drive_that_lacks_an_object(tmp_path: Path, index: str) -> None:
     file = tmp_path / "drive.eds"
-    # It sends none of it either: what a drive maps exists, though its file forgot it.
+    # It sends none of it either: an object that a drive maps exists, though its file lacks it.
     text = cells.without(index)(cells.DRIVE).replace("=0x60640020", "=0x606C0020")
     file.write_text(text, encoding="ascii")
     seen: Counter[str] = Counter()

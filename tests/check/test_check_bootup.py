@@ -44,7 +44,7 @@ def test_invalid_values_are_errors(line, words):
 
 
 @pytest.mark.parametrize("word", ["group", "cell", "report"])
-def test_what_a_lost_node_stops(word):
+def test_the_axes_that_a_lost_node_stops_are_read(word):
     cell, _ = loads(
         f"[bus]\ninterface = 'sim'\nscan_period = '4ms'\non_lost_node = '{word}'\n[nodes.1]\neds = 'x.eds'\n"
     )

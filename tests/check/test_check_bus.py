@@ -1,4 +1,4 @@
-"""The bus: how much of it a cycle takes, whether the period can be kept, and who notices a dead master."""
+"""The bus: the load of a cycle, whether the period can be kept, and the detection of a dead master."""
 
 from __future__ import annotations
 
@@ -77,18 +77,18 @@ def test_check_and_plan_report_the_same_shortest_period_and_the_same_load(tmp_pa
     assert f"{timetable(cell, files, 250_000).load:.0%}" in problem.message
 
 
-def test_what_comes_more_than_once_in_a_cycle_counts_as_often(tmp_path: Path) -> None:
+def test_frames_sent_more_than_once_in_a_cycle_count_as_often(tmp_path: Path) -> None:
     """Three heartbeats every 10 ms are six in a cycle of 20 ms, for ``check`` and for ``plan``."""
     path = cells.write(tmp_path, ('"4ms"', '"20ms"'), ('heartbeat = "100ms"', 'heartbeat = "20ms"'))
     once = timetable(reader.load(path), load_dictionaries(reader.load(path)), 1_000_000)
     bus = reader.load(path).bus
-    cell = replace(reader.load(path), bus=replace(bus, heartbeat=0.01))  # a cell file may not say so
+    cell = replace(reader.load(path), bus=replace(bus, heartbeat=0.01))  # not valid in a cell file
     twice = timetable(cell, load_dictionaries(cell), 1_000_000)
     assert twice.bits - once.bits == pytest.approx(3 * 65)
     assert twice.fullest - once.fullest == pytest.approx(3 * 65 / 1_000_000)
 
 
-def test_event_driven_pdos_count_as_often_as_their_inhibit_time_lets_them(tmp_path: Path) -> None:
+def test_event_driven_pdos_count_as_often_as_their_inhibit_time_permits(tmp_path: Path) -> None:
     # Without SYNC boot gives TPDOs an inhibit time of 5 ms where they have none: 0.8 in a cycle of 4 ms; one is set to 40 ms.
     path = cells.write(
         tmp_path,
@@ -146,7 +146,7 @@ def test_a_very_short_period_is_only_warned_of(tmp_path: Path) -> None:
     assert "a scan_period of 0.9 ms is shorter than an ordinary computer can keep" in problem.message
 
 
-# -- who notices a dead master ---------------------------------------------------------------------------------------
+# -- detection of a dead master --------------------------------------------------------------------------------------
 
 
 def test_a_drive_that_cannot_notice_a_dead_master_is_warned_of(tmp_path: Path) -> None:

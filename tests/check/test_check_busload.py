@@ -1,4 +1,4 @@
-"""How long a frame is: against a frame built bit by bit in another way; and the meter's sums and its fullest 100 ms."""
+"""The length of a frame: against a frame built bit by bit in another way; and the meter's sums and its fullest 100 ms."""
 
 from __future__ import annotations
 

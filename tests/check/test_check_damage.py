@@ -1,4 +1,4 @@
-"""However a cell file is damaged, checking it finds problems or none, and never fails in another way."""
+"""However a cell file is damaged, the check finds problems or none, and never fails in another way."""
 
 from __future__ import annotations
 

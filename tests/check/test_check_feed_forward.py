@@ -1,4 +1,4 @@
-"""What is said of a feed-forward that a drive cannot take, or that cannot be computed; each cell has one defect."""
+"""Findings about a feed-forward that a drive cannot take, or that cannot be computed; each cell has one defect."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def lacking(folder: Path, *, index: str, **keys: str) -> str:
     return "drive.eds"
 
 
-def test_what_fits_is_not_reported(tmp_path: Path) -> None:
+def test_a_valid_feed_forward_is_not_reported(tmp_path: Path) -> None:
     assert found(tmp_path) == []
     assert found(tmp_path, "torque_offset = 0.0\n") == []
 
@@ -103,7 +103,7 @@ def test_a_torque_beyond_the_highest(tmp_path: Path) -> None:
     assert found(tmp_path, "inertia = 0.0079\n") == []
 
 
-def test_a_table_that_asks_for_nothing(tmp_path: Path) -> None:
+def test_a_feed_forward_table_that_sets_nothing_is_reported(tmp_path: Path) -> None:
     for table in ("", "velocity = false\n"):
         (told,) = found(tmp_path, table)
         assert "sets no feed-forward" in told.message or "feed_forward" in told.message
@@ -115,7 +115,7 @@ def test_an_offset_that_no_mode_adds(tmp_path: Path) -> None:
     assert len(found(tmp_path, axis=RATED + '\nmodes = ["pp"]')) == 2
 
 
-def test_velocities_that_nobody_can_count(tmp_path: Path) -> None:
+def test_a_velocity_without_a_known_unit_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "cell.toml"
     text = cell_text("x", more="[axes.x.feed_forward]\nvelocity = true\n")
     text = text.replace('unit = "deg"\nscale = 100\n', 'unit = "increments"\n')

@@ -66,7 +66,7 @@ def test_a_pair_that_fits_has_neither_error_nor_warning(tmp_path):
         (("generic-cia402", "gim6010-8"), "the drive of x has no touch probe"),
     ],
 )
-def test_what_cannot_be_is_an_error(tmp_path, change, message):
+def test_an_impossible_gantry_is_an_error(tmp_path, change, message):
     if change[0].startswith("modes"):
         change = ("max_velocity = 400.0", 'max_velocity = 400.0\nmodes = ["pp", "hm"]')
     problems = [each for each in found(tmp_path, change) if each.severity.value == "error"]
@@ -105,7 +105,7 @@ def test_without_sync_a_pair_cannot_be_moved(tmp_path):
         ),
     ],
 )
-def test_what_bends_the_beam_is_a_warning(tmp_path, change, message):
+def test_settings_that_can_bend_the_beam_are_warnings(tmp_path, change, message):
     problems = found(tmp_path, change)
     assert any(each.severity.value == "warning" and message in each.message for each in problems)
 

@@ -61,7 +61,7 @@ def test_every_id_is_documented(monkeypatch: pytest.MonkeyPatch) -> None:
         (("[bus]", "[bus"), "C001"),
     ],
 )
-def test_what_reading_finds_has_an_id_too(tmp_path: Path, change: tuple[str, str], rule: str) -> None:
+def test_findings_of_the_reader_have_an_id_too(tmp_path: Path, change: tuple[str, str], rule: str) -> None:
     found = check(cells.write(tmp_path, change))
     assert rule in {each.rule for each in found if each.severity is Severity.ERROR}
     assert all(each.rule in checks() for each in found)
@@ -107,7 +107,7 @@ def test_so_is_one_of_several_nodes_and_inputs() -> None:
     ]
 
 
-def test_a_number_that_is_a_node_s_name_stays_where_it_means_something_else() -> None:
+def test_a_number_equal_to_a_node_id_is_kept_if_it_has_another_meaning() -> None:
     assert texts(note("node 1: it has 1 axis", 3), note("node 2: it has 2 axes", 5)) == [
         "cell.toml:3: note: node 1: it has 1 axis [C001]",
         "cell.toml:5: note: node 2: it has 2 axes [C001]",

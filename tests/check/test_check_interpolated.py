@@ -1,4 +1,4 @@
-"""What is said of a drive that has ip and no csp."""
+"""Findings about a drive with ip and without csp."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ GROUP = '[groups.x1]\naxes = ["x"]\n'
 def told(
     folder: Path, modes: int = USUAL, axis: str = "", more: str = "", **changes: str
 ) -> list[CellProblem]:
-    """What is said of its modes."""
+    """The findings about its modes."""
     name = write_eds(folder, modes)
     path = folder / "cell.toml"
     path.write_text(cell_text("x", eds=name, axis=axis, more=more, **changes), encoding="utf-8")
@@ -31,14 +31,14 @@ def told(
     return [each for each in found if "ip" in each.message.replace(",", " ").split() or "csp" in each.message]
 
 
-def test_it_is_said_that_ip_is_used(tmp_path: Path) -> None:
+def test_the_use_of_ip_is_reported(tmp_path: Path) -> None:
     found = told(tmp_path, more=GROUP)
     assert any("has ip and no csp" in each.message for each in found)
     assert not any("refused" in each.message for each in found)  # a group goes along lines
 
 
 @pytest.mark.parametrize(("modes", "axis"), [(USUAL | CSP, ""), (USUAL, 'modes = ["pp", "pv"]')])
-def test_where_it_is_not_used_nothing_is_said(tmp_path: Path, modes: int, axis: str) -> None:
+def test_if_ip_is_not_used_it_is_not_reported(tmp_path: Path, modes: int, axis: str) -> None:
     assert not any("has ip and no csp" in each.message for each in told(tmp_path, modes, axis))
 
 
@@ -48,7 +48,7 @@ def test_csp_that_is_named_is_not_called_unclaimed(tmp_path: Path) -> None:
     assert not any("not listed" in each.message for each in found)
 
 
-def test_a_mapping_that_stays_has_no_place_for_set_points(tmp_path: Path) -> None:
+def test_a_mapping_that_stays_is_reported_as_without_ip_set_points(tmp_path: Path) -> None:
     name = write_eds(tmp_path)
     path = tmp_path / "cell.toml"
     text = cell_text("x", eds=name).replace("[nodes.1]\n", '[nodes.1]\nremap = "never"\n')
@@ -57,7 +57,7 @@ def test_a_mapping_that_stays_has_no_place_for_set_points(tmp_path: Path) -> Non
     assert ["60C1h:01" in each.message for each in errors] == [True]
 
 
-def test_without_sync_nothing_of_it_is_asked_for(tmp_path: Path) -> None:
+def test_without_sync_ip_is_not_reported_as_missing(tmp_path: Path) -> None:
     assert not any("has ip" in each.message for each in told(tmp_path, bus="sync = false"))
 
 

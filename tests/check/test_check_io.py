@@ -1,4 +1,4 @@
-"""What is wrong with named inputs and outputs; each cell has just one defect."""
+"""Errors of named inputs and outputs; each cell has just one defect."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_lamp_and_an_input_are_in_order(tmp_path):
         ('"6200h:01"', '"6000h:01"', "6000h:01 is an input, which has no safe state", "leave safe out"),
     ],
 )
-def test_a_slip_in_a_table_is_named_with_what_to_do(tmp_path, before, after, message, remedy):
+def test_a_mistake_in_a_table_is_named_with_the_remedy(tmp_path, before, after, message, remedy):
     problem = lamp(tmp_path, before, after)
     assert message in problem.message
     assert remedy in problem.remedy
@@ -83,12 +83,12 @@ def test_two_outputs_on_one_bit_are_reported(tmp_path):
 
 
 @pytest.mark.parametrize("key", ["6040", "607A", "60FEh:02", "1017"])
-def test_what_belongs_to_an_axis_or_to_the_communication_is_no_output(tmp_path, key):
+def test_objects_of_an_axis_or_of_the_communication_are_no_outputs(tmp_path, key):
     problems = found(tmp_path, f'[io.bad]\nnode = 1\nobject = "{key}"\nsafe = 0\n')
     assert any("not an output" in each.message or "into a PDO" in each.message for each in problems)
 
 
-def test_a_drive_whose_mapping_is_fixed_has_no_room(tmp_path):
+def test_a_drive_whose_mapping_is_fixed_is_reported_as_without_room_for_the_output(tmp_path):
     text = cell_text("x", more='[io.relay]\nnode = 1\nobject = "60FEh:01"\nbit = 16\nsafe = 0\n')
     path = tmp_path / "cell.toml"
     path.write_text(text.replace("[nodes.1]\n", '[nodes.1]\nremap = "never"\n'), encoding="utf-8")
@@ -99,8 +99,8 @@ def test_a_drive_whose_mapping_is_fixed_has_no_room(tmp_path):
 @pytest.mark.parametrize(
     "more", ['map = ["6000:02"]', 'map = ["6000:01"]\ntransmission = 253\nrtr = "100ms"']
 )
-def test_an_input_that_would_never_come_is_refused(tmp_path, more):
-    """Its PDOs are spoken for, or come only when somebody asks, which nobody does for inputs."""
+def test_an_input_that_would_never_be_received_is_refused(tmp_path, more):
+    """Its PDOs are used otherwise, or are sent only on request, and inputs are not requested."""
     others = '[nodes.5.pdo.tpdo2]\nmap = ["6401:01"]\n'
     problem = only(
         tmp_path,
@@ -125,7 +125,7 @@ def test_an_on_lost_that_decides_nothing_is_reported(tmp_path, first, module, bu
     assert not [each for each in check(path) if "on_lost" in each.message]
 
 
-def test_what_nobody_makes_safe_when_we_are_gone_is_warned_of(tmp_path):
+def test_an_output_that_is_not_made_safe_without_the_master_is_a_warning(tmp_path):
     relay = '[io.relay]\nnode = 1\nobject = "60FEh:01"\nbit = 16\nsafe = 0\n'
     (problem,) = found(tmp_path, relay)
     assert problem.severity.value == "warning"
@@ -139,7 +139,7 @@ VALVE = '[io.valve]\nnode = 5\nobject = "6411h:01"\nscale = 1000\nsafe = {}\n'
 
 
 def test_a_safe_number_that_makers_differ_about_is_warned_of(tmp_path):
-    """6444h has 32 bits for an output of 16; 0 is the same in both halves, and what the cell file writes itself is its own."""
+    """6444h has 32 bits for an output of 16; 0 is the same in both halves, and a value in the cell file is left unchanged."""
     (problem,) = found(tmp_path, VALVE.format(0.5))
     assert problem.severity.value == "warning"
     assert "manufacturers differ in the effect of 6444h:01" in problem.message
@@ -148,7 +148,7 @@ def test_a_safe_number_that_makers_differ_about_is_warned_of(tmp_path):
     assert found(tmp_path, VALVE.format(0.5), node=own) == []
 
 
-def test_their_frames_are_in_the_load_and_in_the_timetable(tmp_path):
+def test_the_frames_of_inputs_and_outputs_are_in_the_load_and_in_the_timetable(tmp_path):
     path = tmp_path / "cell.toml"
     io = f'[io.lamp]\n{LAMP}[io.part]\nnode = 5\nobject = "6000h:01"\nbit = 0\n'
     io += '[io.relay]\nnode = 1\nobject = "60FEh:01"\nbit = 16\nsafe = 0\n'

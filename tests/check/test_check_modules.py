@@ -44,7 +44,7 @@ def test_a_reaction_that_it_has_not_is_an_error(tmp_path, stop, words):
     assert words in found
 
 
-def test_its_own_ramp_may_be_said_again(tmp_path):
+def test_the_quick_stop_ramp_of_the_module_may_be_repeated_in_the_cell_file(tmp_path):
     """40 turns/s² of the rotor are 1800 deg/s² of the output."""
     assert errors(write(tmp_path, SIM, 'quick_stop = "ramp"\ndeceleration = 1800.0')) == []
 
@@ -56,7 +56,7 @@ def test_its_own_ramp_may_be_said_again(tmp_path):
         ("[axes.m.feed_forward]\nvelocity = true\n", "a module with CAN Simple gets no feed-forward"),
     ],
 )
-def test_what_its_port_has_no_place_for_is_an_error(tmp_path, more, words):
+def test_a_key_that_a_module_does_not_support_is_an_error(tmp_path, more, words):
     path = write(tmp_path, SIM)
     path.write_text(path.read_text() + more, "utf-8")
     assert any(words in each for each in errors(path))
@@ -83,16 +83,16 @@ def test_a_limit_is_checked_as_that_of_any_drive(tmp_path):
         ('interface = "socketcan"\nchannel = "can0"\nprocess = "thread"', True),
     ],
 )
-def test_nobody_stops_it_for_a_program_that_is_killed_with_its_core(tmp_path, bus, worse):
+def test_a_module_without_detection_of_a_dead_master_is_a_warning(tmp_path, bus, worse):
     (found,) = told(write(tmp_path, bus), "is known to detect a dead master")
     assert found.split(":")[2].strip() == "warning"
     assert ("nothing stops it when this program is killed" in found) is worse
 
 
-def test_its_frames_are_in_the_load_and_in_the_timetable(tmp_path):
+def test_the_frames_of_a_module_are_in_the_load_and_in_the_timetable(tmp_path):
     cell = reader.load(write(tmp_path, SIM + "\nbitrate = 1_000_000"))
     files = load_dictionaries(cell)
-    # a scan of 20 ms: estimates come by themselves every 10 ms, a target goes out in each cycle
+    # a scan of 20 ms: estimates are sent unasked every 10 ms, a target in each cycle
     rates = {(each.kind, each.name): each.rate for each in streams(cell, files) if each.node == 16}
     assert rates == pytest.approx(
         {

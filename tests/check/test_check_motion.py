@@ -28,7 +28,7 @@ def test_check_notes_the_modes_that_each_axis_can_run(tmp_path: Path) -> None:
         (NO_MODES, "method = 35", "method in [axes.y.homing]"),
     ],
 )
-def test_a_mode_that_is_asked_for_has_its_objects(
+def test_the_objects_of_a_required_mode_are_reported_when_missing(
     tmp_path: Path, change: tuple[str, str], marker: str, reason: str
 ) -> None:
     without_x = ("method = 17\nspeed_switch = 20.0\nspeed_zero = 2.0\nacceleration = 500.0\n", "")
@@ -40,7 +40,7 @@ def test_a_mode_that_is_asked_for_has_its_objects(
     assert "home will not be available" in errors[0].remedy
 
 
-def test_default_velocities_ask_for_a_mode_that_moves(tmp_path: Path) -> None:
+def test_default_velocities_require_a_mode_that_moves(tmp_path: Path) -> None:
     """Where csp is left, they serve its trajectories, and only move_absolute and the like are missed."""
     for gone, severity in ((("6083",), "warning"), (("6083", "6064"), "error")):
         path = cells.write(tmp_path, NO_MODES, eds=cells.without(*gone))
@@ -78,7 +78,7 @@ def test_modes_are_those_that_objects_and_6502h_show(
 @pytest.mark.parametrize(
     ("method", "is_error"), [(35, False), (37, False), (-1, False), (-128, False), (17, True), (1, True)]
 )
-def test_a_drive_without_6099h_can_home_where_no_speed_is_needed(
+def test_a_drive_without_6099h_can_home_by_methods_without_a_speed(
     tmp_path: Path, method: int, is_error: bool
 ) -> None:
     change = ("method = 17\nspeed_switch = 20.0\nspeed_zero = 2.0", f"method = {method}")
@@ -150,7 +150,7 @@ def test_a_mode_that_6502_does_not_claim_is_only_noted(tmp_path: Path) -> None:
     assert "claims pp, pv, tq, csp" in found[0].observed
 
 
-def test_a_drive_whose_mode_cannot_be_switched_is_warned_of(tmp_path: Path) -> None:
+def test_a_drive_whose_mode_cannot_be_switched_gets_a_warning(tmp_path: Path) -> None:
     path = cells.write(tmp_path, eds=cells.without("6060"))
     found = cells.serious(path)
     assert [each.severity.value for each in found] == ["warning", "warning"]
@@ -337,7 +337,7 @@ def test_the_search_for_the_zero_is_the_slow_one(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_reaction_of_0_is_said_in_plain_words(
+def test_a_reaction_of_0_is_reported_in_plain_words(
     tmp_path: Path, index: str, option: str, plain: str, word: str
 ) -> None:
     path = cells.write(tmp_path, eds=cells.entry(index, DefaultValue="0"))
@@ -363,7 +363,7 @@ def test_a_word_that_is_set_silences_the_warning(tmp_path: Path) -> None:
     assert cells.serious(path) == []
 
 
-def test_coasting_that_is_asked_for_is_warned_of_at_its_line(tmp_path: Path) -> None:
+def test_configured_coasting_is_a_warning_at_its_line(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ('halt = "slow-ramp"', 'halt = "slow-ramp"\nfault = "coast"'))
     problem = cells.only(path, "warning", 'fault = "coast"')
     assert "605Eh (fault reaction option code) is 0 by fault in [axes.x.stop]" in problem.observed
@@ -534,7 +534,7 @@ def test_an_axis_with_few_increments_is_warned_of_the_slow_motions_that_its_posi
         assert "up to 66.7 mm/s look like standstill" in found[0].observed
 
 
-def test_without_max_velocity_the_default_velocity_says_how_slow_a_motion_positions_can_show(
+def test_without_max_velocity_the_default_velocity_gives_the_slowest_visible_motion(
     tmp_path: Path,
 ) -> None:
     path = cells.write(tmp_path, ("scale = 1000", "scale = 0.1"), ("max_velocity = 200.0\n", ""))
@@ -542,7 +542,7 @@ def test_without_max_velocity_the_default_velocity_says_how_slow_a_motion_positi
     assert [each.line for each in found] == [cells.line_of(path, "velocity = 100.0")]
 
 
-def test_limits_in_drive_says_what_it_cannot_leave_there(tmp_path: Path) -> None:
+def test_limits_in_drive_reports_limits_that_the_drive_cannot_hold(tmp_path: Path) -> None:
     given = "max_torque = 4.0", "max_torque = 4.0\nlimits_in_drive = true"
     path = cells.write(tmp_path, given, eds=cells.without("607F"))
     told = [each for each in cells.serious(path) if "cannot be left in the drive" in each.message]
@@ -566,7 +566,7 @@ def test_limits_in_drive_says_what_it_cannot_leave_there(tmp_path: Path) -> None
         ("following_error = 2.0", ""),
     ],
 )
-def test_a_note_says_what_is_not_monitored_without_6062h(tmp_path: Path, line: str, told: str) -> None:
+def test_a_note_lists_the_checks_that_need_6062h(tmp_path: Path, line: str, told: str) -> None:
     """The bench's drive has no 6062h."""
     path = cells.write(tmp_path, ('unit = "deg"', f'unit = "deg"\n{line}'))
     found = [each for each in (*cells.notes(path), *cells.serious(path)) if "6062h" in each.message]

@@ -1,4 +1,4 @@
-"""What the cell writes into objects and maps into PDOs; each cell has just one defect."""
+"""Objects that the cell file writes and maps into PDOs; each cell has just one defect."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_objects_are_named_by_index_or_name(tmp_path: Path, written: str) -> Non
         ('"1A00" = 0', "must not write 1A00h:00", "[nodes.N.pdo.tpdo1]"),
     ],
 )
-def test_what_cannot_or_must_not_be_written_is_reported(
+def test_an_object_that_cannot_or_must_not_be_written_is_reported(
     tmp_path: Path, written: str, words: str, remedy: str
 ) -> None:
     problem = cells.only(cells.write(tmp_path, setting(written)), "error", written)
@@ -65,7 +65,7 @@ def test_what_cannot_or_must_not_be_written_is_reported(
     assert remedy in problem.remedy
 
 
-def test_the_line_of_the_eds_is_reported_where_it_forbids(tmp_path: Path) -> None:
+def test_the_line_of_the_eds_that_forbids_writing_is_reported(tmp_path: Path) -> None:
     path = cells.write(tmp_path, setting('"6064" = 5'))
     line = cells.line_of(tmp_path / "drive.eds", "[6064]")
     assert f"drive.eds:{line}: its access is ro" in cells.serious(path)[0].observed
@@ -78,7 +78,7 @@ def test_the_limits_of_the_eds_hold(tmp_path: Path) -> None:
     assert "its EDS allows 10 to 32" in cells.only(path, "error", '"6067" = 50').observed
 
 
-def test_what_the_master_sets_itself_is_warned_of(tmp_path: Path) -> None:
+def test_an_object_that_the_master_sets_is_a_warning(tmp_path: Path) -> None:
     problem = cells.only(cells.write(tmp_path, setting('"1017" = 50')), "warning", '"1017" = 50')
     assert "overwritten by the master" in problem.message
     assert "heartbeat in [bus]" in problem.remedy
@@ -166,7 +166,7 @@ def test_a_map_names_objects_as_everywhere(tmp_path: Path, written: str) -> None
         ('["6077", "6077"]', "warning", "maps 6077h:00 (Torque actual value) more than once", ""),
     ],
 )
-def test_what_cannot_be_mapped_is_reported(
+def test_an_object_that_cannot_be_mapped_is_reported(
     tmp_path: Path, written: str, severity: str, words: str, observed: str
 ) -> None:
     problem = cells.only(cells.write(tmp_path, (MAP, f"map = {written}")), severity, f"map = {written}")

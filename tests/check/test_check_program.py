@@ -32,7 +32,7 @@ def node(lines: str):
     return made, [each for each in problems if "no axis" not in each.message]
 
 
-def test_all_of_it():
+def test_all_keys_of_the_program_table_are_read():
     """By hand: 2026-03-01 is day 15400 after 1984-01-01, 12:00:00.250 is 43200250 ms after midnight."""
     made, problems = node(
         "date_time = 2026-03-01T12:00:00.250\nfile = 'a/b.bin'\ndownload = true\ndeadline = '2min'\n"
@@ -52,7 +52,7 @@ def test_only_the_date_is_needed_and_nothing_is_replaced_without_a_word():
     assert (wanted.mark.version, wanted.data, wanted.allowed) == ((15_400, 43_200_000), None, False)
 
 
-def test_a_program_may_be_known_by_its_identification():
+def test_a_program_may_be_identified_by_its_identification():
     made, problems = node("identification = 0xCAFE\n")
     assert problems == []
     assert wanted_program(made, made.nodes[1]).mark == (None, 0xCAFE)
@@ -105,7 +105,7 @@ def test_a_sound_program_is_noted_with_its_size_and_how_long_it_may_take(tmp_pat
     assert noted.observed == "900000 bytes; each part of it may take 90 s (no deadline is given: by the size)"
 
 
-def test_a_small_one_may_take_a_minute_all_the_same(tmp_path):
+def test_a_small_program_may_also_take_a_minute(tmp_path):
     path = cell(tmp_path, DATE + "file = 'firmware.bin'\ndownload = true\n")
     assert "may take 60 s (no deadline" in cells.note(path, "boot replaces its program").observed
 
@@ -157,7 +157,7 @@ def test_a_file_that_vanishes_between_check_and_boot_is_reported_with_its_line(t
 # -- the device ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_drive_that_does_not_say_which_program_it_has(tmp_path):
+def test_a_drive_that_does_not_report_its_program(tmp_path):
     problem = cells.only(cell(tmp_path, DATE, 0x1F52), "warning", "[nodes.1.program]")
     assert "1F52h:01, 1F52h:02" in problem.observed
     assert "letter G" in problem.remedy
@@ -169,7 +169,7 @@ def test_a_drive_that_has_no_identification_of_its_program(tmp_path):
     assert cells.serious(cell(tmp_path, "identification = 17\n", 0x1F52)) == []
 
 
-def test_a_drive_whose_program_cannot_be_loaded(tmp_path):
+def test_a_download_to_a_drive_without_the_objects_is_a_warning(tmp_path):
     path = cell(tmp_path, DATE + "file = 'firmware.bin'\ndownload = true\n", 0x1F50)
     problem = cells.only(path, "warning", "download = true")
     assert "lacks 1F50h:01" in problem.observed

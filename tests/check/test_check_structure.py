@@ -14,7 +14,7 @@ def test_the_clean_cell_has_neither_error_nor_warning(tmp_path: Path) -> None:
     assert cells.serious(cells.write(tmp_path)) == []
 
 
-def test_problems_come_in_the_order_of_the_lines_the_worst_of_a_line_first(tmp_path: Path) -> None:
+def test_findings_are_in_the_order_of_the_lines_with_the_worst_of_a_line_first(tmp_path: Path) -> None:
     path = cells.write(
         tmp_path, ("master_id = 127", "master_id = 2"), ('axes = ["x", "y"]', 'axes = ["x", "z"]')
     )
@@ -39,7 +39,7 @@ def test_slips_and_contradictions_are_reported_together(tmp_path: Path) -> None:
 # -- references ------------------------------------------------------------------------------------------------------
 
 
-def test_the_masters_own_id_is_nobody_elses(tmp_path: Path) -> None:
+def test_the_masters_own_id_must_be_unique(tmp_path: Path) -> None:
     problem = cells.only(
         cells.write(tmp_path, ("master_id = 127", "master_id = 2")), "error", "master_id = 2"
     )
@@ -47,7 +47,7 @@ def test_the_masters_own_id_is_nobody_elses(tmp_path: Path) -> None:
     assert "master_id = 127" in problem.remedy
 
 
-def test_the_id_that_the_master_has_by_default_is_nobody_elses(tmp_path: Path) -> None:
+def test_the_default_id_of_the_master_must_be_unique(tmp_path: Path) -> None:
     path = cells.write(
         tmp_path, ("master_id = 127\n", ""), ("[nodes.2]", "[nodes.127]"), ("node = 2", "node = 127")
     )
@@ -56,7 +56,7 @@ def test_the_id_that_the_master_has_by_default_is_nobody_elses(tmp_path: Path) -
     assert "master_id = 126" in problem.remedy
 
 
-def test_a_core_of_its_own_needs_a_bus_that_other_processes_can_open(tmp_path: Path) -> None:
+def test_a_core_in_its_own_process_needs_a_bus_that_other_processes_can_open(tmp_path: Path) -> None:
     own = ("[bus]\n", '[bus]\nprocess = "own"\n')
     assert cells.serious(cells.write(tmp_path, own)) == []
     path = cells.write(tmp_path, own, ('interface = "pcan"', 'interface = "virtual"'))
@@ -65,7 +65,7 @@ def test_a_core_of_its_own_needs_a_bus_that_other_processes_can_open(tmp_path: P
     assert 'process = "thread"' in problem.remedy
 
 
-def test_a_core_of_its_own_needs_linux(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_core_in_its_own_process_needs_linux(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.platform", "win32")
     problem = cells.only(
         cells.write(tmp_path, ("[bus]\n", '[bus]\nprocess = "own"\n')), "error", 'process = "own"'

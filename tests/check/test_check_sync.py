@@ -1,4 +1,4 @@
-"""What ``[bus]`` and the PDO tables say of SYNC, TIME and remote frames; each cell has just one defect."""
+"""The keys of ``[bus]`` and the PDO tables for SYNC, TIME and remote frames; each cell has just one defect."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_the_defaults_are_those_of_the_standard(tmp_path: Path) -> None:
     assert (read.time, read.sync_timeout, read.hears_sync) == (None, None, False)
 
 
-def test_everything_that_may_be_said_is_read(tmp_path: Path) -> None:
+def test_all_keys_of_sync_and_time_are_read(tmp_path: Path) -> None:
     lines = (
         'sync_producer = "external"',
         "sync_cob_id = 0x90",
@@ -138,7 +138,7 @@ PDO = "transmission = 1"
         ('transmission = 253\nrtr = "100"', "error", "rtr =", "cannot be used"),
     ],
 )
-def test_remote_frames_only_where_they_are_asked_for(
+def test_remote_frames_are_accepted_only_with_a_matching_transmission_type(
     tmp_path: Path, lines: str, severity: str | None, marker: str, words: str
 ) -> None:
     path = cells.write(tmp_path, (PDO, lines))

@@ -42,14 +42,14 @@ def arbitrate(frames, blocking):
 
 
 @pytest.mark.parametrize("names", ["x", "xyz", "abcdefgh"])
-def test_no_frame_is_later_than_the_table_says(tmp_path, names):
+def test_no_frame_is_later_than_in_the_table(tmp_path, names):
     cell, files = made(tmp_path, names)
     table = timetable(cell, files, MBIT)
     assert [slot.kind for slot in table.slots[:2]] == ["SYNC", "TPDO"]
     assert len({slot.can_id for slot in table.slots}) == len(table.slots)
     chance = random.Random(1)
     for _ in range(200):
-        # A drive is never earlier than SYNC, which itself waits for what is under way; stuff bits are as they come.
+        # A drive is never earlier than SYNC, which itself waits for a frame in transmission; stuff bits are random.
         frames = [
             (
                 0 if slot.kind == "SYNC" else 1,
@@ -89,7 +89,7 @@ def test_a_bus_that_nothing_helps_has_no_period(tmp_path):
     assert shortest(cell, files, 1000) is None
 
 
-def test_what_helps_is_tried_and_the_best_comes_first(tmp_path):
+def test_changes_that_help_are_listed_with_the_best_first(tmp_path):
     cell, files = made(tmp_path)
     now = shortest(cell, files, 250_000)
     found = changes(cell, files, 250_000)

@@ -44,7 +44,7 @@ def test_a_fault_and_its_reset_are_one_incident_that_recovered() -> None:
         (1.15, [(0x2310,), (0x3220,)]),
     ],
 )
-def test_what_comes_within_a_tenth_of_a_second_belongs_to_the_fault(
+def test_emergencies_within_a_tenth_of_a_second_belong_to_the_fault(
     second: float, codes: list[tuple[int, ...]]
 ) -> None:
     incidents = told((1.0, OVERCURRENT), (second, UNDERVOLTAGE))
@@ -80,7 +80,7 @@ def test_a_short_reset_counts_as_one() -> None:
     assert incident.outcome is IncidentState.RECOVERED
 
 
-def test_a_restart_of_the_node_ends_what_was_open() -> None:
+def test_a_restart_of_the_node_ends_the_open_incident() -> None:
     incidents = Incidents()
     incidents.note(parse(bytes.fromhex(OVERCURRENT), 1.0))
     incidents.booted(4.0)
@@ -89,7 +89,7 @@ def test_a_restart_of_the_node_ends_what_was_open() -> None:
     assert incidents.open == ()
 
 
-def test_a_drive_gone_mad_fills_no_memory() -> None:
+def test_the_incidents_of_a_drive_that_sends_a_thousand_emergencies_are_bounded() -> None:
     incidents = Incidents()
     for number in range(1000):
         incidents.note(Emcy(0x2310, 1, bytes(5), number * 0.0001))
@@ -187,7 +187,7 @@ def test_a_time_of_another_zone_is_sent_as_utc() -> None:
     "moment",
     [datetime(2000, 1, 1), datetime(1983, 12, 31, tzinfo=UTC), datetime(2163, 6, 7, tzinfo=UTC)],
 )
-def test_what_cannot_be_sent_as_time_is_an_argument_error(moment: datetime) -> None:
+def test_a_moment_that_cannot_be_sent_as_time_is_an_argument_error(moment: datetime) -> None:
     with pytest.raises(ArgumentError):
         TimeOfDay.of(moment)
 

@@ -38,7 +38,7 @@ TABLE = [
 
 
 @pytest.mark.parametrize(("first", "last", "sign"), TABLE)
-def test_each_cob_id(first: int, last: int, sign: Sign | None) -> None:
+def test_each_cob_id_is_one_sign_of_a_master_or_none(first: int, last: int, sign: Sign | None) -> None:
     for can_id in range(first, last + 1):
         found = sign_of(CanFrame(0.0, can_id, b"\x05"), CAST)
         assert (found and found[0]) == sign, f"{can_id:03X}h"
@@ -56,7 +56,7 @@ def test_only_guarding_is_a_sign_among_remote_frames() -> None:
     assert {can_id for can_id, found in signs.items() if found} == set(range(0x701, 0x780))
 
 
-def test_where_the_cells_own_devices_send_there_is_no_sign() -> None:
+def test_identifiers_of_the_cells_own_devices_are_no_sign() -> None:
     cast = ExpectedMasters(frozenset({1}), frozenset({127}), excused=frozenset({0x201}))
     assert sign_of(CanFrame(0.0, 0x201, b"\0"), cast) is None
     assert sign_of(CanFrame(0.0, 0x301, b"\0"), cast) == (Sign.RPDO, 1)
@@ -74,7 +74,7 @@ FRAMES = st.builds(
 
 
 @given(st.lists(FRAMES, max_size=40))
-def test_whatever_comes_is_counted_once_and_can_be_reported(frames: list[CanFrame]) -> None:
+def test_any_frame_is_counted_once_and_can_be_reported(frames: list[CanFrame]) -> None:
     signs = MasterDetector(CAST)
     for frame in sorted(frames):
         signs.note(frame)

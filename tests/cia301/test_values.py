@@ -118,7 +118,7 @@ def test_more_than_64_bits_are_refused():
 
 
 @given(st.lists(st.tuples(st.integers(1, 16), st.booleans()), min_size=1, max_size=4), st.data())
-def test_codec_gives_back_what_it_packed(fields, data):
+def test_codec_unpacks_the_packed_values(fields, data):
     entries = [MappedObject(0x2000, number, bits) for number, (bits, _) in enumerate(fields)]
     signed = [sign for _, sign in fields]
     values = tuple(

@@ -25,7 +25,7 @@ REFUSED = 0x0800_0022
 
 
 class Loader(Slave):
-    """A node with a boot loader; holds its program, its memory, the time, and what goes wrong with it."""
+    """A node with a boot loader; holds its program, its memory, the time, and its faults."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -33,7 +33,7 @@ class Loader(Slave):
         self.version: tuple[int, int] | None = OLD
         self.identification: int | None = None  # 1F56h:01
         self.control = 1
-        self.flash: int | None = 0  # 1F57h:01 at rest; None: the node has none
+        self.flash: int | None = 0  # 1F57h:01 without a running command; None: the node has none
         self.busy_until = 0.0
         self.away_until = 0.0
         self.memory = b""
@@ -105,7 +105,7 @@ class Loader(Slave):
         return b.Got(None, 3.0)
 
     def orders(self) -> list[object]:
-        """What was done to its program, in order, repetitions included."""
+        """The orders to its program, in order, repetitions included."""
         return [
             "data" if isinstance(each, b.ProgramDownload) else each.value
             for each in self.asked
@@ -146,7 +146,7 @@ def test_days_and_milliseconds_in_words():
         (0x1234_0050, False, "error 40: not in CiA 302-3"),
     ],
 )
-def test_what_a_memory_says(value, busy, words):
+def test_the_meaning_of_a_flash_status(value, busy, words):
     assert FlashStatus(value).busy is busy
     assert words in str(FlashStatus(value))
 
@@ -154,7 +154,7 @@ def test_what_a_memory_says(value, busy, words):
 # -- nothing to do, or nothing allowed -----------------------------------------------------------------------------------
 
 
-def test_without_an_expected_program_nobody_asks_for_it():
+def test_without_an_expected_program_its_objects_are_not_read():
     loader = Loader()
     outcome = loader.run(b.BootPlan(5, identity=IDENTITY))
     assert outcome.ok
@@ -172,7 +172,7 @@ def test_the_expected_program_is_left_alone():
     assert not outcome.program.replaced
 
 
-def test_it_is_looked_at_after_the_identity_and_before_anything_is_written():
+def test_the_program_is_read_after_the_identity_and_before_anything_is_written():
     loader = Loader()
     loader.version = NEW
     boot(loader)
@@ -184,7 +184,7 @@ def test_it_is_looked_at_after_the_identity_and_before_anything_is_written():
 
 
 @pytest.mark.parametrize("subindex", [1, 2])
-def test_letter_g_a_node_that_does_not_say_which_program_it_has(subindex):
+def test_letter_g_a_node_that_does_not_report_its_program(subindex):
     loader = Loader()
     loader.spoils = lambda request, answer: (
         b.SdoAbortReply(MISSING, 0.002)
@@ -236,7 +236,7 @@ def test_a_node_that_must_not_be_disturbed_keeps_its_program_and_it_is_reported(
     assert "left as it was found" in told
 
 
-def test_a_node_that_must_not_be_disturbed_and_does_not_say():
+def test_a_node_that_must_not_be_disturbed_and_does_not_report_its_program():
     loader = Loader()
     loader.may_disturb, loader.version = False, None
     outcome = boot(loader)
@@ -283,8 +283,8 @@ def test_a_node_that_takes_its_time_for_everything():
 
 
 @pytest.mark.parametrize(("delay", "away"), [(0.1, 0.05), (0.1, 6.0), (1.9, 0.05), (1.9, 6.0)])
-def test_a_boot_loader_that_says_the_new_date_before_it_restarts_is_not_believed_too_soon(delay, away):
-    """What would be written before the restart would be lost by it."""
+def test_a_new_date_that_a_boot_loader_reports_before_its_restart_is_not_trusted_too_soon(delay, away):
+    """A write before the restart would be lost by it."""
     loader = Loader()
     loader.foresees, loader.restart_delay, loader.restart_time = True, delay, away
     outcome = boot(loader)
@@ -298,7 +298,7 @@ def test_a_node_without_1f57_is_not_waited_for():
     assert boot(loader).ok
 
 
-def test_the_transfer_has_the_plans_deadline_for_each_answer_and_goes_by_size():
+def test_the_program_transfer_has_the_deadline_of_the_plan_and_reports_its_progress_by_size():
     loader = Loader()
     boot(loader, deadline=45.0)
     (transfer,) = [each for each in loader.asked if isinstance(each, b.ProgramDownload)]
@@ -323,7 +323,7 @@ def test_a_new_program_may_change_the_revision_if_none_is_expected():
     assert outcome.identity[0x1018, 3] == 0x20000
 
 
-def test_letter_n_a_new_program_that_brings_a_revision_which_is_not_expected():
+def test_letter_n_a_new_program_with_an_unexpected_revision():
     outcome = revised(Loader(), IDENTITY)
     assert (outcome.letter, outcome.step, outcome.got) == (b.Letter.N, "program", 0x20000)
     assert outcome.program.replaced
@@ -360,7 +360,7 @@ def known(
     return boot(loader, **{"mark": ProgramVersion(identification=0xCAFE), **changes})
 
 
-def test_a_program_may_be_known_by_its_identification_alone():
+def test_a_program_may_be_identified_by_its_identification_alone():
     loader = Loader()
     loader.version = None  # it has no 1F52h, as most devices
     outcome = known(loader, 0xCAFE)
@@ -388,13 +388,13 @@ def test_letter_g_a_node_without_an_identification():
     assert (outcome.letter, outcome.address, outcome.abort) == (b.Letter.G, (0x1F56, 1), MISSING)
 
 
-def test_letter_i_a_program_of_another_identification_came():
+def test_letter_i_a_program_of_another_identification_is_started():
     outcome = known(Loader(), 0xBEEF, after=0xF00D)
     assert (outcome.letter, outcome.address) == (b.Letter.I, (0x1F56, 1))
     assert outcome.got == "identification 0000F00Dh"
 
 
-def test_where_both_are_expected_both_must_be_right():
+def test_if_both_are_expected_both_must_be_right():
     both = ProgramVersion(Version(*OLD), 0xCAFE)
     assert known(Loader(), 0xCAFE, mark=both).ok
     outcome = known(Loader(), 0xBEEF, mark=both, allowed=False)
@@ -467,7 +467,7 @@ def test_letter_i_an_adapter_that_fails_in_mid_transfer():
 
 
 @pytest.mark.parametrize(("value", "words"), [(0x0A, "error 5"), (0x06, "error 3"), (0x02, "error 1")])
-def test_letter_i_the_memory_says_an_error(value, words):
+def test_letter_i_the_memory_reports_an_error(value, words):
     loader = Loader()
     loader.after = value
     outcome = failed(boot(loader), ProgramStage.FLASH, (0x1F57, 1))
@@ -486,7 +486,7 @@ def test_a_memory_error_of_the_cleared_program_is_ignored():
 @pytest.mark.parametrize(
     ("part", "stage"), [("clear_time", ProgramStage.CLEAR), ("flash_time", ProgramStage.FLASH)]
 )
-def test_letter_i_a_memory_that_does_not_come_to_rest(part, stage):
+def test_letter_i_a_memory_that_stays_busy(part, stage):
     loader = Loader()
     setattr(loader, part, 1000.0)
     outcome = failed(boot(loader), stage, (0x1F57, 1))
@@ -494,14 +494,14 @@ def test_letter_i_a_memory_that_does_not_come_to_rest(part, stage):
     assert 20.0 < outcome.elapsed < 40.0
 
 
-def test_letter_i_a_node_that_does_not_come_back():
+def test_letter_i_a_node_that_does_not_return():
     loader = Loader()
     loader.restart_time = 1000.0
     outcome = failed(boot(loader), ProgramStage.START, (0x1F51, 1))
     assert 20.0 < outcome.elapsed < 40.0
 
 
-def test_letter_i_a_node_that_restarts_late_and_does_not_come_back():
+def test_letter_i_a_node_that_restarts_late_and_does_not_return():
     loader = Loader()
     loader.restart_delay, loader.restart_time = 1.0, 1000.0
     failed(boot(loader), ProgramStage.RETURN, (0x1F52, 1))
@@ -522,7 +522,7 @@ def test_letter_i_a_program_of_another_time():
     assert failed(boot(loader), ProgramStage.RETURN, (0x1F52, 2)).got == "2026-03-01 00:00:00"
 
 
-def test_letter_i_a_program_that_does_not_say_its_date():
+def test_letter_i_a_program_that_does_not_report_its_date():
     loader = Loader()
     loader.takes = None
     assert failed(boot(loader), ProgramStage.RETURN, (0x1F52, 1)).abort == MISSING
@@ -540,7 +540,7 @@ def steps_of_a_replacement() -> list[b.Request]:
 @pytest.mark.parametrize("lost", range(len(steps_of_a_replacement())))
 @pytest.mark.parametrize("arrives", [True, False], ids=["the answer", "the request"])
 def test_any_single_answer_may_be_lost(lost, arrives):
-    """Whatever it is, and whether the node has heard the request or not, the new program is there in the end."""
+    """Whatever it is, and whether the node has received the request or not, the new program is loaded in the end."""
     loader = Loader()
     made, number = loader._made, iter(range(10_000))
 
@@ -590,7 +590,7 @@ def unguarded() -> Loader:
     return loader
 
 
-# Letter -> a node that is wrong in this one way, and what is planned with it.
+# Letter -> a node that is wrong in this one way, and its plan.
 REPRODUCED = {
     "A": (Loader, {"listed": False}),
     "B": (lambda: spoilt(dead=True), {}),

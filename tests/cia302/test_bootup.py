@@ -1,4 +1,4 @@
-"""The boot-up of CiA 302-2 without a bus: each letter by a node that is wrong in just one way, and nodes that lose answers."""
+"""The boot-up of CiA 302-2 without a bus: each letter by a node that is wrong in just one way, and nodes with lost answers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from axisbus.cia302 import types as b
 from axisbus.cia302.bootup import boot_up
 from kit.boot_slave import IDENTITY, MISSING, SETTINGS, Slave
 
-# CiA 302-2, the error status of the boot-up service: letter -> what it is about, typed from the standard's table.
+# CiA 302-2, the error status of the boot-up service: letter -> its subject, typed from the standard's table.
 STANDARD = {
     "A": "list",
     "B": "1000h",
@@ -63,7 +63,7 @@ def test_a_good_node_is_booted_in_the_order_of_the_standard():
 # -- each letter -----------------------------------------------------------------------------------------------------------
 
 
-def test_letter_a_a_node_that_is_not_in_the_list_is_not_asked_for_anything():
+def test_letter_a_a_node_that_is_not_in_the_list_is_not_accessed():
     slave = Slave()
     machine = boot_up(plan(listed=False))
     with pytest.raises(StopIteration) as end:
@@ -109,7 +109,7 @@ def test_an_identity_that_the_node_does_not_have_is_not_the_expected_one(letter,
     assert (outcome.letter, outcome.got, outcome.abort) == (b.Letter[letter], None, MISSING)
 
 
-def test_a_lenient_expectation_takes_a_node_that_does_not_say():
+def test_a_lenient_expectation_accepts_a_node_that_does_not_report_the_value():
     slave = Slave()
     del slave.objects[0x1018, 2]
     lenient = {(0x1018, 1): b.Expected(0x999, lenient=True), (0x1018, 2): b.Expected(0x456, lenient=True)}
@@ -137,7 +137,7 @@ def test_letter_f_a_node_without_heartbeat_that_does_not_answer_guarding():
     assert NmtCommand.START not in slave.commands()
 
 
-def test_a_node_whose_life_time_runs_is_not_guarded_before_guarding_is_going_to_continue():
+def test_a_node_whose_life_time_runs_is_not_guarded_unless_guarding_will_continue():
     slave = Slave()
     del slave.objects[0x1017, 0]
     slave.objects |= {(0x100C, 0): 100, (0x100D, 0): 3}
@@ -203,7 +203,7 @@ def test_letter_l_with_keep_alive_nothing_is_written_and_nothing_commanded():
     assert any("left as it was found" in text for text in outcome.skipped)
 
 
-def test_a_drive_that_the_application_wants_left_alone_is_only_started():
+def test_a_drive_that_the_application_wants_undisturbed_is_only_started():
     slave = Slave()
     slave.may_disturb = False
     outcome = slave.run(plan())
@@ -212,7 +212,7 @@ def test_a_drive_that_the_application_wants_left_alone_is_only_started():
     assert slave.commands() == [NmtCommand.START]
 
 
-# -- what else a plan can ask for ------------------------------------------------------------------------------------------
+# -- further options of a plan ---------------------------------------------------------------------------------------------
 
 
 def test_a_configuration_whose_date_and_time_match_is_not_downloaded_again():
@@ -254,7 +254,7 @@ def test_defaults_are_restored_and_the_node_restarted_before_it_is_configured():
     assert order.index("BootWrite") < order.index("BootNmtCommand", order.index("BootWrite"))
 
 
-def test_a_restart_whose_boot_up_message_was_lost_is_found_by_asking():
+def test_a_restart_whose_boot_up_message_was_lost_is_detected_by_reading_the_state():
     slave = Slave()
     obey = slave.obey
 
@@ -325,7 +325,7 @@ def test_every_request_may_lose_its_first_answer():
     assert outcome.retries == 15  # 12 transfers, two commands and a heartbeat
 
 
-def test_with_a_tenth_of_the_answers_lost_five_hundred_nodes_come_up():
+def test_with_a_tenth_of_the_answers_lost_five_hundred_nodes_boot():
     for seed in range(500):
         slave = Slave()
         slave.loses, slave.loss = random.Random(seed), 0.1

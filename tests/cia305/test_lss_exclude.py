@@ -129,7 +129,7 @@ def test_any_single_frame_may_be_lost(stack: type[HandSlave]) -> None:
 
 
 def test_the_question_that_would_find_the_other_one_may_be_lost() -> None:
-    question = bytes.fromhex("5156000000010303")  # is anybody at 56h or 57h?
+    question = bytes.fromhex("5156000000010303")  # is there a slave at 56h or 57h?
     line = Line(AnswersOn(5, 6, 7, 0x55), HandSlave(5, 6, 7, 0x57))
     lost: list[bytes] = []
 
@@ -154,14 +154,14 @@ def test_one_frame_in_a_hundred_lost_at_random(seed: int) -> None:
     assert ids(scan(Line(*slaves, lost=lambda _: chance.random() < 0.01))) == addresses
 
 
-def test_well_behaved_slaves_are_in_configuration_at_the_end_and_nobody_was_changed() -> None:
+def test_correct_slaves_are_in_configuration_state_at_the_end_and_unchanged() -> None:
     stubborn, good = AnswersOn(1, 2, 3, 4), HandSlave(1, 2, 3, 5)
     scan(Line(stubborn, good))
     assert (stubborn.state, good.state) == ("waiting", "configuration")
     assert {slave.pending for slave in (stubborn, good)} == {255}
 
 
-def test_a_slave_that_has_a_node_id_and_answers_all_the_same_is_distinguished() -> None:
+def test_a_slave_that_has_a_node_id_and_answers_nevertheless_is_excluded_by_its_address() -> None:
     configured = AnswersOn(1, 2, 3, 4)
     hear = configured._fastscan
     line = Line(configured)
@@ -196,7 +196,7 @@ def test_two_that_answer_on_with_one_identity_are_twins() -> None:
     assert (one.twins, one.answers_on) == (True, True)
 
 
-def test_others_than_the_known_ones_are_mentioned_and_left() -> None:
+def test_slaves_other_than_the_known_ones_are_reported_and_not_configured() -> None:
     stubborn, wanted, other = AnswersOn(7, 8, 1, 4), HandSlave(7, 8, 1, 9), HandSlave(0x22, 8, 1, 1)
     found = scan(Line(stubborn, wanted, other), KnownIdentity(vendor_id=7))
     assert ids(found) == [(7, 8, 1, 4), (7, 8, 1, 9)]
@@ -206,7 +206,7 @@ def test_others_than_the_known_ones_are_mentioned_and_left() -> None:
     assert not alone.others
 
 
-def test_a_slave_that_answers_whatever_is_asked_ends_the_search_with_a_reason_and_what_is_sure() -> None:
+def test_a_slave_that_answers_every_request_ends_the_search_with_a_reason() -> None:
     class Liar(HandSlave):
         """Answers every fast scan request, and has no selection."""
 
@@ -222,7 +222,7 @@ def test_a_slave_that_answers_whatever_is_asked_ends_the_search_with_a_reason_an
 
 def test_a_slave_that_contradicts_itself_is_reported_by_the_range_that_it_is_in() -> None:
     class Liar(HandSlave):
-        """Says that it is in a branch, and in neither half of it."""
+        """Answers in a branch, and in neither half of it."""
 
         def _fastscan(self, value: int, bit: int, sub: int, following: int) -> bytes | None:
             answer = super()._fastscan(value, bit, sub, following)

@@ -1,4 +1,4 @@
-"""What the LSS master does with a slave it can name, against a slave typed off CiA 305, in virtual time."""
+"""Requests of the LSS master to a slave that it can name, against a slave typed from CiA 305, in virtual time."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def test_every_slave_at_once() -> None:
     assert [(one.bit_timing, one.activated) for one in slaves] == [((0, 4), 1000)] * 2
 
 
-def test_nothing_is_activated_when_one_of_those_named_is_silent() -> None:
+def test_nothing_is_activated_if_a_named_slave_is_silent() -> None:
     there, gone = slave(1), slave(2)
     gone.silent = True
     with pytest.raises(LssTimeout, match="0x2"):
@@ -198,7 +198,7 @@ def test_a_delay_that_cannot_be_sent_is_refused(delay: float) -> None:
     assert one.activated is None
 
 
-def test_identifying_asks_for_ranges_and_changes_nothing() -> None:
+def test_an_lss_identification_sends_ranges_and_changes_nothing() -> None:
     one = slave(node_id=3)
     line = Line(one)
     found = line.run(
@@ -216,6 +216,6 @@ def test_identifying_asks_for_ranges_and_changes_nothing() -> None:
         line.run(master.identify(AdaptiveLssTimeout(), LssAddress(1, 8, 0, 0), LssAddress(2, 8, 0, 0)))
 
 
-def test_ask_whether_any_slave_has_no_node_id() -> None:
+def test_any_unconfigured_reports_whether_a_slave_without_a_node_id_answers() -> None:
     assert Line(slave(1, node_id=3), slave(2)).run(master.any_unconfigured(AdaptiveLssTimeout()))
     assert not Line(slave(1, node_id=3)).run(master.any_unconfigured(AdaptiveLssTimeout()))

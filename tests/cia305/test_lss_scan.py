@@ -32,8 +32,8 @@ def test_the_dialogue_with_one_slave_begins_and_ends_as_in_the_standard() -> Non
     line = Line(HandSlave(1, 0x80000000, 0, 5))
     assert ids(scan(line)) == [(1, 0x80000000, 0, 5)]
     digits = [frame.hex() for frame in line.sent]
-    assert digits[:2] == ["0400000000000000"] * 2  # everybody to waiting
-    assert digits[2] == "5100000000800000"  # is there anybody?
+    assert digits[:2] == ["0400000000000000"] * 2  # all slaves to waiting state
+    assert digits[2] == "5100000000800000"  # is there any slave?
     assert digits[3] == "51000000001f0000"  # bit 31 of the vendor-ID is 0?
     assert digits[34:37] == [
         "5100000000000000",
@@ -41,7 +41,7 @@ def test_the_dialogue_with_one_slave_begins_and_ends_as_in_the_standard() -> Non
         "5101000000000001",
     ]  # 0? 1! go on with part 1
     assert "5105000000000300" in digits  # the last confirmation, with LSSNext 0
-    assert digits[-3:] == ["5100000000800000"] * 3  # nobody is left, asked as often as a request is tried
+    assert digits[-3:] == ["5100000000800000"] * 3  # none is left, with all tries of a request
 
 
 def test_a_slave_that_was_found_is_in_configuration_and_has_no_node_id_yet() -> None:
@@ -74,7 +74,7 @@ def test_siblings_cost_a_guess_for_each_part_that_they_share() -> None:
     alone, pair = Line(HandSlave(7, 8, 9, 1000)), Line(HandSlave(7, 8, 9, 1000), HandSlave(7, 8, 9, 1001))
     scan(alone)
     scan(pair)
-    assert len(pair.sent) - len(alone.sent) < 70  # the serial number anew: 32 bits, some asked twice
+    assert len(pair.sent) - len(alone.sent) < 70  # the serial number again: 32 bits, some asked twice
 
 
 @settings(max_examples=60, deadline=None)
@@ -171,7 +171,7 @@ def test_a_floor_that_makes_no_sense_is_refused(floor: float) -> None:
         LssTiming(floor=floor)
 
 
-def test_known_numbers_spare_their_bits() -> None:
+def test_known_identity_numbers_save_the_requests_for_their_bits() -> None:
     slave = HandSlave(ONES, ONES, ONES, 4)
     free, told = Line(slave), Line(slave)
     scan(free)
@@ -180,7 +180,7 @@ def test_known_numbers_spare_their_bits() -> None:
     assert len(free.sent) - len(told.sent) > 3 * 60  # each one-bit costs a silent request and an answered one
 
 
-def test_others_than_the_known_ones_are_mentioned_and_left() -> None:
+def test_slaves_other_than_the_known_ones_are_reported_and_not_configured() -> None:
     wanted, other = HandSlave(0xC0B00, 8, 1, 1), HandSlave(0x22, 8, 1, 1)
     found = scan(Line(wanted, other), KnownIdentity(vendor_id=0xC0B00))
     assert ids(found) == [wanted.id]

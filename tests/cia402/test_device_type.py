@@ -1,4 +1,4 @@
-"""The device type 1000h in words: what a scan of the bus and a report about an EDS both say."""
+"""The device type 1000h as text: used by a scan of the bus and a report about an EDS."""
 
 import pytest
 

@@ -19,7 +19,7 @@ from axisbus.cia402 import dictionary
         ((0x6099, 1), "CiA 402", "Speed during search for switch", DataType.UNSIGNED32, {"rw"}, "RPDO"),
     ],
 )
-def test_an_entry_is_what_its_standard_says(address, standard, name, data_type, access, mapping):
+def test_an_entry_has_the_properties_of_its_standard(address, standard, name, data_type, access, mapping):
     row = dictionary.entry(*address)
     assert row is not None
     assert (row.standard, row.name, row.data_type) == (standard, name, data_type)
@@ -30,7 +30,7 @@ def test_an_entry_is_what_its_standard_says(address, standard, name, data_type, 
     ("address", "mandatory", "sure", "modes"),
     [
         ((0x1000, 0), True, True, ()),
-        ((0x1006, 0), False, True, ()),  # only for whoever sends SYNC
+        ((0x1006, 0), False, True, ()),  # only for a SYNC producer
         ((0x6040, 0), True, True, ("all",)),
         ((0x603F, 0), False, False, ("all",)),
         ((0x6042, 0), False, True, ("vl",)),  # only in that mode
@@ -38,7 +38,7 @@ def test_an_entry_is_what_its_standard_says(address, standard, name, data_type, 
         ((0x6047, 1), True, False, ("vl",)),
     ],
 )
-def test_who_must_have_an_entry_and_how_sure_that_is(address, mandatory, sure, modes):
+def test_conditions_for_a_mandatory_entry_and_their_certainty(address, mandatory, sure, modes):
     row = dictionary.entry(*address)
     assert (row.index, row.subindex) == address
     assert (row.mandatory, row.sure, row.modes) == (mandatory, sure, modes)
@@ -47,7 +47,7 @@ def test_who_must_have_an_entry_and_how_sure_that_is(address, mandatory, sure, m
 @pytest.mark.parametrize(
     ("index", "single"), [(0x1000, True), (0x1018, True), (0x1400, False), (0x1A12, False)]
 )
-def test_what_comes_in_numbers_shares_a_row(index, single):
+def test_numbered_objects_share_a_row(index, single):
     assert [row.single for row in dictionary.of(index)] == [single] * len(dictionary.of(index))
 
 
@@ -59,12 +59,12 @@ def test_what_comes_in_numbers_shares_a_row(index, single):
         ((0x6064, 0), [DataType.INTEGER32]),
     ],
 )
-def test_all_the_types_that_an_entry_may_have_are_known(address, types):
+def test_an_entry_has_all_the_data_types_that_the_standards_give_it(address, types):
     assert list(dictionary.entry(*address).data_types) == types
 
 
 @pytest.mark.parametrize("index", [0x1018, 0x6046])
-def test_a_record_or_array_of_several_types_has_no_type_of_its_own(index):
+def test_a_record_or_array_of_several_types_has_no_data_type(index):
     assert dictionary.whole(index).data_types == ()
 
 
@@ -74,7 +74,7 @@ def test_a_choice_of_types_is_no_single_one():
     assert store_format.data_types == (DataType.UNSIGNED8, DataType.UNSIGNED16)
 
 
-def test_an_object_as_a_whole_comes_before_its_entries():
+def test_an_object_as_a_whole_is_before_its_entries():
     identity = dictionary.of(0x1018)
     assert [row.name for row in identity] == [
         *("Identity object", "Vendor-ID", "Product code", "Revision number", "Serial number"),
@@ -85,7 +85,7 @@ def test_an_object_as_a_whole_comes_before_its_entries():
     assert dictionary.entry(0x1018, 5) is None
 
 
-def test_the_elements_of_an_array_are_known_by_the_whole():
+def test_the_elements_of_an_array_are_described_by_the_whole_object():
     whole = dictionary.whole(0x1016)
     assert (whole.object_type, whole.data_type, whole.single) == ("ARRAY", DataType.UNSIGNED32, True)
     assert dictionary.entry(0x1016, 3) is None
@@ -100,7 +100,7 @@ def test_an_object_is_found_by_its_name():
 
 
 @pytest.mark.parametrize("index", [0x0005, 0x1004, 0x2000, 0x5FFF, 0x67F0, 0xA000])
-def test_what_the_standards_do_not_have_is_nothing(index):
+def test_an_index_outside_the_standards_has_no_entry(index):
     assert dictionary.of(index) == ()
     assert dictionary.whole(index) is None
     assert dictionary.entry(index, 0) is None

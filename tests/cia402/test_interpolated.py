@@ -11,7 +11,7 @@ PP, HM, IP, CSP = 1, 6, 7, 8
 
 
 class Drive:
-    """The port below: what it shows is set, what it gets is kept."""
+    """The port below: its feedback is set, its outputs are stored."""
 
     def __init__(self, source: ValueTransport = ValueTransport.SYNC_PDO) -> None:
         outputs = {"controlword": ValueTransport.SYNC_PDO, "target_position": ValueTransport.SYNC_PDO}
@@ -56,7 +56,7 @@ class Bench:
         return self
 
 
-def test_csp_is_asked_for_as_ip() -> None:
+def test_csp_is_commanded_as_ip() -> None:
     bench = Bench()
     bench.cycle(target=0, mode=CSP)
     assert bench.drive.got.mode == IP
@@ -89,17 +89,17 @@ def test_the_mode_is_csp_once_it_interpolates() -> None:
     assert bench.cycle(target=None) == (CSP, True)  # the last one holds
     bench.drive.word = ENABLED
     bench.cycle(target=6)
-    assert bench.cycle(target=7)[0] == IP  # it has stopped by itself
+    assert bench.cycle(target=7)[0] == IP  # it has stopped on its own
 
 
-def test_under_halt_nobody_minds_that_it_does_not() -> None:
+def test_under_halt_a_drive_without_the_bit_is_accepted() -> None:
     bench = Bench().led()
     bench.cycle(word=ON | HALT, target=30)
     bench.drive.word = ENABLED
     assert bench.cycle(word=ON | HALT, target=30) == (CSP, True)
 
 
-def test_a_standing_drive_has_the_word_without_it_before_the_other_mode() -> None:
+def test_a_drive_at_standstill_gets_the_word_without_the_bit_before_another_mode() -> None:
     for other in (PP, HM):
         bench = Bench().led()
         for _ in range(4):
@@ -127,7 +127,7 @@ def test_a_moving_drive_keeps_getting_targets_until_it_has_left_the_mode() -> No
     assert bench.cycle(word=ON | BIT_4, target=99) == (PP, True)  # its own edge
 
 
-def test_a_drive_that_leaves_by_itself_is_reported_at_once() -> None:
+def test_a_drive_that_leaves_the_mode_is_reported_at_once() -> None:
     bench = Bench().led()
     bench.drive.mode = PP
     assert bench.cycle(target=40) == (PP, False)
@@ -141,7 +141,7 @@ def test_a_stop_has_no_bit_4() -> None:
     assert bench.drive.got.controlword is None
 
 
-def test_only_where_set_points_travel_is_a_port_seen_so() -> None:
+def test_only_a_port_with_transmitted_set_points_is_csp_capable() -> None:
     plain = Drive()
     plain.capabilities.outputs.pop("interpolation_target")
     seen = as_csp_capable({"x": Drive(), "y": plain})

@@ -172,7 +172,7 @@ MAKER = "manufacturer-specific"
     ],
     ids=lambda value: f"{value[0]:04X}h" if isinstance(value, tuple) else "",
 )
-def test_what_each_bit_says(address, texts):
+def test_the_meaning_of_each_bit(address, texts):
     """Each table as a whole, beside CiA 301 7.5.2.2 and CiA 402-2 8.4.1 and 8.4.2."""
     assert rows(*address, "bit") == [texts]
 
@@ -236,7 +236,7 @@ def test_the_save_and_load_signatures_are_shown_as_numbers():
     assert value_texts.words(0x1010, 1, 0x6576_6174) == ""
 
 
-def test_which_bit_of_the_polarity_turns_what():
+def test_the_bits_of_the_polarity():
     (bits,) = rows(0x607E, 0, "bit")
     assert (bits["6"], bits["7"]) == ("velocity: 1 multiplies by -1", "position: 1 multiplies by -1")
 

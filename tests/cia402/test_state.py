@@ -18,7 +18,7 @@ def table(name):
 
 
 @pytest.mark.parametrize("row", table("statuswords.csv"), ids=lambda row: row["word"])
-def test_statusword_shows_its_state(row):
+def test_each_statusword_decodes_to_its_state(row):
     assert decode(int(row["word"], 16)).value == row["state"]
 
 
@@ -46,7 +46,7 @@ def test_planner_reaches_every_target_and_never_passes_operation_enabled():
             continue
         state, passed = start, []
         if state is PowerState.NOT_READY_TO_SWITCH_ON:
-            state = PowerState.SWITCH_ON_DISABLED  # transition 1, by itself
+            state = PowerState.SWITCH_ON_DISABLED  # transition 1, automatically
         if state is PowerState.FAULT_REACTION_ACTIVE:
             continue  # ends in fault, which needs a reset
         while state is not target:

@@ -70,7 +70,7 @@ def test_the_bits_of_the_statusword():
         (13, "bit 13"),
     ],
 )
-def test_a_bit_of_the_statusword_by_itself_has_its_name(bit, name):
+def test_each_bit_of_the_statusword_has_its_name(bit, name):
     assert statusword.bit_words(1 << bit) == [name]
 
 
@@ -95,7 +95,7 @@ def test_the_bits_of_the_state_have_no_name_of_their_own():
         (0x0880, 8, ["bit 4 ", "bit 9 ", "bit 11 ", "bit 7 ", "bit 12 "]),
     ],
 )
-def test_each_hint_by_itself(word, mode, begins):
+def test_each_hint_of_a_statusword_begins_as_in_the_table(word, mode, begins):
     hints = statusword.hints(word, mode)
     assert len(hints) == len(begins)
     assert all(hint.startswith(begin) for hint, begin in zip(hints, begins, strict=True))
@@ -144,7 +144,7 @@ def test_the_commands_of_the_power_stage():
         (0x07, "switch on / disable operation"),
     ],
 )
-def test_what_a_command_ignores_does_not_change_its_name(word, text):
+def test_ignored_bits_do_not_change_the_name_of_a_command(word, text):
     assert words(word) == text
 
 
@@ -166,7 +166,7 @@ def test_each_bit_of_the_controlword_in_its_mode(mode, texts):
 
 
 @pytest.mark.parametrize("row", table("modes.csv"), ids=lambda row: row["short"])
-def test_what_each_mode_is(row):
+def test_the_properties_of_each_mode(row):
     mode = ModeOfOperation(int(row["value"]))
     facts = FACTS[mode]
     assert (modes.short(mode), facts.supported_bit) == (row["short"], int(row["bit"]))
@@ -198,7 +198,7 @@ def test_an_invalid_number_is_no_mode():
 
 
 @pytest.mark.parametrize("row", table("option_codes.csv"), ids=lambda row: f"{row['key']} {row['value']}")
-def test_what_each_option_code_says(row):
+def test_the_meaning_of_each_option_code(row):
     option, value = options.BY_KEY[row["key"]], int(row["value"])
     assert (option.index, option.subindex) == (int(row["index"], 16), int(row["subindex"]))
     assert option.words.get(row["word"], -1) == (value if row["word"] else -1)
@@ -224,7 +224,7 @@ def test_there_are_no_other_option_codes():
 
 
 @pytest.mark.parametrize("row", table("homing_methods.csv"), ids=lambda row: row["method"])
-def test_what_each_homing_method_looks_for(row):
+def test_the_description_of_each_homing_method(row):
     text = homing.describe(int(row["method"]))
     opposite = {"positive side": "negative side", "positive direction": "negative direction"}
     for wanted in [
@@ -290,7 +290,7 @@ def test_the_values_of_a_port_are_these_objects():
     }
 
 
-def test_a_port_asks_for_nothing_by_itself():
+def test_a_port_has_no_default_outputs():
     assert port.Outputs() == (None, None, None, None, None, (), (), False, None, None, None)
     assert port.Inputs(1.0, False, None, None, None, None, None, None).nmt == -1
 
@@ -299,7 +299,7 @@ MOVING = (0x6040, 0x6042, 0x6060, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1
 
 
 @pytest.mark.parametrize("axis", range(8))
-def test_what_commands_any_axis_is_an_order(axis):
+def test_the_objects_that_command_an_axis_are_orders(axis):
     of_axis = range(0x6000 + axis * 0x800, 0x6800 + axis * 0x800)
     assert [index - axis * 0x800 for index in of_axis if order(index)] == list(MOVING)
     assert all("commands the drive" in order(index + axis * 0x800) for index in MOVING)
@@ -324,7 +324,7 @@ def test_objects_that_act_on_the_communication_at_once_are_commands():
     assert "other nodes" in told[0x1F82]
 
 
-def test_an_object_of_any_axis_is_known_by_that_of_the_first():
+def test_an_object_of_any_axis_has_the_index_of_the_first_axis():
     assert [first_axis(index) for index in (0x5FFF, 0x6000, 0x67FF, 0x6800, 0x7040, 0x9FFF, 0xA000)] == [
         *(0x5FFF, 0x6000, 0x67FF, 0x6000, 0x6040, 0x67FF, 0xA000),
     ]
@@ -358,13 +358,13 @@ def test_time_that_is_missing_is_added_up_within_the_last_two_seconds():
     assert lately.missing(2.5) == 0.75
     assert lately.text(2.5) == "this program did not run for 0.75 s of the last 2 s"
     assert lately.missing(3.0) == 0.5  # the first one ended just at the window's beginning
-    assert lately.missing(3.9) == pytest.approx(0.1)  # only what lies within counts: 1.9 to 2.0
+    assert lately.missing(3.9) == pytest.approx(0.1)  # only the part within the window counts: 1.9 to 2.0
     assert lately.missing(3.95) == 0.0
     assert lately.text(3.95) == ""
     assert lately.missing(4.5) == 0.0
 
 
-def test_who_has_missed_most_is_named_with_what_that_one_has_missed():
+def test_the_most_starved_part_is_named_with_its_time():
     lately = Starvation()
     lately.note(1.0, 0.125)
     for at in (1.0, 1.25, 1.5):
@@ -403,4 +403,4 @@ def test_nodes_that_were_not_late_need_no_space():
     assert lately.missing(1.0) == 0.5
     for _ in range(256):
         lately.note(1.0, 2**-10)
-    assert lately.missing(1.0) == 0.25  # of what was, the last 256 are kept
+    assert lately.missing(1.0) == 0.25  # the last 256 entries are kept

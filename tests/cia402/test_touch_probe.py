@@ -23,7 +23,7 @@ def rows():
 @pytest.mark.parametrize(
     "row", rows(), ids=lambda row: "-".join([row["input"], row["edge"], row["source"], row["continuous"]])
 )
-def test_a_touch_probe_is_armed_and_read_as_the_standard_says(row):
+def test_a_touch_probe_is_armed_and_read_according_to_the_standard(row):
     number, edge = int(row["input"]), Edge(row["edge"])
     bits = touch_probe.function_bits(
         frozenset({edge}), ProbeSource(row["source"]), continuous=row["continuous"] == "yes"

@@ -34,7 +34,7 @@ def test_supported_modes_of_6502():
         "csv",
         "cst",
     ]
-    # what the module's 0x761 would claim by CiA 402's layout
+    # the claims of the module's 0x761 by CiA 402's layout
     assert [modes.short(mode) for mode in modes.supported(0x761)] == ["pp", "hm", "ip", "csv", "cst", "cstca"]
 
 
@@ -62,12 +62,12 @@ def test_homing_methods_have_texts():
     assert homing.describe(99) == "reserved"
 
 
-def test_object_names_come_from_the_table():
+def test_object_names_are_those_of_the_table():
     assert dictionary.name(0x6081) == "Profile velocity"
     assert dictionary.name(0x607D) == "Software position limit"
 
 
-def test_bit_12_of_a_cyclic_mode_is_named_where_the_drive_does_not_follow():
+def test_bit_12_of_a_cyclic_mode_is_named_if_the_drive_does_not_follow():
     """CiA 402-2 14.3: bit 12 of csp is 1 while the drive follows the command value."""
     follows, ignores = 0x1637, 0x0637
     assert not any("bit 12" in hint for hint in statusword.hints(follows, 8))

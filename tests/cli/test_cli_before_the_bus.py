@@ -1,4 +1,4 @@
-"""What cannot be is refused before the bus is opened: arguments, limits of the cell file, EDS files, and where outputs go."""
+"""Invalid input is refused before the bus is opened: arguments, limits of the cell file, EDS files, and output paths."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Opened(BaseException):
 
 @pytest.fixture
 def axisbus(monkeypatch, capsys, tmp_path):
-    """The command line, where opening any bus ends the test."""
+    """The command line; opening any bus ends the test."""
 
     def opened(*_, **__):
         raise Opened
@@ -132,7 +132,7 @@ PATHS = {
     ],
     ids=lambda words: " ".join(words[:2]),
 )
-def test_where_an_output_goes(axisbus, tmp_path, command, path):
+def test_an_invalid_output_path_is_refused_and_changes_no_file(axisbus, tmp_path, command, path):
     (tmp_path / "file").write_text("kept")
     (tmp_path / "folder").mkdir()
     if command == ("demo",) and path == "folder":
@@ -184,14 +184,14 @@ def test_a_default_name_is_not_replaced_unasked_either(axisbus, tmp_path):
         assert (tmp_path / name).read_text() == "kept"
 
 
-def test_what_cannot_be_written_is_told_with_its_own_option(axisbus, tmp_path):
+def test_an_unwritable_output_names_its_own_option(axisbus, tmp_path):
     for command in (("eds", "dcf", commands.GENERIC, "--node", "5"), ("config", "backup", "5", *NODE)):
         assert "give another path with --concise" in axisbus(*command, "--concise", "/proc/x").err
         (tmp_path / "there").write_text("kept")
         assert "another name with --concise" in axisbus(*command, "--concise", "there").err
 
 
-def test_a_recording_that_is_not_there_is_told_before_its_bit_rate_is_missed(axisbus, tmp_path):
+def test_a_missing_recording_is_reported_before_a_missing_bit_rate(axisbus, tmp_path):
     for command in ("load", "trace"):
         code, out, err = axisbus(command, "none.log")
         assert (code, out) == (1, "")
@@ -199,7 +199,7 @@ def test_a_recording_that_is_not_there_is_told_before_its_bit_rate_is_missed(axi
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="everything may be read by root")
-def test_what_may_not_be_read_is_told_in_the_same_words_by_all(axisbus, tmp_path):
+def test_an_unreadable_file_has_the_same_error_in_all_commands(axisbus, tmp_path):
     for name in ("cell.toml", "x.eds", "x.log"):
         (tmp_path / name).write_text("x")
         (tmp_path / name).chmod(0)
@@ -232,7 +232,7 @@ def test_a_schema_is_of_all_cell_files(axisbus):
     assert axisbus("check").code == 2
 
 
-def test_a_restore_of_what_the_file_does_not_have(axisbus):
+def test_restore_of_an_object_without_a_value_in_the_file_is_refused(axisbus):
     assert axisbus("eds", "dcf", commands.GENERIC, "--node", "5", "--set", "6081=7", "-o", "x.dcf").code == 0
     code, _, err = axisbus("config", "restore", "x.dcf", "5", *NODE, "--include", "2105:1")
     assert (code, "gives no value for 2105h:01" in err) == (2, True)
@@ -337,10 +337,10 @@ def test_with_one_axis_in_fault_none_is_enabled(monkeypatch, capsys, tmp_path):
             assert f"reset it: axisbus reset {cell} y" in err
 
 
-# -- a rehearsal by itself ---------------------------------------------------------------------------------------------
+# -- a dry run alone ---------------------------------------------------------------------------------------------------
 
 
-def test_an_axis_is_judged_by_where_it_is_seen():
+def test_a_dry_run_checks_an_axis_at_its_observed_position():
     rehearsal = DryRun(checked(commands.CELL))
     x, here = rehearsal["x"], rehearsal["x"].snapshot
     assert x.move_relative(300.0).done  # it may be at -180, and is not homed

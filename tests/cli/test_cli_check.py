@@ -1,4 +1,4 @@
-"""What ``axisbus check`` shows, in which order, and how on a terminal."""
+"""The output of ``axisbus check``, its order, and its form on a terminal."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def findings(out: str, path: Path) -> list[str]:
 FAULTY = (("scan_period", "scan_perod"), ('unit = "deg"', 'unit = "banana"'), ('quick_stop = "ramp"\n', ""))
 
 
-def test_errors_come_last(axisbus, tmp_path):
+def test_errors_are_printed_last(axisbus, tmp_path):
     path = cell(tmp_path, *FAULTY)
     code, out, _ = axisbus("check", path)
     shown = [each for each in findings(out, path) if each in ("note", "warning", "error")]
@@ -90,7 +90,7 @@ def test_errors_only_of_a_sound_cell_is_quiet(axisbus):
     assert out.splitlines()[0].startswith(f"{commands.CELL}: 0 errors")
 
 
-def test_a_unit_that_is_none_is_refused_with_the_list(axisbus, tmp_path):
+def test_an_unknown_unit_is_refused_with_the_list(axisbus, tmp_path):
     code, out, _ = axisbus("check", cell(tmp_path, ('unit = "deg"', 'unit = "banana"')))
     assert code == 1
     assert "unit in [axes.x] cannot be used" in out
@@ -118,7 +118,7 @@ ENCODER = '[nodes.1.objects]\n"608F:01" = 16384\n"608F:02" = 1\n"6091:01" = 8\n"
         ("364.0889", False),
     ],
 )
-def test_a_scale_that_disagrees_with_the_drives_objects_is_told(axisbus, tmp_path, scale, warned):
+def test_a_scale_that_disagrees_with_the_drives_objects_is_reported(axisbus, tmp_path, scale, warned):
     path = cell(tmp_path, ('scale = "131072/360"', f"scale = {scale}"), ("[nodes.2]", ENCODER))
     code, out, _ = axisbus("check", path)
     assert code == 0
@@ -127,7 +127,7 @@ def test_a_scale_that_disagrees_with_the_drives_objects_is_told(axisbus, tmp_pat
         assert "the drive's objects suggest 364.089 (at the gear's output), 45.5111 (at the motor)" in out
 
 
-def test_an_encoder_of_one_increment_says_nothing(axisbus, tmp_path):
+def test_an_encoder_of_one_increment_gives_no_warning(axisbus, tmp_path):
     path = cell(tmp_path, ("[nodes.2]", ENCODER.replace("16384", "1")))
     assert "objects suggest" not in axisbus("check", path).out
 
@@ -148,7 +148,7 @@ def test_neither_cell_nor_schema_is_misuse(axisbus):
 
 
 def on_terminal(*arguments: object, **environment: str) -> str:
-    """Run the command line with a terminal as its output, and return what it wrote."""
+    """Run the command line with a terminal as its output, and return its output."""
     ours, theirs = pty.openpty()
     base = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "FORCE_COLOR")}
     with subprocess.Popen(
@@ -163,7 +163,7 @@ def on_terminal(*arguments: object, **environment: str) -> str:
         while True:
             try:
                 part = os.read(ours, 65536)
-            except OSError:  # Linux says so when the other side is closed
+            except OSError:  # Linux raises it when the other side is closed
                 break
             if not part:
                 break
@@ -225,8 +225,8 @@ def test_monitor_keeps_one_table_on_a_terminal():
 # -- ids ------------------------------------------------------------------------------------------------------------------
 
 
-def test_a_clean_cell_says_each_thing_once(axisbus):
-    """What holds of its three axes is one finding that names them."""
+def test_each_finding_of_a_clean_cell_is_printed_once(axisbus):
+    """A finding of all three axes is one finding that names them."""
     code, out, _ = axisbus("check", commands.CELL)
     assert code == 0
     said = [re.sub(r"^\S+: ", "", line) for line in out.splitlines() if line.startswith(f"{commands.CELL}:")]

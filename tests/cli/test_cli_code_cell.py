@@ -108,7 +108,7 @@ def compiled(
 
 
 def reader(header: str) -> str:
-    """A program that reads frames, and prints what each holds, and the frame that this makes again."""
+    """A program that reads frames, and prints the content of each, and the frame encoded from it again."""
     cases = []
     for lower, body in re.findall(r"^struct (cell_node\d+_[rt]pdo\d+) {\n(.*?)^};", header, re.M | re.S):
         members = re.findall(r"^    \w+ (\w+);", body, re.M)
@@ -144,7 +144,7 @@ def test_two_cells_and_a_file_that_both_use_are_included_by_one_source(run, tmp_
 
 
 @needs_compiler
-def test_it_reads_and_makes_the_frames_that_master_and_drives_exchange(run, tmp_path, file):
+def test_the_generated_code_reads_and_makes_the_frames_that_master_and_drives_exchange(run, tmp_path, file):
     assert run("eds", "code", "--c", "--cell", file, "-o", tmp_path / "cell.h").code == 0
     made = compiled(tmp_path, reader((tmp_path / "cell.h").read_text("ascii")))
     with Machine.open(file) as machine:
@@ -218,7 +218,7 @@ def test_one_node_is_named_by_its_number_or_by_an_axis(run, file):
 
 
 @needs_compiler
-def test_files_whose_names_could_be_mixed_up_are_told_apart(run, tmp_path):
+def test_files_with_similar_names_have_different_prefixes(run, tmp_path):
     for name in ("a/drive.eds", "b/drive.eds", "drive_controlword.eds"):
         path = tmp_path / name
         path.parent.mkdir(exist_ok=True)
@@ -263,7 +263,7 @@ def test_a_two_axis_drive_has_the_objects_of_both_and_the_pdos_that_there_are(ru
         (("builtin:generic-cia402",), "both a file and --cell are given"),
     ],
 )
-def test_what_has_no_pdos_is_refused_in_words(run, file, arguments, said):
+def test_a_device_without_pdos_is_refused_with_the_reason(run, file, arguments, said):
     code, out, err = run("eds", "code", "--c", "--cell", file, *arguments)
     assert code in (1, 2)
     assert out == ""
@@ -271,7 +271,7 @@ def test_what_has_no_pdos_is_refused_in_words(run, file, arguments, said):
 
 
 @pytest.mark.parametrize("which", [("--node", "16"), ("--axis", "m")])
-def test_a_module_that_speaks_can_simple_has_none_and_the_others_are_named(run, which):
+def test_code_for_a_can_simple_module_is_refused_and_the_other_nodes_are_named(run, which):
     cell = EXAMPLES / "can_simple.toml"
     code, _, err = run("eds", "code", "--c", "--cell", cell, *which)
     assert code == 1
@@ -294,7 +294,7 @@ def test_a_module_that_speaks_can_simple_has_none_and_the_others_are_named(run, 
         (("--c", "--cell", "none.toml"), "none.toml"),
     ],
 )
-def test_what_cannot_be_meant_is_refused_in_words(run, arguments, said):
+def test_invalid_arguments_of_eds_code_are_refused_with_the_reason(run, arguments, said):
     code, out, err = run("eds", "code", *arguments)
     assert code in (1, 2)
     assert out == ""

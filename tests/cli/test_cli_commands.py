@@ -1,4 +1,4 @@
-"""Every subcommand as its user types it: what it prints, and its exit code."""
+"""Every subcommand with typical arguments: its output, and its exit code."""
 
 import csv
 import json
@@ -83,7 +83,7 @@ def test_check_as_json(axisbus, tmp_path):
     ] == [(7, "error")]
 
 
-def test_scan_shows_who_is_there(axisbus):
+def test_scan_lists_the_nodes(axisbus):
     code, out, _ = axisbus("scan", CELL)
     assert code == 0
     assert out.count("servo drive (CiA 402)") == 3
@@ -121,7 +121,7 @@ def test_boot_reports_each_node(axisbus):
     assert "watchdog      armed, reaction unknown" in out
 
 
-def test_boot_without_nodes_says_which_step_failed(axisbus, tmp_path):
+def test_boot_without_nodes_names_the_failed_step(axisbus, tmp_path):
     code, out, _ = axisbus("boot", cell(tmp_path, interface="virtual", channel="empty"))
     assert code == 3
     assert "FAILED at find: node 5, step find: node 5 does not answer" in out
@@ -143,7 +143,7 @@ def test_monitor_shows_state_and_position(axisbus):
     assert re.search(r"^x +Disabled +0\.000 deg", out, re.MULTILINE)
 
 
-def test_monitor_tells_what_the_can_controller_does_once(axisbus, monkeypatch):
+def test_monitor_prints_each_event_of_the_can_controller_once(axisbus, monkeypatch):
     off = ControllerEvent(1.0, "socketcan:can0", CanErrorState.OFF, ErrorCounters(248, 3))
     back = ControllerEvent(2.0, "socketcan:can0", CanErrorState.ACTIVE, None, restarted=True)
     monkeypatch.setattr(Machine, "bus_events", [off, back])
@@ -164,7 +164,7 @@ def test_monitor_as_json(axisbus):
     assert all(0 <= axis["age"] < 1 for axis in seen)
 
 
-def test_monitor_tells_the_load_of_the_bus_and_the_cycle(axisbus):
+def test_monitor_prints_bus_load_and_cycle(axisbus):
     code, out, _ = axisbus("monitor", CELL, "--count", 2, "--every", 0.5)
     assert code == 0
     found = re.search(r"bus: (\d+)% to (\d+)% of 1000 kbit/s, (\d+) frames/s", out)
@@ -210,7 +210,7 @@ def test_home_and_reset(axisbus):
     assert (code, "x: no fault" in out) == (0, True)
 
 
-def test_a_stop_of_simulated_drives_that_no_machine_has_reaches_nothing_and_says_so(axisbus):
+def test_a_stop_of_simulated_drives_without_a_machine_reports_not_reached(axisbus):
     code, out, _ = axisbus("stop", CELL)
     assert code == 3
     assert out.count("NOT REACHED: no machine of this cell was found") == 3
@@ -268,7 +268,7 @@ def within(command, path=()):
             yield from within(command.get_command(context, name), (*path, name))
 
 
-def test_each_option_of_each_command_says_what_it_is():
+def test_each_option_of_each_command_has_a_help_text():
     options = [
         (path, each.opts, each.help)
         for path, command in within(cli)

@@ -1,4 +1,4 @@
-"""What a shell is offered, and what is offered for a command that does not exist."""
+"""Completions for a shell, and suggestions for a command that does not exist."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PAIR = str(commands.ROOT / "examples" / "gantry.toml")
 
 
 def offered(*words: str) -> list[str]:
-    """Return what the shell is told for a line whose last word is being typed."""
+    """Return the completions for a line whose last word is being typed."""
     *before, incomplete = words
     return [
         each.value for each in ShellComplete(cli, {}, "axisbus", "_X").get_completions(before, incomplete)
@@ -39,7 +39,7 @@ def offered(*words: str) -> list[str]:
         (("move", PAIR, "y"), ["y="]),
     ],
 )  # fmt: skip
-def test_what_is_offered(words, names):
+def test_completions_of_a_command_line(words, names):
     assert offered(*words) == names
 
 
@@ -56,6 +56,6 @@ def test_what_is_offered(words, names):
         (("move", commands.CELL, "x=1", "--velocty", "3"), "--velocity"),
     ],
 )
-def test_what_may_have_been_meant(monkeypatch, capsys, words, meant):
+def test_a_mistyped_word_gets_a_suggestion(monkeypatch, capsys, words, meant):
     code, _, err = commands.runner(monkeypatch, capsys)(*words)
     assert (code, meant in err) == (2, True), err

@@ -1,4 +1,4 @@
-"""``axisbus config`` as its user types it, on stand-ins: backup, diff, restore, and what is refused with nothing written."""
+"""``axisbus config`` with simulated drives: backup, diff, restore, and refusals without a write."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
 from kit import commands
 
-# Numbers by hand: objects of the generic drive that a configuration changes, with what they then hold.
+# Numbers by hand: objects of the generic drive that a configuration changes, with their new values.
 CHANGES = {(0x6081, 0): 123_456, (0x6083, 0): 7_654_321, (0x607D, 1): -50_000, (0x607D, 2): 50_000}
 
 
@@ -74,16 +74,16 @@ def _objects(report, outcome):
 # -- backup ------------------------------------------------------------------------------------------------------------
 
 
-def test_backup_holds_the_values_and_who_they_are_of(axisbus, bus, saved, tmp_path):
+def test_a_backup_contains_the_values_and_the_identity(axisbus, bus, saved, tmp_path):
     eds = load(tmp_path / "x.dcf")
     assert eds.node_id == 5
     assert {key: eds.get(*key).initial(5) for key in CHANGES} == CHANGES
-    assert eds.get(0x6041).parameter_value is not None  # what can only be read is in it, too
+    assert eds.get(0x6041).parameter_value is not None  # read-only objects are in it, too
     assert eds.info["fileinfo"]["filename"] == "x.dcf"
     assert eds.info["fileinfo"]["lasteds"] == "generic-cia402.eds"
 
 
-def test_without_an_eds_the_standards_objects_are_asked_for(axisbus, bus, tmp_path):
+def test_a_backup_without_an_eds_reads_the_objects_of_the_standards(axisbus, bus, tmp_path):
     options, stand_ins = bus
     _set(stand_ins, CHANGES)
     code, out, _ = axisbus("config", "backup", "5", *options)
@@ -192,7 +192,7 @@ def test_two_files_of_different_nodes_differ_in_values_only(axisbus, bus, saved)
         (("5",), "give a cell file with --cell, or the bus"),
     ],
 )
-def test_what_cannot_be_compared_is_misuse(axisbus, arguments, words):
+def test_an_invalid_comparison_is_misuse(axisbus, arguments, words):
     result = axisbus("config", "diff", *arguments)
     assert result.code == 2
     assert words in result.err
@@ -201,7 +201,7 @@ def test_what_cannot_be_compared_is_misuse(axisbus, arguments, words):
 # -- restore -----------------------------------------------------------------------------------------------------------
 
 
-def test_restore_brings_all_back_and_reads_it_again(axisbus, bus, saved):
+def test_restore_writes_all_values_and_reads_them_again(axisbus, bus, saved):
     options, stand_ins = bus
     code, out, _ = axisbus("config", "restore", "x.dcf", "5", *options, "--json")
     report = json.loads(out)
@@ -250,13 +250,13 @@ def test_calibration_stays_as_the_drive_has_it_unless_it_is_named(
     assert "skipped   607Dh:01 Min position limit" in out
     assert "it calibrates the drive: --include 607D:1 writes it" in out
     code, out, _ = axisbus("config", "diff", "x.dcf", "5", *options)
-    assert code == 1  # a diff tells what differs, whoever may write it
+    assert code == 1  # a diff reports differences, whatever the access
     assert "607Dh:01" in out
     assert axisbus("config", "restore", "x.dcf", "5", *options, "--include", "607D:1").code == 0
     assert _held(stand_ins) == CHANGES
 
 
-def test_pdos_come_back_with_their_mapping(axisbus, bus):
+def test_pdos_are_restored_with_their_mapping(axisbus, bus):
     options, stand_ins = bus
     tpdo1 = {(0x1800, 1): 0x8000_0185, (0x1A00, 0): 0, (0x1A00, 1): 0x6064_0020, (0x1800, 2): 255}
     after = {(0x1A00, 0): 1, (0x1800, 1): 0x185}
@@ -293,7 +293,7 @@ def _set_nmt(stand_ins, command):
         stand_ins.devices[0].nmt_command(command)
 
 
-def test_what_a_restart_loses_is_found_by_reading_again(axisbus, bus, saved):
+def test_a_value_lost_in_a_restart_is_found_by_reading_again(axisbus, bus, saved):
     """A drive that says yes to storing, restarts, and has forgotten one object."""
     options, stand_ins = bus
     device = stand_ins.devices[0]
@@ -306,7 +306,7 @@ def test_what_a_restart_loses_is_found_by_reading_again(axisbus, bus, saved):
     assert "it restarted, and all was read again" in out
 
 
-def test_a_drive_that_refuses_to_store_is_told_and_keeps_what_it_has_in_ram(axisbus, bus, saved):
+def test_a_drive_that_refuses_to_store_is_reported_and_keeps_its_values_in_ram(axisbus, bus, saved):
     options, stand_ins = bus
     stand_ins.devices[0].dials.sdo_write_aborts[0x1010, 1] = 0x0800_0022
     code, out, err = axisbus("config", "restore", "x.dcf", "5", *options, "--store")
@@ -330,7 +330,7 @@ def test_another_drive_is_refused_unless_it_replaces_the_one_of_the_file(axisbus
         assert stand_ins.devices[1].read(0x1800, 1) & 0x7FF == 0x186  # COB-IDs follow the node-ID
 
 
-def test_another_serial_number_is_refused(axisbus, bus):
+def test_restore_to_a_drive_with_another_serial_number_is_refused(axisbus, bus):
     options, stand_ins = bus
     serial = stand_ins.devices[0].dictionary.values
     serial[0x1018 << 8 | 4] = 1234
@@ -373,7 +373,7 @@ def test_an_operational_node_is_not_configured(axisbus, bus, saved, monkeypatch)
     assert _held(stand_ins) == saved
 
 
-def test_a_cable_that_is_pulled_on_the_way_is_told_and_the_next_run_finishes(axisbus, bus, saved):
+def test_a_cable_pulled_during_a_restore_is_reported_and_the_next_run_completes_it(axisbus, bus, saved):
     options, stand_ins = bus
     device = stand_ins.devices[0]
     hook = [lambda _: setattr(device.dials, "sdo_silent", True)]
@@ -389,7 +389,7 @@ def test_a_cable_that_is_pulled_on_the_way_is_told_and_the_next_run_finishes(axi
     assert _held(stand_ins) == CHANGES
 
 
-def test_what_the_drive_refuses_is_named(axisbus, bus, saved):
+def test_an_object_that_the_drive_refuses_is_named(axisbus, bus, saved):
     options, stand_ins = bus
     stand_ins.devices[0].dials.sdo_write_aborts[0x6083, 0] = 0x0800_0021
     code, out, _ = axisbus("config", "restore", "x.dcf", "5", *options)
@@ -474,7 +474,7 @@ def test_a_master_on_the_bus_is_not_disturbed(axisbus, bus, saved):
     assert _held(stand_ins) == saved
 
 
-def test_a_drive_that_watches_its_peers_is_restored_all_the_same(axisbus, bus, saved):
+def test_a_drive_that_consumes_the_heartbeats_of_others_is_restored_as_well(axisbus, bus, saved):
     options, stand_ins = bus
     _set(stand_ins, {(0x1016, 1): 6 << 16 | 1000})
     _set(stand_ins, {(0x1017, 0): 20}, device=1)

@@ -1,4 +1,4 @@
-"""``axisbus eds fix`` and ``axisbus eds dcf`` as their user types them: what is printed, written, and the exit codes."""
+"""``axisbus eds fix`` and ``axisbus eds dcf``: the output, the written files, and the exit codes."""
 
 import json
 import re
@@ -61,7 +61,7 @@ def test_fix_shows_a_diff_and_writes_nothing(axisbus, eds):
     assert eds.read_text() == EDS
 
 
-def test_fix_writes_when_asked_and_then_has_nothing_to_do(axisbus, eds):
+def test_fix_writes_with_the_write_option_and_has_nothing_to_do_the_second_time(axisbus, eds):
     eds.chmod(0o640)
     code, out, _ = axisbus("eds", "fix", eds, "--write")
     assert code == 0
@@ -91,7 +91,7 @@ def test_fix_as_json(axisbus, eds):
     }
 
 
-def test_fix_takes_many_files_and_mends_what_can_be_read(axisbus, eds, tmp_path):
+def test_fix_repairs_all_readable_files_of_several(axisbus, eds, tmp_path):
     other, clean, broken = tmp_path / "b.eds", tmp_path / "c.eds", tmp_path / "d.eds"
     other.write_text(EDS)
     clean.write_text(EDS.replace("Objects=3", "Objects=1"))
@@ -108,7 +108,7 @@ def test_fix_takes_many_files_and_mends_what_can_be_read(axisbus, eds, tmp_path)
 
 
 @pytest.mark.parametrize("wrong", [[], ["-o", "x.eds", "--write"], ["b.eds", "-o", "x.eds"]])
-def test_fix_asked_in_a_wrong_way_does_nothing(axisbus, eds, tmp_path, monkeypatch, wrong):
+def test_fix_with_invalid_arguments_changes_nothing(axisbus, eds, tmp_path, monkeypatch, wrong):
     monkeypatch.chdir(tmp_path)
     code, _, err = axisbus("eds", "fix", *([eds] if wrong else []), *wrong)
     assert (code, eds.read_text()) == (2, EDS)
@@ -116,7 +116,7 @@ def test_fix_asked_in_a_wrong_way_does_nothing(axisbus, eds, tmp_path, monkeypat
     assert [path.name for path in tmp_path.iterdir()] == ["a.eds"]
 
 
-def test_fix_through_a_link_mends_the_file_behind_it(axisbus, eds, tmp_path):
+def test_fix_through_a_link_repairs_its_target(axisbus, eds, tmp_path):
     link = tmp_path / "link.eds"
     link.symlink_to(eds)
     assert axisbus("eds", "fix", link, "--write")[0] == 0
@@ -124,14 +124,14 @@ def test_fix_through_a_link_mends_the_file_behind_it(axisbus, eds, tmp_path):
     assert "SupportedObjects=1" in eds.read_text()
 
 
-def test_a_file_that_cannot_be_written_is_said_and_nothing_is_left_behind(axisbus, eds, tmp_path):
+def test_an_unwritable_file_is_reported_and_nothing_is_left_behind(axisbus, eds, tmp_path):
     code, _, err = axisbus("eds", "fix", eds, "-o", tmp_path / "a.eds" / "b.eds")
     assert code == 1
     assert "b.eds cannot be written" in err
     assert [path.name for path in tmp_path.iterdir()] == ["a.eds"]
 
 
-def test_fix_of_what_is_no_eds(axisbus, tmp_path):
+def test_fix_of_a_file_that_is_no_eds_is_refused(axisbus, tmp_path):
     path = tmp_path / "x.eds"
     path.write_bytes(b"\x89PNG\r\n")
     code, _, err = axisbus("eds", "fix", path)

@@ -76,7 +76,7 @@ def test_show_as_json(eds: Command) -> None:
 
 
 @pytest.mark.parametrize("wanted", ["nonsense", "5FFF", "tpdo9", "1018:9"])
-def test_show_of_what_is_not_there_ends_with_1(eds: Command, wanted: str) -> None:
+def test_show_of_a_missing_object_ends_with_1(eds: Command, wanted: str) -> None:
     code, out, err = eds("show", DRIVE, wanted)
     assert (code, out) == (1, "")
     assert "there is no" in err
@@ -105,7 +105,7 @@ def test_diff_of_equal_files_ends_with_0(eds: Command) -> None:
     assert "no difference in meaning" in out
 
 
-def test_diff_of_two_versions_ends_with_1_and_says_what_matters(eds: Command, tmp_path: Path) -> None:
+def test_diff_of_two_versions_ends_with_1_and_lists_important_changes(eds: Command, tmp_path: Path) -> None:
     other = edited(tmp_path, "DefaultValue=0x00000761", "DefaultValue=0x00000760")
     code, out, _ = eds("diff", DRIVE, other)
     assert code == 1
@@ -193,7 +193,7 @@ def test_code_refuses_a_name_that_cannot_be_imported(eds: Command, tmp_path: Pat
 
 
 @pytest.mark.parametrize("command", ["show", "doc", "code"])
-def test_what_is_no_eds_is_one_clear_error(eds: Command, tmp_path: Path, command: str) -> None:
+def test_a_file_that_is_no_eds_is_one_clear_error(eds: Command, tmp_path: Path, command: str) -> None:
     picture = tmp_path / "x.eds"
     picture.write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(100))
     code, out, err = eds(command, picture)

@@ -16,7 +16,7 @@ from kit.talker import Talker
 
 
 class Modules(Talker):
-    """Modules that speak CAN Simple, with the heartbeats of the factory; keeps what is sent to them."""
+    """Modules that speak CAN Simple, with the heartbeats of the factory; stores the frames sent to them."""
 
     def __init__(self, channel: str, *nodes: int) -> None:
         super().__init__(channel)
@@ -55,7 +55,7 @@ def log(path, nodes, *, canopen=()):
 # -- scan and init ------------------------------------------------------------------------------------------------------------
 
 
-def test_scan_says_which_protocol_the_modules_speak(axisbus):
+def test_scan_names_the_protocol_of_the_modules(axisbus):
     with Modules("factory-scan", 0, 1):
         code, out, _ = axisbus("scan", "-i", "virtual", "-c", "factory-scan")
     assert code == 1
@@ -77,7 +77,7 @@ def test_scan_finds_canopen_nodes_beside_them(axisbus):
     assert found[1]["state"] == "idle"
 
 
-def test_scan_asks_nobody_whom_a_module_would_take_for_a_command(axisbus):
+def test_scan_skips_identifiers_that_are_commands_of_a_module(axisbus):
     """601h to 61Fh are the commands of CAN Simple's node 48, an emergency stop among them."""
     with Modules("factory-48", 48) as modules:
         axisbus("scan", "-i", "virtual", "-c", "factory-48")
@@ -86,7 +86,7 @@ def test_scan_asks_nobody_whom_a_module_would_take_for_a_command(axisbus):
     assert asked >= set(range(0x620, 0x680))
 
 
-def test_init_says_it_too(axisbus, tmp_path):
+def test_init_reports_can_simple_modules_too(axisbus, tmp_path):
     with Modules("factory-init", 1):
         result = axisbus("init", "-i", "virtual", "-c", "factory-init", "--output", tmp_path / "cell.toml")
     assert result.code == 1
@@ -102,7 +102,7 @@ def test_init_says_it_too(axisbus, tmp_path):
 # -- trace ----------------------------------------------------------------------------------------------------------------------
 
 
-def test_trace_reads_their_heartbeats_and_says_so_at_the_end(axisbus, tmp_path):
+def test_trace_decodes_the_heartbeats_of_modules_and_reports_the_modules_at_the_end(axisbus, tmp_path):
     code, out, err = axisbus("trace", log(tmp_path / "run.log", (0, 4)))
     assert code == 0
     lines = out.splitlines()
@@ -133,7 +133,7 @@ def test_trace_knows_the_29_bit_protocol(axisbus, tmp_path):
     assert "1 module speaks the 29-bit protocol of newer firmware, not CANopen: node 1 (19200404h" in err
 
 
-def test_a_listening_monitor_says_it(axisbus, tmp_path):
+def test_a_listening_monitor_reports_can_simple_modules(axisbus, tmp_path):
     path = tmp_path / "cell.toml"
     path.write_text(
         '[bus]\ninterface = "virtual"\nchannel = "factory-monitor"\nscan_period = "10ms"\n'
@@ -148,7 +148,7 @@ def test_a_listening_monitor_says_it(axisbus, tmp_path):
 
 
 class Wire:
-    """An adapter on a bus of one bit rate: it hears at that one, and tells how it was opened each time."""
+    """An adapter on a bus of one bit rate: it receives at that one, and notes how it was opened each time."""
 
     def __init__(self, rate: int) -> None:
         self.rate = rate
@@ -173,7 +173,7 @@ def wire(monkeypatch):
 @pytest.mark.parametrize(
     "interface", [name for name in sorted(adapter.can.interfaces.VALID_INTERFACES) if name != "virtual"]
 )
-def test_another_rate_is_tried_in_listen_only_mode_or_not_at_all(interface, wire):
+def test_a_different_rate_is_tried_in_listen_only_mode_or_not_at_all(interface, wire):
     """Whatever python-can knows: each opening at another rate carries the option that silences the controller."""
     given = {"listen_only": False, "state": can.BusState.ACTIVE, "monitor": False, "operation_mode": "normal"}
     if not other_rates.possible(interface, {}):
@@ -206,7 +206,7 @@ def test_scan_of_a_silent_bus_finds_its_rate(axisbus, wire):
     assert "next: use this rate: -b 500000" in out
 
 
-def test_scan_as_json_tells_the_rate(axisbus, wire):
+def test_scan_as_json_contains_the_bit_rate(axisbus, wire):
     with Modules("factory-wire", 1):
         _, out, _ = axisbus("scan", "-i", "slcan", "-c", "/dev/ttyACM0", "-b", "1000000", "--json")
     assert [(each["node_id"], each["bitrate"]) for each in json.loads(out)] == [(1, 500_000)]
@@ -218,7 +218,7 @@ def test_trace_of_a_silent_bus_finds_its_rate(axisbus, wire):
     assert "this bus runs at 500000 bit/s" in err
 
 
-def test_where_nobody_acknowledges_the_rate_is_looked_for_before_the_error_is_told(
+def test_without_an_acknowledge_the_bit_rate_is_searched_before_the_error_is_reported(
     axisbus, wire, monkeypatch
 ):
     def refused(*_, **__):
@@ -235,7 +235,7 @@ def test_where_nobody_acknowledges_the_rate_is_looked_for_before_the_error_is_to
     assert "frame 601h was not taken" in err
 
 
-def test_an_adapter_without_that_mode_is_left_alone_and_the_way_is_told(axisbus, wire):
+def test_without_listen_only_mode_no_other_rate_is_tried_and_the_option_is_named(axisbus, wire):
     code, out, _ = axisbus("scan", "-i", "kvaser", "-c", "0", "-b", "1000000")
     assert code == 1
     assert len(wire.opened) == 1
@@ -249,7 +249,7 @@ def test_socketcan_gets_the_lines_to_type(axisbus, wire):
     assert "sudo ip link set can0 up type can bitrate 500000 listen-only on" in out
 
 
-def test_a_rate_that_an_adapter_does_not_have_is_passed_over(wire, monkeypatch):
+def test_a_rate_that_an_adapter_does_not_have_is_skipped(wire, monkeypatch):
     def picky(interface, channel, bitrate, options):
         if bitrate != 125_000:
             raise AdapterError(f"no {bitrate}")

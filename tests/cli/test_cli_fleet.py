@@ -1,4 +1,4 @@
-"""``axisbus fleet`` before stand-ins for cells: what is told of a plant, and which stops were confirmed."""
+"""``axisbus fleet`` with fake cells: the report of a plant, and the confirmed stops."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def way(plant):
     return ["--plant", plant.name, *(word for each in plant.endpoints for word in ("--connect", each))]
 
 
-def test_list_tells_cells_axes_incidents_and_recordings(axisbus, plant):
+def test_list_prints_cells_axes_incidents_and_recordings(axisbus, plant):
     press, saw = plant.cell("press", ("x", "y")), plant.cell("saw", version="0.0.1")
     press.happen("the drive has \x1b[2Jstopped")
     code, out, err = axisbus("fleet", "list", *way(plant))
@@ -50,7 +50,7 @@ def test_list_tells_cells_axes_incidents_and_recordings(axisbus, plant):
     assert saw.name in out
 
 
-def test_a_clock_that_is_no_time_at_all_spoils_nothing_of_what_is_shown(axisbus, plant, monkeypatch):
+def test_an_invalid_time_of_an_event_does_not_break_the_list(axisbus, plant, monkeypatch):
     press = plant.cell("press")
     with monkeypatch.context() as mad:
         mad.setattr("time.time", lambda: 1e20)
@@ -73,7 +73,7 @@ def test_list_as_json_has_no_value_that_is_not_known(axisbus, plant):
     assert found["saw"]["differs"] is None
 
 
-def test_where_no_cell_is_there_that_is_told(axisbus):
+def test_a_plant_without_cells_is_reported(axisbus):
     nobody = ["--plant", "hall", "--listen", free_endpoint()]
     code, out, _ = axisbus("fleet", "list", *nobody)
     assert (code, "no cell of plant hall was found" in out) == (1, True)
@@ -81,14 +81,14 @@ def test_where_no_cell_is_there_that_is_told(axisbus):
     assert (code, "none was stopped" in err) == (1, True)
 
 
-def test_without_a_way_to_any_cell_it_is_wrong_use(axisbus):
+def test_without_an_endpoint_the_command_is_misuse(axisbus):
     for command in ("list", "watch", "stop"):
         code, _, err = axisbus("fleet", command, "--plant", "hall")
         assert (code, "--listen" in err) == (2, True)
         assert axisbus("fleet", command, "--plant", "ha/ll", "--listen", free_endpoint()).code == 2
 
 
-def test_stop_tells_of_each_cell_whether_it_was_confirmed(axisbus, plant):
+def test_stop_reports_for_each_cell_if_it_was_confirmed(axisbus, plant):
     press, saw = plant.cell("press"), plant.cell("saw")
     code, out, _ = axisbus("fleet", "stop", *way(plant))
     assert (code, out) == (0, "press: stopped (it stands)\nsaw: stopped (it stands)\n")
@@ -104,7 +104,7 @@ def test_stop_tells_of_each_cell_whether_it_was_confirmed(axisbus, plant):
     assert (code, "mill: NOT CONFIRMED" in out) == (3, True)
 
 
-def test_where_an_endpoint_is_not_reached_that_is_told_and_a_stop_of_all_has_failed(axisbus, plant):
+def test_an_unreachable_endpoint_is_reported_and_a_stop_of_all_has_failed(axisbus, plant):
     plant.cell("press")
     plant.endpoints.append(nobody := free_endpoint())
     code, out, err = axisbus("fleet", "list", *way(plant))
@@ -127,7 +127,7 @@ def test_watch_looks_again_and_again(axisbus, plant):
     assert json.loads(out)[0]["cell"] == "press"
 
 
-def test_on_a_terminal_what_is_gone_is_told_as_that_and_its_values_as_unknown(plant, capsys):
+def test_on_a_terminal_a_lost_cell_and_its_unknown_values_are_shown_as_such(plant, capsys):
     press = plant.cell("press", protocol=PROTOCOL + 1)
     press.happen("the drive has stopped")
     with Fleet(plant.name, connect=plant.endpoints) as fleet:
@@ -148,7 +148,7 @@ def test_on_a_terminal_what_is_gone_is_told_as_that_and_its_values_as_unknown(pl
         assert "unknown" in seen
 
 
-def test_in_a_small_terminal_what_is_wrong_is_not_cut_off(plant, capsys):
+def test_in_a_small_terminal_cells_with_errors_are_not_cut_off(plant, capsys):
     many = [plant.cell(f"cell-{number:02}") for number in range(14)]
     many[12].happen("the drive has stopped")
     with Fleet(plant.name, connect=plant.endpoints) as fleet:
@@ -162,7 +162,7 @@ def test_in_a_small_terminal_what_is_wrong_is_not_cut_off(plant, capsys):
     assert any("cell-12" in line and "the drive has stopped" in line for line in first)
 
 
-def test_without_zenoh_it_says_what_to_install(axisbus, monkeypatch):
+def test_without_zenoh_the_error_names_the_package_to_install(axisbus, monkeypatch):
     monkeypatch.setitem(sys.modules, "zenoh", None)
     code, _, err = axisbus("fleet", "list", "--plant", "hall", "--listen", free_endpoint())
     assert (code, 'pip install "axisbus[zenoh]"' in err) == (1, True)

@@ -1,4 +1,4 @@
-"""``axisbus stop`` and ``halt``: whichever way the machine runs, its axes are stopped, or the command says that they were not."""
+"""``axisbus stop`` and ``halt``: however the machine runs, its axes are stopped, or the command reports that they were not."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ STOPS = [("halt", "x"), ("halt",), ("stop",)]
 
 
 @pytest.mark.parametrize("words", STOPS, ids=" ".join)
-def test_a_full_machine_is_stopped_all_the_same(axisbus, moving, file, words):
+def test_a_machine_with_its_maximum_of_clients_is_stopped_from_the_command_line(axisbus, moving, file, words):
     machine, handle = moving
     with ExitStack() as stack:
         with pytest.raises(ScanError) as caught:
@@ -65,7 +65,7 @@ def test_a_full_machine_is_stopped_all_the_same(axisbus, moving, file, words):
 
 
 @pytest.mark.parametrize("words", STOPS, ids=" ".join)
-def test_a_machine_whose_cell_file_was_changed_is_stopped_all_the_same(axisbus, moving, file, words):
+def test_a_machine_whose_cell_file_was_changed_is_stopped_from_the_command_line(axisbus, moving, file, words):
     machine, _ = moving
     before = file.read_text()
     new = file.with_suffix(".new")
@@ -81,7 +81,7 @@ def test_a_machine_whose_cell_file_was_changed_is_stopped_all_the_same(axisbus, 
 
 
 @pytest.mark.parametrize("words", STOPS, ids=" ".join)
-def test_a_machine_whose_cell_file_cannot_be_read_any_more_is_stopped_all_the_same(
+def test_a_machine_whose_cell_file_can_no_longer_be_read_is_stopped_from_the_command_line(
     axisbus, moving, file, words
 ):
     machine, _ = moving
@@ -98,7 +98,7 @@ def test_a_machine_whose_cell_file_cannot_be_read_any_more_is_stopped_all_the_sa
 
 
 @pytest.mark.usefixtures("moving")
-def test_an_axis_that_the_machine_does_not_have_is_not_told_as_stopped(axisbus, file):
+def test_an_axis_that_the_machine_does_not_have_is_not_reported_as_stopped(axisbus, file):
     before = file.read_text()
     try:
         file.write_text(before.replace("axes.y", "axes.q"))
@@ -121,7 +121,7 @@ def test_of_two_machines_of_one_simulated_cell_both_are_stopped(axisbus, moving,
     assert turns(machine) == pytest.approx(0.0, abs=0.1)
 
 
-def test_where_nothing_answers_under_a_claim_no_axis_is_told_as_stopped(axisbus, tmp_path):
+def test_a_claim_without_an_answer_reports_no_axis_as_stopped(axisbus, tmp_path):
     file = own_cell(tmp_path, "x")
     with claim(None, CellFileId.of(file), exclusive=False, door=False):
         code, out, _ = axisbus("stop", file)

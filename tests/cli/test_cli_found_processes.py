@@ -71,7 +71,7 @@ def end(process):
     process.stdout.close()
 
 
-def test_a_machine_with_its_core_in_its_program_is_found_and_told_as_not_reached(axisbus, tmp_path):
+def test_a_machine_with_its_core_in_its_program_is_found_and_reported_as_not_reached(axisbus, tmp_path):
     path = tmp_path / "cell.toml"
     path.write_text(cell_text("x"), encoding="utf-8")
     process = run_elsewhere(path, AXISBUS_PROCESS="thread")
@@ -92,12 +92,12 @@ def test_a_machine_with_its_core_in_its_program_is_found_and_told_as_not_reached
 
 
 def processes_of(core):
-    """The core's process and its warden's."""
+    """The core's process and its watchdog process."""
     warden = int(re.search(r"PPid:\s+(\d+)", Path(f"/proc/{core}/status").read_text())[1])
     return [warden, core]
 
 
-def test_a_machine_that_hangs_is_told_as_not_reached(axisbus, tmp_path):
+def test_a_machine_that_hangs_is_reported_as_not_reached(axisbus, tmp_path):
     file = own_cell(tmp_path, "x")
     machine = Machine.open(file)
     stopped = processes_of(machine._core.process)
@@ -116,7 +116,7 @@ def test_a_machine_that_hangs_is_told_as_not_reached(axisbus, tmp_path):
 
 
 @needs_root
-def test_a_machine_of_another_user_is_named_and_not_told_as_stopped(axisbus, tmp_path):
+def test_a_machine_of_another_user_is_named_and_not_reported_as_stopped(axisbus, tmp_path):
     file = own_cell(tmp_path, "x")
     with as_user(lambda: claim(None, CellFileId.of(file), exclusive=False, door=True)) as stranger:
         code, out, err = axisbus("stop", file)
@@ -130,7 +130,7 @@ def test_a_machine_of_another_user_is_named_and_not_told_as_stopped(axisbus, tmp
 
 
 @needs_root
-def test_the_claim_of_another_user_keeps_nobody_from_his_own_machine(axisbus, moving, file):
+def test_the_claim_of_another_user_does_not_hide_ones_own_machine(axisbus, moving, file):
     machine, _ = moving
     with as_user(lambda: claim(None, CellFileId.of(file), exclusive=False, door=True)):
         code, out, _ = axisbus("stop", file)
@@ -140,7 +140,7 @@ def test_the_claim_of_another_user_keeps_nobody_from_his_own_machine(axisbus, mo
 
 @pytest.fixture
 def bus(tmp_path):
-    """The cell file of drives that are served, in a process of their own, and what they do."""
+    """The cell file of simulated drives in a process of their own, and their plant."""
     cell, mine, control = tmp_path / "cell.toml", tmp_path / "mine.toml", tmp_path / "c"
     cell.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
     command = [sys.executable, "-m", "axisbus", "sim", cell, "--port", "0", "-o", mine, "--control", control]
@@ -164,7 +164,7 @@ time.sleep(100)
 
 
 def going(file, mode):
-    """A program whose machine lets x turn, and its core's process; ``mode``: where the core is."""
+    """A program whose machine turns x, and its core's process; ``mode``: the location of the core."""
     process = subprocess.Popen(
         [sys.executable, "-c", GOES, str(file), mode],
         stdout=subprocess.PIPE,
@@ -175,7 +175,7 @@ def going(file, mode):
     return process, int(process.stdout.readline())
 
 
-def test_a_machine_on_a_bus_is_asked_and_its_nodes_stay_up(axisbus, bus):
+def test_stop_from_the_command_line_stops_a_machine_on_a_bus_and_leaves_its_nodes_up(axisbus, bus):
     file, plant = bus
     process, _ = going(file, "own")
     try:
@@ -189,7 +189,7 @@ def test_a_machine_on_a_bus_is_asked_and_its_nodes_stay_up(axisbus, bus):
 
 
 @pytest.mark.parametrize("way", ["in its program", "a copy of the cell file", "it hangs"])
-def test_where_the_machine_is_not_reached_its_drives_are_stopped_from_beside(axisbus, bus, tmp_path, way):
+def test_if_the_machine_is_not_reached_its_drives_are_stopped_over_the_bus(axisbus, bus, tmp_path, way):
     file, plant = bus
     asked = file
     if way == "a copy of the cell file":

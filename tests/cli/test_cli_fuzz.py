@@ -222,7 +222,7 @@ def value(chance: random.Random, each: click.Parameter) -> str:
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """What command lines name: good and bad files; a fresh copy is made of it for each round."""
+    """The files named on command lines: good and bad files; each round gets a fresh copy."""
     folder = tmp_path_factory.mktemp("fuzz")
     eds = (commands.ROOT / "eds" / "generic-cia402.eds").read_bytes()
     (folder / "drive.eds").write_bytes(eds)
@@ -263,7 +263,7 @@ def place(files, tmp_path, monkeypatch):
 
 
 def one(line: list[str], out: io.TextIOWrapper) -> tuple[int | None, str]:
-    """Run one command line; return the exit code (None: it left, as a broken pipe makes it), and what it said of errors."""
+    """Run one command line; return the exit code (None: it ended as by a broken pipe), and its error output."""
     err = io.TextIOWrapper(io.BytesIO(), "utf-8", "backslashreplace", write_through=True)
     kept = sys.argv, sys.stdin, sys.stdout, sys.stderr
     sys.argv = ["axisbus", *line]

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 calibrate``: asks, follows, judges, and leaves by idle on every way out."""
+"""``axisbus gim6010 calibrate``: asks, follows, judges, and requests idle at every end."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def module(**dials):
     return Module(5, dials=ModuleDials(**{"calibration_time": 0.1, **dials}))
 
 
-def test_it_refuses_where_nobody_can_answer(axisbus):
+def test_calibration_without_a_terminal_needs_yes(axisbus):
     one = module()
     with modules_on_bus(one) as channel:
         code, out, err = axisbus(channel, "full")
@@ -42,7 +42,7 @@ def test_it_refuses_where_nobody_can_answer(axisbus):
     assert (one.position, one.energised) == (0.0, False)
 
 
-def test_it_is_done_and_how_to_keep_it_is_told(axisbus):
+def test_calibration_is_done_and_the_command_to_store_it_is_printed(axisbus):
     one = module()
     with modules_on_bus(one) as channel:
         code, out, err = axisbus(channel, "full", "--yes")
@@ -52,7 +52,7 @@ def test_it_is_done_and_how_to_keep_it_is_told(axisbus):
     assert (one.restarts, one.energised) == (0, False)
 
 
-def test_one_that_fails_is_told_with_its_error(axisbus):
+def test_a_failed_calibration_is_reported_with_its_error(axisbus):
     one = module(calibration_encoder_error=2)
     with modules_on_bus(one) as channel:
         code, out, err = axisbus(channel, "encoder", "--yes")
@@ -99,7 +99,7 @@ def guarded(one, tell):
     return found
 
 
-def test_an_exception_out_of_what_is_told_ends_it_by_idle():
+def test_an_exception_while_printing_ends_calibration_by_idle():
     def tell(text, _):
         if text.startswith("encoder calibration,"):
             assert one.energised

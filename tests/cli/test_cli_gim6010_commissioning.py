@@ -59,7 +59,7 @@ def test_from_the_box_to_canopen(axisbus):
 
 
 @pytest.mark.timeout(120)
-def test_where_the_protocol_is_set_by_usb_alone_the_steps_are_told(axisbus):
+def test_if_the_protocol_can_be_set_by_usb_only_the_steps_are_printed(axisbus):
     module = Module(5, eds=EDS, dials=ModuleDials(protocol_by_usb=True))
     with modules_on_bus(module) as channel:
         code, out, err = axisbus("gim6010", "to-canopen", *bus(channel, "--node", 5), *LIST)
@@ -132,7 +132,7 @@ def test_cut_off_after_the_save_it_has_the_new_id(axisbus):
         assert found(axisbus, channel) == [("CAN Simple", 7, False)]
 
 
-def test_a_module_that_does_not_take_the_id_is_told():
+def test_a_module_that_does_not_accept_the_id_is_reported():
     module = Module(5)
     module._talk._commands.pop(6)
     with modules_on_bus(module) as channel, pytest.raises(NodeError, match="does not accept the node ID 7"):
@@ -140,14 +140,14 @@ def test_a_module_that_does_not_take_the_id_is_told():
     assert module.restarts == 0
 
 
-def test_a_module_that_does_not_keep_the_id_is_told():
+def test_a_module_that_does_not_keep_the_id_is_reported():
     module = Module(5, dials=ModuleDials(restart_time=1.0))
     module.parameters.save = lambda: None
     with modules_on_bus(module) as channel, pytest.raises(NodeError, match="came back with the node ID 5"):
         change(channel, 5, 7)
 
 
-def test_a_module_that_does_not_restart_is_told():
+def test_a_module_that_does_not_restart_is_reported():
     module = Module(5)
     module._talk._commands.pop(0x1F)
     with modules_on_bus(module) as channel, pytest.raises(NodeError, match="does not restart"):
@@ -162,7 +162,7 @@ def test_an_enabled_module_keeps_its_id():
     assert module.node_id == 5
 
 
-def test_an_id_under_which_somebody_beats_is_not_given():
+def test_an_id_with_heartbeats_of_another_module_is_not_given():
     modules = [Module(5), Module(7)]
     with (
         modules_on_bus(*modules) as channel,

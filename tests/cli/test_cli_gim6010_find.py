@@ -31,7 +31,7 @@ def gim(axisbus):
     return call
 
 
-def test_what_each_module_speaks_is_told_and_what_to_type_next(gim):
+def test_the_protocol_of_each_module_and_the_next_command_are_printed(gim):
     ill = Module(16, firmware=Firmware(0, 5, 11), dials=ModuleDials(motor_error=8))
     with modules_on_bus(Module(0), ill, Module(33, eds=EDS, protocol=2)) as channel:
         code, out, _ = gim("find", channel)
@@ -60,7 +60,7 @@ def test_as_json(gim):
     assert found["asked"] == "heard"
 
 
-def test_a_bus_without_modules_is_told_from_a_silent_one(gim):
+def test_a_bus_without_modules_is_distinguished_from_a_silent_one(gim):
     with modules_on_bus() as channel, Bystander(channel, [(0x3E8, b"1")]) as other:
         code, out, _ = gim("find", channel)
         assert code == 1
@@ -108,8 +108,8 @@ def test_words_are_explained_without_a_bus(axisbus):
     assert axisbus("gim6010", "find").code == 2
 
 
-def test_where_nobody_acknowledges_there_is_no_second_frame(gim, monkeypatch):
-    """The controller tells it by an error frame, as Linux does."""
+def test_without_an_acknowledge_no_second_frame_is_sent(gim, monkeypatch):
+    """The controller reports it by an error frame, as in Linux."""
 
     def complain(message):
         return [
@@ -128,7 +128,7 @@ def test_where_nobody_acknowledges_there_is_no_second_frame(gim, monkeypatch):
 
 
 class Wire:
-    """An adapter on a bus of one bit rate; tells how it was opened each time."""
+    """An adapter on a bus of one bit rate; notes how it was opened each time."""
 
     def __init__(self, channel: str, rate: int) -> None:
         self.channel, self.rate = channel, rate
@@ -140,7 +140,7 @@ class Wire:
         return can.Bus(interface="virtual", channel=name)
 
 
-def test_another_bit_rate_is_listened_for_and_nobody_is_asked(axisbus, monkeypatch):
+def test_another_bit_rate_is_found_by_listening_without_a_request(axisbus, monkeypatch):
     monkeypatch.setattr(other_rates, "SECONDS", 0.3)
     with modules_on_bus(Module(5)) as channel, Bystander(channel) as other:
         wire = Wire(channel, 500_000)
@@ -160,7 +160,7 @@ def test_another_bit_rate_is_listened_for_and_nobody_is_asked(axisbus, monkeypat
     assert {each.arbitration_id for each in other.heard} <= beats
 
 
-def test_an_adapter_without_a_listen_only_mode_tries_one_rate_and_says_so(axisbus, monkeypatch):
+def test_an_adapter_without_a_listen_only_mode_tries_one_rate_and_reports_so(axisbus, monkeypatch):
     with modules_on_bus(Module(5)) as channel:
         wire = Wire(channel, 500_000)
         monkeypatch.setattr(adapter, "open_adapter", wire.open)
@@ -170,7 +170,7 @@ def test_an_adapter_without_a_listen_only_mode_tries_one_rate_and_says_so(axisbu
     assert "python-can cannot open this adapter in listen-only mode" in out
 
 
-def test_the_bit_rate_has_to_be_given_where_the_adapter_sets_it(axisbus):
+def test_the_bit_rate_is_required_if_the_adapter_sets_it(axisbus):
     code, _, err = axisbus("gim6010", "find", "-i", "slcan", "-c", "/dev/x")
     assert code == 2
     assert "add -b" in err

@@ -55,7 +55,7 @@ def line(monkeypatch, capsys, tmp_path):
         yield Line(commands.runner(monkeypatch, capsys), terminal)
 
 
-def test_state_and_errors_are_told_and_cleared(line):
+def test_state_and_errors_are_printed_and_cleared(line):
     code, out, _ = line("state")
     assert code == 0
     assert "module 1 is in idle" in out
@@ -113,7 +113,7 @@ def test_parameters_are_read_and_written_by_the_list_of_the_firmware(line):
     assert (code, "not written here" in err) == (2, True)
 
 
-def test_a_port_or_a_module_that_is_not_there_is_told(line):
+def test_a_missing_port_or_module_is_reported(line):
     code, _, err = line("state", port="/dev/none")
     assert (code, "the serial port /dev/none cannot be used" in err) == (3, True)
     code, _, err = line("state", node=9)
@@ -127,7 +127,7 @@ def test_a_port_or_a_module_that_is_not_there_is_told(line):
     assert line("state", node=0).code == 2
 
 
-def test_a_move_arrives_and_the_module_is_off_afterwards(line):
+def test_a_move_of_the_module_arrives_and_switches_the_module_off_afterwards(line):
     code, out, err = line("move", "--to", "2.5", *MOVE)
     assert code == 0, err
     assert "nothing in this module is known to notice a dead master" in err
@@ -158,7 +158,7 @@ def test_another_node_id_and_the_zero(line):
     assert line("state", node=5).code == 0
 
 
-def test_what_somebody_else_has_enabled_is_stopped(line):
+def test_a_motion_that_another_program_has_enabled_is_stopped(line):
     line.plant("axis0.controller.config.control_mode", 2)
     line.plant("axis0.controller.config.input_mode", 2)
     line.plant("axis0.requested_state", 8)
@@ -224,11 +224,13 @@ def test_ctrl_c_and_sigterm_stop_the_motor_and_end_the_program(sim, monkeypatch,
     assert "module 1 is in idle" in out
 
 
-def test_where_the_program_is_killed_its_warden_stops_the_motor(sim, monkeypatch, capsys):
+def test_if_the_program_is_killed_its_watchdog_process_stops_the_motor(sim, monkeypatch, capsys):
     run = commands.runner(monkeypatch, capsys)
     ran = turning(sim)
     ran.kill()
-    _, err = ran.communicate(timeout=30)  # the warden has its standard error until it has done its work
+    _, err = ran.communicate(
+        timeout=30
+    )  # the watchdog process has its standard error until it has done its work
     assert "nothing in this module is known to notice a dead master" in err
     assert "the program that moved it is dead: it is stopped now" in err
     assert err.endswith("module 1: it stood, and is in idle, without power\n")
@@ -237,7 +239,7 @@ def test_where_the_program_is_killed_its_warden_stops_the_motor(sim, monkeypatch
 
 
 @pytest.mark.skipif(shutil.which("pgrep") is None, reason="its process is found by pgrep")
-def test_a_warden_that_is_killed_ends_the_motion(sim):
+def test_killing_the_watchdog_process_ends_the_motion(sim):
     ran = turning(sim)
     found = subprocess.run(["pgrep", "-P", str(ran.pid)], capture_output=True, text=True).stdout.split()
     assert len(found) == 1
@@ -248,7 +250,7 @@ def test_a_warden_that_is_killed_ends_the_motion(sim):
     assert "it stood, and is in idle, without power" in err
 
 
-def test_without_a_warden_nothing_is_enabled(line, monkeypatch):
+def test_without_a_watchdog_process_nothing_is_enabled(line, monkeypatch):
     monkeypatch.setattr(sys, "executable", "/bin/false")
     code, _, err = line("velocity", "5", "--acceleration", "10")
     assert code == 1
@@ -256,7 +258,7 @@ def test_without_a_warden_nothing_is_enabled(line, monkeypatch):
     assert {frame[1] for frame in line.station.frames} <= {3, 4}
 
 
-def test_who_is_on_the_line_is_found(line, monkeypatch, capsys):
+def test_modules_on_the_line_are_found(line, monkeypatch, capsys):
     run = commands.runner(monkeypatch, capsys)
     code, out, err = run("gim6010", "modbus", "find", "--port", line.path, "--highest", 3)
     assert (code, err) == (0, "")
@@ -268,7 +270,7 @@ def test_who_is_on_the_line_is_found(line, monkeypatch, capsys):
     assert code in (0, 3)  # by when the module takes its new node ID
 
 
-def test_nobody_on_the_line_is_told(line, monkeypatch, capsys):
+def test_an_empty_line_is_reported(line, monkeypatch, capsys):
     line.station.dials.deaf = -1
     run = commands.runner(monkeypatch, capsys)
     code, out, err = run("gim6010", "modbus", "find", "--port", line.path, "--highest", 2)
@@ -277,7 +279,7 @@ def test_nobody_on_the_line_is_told(line, monkeypatch, capsys):
     assert "A and B are not swapped" in err
 
 
-def test_a_calibration_asks_is_followed_and_judged(line):
+def test_a_calibration_needs_confirmation_and_its_result_is_reported(line):
     listed = ("--list", "endpoints_0.5.13.json")
     code, out, err = line("calibrate", "full", *listed)
     assert (code, "--yes" in err, "which moves without a command" in out) == (2, True, True)
@@ -291,8 +293,8 @@ def test_a_calibration_asks_is_followed_and_judged(line):
     assert line.is_off
 
 
-def test_a_calibration_that_is_killed_is_ended_by_its_warden(line, tmp_path):
-    """Its program is killed in the middle of it: the warden takes the power away."""
+def test_a_calibration_that_is_killed_is_ended_by_its_watchdog_process(line, tmp_path):
+    """Its program is killed in the middle of it: the watchdog process removes the power."""
     words = ("gim6010", "modbus", "calibrate", "full", "--port", line.path, "--node", "1", "--yes")
     process = subprocess.Popen(
         [sys.executable, "-m", "axisbus", *words, "--list", "endpoints_0.5.13.json"],

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus`` and ``axisbus sim --modbus``: what cannot be is reported before anything is sent or served."""
+"""``axisbus gim6010 modbus`` and ``axisbus sim --modbus``: invalid arguments are reported before anything is sent or served."""
 
 from __future__ import annotations
 
@@ -40,7 +40,9 @@ MOVE = ("--velocity", "20", "--acceleration", "200", "--deceleration", "200")
     ],
     ids=lambda each: " ".join(each) if isinstance(each, tuple) else "",
 )
-def test_what_cannot_be_is_told_before_anything_is_sent(monkeypatch, capsys, tmp_path, arguments, code, word):
+def test_invalid_arguments_are_refused_before_anything_is_sent(
+    monkeypatch, capsys, tmp_path, arguments, code, word
+):
     monkeypatch.chdir(tmp_path)
     command, *rest = arguments
     with module_on_terminal(tmp_path) as line:
@@ -61,7 +63,7 @@ def test_what_cannot_be_is_told_before_anything_is_sent(monkeypatch, capsys, tmp
     ],
     ids=str,
 )
-def test_what_cannot_be_served_is_told(monkeypatch, capsys, arguments, word):
+def test_invalid_simulated_modules_are_refused(monkeypatch, capsys, arguments, word):
     code, _, err = commands.runner(monkeypatch, capsys)("sim", *arguments, "--for", "0.01")
     assert code == 2
     assert word in err

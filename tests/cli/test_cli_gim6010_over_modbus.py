@@ -151,13 +151,13 @@ def test_canopen_and_a_bit_rate_are_set_for_when_can_is_its_interface(over):
     ],
     ids=str,
 )
-def test_what_cannot_be_is_told_before_anything_is_sent(over, words, code, said):
+def test_invalid_commands_over_modbus_are_refused_before_anything_is_sent(over, words, code, said):
     result = over(*words)
     assert (result.code, said in result.err) == (code, True), result.err
     assert over.station.frames == []
 
 
-def test_a_module_or_a_port_that_is_not_there_is_told(over, monkeypatch, capsys):
+def test_a_missing_module_or_port_is_reported(over, monkeypatch, capsys):
     code, _, err = over("params", "get", RAMP, *LIST, node=9)
     assert (code, "module 9 does not answer" in err) == (3, True)
     over.path = "/dev/none"

@@ -47,7 +47,7 @@ def test_parameters_are_read_written_and_saved_without_a_list(over, module):
     assert f"module {SERIAL:X}h restarted, and has all of it" in out
 
 
-def test_all_that_it_has_is_told_also_what_has_64_bits(over, module):
+def test_a_dump_over_usb_has_all_parameters_also_those_of_64_bits(over, module):
     code, out, err = over("params", "dump", "--json")
     assert code == 0, err
     told = json.loads(out)
@@ -93,7 +93,7 @@ def test_a_backup_over_usb_is_one_of_the_whole_serial_number(over, module):
         (f"{LIMIT}=1e39", "beyond the range of float"),
     ],
 )
-def test_what_is_not_written_over_can_is_not_written_over_usb_either(over, module, what, why):
+def test_parameters_refused_over_can_are_refused_over_usb_too(over, module, what, why):
     code, _, err = over("params", "set", what)
     assert (code, why in err) == (2, True), err
     assert not module.energised
@@ -127,7 +127,7 @@ def test_from_the_box_to_canopen_over_usb_alone(over, module):
     assert (code, module.usb_read(PROTOCOL), module.restarts) == (0, 1, 3), err
 
 
-def test_an_id_that_is_not_saved_is_gone_with_the_next_start(over, module):
+def test_a_node_id_that_is_not_saved_is_lost_at_the_next_start(over, module):
     code, out, err = over("set-id", 5, "--no-save")
     assert (code, module.usb_read(NODE), module.restarts) == (0, 5, 0), err
     assert "save it: axisbus gim6010 set-id 5 --usb" in out
@@ -148,7 +148,7 @@ def test_limits_termination_watchdogs_and_rate(over, module):
     assert (code, module.usb_read("can.config.baud_rate")) == (0, 500000), err
 
 
-def test_errors_are_told_by_their_words(over, module):
+def test_errors_are_printed_by_name(over, module):
     assert over("errors") == (0, "no error\n", "")
     module.dials.motor_error = 0x40
     code, out, _ = over("errors", "--json")
@@ -178,7 +178,7 @@ def test_a_module_that_is_not_there_and_one_of_several(over, module, monkeypatch
         (("tune", "position", "--size", 0.1, "--yes"), ""),
     ],
 )
-def test_what_does_not_go_together_is_refused(over, words, why):
+def test_incompatible_options_are_refused(over, words, why):
     code, _, err = over(*words)
     assert (code, why in err) == (2, True), err
 
@@ -194,7 +194,7 @@ def test_of_several_one_has_to_be_named(monkeypatch, capsys, tmp_path, module):
     assert (module.usb_read(NODE), other.usb_read(NODE)) == (0, 5)
 
 
-def test_a_port_that_another_program_has_is_told(over, monkeypatch):
+def test_a_port_that_another_program_uses_is_reported(over, monkeypatch):
     import odrive
 
     def claimed(**_):
@@ -205,13 +205,13 @@ def test_a_port_that_another_program_has_is_told(over, monkeypatch):
     assert (code, "USB cannot be used" in err, "the device is in use" in err) == (3, True, True), err
 
 
-def test_a_serial_number_goes_with_usb_alone(monkeypatch, capsys):
+def test_a_serial_number_is_accepted_with_usb_alone(monkeypatch, capsys):
     run = commands.runner(monkeypatch, capsys)
     code, _, err = run("gim6010", "params", "get", RAMP, "--serial", "AB")
     assert (code, "--serial needs --usb" in err) == (2, True)
 
 
-def test_one_that_does_not_restart_is_not_told_as_saved(over, module, monkeypatch):
+def test_a_module_that_does_not_restart_is_not_reported_as_saved(over, module, monkeypatch):
     from axisbus.drives.gim6010 import usb_parameters
 
     monkeypatch.setattr(usb_parameters, "_GOES", 0.2)
@@ -220,7 +220,7 @@ def test_one_that_does_not_restart_is_not_told_as_saved(over, module, monkeypatc
     assert (code, "does not restart" in err) == (3, True), err
 
 
-def test_one_that_is_unplugged_meanwhile_is_told_as_gone(over, module, monkeypatch):
+def test_a_module_unplugged_during_the_command_is_reported(over, module, monkeypatch):
     reads = []
     real = module.usb_read
 

@@ -39,7 +39,7 @@ def params(monkeypatch, capsys, folder):
     return call
 
 
-def test_values_are_read_and_written_and_it_is_said_where_they_are(params):
+def test_values_are_read_and_written_and_the_output_names_ram_or_flash(params):
     module = Module(5, dials=ModuleDials(restart_time=0.3))
     with modules_on_bus(module) as channel:
         code, out, _ = params("get", LIMIT, "odrv0.vbus_voltage", channel=channel)
@@ -58,7 +58,7 @@ def test_values_are_read_and_written_and_it_is_said_where_they_are(params):
     assert [module.usb_read(path) for path in (LIMIT, GAIN)] == [12.5, 7]
 
 
-def test_nothing_is_written_where_one_of_several_cannot_be(params):
+def test_no_value_is_written_if_one_of_several_is_invalid(params):
     module = Module(5)
     with modules_on_bus(module) as channel:
         for wrong, word in (
@@ -92,7 +92,7 @@ def test_a_list_is_refused_that_does_not_fit(params, folder):
         assert (code, "by its name" in err) == (2, True)
 
 
-def test_what_is_wrong_before_the_bus_is_opened(params):
+def test_invalid_arguments_are_refused_before_the_bus_is_opened(params):
     assert params("get", LIMIT, listed="missing.json").code == 1
     code, _, _err = params("get", LIMIT, node=64)
     assert code == 2
@@ -107,7 +107,7 @@ def test_a_module_that_answers_no_endpoint(params):
     assert "over USB" in err
 
 
-def test_all_is_read_that_travels(params):
+def test_dump_reads_all_endpoints_that_can_be_read(params):
     with modules_on_bus(Module(5)) as channel:
         code, out, _ = params("dump", channel=channel)
         found = json.loads(params("dump", "can", "--json", channel=channel).out)
@@ -119,7 +119,7 @@ def test_all_is_read_that_travels(params):
     assert all(path.startswith("can.") for path in found)
 
 
-def test_a_backup_goes_back_to_its_module_and_to_no_other(params, folder):
+def test_a_backup_is_restored_to_its_module_and_to_no_other(params, folder):
     module, other = Module(5, serial=0xA1), Module(6, serial=0xB2)
     with modules_on_bus(module, other) as channel:
         code, out, _ = params("backup", channel=channel)

@@ -69,7 +69,7 @@ def test_the_watchdogs(axisbus):
         assert "only set-points feed it" in out
         assert [one.usb_read(p) for p in ("can.config.break_timeout", OFF[1])] == [500, 1]
         assert "can.config.break_timeout = 500" in axisbus(channel, "watchdog").out
-        assert one.axis.error == 0x100800  # nobody leads it
+        assert one.axis.error == 0x100800  # no master sends set-points
         code, out, err = axisbus(channel, "watchdog", "--off")
         assert (code, "cleared" in out) == (0, True), err
     assert one.axis.error == 0
@@ -99,7 +99,7 @@ def test_zero(axisbus):
         assert abs(one.shaft.shadow_count) <= 1
 
 
-def test_where_no_endpoint_is_answered_the_steps_over_usb_are_told(axisbus):
+def test_if_no_endpoint_is_answered_the_steps_over_usb_are_printed(axisbus):
     one = module()
     one.dials.endpoints = False
     with modules_on_bus(one) as channel:
@@ -157,7 +157,7 @@ def test_the_braking_resistor(axisbus):
         assert axisbus("nobody", "brake-resistor", *words).code == 2
 
 
-def test_what_pulses_come_to_is_told_without_a_bus(monkeypatch, capsys):
+def test_the_result_of_pulses_is_computed_without_a_bus(monkeypatch, capsys):
     run = commands.runner(monkeypatch, capsys)
     code, out, _ = run("gim6010", "pwm", "velocity", "-8", "8")
     assert (code, "1.50 ms: 0 turns/s of the rotor" in out) == (0, True)

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 tune``: asks, makes its step, tells what it was, and leaves the module idle with its gains told."""
+"""``axisbus gim6010 tune``: asks, makes its step, reports the response, and leaves the module idle with its gains printed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def axisbus(monkeypatch, capsys, tmp_path):
     return lambda channel, *words: run("gim6010", "tune", *words, "-i", "virtual", "-c", channel, "--node", 5)
 
 
-def test_a_step_is_measured_and_the_gains_are_told(axisbus):
+def test_a_step_is_measured_and_the_gains_are_printed(axisbus):
     one = Module(5, dials=ModuleDials())
     with modules_on_bus(one) as channel:
         code, out, err = axisbus(channel, *POSITION, "--pos-gain", 26, *LIST, "--yes")
@@ -43,7 +43,7 @@ def test_a_step_is_measured_and_the_gains_are_told(axisbus):
     assert (one.restarts, one.energised, one.usb_read(GAIN)) == (0, False, 26)
 
 
-def test_gains_that_are_not_taken_are_told(axisbus):
+def test_gains_that_are_not_accepted_are_reported(axisbus):
     one = Module(5)
     one._talk._commands.pop(0x1A)
     with modules_on_bus(one) as channel:
@@ -51,7 +51,7 @@ def test_gains_that_are_not_taken_are_told(axisbus):
     assert (code, f"has not accepted {GAIN}" in err) == (3, True)
 
 
-def test_it_refuses_where_nobody_can_answer_and_guesses_nothing(axisbus):
+def test_tuning_without_a_terminal_needs_yes_and_guesses_no_argument(axisbus):
     one = Module(5)
     with modules_on_bus(one) as channel:
         code, out, err = axisbus(channel, *POSITION, "--pos-gain", 26)
@@ -70,7 +70,7 @@ def test_it_refuses_where_nobody_can_answer_and_guesses_nothing(axisbus):
     assert one.position == 0.0
 
 
-def test_ctrl_c_brakes_it_and_lets_it_go(axisbus):
+def test_ctrl_c_during_a_tuning_move_brakes_the_module_and_switches_it_off(axisbus):
     one = Module(5, vel_ramp_rate=20.0)
 
     def interrupt():
@@ -87,8 +87,8 @@ def test_ctrl_c_brakes_it_and_lets_it_go(axisbus):
         assert abs(one.shaft.speed) < 0.3
 
 
-def test_the_manuals_way_is_gone_to_a_gain_that_is_smooth(axisbus):
-    """A gain that may not be raised far: two trials, the second of which is the last that is allowed."""
+def test_the_method_of_the_manual_finds_a_smooth_gain(axisbus):
+    """A gain with a low maximum: two trials, the second of which is the last that is allowed."""
     one = Module(5, dials=ModuleDials())
     with modules_on_bus(one) as channel:
         code, out, err = axisbus(
@@ -100,7 +100,7 @@ def test_the_manuals_way_is_gone_to_a_gain_that_is_smooth(axisbus):
     assert (one.energised, one.restarts) == (False, 0)
 
 
-def test_the_manuals_way_needs_its_bounds(axisbus):
+def test_the_method_of_the_manual_needs_its_bounds(axisbus):
     one = Module(5)
     with modules_on_bus(one) as channel:
         code, _, err = axisbus(channel, *POSITION, "--raise-to", 40, "--yes")
@@ -112,7 +112,7 @@ def test_the_manuals_way_needs_its_bounds(axisbus):
     assert one.usb_read(GAIN) == 20
 
 
-def test_a_search_that_is_broken_off_says_what_is_in_the_module(axisbus):
+def test_an_interrupted_search_names_the_gain_in_the_module(axisbus):
     one = Module(5, dials=ModuleDials())
 
     def interrupt():

@@ -1,4 +1,4 @@
-"""What a device is called in the outputs: a device that is no drive is nowhere headed as one."""
+"""The heading of a device in the outputs: a device that is no drive is nowhere headed as one."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_on_the_bus_it_is_called_by_its_device_type(axisbus, device, tmp_path):
     assert f"# {kind}:" in (tmp_path / "new.toml").read_text("utf-8")
 
 
-def test_by_its_file_it_is_called_by_its_device_type(axisbus, device, tmp_path):
+def test_a_device_is_named_by_the_device_type_of_its_file(axisbus, device, tmp_path):
     kind, path, _, _ = device
     code, out, _ = axisbus("eds", "show", path)
     assert (code, out.splitlines()[0].startswith("Box")) == (0, True)
@@ -80,7 +80,7 @@ def test_by_its_file_it_is_called_by_its_device_type(axisbus, device, tmp_path):
         assert not [line for line in headings(text) if WRONG.search(line)]
 
 
-def test_what_comes_next_is_no_homing_where_there_is_no_axis(axisbus, device):
+def test_without_an_axis_homing_is_not_the_next_command(axisbus, device):
     out = axisbus("boot", device[2]).out
     assert "axisbus monitor" in out
     assert "axisbus home" not in out

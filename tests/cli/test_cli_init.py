@@ -1,4 +1,4 @@
-"""``axisbus init``: a first cell file of what stand-ins on a bus say, which ``axisbus check`` takes."""
+"""``axisbus init``: a first cell file from simulated drives on a bus, which ``axisbus check`` accepts."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def test_nodes_files_and_axes_are_in_the_file_and_check_finds_no_error(axisbus, 
     assert [each.drive.statusword & 0x6F for each in devices] == [0x40, 0x40]
 
 
-def test_proposals_are_comments_with_what_the_drive_says_and_can_be_confirmed(axisbus, bus, tmp_path):
+def test_proposals_are_comments_with_values_of_the_drive_and_can_be_confirmed(axisbus, bus, tmp_path):
     (tmp_path / "drive.eds").write_text(drive_text())
     options, _ = bus(n7=drive_text())
     assert axisbus("init", *options, "-b", "500000", "--eds", ".").code == 0
@@ -144,7 +144,7 @@ def test_both_axes_of_a_two_axis_drive(axisbus, bus, tmp_path):
     assert not [each for each in check(tmp_path / "cell.toml") if each.severity.value == "error"]
 
 
-def test_what_is_missing_is_named_and_the_exit_code_says_so(axisbus, bus, tmp_path):
+def test_missing_data_are_named_and_set_the_exit_code(axisbus, bus, tmp_path):
     options, _ = bus(n7=drive_text(), n127=GENERIC)
     code, out, _ = axisbus("init", *options)
     assert code == 1
@@ -195,7 +195,7 @@ def test_bad_input_is_one_clear_sentence(axisbus, arguments, code, words):
     assert words in result.err
 
 
-def test_whatever_a_device_and_a_channel_are_called_the_file_is_toml():
+def test_the_cell_file_is_toml_whatever_the_names_of_the_device_and_the_channel():
     node = DiscoveredNode(
         7, True, None, NodeIdentity(0x20192, VENDOR, PRODUCT, 1, None, 'Dr"ive\n[bus]\x00\\ü')
     )
@@ -244,12 +244,12 @@ def test_a_file_of_another_revision_is_taken_with_a_word_and_of_two_none():
     assert [each.spec for each in two.files] == ["a.eds", "b.eds"]
 
 
-def test_a_file_without_a_vendor_is_nobodys():
+def test_a_file_without_a_vendor_matches_no_device():
     files, _ = collect(())
     assert f"{builtin.PREFIX}generic-cia402" in {each.spec for each in files}
     assert match(files, 7, 0, 0, 0).files == ()
     assert match(files, 7, VENDOR, PRODUCT, 1).files == ()
 
 
-def test_another_product_of_the_vendor_is_not_taken():
+def test_an_eds_of_another_product_of_the_vendor_is_not_matched():
     assert match([_known("other.eds", product=0x43)], 7, VENDOR, PRODUCT, 1).files == ()

@@ -39,7 +39,7 @@ def test_a_cycle_is_measured_and_drawn(axisbus, cell, tmp_path):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
-def test_beside_a_program_that_moves_an_axis_it_sees_the_commands_as_well(axisbus, tmp_path):
+def test_jitter_next_to_a_program_that_moves_an_axis_shows_its_commands_as_well(axisbus, tmp_path):
     path = own_cell(tmp_path, "xy")
     with Machine.open(path) as machine:
         machine["x"].enable().wait(20)

@@ -40,7 +40,7 @@ def opened(file):
 
 @pytest.fixture
 def moving(opened):
-    """The machine of a program, and its move of x: it turns already, and goes on for longer than any of these tests."""
+    """The machine of a program, and its move of x: it turns already, and continues for longer than any of these tests."""
     x = enabled(opened["x"])
     yield opened, under_way(x)
     x.halt().wait(10)
@@ -71,7 +71,7 @@ def test_monitor_joins_and_looks_on(axisbus, moving, file):
     ],
     ids=" ".join,
 )
-def test_what_would_command_is_refused_and_says_who_does(axisbus, moving, file, words):
+def test_a_command_without_control_is_refused_and_names_the_owner(axisbus, moving, file, words):
     machine, handle = moving
     code, _, err = axisbus(words[0], file, *words[1:])
     assert code == 1
@@ -82,7 +82,7 @@ def test_what_would_command_is_refused_and_says_who_does(axisbus, moving, file, 
 
 
 @pytest.mark.parametrize("words", [("halt",), ("halt", "x"), ("stop",)], ids=" ".join)
-def test_anybody_may_halt_and_stop_and_the_program_goes_on(axisbus, moving, file, words):
+def test_any_client_may_halt_and_stop_and_the_program_continues(axisbus, moving, file, words):
     machine, handle = moving
     code, out, _ = axisbus(words[0], file, *words[1:])
     assert code == 0
@@ -94,7 +94,7 @@ def test_anybody_may_halt_and_stop_and_the_program_goes_on(axisbus, moving, file
     machine["x"].move_relative(1.0).wait(20)
 
 
-def test_taken_the_command_is_the_other_ones_for_its_time(axisbus, moving, file):
+def test_with_take_control_belongs_to_the_command_until_it_ends(axisbus, moving, file):
     machine, handle = moving
     code, out, _ = axisbus("move", file, "y=5", "--take")
     assert code == 0
@@ -107,7 +107,7 @@ def test_taken_the_command_is_the_other_ones_for_its_time(axisbus, moving, file)
 
 
 @pytest.mark.parametrize("verb", ["enable", "disable", "halt"])
-def test_without_a_machine_these_say_what_they_cannot_mean(axisbus, tmp_path, verb):
+def test_without_a_machine_halt_and_similar_commands_are_refused(axisbus, tmp_path, verb):
     path = tmp_path / "cell.toml"
     path.write_text(cell_text("x"), encoding="utf-8")
     code, _, err = axisbus(verb, path)
@@ -137,7 +137,7 @@ def test_a_machine_whose_core_is_in_the_program_cannot_be_shared(axisbus, tmp_pa
     ],
     ids=lambda each: " ".join(each[:2]) if isinstance(each, tuple) else "",
 )
-def test_what_only_reads_joins_and_the_motion_goes_on(axisbus, moving, file, words, shown):
+def test_a_reading_command_joins_and_the_motion_continues(axisbus, moving, file, words, shown):
     machine, handle = moving
     code, out, err = axisbus(*words, "--cell", file)
     assert code == (1 if words[:2] == ("config", "diff") else 0), out + err
@@ -175,7 +175,7 @@ def test_a_backup_is_of_the_running_drive(axisbus, moving, file, tmp_path):
     ],
     ids=" ".join,
 )
-def test_what_would_change_a_node_is_refused_and_says_who_commands(axisbus, moving, file, words):
+def test_a_command_that_would_change_a_node_is_refused_and_names_the_owner(axisbus, moving, file, words):
     machine, handle = moving
     code, _, err = axisbus(*words, "--cell", file)
     assert code == 1
@@ -192,7 +192,7 @@ def test_what_would_change_a_node_is_refused_and_says_who_commands(axisbus, movi
     ],
     ids=lambda words: words[0],
 )
-def test_what_needs_the_bus_for_itself_is_refused_and_says_why(axisbus, moving, file, words):
+def test_a_command_that_needs_the_bus_alone_is_refused_with_the_reason(axisbus, moving, file, words):
     code, _, err = axisbus(*words, *([str(file)] if words == ("scan",) else ["--cell", file]))
     assert code == 1
     assert "cannot join it" in err

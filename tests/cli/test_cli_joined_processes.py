@@ -42,13 +42,13 @@ def opened(file):
 
 @pytest.fixture
 def moving(opened):
-    """The machine of a program, and its move of x: it turns already, and goes on for longer than any of these tests."""
+    """The machine of a program, and its move of x: it turns already, and continues for longer than any of these tests."""
     x = enabled(opened["x"])
     yield opened, under_way(x)
     x.halt().wait(10)
 
 
-def test_a_machine_that_is_run_has_its_command_free_for_whoever_comes(axisbus, tmp_path):
+def test_a_machine_of_axisbus_run_leaves_control_to_any_client(axisbus, tmp_path):
     path = own_cell(tmp_path, "x")
     with subprocess.Popen(
         [sys.executable, "-m", "axisbus", "run", path, "--every", "0.2"], stdout=subprocess.PIPE, text=True
@@ -89,7 +89,7 @@ def test_a_command_that_is_interrupted_leaves_the_axes_as_it_found_them(axisbus,
         running.send_signal(signal.SIGINT)
 
 
-def test_a_command_that_took_the_command_tells_what_it_leaves_enabled(opened, file):
+def test_a_command_that_took_control_names_the_axes_that_it_leaves_enabled(opened, file):
     opened["y"].disable().wait(10)
     turning = subprocess.Popen(
         [sys.executable, "-m", "axisbus", "velocity", file, "y=30", "--take"],
@@ -104,8 +104,8 @@ def test_a_command_that_took_the_command_tells_what_it_leaves_enabled(opened, fi
     opened["y"].disable().wait(10)
 
 
-def test_an_axis_that_a_suspended_command_has_set_going_halts(opened, file):
-    """Ctrl-Z: nobody would look after it, and Ctrl-C reaches the command no more."""
+def test_an_axis_set_in_motion_by_a_suspended_command_halts(opened, file):
+    """Ctrl-Z: nothing would monitor it, and Ctrl-C reaches the command no more."""
     opened["y"].disable().wait(10)
     turning = subprocess.Popen(
         [sys.executable, "-m", "axisbus", "velocity", file, "y=30", "--take"],

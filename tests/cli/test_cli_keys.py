@@ -1,4 +1,4 @@
-"""What bytes of a terminal mean as keys."""
+"""The keys that bytes of a terminal mean."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from axisbus.errors import StateError
         (b"", None),
     ],
 )
-def test_a_key_is_what_its_bytes_say(data, key):
+def test_bytes_are_decoded_to_keys(data, key):
     assert TerminalKeyReader().feed(data) is key
 
 
@@ -39,16 +39,16 @@ def test_of_many_at_once_the_last_one_counts():
 @pytest.mark.parametrize(
     ("data", "key"), [(b" \x1b[C", TerminalKey.HALT), (b"\x1b[C q\x1b[C", TerminalKey.QUIT)]
 )
-def test_nothing_outdoes_a_halt_but_quit(data, key):
+def test_halt_takes_precedence_over_all_keys_but_quit(data, key):
     assert TerminalKeyReader().feed(data) is key
 
 
-def test_a_key_that_comes_in_parts_is_one_key():
+def test_a_key_received_in_parts_is_one_key():
     keys = TerminalKeyReader()
     assert [keys.feed(bytes([each])) for each in b"\x1b[C"] == [None, None, TerminalKey.FORWARD]
 
 
-def test_a_part_that_goes_on_otherwise_is_no_key_and_what_follows_counts():
+def test_an_incomplete_key_is_dropped_and_the_next_byte_counts():
     keys = TerminalKeyReader()
     assert keys.feed(b"\x1b") is None
     assert keys.feed(b"q") is TerminalKey.QUIT
@@ -63,13 +63,13 @@ def ends():
             os.close(end)
 
 
-def test_a_keyboard_waits_no_longer_than_it_is_told_and_then_gives_none(ends):
+def test_a_keyboard_waits_no_longer_than_its_timeout_and_returns_none(ends):
     assert Keyboard(ends[0]).read(0.01) is None
     os.write(ends[1], b"\x1b[D")
     assert Keyboard(ends[0]).read(5.0) is TerminalKey.BACK
 
 
-def test_a_terminal_that_is_gone_quits(ends):
+def test_a_closed_terminal_counts_as_the_quit_key(ends):
     os.close(ends[1])
     assert Keyboard(ends[0]).read(5.0) is TerminalKey.QUIT
 

@@ -56,7 +56,7 @@ def written(folder, unconfigured):
     return path
 
 
-def test_find_shows_who_has_no_node_id_and_what_to_type(lss, cell):
+def test_find_lists_slaves_without_a_node_id_and_the_next_command(lss, cell):
     code, out, _ = lss("find", cell, *PATIENT)
     assert code == 0
     assert "1 without a node-ID:\n  vendor 0xC0B00, product 0x0, revision 0x0, serial 0x2\n" in out
@@ -86,14 +86,14 @@ def test_find_as_json_with_known_numbers(lss, cell):
     }
 
 
-def test_find_where_everybody_has_a_node_id(lss, tmp_path):
+def test_find_if_every_node_has_a_node_id(lss, tmp_path):
     code, out, _ = lss("find", written(tmp_path, []), "--beside-operation")
     assert code == 1
     assert "no LSS slave without a node-ID answers" in out
     assert "next: to list nodes with a node-ID: axisbus scan" in out
 
 
-def test_find_where_only_others_are(lss, cell):
+def test_find_if_there_are_only_slaves_of_another_vendor(lss, cell):
     code, out, _ = lss("find", cell, "--vendor", 5, "--beside-operation")
     assert code == 1
     assert "there are other slaves without a node-ID" in out
@@ -116,7 +116,7 @@ def test_set_node_id_of_the_one_that_is_found(lss, cell):
 
 @pytest.fixture
 def stubborn(monkeypatch):
-    """The stand-ins go on answering fast scan after they were found."""
+    """The simulated drives continue answering fast scan after they were found."""
     plain = LssDials.__init__
 
     def turned(self, *values, **named):
@@ -129,7 +129,7 @@ def stubborn(monkeypatch):
 KNOWN = ("--vendor", "0xC0B00", "--product", 0, "--revision", 0)
 
 
-def test_find_reports_slaves_that_go_on_answering_and_finds_those_behind_them(lss, tmp_path, stubborn):
+def test_find_reports_slaves_that_continue_answering_and_finds_the_others(lss, tmp_path, stubborn):
     both = written(tmp_path, [1, 2])
     code, out, _ = lss("find", both, *KNOWN, "--beside-operation", "--timeout", "0.02")
     assert code == 0
@@ -145,7 +145,7 @@ def test_find_reports_slaves_that_go_on_answering_and_finds_those_behind_them(ls
     )
 
 
-def test_find_reports_a_slave_that_goes_on_answering_as_json(lss, cell, monkeypatch):
+def test_find_reports_a_slave_that_continues_answering_as_json(lss, cell, monkeypatch):
     told = Scanned((one_slave(check=Check.CONFIRMED, node_id=5),), incomplete="reason")
     monkeypatch.setattr(LssMaster, "find", lambda *_: told)
     code, out, _ = lss("find", cell, "--beside-operation", "--json")
@@ -168,7 +168,7 @@ def test_find_reports_a_slave_that_goes_on_answering_as_json(lss, cell, monkeypa
     }
 
 
-def test_set_node_id_of_the_one_found_that_goes_on_answering(lss, cell, stubborn):
+def test_set_node_id_of_the_found_slave_that_continues_answering(lss, cell, stubborn):
     code, out, _ = lss(
         "set-node-id", 7, cell, "--found", "--store", "--beside-operation", "--timeout", "0.02"
     )
@@ -211,7 +211,7 @@ def one_slave(**told):
         (Scanned((one_slave(check=Check.SILENT),)), 0, "address: it does not report its numbers"),
     ],
 )
-def test_what_find_cannot_be_sure_of_is_said(lss, cell, monkeypatch, scanned, code, words):
+def test_uncertain_results_of_find_are_reported(lss, cell, monkeypatch, scanned, code, words):
     monkeypatch.setattr(LssMaster, "find", lambda *_: scanned)
     done, out, _ = lss("find", cell, "--beside-operation")
     assert (done, words.format(cell=cell) in out) == (code, True), out
@@ -228,7 +228,7 @@ def test_what_find_cannot_be_sure_of_is_said(lss, cell, monkeypatch, scanned, co
         ),
     ],
 )
-def test_nobody_is_configured_by_found_where_it_is_not_clear_who(lss, cell, monkeypatch, scanned, words):
+def test_an_ambiguous_found_slave_is_not_configured(lss, cell, monkeypatch, scanned, words):
     monkeypatch.setattr(LssMaster, "find", lambda *_: scanned)
     code, out, err = lss("set-node-id", 7, cell, "--found", "--beside-operation")
     assert (code, out, words in err) == (1, "", True)
@@ -263,13 +263,13 @@ def test_set_node_id_as_json(lss, cell):
         (("find",), "give a cell file, or the bus with -i and -c"),
     ],
 )
-def test_misuse_is_told_before_the_bus_is_opened(lss, arguments, words):
+def test_misuse_is_reported_before_the_bus_is_opened(lss, arguments, words):
     code, out, err = lss(*arguments)
     assert (code, out) == (2, "")
     assert words in err
 
 
-def test_set_bitrate_says_what_it_does_to_others_and_wants_a_yes(lss, cell):
+def test_set_bitrate_warns_of_other_nodes_and_needs_yes(lss, cell):
     code, out, err = lss("set-bitrate", 500_000, cell, *WHO, "--activate")
     assert (code, out) == (2, "")
     assert "loses every node that does not" in err
@@ -312,7 +312,7 @@ def test_set_bitrate_of_all_with_activation(lss, cell):
     }
 
 
-def test_set_bitrate_of_one_with_activation_says_that_it_answers(lss, cell):
+def test_set_bitrate_of_one_with_activation_reports_that_it_answers(lss, cell):
     code, out, _ = lss(
         "set-bitrate",
         500_000,
@@ -333,7 +333,7 @@ def test_set_bitrate_of_one_with_activation_says_that_it_answers(lss, cell):
 
 
 def test_set_bitrate_on_a_system_link_prints_the_lines_to_type_in_order(lss, cell, monkeypatch):
-    """The stand-ins' bus passed off as can0: its rate is the system's, so nobody is asked at the new one."""
+    """The simulated bus passed off as can0: its rate is the system's, so no slave is asked at the new one."""
     monkeypatch.setattr(lss_set_bitrate, "opening_of", lambda *_: Opening("socketcan", "can0", 1_000_000))
     code, out, _ = lss(
         "set-bitrate", 250_000, cell, "--all", "--activate", "--delay", 0.02, "--yes", "--beside-operation"
@@ -352,7 +352,7 @@ def test_set_bitrate_on_a_system_link_prints_the_lines_to_type_in_order(lss, cel
     assert lines[-1] == f"next: axisbus scan {cell} -b 250000"
 
 
-def test_a_change_over_that_is_interrupted_says_that_the_slaves_go_on(lss, cell, monkeypatch):
+def test_an_interrupted_change_over_warns_that_the_slaves_continue(lss, cell, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
@@ -365,7 +365,7 @@ def test_a_change_over_that_is_interrupted_says_that_the_slaves_go_on(lss, cell,
     )
 
 
-def test_a_slave_that_does_not_come_along_is_named_and_told_by_the_exit_code(lss, cell, monkeypatch):
+def test_a_slave_that_does_not_change_its_rate_is_named_and_sets_the_exit_code(lss, cell, monkeypatch):
     there, gone = LssAddress(0xC0B00, 0, 0, 2), LssAddress(0xC0B00, 0, 0, 3)
     done = bitrate_change.ChangedOver(
         250_000, bitrate_change.OwnRate.REOPENED, answered=(there,), silent=(gone,)
@@ -389,7 +389,7 @@ def test_a_slave_that_is_not_there_is_a_failure_of_the_bus(lss, cell):
     assert "no LSS slave has the identity 0x1 0x2 0x3 0x4" in err
 
 
-def test_the_only_one_where_there_are_two(lss, cell):
+def test_only_is_refused_if_two_slaves_answer(lss, cell):
     code, _, err = lss("store", cell, "--only", "--beside-operation")
     assert code == 3
     assert "several LSS slaves answered inquire vendor-ID" in err
@@ -402,7 +402,7 @@ def test_unconfigured_must_name_nodes_of_the_cell(lss, tmp_path):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_each_subcommand_has_help(lss, name):
+def test_each_lss_subcommand_has_help(lss, name):
     code, out, _ = lss(name, "-h")
     assert code == 0
     assert f"axisbus lss {name} [OPTIONS]" in out.splitlines()[0]

@@ -83,7 +83,7 @@ def test_every_axis_stays_on_the_screen(monkeypatch, width, height):
 
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (60, 24), (80, 12)])
-def test_what_happened_is_told_once_and_can_be_scrolled_back_to(monkeypatch, width, height):
+def test_events_are_printed_once_and_stay_in_the_scrolled_text(monkeypatch, width, height):
     screen = shown(monkeypatch, width, height, after_a_fault("xyz", 50))
     every = Counter([*screen.scrolled, *screen.lines])
     whole = " ".join("".join(line.ljust(width) for line in [*screen.scrolled, *screen.lines]).split())
@@ -94,7 +94,7 @@ def test_what_happened_is_told_once_and_can_be_scrolled_back_to(monkeypatch, wid
     assert all(count == 1 for line, count in every.items() if "fault" in line), every
 
 
-def test_on_80_columns_the_fault_and_its_remedy_stand_below_the_axes(monkeypatch):
+def test_on_80_columns_the_fault_and_its_remedy_are_below_the_axes(monkeypatch):
     lines = shown(monkeypatch, 80, 24, after_a_fault("xyz", 5)).lines
     assert any("the drive went into fault" in line for line in lines)
     assert any("remedy:" in line for line in lines)

@@ -1,4 +1,4 @@
-"""``axisbus od`` and ``axisbus nmt`` as their user types them, on stand-ins; what could move a drive above all."""
+"""``axisbus od`` and ``axisbus nmt`` with simulated drives; above all objects that could move a drive."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_without_an_eds_by_number_with_a_type(axisbus, bus):
         (("99:1000", "--cell", commands.CELL), 3, "got no answer"),
     ],
 )
-def test_what_cannot_be_read_is_one_clear_sentence(axisbus, arguments, code, words):
+def test_an_unreadable_object_is_one_clear_sentence(axisbus, arguments, code, words):
     result = axisbus("od", "read", *arguments)
     assert result.code == code
     assert words in result.err
@@ -113,7 +113,7 @@ def test_dump_holds_every_object_with_its_value(axisbus, bus, tmp_path):
     assert "6041h Statusword = 0x" in (tmp_path / "dump.txt").read_text()
 
 
-def test_watch_shows_what_changes(axisbus, bus):
+def test_watch_prints_changes(axisbus, bus):
     options, _ = bus
     code, out, _ = axisbus("od", "watch", *options, "5:6041", "5:6060", "--count", "3", "--every", "0.02")
     assert code == 0
@@ -162,7 +162,7 @@ def test_a_value_in_the_axes_unit(axisbus):
         ("5:6098", "300", 2, "300 does not fit INTEGER8"),
     ],
 )
-def test_what_may_not_be_written_is_refused_before_anything_is_sent(axisbus, bus, target, value, code, words):
+def test_an_invalid_write_is_refused_before_anything_is_sent(axisbus, bus, target, value, code, words):
     options, stand_ins = bus
     before = {index: _object(stand_ins, index) for index in (0x6083, 0x6098)}
     result = axisbus("od", "write", *options, target, value)
@@ -195,7 +195,7 @@ def test_storing_is_an_order_and_not_read_back(axisbus, bus):
 
 
 @pytest.mark.parametrize("target", ["6040", "6060", "607A", "60FF", "6071"])
-def test_what_could_move_a_drive_is_refused_unless_asked_for_by_name(axisbus, bus, target):
+def test_an_object_that_could_move_a_drive_needs_may_move(axisbus, bus, target):
     options, stand_ins = bus
     before = _object(stand_ins, int(target, 16))
     code, _, err = axisbus("od", "write", *options, f"5:{target}", "1")
@@ -205,7 +205,7 @@ def test_what_could_move_a_drive_is_refused_unless_asked_for_by_name(axisbus, bu
     assert _object(stand_ins, int(target, 16)) == before
 
 
-def test_an_energised_drive_is_told_and_nothing_is_written_to_it(axisbus, bus):
+def test_an_energised_drive_is_reported_and_not_written(axisbus, bus):
     options, stand_ins = bus
     _enable(axisbus, options)
     code, out, _ = axisbus("od", "write", *options, "5:6060", "3", "--may-move")
@@ -256,7 +256,7 @@ def test_a_shell_that_splits_at_the_colon_is_served_too():
     assert ("Statusword", "6041h") in _completions(["od", "read", "--cell", commands.CELL, "x", ":"], "Stat")
 
 
-def test_completion_is_silent_where_a_file_is_wrong():
+def test_completion_is_silent_if_a_file_is_invalid():
     assert _completions(["od", "read", "--cell", "no.toml"], "5:") == []
 
 
@@ -278,7 +278,7 @@ def test_start_and_stop_are_confirmed_and_energise_nothing(axisbus, bus):
     assert code == 0
 
 
-def test_the_heartbeat_confirms_where_there_is_one(axisbus, bus, monkeypatch):
+def test_the_heartbeat_confirms_if_there_is_one(axisbus, bus, monkeypatch):
     options, _ = bus
     monkeypatch.setattr(nmt_commands, "LISTEN", 10.0)  # ends with the first heartbeat
     assert axisbus("od", "write", *options, "5:1017", "50").code == 0
@@ -320,7 +320,7 @@ def test_a_node_that_is_not_there_is_not_confirmed(axisbus, bus):
 
 
 @pytest.mark.parametrize("node", [5, 9], ids=["fell silent", "never heard"])
-def test_a_silent_node_is_said_to_be_silent_every_time_that_it_is_reset(axisbus, bus, monkeypatch, node):
+def test_a_silent_node_is_reported_at_each_reset(axisbus, bus, monkeypatch, node):
     options, stand_ins = bus
     monkeypatch.setattr(nmt_commands, "BOOT_PATIENCE", 0.5)
     assert axisbus("nmt", "pre-operational", "5", *options).code == 0
@@ -334,7 +334,7 @@ def test_a_silent_node_is_said_to_be_silent_every_time_that_it_is_reset(axisbus,
     assert (told["silent"], told["ok"]) == (True, False)
 
 
-def test_a_node_that_falls_silent_with_the_command_is_told_apart(axisbus, bus, monkeypatch):
+def test_a_node_that_falls_silent_with_the_command_is_distinguished(axisbus, bus, monkeypatch):
     options, stand_ins = bus
     device = stand_ins.devices[0]
     monkeypatch.setattr(nmt_commands, "BOOT_PATIENCE", 0.5)

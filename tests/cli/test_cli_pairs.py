@@ -48,14 +48,14 @@ def test_a_pair_is_moved_by_its_name_with_an_axis_beside(axisbus, cell):
     assert "all axes are at standstill and disabled" in out
 
 
-def test_a_pair_goes_on_at_a_velocity_for_its_time(axisbus, cell):
+def test_a_pair_moves_at_a_velocity_for_its_time(axisbus, cell):
     code, out, err = axisbus("velocity", cell, "b=-40", "--for", "0.5")
     assert code == 0, err
     assert "b: has -40 deg/s" in out
     assert -60.0 < float(re.search(r"b: stands at (-?[\d.]+) deg", out)[1]) < -15.0
 
 
-def test_a_pair_that_finds_no_switch_says_so_and_is_disabled_again(axisbus, cell):
+def test_a_pair_that_finds_no_switch_is_reported_and_disabled_again(axisbus, cell):
     cell.write_text(cell.read_text("utf-8").replace("distance = -90.0", "distance = -5.0"), encoding="utf-8")
     code, out, err = axisbus("home", cell, "b")
     assert code == 3
@@ -84,7 +84,9 @@ def test_a_pair_that_finds_no_switch_says_so_and_is_disabled_again(axisbus, cell
         (("reset", "b", "x"), 2, "axis x is named twice"),
     ],
 )
-def test_what_cannot_be_is_refused_before_the_bus_is_opened(axisbus, cell, monkeypatch, words, code, told):
+def test_invalid_commands_of_a_pair_are_refused_before_the_bus_is_opened(
+    axisbus, cell, monkeypatch, words, code, told
+):
     def opened(*_, **__):
         raise AssertionError("the bus was opened")
 
@@ -98,18 +100,18 @@ def test_all_axes_a_group_or_both_by_name_are_the_pair(cell):
     config = reader.load(cell)
     assert as_pairs(config, ["x", "y", "z"], "enable") == ["b", "z"]
     assert as_pairs(config, ["z", "y", "x"], "enable") == ["z", "b"]
-    assert as_pairs(config, ["y"]) == ["y"]  # a halt of one is one of both, whoever asks
+    assert as_pairs(config, ["y"]) == ["y"]  # a halt of one axis is one of both
     with pytest.raises(StateError, match="axisbus enable applies to both"):
         as_pairs(config, ["z", "y"], "enable")
     assert sides_of(config, ["z", "b"], "move") == ["z", "x", "y"]
 
 
-def test_a_rehearsal_judges_a_pair_by_where_it_is_seen(cell):
+def test_a_dry_run_checks_a_pair_at_its_observed_position(cell):
     text = cell.read_text("utf-8").replace("required = false", "required = true")
     cell.write_text(text, encoding="utf-8")
     rehearsal = DryRun(reader.load(cell))
     beam = rehearsal.gantry("b")
-    beam.move_relative(400.0)  # not homed: nobody knows
+    beam.move_relative(400.0)  # not homed: unknown
     with pytest.raises(Exception, match="not homed"):
         beam.move_absolute(10.0)
     beam.home()
@@ -160,14 +162,14 @@ def test_in_a_machine_that_runs_a_pair_is_enabled_halted_and_disabled(axisbus, t
         ),
     ],
 )
-def test_what_is_to_be_done_for_a_pair_is_a_command_or_a_program(monkeypatch, remedy, said):
+def test_the_remedy_for_a_pair_is_a_command_or_a_program(monkeypatch, remedy, said):
     monkeypatch.setattr(sys, "argv", ["axisbus", "move", "my.toml"])
     told = in_commands(SkewError("b: no", remedy=remedy))
     assert said in told
     assert "set_position" not in told
 
 
-def test_a_pair_that_is_not_homed_by_the_cell_file_is_told_so_before_the_bus_is_opened(axisbus, cell):
+def test_homing_a_pair_without_homing_in_the_cell_file_is_refused_before_the_bus_is_opened(axisbus, cell):
     text = cell.read_text("utf-8")
     cell.write_text(text[: text.index("[gantries.b.homing]")], encoding="utf-8")
     code, _, err = axisbus("home", cell, "b")

@@ -19,7 +19,7 @@ def axisbus(monkeypatch, capsys) -> commands.Run:
     return commands.runner(monkeypatch, capsys)
 
 
-def test_the_frames_of_a_cycle_are_told_in_the_order_of_the_wire(axisbus):
+def test_the_frames_of_a_cycle_are_printed_in_the_order_of_the_bus(axisbus):
     code, out, _ = axisbus("plan", commands.CELL)
     assert code == 0
     rows = re.findall(
@@ -43,7 +43,7 @@ def test_json_has_the_same(axisbus):
     assert found["shortest"] < found["period"]
 
 
-def test_what_does_not_fit_is_told_and_ends_with_1(axisbus):
+def test_an_overloaded_cycle_is_reported_and_ends_with_1(axisbus):
     code, out, _ = axisbus("plan", commands.CELL, "-b", "125000")
     assert code == 1
     assert "IT DOES NOT FIT" in out
@@ -65,7 +65,7 @@ def test_a_picture_is_drawn(axisbus, tmp_path):
 
 
 @pytest.mark.parametrize("command", ["plan", "jitter"])
-def test_what_is_no_picture_is_refused_before_any_work(axisbus, tmp_path, command):
+def test_an_unknown_picture_format_is_refused_before_any_work(axisbus, tmp_path, command):
     code, _, said = axisbus(command, commands.CELL, "-o", str(tmp_path / "x.bin"))
     assert code == 1
     assert "x.bin is not a picture that can be drawn" in said

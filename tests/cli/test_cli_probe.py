@@ -1,4 +1,4 @@
-"""``axisbus probe``: each edge is told, and nothing is energised."""
+"""``axisbus probe``: each edge is printed, and nothing is energised."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def cell(folder, **changes):
 
 @pytest.fixture
 def touched(monkeypatch):
-    """Let the sensor be touched, and let go again, half a second after the input was armed."""
+    """Let the sensor be touched and released half a second after the input was armed."""
     open_machine = probe.machine_of
 
     def opened(*given, **options):
@@ -46,7 +46,7 @@ def touched(monkeypatch):
     monkeypatch.setattr(probe, "machine_of", opened)
 
 
-def test_each_edge_is_told(axisbus, tmp_path, touched):
+def test_each_edge_of_the_touch_probe_is_printed(axisbus, tmp_path, touched):
     code, out, err = axisbus("probe", cell(tmp_path), "x", "--edge", "both", "--for", "2s")
     assert code == 0, err
     assert out.splitlines() == [
@@ -56,13 +56,13 @@ def test_each_edge_is_told(axisbus, tmp_path, touched):
     ]
 
 
-def test_without_an_edge_it_says_so(axisbus, tmp_path):
+def test_without_an_edge_the_command_reports_so(axisbus, tmp_path):
     code, out, _ = axisbus("probe", cell(tmp_path), "x", "--zero-pulse", "--for", "0.2")
     assert code == 1
     assert out.splitlines()[-1] == "x: no edge"
 
 
-def test_a_drive_without_a_touch_probe_is_told_before_the_bus(axisbus, tmp_path, monkeypatch):
+def test_a_drive_without_a_touch_probe_is_refused_before_the_bus_is_opened(axisbus, tmp_path, monkeypatch):
     monkeypatch.setattr(probe, "machine_of", None)
     code, _, err = axisbus("probe", cell(tmp_path, eds=MODULE), "x")
     assert code != 0

@@ -97,7 +97,7 @@ def test_a_command_that_moves_is_recorded(axisbus, cell, tmp_path, command, stat
         ("velocity", "CELL", "x=30", "--for", "300ms"),
     ],
 )
-def test_a_command_goes_on_where_its_recording_cannot_be_written_and_its_exit_code_says_it(
+def test_a_command_whose_recording_cannot_be_written_continues_and_sets_the_exit_code(
     axisbus, cell, tmp_path, monkeypatch, command
 ):
     resource = pytest.importorskip("resource")
@@ -131,7 +131,7 @@ def test_a_file_that_is_there_is_not_replaced_by_chance(axisbus, cell, tmp_path)
         (("--for", "2 weeks"), "is not a valid time"),
     ],
 )
-def test_what_cannot_be_recorded_is_refused_and_nothing_is_written(axisbus, cell, tmp_path, options, text):
+def test_an_invalid_recording_is_refused_and_nothing_is_written(axisbus, cell, tmp_path, options, text):
     path = tmp_path / "run.mcap"
     code, _, err = axisbus("record", cell, "-o", path, *options)
     assert code in (1, 2)
@@ -143,7 +143,7 @@ def test_what_cannot_be_recorded_is_refused_and_nothing_is_written(axisbus, cell
 
 
 @LINUX
-def test_a_machine_that_runs_is_joined_and_what_its_program_does_is_recorded(
+def test_a_running_machine_is_joined_and_the_motion_of_its_program_is_recorded(
     axisbus, tmp_path, core_in_threads
 ):
     file, path = own_cell(tmp_path), tmp_path / "run.mcap"
@@ -164,7 +164,7 @@ def test_a_machine_that_runs_is_joined_and_what_its_program_does_is_recorded(
     assert max(map(abs, run.tracks["x"].columns["velocity"])) == pytest.approx(30.0, abs=1.0)
     cycles = len(run.tracks["x"].times)
     position, word, polled = (run.objects[f"x:{index}"] for index in ("6064", "6040", "6081"))
-    for carried in (position, word):  # in a PDO each, one way and the other
+    for carried in (position, word):  # in a PDO each, in both directions
         assert len(carried.times) == pytest.approx(cycles, abs=0.2 * cycles)
     assert set(word.columns["value"]) <= {0x0F, 0x1F, 0x2F, 0x3F}
     seen = position.columns["value"]
@@ -173,7 +173,7 @@ def test_a_machine_that_runs_is_joined_and_what_its_program_does_is_recorded(
 
 
 @LINUX
-def test_a_recording_whose_program_is_killed_is_there_up_to_its_last_second(tmp_path):
+def test_the_recording_of_a_killed_program_can_be_read_up_to_its_last_second(tmp_path):
     file, path = own_cell(tmp_path), tmp_path / "run.mcap"
     recording = subprocess.Popen(
         [sys.executable, "-m", "axisbus", "record", str(file), "-o", str(path)], stdout=subprocess.DEVNULL
@@ -269,7 +269,7 @@ def test_a_recording_is_exported(axisbus, moved, tmp_path, kind):
 
 
 @LINUX
-def test_a_moment_of_what_a_program_does_is_kept(tmp_path):
+def test_a_moment_of_a_running_program_is_recorded(tmp_path):
     file, path = own_cell(tmp_path), tmp_path / "moment.mcap"
     with Machine.open(file) as machine:
         x = machine["x"]
@@ -289,7 +289,7 @@ def test_a_moment_of_what_a_program_does_is_kept(tmp_path):
     assert min(run.tracks["x"].columns["velocity"]) < -15.0
 
 
-def test_a_moment_that_does_not_come_is_told(axisbus, cell, tmp_path):
+def test_a_moment_that_does_not_occur_is_reported(axisbus, cell, tmp_path):
     path = tmp_path / "none.mcap"
     code, out, _ = axisbus("record", cell, "-o", path, "--when", "fault", "--for", "300ms")
     assert (code, path.exists()) == (1, False)

@@ -1,4 +1,4 @@
-"""``axisbus save``: 1010h:01 at rest only, through a restart, and with what the restart has lost."""
+"""``axisbus save``: 1010h:01 only without power, through a restart, and with values lost in the restart."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def bus():
         yield ("-i", "virtual", "-c", channel), stand_ins.devices[0], stand_ins.lock
 
 
-def test_it_is_stored_and_kept(axisbus, bus):
+def test_save_stores_the_parameters_and_the_values_are_kept(axisbus, bus):
     options, device, lock = bus
     with lock:
         device.write(0x6081, 0, 4321)
@@ -53,7 +53,7 @@ def test_a_restart_is_waited_for_and_all_is_read_again(axisbus, bus):
     assert device.answers_sdo
 
 
-def test_what_a_restart_loses_is_told(axisbus, bus):
+def test_a_value_lost_in_a_restart_is_reported(axisbus, bus):
     options, device, lock = bus
     with lock:
         device.write(0x6083, 0, 777_777)
@@ -75,7 +75,7 @@ def test_without_an_eds_the_node_answers_again(axisbus, bus):
 
 
 @pytest.mark.parametrize("state", [0x06, 0x07, 0x0F])
-def test_it_is_refused_while_a_drive_is_energised(axisbus, bus, state, monkeypatch):
+def test_save_is_refused_while_a_drive_is_energised(axisbus, bus, state, monkeypatch):
     """By the statusword: ready to switch on and switched on have no torque, operation enabled has."""
     options, device, lock = bus
     with lock:
@@ -98,7 +98,7 @@ def test_it_is_refused_while_a_drive_is_energised(axisbus, bus, state, monkeypat
     assert device.dictionary.snapshot() == before
 
 
-def test_a_refusal_is_told_with_its_reason(axisbus, bus):
+def test_a_refusal_is_reported_with_its_reason(axisbus, bus):
     options, device, _ = bus
     device.dials.sdo_write_aborts[0x1010, 1] = 0x0800_0022
     code, _, err = axisbus("save", NODE, *options)
@@ -134,7 +134,7 @@ def test_a_simulated_cell_restarts_as_its_make_does(axisbus):
 
 
 def test_another_master_is_not_disturbed(axisbus, tmp_path):
-    """A machine runs the node: it is refused, and the machine goes on."""
+    """A machine runs the node: it is refused, and the machine continues."""
     with commands.drives(NODE) as (_, channel):
         cell = tmp_path / "cell.toml"
         cell.write_text(

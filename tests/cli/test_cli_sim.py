@@ -1,4 +1,4 @@
-"""``axisbus sim``: the drives of a cell in one terminal, and in another what would be typed with hardware."""
+"""``axisbus sim``: the drives of a cell in one terminal, and in another the commands as with hardware."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def axisbus(monkeypatch, capsys) -> commands.Run:
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory):
-    """A cell that is served, the cell file of who joins it, and the options that were printed for it."""
+    """A served cell, the cell file of its clients, and the options that were printed for it."""
     folder = tmp_path_factory.mktemp("served")
     cell, mine = folder / "cell.toml", folder / "mine.toml"
     cell.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
@@ -45,7 +45,7 @@ def served(tmp_path_factory):
     sim.communicate()
 
 
-def test_it_is_scanned_checked_and_booted(axisbus, served, tmp_path):
+def test_a_bus_served_by_sim_is_scanned_checked_and_booted(axisbus, served, tmp_path):
     mine, options = served
     code, out, err = axisbus("scan", *options)
     assert code == 0, err
@@ -59,7 +59,7 @@ def test_it_is_scanned_checked_and_booted(axisbus, served, tmp_path):
     assert tomllib.loads(drawn.read_text(encoding="utf-8"))["bus"]["interface"] == "socketcand"
 
 
-def test_its_axes_are_homed_and_moved(axisbus, served):
+def test_the_axes_of_sim_are_homed_and_moved(axisbus, served):
     mine, _ = served
     code, out, err = axisbus("home", mine, "x")
     assert code == 0, err
@@ -69,7 +69,7 @@ def test_its_axes_are_homed_and_moved(axisbus, served):
     assert at == pytest.approx({"x": 10.0, "y": -5.0}, abs=0.05)
 
 
-def test_its_objects_are_read_and_its_frames_told(axisbus, served, tmp_path):
+def test_the_objects_of_sim_are_read_and_its_frames_traced(axisbus, served, tmp_path):
     mine, options = served
     assert axisbus("od", "read", "x:6041", "--cell", mine).code == 0
     assert axisbus("config", "backup", "x", "--cell", mine, "-o", tmp_path / "x.dcf").code == 0
@@ -115,7 +115,7 @@ blocked = true
 """
 
 
-def test_faults_come_as_they_are_planned_and_a_test_sees_the_plant(axisbus, tmp_path):
+def test_faults_occur_as_planned_and_a_test_can_observe_the_plant(axisbus, tmp_path):
     cell, mine, faults, control = (tmp_path / name for name in ("cell.toml", "mine.toml", "faults.toml", "c"))
     cell.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
     faults.write_text(FAULTS, encoding="utf-8")

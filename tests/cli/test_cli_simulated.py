@@ -1,4 +1,4 @@
-"""``-i sim -c CELL`` is a bus with a stand-in for each node of a cell file, for every command that takes a bus."""
+"""``-i sim -c CELL`` is a bus with a simulated drive for each node of a cell file, for every command that takes a bus."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ def test_scan_finds_the_nodes_of_the_cell(axisbus):
     assert f"next: a first cell file of them: axisbus init -i sim -c {commands.CELL} -o cell.toml" in out
 
 
-def test_scan_of_a_cell_file_names_what_is_next(axisbus):
+def test_scan_of_a_cell_file_names_the_next_command(axisbus):
     assert f"next: axisbus boot {commands.CELL}" in axisbus("scan", commands.CELL).out
 
 
-def test_a_cell_with_an_adapter_of_its_own_is_simulated_too(axisbus, tmp_path):
+def test_a_cell_that_names_an_adapter_is_simulated_too(axisbus, tmp_path):
     path = tmp_path / "cell.toml"
     text = cells.CLEAN
     path.write_text(text.replace('"drive.eds"', '"builtin:generic-cia402"'), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What the command line says of an error: commands and options, where the library speaks of calls."""
+"""The command line's text of an error: commands and options, instead of the calls of the library."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def rendered(node: ast.AST) -> str:
     return between.join(rendered(each) for each in ast.iter_child_nodes(node))
 
 
-def test_no_remedy_speaks_of_calls(monkeypatch):
+def test_no_remedy_on_the_command_line_names_a_python_call(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["axisbus", "move", "my.toml"])
     found = list(texts())
     assert len(found) > 15  # the search finds them
@@ -59,7 +59,7 @@ def test_no_remedy_speaks_of_calls(monkeypatch):
     assert not left
 
 
-def test_the_page_speaks_of_its_buttons():
+def test_the_remedies_on_the_page_name_its_buttons():
     found = [text for _, text in texts() if "axis." in text]
     assert len(found) > 10
     assert not [said for text in found if re.search(r"axis\.\w+", said := in_page_terms(text))]
@@ -88,7 +88,7 @@ def test_the_page_speaks_of_its_buttons():
         ),
     ],
 )
-def test_a_call_is_said_as_a_command(monkeypatch, remedy, said):
+def test_a_remedy_names_the_command_instead_of_the_call(monkeypatch, remedy, said):
     monkeypatch.setattr(sys, "argv", ["axisbus", "move", "my.toml", "x=1"])
     assert in_commands(StateError("x.move_absolute(1 deg): no", remedy=remedy)) == (
         f"x.move_absolute(1 deg): no\n  remedy:   {said}"
@@ -100,7 +100,7 @@ def test_a_path_of_windows_stays_as_it_is(monkeypatch):
     assert r"axisbus stop C:\new\cell.toml" in in_commands(StateError("x: no", remedy="axis.halt()"))
 
 
-def test_without_a_cell_file_nothing_is_said_of_its_tables(monkeypatch):
+def test_without_a_cell_file_the_remedy_names_no_table_of_it(monkeypatch):
     remedy = "set the link: ip; or correct bitrate in [bus]"
     monkeypatch.setattr(sys, "argv", ["axisbus", "scan", "-i", "socketcan"])
     assert "or give the link's with -b" in in_commands(AdapterError("no", remedy=remedy))
@@ -108,7 +108,7 @@ def test_without_a_cell_file_nothing_is_said_of_its_tables(monkeypatch):
     assert "or correct bitrate in [bus]" in in_commands(AdapterError("no", remedy=remedy))
 
 
-def test_a_move_that_is_not_homed_says_which_option(monkeypatch, capsys):
+def test_the_remedy_for_an_axis_that_is_not_homed_names_the_option(monkeypatch, capsys):
     err = commands.runner(monkeypatch, capsys)("move", commands.CELL, "x=1").err
     assert "remedy:   add --home; with an absolute encoder" in err
 
@@ -137,7 +137,7 @@ def test_no_remedy_repeats_the_value_that_fails(monkeypatch, capsys, tmp_path, l
     assert said in out
 
 
-def test_the_demo_without_matplotlib_points_to_what_is_there(monkeypatch, capsys, tmp_path):
+def test_the_demo_without_matplotlib_points_to_the_csv_file(monkeypatch, capsys, tmp_path):
     from axisbus.cli import demo
     from axisbus.errors import UserError
     from axisbus.record import plot

@@ -1,4 +1,4 @@
-"""Outputs as a shell connects them: pipes that nobody reads, full disks, closed streams, few characters; devices as files."""
+"""Outputs as a shell connects them: pipes without a reader, full disks, closed streams, few characters; devices as files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a shell of Unix
 
 
 def shell(command: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run ``command`` with ``axisbus`` in it, and return what came out."""
+    """Run ``command`` with ``axisbus`` in it, and return its outputs."""
     program = f'{sys.executable} -m axisbus "$@"'
     return subprocess.run(
         ["bash", "-c", command.replace("axisbus", program), "bash", *arguments],
@@ -31,7 +31,7 @@ def shell(command: str, *arguments: str, **environment: str) -> subprocess.Compl
     )
 
 
-def test_a_pipe_that_nobody_reads():
+def test_a_pipe_without_a_reader_ends_without_an_error():
     ran = shell("set -o pipefail; axisbus | head -0", *SHOW)
     assert (ran.returncode in (0, 1, 3), ran.stdout, ran.stderr) == (True, "", "")
 

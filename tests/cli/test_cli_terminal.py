@@ -78,7 +78,7 @@ def test_the_text_of_a_name_is_still_seen(axisbus, evil):
     assert "\\u001b]0;PWNED\\u0007" in axisbus("eds", "show", "evil.eds").out
 
 
-def test_what_prints_is_left_alone_and_what_acts_is_an_escape_of_json():
+def test_printable_text_is_unchanged_and_control_characters_are_json_escapes():
     assert printable("Größe 5 µm\t\n速度") == "Größe 5 µm\t\n速度"
     assert printable(EVIL) == r"\u001b]0;PWNED\u0007\u001b[31m\u009b31m\u202e"
 

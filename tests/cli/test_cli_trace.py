@@ -60,7 +60,7 @@ def test_an_eds_for_one_node(axisbus, log):
     assert "read 6041h Statusword" in out
 
 
-def test_one_json_object_per_line(axisbus, log):
+def test_trace_prints_one_json_object_per_line(axisbus, log):
     code, out, _ = axisbus("trace", log, "--json", "--cell", commands.CELL)
     frames = [json.loads(each) for each in out.splitlines()]
     assert code == 0
@@ -77,7 +77,7 @@ def test_one_json_object_per_line(axisbus, log):
     assert frames[0]["time"] == 100.0
 
 
-def test_errors_only_shows_trouble_and_tells_it_by_the_exit_code(axisbus, log):
+def test_errors_only_prints_faults_and_sets_the_exit_code(axisbus, log):
     code, out, _ = axisbus("trace", log, "--errors-only")
     assert code == 1
     assert len(out.splitlines()) == 2
@@ -144,7 +144,7 @@ def test_the_measured_load_of_a_recording(axisbus, log):
     assert {row["kind"] for row in found["by_kind"]} == {"boot-up", "SDO", "TPDO", "EMCY", "SYNC"}
 
 
-def test_error_frames_are_counted_by_what_they_say_and_what_to_check_is_told(axisbus, tmp_path):
+def test_error_frames_are_counted_by_kind_and_the_checks_are_printed(axisbus, tmp_path):
     path = tmp_path / "bad.log"
     errors = "".join(f"(100.0{n}0000) can0 20000204#0020000000008{n}00\n" for n in range(1, 4))
     path.write_text(LOG + errors + "(100.300000) can0 20000040#0000000000000000\n")
@@ -161,7 +161,7 @@ def test_error_frames_are_counted_by_what_they_say_and_what_to_check_is_told(axi
     assert "transmit errors (passive) (transmit errors 129, receive errors 0)" in out
 
 
-def test_a_full_bus_is_told_by_the_exit_code(axisbus, log):
+def test_a_full_bus_sets_the_exit_code(axisbus, log):
     log.write_text("".join(line * 2 for line in log.read_text().splitlines(keepends=True)))
     assert axisbus("load", log, "-b", "5000").code == 1
     assert axisbus("load", log, "-b", "500000").code == 0
@@ -186,7 +186,7 @@ def test_a_recording_without_times_has_no_load(axisbus):
     assert "too short" in err
 
 
-def test_what_was_against_the_protocol_is_summed_up_at_the_end(axisbus, tmp_path):
+def test_protocol_errors_are_summed_up_at_the_end(axisbus, tmp_path):
     path = tmp_path / "odd.log"
     path.write_text("(1.0) can0 182#37\n(1.1) can0 182#37\n(1.2) can0 182#\n(1.3) can0 085#204308\n")
     code, _, err = axisbus("trace", path, "--cell", commands.CELL, "--filter", "kind=sync")
@@ -194,7 +194,7 @@ def test_what_was_against_the_protocol_is_summed_up_at_the_end(axisbus, tmp_path
     assert "against the protocol: 1 EMCY (node 5), 3 TPDO (node 2)" in err
 
 
-def test_the_load_of_a_recording_says_which_lines_are_no_frames(axisbus, tmp_path):
+def test_the_load_of_a_recording_names_lines_that_are_no_frames(axisbus, tmp_path):
     path = tmp_path / "odd.log"
     path.write_text("(1.0) can0 182#37\nnoise\n(1.1) can0 182#37\n")
     code, out, _ = axisbus("load", path, "-b", "1000000")
@@ -217,7 +217,7 @@ BUSES = candump(
 )
 
 
-def test_each_bus_of_a_recording_is_decoded_by_itself(axisbus, tmp_path):
+def test_each_bus_of_a_recording_is_decoded_separately(axisbus, tmp_path):
     path = tmp_path / "two.log"
     path.write_text(BUSES)
     code, out, err = axisbus("trace", path, "--errors-only")
@@ -252,7 +252,7 @@ def test_the_load_is_that_of_one_bus(axisbus, tmp_path):
     assert (code, json.loads(out)["measured"]["frames"]) == (0, 3)
 
 
-def test_times_that_go_back_are_told(axisbus):
+def test_times_that_go_back_are_reported(axisbus):
     times = " (001.000000)  can0  701   [1]  05\n (001.000000)  can0  701   [1]  05\n (000.000500)  can0  701   [1]  05\n"
     for command in (("trace", "-"), ("load", "-", "-b", "500000")):
         assert "the times go back 1 time" in axisbus(*command, stdin=times).err

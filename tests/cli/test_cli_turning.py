@@ -36,7 +36,7 @@ def cell(tmp_path):
     return path
 
 
-def test_axes_turn_for_their_time_and_are_disabled(axisbus, cell):
+def test_axes_turn_for_the_given_time_and_are_disabled(axisbus, cell):
     begin = time.monotonic()
     code, out, err = axisbus("velocity", cell, "x=30", "y=-15", "--for", "1")
     assert code == 0, err
@@ -55,7 +55,7 @@ def test_a_torque_is_pressed_with_for_its_time(axisbus, cell):
     assert "all axes are at standstill and disabled" in out
 
 
-def test_what_the_drive_alone_knows_is_told_before_it_is_enabled(axisbus, tmp_path, monkeypatch):
+def test_a_value_missing_in_the_drive_is_reported_before_it_is_enabled(axisbus, tmp_path, monkeypatch):
     cell = tmp_path / "cell.toml"
     cell.write_text(cell_text("x", period="20ms", heartbeat="1s", eds=MODULE, axis="rated_torque = 10.0"))
     monkeypatch.setattr(Axis, "enable", lambda *_, **__: pytest.fail("it was enabled"))
@@ -78,14 +78,14 @@ def test_what_the_drive_alone_knows_is_told_before_it_is_enabled(axisbus, tmp_pa
     ],
     ids=lambda each: " ".join(each) if isinstance(each, tuple) else "",
 )
-def test_what_cannot_be_is_told_before_the_bus_is_opened(axisbus, cell, words, told, monkeypatch):
+def test_invalid_commands_are_refused_before_the_bus_is_opened(axisbus, cell, words, told, monkeypatch):
     monkeypatch.setattr(Machine, "open", lambda *_, **__: pytest.fail("it was opened"))
     code, _, err = axisbus(words[0], cell, *words[1:])
     assert code in (1, 2)
     assert told in err
 
 
-def test_an_axis_that_is_halted_by_another_program_ends_the_command(tmp_path):
+def test_a_halt_of_another_program_ends_the_command(tmp_path):
     if sys.platform != "linux":
         pytest.skip("a core in a process of its own is for Linux")
     path = own_cell(tmp_path, "x")
@@ -122,7 +122,7 @@ class Terminal:
         self.shown = ""
 
     def read(self, seconds: float = 0.0) -> str:
-        """Take what is shown within some time."""
+        """Read the output within some time."""
         end = time.monotonic() + seconds
         while select.select([self.keys], [], [], max(0.0, end - time.monotonic()))[0]:
             try:
@@ -161,7 +161,7 @@ pty_only = pytest.mark.skipif(sys.platform != "linux", reason="terminals of thei
 
 
 @pty_only
-def test_a_held_key_moves_the_axis_and_one_that_is_let_go_stops_it(tmp_path):
+def test_a_held_key_moves_the_axis_and_its_release_stops_it(tmp_path):
     path = own_cell(tmp_path, "x")
     terminal = Terminal(path, "x", "--velocity", "30")
     terminal.await_text("arrow keys move it at 30 deg/s")
@@ -190,7 +190,7 @@ def _stands(terminal: Terminal, axis) -> None:
 
 
 @pty_only
-def test_a_halt_by_somebody_else_is_not_undone_by_a_key_that_is_held(tmp_path):
+def test_a_held_key_does_not_undo_a_halt_of_another_program(tmp_path):
     path = own_cell(tmp_path, "x")
     terminal = Terminal(path, "x", "--velocity", "30", "--acceleration", "60")
     terminal.await_text("arrow keys move it at 30 deg/s")
@@ -213,7 +213,7 @@ def test_a_halt_by_somebody_else_is_not_undone_by_a_key_that_is_held(tmp_path):
 
 
 @pty_only
-def test_a_terminal_that_is_gone_leaves_nothing_that_moves(tmp_path):
+def test_closing_the_terminal_of_turn_stops_the_axis(tmp_path):
     path = own_cell(tmp_path, "x")
     with Machine.open(path, shared=True) as machine:
         terminal = Terminal(path, "x", "--velocity", "30")

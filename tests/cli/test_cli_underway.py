@@ -1,4 +1,4 @@
-"""What a terminal shows while axes are under way; what is no terminal shows none of it."""
+"""The progress on a terminal while axes move; without a terminal it is not shown."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ class FakeHandle:
         (FakeAxis(None, None, None), 0.0, "x position unknown"),
     ],
 )
-def test_the_words_for_a_way(axis, whole, text):
+def test_the_text_of_the_progress_of_a_move(axis, whole, text):
     assert MoverProgress(axis, FakeHandle(), whole).text() == text
 
 
-def test_an_axis_that_is_there_shows_where():
+def test_an_axis_that_has_arrived_shows_its_position():
     assert MoverProgress(FakeAxis(90.0, 0.0, 0.001), FakeHandle(busy=False), 90.0).text() == "x 90.000 deg"
 
 
@@ -87,7 +87,7 @@ def test_elsewhere_nothing_is_drawn(monkeypatch, capsys):
     assert (code, err) == (0, "")
 
 
-def test_a_terminal_that_is_gone_does_not_end_a_motion(monkeypatch):
+def test_closing_the_terminal_of_a_command_does_not_end_the_motion(monkeypatch):
     def gone(*_, **__):
         raise BrokenPipeError
 

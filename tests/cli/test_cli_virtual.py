@@ -1,4 +1,4 @@
-"""The command line on a cell with a virtual axis: it is moved as any other; what needs a drive passes it over or says why."""
+"""The command line on a cell with a virtual axis: it is moved as any other; commands that need a drive skip or refuse it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def alone(tmp_path):
     return path
 
 
-def test_it_is_moved_with_the_others_and_homing_passes_it_over(axisbus, cell):
+def test_a_virtual_axis_is_moved_with_the_others_and_needs_no_homing(axisbus, cell):
     code, out, _ = axisbus("move", cell, "x=5", "v=12.5", "--home")
     assert code == 0
     assert "v: at 12.5000 deg" in out
@@ -47,7 +47,7 @@ def test_it_is_moved_with_the_others_and_homing_passes_it_over(axisbus, cell):
     assert code == 0
 
 
-def test_what_it_has_not_is_refused_before_the_bus_is_opened(axisbus, cell):
+def test_commands_that_need_a_drive_are_refused_before_the_bus_is_opened(axisbus, cell):
     for arguments, words in (
         (("home", cell, "v"), "no drive that could be homed"),
         (("torque", cell, "v=1"), "no torque"),
@@ -73,7 +73,7 @@ def test_a_cell_of_it_alone_is_booted_planned_and_shown(axisbus, alone):
     assert "virtual" in err
 
 
-def test_monitor_shows_it_without_a_node(axisbus, cell):
+def test_monitor_shows_a_virtual_axis_without_a_node(axisbus, cell):
     code, out, _ = axisbus("monitor", cell, "--count", "1", "--json")
     assert code == 0
     seen = {each["axis"]: each for each in json.loads(out)}
@@ -81,7 +81,7 @@ def test_monitor_shows_it_without_a_node(axisbus, cell):
     assert seen["x"]["node"] == 1
 
 
-def test_it_is_recorded(axisbus, cell, tmp_path):
+def test_a_virtual_axis_is_recorded(axisbus, cell, tmp_path):
     assert axisbus("record", cell, "-o", tmp_path / "a.mcap", "--for", "0.3").code == 0
     code, _, err = axisbus("record", cell, "-o", tmp_path / "b.mcap", "--for", "0.3", "--objects", "v:6074")
     assert code != 0
@@ -94,7 +94,7 @@ def test_the_demo_refuses_it(axisbus, cell, tmp_path):
     assert "virtual" in err
 
 
-def test_it_is_no_node_for_a_shell(cell):
+def test_a_virtual_axis_is_not_a_node_that_the_shell_completes(cell):
     assert [name for name, _ in nodes_and_axes(reader.load(cell))] == ["1", "x"]
 
 

@@ -1,4 +1,4 @@
-"""``axisbus web``: what is refused before a bus is opened."""
+"""``axisbus web``: refusals before a bus is opened."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def axisbus(monkeypatch, capsys) -> commands.Run:
     return commands.runner(monkeypatch, capsys)
 
 
-def test_without_nicegui_it_says_how_to_install_it(axisbus, monkeypatch):
+def test_without_nicegui_the_error_names_the_package_to_install(axisbus, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     code, _, err = axisbus("web", commands.CELL)
     assert code == 1
@@ -30,7 +30,7 @@ def test_without_nicegui_it_says_how_to_install_it(axisbus, monkeypatch):
 
 
 @pytest.mark.parametrize("address", ["192.0.2.1", "192.0.2.77"])
-def test_another_address_needs_tls_or_an_explicit_insecure(axisbus, address):
+def test_an_address_other_than_localhost_needs_tls_or_an_explicit_insecure(axisbus, address):
     code, _, err = axisbus("web", commands.CELL, "--listen", address)
     assert code == 2
     assert "--certificate and --key" in err
@@ -39,21 +39,23 @@ def test_another_address_needs_tls_or_an_explicit_insecure(axisbus, address):
 
 @pytest.mark.parametrize("address", ["0.0.0.0", "::"])
 @pytest.mark.parametrize("more", [(), ("--insecure",)])
-def test_every_address_at_once_is_none(axisbus, address, more):
+def test_listening_at_every_address_is_refused(axisbus, address, more):
     code, _, err = axisbus("web", commands.CELL, "--listen", address, *more)
     assert code == 2
     assert "every address" in err
 
 
 @pytest.mark.parametrize("option", ["--certificate", "--key"])
-def test_a_certificate_and_its_key_go_together(axisbus, option, tmp_path):
+def test_a_certificate_without_its_key_is_refused_and_a_key_without_its_certificate(
+    axisbus, option, tmp_path
+):
     (tmp_path / "file").write_text("x", "utf-8")
     code, _, err = axisbus("web", commands.CELL, option, tmp_path / "file")
     assert code == 2
     assert "go together" in err
 
 
-def test_a_certificate_that_is_none_is_told_before_the_machine_is_opened(axisbus, tmp_path):
+def test_an_invalid_certificate_is_refused_before_the_machine_is_opened(axisbus, tmp_path):
     (tmp_path / "file").write_text("x", "utf-8")
     code, _, err = axisbus(
         "web", commands.CELL, "--certificate", tmp_path / "file", "--key", tmp_path / "file"
@@ -62,7 +64,7 @@ def test_a_certificate_that_is_none_is_told_before_the_machine_is_opened(axisbus
     assert str(tmp_path / "file") in err
 
 
-def test_a_port_that_is_taken_is_told_before_the_machine_is_opened(axisbus):
+def test_a_port_in_use_is_reported_before_the_machine_is_opened(axisbus):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         code, _, err = axisbus("web", commands.CELL, "--port", port)
@@ -71,7 +73,7 @@ def test_a_port_that_is_taken_is_told_before_the_machine_is_opened(axisbus):
     assert "--port" in err
 
 
-def test_a_cell_file_that_is_wrong_is_told_first(axisbus, tmp_path):
+def test_an_invalid_cell_file_is_reported_first(axisbus, tmp_path):
     path = tmp_path / "cell.toml"
     path.write_text("[bus]\n", "utf-8")
     code, _, err = axisbus("web", path)

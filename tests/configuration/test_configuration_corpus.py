@@ -1,4 +1,4 @@
-"""Backups by the EDS files of manufacturers, if a folder of them exists: the values read come back from the DCF, byte by byte."""
+"""Backups by the EDS files of manufacturers, if there are any: the values read are restored from the DCF, byte by byte."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(not FILES, reason="no folder of EDS files (AXISB
 
 
 class Scrambled:
-    """A device of which every value that can be restored is another one; takes what it is given."""
+    """A device whose restorable values all differ; accepts any value."""
 
     def __init__(self, dictionary: Dictionary, keys: list[tuple[int, int]]) -> None:
         self._dictionary = dictionary
@@ -35,7 +35,7 @@ class Scrambled:
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem[:40])
-def test_what_a_device_answered_is_what_a_restore_brings_back(path):
+def test_a_restore_writes_the_values_that_the_device_had_answered(path):
     drive = Dictionary(reader.read(path.read_bytes(), str(path)).eds, NODE)
     made = backup(drive, reader.read(path.read_bytes(), str(path)), dcf.Settings(NODE))
     again = reader.read(writer.dumps(made.reading), "backup.dcf").eds

@@ -36,7 +36,7 @@ def _record(index, title, count):
     return head + _variable(f"{index}sub0", "Highest sub-index", "0x0005", "const", DefaultValue=count)
 
 
-# What the generic drive does not have: the objects with an order of their own, and a text.
+# Objects that the generic drive lacks: those with an order of their own, and a text.
 EXTRA = (
     _variable("1019", "Synchronous counter overflow value", "0x0005", DefaultValue=0)
     + _record("1020", "Verify configuration", 2)
@@ -66,7 +66,7 @@ GOLDEN = {
     (0x1280, 1): "09 06 00 00",
     (0x1280, 2): "89 05 00 00",
     (0x1280, 3): "09",
-    (0x1400, 1): "05 03 00 00",  # RPDO1 has the COB-ID that RPDO2 has by default, and the other way round
+    (0x1400, 1): "05 03 00 00",  # RPDO1 has the default COB-ID of RPDO2, and RPDO2 that of RPDO1
     (0x1401, 1): "05 02 00 00",
     (0x1600, 0): "02",
     (0x1600, 1): "10 00 40 60",
@@ -86,7 +86,7 @@ GOLDEN = {key: bytes.fromhex(text) for key, text in GOLDEN.items()}
 
 
 def _factory() -> dict[tuple[int, int], bytes]:
-    """What the drive holds as it comes from the factory."""
+    """The factory values of the drive."""
     values = {}
     for entry in EDS.eds:
         for sub in entry.subs.values():
@@ -117,7 +117,7 @@ WANTED = {item.key: item.data for item in SELECTION.items}
 
 
 def _differing(device):
-    """The oracle: what differs, found without the code under test."""
+    """The oracle: the differences, found without the code under test."""
     return {key for key, data in WANTED.items() if device.values[key] != data}
 
 
@@ -146,7 +146,7 @@ def test_cob_ids_that_follow_the_node_id_are_formulas_and_others_are_not():
     assert DCF.get(0x1800, 1).initial(7) == 0x4000_0187
 
 
-def test_what_cannot_be_in_a_dcf_is_left_out_with_its_reason():
+def test_a_value_that_a_dcf_cannot_contain_is_left_out_with_its_reason():
     device = _configured()
     del device.values[0x6083, 0]
     device.values[0x6081, 0] = b"\1\2"
@@ -159,14 +159,14 @@ def test_what_cannot_be_in_a_dcf_is_left_out_with_its_reason():
     assert len(reasons) == 3
 
 
-# -- what is for the device --------------------------------------------------------------------------------------------
+# -- values for the device ---------------------------------------------------------------------------------------------
 
 
 def _why(selection: Selection):
     return {(each.variable.index, each.variable.subindex): each.why for each in selection.skipped}
 
 
-def test_nothing_that_acts_is_ever_for_the_device():
+def test_objects_that_act_are_never_restored():
     orders = {index for (index, _), why in _why(SELECTION).items() if why is SkipReason.ORDER}
     assert orders >= {
         0x1003,
@@ -187,7 +187,7 @@ def test_nothing_that_acts_is_ever_for_the_device():
     assert {each.key for each in with_orders.items} == set(WANTED)
 
 
-def test_calibration_stays_unless_it_is_named():
+def test_calibration_objects_are_not_restored_unless_they_are_named():
     make = Make("maker", calibration_objects=((0x2001, None),))
     left = select(DCF, NODE, make)
     assert _why(left)[0x2001, 0] is SkipReason.CALIBRATION
@@ -233,11 +233,11 @@ def test_a_pdo_is_switched_off_emptied_filled_counted_and_switched_on():
     ]
 
 
-def test_nothing_is_written_where_nothing_differs():
+def test_without_a_difference_nothing_is_written():
     assert ordered(WANTED, WANTED) == []
 
 
-def test_the_date_of_the_configuration_goes_first_and_comes_last():
+def test_the_date_of_the_configuration_is_cleared_first_and_written_last():
     held = {**WANTED, (0x6083, 0): bytes(4)}
     writes = [(each.index, each.subindex, any(each.data)) for each in ordered(WANTED, held)]
     assert writes == [
@@ -291,7 +291,9 @@ def _writes_of_a_whole_run():
 
 @pytest.mark.parametrize("done_first", [False, True], ids=["before", "after"])
 @pytest.mark.parametrize("budget", range(_writes_of_a_whole_run()))
-def test_cut_off_at_any_write_another_run_names_what_differs_and_finishes(budget, done_first):
+def test_after_an_interruption_at_any_write_the_next_run_names_the_differences_and_completes(
+    budget, done_first
+):
     device = StrictDevice(FACTORY)
     device.budget, device.done_first = budget, done_first
     cut = Restore(device, SELECTION)
@@ -309,7 +311,7 @@ def test_cut_off_at_any_write_another_run_names_what_differs_and_finishes(budget
     assert not _differing(device)
 
 
-def test_runs_that_are_cut_off_after_every_single_write_come_to_the_end():
+def test_runs_that_are_interrupted_after_every_write_complete():
     device = StrictDevice(FACTORY)
     device.done_first = True
     for _ in range(10 * _writes_of_a_whole_run()):
@@ -323,7 +325,7 @@ def test_runs_that_are_cut_off_after_every_single_write_come_to_the_end():
     assert not _differing(device)
 
 
-# -- what a device refuses ---------------------------------------------------------------------------------------------
+# -- refusals of a device ----------------------------------------------------------------------------------------------
 
 
 def test_a_mapping_entry_alone_in_a_dcf_made_by_hand_is_restored():
@@ -352,7 +354,7 @@ class Forgetful(StrictDevice):
             self.values |= {key: bytes(4) for key in self.values if key[0] == index and key[1]}
 
 
-def test_a_drive_that_forgets_a_mapping_with_its_count_is_restored():
+def test_a_drive_that_clears_a_mapping_with_its_count_is_restored():
     device = Forgetful(FACTORY)
     assert _run(device).ok
     assert not _differing(device)
@@ -370,13 +372,13 @@ def test_a_refused_object_is_named_with_its_reason_and_the_others_are_restored()
     assert not report.ok
 
 
-def test_a_pdo_of_which_a_part_is_refused_gets_back_what_it_had():
+def test_a_pdo_with_a_refused_entry_is_restored():
     device = StrictDevice(FACTORY)
     device.refuse[0x1A00, 2] = 0x0604_0041
     report = _run(device)
     failed = {each.item.key: each.reason for each in report.of(ValueEnd.FAILED)}
     assert "its PDO was left unchanged, because 1A00h:02 is refused" in failed[0x1800, 2]
-    # The entry that is refused cannot be given back either; what can be is.
+    # The refused entry cannot be restored either; the others are.
     assert device.values[0x1800, 1] == FACTORY[0x1800, 1]
     assert device.values[0x1800, 2] == FACTORY[0x1800, 2]
     assert _differing(device) <= {key for key in WANTED if key[0] in (0x1800, 0x1A00, 0x1020)}
@@ -404,7 +406,7 @@ class Mute(StrictDevice):
         return super().upload(index, subindex)
 
 
-def test_what_cannot_be_read_is_written_once_and_reported_as_not_verified():
+def test_an_unreadable_object_is_written_once_and_reported_as_not_verified():
     device = Mute(FACTORY)
     report = _run(device)
     (blind,) = report.of(ValueEnd.UNVERIFIED)
@@ -453,7 +455,7 @@ def test_a_number_of_mapped_objects_that_no_pdo_has_is_refused_at_once(index):
     assert told.value.remedy
 
 
-def test_the_writes_of_a_mapping_are_as_many_as_there_are_values_and_not_as_the_count_says():
+def test_the_writes_of_a_mapping_follow_its_values_and_not_its_count():
     wanted = {(0x1A00, 0): HUGE, (0x1A00, 1): GOLDEN[0x1A00, 1]}
     assert [write.key for write in ordered(wanted, {})] == [(0x1A00, 0), (0x1A00, 1), (0x1A00, 0)]
 

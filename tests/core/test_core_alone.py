@@ -1,4 +1,4 @@
-"""Who is who on a cell's bus before its first frame, as the cell file and the EDS files say it."""
+"""The expected devices on a cell's bus before its first frame, according to the cell file and the EDS files."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_masters_are_127_and_our_own_id(tmp_path: Path) -> None:
     assert cast_of(cell, load_dictionaries(cell)).masters == {9, 127}
 
 
-def test_a_device_that_sends_where_another_ones_rpdo_is_is_no_master(tmp_path: Path) -> None:
+def test_a_configured_device_that_sends_with_the_cob_id_of_an_rpdo_is_no_master(tmp_path: Path) -> None:
     more = "[nodes.2.pdo.tpdo1]\ncob_id = 0x201\n"
     with_it, without = cell_of(tmp_path, more=more), cell_of(tmp_path)
     frame = CanFrame(0.0, 0x201, b"\x0f\0")
@@ -45,8 +45,8 @@ def test_sync_is_a_sign_at_the_usual_cob_id_and_at_the_cells(tmp_path: Path) -> 
     assert list(found.values()) == [{0x80}, {0x80, 0x90}, set(), {0x80}]
 
 
-def test_what_a_module_sends_is_no_sign_and_what_commands_it_is_one(tmp_path: Path) -> None:
-    """Node 48 of CAN Simple beats at 601h, where CANopen has the SDO requests to node 1."""
+def test_frames_of_a_module_are_no_sign_of_a_master_and_commands_to_it_are(tmp_path: Path) -> None:
+    """Node 48 of CAN Simple sends its heartbeat with 601h, where CANopen has the SDO requests to node 1."""
     more = """[nodes.48]
 protocol = "can_simple"
 [nodes.48.can_simple]

@@ -109,7 +109,7 @@ class Bus:
             time.sleep(0.01)
 
     def rest(self, seconds: float) -> bool:
-        """Whether all come to rest within this time."""
+        """Whether all reach standstill within this time."""
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
             if max(map(abs, self.speeds)) < 0.02:
@@ -132,7 +132,7 @@ def bus(tmp_path):
     made.close()
 
 
-def test_they_move_together_on_a_line_and_direct(bus):
+def test_canopen_and_can_simple_axes_move_together_on_a_line_and_direct(bus):
     bus.homed()
     bus.group.move_linear((40.0, -20.0, 60.0), velocity=60.0).wait(10)
     assert bus.module.position * 45.0 == pytest.approx(60.0, abs=0.1)
@@ -152,7 +152,7 @@ def test_a_fault_of_one_stops_all(bus):
     assert bus.rest(3.0)
 
 
-def test_a_scan_that_dies_leaves_all_at_rest(bus):
+def test_a_scan_that_dies_stops_all_axes(bus):
     bus.homed()
     bus.group.move_linear((400.0, 200.0, 300.0), velocity=60.0)
     bus.moves()
@@ -162,7 +162,7 @@ def test_a_scan_that_dies_leaves_all_at_rest(bus):
     assert isinstance(bus.scan.failure, Exception)
 
 
-def test_a_rescue_without_the_scan_brakes_and_lets_go(bus):
+def test_a_rescue_after_the_scan_ended_brakes_the_module_and_switches_its_power_off(bus):
     bus.homed()
     bus.axes["m"].move_velocity(90.0).wait(5)
     bus.scan.quit()
@@ -176,7 +176,7 @@ def test_a_rescue_without_the_scan_brakes_and_lets_go(bus):
     assert bus.rest(1.0)
 
 
-def test_a_module_that_is_gone_is_told_as_not_confirmed(bus):
+def test_a_lost_module_is_reported_as_not_confirmed(bus):
     with bus.stand_ins.lock:
         bus.module.dials.dead = True
     (stopped,) = stop_modules(bus.channel, {"m": bus.settings})

@@ -1,4 +1,4 @@
-"""A module on a channel, without a bus: what is told and given anew where the bus was off, and that a question is no order."""
+"""A module on a channel, without a bus: reports and repeated orders after a bus-off, and a request is no order."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PV = 3
 
 
 class Quiet:
-    """A channel that carries nothing by itself; ``offs`` counts the times that it was off."""
+    """A channel that carries nothing alone; ``offs`` counts its bus-offs."""
 
     def __init__(self) -> None:
         self.receivers = {}
@@ -30,8 +30,8 @@ class Quiet:
         self.receivers.pop(can_id, None)
 
 
-class Talk:
-    """A sender and its module, which is in closed loop once it was asked for, and turns as it is told."""
+class SenderBench:
+    """A sender and its module, which is in closed loop once it was requested, and turns as commanded."""
 
     def __init__(self) -> None:
         self.channel = Quiet()
@@ -42,7 +42,7 @@ class Talk:
         self.channel.receivers[5 << 5 | command](data, self.now)
 
     def cycle(self, word: int | None, *, dropped: bool = False, **outputs):
-        """One cycle; return what was read, and the orders that went out, by command."""
+        """Run one cycle; return the inputs, and the sent orders, by command."""
         self.now += 0.01
         if round(self.now * 100) % 10 == 0:
             self.say(1, struct.pack("<IBBBB", 0, self.state, 0x80, 0, self.life))
@@ -60,8 +60,8 @@ class Talk:
         return inputs, [(can_id & 0x1F, data) for can_id, data in frames]
 
 
-def turning() -> Talk:
-    talk = Talk()
+def turning() -> SenderBench:
+    talk = SenderBench()
     for _ in range(30):
         talk.cycle(None)
     for word in (0x06, 0x07, *[ENABLE] * 40):
@@ -73,7 +73,7 @@ def turning() -> Talk:
     return talk
 
 
-def test_while_the_bus_is_off_it_is_not_operational_and_why_is_told():
+def test_during_bus_off_a_module_is_not_operational_and_the_reason_is_reported():
     talk = turning()
     inputs, _ = talk.cycle(ENABLE)
     assert inputs.operational
@@ -89,7 +89,7 @@ def test_while_the_bus_is_off_it_is_not_operational_and_why_is_told():
     assert inputs.operational
 
 
-def test_a_bus_off_that_is_over_before_the_next_cycle_is_told_once():
+def test_a_bus_off_that_ends_before_the_next_cycle_is_reported_once():
     talk = turning()
     talk.channel.last_off = BusOff("the controller is bus-off")
     talk.channel.offs += 1
@@ -99,7 +99,7 @@ def test_a_bus_off_that_is_over_before_the_next_cycle_is_told_once():
     assert inputs.operational
 
 
-def test_what_was_dropped_is_given_anew_the_mode_and_a_halt_included():
+def test_dropped_frames_are_sent_again_with_the_mode_and_a_halt():
     talk = turning()
     _, before = talk.cycle(ENABLE | HALT, target_velocity=3 * 16384)
     assert VELOCITY_MODE not in [data for command, data in before if command == 0x0B]
@@ -117,13 +117,13 @@ def test_the_frames_of_a_stop_are_there_for_another_thread():
     assert mode == (5 << 5 | 0x0B, VELOCITY_MODE)
     assert speed == (5 << 5 | 0x0D, bytes(8))
     assert none == ()
-    idle = Talk()
+    idle = SenderBench()
     for _ in range(30):
         idle.cycle(None)
     assert idle.sender.stop_frames() == ((), ())
 
 
-def test_it_is_no_longer_heard_after_it_is_closed():
-    talk = Talk()
+def test_a_closed_sender_is_no_longer_a_receiver_of_the_channel():
+    talk = SenderBench()
     talk.sender.close()
     assert talk.channel.receivers == {}

@@ -1,4 +1,4 @@
-"""What a client of a core is told when the scan ends: first that it has, then which of its commands ended with it."""
+"""The messages to a client of a core when the scan ends: first the end, then the commands that ended with it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from axisbus.session import CommandEvent
 
 
 class Session:
-    """A scan of no axes; ``hear`` tells how a command goes on."""
+    """A scan without axes; ``hear`` reports the progress of a command."""
 
     dead = left = None
     ended = failed = False
@@ -32,7 +32,7 @@ class Session:
         self.hear = hear
 
     def fail(self, *ends):
-        """End, as a scan does: the commands are told once it is known to be over."""
+        """End, as a scan does: the commands are ended once it is known to be over."""
         self.dead, self.ended, self.failed = "the link is down", True, True
         for end in ends:
             self.hear(end)
@@ -63,7 +63,7 @@ def test_a_client_knows_that_the_scan_is_over_before_its_commands_end(scene, els
     assert [event.number for event in told.events] == [1, 2]
 
 
-def test_what_ends_after_the_scan_is_told_as_well(scene):
+def test_a_command_that_ends_after_the_scan_is_reported_too(scene):
     scene.session.fail()
     scene.clients.tell_condition()
     scene.session.hear(end(3))
@@ -71,7 +71,7 @@ def test_what_ends_after_the_scan_is_told_as_well(scene):
     assert [type(message) for message in scene.sent] == [CoreCondition, CommandEvents]
 
 
-def test_each_end_is_told_once_by_however_many_threads(scene):
+def test_each_end_of_a_command_is_reported_once_by_any_number_of_threads(scene):
     scene.session.fail(*map(end, range(200)))
     tellers = [threading.Thread(target=scene.clients.tell_condition) for _ in range(8)]
     for teller in tellers:
@@ -102,7 +102,7 @@ class Deaf:
         self.sent.append(message)
 
 
-def test_what_a_program_does_not_take_is_counted_by_program_and_told_to_it_once(monkeypatch):
+def test_images_that_a_program_does_not_take_are_counted_and_reported_to_it_once(monkeypatch):
     monkeypatch.setattr(publisher, "_MOST", 3)
     monkeypatch.setattr(frames, "_MOST", 5)
     place = Publisher(mmap.mmap(-1, size_of(0)), ())
@@ -124,7 +124,7 @@ def test_what_a_program_does_not_take_is_counted_by_program_and_told_to_it_once(
         ("quick", False, False),
     ]
     assert not any(message.lost for message in told)
-    slow.sent.clear()  # it goes on reading
+    slow.sent.clear()  # it continues reading
     for cycle in range(100, 104):
         place.after_cycle(cycle * 0.06, {})
         reader.flush_frames()

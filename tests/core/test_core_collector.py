@@ -29,7 +29,7 @@ def collector(monkeypatch):
 
 
 def cycle(collector, spent=0.0):
-    """Let a cycle end that has taken ``spent`` seconds so far; return what was collected in it."""
+    """Let a cycle end that has taken ``spent`` seconds so far; return the generations collected in it."""
     began = collector.clock
     collector.clock += spent
     collector.ran.clear()
@@ -38,11 +38,11 @@ def cycle(collector, spent=0.0):
     return list(collector.ran)
 
 
-def test_nothing_else_starts_it(collector):
+def test_automatic_collection_is_off(collector):
     assert not gc.isenabled()
 
 
-def test_nothing_is_collected_before_it_is_due(collector):
+def test_no_collection_before_it_is_due(collector):
     collector.counts = list(DUE)
     assert cycle(collector) == []
 
@@ -53,7 +53,9 @@ def test_the_oldest_generation_that_is_due_is_collected(collector, oldest):
     assert cycle(collector) == [oldest]
 
 
-def test_what_took_too_long_for_what_is_left_waits_and_a_younger_one_runs(collector):
+def test_a_collection_too_long_for_the_rest_of_the_cycle_waits_and_one_of_a_younger_generation_runs(
+    collector,
+):
     collector.counts = [due + 1 for due in DUE]
     collector.took = [0.0, 0.0, 0.3]
     assert cycle(collector) == [2]
@@ -61,7 +63,7 @@ def test_what_took_too_long_for_what_is_left_waits_and_a_younger_one_runs(collec
     assert cycle(collector) == [2]  # three times as long is left
 
 
-def test_where_nothing_fits_nothing_is_done_until_there_is_far_too_much(collector):
+def test_if_no_collection_fits_none_runs_until_there_is_far_too_much_garbage(collector):
     collector.counts = [DUE[0] + 1, 0, 0]
     collector.took = [0.4, 0.0, 0.0]
     assert cycle(collector) == [0]
@@ -70,7 +72,7 @@ def test_where_nothing_fits_nothing_is_done_until_there_is_far_too_much(collecto
     assert cycle(collector) == [0]
 
 
-def test_one_that_was_interrupted_runs_again_some_time(collector):
+def test_an_interrupted_collection_runs_again_later(collector):
     collector.counts = [DUE[0] + 1, 0, 0]
     collector.took = [0.4, 0.0, 0.0]
     assert cycle(collector) == [0]

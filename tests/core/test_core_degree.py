@@ -1,4 +1,4 @@
-"""What is said of how surely a core's cycles come in time, before one runs."""
+"""The real-time status of a core, described before it runs."""
 
 import os
 import resource
@@ -25,7 +25,7 @@ def nobody(monkeypatch):
     return monkeypatch
 
 
-def test_without_rights_it_says_what_would_help(nobody):
+def test_without_permissions_the_text_names_the_settings(nobody):
     nobody.setenv("AXISBUS_PROCESS", "own")
     assert launch.expected(SIM) == (
         "in a process of its own; SCHED_FIFO is not permitted (rtprio 50 in limits.conf); "
@@ -48,11 +48,11 @@ def test_a_capability_is_one_too(nobody, bit, got):
     assert realtime_setup.permitted() == got
 
 
-def test_a_core_in_the_program_says_so(nobody):
+def test_a_core_in_the_program_is_described_as_such(nobody):
     assert launch.expected(replace(SIM, process="thread")) == "in a thread of the program"
 
 
-def test_what_is_permitted_is_what_a_core_gets():
+def test_the_permitted_settings_are_those_that_a_core_gets():
     # In another process: this one keeps its own.
     code = (
         "from axisbus.core import realtime_setup\n"
@@ -79,7 +79,7 @@ def test_processors_are_kept_awake_while_the_process_lives(tmp_path):
     assert device.read_bytes() == bytes(4)
 
 
-def test_where_they_may_sleep_nothing_is_said_to_be_got(nobody):
+def test_without_permission_keep_awake_returns_nothing(nobody):
     assert realtime_setup.keep_awake() == []
 
 
@@ -95,7 +95,7 @@ def test_the_processors_that_are_kept_free(tmp_path, monkeypatch, text, found):
 
 
 def in_a_process(isolated):
-    """What a process of its own gets of the processors ``isolated``, and where it may run then."""
+    """The processors of ``isolated`` that a process of its own gets, and where it may run then."""
     code = (
         f"import os\nfrom axisbus.core import realtime_setup\nrealtime_setup.isolated = lambda: {isolated}\n"
         "print(realtime_setup.take_processor(), sorted(os.sched_getaffinity(0)))"
@@ -110,13 +110,13 @@ def test_a_core_moves_to_one_that_is_kept_free():
     assert in_a_process([last]) == f"['an isolated processor'] [{last}]"
 
 
-def test_one_that_may_not_be_used_is_none_and_nothing_changes():
+def test_an_unusable_processor_changes_nothing():
     everywhere = sorted(os.sched_getaffinity(0))
     assert in_a_process([4000]) == f"[] {everywhere}"
     assert in_a_process([]) == f"[] {everywhere}"
 
 
-def test_an_isolated_processor_is_told_before(nobody):
+def test_an_isolated_processor_is_named_before_the_start(nobody):
     nobody.setattr(launch, "isolated", lambda: [3])
     nobody.setattr(launch, "permitted", lambda: ["SCHED_FIFO", "memory locked", "quick waking"])
     nobody.setenv("AXISBUS_PROCESS", "own")

@@ -1,4 +1,4 @@
-"""How a core is found and who is let in at its door: by what the kernel tells of both sides, not by their environment."""
+"""How a core is found and which programs it admits: by information of the kernel about both sides, not by their environment."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def cell(tmp_path):
 
 
 class Core:
-    """What a core does at its door, without a machine: it answers each request to stop, and notes who has come."""
+    """The acceptor of a core, without a machine: it answers each request to stop, and notes the callers."""
 
     def __init__(self, cell, answer=STANDS):
         self.held = claim(None, CellFileId.of(cell), exclusive=False, door=True)
@@ -76,7 +76,7 @@ def said(claim, words):
     return line
 
 
-def test_a_machine_is_found_by_its_file_under_every_name_and_after_it_was_saved_anew(
+def test_a_machine_is_found_by_its_file_under_every_name_and_after_the_file_was_saved_again(
     cell, tmp_path, monkeypatch
 ):
     with served(cell):
@@ -111,7 +111,7 @@ def test_the_oldest_machine_is_the_first_one(cell):
         assert [each.name for each in listener.machines_of(cell)] == [first.held.name, second.held.name]
 
 
-def test_a_request_to_stop_is_answered_with_what_the_core_has_seen(cell):
+def test_a_request_to_stop_is_answered_with_the_observed_states(cell):
     with served(cell) as core:
         (found,) = listener.machines_of(cell)
         assert listener.ask_to_stop(found, StopRequest(("x", "y"), quick=False), 5.0) == STANDS
@@ -119,7 +119,7 @@ def test_a_request_to_stop_is_answered_with_what_the_core_has_seen(cell):
     assert core.callers[0].process == os.getpid()
 
 
-def test_a_request_that_comes_byte_by_byte_is_one(cell):
+def test_a_request_received_byte_by_byte_is_one(cell):
     with served(cell) as core:
         (found,) = listener.machines_of(cell)
         with said(found, b"") as line:
@@ -137,11 +137,11 @@ def test_a_request_that_comes_byte_by_byte_is_one(cell):
         b"s\x02\x00\xff\xff",
         b"s\x04\x00[1]]",
         b"s\x01\x00[",
-        b"s\x00\x40" + b"[" * 0x4000,  # nested too deeply; the door must stay open
+        b"s\x00\x40" + b"[" * 0x4000,  # nested too deeply; the acceptor must continue
     ],
     ids=range(6),
 )
-def test_who_says_something_else_is_sent_away_and_nothing_comes_of_it(cell, words):
+def test_an_invalid_request_closes_the_connection_without_effect(cell, words):
     with served(cell) as core:
         (found,) = listener.machines_of(cell)
         with said(found, words) as line, suppress(ConnectionResetError):
@@ -150,7 +150,7 @@ def test_who_says_something_else_is_sent_away_and_nothing_comes_of_it(cell, word
     assert [each.stop for each in core.callers] == [StopRequest()]
 
 
-def test_however_many_come_and_say_nothing_a_request_to_stop_is_taken(cell):
+def test_any_number_of_silent_connections_do_not_block_a_request_to_stop(cell):
     with served(cell) as core:
         (found,) = listener.machines_of(cell)
         silent = [said(found, b"s" if number % 2 else b"") for number in range(3 * listener._MOST_NEW)]
@@ -162,7 +162,7 @@ def test_however_many_come_and_say_nothing_a_request_to_stop_is_taken(cell):
             line.close()
 
 
-def test_a_request_to_stop_is_taken_while_others_come_again_and_again(cell):
+def test_a_request_to_stop_is_taken_while_others_connect_repeatedly(cell):
     over = threading.Event()
 
     def flood(found):
@@ -192,7 +192,7 @@ def test_a_request_to_stop_is_taken_while_others_come_again_and_again(cell):
                 thread.join(10)
 
 
-def test_a_core_that_does_not_answer_and_one_that_ends_are_not_taken_for_none(cell):
+def test_a_core_that_does_not_answer_or_ends_is_not_reported_as_no_core(cell):
     with claim(None, CellFileId.of(cell), exclusive=False, door=True):
         (found,) = listener.machines_of(cell)
         with pytest.raises(ScanError) as caught:
@@ -203,7 +203,7 @@ def test_a_core_that_does_not_answer_and_one_that_ends_are_not_taken_for_none(ce
     assert "is ending" in caught.value.observed
 
 
-def test_a_core_whose_queue_is_full_is_not_taken_for_none(cell):
+def test_a_core_whose_queue_is_full_is_not_reported_as_no_core(cell):
     with claim(None, CellFileId.of(cell), exclusive=False, door=True):
         (found,) = listener.machines_of(cell)
         waiting = []
@@ -233,13 +233,13 @@ def test_a_core_whose_queue_is_full_is_not_taken_for_none(cell):
     ],
     ids=range(7),
 )
-def test_an_answer_that_does_not_say_how_axes_were_left_is_no_success(cell, words):
+def test_an_answer_without_the_state_of_axes_is_no_success(cell, words):
     with claim(None, CellFileId.of(cell), exclusive=False, door=True) as held:
         (found,) = listener.machines_of(cell)
         listening = socket.socket(fileno=os.dup(held.fileno()))
 
         def answer():
-            while True:  # who has only looked who listens says nothing
+            while True:  # a program that only looks who listens sends nothing
                 line, _ = listening.accept()
                 with line:
                     if line.recv(100):
@@ -261,14 +261,14 @@ def test_an_answer_that_does_not_say_how_axes_were_left_is_no_success(cell, word
 
 
 def impostor(cell):
-    """Somebody else who claims to run a machine of this cell file, and answers that all stands."""
+    """Another program that claims to run a machine of this cell file, and answers that all axes are at standstill."""
     core = Core(cell)
     core.thread.start()
     return core
 
 
 @needs_root
-def test_a_machine_of_another_user_is_found_and_neither_joined_nor_believed(cell):
+def test_a_machine_of_another_user_is_found_and_neither_joined_nor_trusted(cell):
     os.chmod(os.path.dirname(cell), 0o755)
     with as_user(lambda: impostor(cell)):
         (found,) = listener.machines_of(cell)
@@ -279,7 +279,7 @@ def test_a_machine_of_another_user_is_found_and_neither_joined_nor_believed(cell
 
 
 @needs_root
-def test_root_comes_in_to_a_machine_of_the_user_whose_cell_file_it_is(cell):
+def test_root_may_stop_a_machine_of_the_owner_of_the_cell_file(cell):
     os.chmod(os.path.dirname(cell), 0o755)
     os.chown(cell, STRANGER, STRANGER)
     with as_user(lambda: impostor(cell)):
@@ -298,7 +298,7 @@ def insist(claim):
 
 
 @needs_root
-def test_another_user_is_sent_away_from_the_door_whatever_is_said(cell):
+def test_a_request_of_another_user_is_refused_whatever_it_contains(cell):
     with served(cell) as core:
         (found,) = listener.machines_of(cell)
         with as_user(lambda: insist(found)):

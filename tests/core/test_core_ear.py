@@ -1,4 +1,4 @@
-"""What a core makes of its program's signals: only what lies there for long is heard, and a second one is told."""
+"""The reaction of a core to its program's signals: only one that stays pending is used, and a second one is forwarded."""
 
 import signal
 import socket
@@ -21,7 +21,7 @@ def signalled(outside, *numbers):
     outside.send(bytes(numbers))
 
 
-def test_a_signal_that_its_program_takes_is_not_heard(ends):
+def test_a_signal_that_its_program_handles_is_not_forwarded(ends):
     inside, outside = ends
     ear = SignalForwarder(inside, NAMES)
     signalled(outside, signal.SIGINT)
@@ -31,7 +31,7 @@ def test_a_signal_that_its_program_takes_is_not_heard(ends):
     assert ear.look(10.2) is None
 
 
-def test_one_that_nobody_takes_is_heard_once_after_a_tenth_of_a_second_and_left_to_its_program(ends):
+def test_an_unhandled_signal_is_forwarded_once_after_a_tenth_of_a_second_and_left_to_its_program(ends):
     inside, outside = ends
     ear = SignalForwarder(inside, NAMES)
     signalled(outside, signal.SIGTERM)
@@ -39,7 +39,7 @@ def test_one_that_nobody_takes_is_heard_once_after_a_tenth_of_a_second_and_left_
     assert inside.recv(8) == bytes((signal.SIGTERM,))
 
 
-def test_a_second_one_is_told_too_and_a_later_one_begins_anew(ends):
+def test_a_second_signal_is_forwarded_too_and_a_later_one_starts_again(ends):
     inside, outside = ends
     ear = SignalForwarder(inside, NAMES)
     signalled(outside, signal.SIGINT)
@@ -52,7 +52,7 @@ def test_a_second_one_is_told_too_and_a_later_one_begins_anew(ends):
     assert [ear.look(now) for now in (2.0, 2.05, 2.11)] == [None, None, ("Ctrl-C", 1)]
 
 
-def test_other_signals_and_a_program_that_is_gone_say_nothing(ends):
+def test_other_signals_and_an_ended_program_are_ignored(ends):
     inside, outside = ends
     ear = SignalForwarder(inside, NAMES)
     signalled(outside, signal.SIGCHLD)

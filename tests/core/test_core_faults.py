@@ -1,4 +1,4 @@
-"""Faults that a core keeps by itself: what the axes did around each, the newest of them, whatever the program does."""
+"""Faults that a core stores automatically: the axes around each, the newest of them, whatever the program does."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_a_fault_that_a_program_dies_of_is_kept_with_its_stop(file):
     assert any(event.sort == "command" and "ended" in event.text for event in fault.events)
 
 
-def test_where_nothing_goes_wrong_nothing_is_kept(file, monkeypatch, capsys):
+def test_without_a_fault_nothing_is_stored(file, monkeypatch, capsys):
     with Machine.open(file) as machine:
         machine["x"].enable().wait(20)
         machine["x"].move_absolute(1.0).wait(20)
@@ -138,7 +138,7 @@ def test_a_fault_that_is_cut_off_or_wrong_is_no_surprise(file, tmp_path):
             load(path)
 
 
-def test_a_folder_that_cannot_be_written_is_told_and_disturbs_nothing(file, caplog):
+def test_an_unwritable_folder_is_reported_and_disturbs_nothing(file, caplog):
     folder = folder_of(str(file))
     folder.parent.mkdir(parents=True)
     folder.write_text("in the way", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Feeding trajectories to the core: what is asked for is sampled in a thread of its own, in order and in turns."""
+"""Feeding trajectories to the core: requested samples are computed in a thread of its own, in order and in turns."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STEP = 0.01
 
 
 class Line:
-    """A straight way, which notes where it was asked."""
+    """A linear motion, which notes the requested times."""
 
     def __init__(self, duration: float = 10.0, fails_at: float = math.inf, gives=None) -> None:
         self.duration = duration
@@ -45,7 +45,7 @@ class Line:
 
 
 class Sink:
-    """What the feeder sends, and when it has enough of it."""
+    """The samples that the feeder sends, and a wait for them."""
 
     def __init__(self) -> None:
         self.chunks: list[tuple[int, int, tuple[float, ...]]] = []
@@ -109,7 +109,7 @@ def test_the_head_is_sampled_at_the_call_and_no_more_of_it():
     assert Sampler(line, STEP, "x").head(-1.0).positions == (0.0,)
 
 
-def test_the_head_tells_what_the_trajectory_tells():
+def test_the_head_has_the_properties_of_the_trajectory():
     head = Sampler(TrapezoidalTrajectory(1.0, 9.0, 5.0, 50.0), STEP, "x").head(0.0)
     assert (head.span, head.top_speed, head.top_acceleration) == ((1.0, 9.0), 5.0, 50.0)
     head = Sampler(SampledTrajectory([1, 3, 2], 0.5), STEP, "x").head(9.0)
@@ -119,12 +119,12 @@ def test_the_head_tells_what_the_trajectory_tells():
 
 
 @pytest.mark.parametrize("gives", [None, math.nan, "far", True])
-def test_what_gives_no_position_raises_at_the_call_where_that_is_in_the_head(gives):
+def test_an_invalid_position_within_the_head_raises_at_the_call(gives):
     with pytest.raises(ArgumentError, match=r"^x: the trajectory returned no position at 0.050 s"):
         Sampler(Line(fails_at=0.05, gives=gives), STEP, "x").head(0.1)
 
 
-def test_what_tells_no_number_of_itself_raises_at_the_call():
+def test_an_invalid_property_of_a_trajectory_raises_at_the_call():
     class Odd(Line):
         span, top_speed = (0.0, 1.0), math.nan
 
@@ -134,10 +134,10 @@ def test_what_tells_no_number_of_itself_raises_at_the_call():
         Sampler(Line(duration="long"), STEP, "x")
 
 
-# What is asked for.
+# Requests.
 
 
-def test_what_is_asked_for_is_sampled_in_a_thread_of_ours(feeder, sink):
+def test_requested_samples_are_computed_in_a_thread_of_axisbus(feeder, sink):
     line = Line()
     stream = Streamed(added(feeder, 7, line))
     line.threads.clear()
@@ -150,7 +150,7 @@ def test_what_is_asked_for_is_sampled_in_a_thread_of_ours(feeder, sink):
     assert stream.position(0.2) == pytest.approx(0.4)
 
 
-def test_nobody_asks_nobody_samples(feeder, sink):
+def test_without_a_request_nothing_is_sampled(feeder, sink):
     line = Line()
     added(feeder, 7, line)
     feeder.request(8, 11, 25)
@@ -158,7 +158,7 @@ def test_nobody_asks_nobody_samples(feeder, sink):
     assert "axisbus trajectories" not in {thread.name for thread in threading.enumerate()}
 
 
-def test_the_thread_counts_as_one_of_ours(feeder, sink):
+def test_the_feeder_thread_counts_as_one_of_ours(feeder, sink):
     class Asks(Line):
         def position(self, t: float) -> float:
             ours.append(in_thread_of_ours())
@@ -171,7 +171,7 @@ def test_the_thread_counts_as_one_of_ours(feeder, sink):
     assert ours == [False] * 11 + [True]
 
 
-def test_asked_twice_it_is_sent_once_and_at_the_end_no_more_comes(feeder, sink):
+def test_a_repeated_request_is_sent_once_and_nothing_is_sent_after_the_end(feeder, sink):
     added(feeder, 1, Line(duration=0.5))
     for first, count in ((11, 20), (11, 20), (31, 20), (51, 400)):
         feeder.request(1, first, count)
@@ -181,7 +181,7 @@ def test_asked_twice_it_is_sent_once_and_at_the_end_no_more_comes(feeder, sink):
     assert feeder._fed == {}  # it is over
 
 
-def test_several_are_served_in_turns(sink):
+def test_several_trajectories_are_served_in_turns(sink):
     """However much one is asked for: the clock says that each turn's time is over at once."""
     feeder = Feeder(sink.send, sink.send_failure, clock=iter(range(10**6)).__next__)
     first = Line()
@@ -202,11 +202,11 @@ def test_several_are_served_in_turns(sink):
         assert sink.samples(number) == pytest.approx([0.02 * sample for sample in range(60)])
 
 
-# What goes wrong.
+# Failures.
 
 
 @pytest.mark.parametrize("gives", [None, math.inf, "far"])
-def test_what_the_program_s_code_raises_is_told_once_and_ends_its_trajectory_alone(feeder, sink, gives):
+def test_an_exception_of_the_programs_code_is_reported_once_and_ends_its_trajectory_only(feeder, sink, gives):
     added(feeder, 1, Line(fails_at=0.2, gives=gives))
     added(feeder, 2, Line())
     feeder.request(1, 11, 40)
@@ -220,7 +220,7 @@ def test_what_the_program_s_code_raises_is_told_once_and_ends_its_trajectory_alo
     assert isinstance(error.__cause__, ZeroDivisionError) is (gives is None)
 
 
-def test_where_nothing_can_be_sent_the_others_are_fed_on(feeder, sink):
+def test_if_one_trajectory_cannot_be_sent_the_others_continue(feeder, sink):
     sink.breaks_for = 1
     for number in (1, 2):
         added(feeder, number, Line())
@@ -230,7 +230,7 @@ def test_where_nothing_can_be_sent_the_others_are_fed_on(feeder, sink):
     assert 1 not in feeder._fed
 
 
-def test_what_is_dropped_while_it_is_sampled_is_not_sent(feeder, sink):
+def test_samples_of_a_dropped_trajectory_are_not_sent(feeder, sink):
     for fails_at in (math.inf, 0.11):
         line = Line(fails_at=fails_at)
         added(feeder, 1, line)
@@ -262,7 +262,7 @@ def test_a_closed_feeder_has_no_thread_and_feeds_nothing(feeder, sink):
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing forks here")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-def test_a_forked_child_feeds_nothing_and_does_not_wait_for_a_lock_that_nobody_holds(feeder, sink):
+def test_a_forked_child_sends_nothing_and_does_not_wait_for_an_inherited_lock(feeder, sink):
     added(feeder, 1, Line())
     feeder.request(1, 11, 5)
     sink.wait(lambda: sink.chunks)

@@ -1,4 +1,4 @@
-"""The halt that an interrupt asks for: what moves stands enabled, what was asked for ends as stopped, and the machine goes on."""
+"""The halt of an interrupt: moving axes stop enabled, commands end as stopped, and the machine continues."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def states(cell):
 STANDING = [AxisState.STANDSTILL] * 3
 
 
-def test_what_moves_halts_on_its_ramp_and_stays_enabled(cell):
+def test_moving_axes_halt_on_their_ramp_and_stay_enabled(cell):
     moves = cell.travelling(velocity=100.0)
     cell.run(0.5)
     halt(cell)
@@ -70,7 +70,7 @@ def test_a_velocity_that_has_been_reached_is_halted_too(cell):
     assert states(cell) == STANDING
 
 
-def test_of_what_waits_only_stops_are_done(cell):
+def test_of_the_waiting_commands_only_stops_are_executed(cell):
     move, disable = cell.x.move_relative(100.0), cell["y"].disable()
     halt(cell)
     assert stopped(cell, move, f"{move.name} did not begin: {REASON}")
@@ -79,7 +79,7 @@ def test_of_what_waits_only_stops_are_done(cell):
     assert states(cell) == [AxisState.STANDSTILL, AxisState.DISABLED, AxisState.STANDSTILL]
 
 
-def test_an_enable_under_way_is_taken_back(stage):
+def test_a_running_enable_is_cancelled(stage):
     cell = stage.simulated("x")
     enable = cell.x.enable()
     cell.run(0.02)
@@ -90,7 +90,7 @@ def test_an_enable_under_way_is_taken_back(stage):
     assert cell.end_of(cell.x.enable()) is None
 
 
-def test_a_disable_under_way_goes_on(cell):
+def test_a_running_disable_continues(cell):
     cell.turning(names="x")
     cell.run(0.3)
     disable = cell.x.disable()
@@ -100,7 +100,7 @@ def test_a_disable_under_way_goes_on(cell):
     assert cell.x.state is AxisState.DISABLED
 
 
-def test_a_line_ends_as_stopped_and_its_axes_stand(cell):
+def test_a_line_ends_as_stopped_and_its_axes_reach_standstill(cell):
     line = cell.machine.group("x", "y").move_linear((500.0, 250.0), velocity=100.0)
     cell.run(0.8)
     halt(cell)
@@ -122,7 +122,7 @@ def test_a_second_interrupt_while_one_brakes_is_a_quick_stop(cell):
 
 
 @pytest.mark.parametrize("second", [1, 0])
-def test_one_interrupt_that_is_told_twice_is_one(cell, second):
+def test_an_interrupt_reported_twice_counts_once(cell, second):
     cell.turning(200.0, names="x")
     cell.run(1.0)
     halt(cell)
@@ -132,7 +132,7 @@ def test_one_interrupt_that_is_told_twice_is_one(cell, second):
     assert states(cell) == STANDING
 
 
-def test_a_second_interrupt_when_all_stands_changes_nothing(cell):
+def test_a_second_interrupt_at_standstill_changes_nothing(cell):
     cell.turning()
     halt(cell)
     cell.run(1.0)
@@ -141,7 +141,7 @@ def test_a_second_interrupt_when_all_stands_changes_nothing(cell):
     assert states(cell) == STANDING
 
 
-def test_on_the_way_out_a_halt_is_less_than_what_is_done_already(cell):
+def test_during_closing_a_halt_changes_nothing(cell):
     cell.turning()
     cell.run(0.5)
     cell.machine.session.request_stop("the way out")
@@ -150,7 +150,7 @@ def test_on_the_way_out_a_halt_is_less_than_what_is_done_already(cell):
     assert states(cell) == [AxisState.DISABLED] * 3
 
 
-def test_an_axis_that_nobody_has_commanded_is_left_alone(stage):
+def test_an_axis_that_was_never_commanded_is_left_alone(stage):
     cell = stage.simulated("xy")
     halt(cell)
     cell.run(0.1)

@@ -1,4 +1,4 @@
-"""What simulated drives write down (``history`` in ``[bus.options]``): it replaces no file but another history."""
+"""The history of simulated drives (``history`` in ``[bus.options]``): it replaces no file but another history."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def cell(tmp_path):
     return file
 
 
-def test_a_file_of_somebody_is_not_replaced_and_nothing_is_opened(cell, tmp_path):
+def test_a_file_of_the_user_is_not_replaced_and_nothing_is_opened(cell, tmp_path):
     precious = tmp_path / "plant.csv"
     precious.write_text("export PATH=...\n", "utf-8")
     with pytest.raises(ConfigError) as caught:
@@ -37,7 +37,7 @@ def test_a_file_of_somebody_is_not_replaced_and_nothing_is_opened(cell, tmp_path
     assert precious.read_text("utf-8") == "export PATH=...\n"
 
 
-def test_a_history_is_replaced_by_the_next_one_and_made_where_there_is_none(cell, tmp_path):
+def test_a_history_is_replaced_by_the_next_one_and_created_if_there_is_none(cell, tmp_path):
     path = history_path(load(cell))
     assert path.resolve() == tmp_path / "plant.csv"
     for _ in range(2):
@@ -48,7 +48,7 @@ def test_a_history_is_replaced_by_the_next_one_and_made_where_there_is_none(cell
     assert history_path(load(cell)) == path
 
 
-def test_a_folder_in_its_place_is_told(cell, tmp_path):
+def test_a_folder_of_that_name_is_reported(cell, tmp_path):
     (tmp_path / "plant.csv").mkdir()
     with pytest.raises(ConfigError, match=r"plant\.csv"):
         history_path(load(cell))

@@ -1,4 +1,4 @@
-"""Commands on their way to the scan: their order, what a stop overtakes, what is the same again, and that a flood stays small."""
+"""Commands in the queue of the scan: their order, stops that overtake, merging of equal ones, and a bound for a flood."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def commands(taken: list[Waiting]) -> list:
     return [(waiting.target, waiting.command) for waiting in taken]
 
 
-def test_what_fits_into_one_cycle_is_taken_in_order_stops_among_it():
+def test_commands_that_fit_into_one_cycle_are_taken_in_order_with_stops_among_them():
     inbox = CommandQueue()
     wanted = [("x", move(1)), ("x", c.Halt()), ("x", move(2)), ("y", c.EnableCommand()), ("x", c.Stop())]
     for target, command in wanted:
@@ -45,7 +45,7 @@ def test_what_fits_into_one_cycle_is_taken_in_order_stops_among_it():
     assert inbox.take() == []
 
 
-def test_what_is_too_much_for_one_cycle_waits_for_the_next_in_order():
+def test_commands_too_many_for_one_cycle_wait_for_the_next_in_order():
     inbox = CommandQueue()
     wanted = [("x", move(number)) for number in range(3 * AT_ONCE + 5)]
     for target, command in wanted:
@@ -56,7 +56,7 @@ def test_what_is_too_much_for_one_cycle_waits_for_the_next_in_order():
 
 
 @pytest.mark.parametrize("stop", [c.Halt(), c.Stop(), c.QuickStop(), c.Disable(), c.Disable(coast=True)])
-def test_a_stop_is_taken_at_once_and_ends_what_it_overtakes(stop):
+def test_a_stop_is_taken_at_once_and_ends_the_commands_that_it_overtakes(stop):
     inbox = CommandQueue()
     first = [given(inbox, "x", move(number)) for number in range(AT_ONCE)]
     overtaken = [given(inbox, "x", move(ENDLESS + number)) for number in range(100)]
@@ -71,7 +71,7 @@ def test_a_stop_is_taken_at_once_and_ends_what_it_overtakes(stop):
     assert rest == [*others, later]
 
 
-def test_a_stop_of_a_group_overtakes_what_concerns_any_of_its_axes_and_one_of_an_axis_the_group_s():
+def test_a_stop_overtakes_all_commands_that_share_an_axis_with_it():
     inbox = CommandQueue()
     for number in range(AT_ONCE):
         given(inbox, "z", move(number))
@@ -100,7 +100,7 @@ def test_a_stop_leaves_an_override_that_waits():
     "command",
     [c.EnableCommand(), c.ResetCommand(), c.Halt(), c.Stop(), c.Release(), c.QuickStop(), c.Disable(), JOG],
 )
-def test_the_same_again_is_one_command_with_one_handle_while_it_waits(command):
+def test_an_equal_command_that_is_still_queued_is_one_command_with_one_handle(command):
     inbox = CommandQueue()
     first = given(inbox, "x", command)
     given(inbox, "y", move(1))  # of another axis
@@ -114,13 +114,13 @@ def test_the_same_again_is_one_command_with_one_handle_while_it_waits(command):
 
 
 @pytest.mark.parametrize("command", [move(5), TURN, c.SetPosition(5), c.Home(None)])
-def test_what_is_not_the_same_twice_stays_two_commands(command):
+def test_commands_that_differ_in_effect_stay_two_commands(command):
     inbox = CommandQueue()
     assert given(inbox, "x", command) is not given(inbox, "x", command)
     assert len(inbox.take()) == 2
 
 
-def test_the_same_of_a_group_is_the_same_only_if_none_of_its_axes_was_told_anything_since():
+def test_equal_group_commands_are_merged_only_if_no_axis_got_another_command_between():
     inbox = CommandQueue()
     halts = ForEach({"x": c.Halt(), "y": c.Halt()})
     first = given(inbox, "g", halts)
@@ -155,7 +155,7 @@ def test_a_closed_inbox_takes_nothing_and_gives_back_all_that_waits():
     assert len(inbox) == 0
 
 
-def test_what_several_threads_give_is_taken_once_each_and_each_thread_s_in_its_order():
+def test_commands_of_several_threads_are_taken_once_each_and_in_the_order_of_each_thread():
     inbox = CommandQueue()
     taken: list[Waiting] = []
     done = threading.Event()
@@ -212,7 +212,7 @@ def test_a_flood_of_jogs_is_one_jog_and_keeps_nothing_in_memory():
     assert abs(r.drive.axis.motor.velocity) > 1000
 
 
-def test_a_handle_that_failed_is_told_although_its_command_was_the_last_for_its_axis(caplog):
+def test_a_failed_handle_is_logged_although_its_command_was_the_last_for_its_axis(caplog):
     r = rig("x")
     with caplog.at_level(logging.ERROR, "axisbus"):
         r.axis.move_relative(1.0)

@@ -40,7 +40,7 @@ def test_the_axis_is_quick_stopped_and_its_group_with_it():
     assert int(made.drive_of("x").power.stage) in OFF
 
 
-def test_a_halt_that_is_under_way_becomes_a_quick_stop():
+def test_a_running_halt_becomes_a_quick_stop():
     made = turning(rig("x"))
     made.axis.halt()
     made.run(0.02)
@@ -61,7 +61,7 @@ def test_an_axis_that_was_never_commanded_is_left_alone():
     assert not made.core.touched
 
 
-def test_while_it_goes_on_the_axis_stays_stopped_and_its_error_says_it_once():
+def test_while_another_master_commands_the_axis_stays_stopped_with_one_error():
     made = turning(rig("x"))
     for _ in range(30):
         made.scan.intrude(error(), ["x"])
@@ -89,7 +89,9 @@ def enabled_by_another(made, monkeypatch):
 
 
 @pytest.mark.parametrize("holds", [HoldsLoad.NO, HoldsLoad.BRAKE])
-def test_one_that_it_enables_again_leaves_operational_unless_a_load_may_hang_on_it(holds, monkeypatch):
+def test_an_axis_enabled_by_another_master_leaves_operational_unless_a_load_may_hang_on_it(
+    holds, monkeypatch
+):
     made = turning(rig("x", holds_load=holds))
     made.scan.intrude(error(), ["x"])
     made.run(1.0)

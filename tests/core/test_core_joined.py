@@ -1,4 +1,4 @@
-"""Programs that join a machine: one commands, all look on and may halt, and nobody disturbs the cycle or is locked out."""
+"""Programs that join a machine: one has control, all may look and halt, and none disturbs the cycle or is locked out."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def opened(file):
 
 @pytest.fixture
 def machine(opened):
-    """The machine of the program that opened it, with its axes enabled and at rest."""
+    """The machine of the program that opened it, with its axes enabled and at standstill."""
     for axis in opened:
         enabled(axis)
     yield opened
@@ -46,7 +46,7 @@ def machine(opened):
         axis.halt().wait(10)
 
 
-def test_a_guest_sees_what_the_owner_sees_and_its_leaving_changes_nothing(machine, file):
+def test_a_client_sees_the_values_of_the_owner_and_its_leaving_changes_nothing(machine, file):
     handle = under_way(machine["x"])
     with Machine.attach(file) as guest:
         assert guest.is_attached
@@ -81,7 +81,7 @@ def test_a_guest_sees_what_the_owner_sees_and_its_leaving_changes_nothing(machin
         lambda x: x.follow(TrapezoidalTrajectory(0.0, 10.0, 10.0, 100.0)),
     ],
 )
-def test_a_guest_without_the_command_is_refused_and_the_motion_goes_on(machine, file, command):
+def test_a_client_without_control_is_refused_and_the_motion_continues(machine, file, command):
     handle = under_way(machine["y"])
     with Machine.attach(file) as guest:
         with pytest.raises(OwnershipError) as caught:
@@ -95,7 +95,7 @@ def test_a_guest_without_the_command_is_refused_and_the_motion_goes_on(machine, 
 
 
 @pytest.mark.parametrize("stop", ["halt", "quick_stop"])
-def test_any_guest_may_stop_an_axis_who_did_is_told_and_nobody_is_locked_out(machine, file, stop):
+def test_any_client_may_stop_an_axis_and_is_named_and_control_stays_with_its_owner(machine, file, stop):
     handle = under_way(machine["x"])
     with Machine.attach(file) as guest:
         getattr(guest["x"], stop)().wait(10)
@@ -106,19 +106,19 @@ def test_any_guest_may_stop_an_axis_who_did_is_told_and_nobody_is_locked_out(mac
     machine["x"].move_relative(1.0).wait(20)
 
 
-def test_a_guest_that_stops_a_whole_group_is_no_one_who_commands(machine, file):
+def test_a_client_may_stop_a_whole_group_without_control(machine, file):
     handles = [under_way(axis) for axis in machine]
     with Machine.attach(file) as guest:
         guest.group("x", "y").halt().wait(10)
     assert not any(handle.active for handle in handles)
 
 
-def test_the_command_is_not_given_to_two_and_comes_back_when_its_holder_leaves(machine, file):
+def test_control_belongs_to_one_client_and_returns_when_its_owner_leaves(machine, file):
     with pytest.raises(OwnershipError):
         Machine.attach(file, command=True)
     handle = under_way(machine["x"])
     with Machine.attach(file, command=True, force=True) as guest:
-        assert turns(machine) == pytest.approx(0.0, abs=0.1)  # before anybody else commands
+        assert turns(machine) == pytest.approx(0.0, abs=0.1)  # before another program commands
         with pytest.raises(Stopped, match="took control"):
             handle.wait(5)
         with pytest.raises(OwnershipError, match="only read"):
@@ -131,7 +131,7 @@ def test_the_command_is_not_given_to_two_and_comes_back_when_its_holder_leaves(m
     machine["x"].move_relative(1.0).wait(20)
 
 
-def test_a_program_that_is_there_takes_the_command_and_takes_it_back(machine, file):
+def test_a_joined_program_takes_control_and_the_owner_takes_it_back(machine, file):
     handle = under_way(machine["x"])
     with Machine.attach(file) as guest:
         assert (machine.has_control, guest.has_control) == (True, False)
@@ -153,7 +153,7 @@ def test_a_program_that_is_there_takes_the_command_and_takes_it_back(machine, fi
     assert machine.has_control
 
 
-def test_a_program_that_was_told_to_stop_takes_no_command(machine, file):
+def test_a_program_that_was_requested_to_stop_gets_no_control(machine, file):
     with Machine.attach(file) as guest:
         guest.session.request_stop("it was told to")
         with pytest.raises(Stopped, match="not granted"):
@@ -161,18 +161,18 @@ def test_a_program_that_was_told_to_stop_takes_no_command(machine, file):
     assert machine.has_control
 
 
-def test_a_promise_ends_with_the_command(machine, file):
+def test_hold_to_run_ends_with_control(machine, file):
     with Machine.attach(file, command=True, force=True) as guest:
         guest.hold_to_run(0.3)
         machine.take_control()
         handle = under_way(machine["y"])
-        guest.hold_to_run(0.3)  # of one that has not the command it means nothing
+        guest.hold_to_run(0.3)  # without control it has no effect
         time.sleep(0.6)
         assert handle.active
         assert abs(turns(machine, 2)) == pytest.approx(30.0, abs=1.0)
 
 
-def test_a_guest_records_every_cycle_as_the_owner_does(machine, file):
+def test_a_client_records_every_cycle_as_the_owner_does(machine, file):
     with Machine.attach(file) as guest, Recorder(guest) as recorder:
         machine["x"].move_relative(1.0).wait(20)
         time.sleep(0.1)
@@ -182,7 +182,7 @@ def test_a_guest_records_every_cycle_as_the_owner_does(machine, file):
     assert sorted(steps)[len(steps) // 2] == pytest.approx(0.02, abs=0.01)
 
 
-def test_another_text_of_the_file_and_no_machine_at_all_are_told(machine, file, tmp_path):
+def test_a_changed_cell_file_and_a_missing_machine_are_reported(machine, file, tmp_path):
     other = tmp_path / "cell.toml"
     other.write_text(file.read_text(), encoding="utf-8")
     with pytest.raises(StateError, match="no machine of "):
@@ -197,10 +197,10 @@ def test_another_text_of_the_file_and_no_machine_at_all_are_told(machine, file, 
         file.write_text(before)
 
 
-# The door.
+# The acceptor.
 
 
-def test_a_core_that_is_gone_as_soon_as_a_guest_comes_is_told(machine, file, monkeypatch):
+def test_a_core_that_ends_while_a_client_joins_is_reported(machine, file, monkeypatch):
     start = RpcClient.start
 
     def gone(calls: RpcClient) -> None:

@@ -1,4 +1,4 @@
-"""Joined programs that are killed, suspended or hostile leave the cycle, and whoever commands, as they are."""
+"""Joined programs that are killed, suspended or hostile disturb neither the cycle nor the program with control."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def opened(file):
 
 @pytest.fixture
 def machine(opened):
-    """The machine of the program that opened it, with its axes enabled and at rest."""
+    """The machine of the program that opened it, with its axes enabled and at standstill."""
     for axis in opened:
         enabled(axis)
     yield opened
@@ -48,7 +48,7 @@ def machine(opened):
         axis.halt().wait(10)
 
 
-def test_a_program_that_takes_the_command_and_dies_leaves_it_to_who_had_it(machine, file):
+def test_control_of_a_program_that_dies_returns_to_its_previous_owner(machine, file):
     program = "import os, sys; from axisbus import Machine; guest = Machine.attach(sys.argv[1]); guest.take_control(); os._exit(0)"
     subprocess.run([sys.executable, "-c", program, str(file)], check=True)
     until = time.monotonic() + 20.0
@@ -68,7 +68,7 @@ def ended(handle):
 
 
 def is_passing(handle):
-    """Whether the command of the machine is just on its way back, until the halt is known to have ended."""
+    """Whether control of the machine is being returned, until the halt is known to have ended."""
     return isinstance(handle.error, OwnershipError) and "being handed over" in handle.error.observed
 
 
@@ -88,7 +88,7 @@ time.sleep(60)
 
 @pytest.mark.parametrize("way", ["follow", "velocity"])
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
-def test_a_guest_that_is_gone_while_it_commands_leaves_nothing_in_motion(machine, file, way, number):
+def test_a_client_that_ends_while_it_has_control_leaves_nothing_in_motion(machine, file, way, number):
     with subprocess.Popen(
         [sys.executable, "-c", KILLED, str(file), way],
         stdout=subprocess.PIPE,
@@ -124,7 +124,7 @@ for beat in range(1000):
 """
 
 
-def test_a_guest_that_holds_what_moves_to_run_and_is_stopped_is_halted_for(machine, file):
+def test_a_suspended_client_with_hold_to_run_halts_its_axes(machine, file):
     with subprocess.Popen(
         [sys.executable, "-c", HELD, str(file)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     ) as program:
@@ -134,7 +134,7 @@ def test_a_guest_that_holds_what_moves_to_run_and_is_stopped_is_halted_for(machi
             time.sleep(1.0)
             assert turns(machine, 2) == pytest.approx(30.0, abs=1.0)
             program.send_signal(signal.SIGSTOP)
-            stands_by(machine, 5.0)
+            must_be_still_within(machine, 5.0)
             assert not machine.has_control
         finally:
             program.kill()
@@ -144,8 +144,8 @@ def test_a_guest_that_holds_what_moves_to_run_and_is_stopped_is_halted_for(machi
         time.sleep(0.01)
 
 
-def stands_by(machine, seconds):
-    """Axis y is seen to stand, and is enabled, within so many seconds."""
+def must_be_still_within(machine, seconds):
+    """Axis y reaches standstill, enabled, within so many seconds."""
     until = time.monotonic() + seconds
     while abs(turns(machine, 2)) > 0.1 or machine["y"].state is not AxisState.STANDSTILL:
         assert time.monotonic() < until
@@ -162,9 +162,9 @@ def skipped_in_a_second(machine):
 
 
 @pytest.mark.parametrize("attack", list(ATTACKS))
-def test_whoever_comes_in_disturbs_neither_the_cycle_nor_the_motion(machine, file, attack, caplog):
+def test_hostile_clients_disturb_neither_the_cycle_nor_the_motion(machine, file, attack, caplog):
     handle = under_way(machine["x"])
-    # A busy computer skips some by itself, and not evenly; an attack that disturbs does it each time.
+    # A busy computer alone skips some, and not evenly; an attack that disturbs does it each time.
     for _ in range(3):
         before = skipped_in_a_second(machine)
         lines = ATTACKS[attack](file)
@@ -178,9 +178,9 @@ def test_whoever_comes_in_disturbs_neither_the_cycle_nor_the_motion(machine, fil
     assert meanwhile <= 2 * before + 3
     assert (
         "could not be taken" not in caplog.text
-    )  # its program has done nothing that it would have to be told of
+    )  # its program has done nothing that would be reported to it
     until = time.monotonic() + 10.0
-    while True:  # who was there is gone, and others may come
+    while True:  # the earlier clients are gone, and others may connect
         try:
             guest = Machine.attach(file)
             break

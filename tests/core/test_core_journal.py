@@ -1,4 +1,4 @@
-"""What a core writes down: a bounded file for each cell, which is done without where it cannot be."""
+"""The journal of a core: a bounded file for each cell; without it if it cannot be written."""
 
 import logging
 import sys
@@ -19,14 +19,14 @@ def state(tmp_path, monkeypatch):
     LOG.setLevel(logging.NOTSET)
 
 
-def test_each_cell_has_a_journal_of_its_own(state):
+def test_each_cell_has_its_own_log_file(state):
     one, other = path_of("/a/cell.toml"), path_of("/b/cell.toml")
     assert one != other
     assert one.parent == other.parent == state / "axisbus"
     assert one.name.startswith("cell-")
 
 
-def test_without_a_place_of_its_own_it_is_in_the_home(monkeypatch, tmp_path):
+def test_without_xdg_state_home_the_log_file_is_in_the_home_folder(monkeypatch, tmp_path):
     monkeypatch.delenv("XDG_STATE_HOME")
     monkeypatch.setenv("HOME", str(tmp_path))
     assert path_of("/a/cell.toml").parent == tmp_path / ".local" / "state" / "axisbus"
@@ -48,18 +48,18 @@ def test_a_core_of_a_user_without_a_home_runs_without_a_journal(homeless, caplog
     assert "one line" in caplog.text
 
 
-def test_whoever_asks_for_the_faults_of_a_user_without_a_home_is_told_what_to_set(homeless):
+def test_reading_the_faults_of_a_user_without_a_home_names_the_variable_to_set(homeless):
     with pytest.raises(StateError) as caught:
         faults_of("/a/cell.toml")
     assert "XDG_STATE_HOME" in caught.value.remedy
 
 
-def test_a_file_in_a_home_that_is_not_known_is_told(homeless, tmp_path):
+def test_a_path_in_an_unknown_home_is_reported(homeless, tmp_path):
     with pytest.raises(EdsError, match="the home directory with which it begins is not known"):
         resolve("~/drive.eds", tmp_path)
 
 
-def test_what_is_logged_in_between_is_in_it_and_goes_on_from_before(state):
+def test_log_lines_of_several_runs_are_appended_to_the_journal(state):
     for text in ("first", "second"):
         with journal("/a/cell.toml"):
             LOG.info("the %s", text)
@@ -68,7 +68,7 @@ def test_what_is_logged_in_between_is_in_it_and_goes_on_from_before(state):
     assert [line.split(" INFO ")[1] for line in lines] == ["the first", "the second"]
 
 
-def test_it_stays_small(state):
+def test_the_log_files_have_a_bounded_size(state):
     with journal("/a/cell.toml"):
         for number in range(3000):
             LOG.info("%d %s", number, "x" * 1000)
@@ -78,7 +78,7 @@ def test_it_stays_small(state):
     assert " INFO 2999 x" in path_of("/a/cell.toml").read_text(encoding="utf-8")
 
 
-def test_a_folder_that_cannot_be_made_is_said_and_done_without(state, caplog):
+def test_a_folder_that_cannot_be_created_is_reported_and_the_core_runs_without_a_journal(state, caplog):
     (state / "axisbus").write_text("a file", encoding="utf-8")
     with journal("/a/cell.toml"):
         LOG.warning("one line")

@@ -21,7 +21,7 @@ def counted(*delays: float) -> LatenessReport:
     return lateness.report()
 
 
-def test_before_the_first_cycle_there_is_nothing_to_tell():
+def test_before_the_first_cycle_the_report_is_empty():
     assert Lateness().report() == LatenessReport()
     assert str(LatenessReport()) == "no cycle yet"
     assert LatenessReport().mean == 0.0
@@ -53,7 +53,7 @@ def test_any_delay_has_a_class(late):
     assert report.cycles == 1
 
 
-def test_a_look_does_not_go_on_counting():
+def test_a_report_does_not_count_on():
     lateness = Lateness()
     lateness.note(0.001)
     before = lateness.report()
@@ -64,7 +64,7 @@ def test_a_look_does_not_go_on_counting():
     assert (after.cycles, after.skipped, after.causes) == (2, 2, {"a send that blocked": 2})
 
 
-def test_it_is_told_to_a_person():
+def test_the_report_as_text():
     lateness = Lateness()
     for late in (0.00025, 0.00025, 0.032):
         lateness.note(late)
@@ -90,7 +90,7 @@ def test_why_a_cycle_was_ten_milliseconds_late(overrun, sending, collecting, cau
     assert cause_of(0.01, overrun, sending, collecting) is cause
 
 
-def test_what_the_collector_takes_is_counted_while_it_is_watched():
+def test_the_time_of_the_collector_is_counted_while_it_is_watched():
     collector = Collector()
     gc.collect()
     assert collector.seconds == 0.0
@@ -105,7 +105,7 @@ def test_what_the_collector_takes_is_counted_while_it_is_watched():
     assert collector.seconds == took
 
 
-def test_a_cell_tells_of_a_send_that_blocked(tmp_path):
+def test_a_cell_reports_a_send_that_blocked(tmp_path):
     with Stage(tmp_path) as stage:
         cell = stage.simulated()
         cell.run(0.5)

@@ -1,4 +1,4 @@
-"""Commands that a core takes for one: each of them is told what becomes of it, also when that was over before."""
+"""Commands that a core merges: each of them gets the result, also if it was known before."""
 
 from axisbus.core.process import client_handler
 from axisbus.core.process.client_handler import DuplicateCommands
@@ -10,11 +10,11 @@ def event(number, status=Status.DONE):
     return CommandEvent(number, status, None, "")
 
 
-def test_a_command_by_itself_is_told_alone():
+def test_a_command_without_duplicates_is_reported_alone():
     assert DuplicateCommands().all_of(event(1)) == [event(1)]
 
 
-def test_what_is_one_with_it_is_told_the_same_until_it_has_ended():
+def test_duplicates_of_a_command_are_reported_with_it_until_it_has_ended():
     made = DuplicateCommands()
     assert made.join(2, 1) is None
     assert made.join(3, 1) is None
@@ -24,7 +24,7 @@ def test_what_is_one_with_it_is_told_the_same_until_it_has_ended():
     assert made.all_of(event(1)) == [event(1)]
 
 
-def test_one_that_comes_when_the_other_is_over_ends_as_that_did():
+def test_a_duplicate_of_an_ended_command_ends_as_that_did():
     made = DuplicateCommands()
     made.all_of(event(1, Status.ABORTED))
     assert made.join(7, 1) == event(7, Status.ABORTED)

@@ -1,4 +1,4 @@
-"""A way by a program's own kinematics is gone along by a core in a process of its own, which has none of its code."""
+"""A path by a program's own kinematics is followed by a core in a process of its own, which has none of its code."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ pytestmark = [
 ]
 
 
-def test_a_way_is_gone_along_halted_and_gone_on_with(tmp_path, core_in_threads):
+def test_a_path_is_followed_halted_and_resumed(tmp_path, core_in_threads):
     here = 100.0
 
     class Turntable:  # which no other process could have

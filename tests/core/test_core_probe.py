@@ -1,4 +1,4 @@
-"""What a touch probe latches crosses from a core in a process of its own, and its death ends the request."""
+"""Values latched by a touch probe are transferred from a core in a process of its own, and its death ends the request."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = [
 ]
 
 
-def test_captures_cross_as_they_come_and_a_killed_core_ends_the_request(tmp_path):
+def test_captures_are_transferred_as_they_occur_and_a_killed_core_ends_the_request(tmp_path):
     machine = Machine.open(own_cell(tmp_path, "x"))
     try:
         x, drive = machine["x"], machine.simulated_node(1).drive()

@@ -47,7 +47,7 @@ def opened(file):
 
 @pytest.fixture
 def machine(opened):
-    """The machine, with its axes enabled and at rest."""
+    """The machine, with its axes enabled and at standstill."""
     for axis in opened:
         enabled(axis)
     yield opened
@@ -55,7 +55,7 @@ def machine(opened):
         axis.halt().wait(10)
 
 
-def test_a_move_ends_where_it_was_asked_to_and_its_values_are_of_after_that(machine):
+def test_a_move_ends_at_its_target_and_later_values_are_from_after_the_move(machine):
     x = machine["x"]
     for goal in (20.0, -5.0):
         handle = x.move_absolute(goal)
@@ -67,7 +67,7 @@ def test_a_move_ends_where_it_was_asked_to_and_its_values_are_of_after_that(mach
 
 
 class Wave:
-    """A trajectory of a user's own, in a process of which the core knows nothing."""
+    """A trajectory of a user's own, in a process unknown to the core."""
 
     duration = 5.0
 
@@ -90,7 +90,7 @@ def test_a_trajectory_of_the_programs_own_is_followed_to_its_end(machine):
     assert x.position == pytest.approx(3.0, abs=0.1)
 
 
-def test_a_trajectory_that_fails_on_its_way_ends_with_its_own_error_and_the_axis_stands(machine):
+def test_a_trajectory_that_fails_ends_with_its_own_error_and_the_axis_stops(machine):
     class Failing(Wave):
         def position(self, t):
             if t > 3.0:
@@ -121,7 +121,7 @@ def test_a_forked_child_can_do_nothing_and_takes_nothing_away(machine):
 # -- opening and closing --------------------------------------------------------------------------------------------------------
 
 
-def test_a_machine_that_is_closed_stands_and_says_no_more(file):
+def test_a_closed_machine_is_at_standstill_and_refuses_commands(file):
     with Machine.open(file) as machine:
         x = machine["x"]
         x.enable().wait(20)
@@ -134,7 +134,7 @@ def test_a_machine_that_is_closed_stands_and_says_no_more(file):
         motion.wait(1)
     assert stand_in.drive().axis.motor.velocity == 0.0
     assert machine.cycle_jitter.cycles > 10
-    assert machine.node(1).nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)  # as it was heard last
+    assert machine.node(1).nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)  # as it was received last
     assert not machine.node(1).emcy
     assert machine.events[-1].reason == "the with block ended"
     with pytest.raises((ScanError, StateError)):
@@ -142,7 +142,7 @@ def test_a_machine_that_is_closed_stands_and_says_no_more(file):
     machine.close()
 
 
-def test_a_program_that_closes_the_moment_its_core_dies_is_told_how_its_drives_were_left(file):
+def test_a_program_that_closes_when_its_core_dies_gets_the_state_of_its_drives(file):
     machine = Machine.open(file)
     machine["x"].enable().wait(20)
     machine["x"].move_velocity(50.0).wait(10)

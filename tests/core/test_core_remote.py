@@ -45,7 +45,7 @@ def opened(file):
 
 @pytest.fixture
 def machine(opened):
-    """The machine, with its axes enabled and at rest."""
+    """The machine, with its axes enabled and at standstill."""
     for axis in opened:
         enabled(axis)
     yield opened
@@ -63,7 +63,7 @@ def test_groups_and_several_handles_at_once(machine):
     assert machine["y"].position == pytest.approx(3.0, abs=0.1)
 
 
-def test_what_cannot_be_ends_the_command_with_the_same_error_as_ever(machine):
+def test_an_invalid_command_ends_with_the_same_error_as_in_the_program(machine):
     machine["x"].disable().wait(10)
     with pytest.raises(StateError, match=r"x\.move_absolute\(1 deg\)"):
         machine["x"].move_absolute(1.0).wait(10)
@@ -96,7 +96,7 @@ def test_objects_nmt_and_error_history_are_the_nodes_own(machine):
         node.canopen  # noqa: B018
 
 
-def test_a_fault_is_told_with_all_that_is_known_of_it(machine):
+def test_a_fault_is_reported_with_its_code_and_its_emergencies(machine):
     x, heard = machine["x"], []
     machine.simulated_node(1).fault(0x4310)
     until(lambda: x.state is AxisState.ERRORSTOP and x.error is not None and "4310" in str(x.error))
@@ -108,7 +108,7 @@ def test_a_fault_is_told_with_all_that_is_known_of_it(machine):
     machine.node(1).on_event(heard.append)
 
 
-def test_callbacks_come_in_a_thread_of_this_program(machine):
+def test_callbacks_run_in_a_thread_of_this_program(machine):
     threads: list[str] = []
     handle = machine["x"].move_relative(1.0)
     handle.add_done_callback(lambda: threads.append(threading.current_thread().name))
@@ -126,7 +126,7 @@ def test_a_recording_has_every_cycle_in_order(machine):
     assert times == sorted(times)
 
 
-def test_how_late_the_cycles_were_is_asked_of_the_core(machine):
+def test_the_lateness_of_the_cycles_is_read_from_the_core_in_its_own_process(machine):
     first = machine.cycle_jitter.cycles
     time.sleep(0.2)
     assert machine.cycle_jitter.cycles > first
@@ -136,7 +136,7 @@ def test_how_late_the_cycles_were_is_asked_of_the_core(machine):
     assert machine.dropped_frames == ()
 
 
-def test_stand_ins_are_looked_at_and_turned_from_here(machine):
+def test_simulated_drives_are_read_and_set_from_this_program(machine):
     drive = machine.simulated_node(1).drive()
     assert drive.dials.blocked is False
     drive.dials.blocked = True
@@ -150,7 +150,7 @@ def test_stand_ins_are_looked_at_and_turned_from_here(machine):
         machine.simulated_node(9)
 
 
-def test_what_is_wrong_with_a_cell_is_told_before_anything_is_started(tmp_path):
+def test_an_invalid_cell_is_refused_before_anything_is_started(tmp_path):
     path = tmp_path / "cell.toml"
     path.write_text(
         cell_text("x", bus='process = "own"').replace("scale = 100", "scale = 0"), encoding="utf-8"
@@ -180,7 +180,7 @@ def test_two_machines_at_once_do_not_know_of_each_other(file, machine):
     machine["x"].move_relative(1.0).wait(10)
 
 
-def test_what_happens_to_a_node_is_told_in_a_thread_of_this_program(file):
+def test_events_of_a_node_are_reported_in_a_thread_of_this_program(file):
     with Machine.open(file) as machine:
         heard = []
         machine.node(2).on_event(lambda event: heard.append((event.node, threading.current_thread().name)))

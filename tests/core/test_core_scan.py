@@ -25,7 +25,7 @@ from kit.motion.watch import ENABLED, Watch
 
 
 class Bench:
-    """A scan without axes on a clock that the test sets; ``log`` holds what the cycle was asked for."""
+    """A scan without axes on a clock that the test sets; ``log`` holds the calls of the cycle."""
 
     def __init__(self) -> None:
         self.time = 100.0
@@ -110,7 +110,7 @@ def test_a_cycle_does_its_work_in_this_order():
 
 
 @pytest.mark.parametrize(("late", "first"), [(0.2, "sync"), (0.3, "commit")])
-def test_after_a_delay_that_stops_the_axes_sync_waits_for_what_is_asked_now(late, first):
+def test_after_a_delay_that_stops_the_axes_sync_is_sent_after_the_new_commands(late, first):
     r = rig().enabled()
     assert r.core.supervision.longest_gap == 0.25
     log = []
@@ -140,7 +140,7 @@ def test_a_delay_that_stops_nothing_leaves_out_no_target(late):
     handle.wait(5)
 
 
-def test_what_was_on_its_way_before_a_long_delay_does_not_move_the_axis_after_it():
+def test_a_target_from_before_a_long_delay_does_not_move_the_axis_after_it():
     r = rig().enabled()
     handle = r.axis.follow(TrapezoidalTrajectory(0.0, 200.0, 90.0, 400.0))
     r.run(0.35)
@@ -225,7 +225,7 @@ def test_when_the_scan_ends_every_handle_ends():
             handle.wait()
 
 
-def test_the_story_of_a_fault_under_way_ends_too():
+def test_a_running_fault_diagnosis_ends_too():
     r = rig().enabled()
     move = r.axis.move_absolute(100.0)
     r.run(0.2)
@@ -241,7 +241,7 @@ def test_the_story_of_a_fault_under_way_ends_too():
 
 
 @pytest.mark.parametrize("call", ["read", "write", "commit", "sync", "heartbeat", "wait"])
-def test_a_scan_that_dies_quick_stops_the_drives_and_tells_every_handle(call):
+def test_a_scan_that_dies_quick_stops_the_drives_and_ends_every_handle(call):
     r = rig("xy").enabled()
     moves = [axis.move_velocity(100.0) for axis in r.axes.values()]
     for move in moves:
@@ -262,7 +262,7 @@ def test_a_scan_that_dies_quick_stops_the_drives_and_tells_every_handle(call):
         assert abs(r.drive_of(name).axis.motor.velocity) < 1.0
 
 
-def test_a_mistake_in_the_library_ends_the_scan_too_and_is_raised_where_one_waits():
+def test_an_exception_of_the_library_ends_the_scan_and_is_raised_to_the_waiting_program():
     r = rig().enabled()
     handle = r.axis.move_absolute(50.0)
     r.run(0.1)
@@ -289,7 +289,7 @@ def test_run_keeps_the_reason_for_its_end():
 # Stopping everything.
 
 
-def test_a_stop_of_everything_stops_what_was_commanded_and_leaves_the_rest():
+def test_a_stop_of_everything_stops_commanded_axes_and_no_others():
     r = rig("xyz", groups={})
     r.axes["x"].enable().wait(2)
     r.axes["x"].move_velocity(100.0).wait(2)
@@ -327,7 +327,7 @@ def test_an_ended_scan_has_stopped():
     assert r.scan.has_stopped
 
 
-# What crosses threads and processes.
+# Transfer between threads and processes.
 
 
 @pytest.mark.parametrize(
@@ -395,7 +395,7 @@ def test_parameters_of_a_cell_can_be_pickled():
     assert pickle.loads(pickle.dumps(value)).name == "x"
 
 
-def test_a_handle_of_nobody_never_blocks():
+def test_a_handle_without_a_scan_never_blocks():
     handle = Handle("x", NOBODY)
     with pytest.raises(TimeoutError):
         handle.wait(0)
@@ -404,7 +404,7 @@ def test_a_handle_of_nobody_never_blocks():
         handle.wait()
 
 
-def test_who_waits_is_woken_in_the_cycle_in_which_a_command_ends_and_in_no_other():
+def test_a_waiting_thread_wakes_in_the_cycle_in_which_a_command_ends_and_in_no_other():
     made = rig().enabled()
 
     class Woken:

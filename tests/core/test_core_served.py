@@ -1,4 +1,4 @@
-"""Files of faults for served drives, and the way to their plant: what is read, what is refused, and who asks what he must not."""
+"""Files of faults for served drives, and access to their plant: valid files, refusals, and private attributes."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def read(cell, tmp_path):
 # -- the file --------------------------------------------------------------------------------------------------------------------
 
 
-def test_a_fault_is_read_with_all_that_it_says(read):
+def test_a_fault_is_read_with_all_its_keys(read):
     (fault,) = read(
         '[a-b]\naxis = "y"\nwhen = "|x.velocity| > 10"\nafter = "20ms"\nevery = "2s"\nfor = "1.5s"\n'
         "fault = 0x2310\nmaker_bits = 4\nrestart = true\nblocked = true\n"
@@ -131,7 +131,7 @@ def test_every_dial_that_there_is_can_be_turned(cell):
         ("[a\n", 1, "TOML|table|bracket"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_line(read, text, line, says):
+def test_an_invalid_fault_is_reported_with_its_line(read, text, line, says):
     with pytest.raises(ConfigError, match=says) as told:
         read(text)
     assert told.value.line == line
@@ -183,7 +183,7 @@ def test_the_plant_is_seen_and_turned_by_several_at_once(served):
         one.simulated_node(2).drive()
 
 
-def test_what_is_private_is_not_asked_for(served):
+def test_private_attributes_are_refused(served):
     path, _ = served
     with SimulationControl(path) as plant:
         with pytest.raises(AttributeError):
@@ -192,7 +192,7 @@ def test_what_is_private_is_not_asked_for(served):
             plant.simulated_node(1)._go("__class__", None)  # as a client of one's own might ask
 
 
-def test_nonsense_ends_its_own_connection_alone(served):
+def test_invalid_requests_end_their_own_connection_only(served):
     path, _ = served
     with SimulationControl(path) as plant:
         for sent in (

@@ -1,4 +1,4 @@
-"""A stream of a core in a process of its own is broken off and gone on with: no point is left out, none is gone to twice."""
+"""A stream of a core in a process of its own is interrupted and resumed: no point is left out, none is used twice."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = [
 ]
 
 
-def test_a_stream_is_halted_and_gone_on_with_again_and_again(tmp_path, core_in_threads):
+def test_a_stream_is_halted_and_resumed_repeatedly(tmp_path, core_in_threads):
     with Machine.open(own_cell(tmp_path, "xy", axis="max_acceleration = 2000.0")) as machine:
         group, drive = machine.group("x", "y"), machine.simulated_node(1).drive()
         group.enable().wait(20)

@@ -1,4 +1,4 @@
-"""What a core counts, read in another process's way: from the memory that both have."""
+"""The counters of a core, read by another process from shared memory."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_before_the_first_cycle_there_is_nothing():
     assert reader.carried is None
 
 
-def test_what_was_counted_before_and_after_it_is_shared_is_read_by_others():
+def test_counts_from_before_and_after_sharing_are_read_by_others():
     shared = memory()
     lateness, reader = Lateness(), SharedCounters(shared, AXES, POINTS)
     lateness.note(0.002)
@@ -35,7 +35,7 @@ def test_what_was_counted_before_and_after_it_is_shared_is_read_by_others():
     assert reader.lateness.causes == {"the garbage collector": 3}
 
 
-def test_what_the_bus_has_carried_is_that_of_the_last_cycle():
+def test_the_bus_traffic_is_that_of_the_last_cycle():
     shared = memory()
     now = BusTraffic(1.0, 10, 80)
     write = SharedCounters(shared, AXES, POINTS).writer(lambda: now)
@@ -47,7 +47,7 @@ def test_what_the_bus_has_carried_is_that_of_the_last_cycle():
     assert reader.carried == now
 
 
-def test_it_disturbs_no_image():
+def test_the_counters_change_no_other_bytes_of_the_shared_memory():
     """The numbers lie behind whatever else is in the memory."""
     shared = memory()
     before = shared[: shared_counters.offset(AXES, POINTS)]

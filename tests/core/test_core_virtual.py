@@ -1,4 +1,4 @@
-"""The ideal drive behind a virtual axis: its power stage by the standard's table, its ways by their own arithmetic, and no jump."""
+"""The ideal drive behind a virtual axis: its power stage by the standard's table, its motions by other arithmetic, and no jump."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ ramps = st.builds(RampLimits, st.floats(1.0, 1e6), rates, rates)
 @pytest.mark.parametrize(
     "arrow", [each for each in TRANSITIONS if each.command and each.number != 15], ids=str
 )
-def test_each_transition_that_a_master_may_ask_for_is_taken(arrow):
+def test_each_transition_that_a_master_may_command_is_made(arrow):
     assert after(arrow.source, arrow.command.word) is arrow.target
 
 
@@ -57,7 +57,7 @@ def test_each_state_is_shown_as_itself(state):
 
 
 @pytest.mark.parametrize("word", range(0x100))
-def test_no_word_enables_it_but_enable_operation_from_where_that_may_be(word):
+def test_only_enable_operation_in_an_allowed_state_enables_it(word):
     for state in STATUSWORDS:
         enabled = (
             after(state, word) is PowerState.OPERATION_ENABLED and state is not PowerState.OPERATION_ENABLED
@@ -67,11 +67,11 @@ def test_no_word_enables_it_but_enable_operation_from_where_that_may_be(word):
             assert state in (PowerState.SWITCHED_ON, PowerState.QUICK_STOP_ACTIVE)
 
 
-# -- ways --------------------------------------------------------------------------------------------------------------
+# -- motions -----------------------------------------------------------------------------------------------------------
 
 
 def run(way: RampProfile, dt: float = PERIOD, limit: int = 10_000_000) -> tuple[float, float]:
-    """Return how far a way goes until it is over, and the seconds."""
+    """Return the distance of a motion until it is over, and the seconds."""
     gone = seconds = 0.0
     while not way.over:
         gone += way.advance(dt)
@@ -82,7 +82,7 @@ def run(way: RampProfile, dt: float = PERIOD, limit: int = 10_000_000) -> tuple[
 
 
 @given(speeds, rates)
-def test_to_rest_takes_the_braking_distance(velocity, down):
+def test_to_rest_needs_the_braking_distance(velocity, down):
     way = to_rest(velocity, down)
     gone = way.advance(abs(velocity) / down + 1.0)
     assert way.over
@@ -91,7 +91,7 @@ def test_to_rest_takes_the_braking_distance(velocity, down):
 
 
 @given(speeds, speeds, ramps)
-def test_to_a_velocity_ends_at_it_and_goes_on(velocity, target, by):
+def test_to_velocity_ends_at_its_target_and_keeps_it(velocity, target, by):
     way = to_velocity(velocity, target, by)
     way.advance(3e6)
     assert way.over
@@ -100,11 +100,11 @@ def test_to_a_velocity_ends_at_it_and_goes_on(velocity, target, by):
 
 
 @given(speeds, st.floats(-1e9, 1e9), ramps)
-def test_to_a_distance_ends_there_at_rest_and_breaks_no_ramp(velocity, distance, by):
+def test_to_distance_ends_there_at_standstill_within_its_ramps(velocity, distance, by):
     way = to_distance(velocity, distance, by)
     gone, seen, hardest = 0.0, way.velocity, max(by.up, by.down)
     fastest = max(by.speed, abs(velocity)) * (1 + 1e-9)
-    far = abs(distance) + velocity * velocity / (2 * by.down)  # it may have gone too far, and come back
+    far = abs(distance) + velocity * velocity / (2 * by.down)  # it may have overshot, and returned
     longest = abs(velocity) / by.down + far / by.speed + 2 * by.speed * (1 / by.up + 1 / by.down)
     step = max(1e-3, longest / 500)
     for _ in range(5000):
@@ -119,7 +119,7 @@ def test_to_a_distance_ends_there_at_rest_and_breaks_no_ramp(velocity, distance,
     assert gone == pytest.approx(distance, rel=1e-9, abs=1e-6 * (1 + far))
 
 
-def test_a_way_from_rest_takes_the_time_of_its_trapezoid():
+def test_a_motion_from_standstill_takes_the_time_of_its_trapezoid():
     gone, seconds = run(to_distance(0.0, 1000.0, RampLimits(100.0, 200.0, 400.0)), 1e-3)
     assert gone == pytest.approx(1000.0)
     assert seconds == pytest.approx(1000.0 / 100.0 + 0.5 * (100 / 200 + 100 / 400), abs=2e-3)
@@ -132,8 +132,8 @@ def test_a_way_from_rest_takes_the_time_of_its_trapezoid():
 # -- the drive ---------------------------------------------------------------------------------------------------------
 
 
-class Led:
-    """A drive that is led cycle by cycle, as the scan does it."""
+class DriveBench:
+    """A drive that is commanded cycle by cycle, as the scan does it."""
 
     def __init__(self, slow: float = 1000.0, quick: float = 5000.0) -> None:
         self.drive = VirtualDrive(slow, quick)
@@ -146,7 +146,7 @@ class Led:
         self.seen = self.port.read(self.now)
         return self.drive
 
-    def enabled(self, mode: int, **wishes: int) -> Led:
+    def enabled(self, mode: int, **wishes: int) -> DriveBench:
         for word in (0x06, 0x07, 0x0F):
             self.cycle(word, mode=mode, **wishes)
         assert self.drive.state is PowerState.OPERATION_ENABLED
@@ -159,7 +159,7 @@ class Led:
 
 
 def test_in_a_cyclic_mode_it_is_at_its_target_a_cycle_later():
-    led = Led().enabled(CSP, target_position=0)
+    led = DriveBench().enabled(CSP, target_position=0)
     for target in (0, 10, 25, 24, -7):
         led.cycle(target_position=target)
         assert led.seen.position.value == target
@@ -170,7 +170,7 @@ def test_in_a_cyclic_mode_it_is_at_its_target_a_cycle_later():
 
 
 def test_a_set_point_is_taken_at_the_edge_alone_and_acknowledged():
-    led = Led().enabled(PP)
+    led = DriveBench().enabled(PP)
     led.set(speed=1000, up=10_000, down=10_000)
     led.cycle(target_position=100)
     assert not led.drive.statusword & 0x1000
@@ -188,7 +188,7 @@ def test_a_set_point_is_taken_at_the_edge_alone_and_acknowledged():
 
 
 def test_the_count_wraps_as_a_drive_s_does():
-    led = Led(1e9, 1e9).enabled(CSP, target_position=0)
+    led = DriveBench(1e9, 1e9).enabled(CSP, target_position=0)
     step, top = 1 << 29, 1 << 31
     for number in range(1, 9):
         led.cycle(target_position=(number * step + top) % (2 * top) - top)
@@ -198,7 +198,7 @@ def test_the_count_wraps_as_a_drive_s_does():
 
 
 def test_turning_for_a_day_loses_no_increment():
-    led = Led(1e6, 1e6).enabled(PV)
+    led = DriveBench(1e6, 1e6).enabled(PV)
     led.set(up=1_000_000, down=1_000_000)
     led.cycle(target_velocity=123_457)
     while led.drive.velocity != 123_457:
@@ -212,7 +212,7 @@ def test_turning_for_a_day_loses_no_increment():
 
 
 def test_a_quick_stop_ends_without_power():
-    led = Led(1000.0, 50_000.0).enabled(PV)
+    led = DriveBench(1000.0, 50_000.0).enabled(PV)
     led.set(up=100_000, down=1000)
     for _ in range(30):
         led.cycle(target_velocity=10_000)
@@ -234,16 +234,16 @@ def test_a_quick_stop_ends_without_power():
         (SdoRequest(7, 0x6083, 1, 500), None, abort.OBJECT_MISSING),
     ],
 )
-def test_what_would_be_an_sdo_transfer_is_answered_in_the_next_cycle(request_, value, code):
-    led = Led()
+def test_an_sdo_request_is_answered_in_the_next_cycle(request_, value, code):
+    led = DriveBench()
     led.port.write(Outputs(None, sdo=(request_,)))
     (reply,) = led.port.read(PERIOD).sdo
     assert (reply.id, reply.value, reply.abort) == (7, value, code)
     assert led.port.read(2 * PERIOD).sdo == ()
 
 
-def test_it_tells_no_torque_and_all_else_in_each_cycle():
-    led = Led()
+def test_a_virtual_drive_reports_all_values_but_torque_in_each_cycle():
+    led = DriveBench()
     led.cycle(None)
     seen, how = led.seen, led.port.capabilities
     assert seen.torque is None
@@ -269,8 +269,8 @@ wishes = st.fixed_dictionaries(
 
 @settings(max_examples=300)
 @given(st.lists(st.tuples(wishes, st.integers(1, 30)), max_size=30))
-def test_whatever_is_asked_of_it_only_a_cyclic_target_makes_it_jump(asked):
-    led = Led(1000.0, 5000.0).enabled(PV)
+def test_the_velocity_of_a_virtual_drive_jumps_with_a_cyclic_target_only(asked):
+    led = DriveBench(1000.0, 5000.0).enabled(PV)
     led.set(speed=3000, up=4000, down=2000)
     hardest = 5000.0 * PERIOD
     for wish, cycles in asked:
@@ -292,13 +292,13 @@ def test_whatever_is_asked_of_it_only_a_cyclic_target_makes_it_jump(asked):
                 assert abs(now) <= abs(before)
 
 
-def moving_in_csp(led: Led) -> None:
+def moving_in_csp(led: DriveBench) -> None:
     for target in range(0, 400, 20):  # 2000 increments per s
         led.cycle(target_position=target)
     assert led.drive.velocity == 2000
 
 
-def must_rest_beyond(led: Led, place: int, word: int = ENABLE, **wishes: int) -> None:
+def must_stop_beyond(led: DriveBench, place: int, word: int = ENABLE, **wishes: int) -> None:
     """Brake on a ramp from the last target on, and stay where that ends, whatever was a target before."""
     for _ in range(300):
         led.cycle(word, **wishes)
@@ -311,31 +311,31 @@ def must_rest_beyond(led: Led, place: int, word: int = ENABLE, **wishes: int) ->
 
 
 def test_a_cyclic_target_does_not_act_again_once_the_axis_was_without_power():
-    led = Led(1000.0, 5000.0).enabled(CSP, target_position=0)
+    led = DriveBench(1000.0, 5000.0).enabled(CSP, target_position=0)
     moving_in_csp(led)
-    must_rest_beyond(led, led.drive.position, 0x07)
+    must_stop_beyond(led, led.drive.position, 0x07)
 
 
-def test_a_cyclic_target_does_not_act_again_after_a_halt_even_one_that_came_with_it():
-    led = Led(1000.0, 5000.0).enabled(CSP, target_position=0)
+def test_a_cyclic_target_does_not_act_again_after_a_halt_even_one_sent_with_it():
+    led = DriveBench(1000.0, 5000.0).enabled(CSP, target_position=0)
     moving_in_csp(led)
     place = led.drive.position
-    must_rest_beyond(led, place, ENABLE | HALT, target_position=place)
+    must_stop_beyond(led, place, ENABLE | HALT, target_position=place)
 
 
 @pytest.mark.parametrize("other", [PP, PV])
 def test_a_cyclic_target_does_not_act_again_after_another_mode(other):
-    led = Led(1000.0, 5000.0).enabled(CSP, target_position=0)
+    led = DriveBench(1000.0, 5000.0).enabled(CSP, target_position=0)
     moving_in_csp(led)
     place = led.drive.position
     for _ in range(300):
         led.cycle(mode=other, target_velocity=0)
     led.cycle(mode=CSP)
-    must_rest_beyond(led, place)
+    must_stop_beyond(led, place)
 
 
 def test_a_goal_does_not_act_again_once_the_axis_was_without_power():
-    led = Led(1000.0, 5000.0).enabled(PP)
+    led = DriveBench(1000.0, 5000.0).enabled(PP)
     led.set(speed=2000, up=10_000, down=10_000)
     for _ in range(30):
         led.cycle(ENABLE | NEW, target_position=100_000)

@@ -1,4 +1,4 @@
-"""Whether a warden runs, by its bytes: a stopped one is found out soon, and a busy computer is not taken for that."""
+"""Whether a watchdog process runs, by its bytes: a suspended one is noticed soon, and a busy computer is not mistaken for that."""
 
 from __future__ import annotations
 
@@ -34,14 +34,16 @@ def found(looks: list[Look]) -> tuple[int, str] | None:
 
 
 @pytest.mark.parametrize("state", ["T", "t", "S", "Z", ""])
-def test_one_that_sends_no_more_is_found_within_a_second(state):
+def test_a_watchdog_process_that_stops_sending_is_detected_within_a_second(state):
     number, why = found([Look(came=True)] * 20 + [Look(state=state)] * 20) or (99, "")
     assert 0.6 < (number - 19) * BEAT < 1.0
     assert why.startswith("the watchdog process of the core has not answered for 0.")
 
 
 @pytest.mark.parametrize("state", ["R", "D"])
-def test_one_that_waits_for_the_computer_is_given_longer_and_then_the_computer_is_named(state):
+def test_a_watchdog_process_waiting_for_the_computer_has_five_seconds_before_the_computer_is_named(
+    state,
+):
     assert found([Look(state=state)] * 45) is None
     number, why = found([Look(state=state)] * 60) or (0, "")
     assert 5.0 <= (number + 1) * BEAT < 5.3
@@ -53,7 +55,7 @@ def test_time_in_which_the_core_itself_did_not_run_does_not_count():
     assert found([Look(passed=0.5, state="T")] * 50) is None
 
 
-def test_a_byte_that_was_on_its_way_when_the_state_was_read_is_waited_for():
+def test_a_byte_sent_before_the_state_was_read_is_waited_for():
     starved = [Look(state="R")] * 20
     assert found([*starved, Look(state="S"), Look(came=True), *starved]) is None
 
@@ -63,7 +65,7 @@ def test_slow_bytes_are_bytes():
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc")
-def test_the_state_of_a_process_is_read_whatever_its_name():
+def test_the_state_of_a_process_is_read_and_is_empty_after_its_end():
     sleeper = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
     try:
         os.kill(sleeper.pid, signal.SIGSTOP)

@@ -43,7 +43,7 @@ def enabled(bench: Bench, control: int, inputs: int) -> None:
     assert bench.module.energised
 
 
-def test_all_that_a_module_says_by_itself_is_read():
+def test_all_messages_that_a_module_sends_unasked_are_decoded():
     bench = Bench()
     enabled(bench, 3, 1)
     bench.run(1.0)
@@ -54,7 +54,7 @@ def test_all_that_a_module_says_by_itself_is_read():
 
 @pytest.mark.parametrize("remote", [True, False])
 @pytest.mark.parametrize("name", [each.name for each in MESSAGES if each.asked is MessageRequestMethod.EMPTY])
-def test_every_message_that_is_asked_for_is_answered_and_read(name, remote):
+def test_every_message_that_can_be_requested_is_answered_and_read(name, remote):
     bench = Bench()
     enabled(bench, 3, 1)
     assert set(asked(bench, name, remote=remote)) == {each.name for each in named(name).answer}
@@ -77,7 +77,7 @@ def test_the_state_is_read_from_every_layout_of_the_heartbeat(firmware):
         assert (beat.state, beat.axis_error, beat.faults) == (state, 0, ())
 
 
-def test_a_position_is_gone_to_and_read_back_as_it_truly_is():
+def test_the_module_moves_to_a_position_and_reports_its_true_position():
     bench = Bench()
     order(bench, "Set_Traj_Vel_Limit", Traj_Vel_Limit=20.0)
     order(bench, "Set_Traj_Accel_Limits", Traj_Accel_Limit=100.0, Traj_Decel_Limit=100.0)
@@ -120,7 +120,7 @@ def test_an_emergency_stop_is_reported_by_both_error_words():
 
 
 @pytest.mark.parametrize("which", list(ErrorType))
-def test_every_error_word_is_asked_for_and_answered(which):
+def test_every_error_word_can_be_requested_and_is_answered(which):
     bench = Bench()
     (answer,) = give(bench, error_query.request(5, which))
     assert error_query.read(5, answer.data, which) == 0

@@ -1,4 +1,4 @@
-"""Which identifiers can share a bus (manual v2.2, 4.1.4), what periodic messages take of it, and error words in words."""
+"""Identifiers that can share a bus (manual v2.2, 4.1.4), the bus load of periodic messages, and error words as text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TABLE = [(32, "10 18 20 28"), (64, "10 11 18 19 20 21 28 29"), (96, "10 11 12 18
 
 
 @pytest.mark.parametrize(("first", "nodes"), TABLE)
-def test_what_the_manual_lists_does_not_clash(first, nodes):
+def test_combinations_listed_in_the_manual_do_not_clash(first, nodes):
     simple = [int(node, 16) for node in nodes.split()]
     canopen = range(first, 128)
     assert clashes(simple, canopen) == ()
@@ -37,7 +37,7 @@ def test_clashes_are_named(simple, canopen, words):
     assert str(clashes([simple], [canopen])[0]) == words
 
 
-def test_what_does_not_clash_may_not_be_in_the_manual():
+def test_combinations_without_a_clash_may_be_missing_in_the_manual():
     assert clashes([0], [1, 2, 127]) == ()
     assert not in_manual([0], [1, 2, 127])
     assert not in_manual([0x10], [1])
@@ -70,7 +70,7 @@ def test_the_load_of_a_factory_fresh_module():
 
 
 @pytest.mark.parametrize("fault", faults.FAULTS, ids=lambda each: f"{each.category} {each.name}")
-def test_every_bit_is_explained_and_says_what_to_check(fault):
+def test_every_fault_bit_has_a_meaning_and_a_remedy(fault):
     (line,) = faults.words(fault.category, fault.bits)
     assert line.startswith(f"{fault.category} {fault.name}: {fault.meaning} (")
     assert fault.remedy
@@ -85,7 +85,7 @@ def test_an_error_word_is_reported_bit_by_bit():
     assert faults.words("system", 0x100) == ["system bit 0x00000100 is not in the module's fault table"]
 
 
-def test_what_owners_alone_report_is_one_of_several_over_canopen():
+def test_owner_bits_alone_are_reported_as_ambiguous_over_canopen():
     (line,) = faults.explain(0xFF00, {faults.ERROR_BITS_LOW: 0x0010_0000})
     assert "ambiguous" in line
     assert "axis CAN_BUS_FAILED" in line

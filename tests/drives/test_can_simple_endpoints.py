@@ -1,4 +1,4 @@
-"""Lists of endpoints: read whole or refused, used only where they are shown to fit; and their frames over CAN."""
+"""Lists of endpoints: read whole or refused, used only if they are shown to fit; and their frames over CAN."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ json_values = st.recursive(
 
 
 @given(json_values | st.binary(max_size=20))
-def test_nothing_but_an_argument_error_comes_of_a_bad_list(document):
+def test_a_bad_list_raises_only_an_argument_error(document):
     text = document if isinstance(document, bytes) else json.dumps(document)
     try:
         found = parse(text, "x")
@@ -188,7 +188,7 @@ def test_reading_writing_and_calling():
 
 
 @pytest.mark.parametrize("can_id", [0x0A4, 0x0A5])
-def test_an_answer_comes_on_either_identifier(can_id):
+def test_an_answer_is_accepted_on_either_identifier(can_id):
     found = wire.answer(can_id, bytes.fromhex("00 02 00 00 00 00 C0 41"))
     assert found == wire.EndpointAnswer(5, 2, False, bytes.fromhex("00 00 C0 41"))
     assert wire.value(LISTED.endpoints["vbus_voltage"], found.data) == 24.0
@@ -227,7 +227,7 @@ def test_an_invalid_answer_is_refused(can_id, data):
         (lambda: wire.read(1, FITTED, "tell"), "no parameter"),
     ],
 )
-def test_what_cannot_be_is_refused(act, text):
+def test_invalid_requests_are_refused(act, text):
     with pytest.raises(ArgumentError, match=text):
         act()
 
@@ -249,7 +249,7 @@ SHORT = [name for name, letter in FORMATS.items() if letter and struct.calcsize(
 
 
 @given(st.sampled_from(SHORT), st.binary(min_size=4, max_size=4))
-def test_every_type_comes_back(kind, data):
+def test_a_value_of_every_type_is_restored_from_its_bytes(kind, data):
     endpoint = Endpoint("x", 1, kind, "rw")
     value = wire.value(endpoint, data)
     if isinstance(value, float) and not math.isfinite(value):

@@ -33,7 +33,7 @@ def beat(tail, *, error=0, state=8):
         ("70 00 10", set(), (None, None, None, None), None, None),
     ],
 )
-def test_one_frame_is_reported_as_far_as_its_bytes_allow(tail, layouts, faults, done, life):
+def test_one_frame_is_decoded_as_far_as_its_bytes_allow(tail, layouts, faults, done, life):
     found = read(1, beat(tail))
     assert (found.axis_error, found.state) == (0, 8)
     assert found.layouts == layouts
@@ -73,7 +73,7 @@ def test_a_constant_byte_is_not_a_counter():
     assert watched.last.trajectory_done is True
 
 
-def test_a_frame_that_comes_twice_proves_nothing():
+def test_a_repeated_frame_proves_no_layout():
     assert heard(["00 00 02", "00 00 03", "00 00 03", "00 00 04"]).layouts == {COUNTED, NEWEST}
 
 

@@ -21,7 +21,7 @@ from axisbus.drives.gim6010.can_simple.identifier import can_id, split
 from axisbus.drives.gim6010.can_simple.messages import MESSAGES, Direction, MessageRequestMethod, named
 from axisbus.errors import ArgumentError, LimitError
 
-# Typed off the manual a second time: command, name, who sends data, and the fields' types with the byte that each begins at.
+# Typed from the manual a second time: command, name, sender of data, and the fields' types with the first byte of each.
 MANUAL = """\
 01 Heartbeat < - I0B4
 02 Estop > - -
@@ -128,7 +128,7 @@ def sendings(draw):
 
 
 @given(sendings())
-def test_every_message_decodes_to_what_was_encoded(sending):
+def test_every_message_decodes_to_its_encoded_values(sending):
     node, message, values = sending
     frame = codec.encode(node, message, values)
     assert len(frame.data) == 8
@@ -163,7 +163,7 @@ def test_no_frame_raises(identifier, data, from_module, remote, extended):
 
 
 @pytest.mark.parametrize("message", [each for each in MESSAGES if each.answer], ids=lambda each: each.name)
-def test_a_short_answer_is_a_value_that_says_so(message):
+def test_a_short_answer_is_an_unexpected_value_with_its_reason(message):
     identifier = can_id(3, message.command)
     for length in range(message.answer_bytes):
         found = codec.decode(identifier, bytes(length), from_module=True)
@@ -207,7 +207,7 @@ def test_requests_are_made_of_messages_that_answer_them(remote):
     [each for each in MESSAGES if each.asked is not MessageRequestMethod.EMPTY],
     ids=lambda each: each.name,
 )
-def test_no_other_message_is_asked_for_emptily(message):
+def test_no_other_message_can_be_requested_with_an_empty_frame(message):
     with pytest.raises(ArgumentError, match="not answered to an empty request"):
         codec.request(1, message, remote=False)
 
@@ -279,7 +279,7 @@ def test_get_error_names_its_type_in_eight_bytes():
         ("CONTROLLER", "00 00 00 00 08 00 00 00", Reason.VALUE),
     ],
 )
-def test_the_answer_is_read_by_what_was_asked(which, data, error):
+def test_the_answer_of_get_error_is_decoded_by_the_requested_type(which, data, error):
     found = error_query.read(1, bytes.fromhex(data), error_query.ErrorType[which])
     assert (found.reason if isinstance(found, Unexpected) else found) == error
 

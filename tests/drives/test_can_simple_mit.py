@@ -56,17 +56,17 @@ def test_no_caller_makes_a_frame_of_zeros_by_hand(node, data, remote):
     assert Outgoing(node << 5 | 9, data, remote).data == data
 
 
-def test_what_keeps_it_from_zeros_has_no_effect_and_is_reported():
+def test_a_change_that_avoids_a_frame_of_zeros_has_no_effect_and_is_reported():
     packed = mit.pack(1, MitCommand(-12.5, -65, 0, 0, -50))
     assert packed.frame.data == bytes.fromhex("00 00 00 10 00 00 00 00")
     assert packed.clipped == ()
     assert [str(each) for each in packed.shifted] == ["velocity -64.9683 instead of -65"]
-    for gains in ((0.2, 0), (0, 0.01)):  # a gain that is on the wire keeps it from zeros by itself
+    for gains in ((0.2, 0), (0, 0.01)):  # a gain other than zero alone prevents a frame of zeros
         assert mit.pack(1, MitCommand(-12.5, -65, *gains, -50)).shifted == ()
 
 
 @given(values, values, values, values, values, ranges)
-def test_a_value_comes_back_within_half_a_step_or_is_reported(position, velocity, kp, kd, torque, ranges):
+def test_a_value_is_restored_within_half_a_step_or_is_reported(position, velocity, kp, kd, torque, ranges):
     command = MitCommand(position, velocity, kp, kd, torque)
     packed = mit.pack(7, command, ranges)
     back = mit.unpack(7, packed.frame.data, ranges)

@@ -73,14 +73,14 @@ def homed(r):
 # -- power -----------------------------------------------------------------------------------------------------------------------
 
 
-def test_nothing_but_questions_is_sent_before_a_command(made):
+def test_only_requests_are_sent_before_a_command(made):
     r = made()
     r.run(1.0)
     assert r.commands() == []
     assert set(r.commands(questions=True)) == {COUNT, 0x14}
 
 
-def test_enable_sends_limits_and_mode_and_then_asks_for_closed_loop(made):
+def test_enable_sends_limits_and_mode_and_then_commands_closed_loop(made):
     r = made()
     r.axis.enable().wait(5)
     assert r.commands() == [LIMITS, VEL, MODE, SET_STATE]
@@ -102,7 +102,7 @@ def test_operation_enabled_is_shown_by_the_heartbeat_alone(made):
     assert any(state == 8 for time, state in r.cycle.states if time > begun)
 
 
-def test_a_module_that_does_not_go_to_closed_loop_is_reported_and_let_go(made):
+def test_a_module_that_does_not_go_to_closed_loop_is_reported_and_switched_off(made):
     r = made(module=module(wont_start=True))
     with pytest.raises(TransitionError, match="does not change from 'switched on'"):
         r.axis.enable().wait(5)
@@ -116,8 +116,8 @@ def test_a_module_that_does_not_go_to_closed_loop_is_reported_and_let_go(made):
 
 
 @pytest.mark.parametrize("load", [0.0, 300.0, -300.0])
-def test_a_loaded_axis_is_held_where_it_was_when_it_gets_power(made, load):
-    """Without power the load moves it; it is caught there, as fast as it was, and not led back or on."""
+def test_a_loaded_axis_is_held_at_the_position_at_which_it_was_enabled(made, load):
+    """Without power the load moves it; it is held at that position, and not moved back or on."""
     r = made(module=module(motor=MotorParams(load=load)), warm=0.12, holds_load=HoldsLoad.TORQUE)
     r.rough = bool(load)  # the module catches it as hard as it can
     r.axis.enable(allow_moving=True).wait(5)
@@ -127,14 +127,14 @@ def test_a_loaded_axis_is_held_where_it_was_when_it_gets_power(made, load):
     assert r.core.image.position == pytest.approx(r.module.position * COUNTS, abs=3)
 
 
-def test_what_turns_without_power_is_refused_unless_it_is_meant(made):
+def test_a_motor_turning_without_power_is_not_enabled_unless_allowed(made):
     r = made(module=module(motor=MotorParams(load=300.0)), warm=0.12)
     with pytest.raises(StateError, match="because it moves"):
         r.axis.enable().wait(5)
     assert SET_STATE not in r.commands()
 
 
-def test_disable_takes_the_power_and_says_so_only_when_it_is_seen(made):
+def test_disable_removes_the_power_and_is_done_only_when_that_is_seen(made):
     r = made().enabled()
     handle = r.axis.disable()
     r.until(lambda: not r.module.energised)
@@ -144,7 +144,7 @@ def test_disable_takes_the_power_and_says_so_only_when_it_is_seen(made):
     assert r.core.state is AxisState.DISABLED
 
 
-def test_what_fell_out_of_closed_loop_is_not_asked_for_it_again(made):
+def test_a_module_that_left_closed_loop_is_not_enabled_again(made):
     r = made().enabled()
     r.module.axis.request(1)  # another tool
     since = r.now
@@ -186,7 +186,7 @@ def test_a_module_found_turning_is_braked_along_a_trajectory_when_taken_over(mad
 # -- moves -----------------------------------------------------------------------------------------------------------------------
 
 
-def test_a_move_is_a_trapezoid_of_the_module_with_the_values_of_the_command(made):
+def test_a_move_is_a_trapezoid_of_the_module_with_the_values_of_the_call(made):
     r = homed(made())
     since = r.now
     r.axis.move_absolute(90.0, velocity=90.0, acceleration=360.0, deceleration=180.0).wait(5)
@@ -205,7 +205,7 @@ def test_a_move_is_a_trapezoid_of_the_module_with_the_values_of_the_command(made
     "firmware", [Firmware(0, 5, 11), Firmware(0, 5, 12), Firmware(0, 5, 13), Firmware(0, 6, 5)]
 )
 @pytest.mark.parametrize("start", [0.0, 0.3, 7.8, -3.4])
-def test_moves_count_from_home_wherever_the_module_counts_from(made, firmware, start):
+def test_moves_are_relative_to_home_for_any_counting_origin_of_the_module(made, firmware, start):
     one = module(firmware=firmware, motor=MotorParams(start_position=start * COUNTS))
     r = homed(made(module=one))
     home = r.module.position
@@ -225,7 +225,7 @@ def test_a_new_target_in_motion_replaces_the_old_one(made):
 
 @pytest.mark.parametrize("way", [90.0, -90.0])
 @pytest.mark.parametrize("after", [0.02, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.62, 0.7])
-def test_a_halt_at_any_moment_comes_to_rest_without_going_back_or_beyond(made, after, way):
+def test_a_halt_at_any_moment_stops_without_reversing_or_overshooting(made, after, way):
     r = homed(made())
     sign = 1.0 if way > 0 else -1.0
     r.axis.move_absolute(way)
@@ -308,7 +308,7 @@ def test_another_homing_method_is_refused(made):
 
 
 @pytest.mark.parametrize("bandwidth", [None, 60.0])
-def test_it_moves_on_a_line_with_canopen_axes(made, bandwidth):
+def test_a_module_moves_on_a_line_with_canopen_axes(made, bandwidth):
     settings = replace(SETTINGS, filter_bandwidth=bandwidth)
     one = Module(5, **OWN, input_filter_bandwidth=60.0)
     r = homed(made("ab", settings=settings, module=one, groups={"all": ["m", "a", "b"]}))
@@ -374,7 +374,7 @@ def test_the_last_step_is_estop_which_latches_until_a_reset(made):
 
 
 @pytest.mark.parametrize("doing", ["pp", "pv", "csp", "tq"])
-def test_when_the_scan_dies_what_it_sends_brakes(made, doing):
+def test_the_frames_sent_when_the_scan_dies_brake_the_module(made, doing):
     r = homed(made("a", groups={"all": ["m", "a"]}))
     if doing == "pp":
         r.axis.move_absolute(900.0)
@@ -400,7 +400,7 @@ def test_when_the_scan_dies_nothing_is_sent_to_a_module_that_was_not_commanded(m
     r.axis.enable()
     r.until(lambda: SET_STATE in r.commands())
     (frame,) = r.port.stop_frames()
-    assert (frame.can_id & 0x1F, frame.data[0]) == (SET_STATE, 1)  # else it would come up and be nobody's
+    assert (frame.can_id & 0x1F, frame.data[0]) == (SET_STATE, 1)  # else it would be enabled without a master
     r.run(1.0)
     assert [each.can_id & 0x1F for each in r.port.stop_frames()] == [MODE, VEL]
     r.axis.disable().wait(5)
@@ -409,7 +409,7 @@ def test_when_the_scan_dies_nothing_is_sent_to_a_module_that_was_not_commanded(m
 
 @pytest.mark.parametrize("doing", ["pp", "csp", "pv"])
 def test_without_a_master_positions_hold_and_a_velocity_continues(made, doing):
-    """What a dead master leaves; the velocity is why ``break_timeout`` is worth arming, and why stop frames are sent."""
+    """The state after a master's death; the velocity is why ``break_timeout`` should be armed, and why stop frames are sent."""
     r = homed(made("a", groups={"all": ["m", "a"]}))
     if doing == "pp":
         r.axis.move_absolute(180.0)
@@ -425,7 +425,7 @@ def test_without_a_master_positions_hold_and_a_velocity_continues(made, doing):
 
 
 @pytest.mark.parametrize("timeout", [0.2, 4 * PERIOD])
-def test_break_timeout_is_fed_where_it_was_read_back_and_trips_when_the_master_dies(made, timeout):
+def test_a_confirmed_break_timeout_is_fed_and_trips_when_the_master_dies(made, timeout):
     one = Module(5, break_timeout=round(timeout * 1000), **OWN)
     r = rig(module=one, warm=0.1)
     r.port.feed_within(timeout)
@@ -433,7 +433,7 @@ def test_break_timeout_is_fed_where_it_was_read_back_and_trips_when_the_master_d
     r.run(0.5)
     assert (
         r.core.image.state.value == "fault"
-    )  # nobody commanded it: it has tripped, as it would before any start
+    )  # no master commanded it: it has tripped, as it would before any start
     assert not set(r.commands()) & SET_POINTS
     r.axis.reset().wait(5)
     r.run(2.0)
@@ -479,7 +479,7 @@ def test_an_expired_time_out_is_fed_before_its_error_is_cleared(made):
     assert [each.can_id & 0x1F for each in r.port.take_frames()] == [VEL, CLEAR]
 
 
-def test_a_module_that_is_not_ours_is_not_fed(made):
+def test_a_module_that_we_did_not_enable_gets_no_set_points(made):
     one = Module(5, **OWN)
     one.axis.request(8)
     r = made(module=one)
@@ -515,7 +515,7 @@ def test_a_fault_is_reported_with_every_word_and_can_be_reset(made):
     assert r.module.position == pytest.approx(place, abs=0.01)
 
 
-def test_a_fault_whose_cause_stays_is_not_reset(made):
+def test_a_fault_whose_cause_persists_is_not_reset(made):
     r = made().enabled()
     r.module.dials.bus_voltage = 8.0
     r.run(1.0)
@@ -526,7 +526,7 @@ def test_a_fault_whose_cause_stays_is_not_reset(made):
     r.axis.reset().wait(5)
 
 
-def test_error_words_that_nobody_answers_are_said_to_be_so(made):
+def test_error_words_without_an_answer_are_reported_as_such(made):
     r = made(module=module(get_error_answered=False)).enabled()
     r.module.dials.motor_error = 0x10000
     r.run(1.5)
@@ -535,7 +535,7 @@ def test_error_words_that_nobody_answers_are_said_to_be_so(made):
     assert any(text == "Get_Error is not answered by this firmware" for _, text in r.port.news)
 
 
-def test_zeros_of_a_module_that_lets_go_are_no_position(made):
+def test_zeros_of_a_module_that_switches_itself_off_are_not_used_as_positions(made):
     """Its estimates are 0 at once, and its heartbeat says why up to 0.1 s later."""
     r = homed(made())
     r.axis.move_absolute(300.0).wait(10)
@@ -582,7 +582,7 @@ def test_a_restart_takes_home_away_and_waits_for_a_new_boot(made, on, firmware):
     assert not r.module.energised
 
 
-def test_a_position_that_is_off_after_power_is_not_taken_for_the_old_one(made):
+def test_a_position_that_differs_after_a_restart_does_not_keep_the_homing(made):
     """Owners saw 0.14 turns between two ways of counting after a restart; here the restart itself went unseen."""
     r = homed(made())
     r.axis.disable().wait(5)
@@ -628,7 +628,7 @@ def test_a_message_that_a_firmware_does_not_answer_is_reported_once(made, answer
     r.run(1.5)
     if answers == ESTIMATES:
         with pytest.raises(TransitionError):
-            r.axis.enable().wait(5)  # its position in closed loop is never told
+            r.axis.enable().wait(5)  # its position in closed loop is never sent
     told = [text for _, text in r.port.news if "not answered by this firmware" in text]
     assert len(told) == 1
     since = r.now

@@ -1,4 +1,4 @@
-"""Parts of a module's port, frame by frame: what counts as closed loop, as a position, as reached and as a restart."""
+"""Parts of a module's port, frame by frame: the conditions of closed loop, position, target reached and restart."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ PP = 1
 HOMING = 6
 
 
-class Talk:
-    """A port and a module that says what the test lets it say, every 10 ms; heartbeats every 0.1 s."""
+class PortBench:
+    """A port and a module that sends the values of the test every 10 ms; heartbeats every 0.1 s."""
 
     def __init__(self) -> None:
         self.port = ModulePort(SETTINGS)
@@ -58,7 +58,7 @@ class Talk:
             sent += self.sent
         return sent
 
-    def enabled(self) -> Talk:
+    def enabled(self) -> PortBench:
         self.cycles(20)
         for word in (0x06, 0x07):
             self.cycles(2, word, mode=PP)
@@ -70,7 +70,7 @@ class Talk:
 
 
 def test_a_word_that_stays_at_enable_operation_enables_nothing_again():
-    talk = Talk().enabled()
+    talk = PortBench().enabled()
     talk.state = 1
     sent = talk.cycles(300, 0x0F)
     assert [data for command, data in sent if command == 7] == []
@@ -79,7 +79,7 @@ def test_a_word_that_stays_at_enable_operation_enables_nothing_again():
 
 @pytest.mark.parametrize("word", [0x00, 0x02, 0x06, 0x07])
 def test_a_controlword_that_withdraws_the_enable_requests_idle(word):
-    talk = Talk()
+    talk = PortBench()
     talk.cycles(20)
     talk.cycles(2, 0x06)
     talk.cycles(2, 0x07)
@@ -93,7 +93,7 @@ def test_a_controlword_that_withdraws_the_enable_requests_idle(word):
 
 
 def test_closed_loop_without_a_position_is_not_operation_enabled():
-    talk = Talk()
+    talk = PortBench()
     talk.cycles(20)
     talk.cycles(2, 0x06)
     talk.cycles(2, 0x07)
@@ -108,8 +108,8 @@ def test_closed_loop_without_a_position_is_not_operation_enabled():
     assert talk.cycle(0x0F) & 0x6F == 0x27
 
 
-def test_a_set_point_is_reached_by_a_heartbeat_that_came_after_it():
-    talk = Talk().enabled()
+def test_a_set_point_is_reached_by_a_heartbeat_received_after_it():
+    talk = PortBench().enabled()
     for index, value in ((0x6081, COUNTS), (0x6083, COUNTS), (0x6084, COUNTS)):
         talk.port.objects.write(index, 0, value)
     while round(talk.now * 100) % 10 != 2:
@@ -126,14 +126,14 @@ def test_a_set_point_is_reached_by_a_heartbeat_that_came_after_it():
 
 
 def test_a_set_point_without_velocity_or_ramp_is_not_taken():
-    talk = Talk().enabled()
+    talk = PortBench().enabled()
     assert talk.cycles(5, 0x1F, target_position=5000) == []
     assert talk.cycle(0x1F) & 0x1000 == 0
 
 
 @pytest.mark.parametrize("method", [0, 1, 17, 33])
 def test_a_homing_that_would_move_is_an_error(method):
-    talk = Talk().enabled()
+    talk = PortBench().enabled()
     talk.port.objects.write(0x6098, 0, method)
     talk.cycles(20, 0x0F, mode=HOMING)
     assert talk.cycles(1, 0x1F) == []
@@ -141,21 +141,21 @@ def test_a_homing_that_would_move_is_an_error(method):
 
 
 def test_a_mode_that_there_is_not_is_not_shown():
-    talk = Talk().enabled()
+    talk = PortBench().enabled()
     for mode in (2, 7, 9, 10, 11, -3):
         talk.cycles(3, 0x0F, mode=mode)
         assert talk.inputs.mode.value == PP
 
 
 @pytest.mark.parametrize("turns", [0.25, -0.2, 12.0])
-def test_zeros_of_a_module_that_has_let_go_are_no_place(turns):
-    talk = Talk()
+def test_zeros_of_a_module_that_switched_itself_off_do_not_replace_its_last_position(turns):
+    talk = PortBench()
     talk.turns = turns
     talk.enabled()
     place = talk.inputs.position.value
     while round(talk.now * 100) % 10 != 2:
         talk.cycle(0x0F)
-    talk.state = 1  # at once, and its heartbeat says so later
+    talk.state = 1  # at once, and its heartbeat shows it later
     for _ in range(40):
         talk.cycle(0x0F)
         assert talk.inputs.position is None or abs(talk.inputs.position.value - place) <= 3
@@ -163,7 +163,7 @@ def test_zeros_of_a_module_that_has_let_go_are_no_place(turns):
 
 @pytest.mark.parametrize("life", [3, 100, 250])
 def test_a_counter_that_does_not_continue_after_a_silence_is_a_restart(life):
-    talk = Talk()
+    talk = PortBench()
     talk.life = life
     talk.cycles(30)
     assert talk.inputs.operational
@@ -177,7 +177,7 @@ def test_a_counter_that_does_not_continue_after_a_silence_is_a_restart(life):
 
 @pytest.mark.parametrize("life", [3, 100, 250])
 def test_a_life_counter_that_continues_after_a_silence_shows_no_restart(life):
-    talk = Talk()
+    talk = PortBench()
     talk.life = life
     talk.cycles(30)
     talk.now += 1.6
@@ -203,7 +203,7 @@ def test_between_rare_counts_the_direction_that_fits_the_speed_is_used():
 
 
 def test_an_object_that_there_is_not_is_refused_with_its_code():
-    talk = Talk()
+    talk = PortBench()
     talk.cycles(20)
     asked = (SdoRequest(1, 0x6099, 1, None), SdoRequest(2, 0x6041, 0, None), SdoRequest(3, 0x6085, 0, 5))
     talk.cycle(None, sdo=asked)
@@ -240,16 +240,16 @@ def test_no_setting_is_zero_or_missing(name, value):
         replace(SETTINGS, **{name: value})
 
 
-def test_more_current_than_it_bears_is_refused():
+def test_a_current_above_the_limit_of_the_module_is_refused():
     with pytest.raises(LimitError, match="current_limit"):
         replace(SETTINGS, current_limit=50.1)
     with pytest.raises(ArgumentError, match="constant"):
         TorqueSettings(0.0, 1.0, 1.0)
 
 
-def _after_silence(life: int, next_life: int, silence: float) -> Talk:
-    """A module that was heard with one life counter, and after a silence with another."""
-    talk = Talk()
+def _after_silence(life: int, next_life: int, silence: float) -> PortBench:
+    """A module that was received with one life counter, and after a silence with another."""
+    talk = PortBench()
     for place in range(3):
         talk.now += 0.1
         talk.life = life - 2 + place
@@ -262,7 +262,7 @@ def _after_silence(life: int, next_life: int, silence: float) -> Talk:
 
 @pytest.mark.parametrize("step", [1, 2, 4])
 def test_heartbeats_that_this_computer_took_late_are_no_restart(step):
-    """After 0.5 s in which the program did not run, the first of those that waited has a count that has gone on by one."""
+    """After 0.5 s in which the program did not run, the count of the first waiting one has advanced by one."""
     talk = _after_silence(100, 100 + step, 0.5)
     assert not talk.port.hearing.restarted
     talk.port.read(talk.now)
@@ -272,13 +272,13 @@ def test_heartbeats_that_this_computer_took_late_are_no_restart(step):
 @pytest.mark.parametrize(
     ("life", "next_life", "silence"),
     [
-        (100, 0, 1.5),  # it began anew
+        (100, 0, 1.5),  # it restarted
         (100, 3, 1.5),
         (
             4,
             5,
             1.5,
-        ),  # as a module does that had just begun, and began again: nothing tells it from one that was held up
+        ),  # as of a module that had just started, and restarted: it cannot be distinguished from one that was delayed
         (100, 130, 0.5),  # it is ahead of the time that has passed
         (100, 90, 0.5),
     ],
@@ -290,7 +290,7 @@ def test_a_count_that_no_time_explains_is_a_restart(life, next_life, silence):
 
 
 @pytest.mark.parametrize(("remote", "asked"), [(True, {True, False}), (False, {False})])
-def test_on_a_bus_without_remote_frames_it_is_asked_by_data_frames_alone(remote, asked):
+def test_without_remote_frames_the_module_is_asked_by_data_frames_alone(remote, asked):
     port = ModulePort(replace(SETTINGS, remote=remote))
     ways = set()
     now = 10.0
@@ -306,7 +306,7 @@ def test_on_a_bus_without_remote_frames_it_is_asked_by_data_frames_alone(remote,
 
 @pytest.mark.parametrize("speed", [0.0, 0.09, -3.0, 12.0])
 @pytest.mark.parametrize("seed", range(5))
-def test_counts_that_come_in_pairs_or_are_taken_late_do_not_make_it_run_away(speed, seed):
+def test_counts_received_twice_or_late_do_not_distort_the_estimated_position(speed, seed):
     """Each count comes twice, as to two programs that ask; some are taken up to 20 ms late, in one go with those behind them."""
     chance = random.Random(seed)
     place, true, free, now = RotorPosition(fastest=20.0), 10.0, 0.0, 0.0

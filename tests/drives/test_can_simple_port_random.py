@@ -1,4 +1,4 @@
-"""Random commands, mishaps and lost frames over a module as an axis: it is smooth, it comes to rest, and no wrong frame is sent."""
+"""Random commands, faults and lost frames for a module as an axis: it is smooth, it stops, and no wrong frame is sent."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def play(seed: int, *, mishaps: bool, loss: float) -> Rig:
     return r
 
 
-def must_come_to_rest(r: Rig) -> None:
+def must_stop(r: Rig) -> None:
     r.scan.request_stop("the program ends")
     r.run(12.0)
     if r.core.touched:
@@ -78,33 +78,33 @@ def must_come_to_rest(r: Rig) -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_whatever_is_commanded_is_smooth_and_ends_at_rest(seed):
+def test_random_commands_move_smoothly_and_end_at_standstill(seed):
     r = play(seed, mishaps=False, loss=0.0)
     judge(r)
     r.must_be_smooth(HARDEST)
-    must_come_to_rest(r)
+    must_stop(r)
     assert not r.module.axis.faulty
     judge(r)
 
 
 @pytest.mark.parametrize("seed", range(100, 106))
-def test_whatever_goes_wrong_it_ends_at_rest(seed):
+def test_random_faults_end_at_standstill(seed):
     r = play(seed, mishaps=True, loss=0.0)
     judge(r)
     r.must_be_smooth(HARDEST)
-    must_come_to_rest(r)
+    must_stop(r)
     judge(r)
 
 
 @pytest.mark.parametrize("seed", range(200, 204))
-def test_whatever_is_lost_on_the_wire_it_ends_at_rest(seed):
+def test_random_frame_losses_end_at_standstill(seed):
     r = play(seed, mishaps=True, loss=0.05)
     r.cycle.lose = lambda *_: False
-    must_come_to_rest(r)
+    must_stop(r)
 
 
 @pytest.mark.parametrize("seed", range(300, 305))
-def test_whenever_the_scan_dies_its_last_frames_bring_the_module_to_rest(seed):
+def test_whenever_the_scan_dies_the_last_frames_stop_the_module(seed):
     r = play(seed, mishaps=False, loss=0.0)
     led = r.module.energised
     r.cycle.quick_stop_all()
@@ -115,7 +115,7 @@ def test_whenever_the_scan_dies_its_last_frames_bring_the_module_to_rest(seed):
     assert r.module.position == pytest.approx(place, abs=0.02)
 
 
-def test_the_end_of_a_program_lets_the_module_go():
+def test_the_end_of_a_program_switches_the_module_off():
     r = rig().enabled()
     r.axis.move_velocity(90.0).wait(5)
     r.scan.request_stop("the program ends")

@@ -45,7 +45,7 @@ def rescue(module: Module, lost: set[int] = frozenset(), *, holds: bool = False,
     return one, sent, now - after
 
 
-def test_it_is_braked_on_its_own_ramp_and_then_let_go():
+def test_the_rescue_brakes_the_module_on_its_own_ramp_and_then_switches_its_power_off():
     module = turning()
     one, sent, _ = rescue(module)
     assert (one.ok, one.text) == (True, "stands, without power")
@@ -57,7 +57,7 @@ def test_it_is_braked_on_its_own_ramp_and_then_let_go():
     assert {value for command, value in sent if command == STATE} == {1}
 
 
-def test_one_that_is_to_hold_keeps_its_power():
+def test_the_rescue_keeps_the_power_of_a_module_that_is_to_hold():
     module = turning(-6.0)
     one, sent, _ = rescue(module, holds=True)
     assert (one.ok, one.text) == (True, "is at standstill, and its module holds it")
@@ -66,7 +66,7 @@ def test_one_that_is_to_hold_keeps_its_power():
     assert {command for command, _ in sent} == {MODE, VEL}
 
 
-def test_one_that_is_off_gets_no_power():
+def test_the_rescue_does_not_enable_a_module_that_is_off():
     module = Module(5, **OWN)
     one, sent, seconds = rescue(module, after=0.0)
     assert one.ok
@@ -75,7 +75,7 @@ def test_one_that_is_off_gets_no_power():
     assert {command for command, _ in sent} <= {MODE, VEL}
 
 
-def test_one_that_does_not_brake_is_let_go_and_awaited():
+def test_the_rescue_switches_off_a_module_that_does_not_brake_and_waits_for_its_standstill():
     module = turning()
     one, _, seconds = rescue(module, {MODE, VEL})
     assert one.ok
@@ -84,7 +84,7 @@ def test_one_that_does_not_brake_is_let_go_and_awaited():
     assert abs(module.shaft.speed) < 0.02
 
 
-def test_one_that_does_not_let_go_gets_estop():
+def test_the_rescue_sends_estop_to_a_module_that_stays_energised():
     module = turning()
     one, sent, _ = rescue(module, {MODE, VEL, STATE})
     assert (ESTOP, 0) in sent
@@ -94,7 +94,7 @@ def test_one_that_does_not_let_go_gets_estop():
 
 
 @pytest.mark.parametrize("dead", [False, True])
-def test_one_that_obeys_nothing_is_not_confirmed(dead):
+def test_the_rescue_reports_a_module_that_obeys_nothing_as_not_confirmed(dead):
     module = turning()
     module.dials.dead = dead
     one, _, seconds = rescue(module, {MODE, VEL, STATE, ESTOP})

@@ -11,7 +11,7 @@ from axisbus.drives.gim6010.make import GIM6010
 from axisbus.drives.make import Make
 
 
-# frame, what its line must hold. Names by CiA 301 table 26 and CiA 402-2 table 6.
+# frame, parts of its line. Names by CiA 301 table 26 and CiA 402-2 table 6.
 @pytest.mark.parametrize(
     ("frame", "words"),
     [
@@ -37,14 +37,14 @@ def test_a_short_message_does_not_claim_a_register() -> None:
     assert "register" not in emcy_words(parse(bytes.fromhex("20 32"), 0.0))
 
 
-def test_the_make_adds_what_it_knows_of_the_code() -> None:
+def test_the_make_adds_its_explanation_of_the_code() -> None:
     under_voltage = parse(bytes.fromhex("20 32 05"), 0.0)
     assert "DC_BUS_UNDER_VOLTAGE: the supply voltage is too low" in emcy_words(under_voltage, GIM6010)
     assert "DC_BUS" not in emcy_words(under_voltage)
     assert "DC_BUS_UNDER_VOLTAGE" in history_words(decode(1, 0x3220), GIM6010)
 
 
-def test_the_register_narrows_what_the_make_says() -> None:
+def test_the_error_register_narrows_the_explanation_of_the_make() -> None:
     seen = []
     make = Make(
         "one", explain=lambda code, details: seen.append((code, dict(details))) or ["as the maker says"]

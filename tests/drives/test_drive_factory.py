@@ -55,7 +55,7 @@ def test_each_node_id_is_recognised_by_its_heartbeats(node):
 
 
 @pytest.mark.parametrize("node", [0, 1, 2, 3])
-def test_old_firmware_without_a_life_counter_is_recognised_where_nothing_of_canopen_may_be(node):
+def test_old_firmware_without_a_life_counter_is_recognised_if_no_canopen_device_may_use_the_identifier(node):
     assert [each.node for each in recognise(beats(node, life=False))] == [node]
 
 
@@ -165,7 +165,7 @@ def test_the_message_names_both_protocols_and_the_remedy():
 
 node_ids = st.integers(1, 127)
 octets = st.binary(min_size=8, max_size=8)
-# What looks most like a heartbeat of CAN Simple: a state, flags and a counter, all in their places.
+# Frames most similar to a heartbeat of CAN Simple: a state, flags and a counter, all at their positions.
 alike = st.builds(
     lambda error, state, flags: [struct.pack("<IBBBB", error, state, flags, 0, n % 256) for n in range(16)],
     st.sampled_from([0, 0x40, 0x1000]),
@@ -237,7 +237,7 @@ def test_a_module_is_found_on_a_bus_with_plain_canopen_traffic(frames, node, sta
         )
     )
 )
-def test_nothing_makes_it_raise(frames):
+def test_no_frame_makes_it_raise(frames):
     listening = ProtocolListener()
     for frame in frames:
         listening.note(frame)

@@ -1,4 +1,4 @@
-"""Makes of drive: which one a drive is of, and what the joint module's fault bits mean."""
+"""Makes of drive: the make of a drive, and the meaning of the joint module's fault bits."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ encoder 00000400 SEC_ENC_COM_FAIL
 """
 
 
-def test_a_drive_is_found_by_its_vendor_whatever_its_product_code() -> None:
+def test_a_drive_is_found_by_its_vendor_with_any_product_code() -> None:
     assert find(0x000C0B00, None) is GIM6010
     assert find(0x000C0B00, 7) is GIM6010
 
@@ -76,7 +76,7 @@ def test_an_unknown_drive_is_generic(vendor_id: int | None) -> None:
     assert (make.store_restarts, make.fault_objects, make.calibration_objects) == (False, (), ())
 
 
-def test_product_codes_narrow_a_make_where_they_are_given() -> None:
+def test_product_codes_narrow_a_make_if_they_are_given() -> None:
     make = Make("one product", vendor_id=1, product_codes=frozenset((5,)))
     assert make.matches(1, 5)
     assert not make.matches(1, 6)
@@ -104,11 +104,13 @@ def test_the_fault_table_is_that_of_the_manual() -> None:
         assert table[category, name].bits == int(bits, 16), line
 
 
-def test_each_fault_is_one_bit_of_its_part() -> None:
+def test_each_fault_has_exactly_one_bit() -> None:
     for fault in faults.FAULTS:
         assert fault.bits.bit_count() == 1
         assert fault.meaning
-        if fault.name == "CAN_BUS_FAILED":  # by owners' reports alone: neither code nor register bit is told
+        if (
+            fault.name == "CAN_BUS_FAILED"
+        ):  # by reports of owners alone: neither code nor register bit is known
             assert (fault.register_bit, fault.code) == (None, None)
         else:
             assert 0 <= fault.register_bit <= 7
@@ -153,13 +155,13 @@ def test_without_a_code_the_error_register_narrows() -> None:
     assert with_register.startswith("system DC_BUS_UNDER_VOLTAGE")
 
 
-def test_the_fault_that_the_code_names_comes_first() -> None:
+def test_the_fault_named_by_the_code_is_first() -> None:
     first, second = GIM6010.explain(0x2311, {LOW: 0x1040})
     assert first.startswith("motor CURRENT_LIMIT_VIOLATION")
     assert "axis MOTOR_FAILED" in second
 
 
-def test_a_code_without_bits_is_explained_as_far_as_it_goes() -> None:
+def test_an_error_code_without_bits_is_explained_as_far_as_possible() -> None:
     (sentence,) = GIM6010.explain(0x8400, {})
     assert sentence.startswith("controller OVERSPEED")
     assert GIM6010.explain(0xFF00, {}) == []
@@ -167,7 +169,7 @@ def test_a_code_without_bits_is_explained_as_far_as_it_goes() -> None:
     assert GIM6010.explain(0x9999, {}) == []
 
 
-def test_a_bit_that_nobody_knows_is_named_as_such() -> None:
+def test_an_unknown_fault_bit_is_named_as_such() -> None:
     (sentence,) = GIM6010.explain(0xFF00, {HIGH: 0x80000000})
     assert sentence == "bit 0x8000000000000000 is not in the module's fault table"
 

@@ -52,7 +52,7 @@ def states(sent):
         (CalibrationKind.FULL, FULL, ["motor calibration", "encoder calibration"], 1.0),
     ],
 )
-def test_it_is_asked_for_once_and_followed_to_its_end(kind, number, news, turns):
+def test_a_calibration_is_commanded_once_and_observed_until_its_end(kind, number, news, turns):
     found, one, sent = calibrated(kind)
     assert states(sent) == [number]
     assert found.verdict.good, found.verdict
@@ -66,13 +66,13 @@ def test_it_is_asked_for_once_and_followed_to_its_end(kind, number, news, turns)
     one.must_be_smooth()
 
 
-def test_nothing_is_sent_while_it_listens():
+def test_nothing_is_sent_while_it_listens_to_the_bus():
     _, _, sent = calibrated(CalibrationKind.MOTOR)
     assert sent[0].time >= 1.5
     assert sent[0].command == SET_STATE
 
 
-def test_it_is_calibrated_after_it():
+def test_a_module_that_refused_closed_loop_uncalibrated_can_be_calibrated_afterwards():
     one = bench(**{"axis0.motor.config.pre_calibrated": 0, "axis0.encoder.config.pre_calibrated": 0})
     one.order(SET_STATE, 8)
     one.run(0.1)
@@ -85,7 +85,7 @@ def test_it_is_calibrated_after_it():
     assert one.module.energised
 
 
-# -- what it does not begin with -----------------------------------------------------------------------------------------------
+# -- conditions that prevent its begin -----------------------------------------------------------------------------------------
 
 
 def enabled(one):
@@ -138,7 +138,7 @@ def test_an_invalid_node_id_is_refused():
         ({"calibration_one_way": True}, "did not come back"),
     ],
 )
-def test_one_that_fails_is_reported_with_the_reason(dials, wrong):
+def test_a_calibration_that_fails_is_reported_with_the_reason(dials, wrong):
     found, one, _ = calibrated(CalibrationKind.FULL, bench(**dials))
     assert not found.verdict.good
     assert wrong in "\n".join(found.verdict.wrong)
@@ -151,7 +151,7 @@ def test_after_a_motor_that_failed_the_encoder_is_not_turned():
     assert "encoder calibration was not seen among its states" in found.verdict.wrong
 
 
-def test_without_its_error_words_the_heartbeat_judges():
+def test_without_error_words_the_heartbeat_decides_the_verdict():
     found, _, _ = calibrated(CalibrationKind.FULL, bench(get_error_answered=False))
     assert found.verdict.good
     assert "its error words are not available over CAN: only its heartbeat was checked" in found.verdict.notes
@@ -162,7 +162,7 @@ def test_without_its_error_words_the_heartbeat_judges():
     assert "encoder: its heartbeat reports a fault" in found.verdict.wrong
 
 
-def test_one_that_is_not_begun_is_ended_by_idle():
+def test_a_calibration_that_does_not_begin_is_ended_by_idle():
     found, one, sent = calibrated(
         CalibrationKind.FULL, lose=lambda side, command, _: (side, command) == ("master", SET_STATE)
     )
@@ -261,8 +261,8 @@ def test_a_calibration_that_is_not_acknowledged_ends():
 
 
 @pytest.mark.parametrize("moment", [2.5, 3.2, 4.2])
-def test_one_that_restarts_at_once_is_reported(moment):
-    """Also in the encoder's part, where idle could be taken for the end of it."""
+def test_a_restart_of_the_module_during_the_calibration_is_reported(moment):
+    """Also in the encoder's part, where idle could be mistaken for its end."""
     one = bench(restart_time=0.0)
     found = Calibration(5, CalibrationKind.FULL)
     sent = play(found, one, at=when(moment, lambda each: each.module.restart()), step=STEP)
@@ -270,7 +270,7 @@ def test_one_that_restarts_at_once_is_reported(moment):
     assert states(sent)[-1] == IDLE
 
 
-def test_one_that_is_begun_again_by_another_while_its_errors_are_read_is_reported():
+def test_a_calibration_commanded_again_by_another_master_while_errors_are_read_is_reported():
     one = bench(get_error_answered=False)
     found = Calibration(5, CalibrationKind.MOTOR)
     sent = play(found, one, at=when(3.3, lambda each: each.order(SET_STATE, MOTOR)), step=STEP)
@@ -304,7 +304,7 @@ def test_the_first_reason_is_reported():
     assert found.why == "the bus: no acknowledge"
 
 
-def test_a_heartbeat_of_before_is_not_taken_for_an_answer():
+def test_a_heartbeat_from_before_the_command_does_not_count_as_its_answer():
     one = bench()
     found = Calibration(5, CalibrationKind.FULL)
 
@@ -315,7 +315,7 @@ def test_a_heartbeat_of_before_is_not_taken_for_an_answer():
     assert (found.why, found.verdict.good) == ("", True)
 
 
-def test_one_that_never_ends_is_ended(monkeypatch):
+def test_a_calibration_that_never_ends_is_ended_by_the_time_limit(monkeypatch):
     assert procedure_run.LONGEST == 300.0  # five minutes (manual v2.2, 3.1.4)
     monkeypatch.setattr(procedure_run, "LONGEST", 5.0)
     found, one, sent = calibrated(CalibrationKind.MOTOR, bench(calibration_time=1e6))
@@ -347,7 +347,7 @@ def test_slow_heartbeats_are_waited_for():
     assert calibrated(CalibrationKind.FULL, one)[0].verdict.good
 
 
-def test_foreign_and_short_frames_are_passed_over():
+def test_foreign_and_short_frames_are_ignored():
     found = Calibration(5, CalibrationKind.FULL)
     for can_id in (0x0A1, 0x0AA, 0x0A3, 0x0C1, 0x7FF):
         for size in range(9):

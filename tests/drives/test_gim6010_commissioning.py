@@ -49,7 +49,7 @@ def test_anything_else_is_not(modules, words):
         node_id_preconditions.require_one(finder, found, 5)
 
 
-def test_where_no_node_acknowledges_nothing_is_changed():
+def test_if_no_node_acknowledges_nothing_is_changed():
     finder, found = surveyed(Module(5))
     finder.unacknowledged = "no acknowledge"
     with pytest.raises(StateError, match="no node acknowledges"):
@@ -63,7 +63,7 @@ def test_a_node_id_that_is_free_is_given():
 
 
 @pytest.mark.parametrize("quiet", [{}, {"heartbeat_rate_ms": 0, "encoder_rate_ms": 0}])
-def test_one_that_is_taken_is_not_given(quiet):
+def test_a_node_id_that_another_module_has_is_refused(quiet):
     finder, found = surveyed(Module(5), Module(6, **quiet))
     with pytest.raises(StateError, match="another module has the node ID 6"):
         node_id_preconditions.require_free(finder, found, 6)

@@ -33,7 +33,7 @@ def canopen(node, **more):
 
 
 def harmless(frame):
-    """The test's own list of what commands nothing in any of the protocols."""
+    """The test's own list of frames that command nothing in any of the protocols."""
     command = frame.can_id & 0x1F
     if frame.remote:
         return command in (0x0A, 0x17) and not frame.data
@@ -57,7 +57,7 @@ def must_be_bounded(found):
         assert not any(each.energised or each.velocity for each in plant)
 
 
-# -- what is found ------------------------------------------------------------------------------------------------------------
+# -- findings -----------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("node", [0, 1, 5, 31, 48, 63])
@@ -81,7 +81,7 @@ def test_a_module_is_found_in_each_layout_of_its_heartbeat(node, firmware, layou
 
 
 @pytest.mark.parametrize("node", [0, 3, 12, 23, 47, 48, 51, 63])
-def test_a_module_that_sends_nothing_by_itself_is_found_by_asking(node):
+def test_a_module_that_sends_nothing_unasked_is_found_by_requests(node):
     found = search(silent(node))
     must_be_bounded(found)
     one = found.found["CAN Simple", node]
@@ -99,7 +99,7 @@ def test_a_canopen_module_is_found_that_sends_nothing(node):
         assert (one.state, one.enabled, one.errors) == ("switch on disabled", False, ())
 
 
-def test_all_protocols_on_one_bus():
+def test_the_modules_of_all_protocols_on_one_bus_are_found():
     found = search(
         Module(16), silent(24), canopen(33), Module(7, firmware=Firmware(0, 6, 8)), ask=ProbeScope.ALL
     )
@@ -119,7 +119,7 @@ def test_all_protocols_on_one_bus():
     assert "axisbus gim6010 to-canopen -i x -c y --node 16 --list endpoints_0.5.13.json" in told
 
 
-def test_with_the_29_bit_protocol_alone_silent_nodes_are_asked():
+def test_silent_nodes_are_found_if_only_a_module_of_the_29_bit_protocol_is_active():
     found = search(Module(7, firmware=Firmware(0, 6, 8)), silent(9))
     assert ("CAN Simple", 9) in found.found
     assert found.finder.picture.foreign() == []
@@ -178,7 +178,7 @@ def test_answers_on_the_other_command_are_taken():
     assert found.found["CAN Simple", 5].firmware == "0.5.13"
 
 
-def test_error_words_that_come_by_themselves_are_not_taken_for_answers():
+def test_error_words_sent_unasked_are_not_mistaken_for_answers():
     found = search(Module(5, dials=ModuleDials(motor_error=8), motor_error_rate_ms=20))
     assert not [each for each in found.sent if each.can_id == 5 << 5 | 3]
     one = found.found["CAN Simple", 5]
@@ -202,7 +202,7 @@ def test_two_modules_of_one_id_are_distinguished_from_one(firmware):
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(-0.03, 0.03), min_size=40, max_size=40), st.integers(0, 255), st.booleans())
-def test_one_that_beats_unevenly_is_not_taken_for_two(late, life, counts):
+def test_a_module_with_uneven_heartbeats_does_not_count_as_two(late, life, counts):
     beats = [
         (0.1 * place + each, bytes(7) + bytes([(life + place) % 256 if counts else 0]))
         for place, each in enumerate(late)
@@ -258,7 +258,7 @@ def test_two_canopen_modules_of_one_id_are_reported_by_their_answers():
 
 
 @pytest.mark.parametrize("late", [40, 70, 110])
-def test_answers_that_come_late_are_not_taken_for_those_of_a_second_module(late):
+def test_late_answers_are_not_mistaken_for_those_of_a_second_module(late):
     """A voltage and a count of CAN Simple's node 9 and uploads of CANopen node 5, each so many milliseconds late."""
     coming = []
 
@@ -285,8 +285,8 @@ def test_answers_that_come_late_are_not_taken_for_those_of_a_second_module(late)
         assert {*found.found} == {("CAN Simple", 9), ("CANopen", 5)}
 
 
-def test_what_comes_later_without_having_been_asked_for_is_left_alone_too():
-    """Somebody speaks every other second, on identifiers of node 60 of CAN Simple and on the SDO of CANopen node 100."""
+def test_identifiers_on_which_unasked_frames_are_received_later_are_not_used():
+    """A device sends every other second, on identifiers of node 60 of CAN Simple and on the SDO of CANopen node 100."""
 
     def strangers(now):
         late = now > 1.6 and round(now * 1000) % 100 == 0
@@ -297,7 +297,7 @@ def test_what_comes_later_without_having_been_asked_for_is_left_alone_too():
     assert {60 << 5 | 0x17, 0x600 + 100}.isdisjoint({each.can_id for each in found.sent})
 
 
-def test_a_module_that_goes_silent_while_it_is_asked():
+def test_a_module_that_goes_silent_during_the_search_is_reported_with_what_was_read():
     module = Module(5)
 
     def at(now):
@@ -311,7 +311,7 @@ def test_a_module_that_goes_silent_while_it_is_asked():
 
 
 @pytest.mark.parametrize("length", [0, 1, 4, 7])
-def test_answers_of_wrong_lengths_are_reported_and_not_believed(length):
+def test_answers_of_wrong_lengths_are_reported_and_not_used(length):
     def answer(request, _):
         if request.can_id == 5 << 5 | 0x17:
             return [(request.can_id, bytes(length))]
@@ -325,10 +325,10 @@ def test_answers_of_wrong_lengths_are_reported_and_not_believed(length):
     assert only.found == {}
 
 
-# -- what must not be asked ---------------------------------------------------------------------------------------------------
+# -- requests that must not be sent -------------------------------------------------------------------------------------------
 
 
-def test_foreign_traffic_is_named_and_nobody_silent_is_asked():
+def test_foreign_traffic_is_named_and_silent_nodes_are_not_probed():
     found = search(Module(5), silent(9), strangers=lambda _: [(0x3E8, b"\1\2\3")])
     must_be_bounded(found)
     assert [each.can_id for each in found.finder.picture.foreign()] == [0x3E8]
@@ -352,7 +352,7 @@ def test_nothing_is_sent_on_an_identifier_in_use_even_with_ask_all():
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32))
 def test_random_traffic_is_never_answered_to(seed):
-    """Strangers of any identifier and data: the finder ends, and sends nothing on what it had heard before, nor a command."""
+    """Unknown devices with any identifier and data: the finder ends, and sends nothing on a received identifier, nor a command."""
     chance = random.Random(seed)
     ids = [
         chance.randrange(0x800) if chance.random() < 0.8 else chance.randrange(0x800, 1 << 29)
@@ -376,7 +376,7 @@ def test_random_traffic_is_never_answered_to(seed):
         )
 
 
-def test_without_remote_frames_who_was_heard_is_asked_by_data_frames_and_nobody_silent():
+def test_without_remote_frames_known_modules_are_probed_by_data_frames_and_silent_ones_not_at_all():
     found = search(Module(16), silent(24), canopen(33), ask=ProbeScope.ALL, remote=False)
     must_be_bounded(found)
     assert {*found.found} == {("CAN Simple", 16), ("CANopen", 33)}
@@ -396,7 +396,7 @@ def test_only_listening_sends_nothing():
 
 
 def test_the_first_sign_that_no_node_acknowledges_ends_the_asking():
-    """The one frame that is on its way is repeated by the controller until it is taken: there must be no second."""
+    """The one frame in transmission is repeated by the controller until it is acknowledged: there must be no second."""
     told = []
 
     def at(now):
@@ -410,7 +410,7 @@ def test_the_first_sign_that_no_node_acknowledges_ends_the_asking():
 
 
 def test_on_a_silent_bus_the_first_request_is_waited_for_longer():
-    """Until a controller has told that nobody acknowledges."""
+    """Until a controller has reported the missing acknowledge."""
     found = search()
     must_be_bounded(found)
     assert found.sent[1].time - found.sent[0].time >= 0.1 - 1e-9
@@ -419,8 +419,8 @@ def test_on_a_silent_bus_the_first_request_is_waited_for_longer():
 
 
 @pytest.mark.parametrize("most", [6, 24])
-def test_a_module_is_not_asked_without_end(most):
-    """A CANopen node whose objects all come in segments of which none is the last."""
+def test_the_requests_to_one_module_are_bounded(most):
+    """A CANopen node whose objects all arrive in segments without a last one."""
 
     def answer(request, _):
         if request.can_id != 0x605 or request.data[0] == 0x80:

@@ -39,13 +39,13 @@ def test_a_position_gain_is_lowered_little_by_little():
     assert search.best == pytest.approx(22.1)
 
 
-def test_one_that_is_too_much_from_the_beginning_is_lowered_first_and_then_raised_as_the_manual_has_it():
+def test_a_gain_too_high_at_the_start_is_lowered_first_and_then_raised_as_in_the_manual():
     search, tried = played(Loop.VELOCITY, 1.0, 1.0, 0.3)
     assert tried == pytest.approx([1.0, 0.5, 0.25, 0.325, 0.1625])
     assert search.best == pytest.approx(0.1625)
 
 
-def test_nothing_above_the_most_is_ever_tried():
+def test_no_gain_above_the_maximum_is_tried():
     search, tried = played(Loop.POSITION, 20.0, 30.0, 1000.0)
     assert tried == [20.0, 26.0]
     assert "may not be raised beyond 30" in search.ends

@@ -40,7 +40,7 @@ def test_each_value_that_follows_has_the_manuals_modes(follows, modes):
 
 
 @given(NUMBERS, NUMBERS, st.floats(1.0, 2.0))
-def test_a_mapping_stays_between_its_ends_and_is_zero_where_it_says(low, high, width):
+def test_a_mapping_stays_between_its_ends_and_is_zero_at_its_stated_width(low, high, width):
     if low == high:
         return
     mapping = Mapping(Follows.TORQUE, low, high)

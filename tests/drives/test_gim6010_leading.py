@@ -32,7 +32,7 @@ FAULTS = (
     lambda one: one.order(ESTOP),
     lambda _: None,
 )
-JOLTS = (  # after which the plant is not smooth by itself
+JOLTS = (  # after these the plant alone is not smooth
     lambda one: setattr(one.module.dials, "blocked", True),
     lambda one: setattr(one.module.dials, "encoder_frozen", True),
 )
@@ -40,7 +40,7 @@ JOLTS = (  # after which the plant is not smooth by itself
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("name", DIALOGUES)
-def test_whatever_is_lost_and_whatever_happens_it_ends_and_what_it_says_is_so(name, seed):
+def test_each_dialogue_ends_and_reports_the_truth_under_random_losses_and_faults(name, seed):
     chance = random.Random(f"{name} {seed}")
     one = Bench(Module(5, vel_ramp_rate=20.0, dials=ModuleDials(calibration_time=0.2, restart_time=0.3)))
     one.run(0.3)
@@ -93,8 +93,8 @@ def test_a_pulse():
         HeartbeatMonitor(64)
 
 
-def test_letting_go_by_steps():
-    """Idle for 1.5 s and two periods, then ESTOP as long, then what is not known is said."""
+def test_the_power_is_switched_off_by_idle_then_estop():
+    """Idle for 1.5 s and two periods, then ESTOP as long, then the unknown state is reported."""
     pulse = HeartbeatMonitor(5)
     for number in range(5):
         pulse.take(beat(number * 0.1, 8, number))

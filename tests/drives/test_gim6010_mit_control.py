@@ -31,8 +31,8 @@ SPIN = MitCommand(0.0, 6.0, 0.0, 3.0, 0.0)
 DAMPING = bytes.fromhex("80 00 80 00 00 33 38 00")  # kd 1 of 5: 819 = 333h, by the manual's formula
 
 
-class Led:
-    """A leader on a wire; ``sent`` is what it sent, as (time, command, data)."""
+class ControllerBench:
+    """A controller on a wire; ``sent`` holds its frames, as (time, command, data)."""
 
     def __init__(self, bench=None, settings=SETTINGS, lose=lambda *_: False, step=0.001):
         self.bench = bench or made()
@@ -93,7 +93,7 @@ def made(params=None, **more):
 
 
 def judge(led):
-    """What must hold of everything that was ever sent."""
+    """Check the invariants of all sent frames."""
     zeros = [data for _, command, data in led.sent if command == MIT and not any(data)]
     assert zeros == []
     assert set(led.commands()) <= {MIT, SET_MODE, SET_STATE, ESTOP}
@@ -107,12 +107,12 @@ def judge(led):
 # -- enabling --------------------------------------------------------------------------------------------------------------------
 
 
-def test_it_is_enabled_without_a_jump_whatever_inputs_were_left():
+def test_a_module_is_enabled_for_mit_control_without_a_jump_for_any_earlier_inputs():
     one = made()
     one.order(SET_MODE, 3, 9)
     one.order(POS, 50.0, 3000, 500)
     one.module.axis.controller.kp, one.module.axis.controller.kd = 400.0, 0.0
-    led = Led(one).enabled()
+    led = ControllerBench(one).enabled()
     led.run(0.5)
     assert abs(led.output) < 0.02  # half a step of torque and of velocity, under damping
     one.must_be_smooth()
@@ -121,7 +121,7 @@ def test_it_is_enabled_without_a_jump_whatever_inputs_were_left():
 
 
 def test_the_frames_that_are_sent_and_their_order():
-    led = Led().enabled()
+    led = ControllerBench().enabled()
     begin = led.sent[0][0]
     assert begin >= 1.8  # after listening
     assert led.commands()[:2] == [SET_MODE, MIT]
@@ -147,14 +147,14 @@ def test_the_frames_that_are_sent_and_their_order():
 def test_reasons_that_prevent_mit_control(dials, before, why):
     one = made(**dials)
     before(one)
-    led = Led(one).left()
+    led = ControllerBench(one).left()
     assert led.sent == []
     assert re.search(why, led.leader.why)
     assert led.leader.left == "nothing was sent to it"
 
 
-def test_one_that_another_program_commands_is_not_enabled():
-    led = Led()
+def test_a_module_that_another_program_commands_is_not_enabled_for_mit_control():
+    led = ControllerBench()
     led.run(0.5)
     led.leader.receive(CanFrame(led.bench.now, 5 << 5 | SET_STATE, bytes([8, *bytes(7)])))
     led.left()
@@ -163,25 +163,25 @@ def test_one_that_another_program_commands_is_not_enabled():
 
 
 def test_a_module_that_does_not_answer_is_not_enabled():
-    led = Led(lose=lambda side, command, _: (side, command) == ("module", MIT)).left()
+    led = ControllerBench(lose=lambda side, command, _: (side, command) == ("module", MIT)).left()
     assert led.leader.why == "the module does not answer MIT control"
     assert 8 not in led.states()
     assert led.states() == [1] * len(led.states())
     assert not led.bench.module.energised
 
 
-def test_one_that_does_not_start_is_let_go():
-    led = Led(made(wont_start=True)).left()
+def test_a_module_that_does_not_start_mit_control_is_set_to_idle():
+    led = ControllerBench(made(wont_start=True)).left()
     assert "does not go into closed loop" in led.leader.why
     judge(led)
     assert led.leader.confirmed
 
 
-# -- leading ---------------------------------------------------------------------------------------------------------------------
+# -- control ---------------------------------------------------------------------------------------------------------------------
 
 
 def test_under_mit_control_a_stiff_command_moves_the_output_to_its_position():
-    led = Led().enabled()
+    led = ControllerBench().enabled()
     led.lead(3.0, MitCommand(1.0, 0.0, 20.0, 2.0, 0.0))
     assert led.output == pytest.approx(1.0, abs=0.1)
     cycle = led.leader.answered
@@ -194,12 +194,12 @@ def test_under_mit_control_a_stiff_command_moves_the_output_to_its_position():
     led.bench.must_be_smooth()
 
 
-def test_stiffness_at_the_output_is_what_the_gear_makes_of_it():
+def test_stiffness_at_the_output_is_converted_by_the_gear():
     """A load of 100 ‰ (0.0625 N·m at the rotor, 0.5 N·m at the output) turns the spring by load over stiffness.
 
     The wire has no exact 0: half a step of torque (50/4095 N·m) and of velocity (65/4095 rad/s, times kd) carry some of it.
     """
-    led = Led(made(MotorParams(load=100.0, friction=0.0))).enabled()
+    led = ControllerBench(made(MotorParams(load=100.0, friction=0.0))).enabled()
     here = led.output
     led.lead(4.0, MitCommand(here, 0.0, 20.0, 1.0, 0.0))
     carried = 50.0 / 4095.0 + 65.0 / 4095.0 * SETTINGS.output_damping(1.0)
@@ -209,8 +209,8 @@ def test_stiffness_at_the_output_is_what_the_gear_makes_of_it():
     assert SETTINGS.output_damping(2.0) == pytest.approx(2.0 * 8.0 / math.tau)
 
 
-def test_what_lies_beyond_its_range_is_brought_to_it_and_reported():
-    led = Led().enabled()
+def test_a_value_beyond_its_range_is_limited_and_reported():
+    led = ControllerBench().enabled()
     led.lead(0.05, MitCommand(20.0, 0.0, 0.0, 5.0, -60.0))
     assert [(each.name, each.sent) for each in led.leader.answered.saturated] == [
         ("position", 12.5),
@@ -222,7 +222,7 @@ def test_what_lies_beyond_its_range_is_brought_to_it_and_reported():
 def test_a_program_that_waits_for_an_answer_is_not_dead():
     """Answers stay away for longer than its patience, and for less than makes the module lost."""
     since = []
-    led = Led(
+    led = ControllerBench(
         lose=lambda side, command, now: (
             side == "module" and command == MIT and since and now < since[0] + 0.08
         )
@@ -237,7 +237,7 @@ def test_a_program_that_waits_for_an_answer_is_not_dead():
 
 
 def test_late_frames_are_not_made_up_for():
-    led = Led().enabled()
+    led = ControllerBench().enabled()
     led.lead(0.05, MitCommand(0.0, 0.0, 0.0, 1.0, 0.0))
     led.leader.command(MitCommand(0.0, 0.0, 0.0, 1.0, 0.0), led.bench.now)
     led.bench.run(0.04)
@@ -248,7 +248,7 @@ def test_late_frames_are_not_made_up_for():
     assert min(b - a for a, b in pairwise(times)) > 0.0039
 
 
-# -- ways out --------------------------------------------------------------------------------------------------------------------
+# -- ends ------------------------------------------------------------------------------------------------------------------------
 
 
 def spinning(led):
@@ -256,8 +256,8 @@ def spinning(led):
     return led.lead(0.3, MitCommand(0.0, 6.0, 0.0, 3.0, 0.0))
 
 
-def test_it_is_braked_by_damping_and_then_let_go():
-    led = spinning(Led().enabled())
+def test_a_module_is_braked_by_damping_and_then_set_to_idle():
+    led = spinning(ControllerBench().enabled())
     assert led.bench.module.shaft.speed * TURN > 3.0
     led.leader.leave("the program has ended it")
     at, since = led.bench.now, len(led.sent)
@@ -291,7 +291,7 @@ def test_it_is_braked_by_damping_and_then_let_go():
     ids=["no command", "estop", "error", "dead", "silent", "idle", "restart", "another master", "asked for"],
 )
 def test_every_end_of_mit_control_leaves_the_module_in_idle(act, why):
-    led = spinning(Led().enabled())
+    led = spinning(ControllerBench().enabled())
     act(led)
     if why.startswith("the program"):
         led.left()
@@ -307,8 +307,8 @@ def test_every_end_of_mit_control_leaves_the_module_in_idle(act, why):
         assert not led.bench.module.energised
 
 
-def test_one_that_is_not_heard_is_braked_blind_for_a_moment_only():
-    led = spinning(Led().enabled())
+def test_a_module_that_stops_sending_is_braked_for_a_moment_only():
+    led = spinning(ControllerBench().enabled())
     led.bench.module.dials.dead = True
     at = led.bench.now
     led.lead(15.0, SPIN)
@@ -338,11 +338,11 @@ def test_two_sources_of_the_position_that_disagree_stop_the_module():
     assert "not the module's" in said(1.4 / TURN, 9.0, speed=-10.0)
 
 
-def test_a_second_interrupt_goes_to_estop():
-    led = spinning(Led().enabled())
+def test_a_second_interrupt_leads_to_estop():
+    led = spinning(ControllerBench().enabled())
     led.leader.leave("Ctrl-C")
     led.run(0.01)
-    led.leader.leave("again")  # by itself this changes nothing
+    led.leader.leave("again")  # this alone changes nothing
     led.run(0.01)
     assert ESTOP not in led.commands()
     led.leader.escalate()
@@ -354,7 +354,7 @@ def test_a_second_interrupt_goes_to_estop():
 
 
 def test_commands_during_the_stop_are_not_sent():
-    led = spinning(Led().enabled())
+    led = spinning(ControllerBench().enabled())
     led.leader.leave("over")
     since = len(led.sent)
     led.lead(10.0, MitCommand(0.0, 60.0, 0.0, 5.0, 40.0))
@@ -362,7 +362,7 @@ def test_commands_during_the_stop_are_not_sent():
 
 
 def test_at_the_end_of_the_position_s_range_it_is_left():
-    led = Led().enabled()
+    led = ControllerBench().enabled()
     led.lead(6.0, MitCommand(0.0, 6.0, 0.0, 3.0, 0.0))
     assert "at the end of its range" in led.leader.why
     assert led.output > 12.0
@@ -371,17 +371,17 @@ def test_at_the_end_of_the_position_s_range_it_is_left():
 
 
 def test_a_position_that_wraps_is_left():
-    led = Led().enabled()
+    led = ControllerBench().enabled()
     for position in ("FF 00", "01 00"):
         led.leader.receive(CanFrame(led.bench.now, 5 << 5 | MIT, bytes.fromhex(f"05 {position} 80 08 00")))
     assert "may wrap" in led.leader.why
 
 
-def test_ranges_that_are_not_the_module_s_are_found_out():
+def test_mit_ranges_that_the_module_does_not_have_are_detected():
     one = Bench(Module(5, firmware=Firmware(0, 6, 0), mit_max_pos=25.0))
     one.run(0.3)
     one.module.motor.position = 0.9 * 16384
-    led = Led(one).enabled()
+    led = ControllerBench(one).enabled()
     led.lead(1.0, MitCommand(0.0, 0.0, 0.0, 1.0, 0.0))
     assert "the ranges or the gear" in led.leader.why
     assert not one.module.energised
@@ -393,7 +393,7 @@ def test_right_ranges_of_another_firmware_are_not():
     one.module.motor.position = 0.9 * 16384
     ranges = ranges_of(PlainParameters(one.module))
     assert ranges == MitRanges(25.0, 65.0, 500.0, 5.0, 50.0)
-    led = Led(one, MitSettings(5, ranges, 8.0, 1.0, 0.005, 0.05)).enabled()
+    led = ControllerBench(one, MitSettings(5, ranges, 8.0, 1.0, 0.005, 0.05)).enabled()
     spinning(led)
     assert led.leader.why == ""
 
@@ -417,7 +417,7 @@ kinds = st.builds(MitRanges, *[st.floats(1e-3, 1e4)] * 5) | st.just(MANUAL)
 def test_no_play_sends_a_frame_of_zeros_or_leaves_it_enabled(commands, leave_at, random):
     """Any commands, frames lost on both sides, and an end at any moment."""
     lose = (lambda *_: False) if random is None else (lambda *_: random.random() < 0.05)
-    led = Led(made(), lose=lose, step=0.002)
+    led = ControllerBench(made(), lose=lose, step=0.002)
     led.run(6.0, lambda: led.leader.phase is MitPhase.RUNNING or led.leader.over)
     for count in range(leave_at):
         led.run(0.002, lambda: led.leader.over)
@@ -430,7 +430,7 @@ def test_no_play_sends_a_frame_of_zeros_or_leaves_it_enabled(commands, leave_at,
 
 
 @given(moves, kinds, st.data())
-def test_its_own_frames_are_never_zeros_whatever_the_ranges(command, ranges, data):
+def test_mit_frames_are_never_zeros_for_any_ranges(command, ranges, data):
     damping = data.draw(st.floats(ranges.kd / 4000.0, ranges.kd))
     leader = MitLeader(MitSettings(7, ranges, 8.0, damping, 0.005, 0.05))
     for frame in leader.parting:
@@ -465,7 +465,7 @@ def test_invalid_settings_are_refused(wrong):
     assert caught.value.remedy
 
 
-def test_nothing_has_a_default():
+def test_no_setting_has_a_default():
     with pytest.raises(TypeError):
         MitSettings(5)
     assert json.dumps(sorted(MitSettings.__dataclass_fields__)) == json.dumps(

@@ -1,4 +1,4 @@
-"""Parameters by name without a bus: what may be written, values as text, backups, and what a restore would do."""
+"""Parameters by name without a bus: writable ones, values as text, backups, and the plan of a restore."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_the_node_id_is_no_parameter_to_be_written():
             rules.require_writable(NODE, by_name=by_name)
 
 
-def test_what_belongs_to_a_backup():
+def test_parameters_that_belong_to_a_backup():
     listed = Fake().listed
     kept = {each.path for each in listed.endpoints.values() if rules.kept(each)}
     assert {LIMIT, KT, NODE} < kept
@@ -187,14 +187,14 @@ def test_a_backup_is_complete_or_fails():
         backup.take(Fake(silent=[LIMIT]))
 
 
-def test_a_module_that_is_gone_ends_the_reading():
+def test_reading_parameters_of_a_module_that_answers_nothing_raises():
     fake = Fake()
     fake.silent = set(fake.listed.endpoints)
     with pytest.raises(NodeTimeout):
         backup.read_all(fake, fake.listed.endpoints.values())
 
 
-def test_some_that_are_not_answered_are_reported_and_the_others_read():
+def test_parameters_that_are_not_answered_are_reported_and_the_others_read():
     fake = Fake()
     wanted = [each for each in fake.listed.endpoints.values() if each.readable and rules.travels(each)]
     fake.silent = {each.path for each in wanted[::2]}
@@ -205,7 +205,7 @@ def test_some_that_are_not_answered_are_reported_and_the_others_read():
 
 
 @given(SETS, SETS)
-def test_differences_are_what_differs_and_nothing_else(one, other):
+def test_differences_are_exactly_the_values_that_differ(one, other):
     found = {each.path: each for each in backup.differences(one, other)}
     for path in {*one, *other}:
         equal = path in one and path in other and values.same(one[path], other[path])
@@ -213,7 +213,7 @@ def test_differences_are_what_differs_and_nothing_else(one, other):
     assert all(each.words for each in found.values())
 
 
-# -- what a restore would do --------------------------------------------------------------------------------------------------
+# -- the plan of a restore ----------------------------------------------------------------------------------------------------
 
 
 def changed(fake, **more):
@@ -223,7 +223,7 @@ def changed(fake, **more):
     )
 
 
-def test_a_restore_leaves_what_is_protected_unless_it_is_named():
+def test_a_restore_leaves_protected_parameters_unless_they_are_named():
     fake = Fake()
     present = backup.take(fake).values
     plan = backup.plan(changed(fake), fake, present, frozenset())
@@ -236,7 +236,7 @@ def test_a_restore_leaves_what_is_protected_unless_it_is_named():
     }
 
 
-def test_what_the_backup_does_not_have_is_left_as_it_is():
+def test_a_parameter_that_the_backup_does_not_have_is_left_unchanged():
     fake = Fake()
     present = backup.take(fake).values
     short = backup.ParameterBackup(fake.serial, V13, {LIMIT: 10.0})
@@ -256,7 +256,7 @@ def test_parameters_that_are_never_written_cannot_be_included():
             backup.plan(wild, fake, present, frozenset({path}))
 
 
-def test_a_backup_of_another_module_or_firmware_is_refused_unless_it_is_asked_for():
+def test_a_backup_of_another_module_or_firmware_is_refused_unless_explicitly_allowed():
     fake = Fake()
     good = {"other_module": False, "other_firmware": False}
     backup.require_same(backup.take(fake), fake, **good)
@@ -270,7 +270,7 @@ def test_a_backup_of_another_module_or_firmware_is_refused_unless_it_is_asked_fo
     backup.require_same(newer, fake, **{**good, "other_firmware": True})
 
 
-def test_every_protected_setting_says_why():
+def test_every_protected_setting_has_a_reason():
     for path in (KT, OFFSET, NODE, "can.config.baud_rate"):
         found = protected(path)
         assert found is not None

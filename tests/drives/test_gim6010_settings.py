@@ -1,4 +1,4 @@
-"""What a commissioning sets in a module: values that have to be given, each read back; and cut off before each act."""
+"""Settings of a module at commissioning: values that have to be given, each read back; and interrupted before each act."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def applied(wanted, module=None, **more):
     return found, told
 
 
-# -- what is written ---------------------------------------------------------------------------------------------------------
+# -- written settings --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_present_values_are_shown():
     assert list(shown(PlainParameters(Module(5)), limits.PATHS)) == [f"{VEL} = 30", f"{CUR} = 45"]
 
 
-def test_the_same_is_reported_as_steps_over_usb():
+def test_the_changes_of_a_setting_are_also_printed_as_steps_over_usb():
     steps = termination.wanted(on=False).over_usb
     assert f"odrv0.{R120} = False" in steps
     assert steps[-1].startswith("odrv0.save_configuration()")
@@ -101,13 +101,13 @@ def test_the_same_is_reported_as_steps_over_usb():
         (lambda: bitrate.wanted(0), ArgumentError),
     ],
 )
-def test_nothing_is_guessed(make, error):
+def test_no_missing_setting_is_guessed(make, error):
     with pytest.raises(error) as caught:
         make()
     assert caught.value.remedy
 
 
-def test_nothing_is_written_where_one_of_several_cannot_be():
+def test_no_setting_is_written_if_one_of_several_is_invalid():
     found = PlainParameters(Module(5))
     with pytest.raises(ArgumentError):
         apply(found, ParameterBatch(((VEL, 12.0), ("vbus_voltage", 3.0))), lambda _: None)
@@ -117,7 +117,7 @@ def test_nothing_is_written_where_one_of_several_cannot_be():
     assert found.acts == 0
 
 
-def test_what_the_module_does_not_take_is_reported():
+def test_a_setting_that_the_module_does_not_accept_is_reported():
     with pytest.raises(NodeError):
         applied(termination.wanted(on=False), stubborn=[R120])
 
@@ -168,7 +168,7 @@ def test_a_module_that_is_alone_gets_another_rate():
     ],
     ids=["can simple", "canopen", "silent"],
 )
-def test_one_that_is_not_alone_does_not(others):
+def test_the_bit_rate_is_not_changed_if_the_module_is_not_alone(others):
     with pytest.raises(StateError, match="not alone"):
         bitrate.require_alone(*surveyed(Module(16), *others), 16)
 
@@ -179,8 +179,8 @@ def test_foreign_traffic_counts_as_another_node():
         bitrate.require_alone(*found, 16)
 
 
-def heard_at(module, rate):
-    """The node IDs that ``find`` tells on a wire of this rate."""
+def found_at_rate(module, rate):
+    """The node IDs that ``find`` reports on a wire of this rate."""
     module.dials.line_bitrate = rate
     return [key[1] for key in search(module, ask=ProbeScope.ALL).found]
 
@@ -196,8 +196,8 @@ def test_cut_off_at_each_step_it_is_found_at_one_rate(cut, at):
     except Cut:
         assert cut is not None
         module.restart()
-    assert heard_at(module, at) == [5]
-    assert heard_at(module, 1_500_000 - at) == []
+    assert found_at_rate(module, at) == [5]
+    assert found_at_rate(module, 1_500_000 - at) == []
 
 
 # -- zero ------------------------------------------------------------------------------------------------------------------------
@@ -243,7 +243,7 @@ def test_cut_off_before_the_save_the_old_zero_is_back_after_a_start(cut):
     assert [bench.module.usb_read(path) for path in (OFFSET, USED)] == [0.7, 1]
 
 
-def test_an_estimate_that_is_dead_is_not_believed():
+def test_a_frozen_position_estimate_is_refused_for_the_zero():
     place = zero.RotorZero(0.0, False, 0.0, 4096, 16384)
     with pytest.raises(StateError, match="does not agree"):
         zero.wanted(place, place)
@@ -252,7 +252,7 @@ def test_an_estimate_that_is_dead_is_not_believed():
 @pytest.mark.parametrize(
     ("off", "good"), [(0.0099, True), (0.0101, False), (-0.0099, True), (-0.0101, False)]
 )
-def test_how_near_they_have_to_be(off, good):
+def test_both_estimates_of_the_zero_must_agree_within_the_tolerance(off, good):
     place = zero.RotorZero(0.7, True, 0.55 + off, 4096, 16384)
     if good:
         assert zero.wanted(place, place).values[0][1] == pytest.approx((0.25 + off) % 1.0)
@@ -261,7 +261,7 @@ def test_how_near_they_have_to_be(off, good):
             zero.wanted(place, place)
 
 
-def test_one_that_turns_is_not_zeroed():
+def test_the_zero_of_a_turning_module_is_not_set():
     one, two = (zero.RotorZero(0.0, False, count / 16384, count, 16384) for count in (4096, 4136))
     with pytest.raises(StateError, match="turns"):
         zero.wanted(one, two)

@@ -129,7 +129,7 @@ def test_gains_are_set_before_it_is_enabled():
     assert [frame.can_id for frame in Gains(position=1.0).frames(5)] == [5 << 5 | POS_GAIN]
 
 
-# -- what ends it ------------------------------------------------------------------------------------------------------------------
+# -- interruptions -----------------------------------------------------------------------------------------------------------------
 
 
 def when(moment, act):
@@ -145,7 +145,7 @@ def when(moment, act):
 
 @settings(max_examples=12, deadline=None)
 @given(st.floats(0.3, 5.5), st.integers(0, 2), st.sampled_from([POSITION, VELOCITY]))
-def test_interrupted_at_any_moment_it_comes_to_rest(moment, more, trial):
+def test_a_trial_interrupted_at_any_moment_stops(moment, more, trial):
     one = bench()
     found = ModuleTuning(trial, Gains())
 
@@ -208,13 +208,13 @@ def test_a_second_interrupt_does_not_wait_for_the_brake():
     assert "ESTOP" in found.left
 
 
-def test_one_that_has_let_go_itself_is_not_braked_for_long():
+def test_a_module_that_switched_itself_off_gets_idle_soon():
     _, _, sent = tried(VELOCITY, at=when(2.4, lambda one: one.module.axis.estop()))
     idle = next(each.time for each in sent if each.command == SET_STATE and each.data[0] == IDLE)
     assert idle < 2.8
 
 
-def test_one_that_goes_too_far_or_too_fast_is_stopped():
+def test_a_tuning_move_that_goes_too_far_or_too_fast_is_stopped():
     far, _, _ = tried(POSITION, at=when(2.3, lambda one: one.order(POS, 30.0, 0, 0)))
     assert "farther than allowed" in far.why
 
@@ -229,7 +229,7 @@ def test_one_that_goes_too_far_or_too_fast_is_stopped():
 
 
 @pytest.mark.parametrize("lost", [SET_STATE, ESTIMATES])
-def test_one_that_does_not_start_is_let_go(lost):
+def test_a_module_that_does_not_start_a_tuning_move_is_set_to_idle(lost):
     one = bench()
     one.module.parameters["axis0.config.can.encoder_rate_ms"] = 0
     found, one, _ = tried(
@@ -239,7 +239,7 @@ def test_one_that_does_not_start_is_let_go(lost):
     assert not one.module.energised
 
 
-# -- what is given, and what is said -------------------------------------------------------------------------------------------
+# -- arguments and messages ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -304,7 +304,7 @@ def test_a_ringing_step_is_measured():
     assert scaled.settled == found.settled
 
 
-def test_one_that_does_not_settle():
+def test_a_response_that_oscillates_is_reported_as_not_settled():
     found = measure(ring(0.0, 1.0), 0.0, 1.0)
     assert found.settled is None
     assert found.ripple == pytest.approx(2.0, abs=0.02)
@@ -313,11 +313,11 @@ def test_one_that_does_not_settle():
     assert measure(ring(1.0, 1.0), 1.0, 1.0) is None
 
 
-def test_one_that_falls_short():
+def test_a_response_that_falls_short_has_the_rest_as_its_remaining_error():
     assert measure([(t / 10, 0.9) for t in range(20)], 0.0, 1.0).left == pytest.approx(0.1)
 
 
-def test_what_the_manual_has_one_try_next():
+def test_the_next_step_of_tuning_according_to_the_manual():
     calm, wild = measure([(t / 10, 1.0) for t in range(20)], 0.0, 1.0), measure(ring(0.0, 1.0), 0.0, 1.0)
     assert "30 %, to 0.26" in search.following(Loop.VELOCITY, calm, 0.2)
     assert "halved, to 0.1" in search.following(Loop.VELOCITY, wild, 0.2)

@@ -41,7 +41,7 @@ def within(rig, body):
 
 
 def is_off(rig, window=0.1):
-    """Whether it truly has no power and stands, half a second later."""
+    """Whether it truly has no power and is at standstill, half a second later."""
     rig.wire.before = lambda _: None
     rig.rest()
     return not rig.plant.energised and abs(rig.velocity) < window
@@ -98,7 +98,7 @@ def test_a_move_arrives_by_the_trapezoid(target):
     ]
 
 
-def test_a_relative_move_counts_from_where_it_is():
+def test_a_relative_move_counts_from_the_actual_position():
     rig = Rig(3.25)
     with rig.axis as axis:
         axis.enable(P)
@@ -108,7 +108,7 @@ def test_a_relative_move_counts_from_where_it_is():
 
 
 @pytest.mark.parametrize("velocity", [5.0, -5.0])
-def test_a_velocity_comes_on_a_ramp_and_continues_one(velocity):
+def test_a_velocity_is_ramped_from_the_present_one(velocity):
     rig = Rig()
     with rig.axis as axis:
         axis.enable(V)
@@ -143,7 +143,7 @@ def test_a_velocity_does_not_make_up_in_one_step_for_answers_that_were_lost():
     assert max(after - before for before, after in itertools.pairwise(velocities)) <= 1.0 + 1e-6
 
 
-def test_a_torque_comes_on_a_slope_and_its_velocity_is_watched():
+def test_a_torque_is_ramped_and_its_velocity_is_monitored():
     rig = Rig()
 
     def body(axis):
@@ -187,7 +187,7 @@ def test_a_halt_during_a_move_leaves_the_axis_enabled_and_another_move_continues
     assert is_off(rig)
 
 
-def test_disable_may_be_asked_for_twice_and_enabling_comes_again():
+def test_disable_may_be_repeated_and_enabling_works_again():
     rig = Rig()
     with rig.axis as axis:
         axis.disable()
@@ -201,7 +201,7 @@ def test_disable_may_be_asked_for_twice_and_enabling_comes_again():
     assert is_off(rig)
 
 
-# -- what is refused ---------------------------------------------------------------------------------------------------
+# -- refusals ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -219,7 +219,7 @@ def test_disable_may_be_asked_for_twice_and_enabling_comes_again():
         (lambda axis: axis.enable(V), StateError),
     ],
 )
-def test_what_cannot_be_is_refused_before_anything_is_sent(call, error):
+def test_invalid_commands_are_refused_before_anything_is_sent(call, error):
     rig = Rig()
     with rig.axis as axis:
         axis.enable(P)
@@ -230,7 +230,7 @@ def test_what_cannot_be_is_refused_before_anything_is_sent(call, error):
         assert rig.velocity == pytest.approx(0.0, abs=0.01)
 
 
-def test_nothing_is_done_outside_the_block_or_without_power():
+def test_commands_outside_the_block_or_without_power_are_refused():
     rig = Rig()
     axis = rig.axis
     for call in (
@@ -249,7 +249,7 @@ def test_nothing_is_done_outside_the_block_or_without_power():
     assert rig.written == []
 
 
-def test_torques_and_velocities_beyond_what_was_allowed_are_refused():
+def test_torques_and_velocities_beyond_the_limits_are_refused():
     rig = Rig()
     with rig.axis as axis:
         axis.enable(T)
@@ -291,10 +291,10 @@ def test_a_module_that_was_found_enabled_is_left_so_and_reported():
     assert rig.written == []
 
 
-# -- what goes wrong on the way ----------------------------------------------------------------------------------------
+# -- faults during a motion --------------------------------------------------------------------------------------------
 
 
-def test_a_module_that_does_not_enable_is_reported_and_asked_once():
+def test_a_module_that_does_not_enable_is_reported_and_commanded_once():
     rig = Rig()
     rig.plant.dials.wont_start = True
     with pytest.raises(TransitionError, match="does not go to closed loop") as caught, rig.axis as axis:
@@ -305,19 +305,19 @@ def test_a_module_that_does_not_enable_is_reported_and_asked_once():
     assert "was not seen in closed loop" in rig.said[-1]
 
 
-def test_a_firmware_that_goes_to_an_old_set_point_is_stopped_at_once():
+def test_a_module_that_moves_to_an_old_set_point_when_enabled_is_stopped_at_once():
     rig = Rig(keeps_target=True)
     with rig.axis as axis:
         axis.enable(P)
         axis.move(3.0, **MOVE)
-    rig.plant.motor.position -= 30.0 * 16384  # somebody turns it back while it has no power
+    rig.plant.motor.position -= 30.0 * 16384  # it is turned back by hand while it has no power
     with pytest.raises(UncommandedMotion, match="with a set-point of 3"), rig.axis as axis:
         axis.enable(P)
     assert is_off(rig)
     assert rig.plant.position < -26.0
 
 
-def test_one_that_is_pulled_away_is_reported():
+def test_a_module_that_another_master_moves_away_is_reported():
     rig = Rig()
 
     def body(axis):
@@ -406,7 +406,7 @@ def test_a_position_that_is_no_number_ends_a_motion():
     assert not rig.plant.energised
 
 
-def test_one_that_turns_by_itself_when_it_is_enabled_is_reported():
+def test_a_module_that_turns_uncommanded_when_enabled_is_reported():
     rig = Rig()
     rig.plant.usb_write("axis0.controller.config.input_mode", 2)
     original = rig.plant.axis.controller.start
@@ -421,7 +421,7 @@ def test_one_that_turns_by_itself_when_it_is_enabled_is_reported():
     assert is_off(rig)
 
 
-# -- every way out -----------------------------------------------------------------------------------------------------
+# -- every end ---------------------------------------------------------------------------------------------------------
 
 
 def play(axis):
@@ -458,7 +458,7 @@ def length(what):
 
 
 LENGTHS = {what: length(what) for what in PLAYS}
-# At these questions something goes wrong: each of those that open and enable, and some of those on the way.
+# The requests at which a fault occurs: each of those that open and enable, and some of those during the motion.
 SPREAD = {what: [*range(36), *range(36, LENGTHS[what], 17)] for what in PLAYS}
 
 
@@ -469,7 +469,7 @@ SIGNALS = [
 
 @pytest.mark.parametrize("what", PLAYS)
 @pytest.mark.parametrize("number", SIGNALS)
-def test_a_signal_at_any_question_leaves_it_standing_without_power(what, number):
+def test_a_signal_at_any_request_leaves_it_at_standstill_without_power(what, number):
     before = signal.getsignal(number)
     for step in SPREAD[what][number % 4 :: 6]:
         rig = Rig()
@@ -499,7 +499,7 @@ def test_a_signal_between_our_calls_ends_the_program_s_own_work(what):
     assert is_off(rig)
 
 
-def test_a_second_signal_goes_a_step_further():
+def test_a_second_signal_goes_to_the_next_stop_step():
     rig = Rig()
     rig.plant.usb_write("axis0.controller.config.vel_ramp_rate", 0.5)
     begin = []
@@ -527,7 +527,7 @@ def test_a_second_signal_goes_a_step_further():
     assert not rig.plant.energised
 
 
-def test_a_program_that_cannot_report_any_more_stops_it_all_the_same():
+def test_a_program_whose_output_fails_still_stops_the_module():
     rig = Rig()
     axis = ModbusAxis(rig.module, tell=lambda text: None if "dead master" in text else 1 / 0)
     with pytest.raises(ZeroDivisionError), axis:
@@ -545,7 +545,7 @@ def test_a_torque_is_taken_back_when_it_brakes():
     assert is_off(rig)
 
 
-def test_a_motion_whose_watchdog_process_is_gone_is_ended():
+def test_a_motion_ends_when_its_watchdog_process_ends():
     rig = Rig()
     there = [True]
     axis = ModbusAxis(rig.module, tell=rig.said.append, guarded=lambda: there[0])
@@ -561,7 +561,7 @@ def test_a_motion_whose_watchdog_process_is_gone_is_ended():
     assert is_off(rig)
 
 
-def test_nothing_is_left_to_be_done_at_the_end_of_the_program(monkeypatch):
+def test_after_the_block_no_exit_handler_is_registered(monkeypatch):
     left = []
     monkeypatch.setattr(power.atexit, "register", left.append)
     monkeypatch.setattr(power.atexit, "unregister", left.remove)
@@ -632,7 +632,7 @@ def test_an_exception_code_at_any_question_ends_safely(what):
 
 
 @pytest.mark.parametrize("what", PLAYS)
-def test_where_answers_are_lost_for_good_it_is_stopped_blind_and_nobody_says_that_it_was(what):
+def test_if_answers_are_lost_for_good_it_is_stopped_blind_and_reported_as_not_confirmed(what):
     for step in SPREAD[what][::7]:
         rig = Rig()
         rig.at(step, lambda _, rig=rig: setattr(rig.wire, "mute", True))
@@ -656,7 +656,7 @@ def test_a_cable_that_is_pulled_is_reported_in_bounded_time(what):
 
 
 @pytest.mark.parametrize("what", PLAYS)
-def test_what_goes_wrong_on_the_stop_sequence_ends_safely_and_is_reported(what):
+def test_faults_during_the_stop_sequence_end_safely_and_are_reported(what):
     faults = itertools.cycle(("silent", "deaf", "wrong_checksum", "short"))
     for step, fault in zip(range(0, 30, 5), faults, strict=False):
         rig = Rig()
@@ -671,7 +671,7 @@ def test_what_goes_wrong_on_the_stop_sequence_ends_safely_and_is_reported(what):
 
 
 @pytest.mark.parametrize("what", PLAYS)
-def test_what_the_stop_sequence_is_refused_does_not_keep_it_from_the_next_step(what):
+def test_a_refused_request_of_the_stop_sequence_does_not_prevent_the_next_step(what):
     rig = Rig()
     refused = {(register, True): 4 for register in (0x63, 0x64, 0x65, 0x66, 0x68, 0x6A)}
     rig.at(LENGTHS[what], lambda _: rig.station.dials.exceptions.update(refused))
@@ -680,7 +680,7 @@ def test_what_the_stop_sequence_is_refused_does_not_keep_it_from_the_next_step(w
         if what is play
         else pytest.raises(DriveError, match="whether it is at standstill is NOT known")
     ):
-        within(rig, what)  # where it stood already, that was seen
+        within(rig, what)  # standstill before was seen
     assert "emergency stop latches" in rig.said[-1]
     assert not rig.plant.energised
     assert "06 00 61 00 01" in rig.written
@@ -700,7 +700,7 @@ def test_a_brake_that_is_taken_and_does_not_hold_is_sent_again_and_given_up():
     assert not rig.plant.energised
 
 
-def test_a_cable_that_comes_back_during_the_stop_sequence_is_used():
+def test_a_cable_reconnected_during_the_stop_sequence_is_used():
     rig = Rig()
 
     def body(axis):
@@ -722,13 +722,13 @@ def test_a_dead_master_is_noticed_by_nothing():
     axis.__enter__()
     axis.enable(V)
     axis.turn(3.0, acceleration=20.0)
-    rig.rest(20.0)  # nobody asks any more
+    rig.rest(20.0)  # no request any more
     assert rig.velocity == pytest.approx(3.0, rel=0.02)
     axis.__exit__(None, None, None)
     assert is_off(rig)
 
 
-def test_the_interpreter_s_end_stops_what_a_block_has_not():
+def test_the_end_of_the_interpreter_stops_an_open_block():
     rig = Rig()
     axis = rig.axis
     axis.__enter__()
@@ -758,7 +758,7 @@ def test_a_module_that_another_program_enabled_is_only_stopped_by_a_quick_stop()
 
 @settings(max_examples=8, deadline=None)
 @given(st.data())
-def test_random_plays_end_without_power_and_never_faster_than_asked(data):
+def test_random_sequences_end_without_power_and_never_exceed_the_commanded_speed(data):
     rig = Rig(data.draw(st.floats(-20, 20)))
     control = data.draw(st.sampled_from([P, V]))
     fastest = [0.0]
@@ -804,5 +804,5 @@ def test_random_plays_end_without_power_and_never_faster_than_asked(data):
     assert is_off(rig)
 
 
-def test_the_class_is_what_the_tests_have_tried():
+def test_the_tested_class_is_the_public_one():
     assert isinstance(Rig().axis, ModbusAxis)

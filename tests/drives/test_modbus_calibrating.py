@@ -30,7 +30,7 @@ class Calibrated(Rig):
 
     @property
     def asked(self):
-        """What was written to the state, in order."""
+        """The values written to the state, in order."""
         return [int(each[-2:], 16) for each in self.written if each.startswith(f"06 {STATE_CONTROL}")]
 
     def deafen(self, requests):
@@ -42,7 +42,7 @@ class Calibrated(Rig):
 
 
 @pytest.mark.parametrize("kind", CalibrationKind)
-def test_it_comes_to_its_end_and_is_judged(kind):
+def test_a_calibration_runs_to_its_end_and_is_judged(kind):
     rig = Calibrated(kind)
     found = rig.calibration.run()
     assert found.good, found
@@ -65,7 +65,7 @@ def test_a_module_that_is_enabled_or_has_errors_is_not_calibrated():
     assert rig.asked == []
 
 
-def test_errors_that_come_of_it_are_reported():
+def test_errors_during_a_calibration_are_reported():
     rig = Calibrated(CalibrationKind.MOTOR)
     rig.at(30, lambda _: setattr(rig.plant.axis, "motor_error", 0x1))
     found = rig.calibration.run()
@@ -73,7 +73,7 @@ def test_errors_that_come_of_it_are_reported():
     assert any("motor" in text for text in found.wrong)
 
 
-def test_ctrl_c_before_anything_was_asked_ends_it_at_once():
+def test_ctrl_c_before_the_first_request_ends_the_calibration_at_once():
     rig = Calibrated()
     rig.at(4, lambda _: signal.raise_signal(signal.SIGINT))
     with pytest.raises(KeyboardInterrupt):
@@ -92,7 +92,7 @@ def test_ctrl_c_takes_the_power_away(number):
     assert rig.asked[1:] in ([1], [1, 1], [])
 
 
-def test_a_watchdog_process_that_is_gone_ends_it():
+def test_a_watchdog_process_that_ends_stops_the_calibration():
     rig = Calibrated()
     rig.at(40, lambda _: setattr(rig, "guards", False))
     with pytest.raises(CommandError, match="watchdog process of this calibration has ended"):
@@ -117,7 +117,7 @@ def test_a_state_that_does_not_belong_to_a_calibration_ends_it():
     assert rig.is_off
 
 
-def test_one_that_does_not_begin_is_reported():
+def test_a_calibration_that_does_not_begin_is_reported():
     rig = Calibrated()
     rig.wire.before = lambda request: request.writes and request.address == 0x63 and rig.deafen(1)
     with pytest.raises(DriveError, match="does not begin"):
@@ -125,7 +125,7 @@ def test_one_that_does_not_begin_is_reported():
     assert rig.is_off
 
 
-def test_a_line_that_falls_silent_ends_it_and_says_that_nothing_is_confirmed():
+def test_a_line_that_falls_silent_ends_it_and_is_reported_as_not_confirmed():
     rig = Calibrated()
     rig.at(60, lambda _: rig.deafen(-1))
     with pytest.raises(NodeError) as caught:
@@ -133,7 +133,7 @@ def test_a_line_that_falls_silent_ends_it_and_says_that_nothing_is_confirmed():
     assert "NOT CONFIRMED" in str(caught.value)
 
 
-def test_who_is_there_is_found_and_nothing_is_written():
+def test_modules_on_the_line_are_found_without_a_write():
     rig = Rig()
     found = list(present(rig.wire, range(1, 4)))
     assert found[1:] == [2, 3]

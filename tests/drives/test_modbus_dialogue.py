@@ -26,7 +26,7 @@ def read(name):
 
 
 @pytest.mark.parametrize("device", [-1, 0, 248])
-def test_there_is_nobody_at_such_an_address(device):
+def test_an_invalid_address_is_refused(device):
     with pytest.raises(ArgumentError, match="not an address of a module"):
         line(device)
 
@@ -39,14 +39,14 @@ def test_an_answer_is_had_at_once_with_one_frame():
 
 
 @pytest.mark.parametrize("fault", ["silent", "deaf", "wrong_checksum", "short"])
-def test_a_read_is_asked_again(fault):
+def test_a_read_without_a_valid_answer_is_repeated(fault):
     station, _, dialogue = line(**{fault: 1})
     assert dialogue.read(read("bus_voltage")) == (0x41C0, 0)
     assert len(station.frames) == 3  # the question, the probe of another shape, the question
 
 
 @pytest.mark.parametrize("fault", ["silent", "deaf"])
-def test_a_dead_line_is_reported_with_what_to_check(fault):
+def test_a_dead_line_is_reported_with_the_checks(fault):
     station, wire, dialogue = line(**{fault: -1})
     with pytest.raises(NodeTimeout) as caught:
         dialogue.read(read("bus_voltage"))
@@ -58,7 +58,7 @@ def test_a_dead_line_is_reported_with_what_to_check(fault):
     assert len(station.frames) <= 9
 
 
-def test_an_exception_is_reported_and_not_asked_again():
+def test_an_exception_is_reported_and_the_request_not_repeated():
     station, _, dialogue = line(exceptions={(0x13, False): 2})
     with pytest.raises(ModbusRefused, match="refuses the request: bus_voltage") as caught:
         dialogue.read(read("bus_voltage"))
@@ -67,14 +67,14 @@ def test_an_exception_is_reported_and_not_asked_again():
     assert len(station.frames) == 1
 
 
-def test_a_write_is_sent_once_whatever_becomes_of_it():
+def test_a_write_is_sent_once_for_any_failure():
     for dials in ({"silent": 1}, {"deaf": 1}, {"wrong_checksum": 1}):
         station, _, dialogue = line(**dials)
         assert dialogue.write(requests.write(named("state_control"), 8)) is False
         assert len(station.frames) == 1
 
 
-def test_a_late_answer_is_not_taken_for_the_next_one():
+def test_a_late_answer_is_not_accepted_for_the_next_request():
     station, wire, dialogue = line(late={0: 0.25})
     station.module.usb_write("axis0.controller.config.pos_gain", 7.0)
     assert dialogue.write(requests.write(named("velocity_limit"), 12.0)) is False
@@ -83,7 +83,7 @@ def test_a_late_answer_is_not_taken_for_the_next_one():
 
 
 class Numbered:
-    """A wire whose every answer tells which request it is to; each answer is delayed by the given time. Lost ones never come."""
+    """A wire whose every answer contains the number of its request; each answer is delayed by the given time. Some are lost."""
 
     timeout = 0.2
 
@@ -151,7 +151,7 @@ def test_no_value_is_another_one_s_or_older_than_its_question(registers, delays)
 
 @settings(max_examples=100)
 @given(st.lists(st.none() | st.floats(0.001, LATEST), min_size=1, max_size=8))
-def test_after_a_shout_that_nobody_heard_nothing_is_taken_for_an_answer(delays):
+def test_after_an_unanswered_urgent_write_no_old_frame_is_mistaken_for_an_answer(delays):
     wire = Numbered(delays)
     dialogue = ModbusClient(wire, 1)
     request = requests.write(named("control_mode"), 2)
@@ -165,20 +165,20 @@ def test_after_a_shout_that_nobody_heard_nothing_is_taken_for_an_answer(delays):
     assert wire.sent[words[0]].register is named("control_mode")
 
 
-def test_an_answer_that_comes_while_the_line_is_probed_is_not_taken_for_the_probe_s():
+def test_a_late_answer_during_a_probe_is_not_mistaken_for_its_answer():
     wire = Numbered([0.6, 0.15])
     words = ModbusClient(wire, 1).read(read("error_flags"))
     assert wire.sent[words[0]].register is named("error_flags")
     assert words[0] > 0
 
 
-def test_a_shout_that_is_refused_is_not_heard():
+def test_a_shout_that_is_refused_returns_false():
     _, _, dialogue = line(exceptions={(0x64, True): 4})
     assert dialogue.shout(requests.write(named("control_mode"), 2)) is False
     assert dialogue.shout(requests.write(named("input_mode"), 2)) is True
 
 
-def test_a_shout_does_not_wait_for_what_is_owed():
+def test_an_urgent_write_does_not_wait_for_owed_answers():
     station, wire, dialogue = line(silent=1)
     dialogue.write(requests.write(named("velocity_limit"), 12.0))
     begin = wire.time
@@ -187,7 +187,7 @@ def test_a_shout_does_not_wait_for_what_is_owed():
     assert station.frames[-1] == bytes.fromhex("01 06 00 63 00 01")
 
 
-def test_an_interrupt_in_the_midst_leaves_nothing_to_be_mistaken():
+def test_an_answer_to_an_interrupted_request_is_not_accepted_later():
     station, wire, dialogue = line()
 
     def torn(request):

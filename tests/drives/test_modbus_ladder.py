@@ -85,7 +85,7 @@ def send_held(motor, number):
     return bool(motor.sent) and motor.sent[-1] in motor.obeys
 
 
-def test_it_brakes_then_takes_the_power_away():
+def test_the_stop_sequence_brakes_and_then_switches_the_power_off():
     motor, ladder = Motor(), ModbusStopSequence(None)
     time = descend(motor, ladder)
     assert ladder.outcome.ok
@@ -95,7 +95,7 @@ def test_it_brakes_then_takes_the_power_away():
     assert time < 1.2
 
 
-def test_it_is_held_where_that_is_asked_for():
+def test_the_stop_sequence_holds_the_axis_if_requested():
     motor, ladder = Motor(), ModbusStopSequence(None, hold=True)
     descend(motor, ladder)
     assert (ladder.outcome.ok, ladder.outcome.rung, motor.state) == (True, ModbusStopStep.BRAKE, 8)
@@ -112,8 +112,8 @@ def test_a_trapezoid_is_halted_at_the_position_at_which_it_can_stop(velocity):
     )
 
 
-def test_a_halt_is_not_over_before_what_was_commanded_is_off():
-    """It stands, since it has not begun to move: the target, the velocity would still move it."""
+def test_a_halt_is_not_over_before_its_set_point_is_confirmed():
+    """It is at standstill, since it has not begun to move: the target, the velocity would still move it."""
     for halting, values in ((TrapezoidHalt(25.0, 99.0), [0.0]), (RampHalt(5.0, 1.0), None)):
         ladder, sent, now = ModbusStopSequence(halting, hold=True), [], 0.0
         while ladder.outcome is None and now < 5.0:
@@ -126,7 +126,7 @@ def test_a_halt_is_not_over_before_what_was_commanded_is_off():
         assert values is None or set(sent) == set(values)
 
 
-def test_a_brake_holds_before_it_is_told_that_it_does():
+def test_a_brake_is_not_over_before_it_is_confirmed():
     ladder, now = ModbusStopSequence(None, hold=True), 0.0
     while now < 0.6:
         ladder.step(now, StatusRead(now, 8, 0, 0.0, 0.0), held=False)
@@ -174,7 +174,7 @@ def test_a_step_that_is_not_obeyed_is_left_downwards(obeys, rung, ok):
     assert ok or "NOT" in ladder.outcome.text
 
 
-def test_a_module_that_is_not_heard_is_sent_every_step_all_the_same():
+def test_a_module_that_answers_nothing_is_still_sent_every_step():
     motor, ladder = Motor(heard=False), ModbusStopSequence(None)
     time = descend(motor, ladder)
     assert "NOT CONFIRMED" in ladder.outcome.text
@@ -192,7 +192,7 @@ def test_a_slow_ramp_is_waited_for_as_long_as_it_brakes():
     assert not ladder.outcome.ok
 
 
-def test_idle_that_comes_by_itself_is_no_standing():
+def test_idle_without_a_command_does_not_prove_standstill():
     motor, ladder = Motor(), ModbusStopSequence(None)
     motor.state = 1
     descend(motor, ladder)
@@ -211,14 +211,14 @@ def test_a_state_without_set_points_is_switched_off_at_once(state):
     assert motor.sent == [Send.IDLE]
 
 
-def test_impatience_goes_a_step_further_each_time():
+def test_each_escalation_goes_to_the_next_stop_step():
     motor, ladder = Motor(ramp=0.01, obeys=(Send.ESTOP,)), ModbusStopSequence(TrapezoidHalt(0.001, 99.0))
     time = descend(motor, ladder, escalate=(2, 4, 6))
     assert time < 1.0
     assert ladder.outcome.rung is ModbusStopStep.ESTOP
 
 
-def test_a_motor_that_creeps_or_swings_does_not_stand():
+def test_a_motor_that_creeps_or_swings_is_not_at_standstill():
     for places in ([0.0, 0.03, 0.06, 0.09, 0.12, 0.15], [0.0, 0.1, 0.0, 0.1, 0.0, 0.1]):
         ladder = ModbusStopSequence(None, hold=True)
         for number, place in enumerate(places):
@@ -226,7 +226,7 @@ def test_a_motor_that_creeps_or_swings_does_not_stand():
         assert ladder.outcome is None
 
 
-def test_idle_that_was_seen_before_it_was_asked_for_does_not_count():
+def test_an_idle_state_read_before_idle_was_commanded_does_not_count():
     ladder = ModbusStopSequence(None)
     ladder.escalate()
     assert ladder.step(10.0, StatusRead(9.9, 1, 0), held=False) is Send.IDLE

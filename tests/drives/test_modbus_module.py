@@ -29,7 +29,7 @@ def test_every_value_is_read_as_the_simulated_drive_has_it(register):
     assert isinstance(found, float) == (register.field.type.name == "float32")
 
 
-def test_position_and_voltage_come_in_their_units():
+def test_position_and_voltage_are_in_their_units():
     station, _, module = line(dead_in_idle=False)
     station.module.motor.position = 3.25 * 16384
     assert module.read("position_feedback") == 3.25
@@ -109,7 +109,7 @@ def test_errors_have_words_and_are_cleared():
     assert "encoder NO_RESPONSE" in " ".join(module.clear_errors().lines)
 
 
-def test_flags_without_their_words_and_reserved_bits_are_reported():
+def test_error_flags_without_their_words_and_reserved_bits_are_reported():
     from axisbus.drives.gim6010.modbus.module import ErrorWords
 
     lines = ErrorWords(0x0022, dict.fromkeys(("motor", "encoder", "controller", "system", "axis"), 0)).lines
@@ -145,7 +145,7 @@ def test_a_module_that_restarts_sooner_than_that_can_be_seen_is_saved_twice():
     assert module.read("velocity_limit") == 11.0
 
 
-def test_where_the_answer_to_saving_was_lost_it_is_saved_again():
+def test_if_the_answer_to_saving_was_lost_it_is_saved_again():
     station, wire, module = line(save_restarts=False)
     wire.before = lambda request: setattr(station.dials, "silent", int(request.address == 0x80 and not saved))
     saved = []
@@ -171,7 +171,7 @@ def test_saving_and_restarting_under_power_is_refused():
     assert station.address == 1
 
 
-def test_a_module_that_does_not_come_back_is_reported():
+def test_a_module_that_does_not_return_is_reported():
     station, wire, module = line()
     wire.before = lambda request: setattr(
         station.module.dials, "dead", request.address == 0x80 or station.module.dials.dead
@@ -181,7 +181,7 @@ def test_a_module_that_does_not_come_back_is_reported():
     assert 20.0 < wire.time < 40.0
 
 
-def test_a_restart_brings_back_what_was_saved():
+def test_a_restart_restores_the_saved_values():
     station, _, module = line()
     module.write("velocity_limit", 11.0)
     module.reboot()
@@ -209,7 +209,7 @@ def test_another_node_id_is_written_found_saved_and_found_again(at_once, fault):
 
 
 @pytest.mark.parametrize("at_once", [True, False])
-def test_without_saving_it_answers_where_it_answers(at_once):
+def test_without_saving_the_module_is_addressed_by_the_id_that_it_answers(at_once):
     station, _, module = line(node_id_at_once=at_once)
     found = set_node_id(module, 5, save=False)
     assert found.device == (5 if at_once else 1)

@@ -74,7 +74,7 @@ def test_a_number_that_may_not_have_been_taken_is_not_written_to():
     assert not [request for request in wire.asked if request.address == 0xA2]
 
 
-def test_nor_is_it_where_the_number_cannot_be_read_back_and_no_answer_reports():
+def test_a_write_fails_if_the_endpoint_number_is_neither_read_back_nor_answered():
     station, wire, parameters = opened(number_hidden=True)
     before = dict(station.module.parameters.values)
     wire.before = lambda request: setattr(
@@ -139,7 +139,7 @@ def test_a_written_value_is_saved_and_read_after_the_restart():
     assert parameters.read(LIMIT) == 12.5
 
 
-def test_what_the_flash_has_lost_is_reported():
+def test_a_value_lost_in_the_flash_is_reported():
     station, _, parameters = opened()
     parameters.write(LIMIT, 12.5)
     station.module.parameters.save = lambda: None
@@ -190,7 +190,7 @@ def test_a_zero_that_is_lost_after_the_restart_is_reported():
         set_zero(parameters)
 
 
-def test_no_zero_is_set_where_the_position_is_dead_or_under_power():
+def test_no_zero_is_set_if_the_position_is_frozen_or_the_module_is_enabled():
     station, _, parameters = opened()
     station.module.motor.position = 0.3 * 16384
     station.module.endpoints._live["axis0.encoder.pos_estimate"] = lambda: 0.0

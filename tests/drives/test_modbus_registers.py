@@ -99,7 +99,7 @@ def test_the_manual_s_examples(name, value, frame):
     assert named(name).value(request.words) == pytest.approx(value, rel=1e-7)
 
 
-def test_the_manual_s_wrong_example_is_reported_and_a_position_never_goes_to_the_velocity():
+def test_the_wrong_example_of_the_manual_is_reported_and_positions_are_never_sent_as_velocities():
     wrong = bytes.fromhex("01 10 00 68 00 02 04 40 49 0F F9")
     assert requests.write(named("velocity_setpoint"), 3.1416).frame(1) == wrong
     assert requests.write(named("position_setpoint"), 3.1416).frame(1) != wrong
@@ -154,7 +154,7 @@ def whole_range(register):
 
 
 @given(st.data(), st.sampled_from(WRITTEN))
-def test_every_value_is_what_struct_makes_of_it_and_comes_back(data, register):
+def test_every_value_is_encoded_as_by_struct_and_restored(data, register):
     value = data.draw(whole_range(register))
     request = requests.write(register, value)
     packed = b"".join(word.to_bytes(2, "big") for word in request.words)
@@ -163,7 +163,7 @@ def test_every_value_is_what_struct_makes_of_it_and_comes_back(data, register):
 
 
 @given(st.sampled_from(REGISTERS), st.binary(min_size=8, max_size=8))
-def test_whatever_comes_is_read_as_struct_reads_it(register, data):
+def test_any_registers_are_decoded_as_by_struct(register, data):
     size = 2 * register.count
     words = tuple(int.from_bytes(data[at : at + 2], "big") for at in range(0, size, 2))
     (expected,) = struct.unpack(f">{letter(register)}", data[:size])
@@ -245,7 +245,7 @@ def test_units_sides_and_parameters_are_those_of_can_simple():
 
 
 def answer(request, **other):
-    """The answer that a right module gives, with what is changed in it."""
+    """The correct answer of a module, with the given changes."""
     if request.function in (ModbusFunction.READ_HOLDING, ModbusFunction.READ_INPUT):
         fields = {"words": (0,) * request.count}
     elif request.function is ModbusFunction.WRITE_ONE:

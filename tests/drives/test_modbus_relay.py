@@ -26,7 +26,7 @@ STATE, CONTROL, INPUT, POSITION, VELOCITY_SET, ESTOP = 0x63, 0x64, 0x65, 0x66, 0
 
 
 class Line:
-    """One station behind a relay; what it tells goes into a ``ModuleFeedback``."""
+    """One station behind a relay; its answers go into a ``ModuleFeedback``."""
 
     def __init__(self, **dials):
         self.station = Station(dials=LineDials(**dials))
@@ -68,7 +68,7 @@ class Line:
 
     @property
     def written(self):
-        """What was written: address and value as it went over the line, in order."""
+        """The writes on the line: address and value, in order."""
         return [
             (int.from_bytes(frame[2:4], "big"), frame[4:6] if frame[1] == 6 else frame[7:])
             for frame in self.station.frames
@@ -81,7 +81,7 @@ class Line:
         return [int.from_bytes(data, "big") for address, data in self.written if address == STATE]
 
 
-def test_what_it_reports_by_itself_is_state_and_place_and_in_closed_loop_estimates():
+def test_the_relay_polls_state_and_position_and_in_closed_loop_the_estimates():
     line = Line()
     line.plant.motor.position = 0.25 * 16384
     line.work(20)
@@ -108,7 +108,7 @@ def test_a_module_is_enabled_and_moved_and_stopped():
     assert (line.states, line.plant.energised) == ([8, 1], False)
 
 
-def test_what_stops_comes_before_all_that_waits_and_ends_it():
+def test_a_stop_is_sent_before_all_that_waits_and_removes_it():
     line = Line()
     line.enable()
     line.station.frames.clear()
@@ -131,7 +131,7 @@ def test_the_same_stop_given_time_and_again_waits_once():
     assert line.states == [1]
 
 
-def test_closed_loop_is_not_asked_of_a_module_that_is_in_it():
+def test_closed_loop_is_not_commanded_to_a_module_that_is_in_it():
     line = Line()
     line.enable()
     line.give(ORDERS.closed_loop(), ORDERS.closed_loop())
@@ -177,7 +177,7 @@ def test_values_whose_answers_are_lost_are_read_back_or_written_again(silent):
     assert line.plant.usb_read("axis0.controller.input_pos") == pytest.approx(1.5)
 
 
-def test_a_line_that_carries_nothing_drops_what_waits_but_not_what_stops():
+def test_a_silent_line_drops_waiting_orders_but_no_stop():
     line = Line()
     line.enable()
     line.station.dials.deaf = -1
@@ -193,17 +193,17 @@ def test_a_line_that_carries_nothing_drops_what_waits_but_not_what_stops():
     assert line.plant.usb_read("axis0.controller.input_pos") == pytest.approx(0.0, abs=0.01)
 
 
-def test_an_answer_that_is_lost_while_it_is_looked_at_loses_no_order():
+def test_a_lost_answer_loses_no_command():
     line = Line()
     line.enable()
     line.station.dials.silent = 1
-    line.work()  # what it was asked for is lost
+    line.work()  # the orders given to it are lost
     line.give(ORDERS.position(1.5))
     line.settle()
     assert line.plant.usb_read("axis0.controller.input_pos") == pytest.approx(1.5)
 
 
-def test_after_an_order_that_was_not_taken_none_of_those_behind_it_goes_out_but_what_stops():
+def test_after_a_refused_order_only_a_stop_is_sent_of_those_behind_it():
     line = Line(clamps={0x70: 3.0})
     line.enable()
     line.give(*ORDERS.profile(5.0, 20.0, 20.0), ORDERS.position(1.0))
@@ -215,7 +215,7 @@ def test_after_an_order_that_was_not_taken_none_of_those_behind_it_goes_out_but_
     assert not line.plant.energised
 
 
-def test_a_silence_is_no_heartbeat_and_what_comes_after_a_long_one_is_a_restart():
+def test_a_silence_is_no_heartbeat_and_an_answer_after_a_long_one_is_a_restart():
     line = Line()
     line.until(0.5)
     line.station.dials.deaf = -1
@@ -282,11 +282,11 @@ def test_a_module_that_is_not_there_leaves_the_line_to_the_others():
 
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.tuples(st.integers(0x20, 0x3F), st.binary(max_size=8), st.booleans()), max_size=12))
-def test_whatever_frames_come_no_state_is_asked_for_but_idle_and_closed_loop(frames):
+def test_random_frames_request_no_state_but_idle_and_closed_loop(frames):
     line = Line()
     for can_id, data, remote in frames:
         line.relay.take(can_id, data, remote)
-    with suppress(AxisbusError):  # a value that is none that is sent
+    with suppress(AxisbusError):  # an invalid value
         line.settle()
     assert set(line.states) <= {1, 8}
     written = {address for address, _ in line.written}

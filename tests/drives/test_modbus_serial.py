@@ -32,7 +32,7 @@ def line():
         wire.close()
 
 
-def test_every_request_goes_out_as_the_manual_has_it_and_comes_back(line):
+def test_every_request_is_sent_as_in_the_manual_and_answered(line):
     station, wire, _ = line
     wire.close()
     wire = SerialWire(wire.port, timeout=3.0)  # each is asked once, and this computer may be busy

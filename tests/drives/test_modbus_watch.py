@@ -23,12 +23,12 @@ def move(**other):
     )
 
 
-def test_a_move_has_arrived_when_it_was_seen_twice_standing_within_its_window():
+def test_a_move_has_arrived_when_two_samples_show_standstill_within_its_window():
     watch = move()
     looks = [
         (seen(9.99, 1.0), ModbusMotionStatus.UNDER_WAY),  # it is there, and passes
         (seen(10.01, 1.0), ModbusMotionStatus.UNDER_WAY),
-        (seen(9.97, 0.0), ModbusMotionStatus.UNDER_WAY),  # it stands, and is not there
+        (seen(9.97, 0.0), ModbusMotionStatus.UNDER_WAY),  # it is at standstill, and not at the target
         (seen(10.01, 0.04), ModbusMotionStatus.UNDER_WAY),  # once
         (seen(10.03, 0.0), ModbusMotionStatus.UNDER_WAY),  # and not again
         (seen(9.985, 0.0), ModbusMotionStatus.UNDER_WAY),
@@ -52,7 +52,7 @@ def test_a_move_has_arrived_when_it_was_seen_twice_standing_within_its_window():
         (seen(5.0, None), ModbusMotionStatus.BLIND),
     ],
 )
-def test_a_move_that_does_not_go_as_asked(look, verdict):
+def test_each_look_at_a_move_has_its_verdict(look, verdict):
     assert move().judge(look) is verdict
 
 
@@ -84,7 +84,7 @@ def test_how_a_running_motion_is_halted_and_when_it_is_too_fast():
     assert math.isclose(RampHalt(5.0, 2.0).longest(10.0), 5.0)
 
 
-def test_a_place_that_may_be_dead_is_not_seen_at_all():
+def test_a_position_that_may_be_outdated_is_not_reported():
     rig = Rig(3.25, dead_in_idle=False)
     assert rig.module.read("position_feedback") == 3.25
     assert (look(rig.module, 1).position, look(rig.module, 1).velocity) == (None, None)

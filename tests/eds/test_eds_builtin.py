@@ -103,10 +103,10 @@ def test_types_and_access_are_those_of_the_standard(name: str) -> None:
             checked += 1
     assert (
         checked >= len(profile) - 7
-    )  # 60E3h goes on after its first entry, which the table does not spell out
+    )  # 60E3h continues after its first entry, which the table does not spell out
 
 
-def test_the_generic_module_has_its_inputs_outputs_and_what_they_do_in_an_error() -> None:
+def test_the_generic_module_has_its_inputs_outputs_and_error_values() -> None:
     eds = builtin(MODULE)
     mapped = [
         (entry.index, entry.subindex)
@@ -120,7 +120,7 @@ def test_the_generic_module_has_its_inputs_outputs_and_what_they_do_in_an_error(
     assert [number(eds, 0x6443, sub) for sub in (1, 2)] == [1, 1]
 
 
-def test_the_generic_drive_has_what_its_modes_need() -> None:
+def test_the_generic_drive_has_the_objects_of_its_modes() -> None:
     eds = builtin("generic-cia402")
     word = number(eds, 0x6502)
     assert word == 0b11_1010_1101
@@ -164,7 +164,7 @@ def test_the_eds_of_the_joint_module_has_the_published_facts() -> None:
         assert index in eds
 
 
-def test_the_eds_of_the_joint_module_says_that_it_is_not_the_manufacturer_s() -> None:
+def test_the_eds_of_the_joint_module_states_that_it_is_not_the_manufacturer_s() -> None:
     text = resolve("builtin:gim6010-8", Path()).read_text()
     assert "NOT the maker's file (cb_0.1.eds)" in text
     assert "ASSUMED: 1016" in text

@@ -35,7 +35,7 @@ DEFECTS = (
 )
 
 
-def test_every_defect_is_fixed_into_what_we_read() -> None:
+def test_every_defect_is_fixed_to_the_values_that_we_read() -> None:
     eds = read(DEFECTS)
     expected = our_facts(eds, 5)
     assert canopen_facts(canopen_text(eds), 5) == expected
@@ -51,13 +51,13 @@ def test_every_defect_is_fixed_into_what_we_read() -> None:
 @pytest.mark.parametrize(
     "defect", ["[DummyUsage]\nDummy0005=1\n", variable("2000") * 2, variable("200Csub1")]
 )
-def test_canopen_alone_refuses_what_the_text_fixes(defect: str) -> None:
+def test_canopen_alone_refuses_texts_that_we_fix(defect: str) -> None:
     with pytest.raises((configparser.Error, KeyError, ValueError)):
         import_text(HEAD + defect, 5)
     assert (0x1000, 0) in canopen_facts(canopen_text(read(defect)), 5)
 
 
-def test_what_canopen_cannot_hold_is_written_in_the_nearest_form() -> None:
+def test_values_that_canopen_cannot_hold_are_written_in_the_nearest_form() -> None:
     eds = read(
         variable("2000", DataType="0x0023")
         + variable("2001", ParameterName="with ; semicolon")

@@ -1,4 +1,4 @@
-"""``axisbus eds check`` as its user types it: what it prints, as text, JSON and SARIF, and its exit codes."""
+"""``axisbus eds check``: its output as text, JSON and SARIF, and its exit codes."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ TWICE = "2005>AccessType=rw"  # S004, an error
 SHARED = "2001:ParameterName=Gain"  # O027, a note
 
 
-def test_a_clean_file_says_so_and_what_to_do_next(check: Call) -> None:
+def test_a_clean_file_is_reported_with_the_next_command(check: Call) -> None:
     code, out, err = check(write("a.eds"))
     assert (code, err) == (0, "")
     assert out.splitlines() == ["a.eds: 0 errors, 0 warnings, 0 notes", "next: axisbus eds show a.eds"]
@@ -65,7 +65,7 @@ def line_of(text: str) -> int:
     return Path("a.eds").read_text().splitlines().index(text) + 1
 
 
-def test_findings_stand_below_their_file_and_their_rule_with_the_remedy(check: Call) -> None:
+def test_findings_are_printed_below_their_file_and_their_rule_with_the_remedy(check: Call) -> None:
     write("a.eds", BEYOND)
     code, out, _ = check("a.eds")
     assert code == 0  # a warning alone
@@ -91,7 +91,7 @@ def test_lines_gives_each_finding_a_line_that_editors_understand(check: Call) ->
 
 
 def many(count: int) -> str:
-    """Write a file of which ``count`` objects have no PDOMapping (O020)."""
+    """Write a file with ``count`` objects without PDOMapping (O020)."""
     names = "".join(
         f"[{0x3000 + number:04X}]\nParameterName=P{number}\nObjectType=0x7\nDataType=0x0007\nAccessType=rw\n"
         for number in range(count)
@@ -100,7 +100,7 @@ def many(count: int) -> str:
     return "many.eds"
 
 
-def test_of_a_rule_that_is_broken_often_the_first_places_are_shown_and_how_many_more_there_are(
+def test_a_rule_that_is_broken_often_shows_its_first_findings_and_the_count_of_the_others(
     check: Call,
 ) -> None:
     told = check(many(5000), "--select", "O020")[1].splitlines()
@@ -118,18 +118,18 @@ def test_of_a_rule_that_is_broken_often_the_first_places_are_shown_and_how_many_
     assert not [line for line in each if "more" in line]
 
 
-def test_a_single_place_more_is_shown_instead_of_counted(check: Call) -> None:
+def test_a_single_further_finding_is_shown_instead_of_counted(check: Call) -> None:
     assert "more" not in check(many(4), "--select", "O020")[1]
     assert "and 2 more" in check(many(5), "--select", "O020")[1]
 
 
-def test_json_and_sarif_have_every_place(check: Call) -> None:
+def test_json_and_sarif_have_every_finding(check: Call) -> None:
     json_text = check(many(5000), "--json", "--select", "O020", "--severity", "error")[1]
     assert len(json.loads(json_text)["findings"]) == 5000
     assert len(sarif_of(check, "many.eds", "--select", "O020")["runs"][0]["results"]) == 5000
 
 
-def test_what_reading_finds_is_complete_too(check: Call) -> None:
+def test_json_lists_all_findings_of_the_reader(check: Call) -> None:
     text = "".join(
         f"[{index:04X}]\nParameterName=P\nDataType=0x0007 ; text\n" for index in range(0x2000, 0x2800)
     )
@@ -138,7 +138,7 @@ def test_what_reading_finds_is_complete_too(check: Call) -> None:
     assert [each["rule"] for each in found].count("S011") == 0x800
 
 
-def test_errors_come_last_in_a_file_and_in_the_table_of_several_files(check: Call) -> None:
+def test_errors_are_printed_last_in_a_file_and_in_the_table_of_several_files(check: Call) -> None:
     names = [write("a.eds", BEYOND, TWICE, SHARED), write("b.eds", SHARED)]
     out = check(*names)[1]
     one = check("a.eds")[1].splitlines()
@@ -164,7 +164,7 @@ def test_a_path_is_printed_once_for_its_file(check: Call) -> None:
     assert check(names[0])[1].count("drives/a.eds") == 1
 
 
-def test_severity_filters_what_is_shown_and_reports_what_is_not(check: Call) -> None:
+def test_severity_filters_the_findings_and_counts_the_others(check: Call) -> None:
     write("a.eds", BEYOND, TWICE, SHARED)
 
     def shown(*options: str) -> list[str]:
@@ -175,7 +175,7 @@ def test_severity_filters_what_is_shown_and_reports_what_is_not(check: Call) -> 
     assert sorted(shown("--severity", "error,note")) == ["error", "note"]
     assert sorted(shown("--severity", "Warning", "--severity", "note")) == ["note", "warning"]
     code, out, _ = check("a.eds", "--severity", "note")
-    assert code == 1  # what is not shown counts all the same
+    assert code == 1  # findings that are not shown count all the same
     assert "1 error (not shown), 1 warning (not shown), 1 note" in out
     code, out, _ = check(write("b.eds", SHARED), "--severity", "error,warning")
     assert out.splitlines()[0] == "b.eds: 0 errors, 0 warnings, 1 note (not shown)"
@@ -188,7 +188,7 @@ def test_an_invalid_severity_is_wrong_use(check: Call) -> None:
     assert "error, warning, note" in err
 
 
-def test_long_texts_are_folded_below_their_rule_where_the_width_is_known(
+def test_long_texts_are_folded_below_their_rule_if_the_width_is_known(
     check: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "50")
@@ -201,7 +201,7 @@ def test_long_texts_are_folded_below_their_rule_where_the_width_is_known(
     ("edit", "codes"),
     [(TWICE, (1, 1, 1)), (BEYOND, (0, 1, 1)), (SHARED, (0, 0, 1)), ("2000:PDOMapping=1", (0, 0, 0))],
 )
-def test_fail_on_says_from_where_on_it_fails(check: Call, edit: str, codes: tuple[int, ...]) -> None:
+def test_fail_on_sets_the_severity_that_fails(check: Call, edit: str, codes: tuple[int, ...]) -> None:
     name = write("a.eds", edit)
     assert tuple(check(name, "--fail-on", level)[0] for level in ("error", "warning", "note")) == codes
     assert check(name)[0] == codes[0]
@@ -298,7 +298,7 @@ def sarif_of(check: Call, *files: str) -> dict[str, Any]:
     return log
 
 
-def test_sarif_has_what_code_hosts_ask_for(check: Call) -> None:
+def test_sarif_has_the_properties_that_code_hosts_require(check: Call) -> None:
     log = sarif_of(check, write("drives/my drive.eds", BEYOND, TWICE, SHARED))
     assert log["version"] == "2.1.0"
     assert log["$schema"].endswith("sarif-2.1.0.json")
@@ -335,7 +335,7 @@ def test_sarif_of_a_file_elsewhere_has_an_absolute_uri(
     assert location == {"uri": Path(elsewhere).as_uri()}
 
 
-def test_several_files_and_patterns_each_once(check: Call) -> None:
+def test_each_of_several_files_and_patterns_is_checked_once(check: Call) -> None:
     for name in ("a.eds", "b.eds", "sub/c.eds"):
         write(name, SHARED)
     found = json.loads(check("--json", "*.eds", "a.eds", "**/c.eds")[1])["findings"]
@@ -346,7 +346,7 @@ def test_a_file_may_be_named_like_a_pattern(check: Call) -> None:
     assert check(write("a[1].eds"))[0] == 0
 
 
-def test_builtin_files_are_known_by_name(check: Call) -> None:
+def test_builtin_files_are_checked_by_name(check: Call) -> None:
     code, out, _ = check("builtin:gim6010-8", "--fail-on", "warning")
     assert code == 0
     assert "builtin:gim6010-8\n" in out

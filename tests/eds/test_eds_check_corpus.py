@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 FILES = (
     sorted(path for path in CORPUS.iterdir() if path.suffix in (".eds", ".dcf")) if CORPUS.is_dir() else []
 )
-# What people saw in these files by eye: maker and product, rule, and the place in the file.
+# Defects that people found in these files by eye: maker and product, rule, and the location in the file.
 SEEN = (
     ("schunk-gmbh-co.-kg__schunk-0-63__ros-industrial", "M001c", 1595),
     ("elmo-motion-control__simpliq", "P002", 1709),
@@ -63,7 +63,7 @@ def test_our_own_files_have_nothing_above_a_note(path: Path) -> None:
 
 
 def test_the_value_of_6502h_in_a_real_joint_module_s_eds_is_a_note() -> None:
-    """6502h of this drive has its bits in another order: it claims ip and cstca, of which nothing is described, and not pv, tq."""
+    """6502h of this drive has its bits in another order: it claims ip and cstca, which are not described at all, and not pv, tq."""
     found = {each.rule for each in check(ROOT / "eds" / "gim6010-8.eds")}
     assert {"M008", "M009"} <= found
 
@@ -114,7 +114,7 @@ def test_any_bytes_behind_a_section_are_checked(data: bytes) -> None:
 
 
 def test_a_large_file_of_noise_is_checked_in_bounded_time() -> None:
-    """Half a megabyte of sections and keys that are nobody's; seconds, not minutes, on a busy machine."""
+    """Half a megabyte of unknown sections and keys; seconds, not minutes, on a busy machine."""
     rng = random.Random(7)
     noise = "".join(
         f"[{rng.randrange(0x1000, 0xFFFF):04x}]\n{rng.randbytes(6).hex()}key=1\nDataTyp{rng.randrange(99)}=5\n"

@@ -33,14 +33,14 @@ def clean(path: Path) -> Text | None:
 
 @cache
 def before(path: Path) -> frozenset[tuple[str, int]]:
-    """Return rule and line of what is found in the file as it is."""
+    """Return rule and line of the findings in the unchanged file."""
     text = clean(path)
     assert text is not None
     return frozenset((each.rule, each.line) for each in findings("\n".join(text.lines), path.name))
 
 
 def complaint(path: Path, planted: Plant) -> str:
-    """Return what is wrong with the report on one planted defect; empty where it is right."""
+    """Return the errors of the report on one planted defect; empty if it is right."""
     expected = {(rule, planted.moved.get(line, line)) for rule, line in before(path)}
     where = {planted.moved[line] for line in planted.where}
     found = findings("\n".join(planted.lines), path.name)

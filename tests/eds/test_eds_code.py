@@ -1,4 +1,4 @@
-"""The Python module made from an EDS: it compiles, its names are unique, it says what the file says, and tools accept it."""
+"""The Python module made from an EDS: it compiles, its names are unique, it has the values of the file, and tools accept it."""
 
 from __future__ import annotations
 

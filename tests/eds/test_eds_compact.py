@@ -1,4 +1,4 @@
-"""What a file says in short, spelt out: CompactSubObj with its lists, CompactPDO."""
+"""Short forms in a file, expanded: CompactSubObj with its lists, CompactPDO."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ COMPACT = variable(
 )
 
 
-def test_compact_sub_indices_are_named_by_number_and_share_the_rest() -> None:
+def test_compact_sub_indices_are_named_by_number_and_share_all_other_keys() -> None:
     entry = read(COMPACT).objects[0x2100]
     assert [(sub.subindex, sub.name) for sub in entry.subs.values()] == [
         (0, "NrOfObjects"),
@@ -85,7 +85,7 @@ def test_compact_pdos_exist_with_the_sub_indices_of_the_mask() -> None:
     assert (count.access, count.default) == ("rw", Number(0))
 
 
-def test_compact_pdos_fill_up_what_the_file_does_not_describe() -> None:
+def test_compact_pdos_complete_the_pdos_of_the_file() -> None:
     eds = compact_pdos("3", 2, 0, variable("1400sub1") + "[1400]\nParameterName=Own\nObjectType=9\n")
     assert eds.objects[0x1400].name == "Own"
     assert 0x1401 in eds

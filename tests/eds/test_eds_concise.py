@@ -94,7 +94,7 @@ def test_only_values_that_differ_and_can_be_written_are_written() -> None:
     assert [each.index for each in made.left_out] == [0x1010, 0x2000, 0x2001, 0x6040]
 
 
-def test_a_pdo_is_disabled_mapped_and_enabled_in_this_order_and_1020_comes_last() -> None:
+def test_a_pdo_is_disabled_mapped_and_enabled_in_this_order_and_1020h_is_last() -> None:
     made = configuration(
         dcf(
             record(
@@ -146,7 +146,7 @@ def test_a_pdo_of_unknown_identifier_is_refused_rather_than_guessed() -> None:
         configuration(dcf(pdo(0x1400, cob="", mapping={1: "0x60FF0020"}, count="1")))
 
 
-def test_a_value_that_nobody_understands_is_refused_with_its_line() -> None:
+def test_an_invalid_value_is_refused_with_its_line() -> None:
     reading = dcf(variable("6081", ParameterValue="4x0"))
     line = next(number for number, raw in enumerate(reading.document.lines, 1) if "4x0" in raw)
     with pytest.raises(EdsError, match=f"x.dcf:{line}: '4x0' cannot be written to 6081h:00"):
@@ -160,7 +160,7 @@ def test_a_formula_needs_a_node() -> None:
         configuration(reading)
 
 
-def test_every_type_goes_to_octets_and_back() -> None:
+def test_every_type_is_converted_to_octets_and_back() -> None:
     kinds = {
         "INTEGER16": ("3", "-2", "feff"),
         "REAL32": ("8", "0.5", "0000003f"),

@@ -1,4 +1,4 @@
-"""Real files of many makers, where a folder of them is given: all are read, written back, and reach canopen as they are meant."""
+"""Real files of many makers, if a folder of them is given: all are read, written back, and read by canopen with their meaning."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from kit.eds.texts import canopen_facts, import_text, our_facts
 
 pytestmark = pytest.mark.skipif(not FILES, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
 
-# What canopen misreads though DS 306 allows it: compact sub-indices, and keys in another case than the standard prints them.
+# Texts that canopen misreads though DS 306 allows them: compact sub-indices, and keys in another case than in the standard.
 MISREAD_BY_CANOPEN = re.compile(r"CompactSubObj|^Pdo", re.MULTILINE)
 NO_LIMITS_IN_CANOPEN = frozenset(
     (
@@ -42,7 +42,7 @@ def readings() -> dict[str, reader.EdsParseResult]:
 
 
 def comparable(facts: dict[tuple[int, int], tuple[object, ...]]) -> dict[tuple[int, int], tuple[object, ...]]:
-    """Return the facts without what canopen cannot hold: limits of some types, types of the maker's, exact times."""
+    """Return the facts without those that canopen cannot hold: limits of some types, types of the maker, exact times."""
     known: dict[tuple[int, int], tuple[object, ...]] = {}
     for key, (name, kind, access, mapping, default, value, low, high) in facts.items():
         if kind in NO_LIMITS_IN_CANOPEN:
@@ -82,7 +82,7 @@ def test_every_file_reaches_canopen_as_we_read_it(readings: dict[str, reader.Eds
         assert theirs == comparable(our_facts(reading.eds, 5)), name
 
 
-def test_clean_files_mean_to_us_what_they_mean_to_canopen(readings: dict[str, reader.EdsParseResult]) -> None:
+def test_clean_files_are_read_as_by_canopen(readings: dict[str, reader.EdsParseResult]) -> None:
     compared = 0
     for path in FILES:
         eds = readings[path.name].eds
@@ -126,7 +126,7 @@ def test_every_model_written_again_is_a_clean_file_that_canopen_reads(
         try:
             data = writer.dumps(eds)
         except ArgumentError:
-            continue  # a text that is not ASCII, or a number in [DeviceInfo] that is none
+            continue  # a text that is not ASCII, or an invalid number in [DeviceInfo]
         written += 1
         again = reader.read(data, name)
         assert our_facts(again.eds, 5) == our_facts(eds, 5), name
@@ -143,7 +143,7 @@ def accepted(data: bytes) -> bool:
     return True
 
 
-def test_what_canopen_reads_it_reads_after_a_fix_and_as_a_dcf(
+def test_files_that_canopen_reads_it_still_reads_after_a_fix_and_as_a_dcf(
     readings: dict[str, reader.EdsParseResult],
 ) -> None:
     some = list(readings)[::4]  # canopen takes most of the time

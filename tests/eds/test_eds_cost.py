@@ -18,7 +18,7 @@ from axisbus.eds.io import compact, reader
 from axisbus.errors import EdsError
 from kit.eds.texts import HEAD, read, variable
 
-SOME_SECONDS = 6.0  # of the processor, on a slow machine; what is not linear takes minutes
+SOME_SECONDS = 6.0  # of the processor, on a slow machine; an algorithm that is not linear takes minutes
 COMPACT = variable("2000", ObjectType="0x8", DataType="0x0007", PDOMapping="0", CompactSubObj="254")
 
 
@@ -62,7 +62,7 @@ def test_one_entry_of_another_type_among_compact_ones_is_found_on_that_entry() -
     assert found.subindex == 7  # the copies are more, though only one of them is made
 
 
-def test_compact_entries_are_equal_at_each_look_and_counted_where_alike() -> None:
+def test_compact_entries_are_equal_at_each_access_and_counted_if_alike() -> None:
     subs = read(compact_objects(1).removeprefix(HEAD)).objects[0x2000].subs
     assert subs[5] == subs[5]
     assert (len(subs), 254 in subs, 255 in subs) == (255, True, False)
@@ -100,7 +100,7 @@ def test_more_lines_than_any_eds_has_are_refused() -> None:
 
 
 @pytest.mark.parametrize("command", ["show", "doc", "code", "export"])
-def test_what_lists_every_entry_refuses_more_than_any_device_has(
+def test_commands_that_list_every_entry_refuse_more_than_any_device_has(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "big.eds"

@@ -42,7 +42,7 @@ def test_a_dcf_has_the_node_and_the_value_and_all_else_as_it_was() -> None:
     assert text(dcf.to_eds(made)) == text(eds)
 
 
-def test_names_of_files_go_to_the_file_info_and_back() -> None:
+def test_names_of_files_are_written_to_the_file_info_and_read_back() -> None:
     head = "[FileInfo]\nFileName=drive.eds\nFileVersion=1\n\n" + HEAD
     eds = file(head=head)
     made = dcf.make(eds, Settings(5, file_name="lift.dcf", last_eds="drive.eds"))
@@ -50,7 +50,7 @@ def test_names_of_files_go_to_the_file_info_and_back() -> None:
     assert text(dcf.to_eds(made, "drive.eds")) == text(eds)
 
 
-def test_a_dcf_made_of_a_dcf_keeps_what_is_not_set() -> None:
+def test_a_dcf_made_of_a_dcf_keeps_keys_that_are_not_set() -> None:
     first = dcf.make(
         file(), Settings(5, 500, "lift", net_number=3), [(file().eds.objects[0x6081].subs[0], "7")]
     )
@@ -82,7 +82,7 @@ def test_compact_sub_indices_get_their_values_in_a_list() -> None:
     assert text(dcf.to_eds(again)) == text(eds)
 
 
-@pytest.mark.parametrize("first", [True, False], ids=["new lists", "lists that are there"])
+@pytest.mark.parametrize("first", [True, False], ids=["new lists", "existing lists"])
 def test_ten_times_as_many_values_in_lists_take_ten_times_as_many_steps(
     monkeypatch: pytest.MonkeyPatch, first: bool
 ) -> None:
@@ -117,7 +117,7 @@ def _steps(monkeypatch: pytest.MonkeyPatch, values: int, first: bool) -> int:
     return steps
 
 
-def test_an_implied_pdo_has_no_place_for_a_value() -> None:
+def test_a_value_of_an_implied_pdo_cannot_be_written_to_a_dcf() -> None:
     eds = file(head=HEAD.replace("VendorNumber=1", "CompactPDO=3\nNrOfRXPDO=1"))
     with pytest.raises(EdsError, match="no place for a value of 1400h:02"):
         dcf.make(eds, Settings(5), [(assign.at(eds.eds, 0x1400, 2), "1")])

@@ -46,7 +46,7 @@ def entry(**keys: str) -> str:
         ({"ObjFlags": "0x0"}, {}),
     ],
 )
-def test_another_spelling_of_the_same_is_no_difference(a: dict[str, str], b: dict[str, str]) -> None:
+def test_another_spelling_of_the_same_value_is_no_difference(a: dict[str, str], b: dict[str, str]) -> None:
     assert diff(small(entry(**a)), small(entry(**b))) == ()
 
 
@@ -74,7 +74,7 @@ def test_a_formula_is_its_value_only_for_a_node() -> None:
     assert len(diff(small(formula), small(fixed), 6)) == 1
 
 
-def test_a_changed_mapping_is_one_difference_that_names_what_came_and_went() -> None:
+def test_a_changed_mapping_is_one_difference_with_removed_and_added_objects() -> None:
     head = communication("1800", "$NODEID+0x180")
     found = only(
         head + mapped("1A00", "0x60410010", "0x60610008"), head + mapped("1A00", "0x60410010", "0x60640020")
@@ -111,7 +111,7 @@ def test_a_mapping_entry_beyond_the_count_is_an_ordinary_default() -> None:
         (("$NODEID+0x180", "1"), ("$NODEID+0x180", "4"), "comes at other times"),
     ],
 )
-def test_what_another_pdo_parameter_means(a: tuple[str, str], b: tuple[str, str], meaning: str) -> None:
+def test_the_meaning_of_a_changed_pdo_parameter(a: tuple[str, str], b: tuple[str, str], meaning: str) -> None:
     found = only(communication("1800", *a), communication("1800", *b))
     assert (found.group, found.matters) == (DifferenceGroup.PDO, meaning)
 
@@ -186,7 +186,9 @@ def test_a_change_of_one_fact_is_one_difference_in_its_group(
         ),
     ],
 )
-def test_defaults_that_a_master_relies_on_say_so(section: str, a: str, b: str, matters: str) -> None:
+def test_differences_in_defaults_that_a_master_relies_on_are_marked(
+    section: str, a: str, b: str, matters: str
+) -> None:
     found = only(variable(section, DefaultValue=a), variable(section, DefaultValue=b))
     assert found.matters.startswith(matters)
 
@@ -231,7 +233,7 @@ def test_a_variable_that_became_an_array_is_one_difference() -> None:
     assert found.matters == "its values are under other sub-indices"
 
 
-def test_a_removed_object_that_a_mode_or_a_pdo_needs_says_so() -> None:
+def test_a_removed_object_that_a_mode_or_a_pdo_needs_is_marked() -> None:
     target = variable("607A", ParameterName="Target position", DataType="0x4", PDOMapping="1")
     assert only(target, "").matters == "needed by pp csp"
     carried = communication("1800", "$NODEID+0x180") + mapped("1A00", "0x20000020")
@@ -299,7 +301,7 @@ def _section(lines: list[str], at: int) -> str:
     return next(line for line in reversed(lines[: at + 1]) if line.startswith("["))
 
 
-def test_the_report_puts_first_what_matters() -> None:
+def test_the_report_has_important_differences_first() -> None:
     a, b = small(STATUS + entry(DefaultValue="1")), small(entry(DefaultValue="2"))
     text = "\n".join(compare.lines(a, b, diff(a, b), None))
     assert text.index("Important for a master") < text.index("\nPDOs: ") < text.index("\ndefaults: 1")
@@ -307,7 +309,7 @@ def test_the_report_puts_first_what_matters() -> None:
     assert "the drive has no TPDO1 any more" in text
 
 
-def test_the_same_said_of_neighbouring_sub_indices_is_said_once() -> None:
+def test_equal_differences_of_neighbouring_sub_indices_are_printed_once() -> None:
     subs = [variable(f"2100sub{at}", ParameterName=f"Value {at}") for at in range(1, 9)]
     a, b = (
         small(record("2100", *subs)),
@@ -330,7 +332,7 @@ def test_the_versions_of_the_files_are_named_as_numbers(version: str, revision: 
     assert f", file version {said})" in next(iter(compare.lines(eds, eds, (), None)))
 
 
-def test_equal_files_say_so() -> None:
+def test_equal_files_are_reported_as_such() -> None:
     eds = small(STATUS)
     assert list(compare.lines(eds, eds, (), None))[-1] == "no difference in meaning"
 
@@ -346,7 +348,7 @@ _SWAPPED = {DifferenceGroup.ADDED: DifferenceGroup.REMOVED, DifferenceGroup.REMO
 
 @pytest.mark.skipif(not CORPUS, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
 def test_real_files_of_one_maker_differ_alike_in_both_directions() -> None:
-    """Nothing is said of a file beside itself; what is said of A and B is said of B and A with the sides exchanged."""
+    """A file does not differ from itself; the differences of A and B are those of B and A with the sides exchanged."""
     different = 0
     for one, other in pairwise(CORPUS):
         a = load(one)

@@ -1,4 +1,4 @@
-"""The reference of a device as HTML and Markdown: whole, self-contained, well-formed, to scale, safe against what names contain."""
+"""The reference of a device as HTML and Markdown: whole, self-contained, well-formed, to scale, safe against any names."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_the_page_can_be_printed() -> None:
     assert "table-header-group" in style
 
 
-def test_what_a_name_contains_is_text_and_not_markup() -> None:
+def test_the_content_of_a_name_is_text_and_not_markup() -> None:
     eds = small(
         variable("2000", ParameterName=NASTY, PDOMapping="1") + STATUS.replace("0x60410010", "0x20000010")
     )
@@ -147,7 +147,7 @@ def test_values_are_those_of_the_node() -> None:
     assert "0x00000085" not in page(builtin("generic-cia402")).said
 
 
-def test_words_of_the_profile_are_explained_once_and_linked_to_afterwards() -> None:
+def test_terms_of_the_profile_are_explained_once_and_linked_to_later() -> None:
     second = variable("6841", ParameterName="Statusword 2", DataType="0x6", AccessType="ro")
     eds = small(second + variable("6840", ParameterName="Controlword 2", DataType="0x6"))
     seen = page(eds)
@@ -157,7 +157,7 @@ def test_words_of_the_profile_are_explained_once_and_linked_to_afterwards() -> N
     assert "#o6041" in seen.links
 
 
-def test_a_page_says_in_which_pdo_an_object_travels_and_what_the_standard_has() -> None:
+def test_a_page_names_the_pdo_of_an_object_and_its_definition_in_the_standard() -> None:
     said = page(small(STATUS)).said
     assert "in: TPDO1 bytes 3-6" in said
     assert "standard: CiA 402: Position actual value, INTEGER32, ro, TPDO" in said
@@ -223,7 +223,7 @@ def test_every_real_file_becomes_a_page_with_a_drawing_for_each_pdo() -> None:
 
 
 def test_no_cell_breaks_within_a_word_but_for_those_of_fixed_width() -> None:
-    """On a phone a table whose cells may break anywhere has columns of one letter; objects stand below each other there."""
+    """On a phone a table whose cells may break anywhere has columns of one letter; objects are below each other there."""
     style = (Path(reference_package.__file__).parent / "style.css").read_text()
     assert re.search(r"^th, td \{[^}]*overflow-wrap: break-word", style, re.M)
     phone = style[style.index("(max-width: 50rem)") : style.index("@page")]

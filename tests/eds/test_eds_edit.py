@@ -51,7 +51,7 @@ def test_an_empty_value_is_filled_and_a_full_one_emptied() -> None:
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("end", ["", "\n", "\n\n"])
-def test_a_new_key_comes_behind_the_last_entry_with_the_files_line_end(newline: str, end: str) -> None:
+def test_a_new_key_is_inserted_behind_the_last_entry_with_the_files_line_end(newline: str, end: str) -> None:
     content = ("[6081]\nDataType=7\n; c\n\n[6083]\nDataType=7" + end).replace("\n", newline)
     file = document(content)
     changes = [edit.set_value(file, file.sections[name], "DefaultValue", "1") for name in ("6081", "6083")]
@@ -91,7 +91,7 @@ def test_a_section_added_at_the_end_follows_one_blank_line(end: str, added: str)
     )
 
 
-def test_a_section_before_another_goes_above_that_ones_comment() -> None:
+def test_a_section_before_another_is_inserted_above_the_comment_of_that_one() -> None:
     content = "[DeviceInfo]\r\nVendorName=me\r\n\r\n; types\r\n[1000]\r\nDataType=7\r\n"
     file = document(content)
     change = edit.add_section(file, "DummyUsage", {"Dummy0001": "0"}, before=file.sections["1000"])
@@ -144,21 +144,21 @@ def test_a_letter_that_the_encoding_has_not_is_refused() -> None:
 
 
 @pytest.mark.parametrize("value", ["a\nb", "a\rb", " a", "a ", "a\0", "\x85", "\u2028"])
-def test_what_would_not_be_read_back_is_refused_as_a_value(value: str) -> None:
+def test_a_value_that_would_not_be_read_back_is_refused(value: str) -> None:
     file = document(SPEED)
     with pytest.raises(ArgumentError, match="the value of DefaultValue"):
         edit.set_value(file, file.sections["6081"], "DefaultValue", value)
 
 
 @pytest.mark.parametrize("key", ["", "a=b", ";a", "[a", "a\n"])
-def test_what_would_be_no_key_is_refused(key: str) -> None:
+def test_an_invalid_key_is_refused(key: str) -> None:
     file = document(SPEED)
     with pytest.raises(ArgumentError):
         edit.set_value(file, file.sections["6081"], key, "1")
 
 
 @pytest.mark.parametrize("name", ["", "a]", "[a", "a\nb", " a"])
-def test_what_would_be_no_section_is_refused(name: str) -> None:
+def test_an_invalid_section_name_is_refused(name: str) -> None:
     with pytest.raises(ArgumentError):
         edit.add_section(document(SPEED), name, {})
 
@@ -188,7 +188,7 @@ LINES = st.lists(
     st.sampled_from(["x", "y", "new"]),
     st.sampled_from(["", "7"]),
 )
-def test_whatever_the_lines_a_set_value_is_read_back(
+def test_a_set_value_is_read_back_from_any_lines(
     lines: list[str], newline: str, key: str, value: str
 ) -> None:
     file = document(newline.join(["[1000]", "q=1", *lines]))
@@ -203,7 +203,7 @@ def test_whatever_the_lines_a_set_value_is_read_back(
 
 
 @given(LINES, st.sampled_from(["\n", "\r\n", "\r"]))
-def test_whatever_the_lines_a_section_is_added_and_removed_again(lines: list[str], newline: str) -> None:
+def test_a_section_is_added_to_any_lines_and_removed_again(lines: list[str], newline: str) -> None:
     file = document(newline.join(["[1000]", "q=1", *lines]))
     after = edit.apply(file, [edit.add_section(file, "New", {"k": "v"})])
     assert after.sections["new"].entries == {"k": "v"}

@@ -83,7 +83,7 @@ def test_identifiers_are_those_of_the_predefined_connection_set() -> None:
 
 
 @pytest.mark.parametrize("path", EVERY_TENTH, ids=lambda path: path.stem[:40])
-def test_what_our_codec_packs_cantools_decodes_to_the_same_values(path: Path) -> None:
+def test_values_packed_by_our_codec_are_decoded_by_cantools(path: Path) -> None:
     eds = load(path)
     database = read(eds)
     numbers = random.Random(1)
@@ -180,7 +180,7 @@ def test_an_identifier_of_29_bits_stays_one() -> None:
         ),
     ],
 )
-def test_what_a_dbc_cannot_hold_is_left_out_and_named(body: str, reason: str) -> None:
+def test_pdos_that_a_dbc_cannot_contain_are_left_out_and_named(body: str, reason: str) -> None:
     made = frames.dumps(small(body), 5)
     (left_out,) = made.left_out
     assert reason in left_out
@@ -193,14 +193,14 @@ def test_a_dbc_needs_a_node_id() -> None:
     assert "--node" in caught.value.remedy
 
 
-def test_without_cantools_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_cantools_the_error_names_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cantools.database.can", None)
     with pytest.raises(UserError, match="cantools, which is not installed") as caught:
         frames.dumps(small(STATUS), 5)
     assert 'pip install "axisbus[dbc]"' in caught.value.remedy
 
 
-def test_a_dbc_has_units_limits_and_what_bits_and_modes_mean() -> None:
+def test_a_dbc_has_units_limits_and_the_meaning_of_bits_and_modes() -> None:
     limited = variable("607A", DataType="0x0004", PDOMapping="1", LowLimit="-1000", HighLimit="2000")
     body = (
         limited

@@ -88,7 +88,7 @@ def test_a_missing_file_names_the_nearest_ones(tmp_path: Path) -> None:
     assert isinstance(caught.value, UserError)
 
 
-def test_a_missing_file_where_there_is_nothing_like_it_says_so(tmp_path: Path) -> None:
+def test_a_missing_file_without_a_similar_one_is_reported(tmp_path: Path) -> None:
     with pytest.raises(EdsError, match="there is no EDS or DCF in"):
         load(tmp_path / "x.eds")
     with pytest.raises(EdsError, match="there is no folder"):
@@ -108,7 +108,7 @@ def test_odd_paths_are_refused(path: str) -> None:
         load(path)
 
 
-def test_the_same_content_is_parsed_once(tmp_path: Path) -> None:
+def test_files_with_the_same_content_are_parsed_once(tmp_path: Path) -> None:
     first, second = tmp_path / "a.eds", tmp_path / "b.eds"
     first.write_text(HEAD + "; one of its kind\n")
     second.write_text(HEAD + "; one of its kind\n")

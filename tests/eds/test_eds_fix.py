@@ -1,4 +1,4 @@
-"""Mending: each defect becomes the text that was meant, nothing else changes, and what needs judgement stays."""
+"""Fixes: each defect becomes the intended text, nothing else changes, and cases that need judgement stay."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def mended(body: str) -> str:
 
 
 def without_lines(eds: Eds) -> dict[int, Object]:
-    """Return the objects, those that say the same equal, wherever they stand and however their names' letters are written."""
+    """Return the objects, equal ones with equal content, wherever they are and however their names' letters are written."""
     return {
         index: replace(
             entry,
@@ -99,7 +99,7 @@ def test_a_value_is_written_as_the_standard_has_it(rule: str, data_type: str, gi
         (TEXT, '" "'),
     ],
 )
-def test_what_needs_judgement_is_left_alone(data_type: str, given: str) -> None:
+def test_values_that_need_judgement_are_left_unchanged(data_type: str, given: str) -> None:
     before = variable("2000", DataType=data_type, DefaultValue=given)
     assert fixed(before).mended == ()
     assert mended(before) == before
@@ -151,7 +151,7 @@ def test_the_number_of_sub_indices_counts_all_but_the_structure() -> None:
     assert mended(before.replace("SubNumber=9\n", "")) == before.replace("SubNumber=9", "SubNumber=2")
 
 
-def test_255_compact_sub_indices_are_254_and_stand_alone() -> None:
+def test_255_compact_sub_indices_become_254_without_a_further_change() -> None:
     before = "[2000]\nParameterName=a\nObjectType=8\nDataType=5\nAccessType=rw\nCompactSubObj=0xFF\nSubNumber=255\n"
     done = fixed(before)
     assert [each.rule for each in done.mended] == ["O013", "B001"]
@@ -170,7 +170,7 @@ def test_a_list_in_the_middle_of_a_merge_is_left_to_a_person() -> None:
     assert fixed(before).mended == ()
 
 
-def test_the_second_of_two_equal_sections_goes_and_its_comment_stays() -> None:
+def test_the_second_of_two_equal_sections_is_removed_and_its_comment_stays() -> None:
     twin = variable("2000").rstrip() + "\n"
     other = variable("2001")
     assert mended(f"{twin}\n{twin}; mine\n\n{other}") == f"{twin}\n; mine\n{other}"
@@ -186,7 +186,7 @@ def test_leading_zeros_are_removed_unless_the_name_is_taken() -> None:
     assert "O012" not in [each.rule for each in fixed(taken).mended]
 
 
-def test_a_comment_behind_a_value_comes_below_it_before_the_value_is_fixed() -> None:
+def test_a_comment_behind_a_value_is_moved_below_it_before_the_value_is_fixed() -> None:
     before = variable("2000", DataType=I8, DefaultValue="0xFF ; minus one", AccessType="RW ; both")
     after = variable("2000", DataType=I8, DefaultValue="-1\n; minus one", AccessType="rw\n; both")
     assert mended(before) == after
@@ -263,12 +263,12 @@ def test_the_counts_of_a_file_that_ends_in_the_middle_are_not_made_to_fit() -> N
         variable("2000", AccessType="READ"),
     ],
 )
-def test_what_the_check_does_not_count_or_know_is_not_fixed(body: str) -> None:
+def test_texts_that_the_check_does_not_count_or_know_are_not_fixed(body: str) -> None:
     assert fixed(body).mended == ()
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16-le", "utf-16-be"])
-def test_a_byte_order_mark_goes(encoding: str) -> None:
+def test_a_byte_order_mark_is_removed(encoding: str) -> None:
     bom = {"utf-8": codecs.BOM_UTF8, "utf-16-le": codecs.BOM_UTF16_LE, "utf-16-be": codecs.BOM_UTF16_BE}[
         encoding
     ]
@@ -318,7 +318,7 @@ def test_the_diff_has_the_unified_format() -> None:
 
 
 def patched(lines: list[str], diff: list[str]) -> list[str]:
-    """Apply a unified diff by what its lines say, as ``patch`` does."""
+    """Apply a unified diff by its lines, as ``patch`` does."""
     made: list[str] = []
     at = 0
     for line in diff:
@@ -359,7 +359,7 @@ def test_whatever_the_lines_mending_twice_is_mending_once(lines: list[str], newl
 
 
 @pytest.mark.skipif(not FILES, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
-def test_real_files_say_the_same_when_fixed() -> None:
+def test_fixed_real_files_are_read_with_the_same_content() -> None:
     for path in FILES:
         before = reader.read(path.read_bytes(), path.name)
         done = fix(before)
@@ -373,13 +373,13 @@ def test_real_files_say_the_same_when_fixed() -> None:
 
 
 @pytest.mark.skipif(not FILES, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
-def test_fix_does_what_check_asks_for() -> None:
+def test_fix_repairs_findings_of_check() -> None:
     """``fix`` repairs only findings; afterwards there is no new finding, and the repaired ones are gone."""
     for path in FILES:
         before = reader.read(path.read_bytes(), path.name)
         found = check(before)
         if len(before.eds.findings) > 900:
-            continue  # not all of it is told
+            continue  # not all of it is listed
         done = fix(before)
         assert {each.rule for each in done.mended} <= {each.rule for each in found}, path.name
         counts = Counter((each.rule, each.index, each.subindex) for each in found)
@@ -387,7 +387,7 @@ def test_fix_does_what_check_asks_for() -> None:
         assert after - counts == Counter(), path.name
 
 
-def test_a_fixed_file_means_to_canopen_what_it_means_to_us() -> None:
+def test_a_fixed_file_is_read_by_canopen_as_by_us() -> None:
     body = variable("2000", DataType=I32, DefaultValue="0xFFFFFFFF", AccessType="RW") + variable(
         "2001", DefaultValue="0x180+$NodeID"
     )
@@ -432,7 +432,7 @@ def test_names_of_a_file_whose_code_page_is_not_certain_stay_as_they_are(encodin
         ("utf-8", "Vitesse à l'arrêt", "Vitesse a l'arret"),
     ],
 )
-def test_names_of_a_file_whose_letters_are_certain_are_spelt_in_ascii(
+def test_names_of_a_file_whose_code_page_is_certain_are_spelt_in_ascii(
     encoding: str, name: str, plain: str
 ) -> None:
     before = (HEAD + variable("2000", ParameterName=name)).encode(encoding)

@@ -120,7 +120,7 @@ def test_any_bytes_are_read_or_refused(data: bytes) -> None:
 
 @settings(max_examples=250, deadline=None)
 @given(st.lists(lines, max_size=25), st.sampled_from(["\n", "\r\n", "\r"]))
-def test_any_lines_are_read_and_what_was_understood_reaches_canopen(some: list[str], newline: str) -> None:
+def test_random_lines_are_read_and_all_entries_reach_canopen(some: list[str], newline: str) -> None:
     data = (HEAD + "\n".join(some)).replace("\n", newline).encode("utf-8", errors="replace")
     reading = reader.read(data, "fuzz.eds")
     assert writer.dumps(reading.document) == data
@@ -207,7 +207,7 @@ def models(draw: st.DrawFn) -> Eds:
 
 @settings(max_examples=150, deadline=None)
 @given(models())
-def test_whatever_model_is_written_canopen_and_we_read_it_as_it_was_meant(eds: Eds) -> None:
+def test_every_written_model_is_read_equally_by_canopen_and_by_us(eds: Eds) -> None:
     data = writer.dumps(eds)
     assert our_facts(loads(data, "made.dcf"), 5) == our_facts(eds, 5)
     theirs, ours = canopen_facts(data.decode(), 5), our_facts(eds, 5)

@@ -1,4 +1,4 @@
-"""What a notebook shows of an EDS."""
+"""The display of an EDS in a notebook."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ EVIL = "<b>Drive & Co</b>"
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_a_file_says_whose_it_is_and_what_it_has(path):
+def test_the_html_of_a_file_names_the_device_and_its_pdos(path):
     read = eds.load(path)
     shown = read._repr_html_()
     assert read.info["deviceinfo"]["productname"] in shown
@@ -25,7 +25,7 @@ def test_a_file_says_whose_it_is_and_what_it_has(path):
     assert PDOS[path.stem] in shown
 
 
-def test_what_a_file_says_is_text():
+def test_texts_of_a_file_are_escaped_in_html():
     data = FILES[0].read_text(encoding="ascii").replace("\nProductName=", f"\nProductName={EVIL}")
     shown = eds.loads(data.encode("ascii"), "<i>file</i>")._repr_html_()
     assert EVIL not in shown
@@ -33,7 +33,7 @@ def test_what_a_file_says_is_text():
     assert "<i>" not in shown
 
 
-def test_a_file_that_says_little_shows_that_nothing_is_known():
+def test_the_html_of_a_file_with_little_content_names_the_unknowns():
     data = b"[MandatoryObjects]\nSupportedObjects=1\n1=0x1001\n[1001]\nParameterName=Error register\nDataType=5\nAccessType=ro\n"
     shown = eds.loads(data, "x.eds")._repr_html_()
     assert "not named" in shown

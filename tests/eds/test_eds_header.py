@@ -36,19 +36,19 @@ def compiled(text: str, folder: Path, main: str = "int main(void) { return 0; }"
 
 @needs_compiler
 @pytest.mark.parametrize("path", [*BUILTIN, *EVERY_FIFTH], ids=lambda path: path.stem)
-def test_it_compiles_without_a_warning(path: Path, tmp_path: Path) -> None:
+def test_the_header_compiles_without_a_warning(path: Path, tmp_path: Path) -> None:
     text = header(load(path))
     assert text == header(load(path))
     compiled(text, tmp_path)
 
 
 @needs_compiler
-def test_it_compiles_as_cpp_where_there_is_one(tmp_path: Path) -> None:
+def test_the_header_compiles_as_cpp_if_there_is_a_compiler(tmp_path: Path) -> None:
     compiled(header(builtin("gim6010-8"), 5), tmp_path, cpp=True)
 
 
 @needs_compiler
-def test_another_header_of_the_same_name_is_an_error_and_never_left_out(tmp_path: Path) -> None:
+def test_two_different_headers_of_the_same_name_are_a_compile_error(tmp_path: Path) -> None:
     (tmp_path / "other.h").write_text(header(builtin("gim6010-8"), 6), "ascii")
     (tmp_path / "drive.h").write_text(header(builtin("gim6010-8"), 5), "ascii")
     (tmp_path / "main.c").write_text('#include "drive.h"\n#include "other.h"\nint main(void) { return 0; }\n')
@@ -126,7 +126,7 @@ int main(void)
 def test_packed_data_matches_the_mapping_and_unpacks_to_the_same_values(tmp_path: Path) -> None:
     made = compiled(header(read(MAPPED)), tmp_path, MAIN)
     found = subprocess.run([made], capture_output=True, text=True, check=True).stdout.split()
-    space = 0xFF << 18  # 8 bits that nobody has written
+    space = 0xFF << 18  # 8 bits that are not written
     bits = (-5 & 0xFF) | 1 << 8 | 0x155 << 9 | space | (-3 & 0xFF_FFFF) << 26 | 0x3F << 50
     assert found[0] == bits.to_bytes(7, "little").hex().upper()
     assert found[1:5] == ["-5", "1", "341", "-3"]
@@ -134,7 +134,7 @@ def test_packed_data_matches_the_mapping_and_unpacks_to_the_same_values(tmp_path
     assert found[7:] == ["205", "37F", "2001"]
 
 
-def test_the_command_writes_it(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_the_command_writes_the_header(tmp_path: Path, monkeypatch, capsys) -> None:
     run = commands.runner(monkeypatch, capsys)
     target = tmp_path / "drive.h"
     code, out, err = run("eds", "code", "--c", "builtin:gim6010-8", "-o", target, "--node", 5)

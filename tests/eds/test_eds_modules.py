@@ -1,4 +1,4 @@
-"""What a modular device says of its modules, and the other parts of a file that only some have."""
+"""The modules of a modular device, and other parts that only some files have."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_a_modular_device_names_its_kinds_of_module() -> None:
     assert eds.findings == ()
 
 
-def test_a_module_brings_objects_of_its_own() -> None:
+def test_a_module_has_fixed_objects_of_its_own() -> None:
     fixed = read(MODULES).modules[1].fixed
     assert list(fixed) == [0x6423, 0x6424]
     assert fixed[0x6424] is None
@@ -101,7 +101,7 @@ def test_a_module_extends_the_objects_of_the_device() -> None:
     assert (part.count, part.bits, part.object_extend) == (0, 4, 0)
 
 
-def test_a_dcf_names_the_modules_in_the_order_of_their_places() -> None:
+def test_a_dcf_names_the_connected_modules_in_their_order() -> None:
     assert read(MODULES).connected == (1, 12, 1)
 
 
@@ -156,7 +156,7 @@ def test_object_links_and_names_and_keys_of_other_drafts_are_kept() -> None:
     assert program.more == {"downloadfile": "program.bin", "uploadfile": "old.bin"}
 
 
-def test_odd_modules_are_read_as_far_as_they_go() -> None:
+def test_malformed_modules_are_read_as_far_as_possible() -> None:
     eds = read(
         "[SupportedModules]\n[M1FixedObjects]\nNrOfEntries=x\n1=\n2=0x12345\n3=0x6000\n[M1SubExt6000]\nCount=;\n"
         "[M1Fixed7000sub1]\nParameterName=A\n[ConnectedModules]\n1=one\n2=2\n"

@@ -15,7 +15,7 @@ from kit.eds.texts import HEAD, HEAD_LINES, only, read, record, rules, variable
 EDS_FOLDER = Path(__file__).parents[2] / "eds"
 
 
-def test_a_plain_variable_has_everything_that_its_section_says() -> None:
+def test_a_plain_variable_has_all_keys_of_its_section() -> None:
     eds = read(
         "[6081]\nParameterName=Profile velocity\nObjectType=0x7\nDataType=0x0007\nAccessType=rww\n"
         "DefaultValue=1000\nPDOMapping=1\nLowLimit=1\nHighLimit=5000\nObjFlags=0x1\n"
@@ -45,7 +45,7 @@ def test_sub_indices_are_hexadecimal() -> None:
     assert list(eds.objects[0x2000].subs) == [0x0A, 0x10, 0xFE]
 
 
-def test_objects_come_by_index_whatever_the_order_in_the_file() -> None:
+def test_objects_are_ordered_by_index_for_any_order_in_the_file() -> None:
     eds = read(variable("6040") + variable("2000") + variable("1005"))
     assert [entry.index for entry in eds] == [0x1000, 0x1005, 0x2000, 0x6040]
 
@@ -143,7 +143,7 @@ def test_a_type_that_the_file_defines_means_its_base_type() -> None:
     assert (entry.data_type, entry.default) == (DataType.UNSIGNED16, Number(12))
 
 
-def test_a_wrong_type_is_kept_as_the_file_says_it() -> None:
+def test_a_wrong_type_is_kept_as_in_the_file() -> None:
     eds = read(variable("60FF", DataType="0x0007", DefaultValue="4294967295"))
     entry = eds.get(0x60FF)
     assert entry is not None
@@ -206,7 +206,7 @@ def test_the_identity_is_that_of_1018_or_else_of_the_device_information() -> Non
     assert (eds.identity.vendor_id, eds.identity.product_code, eds.identity.revision) == (0xC0B00, 0x20, None)
 
 
-def test_every_finding_has_a_place_a_reason_and_a_remedy() -> None:
+def test_every_finding_has_a_line_a_reason_and_a_remedy() -> None:
     eds = read(
         "x\n"
         + variable("2000", DefaultValue="-1", LowLimit="5", HighLimit="1")
@@ -255,7 +255,7 @@ def test_entries_that_differ_in_name_alone_are_distinguished_by_name_and_line() 
     assert [entry.subs[0].line for entry in (first, second, third)] == lines
 
 
-def test_one_text_means_what_the_place_of_its_section_makes_of_it() -> None:
+def test_the_meaning_of_a_section_depends_on_its_position() -> None:
     text = "ParameterName=x\nObjectType=0x8\nDataType=0x0007\nAccessType=rw\n"
     untyped = text.replace("ObjectType=0x8\n", "")
     body = f"[2000]\n{text}[2000sub1]\n{text}[2001]\n{text}[2001sub1]\n{text}[2002]\n{text}"
@@ -284,7 +284,7 @@ def test_a_defect_in_repeated_sections_is_found_in_each() -> None:
     assert [(found.rule, found.index) for found in eds.findings] == [("V005", index) for index in indices]
 
 
-# Lines of which sections are made that are alike in all sorts of ways, and in some only seem to be.
+# Lines for sections that are alike in all sorts of ways, and in some only seem to be.
 LINES = (
     *(
         "ParameterName=A",
@@ -341,8 +341,8 @@ def alike(seed: int) -> bytes:
 
 
 @pytest.mark.parametrize("seed", range(0, 400, 50))
-def test_objects_are_the_same_whether_looked_at_alone_or_with_the_findings(seed: int) -> None:
-    """What wants findings takes every section apart; what does not makes many like others."""
+def test_objects_are_the_same_with_and_without_the_findings(seed: int) -> None:
+    """Reading with findings parses every section; reading without them copies equal ones."""
     for number in range(seed, seed + 50):
         looked_at, checked = (reader.read(alike(number), "test.eds").eds for _ in range(2))
         assert checked.findings is not None
@@ -351,7 +351,7 @@ def test_objects_are_the_same_whether_looked_at_alone_or_with_the_findings(seed:
 
 
 @pytest.mark.parametrize("name", ["generic-cia402.eds", "gim6010-8.eds"])
-def test_objects_of_our_files_are_the_same_looked_at_alone_or_with_the_findings(name: str) -> None:
+def test_objects_of_our_files_are_the_same_with_and_without_the_findings(name: str) -> None:
     data = (EDS_FOLDER / name).read_bytes()
     looked_at, checked = (reader.read(data, name).eds for _ in range(2))
     one_by_one = list(looked_at)

@@ -47,7 +47,7 @@ def test_every_rule_has_a_case_and_code() -> None:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.rule)
-def test_a_breach_is_found_at_its_place(case: Case) -> None:
+def test_a_breach_is_found_at_its_line(case: Case) -> None:
     text, _ = text_of(case.bad)
     hits = [each for each in found(case.bad) if each.rule == case.rule]
     assert hits, [f"{each.line} {each.rule} {each.message}" for each in found(case.bad)]
@@ -64,14 +64,14 @@ def only(rule: str, *edits: Edit) -> EdsFinding:
     return hit
 
 
-def test_what_the_standard_leaves_open_is_a_note() -> None:
+def test_cases_that_the_standard_leaves_open_are_notes() -> None:
     assert only("V006", "1014:DefaultValue=$NodeID+0x80").severity is Severity.NOTE
     assert only("V006", "1014:DefaultValue=0x80+$NODEID").severity is Severity.WARNING
     assert only("V001", "2005:DataType=0x000C", "2005:DefaultValue=365 43200000").severity is Severity.NOTE
 
 
 def test_an_uncertain_row_of_the_table_gives_only_a_note() -> None:
-    """The sign of 6086h is not certain from what is public, that of 6064h is."""
+    """The sign of 6086h is not certain from public sources, that of 6064h is."""
     assert only("M002", "6086:DataType=0x0006").severity is Severity.NOTE
     assert only("M002", "6064:DataType=0x0007").severity is Severity.WARNING
 
@@ -95,7 +95,7 @@ def test_a_value_that_is_wrong_for_either_type_is_reported_in_addition_to_the_ty
     assert {each.rule for each in found(edits)} == {"M002", "V001"}
 
 
-def test_a_misspelt_key_is_one_finding_and_an_error_where_the_key_is_mandatory() -> None:
+def test_a_misspelt_key_is_one_finding_and_an_error_if_the_key_is_mandatory() -> None:
     edits = (
         without(
             "[2000]\nParameterName=Gain\nObjectType=0x7\nDataType",
@@ -113,7 +113,7 @@ def test_the_missing_sub_index_is_named() -> None:
 
 @pytest.mark.parametrize("count", ["0xFFFFFFFFFF", "9" * 19])
 def test_a_sub_index_zero_beyond_all_bounds_is_checked_in_a_moment(count: str) -> None:
-    """It is counted up to 254 (FEh), not to what the file says."""
+    """It is counted up to 254 (FEh), not to the count in the file."""
     edits = ("2003sub0:DataType=0x001B", f"2003sub0:DefaultValue={count}", "-2003sub2")
     assert "sub-index" not in only("O007", *edits).message.partition(";")[2]
 
@@ -123,7 +123,7 @@ def test_the_object_that_a_list_meant_is_named() -> None:
     assert (hit.rule, hit.message.rpartition("; ")[2]) == ("L005", "2005 may be meant")
 
 
-def test_modes_are_shown_by_their_objects_where_the_file_does_not_claim_any() -> None:
+def test_modes_are_derived_from_their_objects_if_the_file_does_not_claim_any() -> None:
     assert only("M006", "6502:DefaultValue").message.endswith("the objects show pp")
 
 
@@ -160,7 +160,7 @@ def test_an_input_module_is_not_judged_by_the_table_of_drives() -> None:
         ("O013", "2004Name:3=Back", "2004Name:3"),
     ],
 )
-def test_formulas_and_names_have_their_place(rule: str, edit: str, where: str) -> None:
+def test_findings_of_formulas_and_names_have_their_line(rule: str, edit: str, where: str) -> None:
     hits = [each for each in found((edit,)) if each.rule == rule]
     assert [each.line for each in hits] == ([place(edited(edit), where)[0]] if where else [])
 
@@ -251,7 +251,7 @@ def test_the_identifier_of_each_service_is_in_its_range(
         ("7", "begins in ip, without"),
     ],
 )
-def test_a_mode_without_objects_is_reported_where_6502h_is_missing(default: str, words: str) -> None:
+def test_a_mode_without_objects_is_reported_if_6502h_is_missing(default: str, words: str) -> None:
     edits = (
         "-6502",
         "OptionalObjects:24",
@@ -262,7 +262,7 @@ def test_a_mode_without_objects_is_reported_where_6502h_is_missing(default: str,
     assert only("M011", "6060:DefaultValue=5").message.endswith("a mode that CiA 402 does not have")
 
 
-def test_a_target_of_which_no_mode_is_whole_is_reported_where_6502h_is_missing() -> None:
+def test_a_target_without_a_complete_mode_is_reported_if_6502h_is_missing() -> None:
     edits = ("6502:DefaultValue", *with_object("60FF", 4, "0"))
     assert only("M018", *edits).message == (
         "60FF (Target velocity) is there, but pv would need 606C (Velocity actual value) too; "
@@ -298,13 +298,13 @@ def test_a_file_that_ends_in_the_middle_is_one_finding(at: str) -> None:
 
 
 @pytest.mark.parametrize("lines", range(120, 540, 7))
-def test_wherever_a_file_is_cut_it_ends_early_and_nothing_else_is_wrong(lines: int) -> None:
+def test_a_file_cut_anywhere_ends_early_and_has_no_other_errors(lines: int) -> None:
     cut = "\n".join(BASE.split("\n")[:lines])
     hits = [each for each in check(reader.read(cut.encode(), "test.eds")) if each.severity is Severity.ERROR]
     assert [each.rule for each in hits] == ["S020"]
 
 
-def test_a_file_whose_last_line_has_no_end_is_whole() -> None:
+def test_a_file_whose_last_line_has_no_line_end_has_no_finding() -> None:
     assert list(check(reader.read(BASE.rstrip().encode(), "test.eds"))) == []
 
 

@@ -49,11 +49,11 @@ def test_single_bits_are_drawn_to_scale_and_get_a_letter() -> None:
     assert "byte 0 bits 4-7  UNSIGNED8  (space)" in text
     assert "bytes 1-4        6064       Position" in text
     assert "bytes 5-7        2002       Pressure     INTEGER24" in text
-    # One row holds four bytes here: the position goes on in the second.
+    # One row holds four bytes here: the position continues in the second.
     assert "  │…6064          │2002 " in text
 
 
-def test_a_pdo_is_drawn_in_plain_ascii_where_the_terminal_has_no_boxes() -> None:
+def test_a_pdo_is_drawn_in_plain_ascii_if_the_terminal_has_no_boxes() -> None:
     (each,) = layout.layouts(small(BITS), None)
     text = "\n".join(pdo_text.lines(each, 80, ASCII))
     assert text.isascii()
@@ -61,7 +61,7 @@ def test_a_pdo_is_drawn_in_plain_ascii_where_the_terminal_has_no_boxes() -> None
 
 
 @pytest.mark.parametrize("path", EVERY_TENTH, ids=lambda path: path.stem[:40])
-def test_each_mapped_object_is_where_the_codec_packs_it(path) -> None:
+def test_each_mapped_object_is_drawn_at_the_bits_used_by_the_codec(path) -> None:
     """The oracle is the codec that the bus uses: all ones in one entry are all ones in its bits of the frame."""
     for each in layout.layouts(load(path), 5):
         if each.bits > 64:
@@ -113,7 +113,7 @@ def test_objects_are_grouped_by_area_and_axis() -> None:
     ]
 
 
-def test_the_head_says_what_the_device_is() -> None:
+def test_the_head_describes_the_device() -> None:
     lines = list(show.head(builtin("gim6010-8"), None))
     assert lines[0].startswith("GIM6010-8 by CyberBeast (")
     assert "  device      servo drive (CiA 402), device type 0x00020192" in lines
@@ -121,7 +121,7 @@ def test_the_head_says_what_the_device_is() -> None:
     assert "  bit rates   125, 250, 500, 1000 kbit/s" in lines
 
 
-def test_modes_without_6502h_are_those_whose_objects_are_there() -> None:
+def test_without_a_value_of_6502h_the_modes_are_not_said() -> None:
     assert any("not said (6502h has no value)" in line for line in show.head(small(""), None))
 
 
@@ -144,7 +144,7 @@ def test_limits_of_the_data_type_are_no_news_in_the_tree_but_named_for_one_objec
     assert any(line.endswith("3  [1..9]") for line in show.tree(narrow))
 
 
-def test_like_sub_indices_are_one_row_unless_asked_otherwise() -> None:
+def test_like_sub_indices_are_one_row_by_default() -> None:
     eds = builtin("gim6010-8")
     assert any(":01-08" in line and "(8 alike)" in line for line in show.tree(eds))
     whole = list(show.tree(eds, None, Screen(fold=False)))
@@ -154,11 +154,11 @@ def test_like_sub_indices_are_one_row_unless_asked_otherwise() -> None:
     )
 
 
-def test_a_mapping_entry_is_shown_as_what_it_maps() -> None:
+def test_a_mapping_entry_is_shown_with_its_object() -> None:
     assert any("6041:00/16 Statusword" in line for line in show.tree(small(STATUS)))
 
 
-def test_one_object_comes_with_its_bits_states_and_place_in_the_pdos() -> None:
+def test_one_object_is_shown_with_its_bits_states_and_pdos() -> None:
     text = about(small(STATUS), "statusword")
     assert "standard  CiA 402: Statusword, UNSIGNED16, ro, TPDO, mandatory" in text
     assert "in        TPDO1 bytes 0-1" in text
@@ -204,7 +204,7 @@ def test_a_word_of_hexadecimal_digits_that_is_no_index_is_a_name() -> None:
     assert search.find(eds, "feed").one is eds.objects[0x2000]
 
 
-def test_all_words_must_be_in_the_name_of_the_object_or_sub_index() -> None:
+def test_a_search_matches_if_all_words_are_in_the_name_of_the_object_or_sub_index() -> None:
     found = search.find(builtin("gim6010-8"), "identity vendor").matches
     assert [(match.entry.index, match.subs) for match in found] == [(0x1018, (1,))]
 

@@ -27,9 +27,7 @@ UMLAUTS = "[DeviceInfo]\nVendorName=Müller\n\n[1000]\nParameterName=Gerätetyp\
         ("utf-16-be", b"", ["S002", "S001"]),
     ],
 )
-def test_letters_survive_every_encoding_that_files_come_in(
-    encoding: str, bom: bytes, expected_rules: list[str]
-) -> None:
+def test_letters_are_read_in_every_encoding(encoding: str, bom: bytes, expected_rules: list[str]) -> None:
     data = bom + UMLAUTS.encode(encoding)
     reading = reader.read(data, "x.eds")
     assert reading.eds.objects[0x1000].name == "Gerätetyp"
@@ -45,7 +43,7 @@ def test_a_foreign_letter_is_named_by_its_line_and_column() -> None:
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
-def test_line_numbers_count_lines_whatever_ends_them(newline: str) -> None:
+def test_line_numbers_count_lines_with_any_line_end(newline: str) -> None:
     data = (HEAD + variable("2000", DefaultValue="4x0")).replace("\n", newline).encode()
     reading = reader.read(data, "x.eds")
     finding = only(reading.eds)
@@ -54,7 +52,7 @@ def test_line_numbers_count_lines_whatever_ends_them(newline: str) -> None:
     assert writer.dumps(reading.document) == data
 
 
-def test_comments_odd_spacing_and_a_missing_last_line_end_come_back_byte_for_byte() -> None:
+def test_comments_odd_spacing_and_a_missing_last_line_end_are_kept_byte_for_byte() -> None:
     data = (
         b"; head\n\n[1000] \nParameterName = Device type\r\n  DataType=7\n; in between\nAccessType=ro\n;end"
     )
@@ -138,7 +136,7 @@ def test_the_sections_of_the_standard_are_known(name: str) -> None:
     assert "S012" not in rules(read(f"[{name}]\n"))
 
 
-def test_a_flood_of_findings_is_cut_and_says_so() -> None:
+def test_too_many_findings_are_cut_and_counted() -> None:
     eds = read("[Comments]\n" + "nonsense\n" * (MAX_FINDINGS + 4000))
     assert len(eds.findings) == MAX_FINDINGS + 1
     assert eds.findings[-1].rule == "S099"

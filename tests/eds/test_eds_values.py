@@ -1,4 +1,4 @@
-"""Each way that real files write a value, with the value that it means; the numbers are worked out by hand."""
+"""Each form in which real files write a value, with its meaning; the numbers are computed by hand."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_an_integer_is_read_as_it_is_meant(text: str, data_type: T, expected: in
 @pytest.mark.parametrize(
     ("text", "meant"), [("16#1F4", "0x1F4"), ("2#1010", "0xA"), ("8#17", "0xF"), ("10#1_000", "1000")]
 )
-def test_a_number_of_iec_61131_is_refused_with_what_to_write(text: str, meant: str) -> None:
+def test_a_number_of_iec_61131_is_refused_with_the_valid_form(text: str, meant: str) -> None:
     (problem,) = values.parse(text, T.UNSIGNED16).problems
     assert problem.text == f"{text} is a number of IEC 61131-3, DS 306 has it as {meant}"
 
@@ -103,7 +103,7 @@ def test_every_spelling_of_the_node_id_formula_is_understood(text: str, constant
 @pytest.mark.parametrize(
     "text", ["$NODE+5", "$NODEID+x", "$NODEID+$NODEID", "$", "$NODEID+", "$NODEID*2", "$OTHER+$THING"]
 )
-def test_what_only_looks_like_a_formula_is_no_value(text: str) -> None:
+def test_a_text_that_only_resembles_a_formula_is_no_value(text: str) -> None:
     value, problems = values.parse(text, T.UNSIGNED32)
     assert value is None
     assert [problem.rule for problem in problems] == ["V020"]
@@ -176,6 +176,6 @@ def test_senseless_limits_count_as_no_limits(
     assert [problem.rule for problem in found.problems] == rules
 
 
-def test_two_limits_of_zero_hold_where_they_are_meant() -> None:
+def test_two_limits_of_zero_apply_if_they_are_intended() -> None:
     found = values.limits("0", "0x0", T.INTEGER16, only_zero=True)
     assert (found.low, found.high, found.problems) == (Number(0), Number(0), ())

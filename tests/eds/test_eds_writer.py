@@ -61,11 +61,11 @@ def by_hand() -> Eds:
     return Eds("by hand", objects, info, 5)
 
 
-def test_a_model_made_in_a_program_becomes_a_file_that_says_the_same() -> None:
+def test_a_model_made_in_a_program_is_written_and_read_without_a_difference() -> None:
     eds = by_hand()
     data = writer.dumps(eds)
     again = loads(data, "again.dcf")
-    assert [finding.rule for finding in again.findings] == ["S012"]  # [toolinfos] is nobody's
+    assert [finding.rule for finding in again.findings] == ["S012"]  # [toolinfos] belongs to no known tool
     assert our_facts(again, 5) == our_facts(eds, 5)
     assert (again.node_id, again.dummies, again.objects[0x2000].links) == (5, {5}, (0x1000,))
     assert again.objects[0x2000].denotation == "mine"
@@ -96,7 +96,7 @@ def test_the_first_lines_are_as_the_standard_prints_them() -> None:
     assert "DefaultValue=$NODEID+0x180\n" in text
 
 
-def test_a_file_read_is_written_as_it_was_from_whatever_is_at_hand() -> None:
+def test_a_file_is_written_as_it_was_read() -> None:
     data = ("; mine\r\n" + HEAD.replace("\n", "\r\n") + "[DeviceInfo]\r\nX = 1").encode()
     reading = reader.read(data, "x.eds")
     assert writer.dumps(reading) == writer.dumps(reading.eds) == writer.dumps(reading.document) == data
@@ -112,7 +112,7 @@ def test_a_read_model_with_other_objects_is_written_again() -> None:
 
 
 @pytest.mark.parametrize("name", names())
-def test_the_builtin_files_written_again_say_the_same(name: str) -> None:
+def test_the_builtin_files_written_again_are_read_without_a_difference(name: str) -> None:
     eds = reader.load(resolve(f"builtin:{name}", Path()))
     text = writer.dumps(replace(eds, objects=dict(eds.objects))).decode()
     again = loads(text.encode(), "again.eds")
@@ -139,7 +139,7 @@ def test_a_value_that_an_eds_cannot_hold_is_refused(
         writer.dumps(Eds("x", {0x2000: Object(0x2000, name, ObjectType.VAR, {0: entry})}, info))
 
 
-def test_a_model_goes_to_another_process_and_is_the_same_there() -> None:
+def test_a_pickled_model_is_the_same_in_another_process() -> None:
     eds = read(record("2000", variable("2000sub1", DefaultValue="4x0")))
     again = pickle.loads(pickle.dumps(eds))
     assert again.objects == eds.objects

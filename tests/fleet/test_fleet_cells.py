@@ -98,7 +98,7 @@ def test_a_move_whose_answers_are_lost_moves_once(plant, monkeypatch):
         assert press["x"].position == pytest.approx(begin + 7.0, abs=0.1)
 
 
-def test_what_a_cell_refuses_comes_as_the_library_s_own_error(plant):
+def test_a_refusal_of_a_cell_is_raised_as_the_library_s_own_error(plant):
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
         press["x"].enable().wait(20)
         with pytest.raises(LimitError, match="max_velocity"):
@@ -106,7 +106,7 @@ def test_what_a_cell_refuses_comes_as_the_library_s_own_error(plant):
         assert press["x"].limits["max_velocity"] == 400.0
 
 
-def test_a_jog_continues_while_it_is_renewed_and_ends_by_itself(plant):
+def test_a_jog_continues_while_it_is_renewed_and_then_ends(plant):
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
         press["x"].enable().wait(20)
         begin = press["x"].position
@@ -154,7 +154,7 @@ def mover(plant):
 @pytest.mark.parametrize(
     "number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM], ids=lambda each: each.name
 )
-def test_a_program_that_is_gone_or_stopped_leaves_axes_that_stand(plant, mover, number):
+def test_a_program_that_ends_or_is_suspended_leaves_axes_at_standstill(plant, mover, number):
     with fleet_of(plant) as fleet:
         axis = fleet["press"]["x"]
         until(lambda: is_in(axis, AxisState.CONTINUOUS_MOTION))
@@ -172,7 +172,7 @@ def test_a_program_that_is_gone_or_stopped_leaves_axes_that_stand(plant, mover, 
             assert axis.position == pytest.approx(place, abs=0.1)
 
 
-def test_what_still_runs_at_the_end_of_the_block_is_halted_and_reported_as_that(plant):
+def test_commands_that_run_at_the_end_of_the_block_are_halted_and_reported_as_stopped(plant):
     with fleet_of(plant) as fleet:
         with fleet["press"].command() as press:
             press["x"].enable().wait(20)
@@ -183,7 +183,7 @@ def test_what_still_runs_at_the_end_of_the_block_is_halted_and_reported_as_that(
         until(lambda: is_in(press["x"], AxisState.STANDSTILL))
 
 
-def test_a_stop_of_a_third_program_ends_what_the_one_that_commands_has_begun(plant, monkeypatch, capsys):
+def test_a_stop_of_a_third_program_ends_the_commands_of_the_program_with_control(plant, monkeypatch, capsys):
     axisbus = commands.runner(monkeypatch, capsys)
     with fleet_of(plant) as fleet, fleet["press"].command() as press, fleet["saw"].command() as saw:
         wait(press["x"].enable(), saw["x"].enable(), timeout=20)
@@ -198,7 +198,7 @@ def test_a_stop_of_a_third_program_ends_what_the_one_that_commands_has_begun(pla
         until(lambda: is_in(press["x"], AxisState.DISABLED))
 
 
-def test_who_takes_the_command_over_has_it_and_the_one_before_is_reported(plant):
+def test_a_program_that_takes_over_has_control_and_the_previous_one_gets_an_error(plant):
     with fleet_of(plant, who="one") as one, fleet_of(plant, who="two") as two:
         mine = one["press"].command()
         with mine as press:
@@ -224,7 +224,7 @@ def test_an_object_of_a_node_is_read(plant):
             fleet["press"].read_object(1, 0x5FFF)
 
 
-def test_over_a_wire_that_is_cut_and_fixed_nothing_is_believed_and_no_event_is_missed(plant):
+def test_after_a_wire_is_cut_and_fixed_old_values_are_not_used_and_no_event_is_missed(plant):
     wire = Wire(int(plant[0].endpoint.rpartition(":")[2]))
     try:
         with Fleet("hall", connect=[wire.endpoint]) as fleet, fleet_of(plant) as beside:
@@ -254,7 +254,7 @@ def test_over_a_wire_that_is_cut_and_fixed_nothing_is_believed_and_no_event_is_m
         wire.close()
 
 
-def test_a_cell_that_says_nothing_any_more_is_gone_within_a_second_and_comes_back(plant, monkeypatch, capsys):
+def test_a_silent_cell_is_lost_within_a_second_and_returns(plant, monkeypatch, capsys):
     saw, axisbus = plant[1], commands.runner(monkeypatch, capsys)
     with fleet_of(plant) as fleet:
         cell = fleet["saw"]
@@ -270,7 +270,7 @@ def test_a_cell_that_says_nothing_any_more_is_gone_within_a_second_and_comes_bac
         assert fleet["press"].alive
 
 
-def test_a_bridge_that_is_killed_leaves_axes_that_stand_and_the_next_one_is_found(plant):
+def test_a_killed_bridge_leaves_axes_at_standstill_and_the_next_one_is_found(plant):
     press = plant[0]
     with fleet_of(plant) as fleet:
         cell = fleet["press"]
@@ -319,7 +319,7 @@ def test_a_machine_that_was_begun_again_under_its_bridge_is_known_and_commanded_
         assert saw["x"].age < 1.0
 
 
-def test_a_cell_that_is_killed_is_gone_within_a_second_and_the_others_continue(plant):
+def test_a_killed_cell_is_not_reachable_after_a_second_and_the_others_continue(plant):
     with fleet_of(plant) as fleet:
         with fleet["press"].command() as press, fleet["saw"].command() as saw:
             wait(press["x"].enable(), saw["x"].enable(), timeout=20)

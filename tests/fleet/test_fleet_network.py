@@ -46,7 +46,7 @@ def fleet_of(plant, **more):
 # -- found and watched ---------------------------------------------------------------------------------------------------
 
 
-def test_opening_finds_the_cells_that_are_there_with_what_they_are(plant):
+def test_opening_finds_the_cells_with_their_descriptions(plant):
     plant.cell("press", ("x", "y"))
     plant.cell("saw", ("z",))
     with fleet_of(plant) as fleet:
@@ -71,7 +71,7 @@ def test_opening_finds_the_cells_that_are_there_with_what_they_are(plant):
             fleet["mill"]
 
 
-def test_a_cell_that_comes_later_is_seen_as_it_comes(plant):
+def test_a_cell_that_appears_later_is_found(plant):
     endpoint = free_endpoint()
     plant.endpoints.append(endpoint)
     with fleet_of(plant) as fleet:
@@ -89,7 +89,7 @@ def test_without_cells_no_cell_is_shown():
         assert fleet.quick_stop() == []
 
 
-def test_a_cell_that_is_cut_off_is_gone_within_a_second_and_nothing_of_it_is_known(plant):
+def test_a_disconnected_cell_is_not_reachable_after_a_second_and_its_state_is_unknown(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet:
         press = fleet["press"]
@@ -153,7 +153,7 @@ def test_a_message_of_another_program_is_ignored(plant):
         assert fleet["press"]["x"].position == 0.0
 
 
-def test_missing_events_are_asked_for_and_what_is_not_kept_is_counted(plant):
+def test_missing_events_are_requested_and_lost_ones_are_counted(plant):
     cell = plant.cell("press")
     cell.happen("before")
     with fleet_of(plant) as fleet:
@@ -173,7 +173,7 @@ def test_missing_events_are_asked_for_and_what_is_not_kept_is_counted(plant):
 # -- commanded -------------------------------------------------------------------------------------------------------------
 
 
-def test_without_the_command_nothing_is_sent_but_stops(plant):
+def test_without_control_only_stops_are_sent(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet:
         axis = fleet["press"]["x"]
@@ -224,7 +224,7 @@ def test_a_callback_that_would_wait_for_its_own_thread_gets_an_error(plant, capl
         until(lambda: "cannot wait for a command" in caplog.text)
 
 
-def test_every_command_is_sent_with_what_was_given_and_nothing_else(plant):
+def test_every_command_is_sent_with_exactly_the_given_values(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
         x = press["x"]
@@ -261,7 +261,7 @@ def test_every_command_is_sent_with_what_was_given_and_nothing_else(plant):
     ]
 
 
-def test_the_command_is_one_program_s_until_it_is_taken_over_or_given_back(plant):
+def test_control_belongs_to_one_program_until_it_is_taken_over_or_returned(plant):
     plant.cell("press")
     with fleet_of(plant, who="one") as one, fleet_of(plant, who="two") as two:
         mine = one["press"].command()
@@ -287,7 +287,7 @@ def test_a_lease_is_renewed_for_as_long_as_it_is_held(plant):
     assert 4 <= cell.leases["renew"] <= 10
 
 
-def test_a_lease_that_was_lost_for_want_of_answers_can_be_taken_again_at_once(plant):
+def test_a_lease_lost_for_missing_answers_can_be_taken_again_at_once(plant):
     plant.cell("press")
     with fleet_of(plant) as fleet:
         press = fleet["press"]
@@ -297,11 +297,11 @@ def test_a_lease_that_was_lost_for_want_of_answers_can_be_taken_again_at_once(pl
                 time.monotonic()
             )  # as where no renewal was answered: the cell has it down for a moment longer
             until(lambda: keeper.why is not None)
-            with press.command():  # and says no more that another program of this name has it
+            with press.command():  # and no longer reports that another program of this name has it
                 press["x"].move_absolute(1.0).wait(5)
 
 
-def test_what_the_cell_refuses_is_raised_as_the_library_s_own_error(plant):
+def test_a_refusal_is_raised_as_the_library_s_own_error(plant):
     plant.cell("press")
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
         with pytest.raises(LimitError, match="beyond position_limits") as caught:
@@ -314,7 +314,7 @@ def test_what_the_cell_refuses_is_raised_as_the_library_s_own_error(plant):
             press["x"].move_absolute(1.0, jerk=float("inf"))
 
 
-def test_a_command_that_was_not_heard_or_whose_answer_was_lost_moves_once(plant, monkeypatch):
+def test_a_command_whose_request_or_answer_was_lost_moves_once(plant, monkeypatch):
     monkeypatch.setattr("axisbus.fleet.command_sender._TIMEOUT", 0.2)
     cell = plant.cell("press")
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
@@ -347,7 +347,7 @@ def test_a_command_that_a_stop_of_another_axis_has_overtaken_is_sent_again_and_o
         assert cell.moved["x"] == 1
 
 
-def test_a_jog_that_was_not_heard_is_not_asked_for_again(plant):
+def test_a_lost_jog_is_not_repeated(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
         for _ in range(3):
@@ -364,7 +364,7 @@ def test_a_jog_that_was_not_heard_is_not_asked_for_again(plant):
         assert len(cell.jogs) == 5
 
 
-def test_a_running_command_ends_as_unknown_once_its_cell_is_gone(plant):
+def test_a_running_command_ends_as_unknown_when_its_cell_is_unreachable(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet:
         with fleet["press"].command() as press:
@@ -381,7 +381,7 @@ def test_a_running_command_ends_as_unknown_once_its_cell_is_gone(plant):
             pass
 
 
-def test_what_runs_when_the_fleet_is_closed_ends_as_unknown(plant):
+def test_commands_that_run_when_the_fleet_is_closed_end_as_unknown(plant):
     cell = plant.cell("press")
     fleet = fleet_of(plant)
     with fleet["press"].command() as press:
@@ -411,7 +411,7 @@ def test_two_bridges_of_one_name_take_stops_and_nothing_else(plant):
 # -- objects and recordings --------------------------------------------------------------------------------------------------
 
 
-def test_objects_are_read_and_written_with_the_command(plant):
+def test_objects_are_read_and_written_with_control(plant):
     cell = plant.cell("press")
     cell.objects[1, 0x1018, 1] = b"\x01\x02"
     with fleet_of(plant) as fleet:
@@ -429,7 +429,7 @@ def test_objects_are_read_and_written_with_the_command(plant):
         assert press.read_object(1, 0x2001) == 5
 
 
-def test_recordings_and_what_they_hold_are_read(plant):
+def test_recordings_are_listed_and_read(plant):
     plant.cell("press")
     with fleet_of(plant) as fleet:
         (kept,) = fleet["press"].recordings()
@@ -454,7 +454,7 @@ raise RuntimeError("a mistake of its user")
 """
 
 
-def test_a_program_that_ends_without_closing_its_fleet_ends_and_gives_the_command_back(plant):
+def test_a_program_that_ends_without_closing_its_fleet_ends_and_returns_control(plant):
     # the interpreter waited for ever for threads of Zenoh's, and its lease was renewed in the meantime
     cell = plant.cell("press")
     done = subprocess.run(
@@ -506,8 +506,8 @@ def lingers(ports):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a close does not wait")
-def test_a_far_end_that_is_cut_off_holds_up_nobody_else_when_its_connection_is_closed(plant):
-    # a close that waits stops a thread of Zenoh's: with four cut off at once nobody was let in for 19 s, and leases were lost
+def test_closing_the_connection_of_a_cut_off_cell_delays_no_other_one(plant):
+    # a close that waits stops a thread of Zenoh's: with four cut off at once none was accepted for 19 s, and leases were lost
     plant.cell("press", endpoint=free_endpoint().replace("127.0.0.1", "[::1]"))
     plant.cell("saw")
     ports = {int(endpoint.rpartition(":")[2]) for endpoint in plant.endpoints}

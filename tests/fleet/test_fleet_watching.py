@@ -1,4 +1,4 @@
-"""What is known of a cell, of its events and of a lease, by what came and when: no network and no clock."""
+"""The known state of a cell, of its events and of a lease, by received messages and times: no network and no clock."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def watch():
 # -- states ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_value_grows_old_by_the_local_clock_from_the_age_that_it_came_with(watch):
+def test_the_age_of_a_value_counts_by_the_local_clock_from_its_received_age(watch):
     watch.take_state("x", state(1, age=0.3), 10.0, 100.0)
     assert watch.seen("x", 10.0).fresh
     assert watch.seen("x", 10.5).age == pytest.approx(0.8)
@@ -58,7 +58,7 @@ def test_a_value_grows_old_by_the_local_clock_from_the_age_that_it_came_with(wat
     assert not watch.seen("x", 10.0 + FRESH - 0.29).fresh
 
 
-def test_what_came_late_or_twice_changes_nothing(watch):
+def test_late_and_duplicate_values_change_nothing(watch):
     assert watch.take_state("x", state(5, position=5.0), 10.0, 100.0)
     assert not watch.take_state("x", state(5, position=6.0), 10.9, 100.0)
     assert not watch.take_state("x", state(4, position=4.0), 10.9, 100.0)
@@ -67,12 +67,12 @@ def test_what_came_late_or_twice_changes_nothing(watch):
 
 
 @pytest.mark.parametrize("odd", [state(1, age=None), state(1, told="unknown"), state(1, age=1.5)])
-def test_what_the_cell_does_not_know_is_not_known_here(watch, odd):
+def test_a_value_unknown_to_the_cell_is_unknown_here(watch, odd):
     watch.take_state("x", odd, 10.0, 100.0)
     assert not watch.seen("x", 10.0).fresh
 
 
-def test_of_a_cell_that_is_gone_nothing_is_known_at_once(watch):
+def test_the_state_of_an_unreachable_cell_is_not_fresh_at_once(watch):
     watch.take_state("x", state(1), 10.0, 100.0)
     watch.token(False, 10.1)
     assert not watch.alive
@@ -80,11 +80,11 @@ def test_of_a_cell_that_is_gone_nothing_is_known_at_once(watch):
     assert not watch.seen("x", 10.1).fresh
 
 
-def test_a_bridge_that_begins_again_counts_from_1_and_the_one_before_is_heard_no_more(watch):
+def test_a_restarted_bridge_counts_from_1_and_values_of_the_one_before_are_dropped(watch):
     watch.take_info(info(), 100.0)
     watch.take_state("x", state(500), 10.0, 100.0)
     assert watch.take_state("x", state(1, "b", position=2.0), 10.1, 100.0)
-    assert watch.info is None  # to be asked for anew
+    assert watch.info is None  # to be requested again
     assert not watch.take_state("x", state(501), 10.2, 100.0)
     assert not watch.take_info(info("a"), 100.0)
     assert watch.seen("x", 10.2).state.position == 2.0
@@ -100,19 +100,19 @@ def test_two_bridges_of_one_name_are_reported_once_neither_can_be_one_that_was_k
     assert not watch.rivals(23.0)
 
 
-def test_of_two_bridges_that_are_there_the_first_counts_until_it_is_gone(watch):
+def test_of_two_bridges_the_first_counts_until_it_ends(watch):
     watch.presence("a", True, 10.0)
     assert watch.take_state("x", state(1, "a"), 10.0, 100.0)
     watch.presence("b", True, 11.0)
     assert not watch.take_state("x", state(1, "b"), 11.0, 100.0)
     watch.presence("a", False, 12.0)
     assert watch.take_state("x", state(2, "b"), 12.0, 100.0)
-    watch.presence("a", True, 13.0)  # over another way
+    watch.presence("a", True, 13.0)  # over another connection
     watch.presence("b", False, 14.0)
     assert watch.take_state("x", state(2, "a"), 14.0, 100.0)
 
 
-def test_what_says_it_is_of_a_bridge_that_is_not_there_changes_nothing(watch):
+def test_messages_of_a_bridge_that_is_not_present_change_nothing(watch):
     watch.presence("a", True, 10.0)
     watch.take_state("x", state(1, "a"), 10.0, 100.0)
     assert not watch.take_state("x", state(9, "nobody"), 10.1, 100.0)
@@ -142,7 +142,7 @@ def test_the_axes_are_in_the_order_of_the_cell_file_if_it_is_known(watch):
     assert watch.axis_info("z") is None
 
 
-def test_another_clock_is_shown_and_changes_no_age(watch):
+def test_a_difference_of_the_clocks_is_reported_and_changes_no_age(watch):
     watch.take_state("x", state(1, clock=4000.0), 10.0, 100.0)
     assert watch.clock_difference == 3900.0
     assert watch.seen("x", 10.2).age == pytest.approx(0.2)
@@ -166,7 +166,7 @@ def test_a_version_that_differs_is_reported(watch, told, words):
 
 
 class Bridge:
-    """What a bridge keeps of its events, and answers."""
+    """The events that a bridge keeps, and its answers."""
 
     def __init__(self, kept=1000, most=256):
         self.all, self.kept, self.most = [], kept, most
@@ -193,7 +193,7 @@ def caught_up(log, bridge):
 
 
 @given(st.integers(0, 2**32), st.integers(1, 400), st.integers(0, 200))
-def test_whatever_is_lost_or_comes_late_or_twice_all_events_are_here_in_their_order(seed, count, before):
+def test_with_random_losses_delays_and_duplicates_all_events_are_stored_in_order(seed, count, before):
     chance, bridge, log, late = random.Random(seed), Bridge(), EventLog(), []
     for _ in range(before):
         bridge.happen()
@@ -217,7 +217,7 @@ def test_whatever_is_lost_or_comes_late_or_twice_all_events_are_here_in_their_or
     assert log.lost == 0
 
 
-def test_what_the_bridge_does_not_keep_is_counted_as_lost():
+def test_events_that_the_bridge_does_not_keep_are_counted_as_lost():
     bridge, log = Bridge(kept=10), EventLog()
     log.begin("a")
     caught_up(log, bridge)
@@ -241,7 +241,7 @@ def test_events_from_a_cut_connection_are_requested_even_if_no_new_one_came():
     assert [each.n for each in log.events] == [1, 2]
 
 
-def test_a_bridge_that_begins_again_is_asked_and_what_was_before_stays():
+def test_a_restarted_bridge_is_asked_for_its_events_and_earlier_events_are_kept():
     log = EventLog()
     log.begin("a")
     log.answered(NEWEST, EventsAnswer("a"))
@@ -289,7 +289,7 @@ def test_a_gap_that_no_answer_fills_does_not_let_the_log_grow(joined):
     assert (log.missing.first, log.missing.last) == (KEPT - 1, KEPT - 1)
 
 
-# -- who is reached ----------------------------------------------------------------------------------------------------
+# -- reachable endpoints -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -313,7 +313,7 @@ def test_an_endpoint_counts_as_reached_if_a_connection_uses_it(endpoints, links,
 # -- the lease -----------------------------------------------------------------------------------------------------------
 
 
-def test_a_lease_is_renewed_in_time_and_counts_from_when_it_was_asked_for():
+def test_a_lease_is_renewed_in_time_and_counts_from_its_request():
     keeper = LeaseKeeper("t", 1.0, 10.0)
     assert not keeper.due(10.2)
     assert keeper.due(10.26)
@@ -363,7 +363,7 @@ def test_an_answer_ends_a_command_as_it_ended_there():
     assert order().answered(CommandAnswer("error", to_fields(Stopped("halt"))), 10.0).status is Status.ABORTED
 
 
-def test_what_runs_is_asked_again_and_is_active():
+def test_a_running_command_is_requested_again_and_is_active():
     one = order()
     assert isinstance(one.answered(CommandAnswer("running"), 10.0), Again)
     assert one.active
@@ -382,7 +382,7 @@ def test_what_runs_is_asked_again_and_is_active():
         (HERE._replace(now=10.0 + SILENCE + 0.1), {}, "did not answer"),
     ],
 )
-def test_a_command_without_an_answer_is_asked_again_until_nobody_can_report(situation, more, why):
+def test_a_command_without_an_answer_is_requested_again_until_its_end_is_unknown(situation, more, why):
     found = order(**more).unanswered(situation)
     if why is None:
         assert isinstance(found, Again)
@@ -418,7 +418,7 @@ def test_an_error_without_all_its_texts_can_be_printed():
     assert str(error) == "no\n  observed: 3"
 
 
-def test_what_a_cell_is_is_asked_again_where_its_machine_may_be_another_one():
+def test_the_description_of_a_cell_is_read_again_after_a_loss():
     watch = CellWatch("press", 0.0)
     watch.token(True, 0.0)
     watch.take_info(info(), 100.0)

@@ -84,7 +84,7 @@ def delivered(fake: FakeBus, channel: Channel) -> None:
 
 @given(st.lists(messages(), max_size=30))
 @settings(max_examples=60)
-def test_nothing_that_listens_minds_any_frame(frames):
+def test_no_frame_fails_any_listener(frames):
     with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         slot = TpdoSlot(PLANNED)
         feed = node.emcy.feed()
@@ -194,7 +194,7 @@ class MadServer:
 
 @given(st.lists(st.tuples(fuzz.sdo_answers, st.booleans(), st.integers(0, 3)), min_size=1, max_size=6))
 @settings(max_examples=40)
-def test_a_client_ends_whatever_the_server_says_and_the_next_call_is_a_new_one(script):
+def test_a_client_ends_for_any_answers_and_the_next_call_is_independent(script):
     with opened() as (fake, channel), closing(SdoClient(channel, ID, timeout=0.004, tries=2)) as sdo:
         mad = MadServer(script)
         fake.peers.append(mad)
@@ -210,7 +210,7 @@ def test_a_client_ends_whatever_the_server_says_and_the_next_call_is_a_new_one(s
         assert sdo.upload(0x1001, tries=3, timeout=1.0) == b"\0"
 
 
-def test_more_than_an_object_can_have_is_not_taken_but_a_type_that_is_asked_for_counts():
+def test_a_size_beyond_any_object_is_refused_unless_the_requested_type_permits_it():
     with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         fake.peers.append(Slave(ID, {(0x1018, 1): b"x" * 300}))
         with pytest.raises(SdoError, match="300 bytes announced, at most 256 are accepted"):
@@ -219,7 +219,7 @@ def test_more_than_an_object_can_have_is_not_taken_but_a_type_that_is_asked_for_
         assert node.sdo.upload(0x1018, 1, most=300) == b"x" * 300
 
 
-def test_answers_that_come_while_nothing_is_asked_are_counted_and_not_kept():
+def test_unrequested_answers_are_counted_and_not_stored():
     with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         for _ in range(500):
             fake.inject(0x580 + ID, "43 01 10 00 ff ff ff ff")
@@ -249,7 +249,7 @@ def test_answers_that_fit_nothing_during_a_transfer_are_counted():
 
 @given(st.lists(messages(), max_size=20))
 @settings(max_examples=8)
-def test_who_listens_to_a_bus_before_it_is_opened_minds_no_frame(frames):
+def test_no_frame_fails_listening_before_the_bus_is_opened(frames):
     with opened() as (fake, channel):
         for frame in frames:
             if not frame.is_error_frame:
@@ -268,7 +268,7 @@ def test_who_listens_to_a_bus_before_it_is_opened_minds_no_frame(frames):
     fuzz.any_bytes,
 )
 @settings(max_examples=4)
-def test_a_scan_of_the_bus_ends_whatever_is_answered(script, heartbeat):
+def test_a_scan_of_the_bus_ends_for_any_answers(script, heartbeat):
     with opened() as (fake, channel), fuzz.within(20):
         fake.peers.append(MadServer(script))
         fake.inject(0x700 + ID, heartbeat)
@@ -318,12 +318,12 @@ class Endless:
         return b"\x4f" + bytes(7), time.monotonic()
 
 
-def test_a_slave_that_talks_without_a_pause_ends_no_wait_late(monkeypatch):
+def test_a_slave_that_sends_without_a_pause_delays_the_end_of_no_wait(monkeypatch):
     with opened() as (_, channel):
         master = LssMaster(channel, LssTiming(floor=0.002, first=0.01, ceiling=0.02), beside_operation=True)
         monkeypatch.setattr(master, "_inbox", Endless())
         with fuzz.within(10):
-            assert not master.any_unconfigured()  # that is not what it says
+            assert not master.any_unconfigured()  # its answer has another meaning
         (drop,) = channel.drops.found
         assert drop.fault is DropReason.LSS
         assert drop.count > 10

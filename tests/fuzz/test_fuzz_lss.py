@@ -21,7 +21,7 @@ MOST_ASKS = (
     20_000  # a scan of three slaves with every search begun again, and every bit asked as often as may be
 )
 
-# One answer: what stands behind its command specifier, and when it comes as a part of the wait.
+# One answer: the bytes behind its command specifier, and its time as a part of the wait.
 saying = st.binary(max_size=7) | st.integers(0, 255).map(lambda node: bytes([node]).ljust(7, b"\0"))
 said = st.tuples(saying, st.floats(0.0, 1.0))
 turns = st.tuples(st.lists(said, max_size=3), st.lists(st.floats(0.0, 100.0), max_size=2))
@@ -76,7 +76,7 @@ def run(
 
 @given(st.sampled_from(sorted(dialogues)), st.lists(turns, min_size=1, max_size=6))
 @settings(max_examples=250)
-def test_whatever_slaves_say_the_dialogue_ends(name, script):
+def test_an_lss_dialogue_ends_for_any_answers(name, script):
     dialogue = dialogues[name](AdaptiveLssTimeout(LssTiming(ceiling=CEILING)))
     result, _ = run(dialogue, lambda count, ask: heard(ask, script[count % len(script)]))
     if isinstance(result, master.Inquired):
@@ -104,7 +104,7 @@ def test_a_slave_that_continues_talking_does_not_slow_the_scan_down_for_ever():
 
 
 @pytest.mark.parametrize("told", [0, 128, 200, 254])
-def test_an_impossible_node_id_is_not_believed(told):
+def test_an_impossible_node_id_is_refused(told):
     """0 would be all nodes in the NMT command that a new node-ID may need."""
 
     def take(_: int, ask: LssRequest) -> LssReplies:

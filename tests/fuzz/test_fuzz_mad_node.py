@@ -28,7 +28,7 @@ PATIENT = {
     "heartbeat": "400ms",
 }  # a busy computer's own delays are no silence of the drives
 
-# Its own identifiers, some of nobody's, and 29 bits; none by which a master or x would speak.
+# Its own identifiers, some unused ones, and 29 bits; none of a master or of x.
 identifiers = st.one_of(
     st.sampled_from([0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700]).map(lambda base: base + MAD),
     st.sampled_from([0x7E4, 0x6F0, 0x7FF, 0x100]),
@@ -111,7 +111,7 @@ def test_in_operation_the_other_axis_continues_and_all_is_closed(tmp_path, frame
                     assert len(machine.events) < 60
                     errors = close(machine)
                 assert about_y(errors), errors
-                cell.must_stand("x", stages=(0, 1, 2, 3))
+                cell.must_be_still("x", stages=(0, 1, 2, 3))
         finally:
             close(machine)
 
@@ -129,7 +129,7 @@ def test_at_boot_there_is_a_machine_or_one_clear_error_and_nothing_is_left_behin
         assert errors or machine is not None
         if machine is not None:
             failure = machine._core.scan.failure
-            left = close(machine)  # before it is judged: one that stays open is heard of in every later test
+            left = close(machine)  # before it is judged: one that stays open is reported in every later test
             assert failure is None, failure
             assert about_y(left), left
         until(lambda: not any(thread.name.startswith("axisbus") for thread in threading.enumerate()), 15)
@@ -172,7 +172,7 @@ class Spoiled:
 @given(st.integers(0, 1 << 30), st.sampled_from([0.02, 0.1, 0.5]))
 @SOME
 @pytest.mark.timeout(300)
-def test_a_node_whose_frames_are_spoiled_boots_or_says_why_not_and_disturbs_nobody(tmp_path, seed, share):
+def test_a_node_with_damaged_frames_boots_or_gives_the_reason_and_disturbs_no_other(tmp_path, seed, share):
     with line(tmp_path) as cell, fuzz.within(80):
         spoiled = Spoiled(cell, seed, share)
         machine, errors = None, []
@@ -196,12 +196,12 @@ def test_a_node_whose_frames_are_spoiled_boots_or_says_why_not_and_disturbs_nobo
                 cell.must_move("x")
                 errors += close(machine)
                 assert about_y(errors), errors
-                cell.must_stand("x", stages=(0, 1, 2, 3))
+                cell.must_be_still("x", stages=(0, 1, 2, 3))
         finally:
             close(machine)
 
 
-def test_what_a_mad_node_sends_is_counted_and_reported_once_in_a_second(tmp_path):
+def test_frames_of_a_faulty_node_are_counted_and_reported_once_in_a_second(tmp_path):
     frames = [  # each state lasts longer than a scan period, in a rhythm of its own
         can.Message(arbitration_id=0x702, data=b"\x7f", is_extended_id=False),
         *[can.Message(arbitration_id=0x182, data=b"\x37", is_extended_id=False)] * 3,

@@ -60,7 +60,7 @@ def _hangs_on(_):
         (lambda _: sum(range(1_000_000)), "takes 0."),
         (lambda _: bytearray(30 << 20), "takes 30 MB"),
     ],
-    ids=["nameless", "another error", "disk", "hangs", "hangs and says nothing", "slow", "memory"],
+    ids=["nameless", "another error", "disk", "hangs", "hangs silently", "slow", "memory"],
 )
 def test_a_fault_of_a_reader_is_found(monkeypatch, tmp_path, read, finding):
     monkeypatch.setattr(fuzzing, "HANGS", 0.3 if read in (_hangs, _hangs_on) else 20.0)

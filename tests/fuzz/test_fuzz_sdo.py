@@ -41,7 +41,7 @@ def feed(session: SdoSession, frame: bytes, dt: float) -> tuple[bytes, ...]:
 
 
 def follow(frame: bytes, asked: bytes) -> bytes:
-    """A frame that names the object asked for, where it names one, so that the deep states are reached."""
+    """A frame that names the requested object, if it names one, so that the deep states are reached."""
     return frame[:1] + asked[1:4] + frame[4:] if len(frame) >= 4 and frame[0] >= 0x40 else frame
 
 
@@ -66,7 +66,7 @@ def test_any_dialogue_is_taken_and_ends_in_silence(request_, late, frames):
 
 @given(requests, late, st.lists(st.tuples(fuzz.sdo_answers, delays, st.booleans()), min_size=1, max_size=4))
 @settings(max_examples=250)
-def test_a_server_that_says_the_same_for_ever_is_given_up(request_, late, frames):
+def test_a_server_that_repeats_its_answer_for_ever_is_given_up(request_, late, frames):
     session, count = SdoSession(request_, late=late), 0
     sent = session.start()
     while not session.done:
@@ -110,7 +110,7 @@ def test_segments_without_an_announced_size_end_at_the_most_that_is_taken():
     assert len(session.data) == 0
 
 
-def test_a_size_beyond_what_is_taken_is_refused_at_once_and_the_server_is_reported():
+def test_a_size_beyond_the_maximum_is_refused_at_once_and_the_server_is_informed():
     session = upload(most=64)
     session.start()
     (abort,) = session.receive(bytes.fromhex("41081000ffffff7f"))
@@ -119,10 +119,10 @@ def test_a_size_beyond_what_is_taken_is_refused_at_once_and_the_server_is_report
     assert "2147483647 bytes" in str(session.failure)
 
 
-def test_a_segment_of_a_block_that_comes_again_and_again_is_no_sign_of_progress():
+def test_a_repeated_segment_of_a_block_is_no_progress():
     session = upload(SdoTransferType.BLOCK)
     count = endless(session, [bytes.fromhex("c208100000040000")], b"\x05" + bytes(7), dt=0.01)
-    assert count < 60  # 0.5 s: the one segment is a step, that it comes again is none
+    assert count < 60  # 0.5 s: the first segment is a step, its repetition is none
     assert session.failure is not None
 
 

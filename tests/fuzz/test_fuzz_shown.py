@@ -1,4 +1,4 @@
-"""What was dropped is shown: in ``monitor`` look by look and at its end, once a second at most for each reason."""
+"""Dropped frames are shown: in ``monitor`` at each refresh and at its end, once a second at most for each reason."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def axisbus(monkeypatch, capsys) -> commands.Run:
     return commands.runner(monkeypatch, capsys)
 
 
-def test_monitor_reports_what_was_dropped_at_each_look_and_at_its_end(tmp_path, axisbus):
+def test_monitor_prints_dropped_frames_at_each_refresh_and_at_its_end(tmp_path, axisbus):
     with Line(tmp_path, "xy") as line, MadNode(line.channel, FRAMES, 0.02):
         code, out, _ = axisbus("monitor", line.file, "--every", "0.2", "--count", "3")
     assert code == 0
@@ -57,7 +57,7 @@ def test_monitor_reports_what_was_dropped_at_each_look_and_at_its_end(tmp_path, 
     assert out.splitlines()[-2] == told[-1]
 
 
-def test_monitor_as_json_has_what_was_dropped(tmp_path, axisbus):
+def test_monitor_as_json_contains_dropped_frames(tmp_path, axisbus):
     with Line(tmp_path, "xy") as line, MadNode(line.channel, FRAMES, 0.02):
         _, out, _ = axisbus("monitor", line.file, "--every", "0.2", "--count", "1", "--json")
     axis, _ = json.loads(out)

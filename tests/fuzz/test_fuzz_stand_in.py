@@ -1,4 +1,4 @@
-"""The stand-in under any frames: SDO server, LSS slave, PDOs, NMT; it answers by frames that can be, and works afterwards."""
+"""The simulated drive under any frames: SDO server, LSS slave, PDOs, NMT; it answers by valid frames, and works afterwards."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def test_any_frame_is_taken_and_the_node_answers_after_a_reset(name, script):
         check(sent)
         count += len(sent)
         assert count < 400 * (1 + len(script))
-    # Whatever it was told, without a node-ID even: a reset of the node brings it back as it was stored.
+    # Whatever it received, without a node-ID even: a reset of the node restores its stored one.
     device.lss.pending = device.lss.stored = ID
     slave.on_frame(0, b"\x81\0", now)
     device.lss.active = ID

@@ -251,7 +251,7 @@ def test_every_line_is_a_frame_or_is_counted(found):
     assert bool(skipped.first) is bool(skipped.count)
 
 
-def test_a_recording_whose_times_are_no_numbers_is_read(tmp_path):
+def test_a_recording_whose_times_are_not_numbers_is_read(tmp_path):
     path = tmp_path / "x.csv"
     path.write_text(
         "timestamp,arbitration_id,extended,remote,error,dlc,data\n"

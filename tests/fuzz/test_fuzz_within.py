@@ -53,7 +53,7 @@ def test_a_case_may_not_have_as_much_time_as_the_whole_test():
         pass
 
 
-def test_without_a_running_time_out_none_runs_afterwards():
+def test_without_a_running_time_out_none_runs_later():
     left, _ = signal.setitimer(signal.ITIMER_REAL, 0.0)
     try:
         with within(30):

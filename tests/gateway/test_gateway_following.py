@@ -1,4 +1,4 @@
-"""How a bridge follows the machines of a cell, one after the other, before stand-ins for them."""
+"""How a bridge follows the machines of a cell, one after the other, with fake machines."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Runs:
 
 @pytest.fixture
 def follow(monkeypatch):
-    """Follow what is there at each look for a machine; return what was said, and what was done."""
+    """Follow the machine found at each look; return the messages, and the actions."""
 
     def followed(*found, goes_on=None):
         left, said, done = list(found), [], []
@@ -70,13 +70,13 @@ def follow(monkeypatch):
     return followed
 
 
-def test_one_machine_after_the_other_is_served_and_each_thing_is_said_once(follow):
+def test_successive_machines_are_served_and_each_message_is_printed_once(follow):
     said, done = follow(None, None, Runs(2), None, None, Runs(1), None)
     assert said == [WAITS, JOINED, ENDED, WAITS, JOINED, ENDED, WAITS]
     assert done == ["served", "looked", "looked", "left", "served", "looked", "left"]
 
 
-def test_one_that_is_on_its_way_out_is_not_joined_once_more(follow):
+def test_a_machine_that_is_leaving_is_not_joined_again(follow):
     leaving = Runs(2, leaving="Ctrl-C")
     said, done = follow(Runs(1), leaving, Runs(0), None, Runs(1), None)
     assert said == [JOINED, ENDED, WAITS, JOINED, ENDED, WAITS]
@@ -84,13 +84,13 @@ def test_one_that_is_on_its_way_out_is_not_joined_once_more(follow):
     assert leaving.session.ended  # it is closed
 
 
-def test_one_that_cannot_be_joined_is_said_once_and_asked_again(follow):
+def test_a_machine_that_cannot_be_joined_is_reported_once_and_tried_again(follow):
     said, done = follow(StateError("it is full"), StateError("it is full"), Runs(1), None)
     assert said == ["no machine is observed: it is full", JOINED, ENDED, WAITS]
     assert done == ["served", "looked", "left"]
 
 
-def test_one_that_breaks_is_left_before_it_is_closed_and_the_next_is_followed(follow):
+def test_a_session_that_fails_is_left_before_it_is_closed_and_the_next_machine_is_observed(follow):
     said, done = follow(Runs(2, StateError("the core is gone")), Runs(1), None)
     assert said == [JOINED, "no machine is observed: the core is gone", JOINED, ENDED, WAITS]
     assert done == ["served", "looked", "looked", "left", "served", "looked", "left"]
@@ -101,7 +101,7 @@ def test_an_interruption_leaves_it(follow):
         follow(Runs(1, KeyboardInterrupt()), None)
 
 
-def test_where_it_is_not_to_go_on_it_ends_in_the_midst_of_a_machine(follow):
+def test_the_end_of_the_bridge_leaves_a_running_machine(follow):
     goes = iter([True, True, True, False, False])
     said, done = follow(Runs(10), goes_on=lambda: next(goes))
     assert done == ["served", "looked", "looked", "left"]

@@ -1,4 +1,4 @@
-"""What has happened at a machine, found once for all bridges."""
+"""The events of a machine, collected once for all bridges."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def faulty(machine, code=0x8611):
     machine.sleep(1.0)
 
 
-def test_a_fault_is_told_once_with_its_incident_at_the_beginning_when_settled_and_at_the_end(machine):
+def test_a_fault_is_reported_once_and_its_incident_at_begin_when_settled_and_at_its_end(machine):
     happenings = MachineEventSource()
     faulty(machine)
     found = {one.kind: one for one in happenings.look(machine, now(machine))}
@@ -52,7 +52,7 @@ def test_a_fault_is_told_once_with_its_incident_at_the_beginning_when_settled_an
     assert happenings.look(machine, now(machine)) == []
 
 
-def test_they_come_in_the_order_of_time(machine):
+def test_events_are_in_the_order_of_time(machine):
     faulty(machine)
     machine.simulated_node(2).device.dials.dead = True
     machine.sleep(1.0)
@@ -61,7 +61,7 @@ def test_they_come_in_the_order_of_time(machine):
     assert stamps == sorted(stamps)
 
 
-def test_an_incident_is_settled_only_after_what_belongs_to_it_has_come(machine):
+def test_an_incident_is_settled_only_after_its_messages_are_received(machine):
     happenings = MachineEventSource()
     machine["x"].enable().wait(5)
     machine.simulated_node(1).fault(0x8611)
@@ -71,7 +71,7 @@ def test_an_incident_is_settled_only_after_what_belongs_to_it_has_come(machine):
     assert kinds(happenings.look(machine, now(machine))) == [MachineEventKind.SETTLED]
 
 
-def test_the_same_fault_after_a_reset_is_told_again(machine):
+def test_the_same_fault_after_a_reset_is_reported_again(machine):
     happenings = MachineEventSource()
     for _ in range(2):
         faulty(machine)
@@ -81,7 +81,7 @@ def test_the_same_fault_after_a_reset_is_told_again(machine):
         happenings.look(machine, now(machine))
 
 
-def test_what_was_before_is_told_only_where_it_is_so_still(machine):
+def test_earlier_events_are_reported_only_if_they_still_apply(machine):
     faulty(machine)
     machine.sleep(1.0)
     assert kinds(MachineEventSource(now(machine), commands=True).look(machine, now(machine))) == [
@@ -89,7 +89,7 @@ def test_what_was_before_is_told_only_where_it_is_so_still(machine):
     ]
 
 
-def test_what_comes_late_with_an_earlier_time_is_told_all_the_same(machine, monkeypatch):
+def test_a_late_event_with_an_earlier_time_is_reported_too(machine, monkeypatch):
     happenings = MachineEventSource()
     events = [ControllerEvent(now(machine) - 1.0, "can0", CanErrorState.PASSIVE)]
     monkeypatch.setattr(Machine, "bus_events", property(lambda _: events))
@@ -98,7 +98,7 @@ def test_what_comes_late_with_an_earlier_time_is_told_all_the_same(machine, monk
     assert [one.severity for one in happenings.look(machine, now(machine))] == ["warning"]
 
 
-def test_a_lost_node_says_whose_axes_it_has(machine):
+def test_a_lost_node_is_reported_with_its_axes(machine):
     machine.simulated_node(2).device.dials.dead = True
     machine.sleep(1.0)
     (lost,) = (
@@ -118,7 +118,7 @@ def test_the_bus_has_a_remedy_unless_it_is_well_again(machine, monkeypatch, cond
     assert (one.kind, one.severity, bool(one.remedy)) == (MachineEventKind.BUS, severity, severity != "info")
 
 
-def test_of_jogs_and_the_cores_own_halts_only_what_goes_wrong_is_told(machine, monkeypatch):
+def test_jogs_and_halts_of_the_core_are_reported_only_if_they_fail(machine, monkeypatch):
     names = ("x.jog(5.0) by process 7", "x.halt", "x.halt() by process 7 (a.py), which began at 10:00:00")
     seen = [
         CommandSeen(1.0, name, status, 2.0, "no" if status is Status.ERROR else "")
@@ -135,13 +135,13 @@ def test_of_jogs_and_the_cores_own_halts_only_what_goes_wrong_is_told(machine, m
     assert [one.cause for one in found[1]] == [("no",)]
 
 
-def test_without_commands_the_core_is_not_asked_for_them(machine, monkeypatch):
+def test_without_commands_the_core_is_not_queried_for_them(machine, monkeypatch):
     monkeypatch.setattr(type(machine.session), "commands", property(lambda _: pytest.fail("asked")))
     machine["x"].enable().wait(5)
     assert MachineEventSource().look(machine, now(machine)) == []
 
 
-def test_every_kind_is_told_by_a_bridge_and_commands_by_zenoh_alone():
+def test_each_kind_of_event_is_reported_by_a_bridge_and_commands_by_zenoh_only():
     by_opcua = {kind for kind, _ in opcua.SEVERITIES}
     assert by_opcua | set(zenoh.KINDS) == set(MachineEventKind)
     assert set(MachineEventKind) - by_opcua == {
@@ -165,5 +165,5 @@ def test_every_kind_is_told_by_a_bridge_and_commands_by_zenoh_alone():
         ("", "it stands", "it stands"),
     ],
 )
-def test_a_text_stands_behind_what_it_is_about_unless_it_begins_with_it(about, text, whole):
+def test_an_event_text_has_its_subject_in_front_unless_it_begins_with_it(about, text, whole):
     assert with_subject(about, text) == whole

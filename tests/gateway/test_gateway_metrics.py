@@ -67,13 +67,13 @@ def url(exporter):
     server.close()
 
 
-def test_without_a_machine_it_is_down_and_nothing_else_is_told(url):
+def test_without_a_machine_only_axisbus_up_is_served(url):
     samples = read(url)
     assert found(samples, "axisbus_up") == [0.0]
     assert {name for name, _ in samples} == {"axisbus_up"}
 
 
-def test_what_a_machine_has_is_told_in_its_units(exporter, url, machine):
+def test_values_of_a_machine_are_served_in_their_units(exporter, url, machine):
     exporter.machine = machine
     machine["x"].enable().wait(5)
     machine["x"].move_absolute(5.0).wait(20)
@@ -91,7 +91,7 @@ def test_what_a_machine_has_is_told_in_its_units(exporter, url, machine):
     assert found(samples, "axisbus_cycles_total") == [float(machine.cycle_jitter.cycles)]
 
 
-def test_late_cycles_stand_in_the_histogram_where_they_belong(exporter, url, machine):
+def test_late_cycles_are_in_their_buckets_of_the_histogram(exporter, url, machine):
     exporter.machine = machine
     faults = Cell(machine).faults
     machine.sleep(0.5)
@@ -116,7 +116,7 @@ def test_late_cycles_stand_in_the_histogram_where_they_belong(exporter, url, mac
     assert 0.03125 < report.worst < 0.25
 
 
-def test_a_fault_is_told_and_its_message_counted_once(exporter, url, machine):
+def test_a_fault_is_served_and_its_message_counted_once(exporter, url, machine):
     exporter.machine = machine
     machine["x"].enable().wait(5)
     machine.simulated_node(1).fault(0x8611)
@@ -128,7 +128,7 @@ def test_a_fault_is_told_and_its_message_counted_once(exporter, url, machine):
     assert found(samples, "axisbus_emcy_total", node="1", code="8611") == [1.0]
 
 
-def test_what_is_not_of_now_is_left_out(exporter, url, machine):
+def test_values_that_are_not_current_are_left_out(exporter, url, machine):
     exporter.machine = machine
     assert found(read(url), "axisbus_axis_position", axis="x")
     machine.close()
@@ -137,7 +137,7 @@ def test_what_is_not_of_now_is_left_out(exporter, url, machine):
     assert not found(samples, "axisbus_axis_position")
 
 
-def test_a_tally_counts_what_is_new_and_forgets_nothing():
+def test_counters_count_new_events_and_lose_none():
     tally = MetricCounters()
 
     def items(*stamps):
@@ -150,14 +150,14 @@ def test_a_tally_counts_what_is_new_and_forgets_nothing():
     assert tally.counts == {("1", "8611"): 8}
 
 
-def test_a_growth_counts_by_name_and_survives_who_leaves():
+def test_growth_is_counted_by_name_also_after_a_source_has_left():
     growth = Growth()
     growth.take([("a 1", "a", 0), ("b 1", "b", 5)])
     growth.take([("a 1", "a", 3), ("a 2", "a", 2), ("b 1", "b", 5)])
     growth.take([("a 2", "a", 2)])
     growth.take([("a 2", "a", 4), ("b 2", "b", 1)])
     assert growth.counts == {("a",): 7, ("b",): 6}
-    growth.take([("b 2", "b", 0)])  # begins anew under the same name
+    growth.take([("b 2", "b", 0)])  # restarts under the same name
     growth.take([("b 2", "b", 2)])
     assert growth.counts["b",] == 8
 
@@ -179,7 +179,7 @@ def test_names_without_end_are_not_all_kept():
     assert growth.counts["job 0",] == 2
 
 
-def test_the_name_of_a_program_is_its_command_without_what_is_of_one_run():
+def test_the_name_of_a_program_is_its_command_without_process_id_and_time():
     name = command_of(described(os.getpid(), kept=True))
     assert name
     assert str(os.getpid()) not in name
@@ -190,7 +190,7 @@ def test_the_name_of_a_program_is_its_command_without_what_is_of_one_run():
     assert command_of(described(2**22 + 1, kept=True)) == "ended"
 
 
-def test_a_port_that_is_taken_is_told(exporter, url):
+def test_a_port_in_use_is_reported(exporter, url):
     with pytest.raises(StateError, match="cannot be served") as caught:
         MetricsServer(exporter, "127.0.0.1", int(re.search(r":(\d+)/", url)[1]))
     assert "in use" in caught.value.observed
@@ -204,7 +204,7 @@ def threads():
     return sum(each.name.startswith("Thread-") for each in threading.enumerate())
 
 
-def test_who_connects_and_says_nothing_keeps_nobody_out_and_few_threads(url):
+def test_silent_connections_exclude_no_client_and_use_few_threads(url):
     before = threads()
     with ExitStack() as stack:
         lines = [
@@ -227,7 +227,7 @@ CROWDS = {
 
 
 @pytest.mark.parametrize("crowd", list(CROWDS))
-def test_a_thousand_hostile_connections_keep_nobody_from_reading(url, crowd):
+def test_a_thousand_hostile_connections_prevent_no_read(url, crowd):
     said, flood = CROWDS[crowd]
     before = threads()
     with Crowd(place_of(url), said, flood=flood):
@@ -238,7 +238,7 @@ def test_a_thousand_hostile_connections_keep_nobody_from_reading(url, crowd):
     until(lambda: threads() - before <= server.CONNECTIONS)
 
 
-def test_who_takes_too_long_is_ended(url, monkeypatch):
+def test_a_client_that_takes_too_long_is_disconnected(url, monkeypatch):
     monkeypatch.setattr(server, "PATIENCE", 0.3)
     with socket.create_connection(place_of(url), timeout=5.0) as line:
         line.sendall(b"GET /metrics HTTP/1.1\r\nHost: ")
@@ -246,7 +246,7 @@ def test_who_takes_too_long_is_ended(url, monkeypatch):
     assert found(read(url), "axisbus_up") == [0.0]
 
 
-def test_labels_are_what_they_were_whatever_stands_in_them(exporter, url):
+def test_label_values_with_any_content_are_unchanged(exporter, url):
     names = ['a "b"\\c\nü☃ {}=,', "x\\n", "\r\n# HELP x", "\u2028"]
     exporter._cycles.take((name, name, 1) for name in names)
     samples = read(url)
@@ -254,7 +254,7 @@ def test_labels_are_what_they_were_whatever_stands_in_them(exporter, url):
         assert found(samples, "axisbus_lost_cycles_total", program=name) == [1.0]
 
 
-def test_an_address_of_ipv6_stands_in_brackets(exporter):
+def test_an_ipv6_address_is_in_brackets(exporter):
     if not socket.has_ipv6:
         pytest.skip("no IPv6 here")
     try:
@@ -268,7 +268,7 @@ def test_an_address_of_ipv6_stands_in_brackets(exporter):
         found_at.close()
 
 
-def test_each_query_of_the_dashboard_is_of_what_is_served(exporter, url, machine):
+def test_each_query_of_the_dashboard_names_served_metrics(exporter, url, machine):
     exporter.machine = machine
     machine["x"].enable().wait(5)
     machine.simulated_node(1).fault(0x8611)
@@ -304,7 +304,7 @@ def until(seen, within=20.0):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
 @pytest.mark.timeout(120)
-def test_a_guest_tells_what_the_core_has_counted(exporter, url, tmp_path, core_in_threads):
+def test_a_client_serves_the_counts_of_the_core(exporter, url, tmp_path, core_in_threads):
     with Machine.open(own_cell(tmp_path)) as machine, Machine.attach(machine.cell.file) as guest:
         exporter.machine = guest
         exporter.look()
@@ -359,6 +359,6 @@ def test_the_bridge_follows_one_machine_after_the_other_and_changes_none(tmp_pat
             handle.wait(20)
 
 
-def test_what_is_no_cell_is_told(monkeypatch, capsys, tmp_path):
+def test_a_missing_cell_file_is_reported(monkeypatch, capsys, tmp_path):
     code, _, err = commands.runner(monkeypatch, capsys)("bridge", "metrics", tmp_path / "none.toml")
     assert (code, "none.toml" in err) == (1, True)

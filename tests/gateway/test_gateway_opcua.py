@@ -1,4 +1,4 @@
-"""The OPC UA server: what a client sees of a machine, whom it lets in, and what it takes of clients that do not behave."""
+"""The OPC UA server: the view of a client, access control, and its limits for misbehaving clients."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ from kit.opcua.serving import (
     served,
     until,
 )
-from kit.opcua.visiting import Visit, Who, come_in, papers, visit
+from kit.opcua.visiting import ClientIdentity, Visit, connected_client, key_pair, visit
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def machine(file, server):
         server.follow(None)
 
 
-# -- what is seen ---------------------------------------------------------------------------------------------------------
+# -- the view of a client -------------------------------------------------------------------------------------------------
 
 
 def test_without_a_machine_everything_is_bad_and_the_tree_is_there(server):
@@ -169,7 +169,7 @@ def test_a_read_after_a_pause_looks_at_the_machine_first(server, machine, monkey
     assert visit(server.url, paused) == (None, "BadNoCommunication")
 
 
-def test_where_the_machine_cannot_be_looked_at_nothing_stays_good(server, machine, monkeypatch, caplog):
+def test_if_the_machine_cannot_be_read_no_value_stays_good(server, machine, monkeypatch, caplog):
     good(server.url)
 
     def fails():
@@ -184,7 +184,7 @@ def test_where_the_machine_cannot_be_looked_at_nothing_stays_good(server, machin
 
 
 class Heard:
-    """What a subscription brings."""
+    """The notifications of a subscription."""
 
     def __init__(self):
         self.values, self.events = [], []
@@ -204,7 +204,7 @@ class Heard:
         await asyncio.sleep(0.3)
 
 
-def test_what_happens_is_one_event_for_each_who_listens_at_the_server_or_the_incidents(server, machine):
+def test_each_event_is_sent_once_to_each_subscriber_at_the_server_or_the_incidents(server, machine):
     told = OpcuaEvent(server.now(), 900, "x: a fault", "seen", "do this", "x")
 
     async def listen(seen: Visit):
@@ -230,14 +230,14 @@ def test_what_happens_is_one_event_for_each_who_listens_at_the_server_or_the_inc
         assert event.SourceName == "Incidents"
 
 
-# -- who may do what ------------------------------------------------------------------------------------------------------
+# -- access control -------------------------------------------------------------------------------------------------------
 
 
 async def write(seen: Visit):
     await seen.node(POSITION).write_value(ua.Variant(7.0, ua.VariantType.Double))
 
 
-def test_nobody_writes(server, machine):
+def test_no_client_can_write(server, machine):
     good(server.url)
     with refused("BadUserAccessDenied"):
         visit(server.url, write)
@@ -246,7 +246,7 @@ def test_nobody_writes(server, machine):
     assert visit(server.url, lambda seen: seen.value(POSITION)) == (machine["x"].position, "Good")
 
 
-def test_who_has_no_name_calls_nothing_and_who_has_one_halts_and_stops(server, machine):
+def test_anonymous_clients_call_no_method_and_users_halt_and_stop(server, machine):
     with refused("BadUserAccessDenied"):
         visit(server.url, halt)
     assert visit(server.url, halt, ANNA).startswith("x: Disabled at 0 deg")
@@ -254,7 +254,7 @@ def test_who_has_no_name_calls_nothing_and_who_has_one_halts_and_stops(server, m
     assert [line.partition(":")[0] for line in text.splitlines()] == ["x", "y"]
 
 
-def test_a_method_of_another_object_is_refused_and_so_is_what_it_does_not_take(server, machine):
+def test_a_method_of_another_object_and_extra_arguments_are_refused(server, machine):
     async def ask(seen: Visit):
         method = seen.node(f"{X}/Halt").nodeid
         with refused("BadMethodInvalid"):
@@ -273,7 +273,7 @@ def test_a_reset_is_not_there_unless_it_is_allowed(server, machine):
     assert visit(server.url, methods, ANNA) == ["Halt", "Stop"]
 
 
-def test_without_a_machine_a_method_is_refused_and_says_so_as_an_event(server):
+def test_without_a_machine_a_method_is_refused_and_an_event_reports_it(server):
     async def ask(seen: Visit):
         heard = Heard()
         subscription = await seen.client.create_subscription(50, heard)
@@ -293,27 +293,30 @@ def test_without_a_machine_a_method_is_refused_and_says_so_as_an_event(server):
 
 
 def test_a_wrong_password_is_refused_each_time(server):
-    for who in (*(Who("anna", each) for each in ("wrong", "x", "right ")), Who("nobody", "right")):
+    for who in (
+        *(ClientIdentity("anna", each) for each in ("wrong", "x", "right ")),
+        ClientIdentity("nobody", "right"),
+    ):
         with refused("BadUserAccessDenied"):
             visit(server.url, halt, who)
     assert visit(server.url, running, ANNA)[1] == "Good"
 
 
-def test_a_crowd_with_wrong_passwords_locks_nobody_out(server, machine):
-    """Neither a user that comes for the first time, nor one that comes back."""
+def test_many_clients_with_wrong_passwords_do_not_prevent_users_from_connecting(server, machine):
+    """Neither a user that connects for the first time, nor one that returns."""
     server._updater._server.iserver.gate._right.clear()
     over = threading.Event()
 
     async def wrong():
         while not over.is_set():
             with suppress(UaStatusCodeError, ServiceError, ConnectionError, TimeoutError):
-                await come_in(server.url, Who("anna", "wrong"))
+                await connected_client(server.url, ClientIdentity("anna", "wrong"))
 
     async def beside():
         crowd = [asyncio.create_task(wrong()) for _ in range(12)]
         await asyncio.sleep(0.5)
         for _ in range(3):
-            client = await come_in(server.url, ANNA)
+            client = await connected_client(server.url, ANNA)
             await client.disconnect()
         over.set()
         await asyncio.wait(crowd)
@@ -326,7 +329,7 @@ def test_a_client_s_session_and_subscriptions_are_its_own(server):
     async def steal(seen: Visit):
         heard = Heard()
         subscription = await seen.client.create_subscription(50, heard)
-        other = await come_in(server.url, Who())
+        other = await connected_client(server.url, ClientIdentity())
         try:
             (status,) = await other.uaclient.delete_subscriptions([subscription.subscription_id])
             assert status.name == "BadSubscriptionIdInvalid"
@@ -341,7 +344,7 @@ def test_a_client_s_session_and_subscriptions_are_its_own(server):
     visit(server.url, steal)
 
 
-def test_one_address_has_not_all_subscriptions(server):
+def test_one_address_cannot_hold_all_subscriptions(server):
     async def ask(seen: Visit):
         made = 0
         with refused("BadTooManySubscriptions"):
@@ -353,7 +356,7 @@ def test_one_address_has_not_all_subscriptions(server):
     assert limits.OF_ADDRESS.subscriptions - 2 <= visit(server.url, ask) <= limits.OF_ADDRESS.subscriptions
 
 
-def test_it_is_no_directory_of_servers(server):
+def test_registering_another_server_is_refused(server):
     async def register(seen: Visit):
         with refused("BadServiceUnsupported"):
             await seen.client.uaclient.register_server(
@@ -363,7 +366,7 @@ def test_it_is_no_directory_of_servers(server):
     visit(server.url, register)
 
 
-# -- who does not behave ----------------------------------------------------------------------------------------------------
+# -- misbehaving clients ----------------------------------------------------------------------------------------------------
 
 
 def hello(receives, sends):
@@ -405,7 +408,7 @@ def without_a_channel():
         "no channel",
     ],
 )
-def test_what_is_no_opc_ua_is_sent_away(server, junk):
+def test_a_connection_with_another_protocol_is_closed(server, junk):
     with socket.create_connection(address(server), timeout=3.0) as line:
         with suppress(OSError):
             line.sendall(junk)
@@ -413,13 +416,13 @@ def test_what_is_no_opc_ua_is_sent_away(server, junk):
     assert visit(server.url, lambda seen: seen.value("/Running"))[1] == "Good"
 
 
-def test_what_asks_and_never_reads_is_let_go_of(server, monkeypatch):
+def test_a_client_that_sends_requests_and_never_reads_is_disconnected(server, monkeypatch):
     monkeypatch.setattr(limits, "PATIENCE", 0.5)
     large = ua.NodeId("Machines/cell/Axes/x/ControlMode/EnumValues", 2)
     asked = ua.ReadValueId(NodeId=large, AttributeId=ua.AttributeIds.Value)
 
     async def flood():
-        client = await come_in(server.url, Who())
+        client = await connected_client(server.url, ClientIdentity())
         line = client.uaclient.protocol
         transport = line.transport
         transport.pause_reading()
@@ -446,11 +449,11 @@ def test_what_asks_and_never_reads_is_let_go_of(server, monkeypatch):
     assert visit(server.url, running)[1] == "Good"
 
 
-def test_a_crowd_without_a_name_is_served_and_leaves_room_for_another_address_and_for_who_has_a_name(server):
+def test_many_anonymous_clients_leave_room_for_other_addresses_and_for_users(server):
     most = limits.OF_ADDRESS.sessions
 
     async def crowd():
-        asked = (come_in(server.url, Who()) for _ in range(most + 5))
+        asked = (connected_client(server.url, ClientIdentity()) for _ in range(most + 5))
         found = await asyncio.gather(*asked, return_exceptions=True)
         entered = [each for each in found if not isinstance(each, BaseException)]
         values = await asyncio.gather(*(each.nodes.server_state.read_value() for each in entered))
@@ -458,7 +461,7 @@ def test_a_crowd_without_a_name_is_served_and_leaves_room_for_another_address_an
         other = inner.create_session(("127.0.0.9", 1))
         assert inner.has_place(other, named=False)
         inner.unregister_external_session(other)
-        users = [await come_in(server.url, ANNA) for _ in range(10)]
+        users = [await connected_client(server.url, ANNA) for _ in range(10)]
         for each in users:
             subscription = await each.create_subscription(1000, Heard())
             await subscription.subscribe_data_change(each.nodes.server_state)
@@ -475,11 +478,11 @@ def test_a_crowd_without_a_name_is_served_and_leaves_room_for_another_address_an
     assert {ua.StatusCode(each.code).name for each in others} == {"BadTooManySessions"}
 
 
-def test_clients_that_are_gone_leave_room_for_who_comes(server):
-    """Each has a session and a subscription, and is cut off: those wait for a client that comes again, but not for ever."""
+def test_disconnected_clients_leave_room_for_new_ones(server):
+    """Each has a session and a subscription, and is cut off: those wait for a client that returns, but not for ever."""
 
     async def lose():
-        client = await come_in(server.url, Who())
+        client = await connected_client(server.url, ClientIdentity())
         await client.create_subscription(1000, Heard())
         client.uaclient.protocol.transport.abort()
         with suppress(Exception):
@@ -488,7 +491,7 @@ def test_clients_that_are_gone_leave_room_for_who_comes(server):
     async def crowd():
         for _ in range(limits.OF_ADDRESS.sessions + 5):
             await asyncio.wait_for(lose(), 5)
-        client = await come_in(server.url, Who())
+        client = await connected_client(server.url, ClientIdentity())
         for _ in range(15):
             await client.create_subscription(1000, Heard())
         await client.disconnect()
@@ -496,11 +499,11 @@ def test_clients_that_are_gone_leave_room_for_who_comes(server):
     asyncio.run(crowd())
 
 
-def test_a_connection_whose_client_has_gone_on_by_another_one_is_closed(server, monkeypatch):
+def test_a_connection_whose_client_uses_another_one_is_closed(server, monkeypatch):
     monkeypatch.setattr(limits, "PATIENCE", 0.5)
 
     async def stay():
-        client = await come_in(server.url, Who())
+        client = await connected_client(server.url, ClientIdentity())
         (line,) = [each for each in connections(server) if each.is_in]
         line.processor.session_last_activity -= 3600.0  # and its session is as it was
         for _ in range(100):
@@ -515,11 +518,11 @@ def test_a_connection_whose_client_has_gone_on_by_another_one_is_closed(server, 
     assert asyncio.run(stay())
 
 
-def test_a_connection_by_which_nobody_is_in_any_more_is_closed(server, monkeypatch):
+def test_a_connection_without_a_session_is_closed(server, monkeypatch):
     monkeypatch.setattr(limits, "PATIENCE", 0.5)
 
     async def leave():
-        client = await come_in(server.url, Who())
+        client = await connected_client(server.url, ClientIdentity())
         await asyncio.sleep(1.5)
         stays = len(connections(server))
         await client.close_session()
@@ -535,7 +538,7 @@ def test_a_connection_by_which_nobody_is_in_any_more_is_closed(server, monkeypat
 
 
 def literal(octets):
-    """A header of a request with a Variant in it, before which nobody has to come in."""
+    """A header of a request that contains a Variant, before any authentication."""
     kind = nodeid_to_binary(ua.typeid_by_extension_objects[ua.LiteralOperand])
     more = kind + b"\x01" + struct.pack("<i", len(octets)) + octets
     asked = struct_to_binary(ua.GetEndpointsRequest())
@@ -555,7 +558,7 @@ def literal(octets):
     ],
     ids=["of nothing", "backwards", "longer than its chunk", "of many chunks", "deep"],
 )
-def test_what_a_message_claims_of_itself_takes_neither_memory_nor_time(server, octets):
+def test_a_length_claimed_by_a_message_costs_neither_memory_nor_time(server, octets):
     async def ask():
         client = Client(server.url, timeout=5)
         await client.connect_socket()
@@ -612,7 +615,7 @@ def where(operator, *operands):
 @pytest.mark.parametrize(
     ("kind", "comes"), [(ua.ObjectIds.BaseEventType, True), (ua.ObjectIds.SystemEventType, False)]
 )
-def test_an_event_is_of_its_own_type_and_of_that_which_all_have_also_by_a_filter_that_was_changed(
+def test_events_pass_a_filter_of_their_type_and_of_the_base_type_also_after_a_change_of_the_filter(
     server, kind, comes
 ):
     message = [ua.SimpleAttributeOperand(BrowsePath=[ua.QualifiedName("Message", 0)], AttributeId=13)]
@@ -651,7 +654,7 @@ def event_item(given):
     return item
 
 
-def test_an_item_with_a_filter_that_is_none_is_refused_alone_and_many_are_changed_at_once(server):
+def test_an_item_with_an_invalid_filter_is_refused_alone_and_many_are_changed_at_once(server):
     async def ask(seen: Visit):
         params = ua.CreateMonitoredItemsParameters()
         params.SubscriptionId = (await seen.client.create_subscription(500, Heard())).subscription_id
@@ -691,7 +694,7 @@ def test_an_item_with_a_filter_that_is_none_is_refused_alone_and_many_are_change
     assert wrong.StatusCode.name == "BadFilterNotAllowed"
 
 
-def test_a_client_is_told_how_much_it_may_ask_for_at_once(server):
+def test_a_client_can_read_the_operation_limits(server):
     async def ask(seen: Visit):
         told = seen.client.get_node(ua.ObjectIds.Server_ServerCapabilities_OperationLimits)
         return {
@@ -753,13 +756,13 @@ def test_a_subscription_is_neither_too_fast_nor_too_large(server):
 
 @pytest.fixture(scope="module")
 def own(folder):
-    return papers(folder, "server", server=True)
+    return key_pair(folder, "server", server=True)
 
 
 @pytest.fixture(scope="module")
 def friend(folder):
     (folder / "trust").mkdir()
-    found = papers(folder, "friend")
+    found = key_pair(folder, "friend")
     shutil.copy(found.certificate, folder / "trust")
     return found
 
@@ -772,29 +775,30 @@ def secured(file, folder, known, own, friend):
         yield found
 
 
-def test_who_is_trusted_reads_and_with_a_name_halts(secured, own, friend):
-    assert visit(secured.url, running, Who(papers=friend, server=own.certificate)) == (False, "Good")
-    anna = Who("anna", "right", friend, own.certificate)
+def test_a_trusted_client_reads_and_a_trusted_user_halts(secured, own, friend):
+    assert visit(secured.url, running, ClientIdentity(key_pair=friend, server=own.certificate)) == (
+        False,
+        "Good",
+    )
+    anna = ClientIdentity("anna", "right", friend, own.certificate)
     with refused("BadNoCommunication"):  # it was let through: no machine is there
         visit(secured.url, halt, anna)
     with refused("BadUserAccessDenied"):
-        visit(secured.url, halt, Who(papers=friend, server=own.certificate))
+        visit(secured.url, halt, ClientIdentity(key_pair=friend, server=own.certificate))
     with refused("BadUserAccessDenied"):
-        visit(secured.url, halt, Who("anna", "wrong", friend, own.certificate))
+        visit(secured.url, halt, ClientIdentity("anna", "wrong", friend, own.certificate))
 
 
 def test_a_certificate_that_is_not_known_opens_no_channel(secured, own, folder):
-    stranger = papers(folder, "stranger")
+    stranger = key_pair(folder, "stranger")
     with pytest.raises(Exception, match=r"Untrusted|ConnectionClosed|closed|Connection"):
-        visit(secured.url, running, Who("anna", "right", stranger, own.certificate))
+        visit(secured.url, running, ClientIdentity("anna", "right", stranger, own.certificate))
 
 
-def test_a_certificate_that_is_over_opens_no_channel_and_without_a_name_none_comes_in_that_is_not_trusted(
-    folder, known, own
-):
+def test_an_expired_certificate_opens_no_channel_and_untrusted_ones_need_a_user(folder, known, own):
     opened = []
     factory = SimpleNamespace(matches=lambda *_: True, create=opened.append)
-    old, fresh = (trusted_of(papers(folder, name, days=days)) for name, days in (("old", -1), ("fresh", 5)))
+    old, fresh = (trusted_of(key_pair(folder, name, days=days)) for name, days in (("old", -1), ("fresh", 5)))
     for_all = TrustingFactory(factory, None)
     with pytest.raises(ua.uaerrors.BadRequestTooLarge) as caught:
         for_all.create(old)
@@ -821,14 +825,14 @@ def trusted_of(made):
     return ssl.PEM_cert_to_DER_cert(made.certificate.read_text("ascii"))
 
 
-def test_without_encryption_only_the_endpoints_are_told(secured):
+def test_without_encryption_only_the_endpoints_are_served(secured):
     async def endpoints():
         return await Client(secured.url).connect_and_get_server_endpoints()
 
     (endpoint,) = asyncio.run(endpoints())
     assert endpoint.SecurityMode is ua.MessageSecurityMode.SignAndEncrypt
     assert endpoint.SecurityPolicyUri.endswith("#Basic256Sha256")
-    for who in (Who(), ANNA):
+    for who in (ClientIdentity(), ANNA):
         with pytest.raises(Exception, match=r"BadSecurityModeInsufficient|No matching|not found"):
             visit(secured.url, running, who)
     assert secured._updater._server.iserver._external_sessions == {}
@@ -857,20 +861,22 @@ def test_a_session_without_encryption_is_refused_by_the_server_itself(secured):
     asyncio.run(enter())
 
 
-def test_a_trusted_certificate_that_another_shows_helps_nobody(secured, own, friend, folder):
-    """What is looked at is the certificate of the channel, not the one that stands in a request."""
-    thief = papers(folder, "thief")
-    who = Who(papers=type(thief)(thief.certificate, thief.key, friend.uri), server=own.certificate)
+def test_a_trusted_certificate_of_another_client_in_the_request_is_refused(secured, own, friend, folder):
+    """The certificate of the channel counts, not the one in a request."""
+    thief = key_pair(folder, "thief")
+    who = ClientIdentity(
+        key_pair=type(thief)(thief.certificate, thief.key, friend.uri), server=own.certificate
+    )
 
     async def enter():
-        client = await come_in(secured.url, who)
+        client = await connected_client(secured.url, who)
         await client.disconnect()
 
     with pytest.raises(Exception, match=r"Untrusted|ConnectionClosed|closed|Connection"):
         asyncio.run(enter())
 
 
-# -- the command ------------------------------------------------------------------------------------------------------------
+# -- the command line -------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -878,7 +884,7 @@ def run(monkeypatch, capsys):
     return commands.runner(monkeypatch, capsys)
 
 
-def test_a_port_that_is_taken_is_told(run, server, file):
+def test_a_port_in_use_is_reported_with_the_option(run, server, file):
     code, _, err = run("bridge", "opcua", file, "--port", address(server)[1])
     assert code == 1
     assert "in use" in err
@@ -896,14 +902,14 @@ def test_a_port_that_is_taken_is_told(run, server, file):
         (("--rate", "0"), "rate"),
     ],
 )
-def test_what_does_not_go_together_is_told_before_anything_is_served(run, file, words, said):
+def test_incompatible_options_are_refused_before_anything_is_served(run, file, words, said):
     code, _, err = run("bridge", "opcua", file, "--port", "0", *words)
     assert code in (1, 2)
     assert said in err
 
 
-def test_a_certificate_without_a_uri_is_told(run, file, folder, known):
-    bare = papers(folder, "bare", server=True, names=False)
+def test_a_certificate_without_a_uri_is_refused(run, file, folder, known):
+    bare = key_pair(folder, "bare", server=True, names=False)
     words = ("--certificate", bare.certificate, "--key", bare.key, "--users", folder / "users")
     code, _, err = run("bridge", "opcua", file, "--port", "0", *words)
     assert code == 1
@@ -921,7 +927,7 @@ def test_a_user_s_line_is_printed_without_his_password(run):
 @pytest.mark.parametrize(("there", "instead"), [("a003020102", "a003020107"), ("0603551d0f", "0603551d11")])
 def test_an_invalid_certificate_is_refused_by_the_name_of_its_file(tmp_path, there, instead):
     """The version is unknown, or an extension occurs twice."""
-    made = x509.load_pem_x509_certificate(papers(tmp_path, "x", server=True).certificate.read_bytes())
+    made = x509.load_pem_x509_certificate(key_pair(tmp_path, "x", server=True).certificate.read_bytes())
     octets = made.public_bytes(Encoding.DER)
     assert trust.is_in_time(octets)
     wrong = tmp_path / "trusted" / "wrong.der"

@@ -75,14 +75,14 @@ def machine(file, server):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a computer has more than one loopback address on Linux")
 @pytest.mark.parametrize("from_address", ["127.0.0.1", "127.0.0.2"])
-def test_a_thousand_connections_that_say_nothing_keep_nobody_from_halting(server, machine, from_address):
+def test_a_thousand_silent_connections_prevent_no_halt(server, machine, from_address):
     with crowd_of(server, *[from_address] * 1000):
         assert visit(server.url, halt, ANNA) is not None
     until(lambda: entered_again(server))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a computer has more than one loopback address on Linux")
-def test_one_address_holds_not_all_connections_and_who_says_nothing_none_that_is_asked_for(server):
+def test_one_address_cannot_hold_all_connections_and_silent_ones_are_closed_first(server):
     others = [f"127.0.0.{number % 4 + 2}" for number in range(limits.CONNECTIONS + 8)]
     with crowd_of(server, *["127.0.0.2"] * (limits.OF_ADDRESS.connections + 3)) as lines:
         assert closed(lines[0], 3.0)  # the oldest
@@ -97,7 +97,7 @@ def test_one_address_holds_not_all_connections_and_who_says_nothing_none_that_is
 
 @contextmanager
 def bridge(file, *words):
-    """The command, in a process of its own; yields the process and where it serves."""
+    """The command in a process of its own; yields the process and its address."""
     command = [
         sys.executable,
         "-u",
@@ -142,7 +142,7 @@ def test_the_bridge_follows_machines_halts_them_and_its_end_changes_none(tmp_pat
             assert text.startswith("x: Standstill at")
             assert handle.exception() is not None
             assert "x.halt() by process" in str(handle.exception())
-            with refused("BadUserAccessDenied"):  # this program has the command
+            with refused("BadUserAccessDenied"):  # this program has control
                 visit(url, lambda seen: seen.call(X, "Reset"), ANNA)
         until(lambda: position() == (None, "BadNoCommunication"))
         with Machine.open(file, shared=True):
@@ -173,7 +173,7 @@ another_stack = pytest.mark.skipif(
 )
 
 
-def seen_by_node(server, *who):
+def read_by_node_client(server, *who):
     ran = subprocess.run(
         ["node", str(CLIENT), server.url, "cell", "x", *who],
         stdout=subprocess.PIPE,
@@ -187,7 +187,7 @@ def seen_by_node(server, *who):
 @another_stack
 def test_a_client_of_another_stack_sees_it_all_and_without_a_name_calls_nothing(server, machine):
     good(server.url)
-    seen = seen_by_node(server)
+    seen = read_by_node_client(server)
     assert seen["axes"] == ["x", "y"]
     assert sorted(seen["methods"]) == ["Halt", "Stop"]
     assert seen["variables"]["PositionActualValue"]["unit"] == {"symbol": "deg", "number": 17476}
@@ -201,15 +201,15 @@ def test_a_client_of_another_stack_sees_it_all_and_without_a_name_calls_nothing(
 @another_stack
 def test_a_client_of_another_stack_with_a_name_halts_and_writes_nothing(server, machine):
     good(server.url)
-    seen = seen_by_node(server, "anna", "right")
+    seen = read_by_node_client(server, "anna", "right")
     assert seen["halt"] == ["Good", "x: Disabled at 0 deg"]
     assert seen["written"] == "BadNotWritable"
 
 
 @another_stack
-def test_a_client_of_another_stack_hears_what_is_refused(server):
+def test_a_client_of_another_stack_receives_refusals(server):
     server.follow(None)
-    seen = seen_by_node(server, "anna", "right")
+    seen = read_by_node_client(server, "anna", "right")
     assert seen["halt"][0] == "BadNoCommunication"
     (event,) = seen["events"]
     message, severity, cause, remedy, axis = event

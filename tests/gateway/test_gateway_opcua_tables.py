@@ -1,4 +1,4 @@
-"""What an OPC UA server tells of a machine, and whom it lets in: the pure half, which needs no asyncua."""
+"""The values and the access rules of an OPC UA server: the pure half, which needs no asyncua."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_every_unit_of_an_axis_keeps_its_word_and_one_without_a_code_has_no_numb
         assert len(found.code) <= 3
 
 
-def test_a_torque_is_in_newton_metres_only_where_the_rated_torque_is_known():
+def test_a_torque_is_in_newton_metres_only_if_the_rated_torque_is_known():
     assert variables.torque_unit(5.0).symbol == "N·m"
     assert variables.torque_unit(None).name == "part of the rated torque"
 
@@ -77,7 +77,7 @@ def test_every_state_and_mode_has_a_number_and_a_name():
         ('unit = "teeth"', None),
     ],
 )
-def test_how_an_axis_moves_is_told_by_its_unit_or_not_at_all(tmp_path, lines, kind):
+def test_the_type_of_an_axis_follows_from_its_unit(tmp_path, lines, kind):
     file = tmp_path / "cell.toml"
     file.write_text(cell_text("x").replace('unit = "deg"', lines), "utf-8")
     cell, _ = reader.read(file)
@@ -103,11 +103,11 @@ LAST = OpcuaValue(4.0, Quality.GOOD, 1.0)
         (None, ImageFreshness.NONE, None, OpcuaValue(None, Quality.NO_COMMUNICATION)),
     ],
 )
-def test_a_value_is_good_only_while_it_and_its_image_are_of_now(fresh, image, last, told):
+def test_a_value_is_good_only_while_it_and_its_image_are_fresh(fresh, image, last, told):
     assert judged(fresh, 2.0, image, last) == told
 
 
-def test_what_was_known_of_one_machine_is_not_usable_of_the_next():
+def test_values_of_one_machine_are_not_usable_for_the_next():
     memory, key = Memory(), ("x", "PositionActualValue")
     assert memory.judge(key, 1.0, 1.0, ImageFreshness.NOW).quality is Quality.GOOD
     assert memory.judge(key, None, 2.0, ImageFreshness.NOW) == OpcuaValue(1.0, Quality.LAST_USABLE, 1.0)
@@ -115,7 +115,7 @@ def test_what_was_known_of_one_machine_is_not_usable_of_the_next():
     assert memory.judge(key, None, 3.0, ImageFreshness.NOW).quality is Quality.WAITING
 
 
-def test_without_a_machine_every_value_waits_and_after_one_nothing_is_heard(machine):
+def test_every_value_waits_without_a_machine_and_is_bad_after_the_machine_ended(machine):
     looker = AxisReadings(machine.cell)
     names = {(axis, row.name) for axis in "xy" for row in ROWS}
     before = looker.look()
@@ -127,7 +127,7 @@ def test_without_a_machine_every_value_waits_and_after_one_nothing_is_heard(mach
     assert {reading.quality for reading in looker.look().values()} == {Quality.NO_COMMUNICATION}
 
 
-def test_the_values_of_an_axis_are_those_that_the_axis_tells(machine):
+def test_the_served_values_are_those_of_the_axis(machine):
     looker = AxisReadings(machine.cell)
     looker.follow(machine)
     machine["x"].enable().wait(5)
@@ -146,7 +146,7 @@ def test_the_values_of_an_axis_are_those_that_the_axis_tells(machine):
     }
 
 
-def test_of_a_lost_node_only_what_the_master_knows_is_told(machine):
+def test_of_a_lost_node_only_values_of_the_master_are_good(machine):
     looker = AxisReadings(machine.cell)
     looker.follow(machine)
     machine.simulated_node(1).device.dials.dead = True
@@ -158,7 +158,7 @@ def test_of_a_lost_node_only_what_the_master_knows_is_told(machine):
     assert seen["y", "PositionActualValue"].quality is Quality.GOOD
 
 
-def test_after_the_machine_has_ended_nothing_of_it_is_good(machine):
+def test_after_the_machine_has_ended_all_its_values_are_bad(machine):
     looker = AxisReadings(machine.cell)
     looker.follow(machine)
     looker.look()
@@ -166,10 +166,10 @@ def test_after_the_machine_has_ended_nothing_of_it_is_good(machine):
     assert {reading.quality for reading in looker.look().values()} == {Quality.NO_COMMUNICATION}
 
 
-# -- what has gone wrong --------------------------------------------------------------------------------------------------
+# -- errors ---------------------------------------------------------------------------------------------------------------
 
 
-def test_a_fault_is_told_once_with_its_message_its_incident_and_what_to_do(machine):
+def test_a_fault_is_reported_once_with_its_message_incident_and_remedy(machine):
     happenings = MachineEventSource()
     looker = AxisReadings(machine.cell)
     looker.follow(machine)
@@ -203,7 +203,7 @@ def test_each_kind_of_error_has_a_status(error, status):
     assert status_of(error) == status
 
 
-# -- whom it lets in ------------------------------------------------------------------------------------------------------
+# -- access ---------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -218,7 +218,7 @@ def test_each_kind_of_error_has_a_status(error, status):
         (Given(True, certificate=True, trust=True), Access(True, True, True, False)),
     ],
 )
-def test_who_may_come_in_by_what_is_given(given, access):
+def test_the_access_rules_follow_from_the_options(given, access):
     assert decide(given) == access
 
 
@@ -234,13 +234,13 @@ def test_who_may_come_in_by_what_is_given(given, access):
         Given(False, insecure=True, trust=True),
     ],
 )
-def test_what_would_let_in_anybody_or_makes_no_sense_is_refused(given):
+def test_options_without_access_control_or_without_sense_are_refused(given):
     with pytest.raises(ArgumentError) as caught:
         decide(given)
     assert "--" in caught.value.remedy
 
 
-def test_a_user_comes_in_by_his_own_password_alone(tmp_path):
+def test_a_user_needs_his_own_password(tmp_path):
     file = tmp_path / "users"
     file.write_text(
         f"# operators\n\n{users.line_of('anna', 'right')}\n{users.line_of('bert', 'other')}\n", "utf-8"
@@ -285,7 +285,7 @@ def test_the_hash_is_that_of_the_standard():
         ":scrypt:16384:8:1:c2FsdHNhbHQ=:aGFzaGhhc2hoYXNoaGFzaA==",
     ],
 )
-def test_a_line_that_is_none_is_told_with_its_place(tmp_path, line):
+def test_an_invalid_line_is_reported_with_its_number(tmp_path, line):
     file = tmp_path / "users"
     file.write_text(f"# one\n{line}\n", "utf-8")
     with pytest.raises(ConfigError, match="users:2:"):
@@ -293,7 +293,7 @@ def test_a_line_that_is_none_is_told_with_its_place(tmp_path, line):
 
 
 @pytest.mark.parametrize("text", ["", "# nobody\n", None, b"\xff\xfe"])
-def test_a_file_without_users_is_told(tmp_path, text):
+def test_a_file_without_users_is_refused(tmp_path, text):
     file = tmp_path / "users"
     if text is not None:
         file.write_bytes(text if isinstance(text, bytes) else text.encode())
@@ -301,7 +301,7 @@ def test_a_file_without_users_is_told(tmp_path, text):
         users.read(file)
 
 
-def test_a_user_twice_is_told(tmp_path):
+def test_a_duplicate_user_is_refused(tmp_path):
     file = tmp_path / "users"
     file.write_text(f"{users.line_of('anna', 'a')}\n{users.line_of('anna', 'b')}\n", "utf-8")
     with pytest.raises(ConfigError, match="twice"):
@@ -311,12 +311,12 @@ def test_a_user_twice_is_told(tmp_path):
 @pytest.mark.parametrize(
     ("name", "password"), [("a b", "x"), ("", "x"), ("a:b", "x"), ("anna", ""), ("anna", "x" * 257)]
 )
-def test_what_is_no_name_or_no_password_makes_no_line(name, password):
+def test_an_invalid_name_or_password_makes_no_line(name, password):
     with pytest.raises(ArgumentError):
         users.line_of(name, password)
 
 
-def test_the_tables_and_the_command_line_load_no_asyncua():
+def test_the_tables_and_the_command_line_do_not_load_asyncua():
     program = (
         "import sys, axisbus.cli.bridge.opcua, axisbus.cli.bridge.opcua, axisbus.gateway.opcua.axis_readings;"
         "sys.exit('asyncua' in sys.modules)"

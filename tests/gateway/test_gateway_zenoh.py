@@ -1,4 +1,4 @@
-"""A cell on a Zenoh network, with programs of its own: whoever has the lease is gone, cut off or mad, and the axes stand."""
+"""A cell on a Zenoh network, with programs of its own: the holder of the lease ends, is cut off or faulty, and the axes stop."""
 
 from __future__ import annotations
 
@@ -27,9 +27,7 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
     pytest.mark.timeout(120),
 ]
-STANDS = (
-    3.0  # seconds from the end of a lease's holder until its axes stand: 1 of the lease, and their braking
-)
+STANDS = 3.0  # seconds from the end of a lease's holder until standstill of its axes: 1 of the lease, and their braking
 
 
 @pytest.fixture(scope="module")
@@ -58,13 +56,13 @@ def bridge(file, folder, machine):
 
 @pytest.fixture(autouse=True)
 def sound(file, machine):
-    """What a busy computer has stopped in another test is no matter of this one."""
+    """A loss of time in another test, by a busy computer, does not concern this one."""
     recover(file, machine)
 
 
 @pytest.fixture
 def client(bridge, machine):
-    """Somebody on the network, while no client has the lease and nothing moves."""
+    """A client on the network, while no client has the lease and nothing moves."""
     with Client(bridge.endpoint) as client:
         until(client.alive)
         yield client
@@ -78,7 +76,7 @@ def stands(machine, node=1):
     return abs(turns(machine, node)) < 0.1
 
 
-def test_a_cell_says_what_it_is_and_what_its_axes_do(client, machine):
+def test_a_cell_publishes_its_description_and_the_state_of_its_axes(client, machine):
     info = client.ask(KEYS.info, None, m.CellInfo)
     assert (info.protocol, info.plant, info.cell, info.simulated) == (1, "works", "one", True)
     assert [(axis.name, axis.unit, axis.node) for axis in info.axes] == [("x", "deg", 1), ("y", "deg", 2)]
@@ -97,7 +95,7 @@ def test_a_cell_says_what_it_is_and_what_its_axes_do(client, machine):
     assert of_x[-1]["age"] < 1.0
 
 
-def test_what_is_repeated_late_or_out_of_order_moves_nothing_twice(client, machine):
+def test_repeated_late_or_reordered_commands_cause_no_second_motion(client, machine):
     token = client.take().token
     client.must("enable", "x")
     before = machine["x"].position
@@ -124,7 +122,7 @@ def test_what_is_repeated_late_or_out_of_order_moves_nothing_twice(client, machi
 
 
 @pytest.mark.parametrize("end", ["killed", "suspended", "cut off"])
-def test_whoever_has_the_lease_is_gone_and_the_axes_stand(client, bridge, machine, end):
+def test_if_the_holder_of_the_lease_ends_the_axes_halt(client, bridge, machine, end):
     wire = Wire(int(bridge.endpoint.rpartition(":")[2]))
     with holder(wire.endpoint) as program:
         until(lambda: not stands(machine))
@@ -141,14 +139,14 @@ def test_whoever_has_the_lease_is_gone_and_the_axes_stand(client, bridge, machin
             time.sleep(0.5)
         if end == "cut off":
             wire.cut.clear()
-            time.sleep(1.0)  # what was on its way arrives now
+            time.sleep(1.0)  # frames in transit arrive now
         assert stands(machine)
         until(lambda: machine["x"].state is AxisState.STANDSTILL)
     wire.close()
     assert took < STANDS
 
 
-def test_the_lease_passes_on_and_what_moved_halts_first(client, bridge, machine):
+def test_taking_over_the_lease_halts_the_axes_first(client, bridge, machine):
     with holder(bridge.endpoint), Client(bridge.endpoint, "Ben") as ben:
         until(lambda: not stands(machine))
         answer = ben.take(over=True)
@@ -163,7 +161,7 @@ def test_the_lease_passes_on_and_what_moved_halts_first(client, bridge, machine)
     assert numbers == list(range(1, len(numbers) + 1))
 
 
-def test_a_program_at_the_machine_has_the_command_until_it_is_taken_over(client, file, machine):
+def test_a_program_at_the_machine_has_control_until_it_is_taken_over(client, file, machine):
     with Machine.attach(file, command=True) as local:
         refused = client.take().refused
         assert (refused.kind, client.token) == ("OwnershipError", "")
@@ -178,7 +176,7 @@ def test_a_program_at_the_machine_has_the_command_until_it_is_taken_over(client,
         assert client.do("move_relative", "x", distance=1.0).status == "error"
 
 
-def test_anybody_stops_without_a_lease_and_a_stop_is_never_answered_from_memory(client, bridge, machine):
+def test_any_client_stops_without_a_lease_and_every_stop_is_executed(client, bridge, machine):
     with holder(bridge.endpoint):
         until(lambda: not stands(machine))
         client.must("halt", "x", number=1)
@@ -193,7 +191,7 @@ def test_anybody_stops_without_a_lease_and_a_stop_is_never_answered_from_memory(
         assert stands(machine)
 
 
-def test_a_jog_lives_from_query_to_query_and_a_press_that_was_silent_is_over(client, machine):
+def test_a_jog_continues_from_query_to_query_and_ends_by_silence(client, machine):
     client.take()
     client.do("enable", "x")
 
@@ -217,7 +215,7 @@ def test_a_jog_lives_from_query_to_query_and_a_press_that_was_silent_is_over(cli
     until(lambda: stands(machine), 2.0)
 
 
-def test_objects_are_read_by_anybody_and_written_under_a_lease_with_care(client, machine):
+def test_objects_are_read_by_any_client_and_written_under_a_lease_with_checks(client, machine):
     read = client.ask(KEYS.object(1, 0x6041, 0), None, m.ObjectAnswer)
     assert isinstance(read.value, int)
     write = KEYS.object(2, 0x6081, 0)
@@ -327,9 +325,7 @@ CROWDS = {
 
 
 @pytest.mark.parametrize("crowd", list(CROWDS))
-def test_a_thousand_hostile_connections_cost_nobody_the_lease_and_keep_no_newcomer_from_halting(
-    client, bridge, machine, crowd
-):
+def test_a_thousand_hostile_connections_end_no_lease_and_prevent_no_halt(client, bridge, machine, crowd):
     said, flood = CROWDS[crowd]
     with holder(bridge.endpoint):
         until(lambda: not stands(machine))
@@ -347,7 +343,7 @@ def test_a_thousand_hostile_connections_cost_nobody_the_lease_and_keep_no_newcom
 
 
 @pytest.mark.parametrize("how", ["never reads", "suspended"])
-def test_a_subscriber_that_is_deaf_holds_nobody_up(client, bridge, machine, how):
+def test_a_subscriber_that_does_not_read_delays_no_other(client, bridge, machine, how):
     with subprocess.Popen(
         [sys.executable, "-c", NEVER_READS, bridge.endpoint], stdout=subprocess.PIPE, text=True
     ) as deaf:
@@ -377,7 +373,7 @@ def test_a_second_bridge_of_the_same_name_is_refused(bridge, file, machine):
 
 
 @pytest.mark.parametrize("end", ["killed", "suspended", "Ctrl-C", "SIGTERM"])
-def test_a_bridge_that_ends_is_seen_and_what_it_moved_halts(file, machine, end):
+def test_a_bridge_that_ends_is_noticed_and_its_motions_halt(file, machine, end):
     number = {
         "killed": signal.SIGKILL,
         "suspended": signal.SIGSTOP,

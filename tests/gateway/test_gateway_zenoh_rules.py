@@ -1,4 +1,4 @@
-"""What a bridge decides, without a network and by a clock of the test's own: lease, ids, verbs, jogs, events, states, samples."""
+"""The decisions of a bridge, without a network and by a clock of the test: lease, ids, verbs, jogs, events, states, samples."""
 
 from __future__ import annotations
 
@@ -58,12 +58,12 @@ def test_a_lease_lasts_a_second_from_each_renewal_and_not_a_moment_longer():
         ("anna", "", "not belong to the present lease"),
     ],
 )
-def test_nobody_else_and_no_other_token_has_it(client, token, words):
+def test_no_other_client_or_token_holds_the_lease(client, token, words):
     assert not HELD.holds(client, token, 10.1)
     assert words in HELD.why_not(client, token, 10.1).message
 
 
-def test_it_is_taken_where_nobody_has_it_or_over_whoever_has():
+def test_a_lease_is_taken_if_it_is_free_or_taken_over_from_its_holder():
     assert CellLease().refusal("ben", over=False) is None
     assert "Anna" in HELD.refusal("ben", over=False).message
     assert "of this name" in HELD.refusal("anna", over=False).message
@@ -78,7 +78,7 @@ def test_it_is_taken_where_nobody_has_it_or_over_whoever_has():
 # -- ids -------------------------------------------------------------------------------------------------------------
 
 
-def test_the_same_id_is_the_same_command_and_a_lower_one_is_none():
+def test_a_repeated_id_gives_the_stored_answer_and_a_lower_one_is_refused():
     ledger = CommandDeduplicator(kept=3)
     for number in (1, 2, 5):
         assert ledger.again("anna", number, "what") is None
@@ -95,7 +95,7 @@ def test_the_same_id_is_the_same_command_and_a_lower_one_is_none():
     assert ledger.again("ben", 1, "what") is None
 
 
-def test_ids_that_leave_nothing_behind_count_as_well_and_clients_are_not_without_end():
+def test_rejected_command_ids_count_as_well_and_the_number_of_clients_is_bounded():
     ledger = CommandDeduplicator()
     assert [ledger.passed("anna", number) for number in (3, 3, 2, 4)] == [True, False, False, True]
     with pytest.raises(StateError, match="too late"):
@@ -142,14 +142,14 @@ def test_each_verb_is_a_call_of_the_library_with_the_values_that_it_takes():
         ("jog", ask("x", velocity=1.0), "press"),
     ],
 )
-def test_what_is_no_command_is_refused_with_what_would_be_one(verb, asked, words):
+def test_an_invalid_command_is_refused_with_the_valid_ones(verb, asked, words):
     with pytest.raises(ArgumentError) as caught:
         act_of(verb, asked, ("x", "y"))
     assert words in caught.value.message
     assert caught.value.remedy or caught.value.observed or "twice" in words
 
 
-def test_without_axes_it_is_of_all_and_nothing_spoils_a_stop():
+def test_commands_without_axes_are_for_all_axes_and_a_stop_ignores_invalid_arguments():
     assert act_of("enable", ask(), ("x", "y")).axes == ("x", "y")
     assert act_of("move_absolute", ask("x", position=1), ("x",)).values == {"position": 1.0}
     assert act_of("home", ask("x", method=-1, timeout=4), ("x",)).values == {"method": -1, "timeout": 4.0}
@@ -182,7 +182,7 @@ class Desk:
         self.commands = Commands(machine, self.holding, self.answers, lambda: self.now)
 
     def do(self, verb, number, *axes, token="t1", client="anna", **values):
-        """Give a command, and return what is answered at once, or after it has ended."""
+        """Give a command, and return the answer, at once or after it has ended."""
         told = []
         self.commands.take(verb, CommandAsk(client, number, token, axes, values), told.append)
         for _ in range(500):
@@ -200,7 +200,7 @@ def desk(machine):
     made.answers.close()
 
 
-def test_a_command_is_done_once_however_often_and_late_it_comes(desk):
+def test_a_command_received_several_times_or_late_is_executed_once(desk):
     assert desk.do("enable", 1).status == "done"
     for number in (2, 2, 3, 2, 3):
         assert desk.do("move_relative", number, "x", distance=5.0).status == "done"
@@ -210,7 +210,7 @@ def test_a_command_is_done_once_however_often_and_late_it_comes(desk):
     assert desk.machine["x"].position == pytest.approx(15.0, abs=0.05)
 
 
-def test_what_the_library_refuses_is_told_and_kept(desk):
+def test_a_refusal_of_the_library_is_returned_and_stored(desk):
     desk.do("enable", 1, "x")
     refused = desk.do("move_absolute", 2, "x", position=1.0, velocity=9999.0)
     assert refused.error.kind == "LimitError"
@@ -218,7 +218,7 @@ def test_what_the_library_refuses_is_told_and_kept(desk):
     assert desk.do("move_absolute", 3, "y", position=1.0).error.kind == "StateError"  # it is not enabled
 
 
-def test_nothing_is_done_without_a_lease_but_a_stop(desk):
+def test_without_a_lease_only_a_stop_is_executed(desk):
     desk.do("enable", 1)
     desk.do("move_velocity", 2, "x", velocity=50.0)
     desk.now = 10.0 + SECONDS
@@ -230,9 +230,9 @@ def test_nothing_is_done_without_a_lease_but_a_stop(desk):
     assert told.error.kind == "UnknownNameError"  # of q; x was halted
 
 
-def test_what_was_sent_before_a_stop_and_is_heard_after_it_comes_too_late(desk):
+def test_a_command_sent_before_a_stop_and_received_after_it_is_too_late(desk):
     desk.do("enable", 1)
-    desk.do("halt", 7, "x", token="")  # of nobody who has the lease: it makes nothing late
+    desk.do("halt", 7, "x", token="")  # without the lease: it makes nothing late
     assert desk.do("move_relative", 2, "x", distance=1.0).status == "done"
     assert desk.do("halt", 5, "x").status == "done"
     assert "too late" in desk.do("move_relative", 4, "x", distance=1.0).error.fields["message"]
@@ -241,13 +241,13 @@ def test_what_was_sent_before_a_stop_and_is_heard_after_it_comes_too_late(desk):
     assert desk.do("enable", 9).status == "done"
 
 
-def test_who_commands_too_much_is_refused_and_may_stop_still(desk):
+def test_a_client_with_too_many_commands_is_refused_and_may_still_stop(desk):
     told = [desk.do("set_override", number, "x", factor=1.0).status for number in range(1, 140)]
     assert (told[0], told[-1]) == ("done", "error")
     assert desk.do("halt", 999).status == "done"
 
 
-def test_a_jog_goes_on_by_its_queries_and_neither_late_nor_after_a_halt(desk):
+def test_a_jog_is_renewed_by_its_queries_but_not_by_late_ones_or_after_a_halt(desk):
     desk.do("enable", 1)
     x = desk.machine["x"]
 
@@ -294,7 +294,7 @@ def test_events_are_numbered_without_gaps_and_the_last_are_kept():
     assert numbered.answer(EventsAsk(5, 2)).events == ()
 
 
-def test_what_happens_at_a_machine_is_told_once_with_cause_and_remedy(machine):
+def test_events_of_a_machine_are_reported_once_with_cause_and_remedy(machine):
     happenings = MachineEventSource(machine["x"].snapshot.now, commands=True)
 
     def look():
@@ -317,7 +317,7 @@ def test_what_happens_at_a_machine_is_told_once_with_cause_and_remedy(machine):
     assert any("no longer has an error" in one.text for one in look())
 
 
-def test_a_state_is_of_now_or_says_nothing_but_its_age(machine):
+def test_a_state_is_current_or_contains_only_its_age(machine):
     machine["x"].enable().wait(5)
     machine["x"].move_absolute(5.0).wait(20)
     snapshot, parameters = machine["x"].snapshot, machine.session.axes["x"].parameters
@@ -371,12 +371,12 @@ def test_names_and_keys():
 
 
 @pytest.mark.parametrize("endpoint", ["", "10.0.0.1:7447", "tcp:10.0.0.1", "nonsense/x", "tcp/a b"])
-def test_what_is_no_endpoint_is_told_before_anything_is_opened(endpoint):
+def test_an_invalid_endpoint_is_refused_before_anything_is_opened(endpoint):
     with pytest.raises(ArgumentError, match="not an endpoint"):
         network.require_reachable(ZenohNetwork((endpoint,)))
 
 
-def test_somebody_must_be_reachable_and_a_wrong_file_is_told(tmp_path):
+def test_an_endpoint_is_required_and_an_invalid_file_is_reported(tmp_path):
     with pytest.raises(ArgumentError, match="no cell can be reached"):
         network.require_reachable(ZenohNetwork())
     file = tmp_path / "wrong.json5"
@@ -388,7 +388,7 @@ def test_somebody_must_be_reachable_and_a_wrong_file_is_told(tmp_path):
         network.opened(ZenohNetwork(config=tmp_path / "none.json5"))
 
 
-def test_the_network_is_what_was_asked_for_and_finds_nobody_by_itself(tmp_path):
+def test_the_network_has_the_given_endpoints_and_no_scouting(tmp_path):
     file = tmp_path / "own.json5"
     file.write_text("{ mode: 'client', scouting: { gossip: { enabled: true } } }", "utf-8")
     plain = network._config(ZenohNetwork(("tcp/127.0.0.1:1",)))
@@ -402,14 +402,14 @@ def test_the_network_is_what_was_asked_for_and_finds_nobody_by_itself(tmp_path):
     assert plain.get_json("listen/endpoints") == "[]"
 
 
-def test_without_the_package_it_says_how_to_get_it(monkeypatch):
+def test_without_the_package_the_error_names_it(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     with pytest.raises(UserError, match="eclipse-zenoh") as caught:
         network.opened(ZenohNetwork(("tcp/127.0.0.1:1",)))
     assert "axisbus[zenoh]" in caught.value.remedy
 
 
-def test_an_endpoint_that_is_taken_is_told():
+def test_an_endpoint_in_use_is_reported():
     with socket.create_server(("127.0.0.1", 0)) as there:
         endpoint = f"tcp/127.0.0.1:{there.getsockname()[1]}"
         with pytest.raises(StateError, match="cannot be joined") as caught:
@@ -417,7 +417,7 @@ def test_an_endpoint_that_is_taken_is_told():
         assert "in use" in caught.value.observed
 
 
-def test_who_this_process_is_is_nobody_s_matter_there():
+def test_the_process_of_the_bridge_is_removed_from_texts():
     long = f"process {os.getpid()} (python -m axisbus bridge (zenoh) x.toml), which began at 04:37:16"
     assert execute.without(f"x.enable() by {long}: not taken") == "x.enable(): not taken"
     assert execute.without(f"{long}: the lease ran out") == "the lease ran out"
@@ -428,6 +428,6 @@ def test_who_this_process_is_is_nobody_s_matter_there():
     assert execute.fields_of(error).fields["observed"] == "it was told to"
 
 
-def test_an_error_of_ownership_says_how_to_get_it():
+def test_an_ownership_error_has_the_remedy():
     assert isinstance(HELD.why_not("ben", "", 10.1), OwnershipError)
     assert "renew" in HELD.why_not("ben", "", 10.1).remedy

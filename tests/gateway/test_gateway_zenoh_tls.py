@@ -1,4 +1,4 @@
-"""The configurations of examples/zenoh as they are copied: a right, a wrong and an expired certificate, and who may do what."""
+"""The configurations of examples/zenoh as they are copied: a right, a wrong and an expired certificate, and the rights of each."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Place:
         return self._written("cell", text.replace("/etc/axisbus", str(self.folder / "ours")))
 
     def client(self, name, folder="ours", change=str):
-        """Return the configuration of somebody."""
+        """Return the configuration of a client."""
         text = (EXAMPLES / "client.json5").read_text("utf-8")
         text = text.replace("tls/cell-one.example:7447", f"tls/127.0.0.1:{self.port}")
         text = text.replace(', "tls/cell-two.example:7447"', "").replace("operator-anna", name)
@@ -118,7 +118,7 @@ def test_an_operator_commands_and_a_viewer_looks_on(place, machine):
     ],
     ids=["of another authority", "expired", "without any"],
 )
-def test_a_wrong_certificate_is_not_let_in(place, machine, name, folder, change):
+def test_a_wrong_certificate_is_rejected(place, machine, name, folder, change):
     session = opened(ZenohNetwork(config=place.client(name, folder, change)))
     try:
         time.sleep(0.6)
@@ -139,7 +139,7 @@ def test_a_certificate_that_no_rule_names_may_do_nothing(place, machine):
         assert nobody.ask(KEYS.command("halt"), timeout=0.5) is None
 
 
-def test_an_open_connection_is_not_let_in(place, machine):
+def test_an_unencrypted_connection_is_rejected(place, machine):
     session = opened(ZenohNetwork((f"tcp/127.0.0.1:{place.port}",)))
     try:
         assert not connected(session, 1.0)

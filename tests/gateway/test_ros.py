@@ -119,7 +119,7 @@ def test_a_trajectory_is_read_from_the_octets_of_cdr(order):
     )
 
 
-def test_whatever_octets_come_they_are_a_trajectory_or_refused():
+def test_any_octets_are_a_trajectory_or_are_refused():
     chance = random.Random(1)
     good = joint_trajectory(["x", "y"], [(1.0, [1.0, 2.0], [0.0, 0.0], [], [])] * 3)
     junk = [
@@ -196,17 +196,17 @@ NAN = math.nan
         (trajectory(m.Waypoint(1e6, (0.1, 0.1))), "too long"),
     ],
 )
-def test_what_cannot_be_followed_is_refused(message, words):
+def test_an_invalid_trajectory_is_refused(message, words):
     with pytest.raises(AxisbusError, match=words):
         judged(message, JOINTS, NOW)
 
 
-def test_a_stamp_of_now_or_none_begins_now():
+def test_a_stamp_of_zero_or_of_the_present_begins_at_once():
     for stamp in (0, NOW, NOW - 400_000_000, NOW + 400_000_000):
         assert judged(trajectory(GOOD, stamp=stamp), JOINTS, NOW).points
 
 
-def test_without_points_what_it_names_halts_and_all_where_it_names_none():
+def test_without_points_the_named_axes_halt_or_all_if_none_is_named():
     axes = {"x": 0, "y": 0}
     for order in "<>":
         assert names_to_halt(joint_trajectory(["y", "joint two"], [], NOW, order)) == ("y", "joint two")
@@ -217,14 +217,14 @@ def test_without_points_what_it_names_halts_and_all_where_it_names_none():
     assert to_halt((), axes) == ("x", "y")
 
 
-# -- what is of now --------------------------------------------------------------------------------------------------
+# -- freshness -------------------------------------------------------------------------------------------------------
 
 
 def sent(number, at, gid=b"a" * 16):
     return Attachment(number, round((1e6 + at) * 1e9), gid)  # by a clock that is far from ours
 
 
-def test_what_is_repeated_out_of_order_or_held_up_is_not_of_now():
+def test_repeated_reordered_or_late_messages_are_not_fresh():
     fresh = Freshness(0.0)
     for now in range(1, 60):
         fresh.beat(now / 10)
@@ -240,7 +240,7 @@ def test_what_is_repeated_out_of_order_or_held_up_is_not_of_now():
     fresh.require(sent(1, 0.0, b"b" * 16), 5.9)  # another publisher, by another clock
 
 
-def test_what_is_heard_after_a_standstill_of_the_bridge_is_not_of_now():
+def test_messages_received_after_a_suspension_of_the_bridge_are_not_fresh():
     fresh = Freshness(0.0)
     fresh.beat(0.1)
     with pytest.raises(StateError, match="was suspended"):
@@ -263,7 +263,7 @@ def test_of_a_crowd_of_publishers_only_some_are_kept():
 # -- a machine -------------------------------------------------------------------------------------------------------
 
 
-def test_joint_states_are_those_of_the_axes_and_nan_where_unknown(tmp_path):
+def test_joint_states_are_the_values_of_the_axes_and_nan_if_unknown(tmp_path):
     file = tmp_path / "cell.toml"
     file.write_text(cell_text("xy", axis="rated_torque = 5.0"), "utf-8")
     with Machine.simulated(file) as machine:
@@ -303,13 +303,13 @@ def test_options_of_ros_need_ros():
             options(ros=False, **given)
 
 
-def test_without_the_package_it_is_said_what_to_install(monkeypatch):
+def test_without_rosbags_the_error_names_the_package(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     with pytest.raises(UserError, match="rosbags"):
         options()
 
 
-def test_a_namespace_that_is_none_is_told(monkeypatch, capsys, tmp_path):
+def test_an_invalid_namespace_is_refused(monkeypatch, capsys, tmp_path):
     pytest.importorskip("zenoh", reason="a Zenoh network needs eclipse-zenoh")
     run = commands.runner(monkeypatch, capsys)
     code, _, err = run(
@@ -319,4 +319,4 @@ def test_a_namespace_that_is_none_is_told(monkeypatch, capsys, tmp_path):
     assert (code, "not a namespace of ROS 2" in err) == (2, True)
 
 
-assert struct.calcsize("<qqB16s") == 33  # what the design document says of an attachment
+assert struct.calcsize("<qqB16s") == 33  # the size of an attachment in the design document

@@ -73,7 +73,7 @@ def graph(bridge, endpoint):
 
 @pytest.fixture
 def ros(graph, file, machine):
-    """Somebody in the graph, while both axes are enabled and stand, and nobody has the command."""
+    """A node of the graph, while both axes are enabled and at standstill, and no program has control."""
     graph.send(())
     until(lambda: stands(machine) and not commander(machine))
     with Machine.attach(file, command=True) as guest:
@@ -141,16 +141,16 @@ def test_the_plant_follows_a_trajectory_with_velocities_in_its_time(ros, machine
     until(lambda: not stands(machine), 3.0)
     begun = time.monotonic()
     until(lambda: place(machine) > x + 10)
-    assert place(machine, 2) == pytest.approx(y - 5, abs=1.5)  # both are on their way together
+    assert place(machine, 2) == pytest.approx(y - 5, abs=1.5)  # both move together
     assert turns(machine) == pytest.approx(30, abs=5)
     assert 0.2 < time.monotonic() - begun < 3.0
     until(lambda: stands(machine))
     assert [place(machine), place(machine, 2)] == pytest.approx([x + 20, y - 10], abs=0.1)
     until(lambda: ros.newest.position == pytest.approx(rad(x + 20, y - 10), abs=2e-3))
-    until(lambda: not commander(machine))  # it gives the command back
+    until(lambda: not commander(machine))  # it returns control
 
 
-def test_whoever_asks_for_the_lease_is_told_that_a_trajectory_has_the_command(ros, machine, endpoint):
+def test_the_lease_is_refused_while_a_trajectory_has_control(ros, machine, endpoint):
     with Client(endpoint) as client:
         until(lambda: client.lease("look").holder is None)
         ros.send(["x"], (1.0, rad(place(machine) + 5)))
@@ -161,14 +161,14 @@ def test_whoever_asks_for_the_lease_is_told_that_a_trajectory_has_the_command(ro
     assert all(axis.state is AxisState.STANDSTILL for axis in machine)
 
 
-def test_one_point_later_than_now_is_gone_to_by_one_axis(ros, machine):
+def test_a_trajectory_of_one_later_point_moves_one_axis_there(ros, machine):
     x, y = place(machine), place(machine, 2)
     ros.send(["y"], (0.5, rad(y + 8)))
     until(lambda: abs(place(machine, 2) - y - 8) < 0.05 and stands(machine))
     assert place(machine) == pytest.approx(x, abs=0.05)
 
 
-def test_without_points_it_halts_and_while_one_runs_no_other_begins(ros, machine):
+def test_a_trajectory_without_points_halts_and_during_one_no_other_begins(ros, machine):
     x = place(machine)
     ros.send(["x"], (5.0, rad(x + 100)))
     until(lambda: turns(machine) > 5)
@@ -182,7 +182,7 @@ def test_without_points_it_halts_and_while_one_runs_no_other_begins(ros, machine
     assert moves_nothing(machine)
 
 
-def test_of_two_that_come_at_once_the_first_is_followed_to_its_end(ros, machine):
+def test_of_two_simultaneous_trajectories_the_first_is_followed_to_its_end(ros, machine):
     x = place(machine)
     ros.send(["x"], (1.4, rad(x - 9)))
     ros.send(["x"], (0.5, rad(x + 9)))
@@ -191,7 +191,7 @@ def test_of_two_that_come_at_once_the_first_is_followed_to_its_end(ros, machine)
     assert place(machine) == pytest.approx(x - 9, abs=0.1)
 
 
-def test_what_is_wrong_stale_huge_or_junk_moves_nothing(ros, machine):
+def test_wrong_stale_huge_or_random_messages_move_nothing(ros, machine):
     x, y = place(machine), place(machine, 2)
     chance = random.Random(2)
     good = joint_trajectory(["x", "y"], [(1.0, rad(x + 5, y + 5), (), (), ())])
@@ -213,7 +213,7 @@ def test_what_is_wrong_stale_huge_or_junk_moves_nothing(ros, machine):
         (["x", "y"], (0.0, rad(x + 5, y)), (1.0, rad(x + 6, y)), 0),  # a jump
         (["x", "y"], (0.01, rad(x + 90, y)), 0),  # too fast
         (["x", "y"], (1.0, rad(x + 5, y)), (0.5, rad(x + 6, y)), 0),
-        (["x", "y"], (1.0, rad(x + 5, y), rad(30, 0)), 0),  # it does not end at rest
+        (["x", "y"], (1.0, rad(x + 5, y), rad(30, 0)), 0),  # it does not end at standstill
     ):
         ros.send(joints, *rows, stamp=stamp)
         time.sleep(0.1)  # none is refused for others that wait
@@ -223,7 +223,7 @@ def test_what_is_wrong_stale_huge_or_junk_moves_nothing(ros, machine):
     until(lambda: place(machine) > x + 4.9 and stands(machine))
 
 
-def test_what_is_not_enabled_stays_so(ros, file, machine):
+def test_a_disabled_axis_stays_disabled(ros, file, machine):
     with Machine.attach(file, command=True) as guest:
         guest["x"].disable().wait(10)
     x, y = place(machine), place(machine, 2)
@@ -232,7 +232,7 @@ def test_what_is_not_enabled_stays_so(ros, file, machine):
     assert machine["x"].state is AxisState.DISABLED
 
 
-def test_another_program_with_the_command_keeps_it_or_takes_it(ros, file, machine):
+def test_another_program_keeps_control_or_takes_it(ros, file, machine):
     x, y = place(machine), place(machine, 2)
     with Machine.attach(file, command=True) as guest:
         ros.send(["x"], (0.5, rad(x + 5)))
@@ -245,7 +245,7 @@ def test_another_program_with_the_command_keeps_it_or_takes_it(ros, file, machin
         assert moves_nothing(machine)
 
 
-def test_a_bridge_that_stands_still_or_is_killed_lets_its_axes_halt(ros, file, machine, endpoint, config):
+def test_a_suspended_or_killed_bridge_halts_its_axes(ros, file, machine, endpoint, config):
     words = ("--config", config, "--cell", "two", "--ros", "--ros-command", "--ros-namespace", "arm")
     with BridgeProcess(file, *words) as own, Ros(endpoint, "0/arm") as arm:
         own.await_line("joined")

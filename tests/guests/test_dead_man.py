@@ -17,7 +17,7 @@ def beaten(
     return dead.beaten(press, axis, way, sent, sent + OFFSET + lag)
 
 
-def test_it_continues_for_as_long_as_it_beats():
+def test_a_jog_continues_for_as_long_as_the_heartbeat_of_the_button_arrives():
     dead = DeadMan()
     for beat in range(200):
         dead = beaten(dead, beat * 0.05)
@@ -34,14 +34,14 @@ def test_after_a_silence_no_message_of_that_press_revives_it():
     assert beaten(dead, 0.4, press=2).held
 
 
-def test_once_ended_it_needs_another_press():
+def test_an_ended_jog_needs_another_press():
     dead = beaten(DeadMan(), 0.0).ended()
     assert not beaten(dead, 0.05).held
     assert not beaten(dead, 0.05, press=0).held
     assert beaten(dead, 0.1, press=2).held
 
 
-def test_a_burst_of_what_a_network_has_held_up_moves_nothing():
+def test_a_burst_of_delayed_beats_moves_nothing():
     dead = DeadMan().told(0.0, OFFSET + 0.01)
     dead = beaten(dead, 1.0)
     late = 3.0 + OFFSET  # all at once
@@ -58,7 +58,7 @@ def test_a_stream_that_is_even_but_late_moves_nothing():
     assert beaten(dead, 3.0, press=2, lag=0.15).held
 
 
-def test_a_press_whose_beginning_came_too_late_stays_ended():
+def test_a_press_that_began_too_late_stays_ended():
     dead = beaten(DeadMan().told(0.0, OFFSET + 0.01), 1.0, lag=0.5)
     assert not dead.held
     assert not beaten(dead, 1.6).held
@@ -87,7 +87,7 @@ def test_clocks_that_run_apart_do_not_stop_a_jog_after_hours(rate):
         max_size=60,
     )
 )
-def test_whatever_comes_what_is_held_was_pressed_and_heard_of_in_time(events):
+def test_for_any_messages_a_held_press_was_renewed_in_time(events):
     """An oracle of its own: of a held press a message came in time within 0.2 s, and since it began there was no end or gap."""
     dead, now, sent, best = DeadMan(), OFFSET, 0.0, None
     alive, last, highest = 0, 0.0, 0

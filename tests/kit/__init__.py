@@ -1,1 +1,1 @@
-"""What tests share: cells with simulated drives behind them, and the probe of the plants that scenarios assert on."""
+"""Shared code of the tests: cells with simulated drives behind them, and the probe of the plants that scenarios assert on."""

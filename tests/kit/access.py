@@ -1,4 +1,4 @@
-"""What keeps people from using a page: axe-core, as a package of the test environment has it, run in the page by the web driver."""
+"""Accessibility checks of a page: axe-core, as a package of the test environment has it, run in the page by the web driver."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ axe.run(exclude ? { exclude: [[exclude]] } : document).then(done, (error) => don
 
 
 def violations(page: Page, without: str = "") -> list[str]:
-    """Return what is seriously or critically wrong with what is shown; ``without``: a selector of what is left out."""
+    """Return the serious and critical violations of the displayed page; ``without``: a selector to leave out."""
     page.driver.execute_script(_script())
     found = page.driver.execute_async_script(_RUN, without)
     assert isinstance(found, dict), found

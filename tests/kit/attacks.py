@@ -1,6 +1,6 @@
-"""What mad or malicious programs of this user do at the door of a core; each attack returns the ends that it holds open.
+"""Attacks of faulty or malicious programs of this user on the acceptor of a core; each attack returns the ends that it holds open.
 
-``python -m kit.attacks NAME CELL SECONDS`` does one again and again, for so long.
+``python -m kit.attacks NAME CELL SECONDS`` repeats one for so long.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from axisbus.ipc import messages as m
 from axisbus.version import __version__
 
 _LENGTH = struct.Struct("<I")
-_HELD = 0.2  # seconds that an attack's ends are held open, where it is repeated
+_HELD = 0.2  # seconds that an attack's ends are held open, if it is repeated
 
 
 def enter(file: Path) -> socket.socket:
@@ -63,7 +63,7 @@ def says(*parts: bytes | Callable[[Path], bytes]) -> Callable[[Path], list[socke
 
 
 def crowd(said: bytes, count: int) -> Callable[[Path], list[socket.socket]]:
-    """Many at a time, who begin to say what they come for, and no more; who is too many is sent away."""
+    """Many connections at a time, each with the beginning of a request; surplus ones are closed."""
 
     def attack(file: Path) -> list[socket.socket]:
         name, lines = listener.machines_of(str(file))[0].name, []
@@ -112,7 +112,7 @@ def main(name: str, file: str, seconds: str) -> None:
     """Repeat an attack, and print how many connections it has made."""
     until, made = time.monotonic() + float(seconds), 0
     while time.monotonic() < until:
-        with suppress(OSError, AssertionError):  # sent away, or nobody answered at the door in time
+        with suppress(OSError, AssertionError):  # refused, or the acceptor did not answer in time
             lines = ATTACKS[name](Path(file))
             made += len(lines)
             time.sleep(_HELD if len(lines) == 1 else 0)

@@ -1,4 +1,4 @@
-"""A node that is booted without a bus: a table of objects, with what can go wrong."""
+"""A node that is booted without a bus: a table of objects, with faults."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MISSING = 0x0602_0000
 
 
 class Slave:
-    """A node as a table of objects, which answers requests; holds what was asked of it and when it goes wrong."""
+    """A node as a table of objects, which answers requests; holds the received requests and its faults."""
 
     def __init__(self, **objects: int) -> None:
         self.objects = {
@@ -93,7 +93,7 @@ class Slave:
         return b.Got(self.state, 0.01)
 
     def wrote(self) -> list[tuple[int, int, object]]:
-        """What was written, in order, repetitions included."""
+        """The writes, in order, repetitions included."""
         return [
             (each.index, each.subindex, each.value) for each in self.asked if isinstance(each, b.BootWrite)
         ]

@@ -355,10 +355,10 @@ def _certificates(folder: Path) -> list[bytes]:
     from cryptography import x509
     from cryptography.hazmat.primitives.serialization import Encoding
 
-    from kit.opcua.visiting import papers
+    from kit.opcua.visiting import key_pair
 
     (folder / "papers").mkdir()
-    text = papers(folder / "papers", "fuzz", server=True).certificate.read_bytes()
+    text = key_pair(folder / "papers", "fuzz", server=True).certificate.read_bytes()
     return [text, x509.load_pem_x509_certificate(text).public_bytes(Encoding.DER)]
 
 

@@ -64,7 +64,7 @@ def chromium(*more: str) -> webdriver.Chrome:
 
 @contextmanager
 def _all_addresses() -> Iterator[None]:
-    """Let what is started have more addresses than a test: a browser reserves far more than it uses."""
+    """Let the started process have more addresses than a test: a browser reserves far more than it uses."""
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (hard, hard))
     try:
@@ -73,7 +73,7 @@ def _all_addresses() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-# The innermost elements of which the content is wider than they are.
+# The innermost elements whose content is wider than they are.
 _BEYOND = """return [...document.querySelectorAll("body *")].filter(one => one.clientWidth && one.scrollWidth > one.clientWidth + 1)
   .map(one => `${one.tagName} ${one.id} ${one.className} ${one.scrollWidth}`).slice(-6).join("; ")"""
 
@@ -89,7 +89,7 @@ class Page:
 
     @property
     def gone(self) -> bool:
-        """Whether the page says that its values are not of now."""
+        """Whether the page marks its values as outdated."""
         return bool(self.run("return document.body === null || document.body.classList.contains('gone')"))
 
     def run(self, script: str, *arguments: object) -> Any:
@@ -102,16 +102,16 @@ class Page:
         until(lambda: self.one(f"[data-view='{name}']").is_displayed())
 
     def one(self, selector: str) -> WebElement:
-        """Return what a selector finds, of the view that is shown, else of the page."""
+        """Return the element of a selector, in the displayed view, else in the page."""
         found = self.driver.find_elements(By.CSS_SELECTOR, f"main > section:not([hidden]) {selector}")
         return found[0] if found else self.driver.find_element(By.CSS_SELECTOR, selector)
 
     def text(self, selector: str) -> str:
-        """Return the text of what a selector finds."""
+        """Return the text of the element of a selector."""
         return str(self.run("return arguments[0].textContent", self.one(selector)))
 
     def press(self, do: str) -> None:
-        """Press a button by what it asks for; says yes where the page asks."""
+        """Press a button by its request; confirms a question of the page."""
         button = self.one(f"[data-do={do}]")
         button.click()
         if button.get_attribute("data-question"):
@@ -136,7 +136,7 @@ class Page:
         ActionChains(self.driver).send_keys(key).perform()
 
     def told(self) -> str:
-        """Return what the page was told, and put it away."""
+        """Return the messages of the page, and remove them."""
         text = self.text("#told")
         self.run("document.querySelectorAll('#told button').forEach((button) => button.click())")
         return text
@@ -162,7 +162,7 @@ class Page:
         self.driver.execute_async_script(drawn)
 
     def take_controls(self) -> None:
-        """Take the controls, from whoever has them; harmless where this page has."""
+        """Take the controls, from any other page; harmless if this page has them."""
         for do in ("take", "take_over"):
             if self.one(f"[data-do={do}]").is_displayed():
                 self.press(do)
@@ -178,7 +178,7 @@ class Page:
         self.told()
 
     def pictures(self, view: str) -> None:
-        """Keep the view in all four ways; nothing is wider than the screen, and what stops is on it."""
+        """Save the view in all four forms; nothing is wider than the screen, and the stop buttons are on it."""
         PICTURES.mkdir(parents=True, exist_ok=True)
         for width in (1280, 390):
             for scheme in ("light", "dark"):

@@ -1,4 +1,4 @@
-"""CDR by hand (OMG's classic, as ROS 2 sends it): a JointState read, a JointTrajectory written; another way than the product's."""
+"""CDR by hand (OMG's classic, as ROS 2 sends it): a JointState read, a JointTrajectory written; independent of the product's."""
 
 from __future__ import annotations
 

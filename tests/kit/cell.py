@@ -128,7 +128,7 @@ class Cell(PlantProbe):
 
     @property
     def clock(self) -> Clock:
-        """What the time is read from."""
+        """The source of the time."""
         return self.machine._core.runtime.link.clock
 
     @property
@@ -165,7 +165,7 @@ class Cell(PlantProbe):
         return self.device(name).drives[self.machine.cell.axes[name].drive_axis - 1]
 
     def core(self, name: str = "x") -> AxisCore:
-        """What the master thinks of an axis."""
+        """The master's core of an axis."""
         return self.machine._core.scan.axes[name]
 
     def port(self, name: str = "x") -> CanPort:
@@ -194,7 +194,7 @@ class Cell(PlantProbe):
 
     @property
     def lock(self) -> AbstractContextManager[object]:
-        """What keeps the plants from moving meanwhile."""
+        """The lock that stops the plants meanwhile."""
         return next(iter(self.machine._core.stand_ins.values())).lock
 
     @property
@@ -203,16 +203,16 @@ class Cell(PlantProbe):
         return self.clock.now()
 
     @property
-    def scan_lives(self) -> bool:
+    def scan_runs(self) -> bool:
         """Whether the machine's scan continues."""
         return not self.machine._core.scan.ended
 
     def each_cycle(self, call: Callable[..., object]) -> None:
-        """Let ``call`` be called after each cycle, in the scan's thread, with the time and what is known of each axis."""
+        """Let ``call`` be called after each cycle, in the scan's thread, with the time and the snapshot of each axis."""
         self.machine._core.scan.observers.append(call)
 
     def ctrl_c(self, limit: float) -> list[AxisbusError]:
-        """Ask for the stop as Ctrl-C does, and let time pass until it has come to its end; return what it could not do."""
+        """Request the stop as Ctrl-C does, and let time pass until its end; return its failures."""
         scan = self.machine._core.scan
         scan.request_stop("Ctrl-C")
         self.until(lambda: scan.has_stopped, limit)
@@ -233,7 +233,7 @@ class Cell(PlantProbe):
                 self.machine.sleep(0.0101)
 
     def after(self, seconds: float, action: Callable[[], object]) -> None:
-        """Let something happen when so much of virtual time has passed, whoever lets it pass."""
+        """Call a function when so much of virtual time has passed."""
         due = self.now + seconds
         observers = self.machine._core.scan.observers
 
@@ -253,7 +253,7 @@ class Cell(PlantProbe):
         return self.now - start
 
     def end_of(self, handle: Handle, limit: float = 10.0) -> AxisbusError | None:
-        """Let time pass until a command has ended; return what ended it badly."""
+        """Let time pass until a command has ended; return its error."""
         self.until(lambda: not handle.busy, limit)
         return handle.exception()
 
@@ -313,7 +313,7 @@ class Stage:
                 assert isinstance(clock, VirtualClock)
                 clock.close()
             else:
-                with suppress(Exception):  # a scenario has told what becomes of it
+                with suppress(Exception):  # a scenario has checked it
                     machine.close()
 
     def file(self, text: str) -> Path:

@@ -1,4 +1,4 @@
-"""A clock that a test sets by hand: its time goes on only while somebody sleeps, or where the test says so."""
+"""A clock that a test sets by hand: its time passes only during a sleep, or when the test sets it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from axisbus.clock import ClockCondition, SystemClock
 class HandClock(SystemClock):
     """A ``Clock`` whose time is ``time``, in seconds; locks, conditions and threads are real. Holds how long was ``slept``.
 
-    ``passing``: nobody wakes who waits at a condition; the time of each wait passes at once.
+    ``passing``: threads that wait at a condition are not notified; the time of each wait passes at once.
     """
 
     def __init__(self, time: float = 0.0, *, passing: bool = False) -> None:

@@ -31,7 +31,7 @@ _channels = (f"cli-{os.getpid()}-{number}" for number in itertools.count())
 
 
 class Result(NamedTuple):
-    """What a command did."""
+    """The result of a command."""
 
     code: int
     out: str

@@ -107,7 +107,7 @@ def _first_words() -> Conversations:
 
 
 def _door(parts: Sequence[bytes]) -> None:
-    """Connect to the core's door as another program does; the door closes the connection after an invalid request."""
+    """Connect to the core's acceptor as another program does; the acceptor closes the connection after an invalid request."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listening:
         listening.bind(f"\0axisbus-fuzz-{os.getpid()}")
         listening.listen()
@@ -122,7 +122,7 @@ def _door(parts: Sequence[bytes]) -> None:
                     line.sendall(part[:_BUFFER])
                     caller = here._hear(new)
                     if caller is not None or not here._new:
-                        break  # the rest is not read by the door
+                        break  # the rest is not read by the acceptor
         while caller is None and here._new:
             caller = here._hear(new)
         new.line.close()

@@ -1,4 +1,4 @@
-"""What becomes of connections to servers of ours."""
+"""Observations of connections to our servers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from contextlib import suppress
 
 
 def closed(line: socket.socket, within: float) -> bool:
-    """Take what comes until the far end has closed a connection; raises TimeoutError where ``within`` seconds bring nothing."""
+    """Read until the far end has closed a connection; raises TimeoutError if ``within`` seconds pass without data."""
     line.settimeout(within)
     with suppress(ConnectionResetError):
         while line.recv(65536):

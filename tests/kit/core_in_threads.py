@@ -1,7 +1,7 @@
 """A core in its own process, without the processes: core and simulated drives run in threads of the test, over the same sockets.
 
-Thus virtual time reaches them, and all that clients and their server exchange is the same. The watchdog process only sends its
-bytes, and stops no drive; what it does, and what the end of a process does, is tested with processes.
+Thus virtual time reaches them, and the exchange between clients and their server is the same. The watchdog process only sends
+its bytes, and stops no drive; its actions, and the consequences of the end of a process, are tested with processes.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _NO_DESCRIPTORS = ("program", "cell", "axes", "end", "inode")  # of the core's p
 
 
 class ProcessThread(threading.Thread):
-    """Runs what a process runs; closes at its end what that leaves for the end of its process."""
+    """Runs the function of a process; at its end it closes the resources that the end of a process would close."""
 
     def __init__(self, run: Callable[[], None]) -> None:
         super().__init__(daemon=True)

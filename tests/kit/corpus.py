@@ -1,4 +1,4 @@
-"""Makers' EDS files for trials, where the folder AXISBUS_EDS_CORPUS (or one beside the checkout) is there."""
+"""Makers' EDS files for trials, if the folder AXISBUS_EDS_CORPUS (or one beside the checkout) exists."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A thousand hostile connections to a server of ours, which come again whenever they are ended."""
+"""A thousand hostile connections to one of our servers, which connect again whenever they are closed."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ resource = pytest.importorskip("resource", reason="a crowd needs many descriptor
 SIZE = 1000
 _DESCRIPTORS = 4 * SIZE  # that this process needs for both ends
 _AT_ONCE = 20  # connections that are begun before the others are looked at
-_PAUSE = 0.002  # seconds: the crowd shares the processor with whom it attacks
+_PAUSE = 0.002  # seconds: the crowd shares the processor with the server that it attacks
 
 
 class Crowd:
     """``address`` is a pair of TCP, or the name of a Unix socket.
 
-    ``said`` is what each connection sends once: nothing, or a part of a message; ``flood``: it sends that again and again.
+    ``said`` is sent once by each connection: nothing, or a part of a message; ``flood``: it is sent repeatedly.
     """
 
     def __init__(

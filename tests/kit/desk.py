@@ -1,4 +1,4 @@
-"""Pages at a desk, on a simulated cell in virtual time."""
+"""Pages at a client handler, on a simulated cell in virtual time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BEAT = 0.05
 
 
 class Pages:
-    """A desk at a simulated machine, and a clock that runs with its virtual time."""
+    """A client handler at a simulated machine, and a clock that runs with its virtual time."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine

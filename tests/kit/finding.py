@@ -1,4 +1,4 @@
-"""A finder on a wire in virtual time, with simulated modules and strangers; what it sends is kept."""
+"""A finder on a wire in virtual time, with simulated modules and other devices; its frames are stored."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Strangers = Callable[[float], Sequence[tuple[int, bytes]]]
 
 
 class Sent(NamedTuple):
-    """A request of the finder: when, and what."""
+    """A request of the finder, with its time."""
 
     time: float
     can_id: int
@@ -26,7 +26,7 @@ class Sent(NamedTuple):
 
 
 class Search:
-    """Runs a finder to its end; holds what it sent."""
+    """Runs a finder to its end; holds its frames."""
 
     def __init__(
         self,
@@ -38,9 +38,9 @@ class Search:
         at: Callable[[Search], None] = lambda _: None,
         since: float = 0.0,
     ) -> None:
-        """``strangers`` gives the frames of others in each millisecond, ``answer`` theirs to a request; ``at`` is told the time.
+        """``strangers`` gives the frames of others in each millisecond, ``answer`` their answers; ``at`` is called with the time.
 
-        ``since``: what the clock of modules shows that have lived before.
+        ``since``: the clock of modules that have run before.
         """
         self.wire = Wire(modules)
         self.wire.now = since
@@ -60,7 +60,7 @@ class Search:
 
     @property
     def found(self) -> dict[tuple[str, int | None], DiscoveredModule]:
-        """What was found, by protocol and node ID."""
+        """The findings, by protocol and node ID."""
         return {(each.protocol.value, each.node): each for each in findings(self.finder)}
 
     def _hear(self, others: Sequence[tuple[int, bytes]]) -> None:

@@ -92,7 +92,7 @@ def reader_of(
 
 
 def unshown(_: str, __: Path) -> bool:
-    """Accept every error message: the program handles the error itself, and shows it to nobody."""
+    """Ignore every error message: the program handles the error itself, and does not show it."""
     return True
 
 
@@ -252,7 +252,7 @@ def _drive(frames: Sequence[bytes]) -> None:
         for can_id, data in slave.take_frames():
             assert 0 <= can_id <= 0x7FF
             assert len(data) <= 8
-    for _ in range(4):  # a drive that is being reset hears nothing
+    for _ in range(4):  # a drive receives nothing during a reset
         now += 0.5
         slave.step(now)
     for request in ("0401", f"11{ID:02x}", "17", "0400"):  # the input may have changed the node-ID
@@ -325,7 +325,7 @@ def _lss_master(frames: Sequence[bytes]) -> object:
         return end.value
 
 
-# -- what listens to a channel -----------------------------------------------------------------------------------------
+# -- listeners of a channel --------------------------------------------------------------------------------------------
 
 _MAPPING = (MappedObject(0x6041, 0, 16), MappedObject(0x6064, 0, 32), MappedObject(0x6061, 0, 8))
 _TPDO = PdoConfiguration(1, 0x180 + ID, True, 1, _MAPPING)

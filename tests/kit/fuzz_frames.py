@@ -15,7 +15,7 @@ NODE = 5
 OBJECTS = [(0x1000, 0), (0x1001, 0), (0x1018, 1), (0x1008, 0), (0x6041, 0), (0x6064, 0), (0xFFFF, 0xFF)]
 
 any_bytes = st.binary(max_size=8)
-long_bytes = st.binary(max_size=64)  # what CAN FD could bring
+long_bytes = st.binary(max_size=64)  # lengths possible with CAN FD
 numbers32 = st.sampled_from(
     [0, 1, 7, 8, 255, 256, 1000, 0x7FFF_FFFF, 0x8000_0000, 0xFFFF_FFFF]
 ) | st.integers(0, 0xFFFF_FFFF)
@@ -38,7 +38,7 @@ def _behind(commands: st.SearchStrategy[int]) -> st.SearchStrategy[bytes]:
     return st.tuples(commands, st.binary(min_size=7, max_size=7)).map(lambda each: bytes([each[0]]) + each[1])
 
 
-# What an SDO server says, by the phase of a transfer (CiA 301 7.2.4.3).
+# The answers of an SDO server, by the phase of a transfer (CiA 301 7.2.4.3).
 _EXPEDITED = _initiation([0x40, 0x41, 0x42, 0x43, 0x47, 0x4B, 0x4F])
 _WRITTEN = _initiation([0x60, 0x61, 0x7F])
 _ABORT = _initiation([0x80])
@@ -88,7 +88,7 @@ sdo_answers = mutated(whole_answers) | any_bytes
 
 
 def outcome(act: Callable[[], object]) -> object:
-    """Return what comes of an act: its result, or its one clear error."""
+    """Return the outcome of a call: its result, or its one clear error."""
     try:
         return act()
     except AxisbusError as error:
@@ -101,9 +101,9 @@ class TooLongError(AssertionError):
 
 @contextmanager
 def within(seconds: float) -> Iterator[None]:
-    """Fail where the block does not end by itself; for the main thread.
+    """Fail if the block does not end in time; for the main thread.
 
-    The test's own time-out uses the same timer: it goes on afterwards, and must come later.
+    The test's own time-out uses the same timer: it continues afterwards, and must be later.
     """
 
     def ring(*_: object) -> None:

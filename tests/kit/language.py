@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from kit.pages import PAGES, ROOT
 from kit.source_names import FUNCTIONS, source_files, tree_of
 
-# Each phrase, and what to write instead.
+# Each phrase, and its replacement.
 PHRASES = {
     r"\bwhat (?:is|are|was|were|has|have|had|it|they|a|an|the|each|can|may|must|will|does|do|comes?|came|goes|moves?|stops?)\b"
     r"(?![^.\n]*\?)": "the noun: 'the reported value', not 'what is told'",

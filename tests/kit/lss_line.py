@@ -1,6 +1,6 @@
-"""A line in virtual time for LSS dialogues, and a slave typed off CiA 305 for it, which shares nothing with the library.
+"""A line in virtual time for LSS dialogues, and a slave typed from CiA 305 for it, which shares nothing with the library.
 
-The line is what ``axisbus.bus.lss`` is in real time: it sends a request, gathers the answers of its kind, tells which came late.
+The line does the same as ``axisbus.bus.lss`` in real time: it sends a request, collects the answers of its kind, reports late ones.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ TRAVEL = 0.0003  # s: a frame there and one back, at 1 Mbit/s
 
 
 class HandSlave:
-    """One LSS slave. Dials: ``delay`` in s; ``errors`` maps a command to (error code, specific code); ``deaf_for`` commands are not
+    """One LSS slave; ``delay`` in s; ``errors`` maps a command to (error code, specific code); ``deaf_for`` commands are not
     heard; ``silent`` is deaf altogether.
     """
 
@@ -127,7 +127,7 @@ class AnswersOn(HandSlave):
 
 
 class AnswersOnSelected(AnswersOn):
-    """A stack that answers on, and tells its numbers only when it was selected by its own address, not when fast scan found it."""
+    """A stack that keeps answering, and gives its numbers only if selected by its own address, not if fast scan found it."""
 
     selected = False
 

@@ -1,4 +1,4 @@
-"""A node that says whatever it is told to say, over and over."""
+"""A node that sends given frames repeatedly."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PAUSE = 0.001  # s between two frames
 
 
 class MadNode(Talker):
-    """Says its frames over and over on a channel while its block lasts."""
+    """Sends its frames repeatedly on a channel while its block lasts."""
 
     def __init__(self, channel: str, frames: list[can.Message], pause: float = PAUSE) -> None:
         super().__init__(channel)
@@ -32,7 +32,7 @@ class MadNode(Talker):
 
 
 def close(machine: Machine) -> list[BaseException]:
-    """Close a machine; return what there was to say of it."""
+    """Close a machine; return the errors."""
     found: list[BaseException] = []
     with fuzz.within(30):
         try:

@@ -1,4 +1,4 @@
-"""What most cells with an I/O module have: a sensor and a lamp."""
+"""The inputs and outputs of most cells with an I/O module: a sensor and a lamp."""
 
 # To be formatted with ``node``: more keys of its table.
 MODULE = """

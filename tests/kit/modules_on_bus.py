@@ -25,7 +25,7 @@ def modules_on_bus(*modules: Module) -> Iterator[str]:
 
 
 class Bystander(Talker):
-    """Sends some frames each 50 ms and keeps what others send; ``answer`` gives frames to each that came."""
+    """Sends some frames every 50 ms and stores those of others; ``answer`` gives frames to each received one."""
 
     def __init__(
         self,

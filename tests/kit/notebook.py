@@ -17,14 +17,14 @@ _PATIENCE = 60.0  # seconds
 
 
 class Ran(NamedTuple):
-    """What a cell came to: what it printed, and the name of the exception that ended it, if one did."""
+    """The result of a cell: its output, and the name of the exception that ended it, if one did."""
 
     text: str
     error: str
 
 
 class Kernel:
-    """A kernel under way."""
+    """A running kernel."""
 
     def __init__(self, manager: KernelManager, client: BlockingKernelClient) -> None:
         self.manager = manager
@@ -36,7 +36,7 @@ class Kernel:
         return self.manager.provisioner.process.pid
 
     def begin(self, code: str) -> str:
-        """Begin a cell, and return what ``end`` wants to know; wait until it has printed something."""
+        """Begin a cell, and return the argument of ``end``; wait until it has printed something."""
         cell = self._client.execute(code)
         while True:
             message = self._client.get_iopub_msg(timeout=_PATIENCE)
@@ -62,7 +62,7 @@ class Kernel:
                 return Ran(text.strip(), error)
 
     def run(self, code: str) -> str:
-        """Run a cell that must end well, and return what it printed."""
+        """Run a cell that must end well, and return its output."""
         ran = self.end(self._client.execute(code))
         assert not ran.error, ran
         return ran.text

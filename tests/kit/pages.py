@@ -1,4 +1,4 @@
-"""The pages that tell users of axisbus: README.md and docs/, their blocks of code, and the cells that their excerpts make."""
+"""The pages for users of axisbus: README.md and docs/, their blocks of code, and the cells made from their excerpts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"
 PAGES = (README, *sorted((ROOT / "docs").rglob("*.md")))
 
-# What an excerpt of a cell file may leave out, by the header of its table.
+# The keys that an excerpt of a cell file may leave out, by the header of its table.
 _REST = {
     "[bus]": 'interface = "sim"\nscan_period = "4ms"\n',
     "[nodes.1]": 'eds = "builtin:generic-cia402"\n',
@@ -25,7 +25,7 @@ def name_of(page: Path) -> str:
 
 
 def text_of(page: Path) -> str:
-    """What stands on the page."""
+    """The text of the page."""
     return page.read_text(encoding="utf-8")
 
 
@@ -43,7 +43,7 @@ _PLAN_OF_FAULTS = re.compile(r"^(when|begin) = ", re.MULTILINE)
 
 
 def cell_excerpts() -> list[str]:
-    """What the pages show of cell files."""
+    """The excerpts of cell files on the pages."""
     return [block for _, block in blocks_of_all("toml") if not _PLAN_OF_FAULTS.search(block)]
 
 

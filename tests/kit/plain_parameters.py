@@ -11,7 +11,7 @@ from axisbus.sim.can_simple.module import Module
 
 
 class PlainParameters:
-    """A module by name; ``silent`` paths are not answered, ``stubborn`` ones keep what they have, ``acts`` counts writes and saves.
+    """A module by name; ``silent`` paths are not answered, ``stubborn`` ones keep their values, ``acts`` counts writes and saves.
 
     ``cut`` ends it before the act of this number, as a kill would.
     """

@@ -1,4 +1,4 @@
-"""Plants that resist, by name: what a scenario hangs behind the drives of its cell, and how it brings them into motion."""
+"""Plants that resist, by name: the motors behind the drives of a scenario's cell, and the commands that move them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.sim.device import Device
 from kit.cell import GENERIC, Cell, Stage, cell_text
 
 MODULE = "builtin:generic-cia401"
-SWITCH = 1.0e6  # increments: where the limit switch of a homing is, far away
+SWITCH = 1.0e6  # increments: the position of the limit switch of a homing, far away
 _LIMITS = "position_limits = [-3000.0, 3000.0]"
 _OBJECTS = {0x6065: 0xFFFF_FFFF}  # a drive that pushes on, as many do
 _HOMING = "method = 35\n"
@@ -22,11 +22,11 @@ _SEARCH = "method = 18\nspeed_switch = 60.0\nspeed_zero = 10.0\nacceleration = 5
 
 @dataclass(frozen=True)
 class Plant:
-    """What differs from the usual motor, and from what the cell file says of the drive.
+    """Differences from the usual motor, and from the properties of the drive in the cell file.
 
-    ``objects`` that the drive has otherwise, its ``dials``, and those that are turned ``on_jam``; ``window``: the standstill window
-    in deg, by which a standing axis may be pulled. ``loaded``: somebody must hold it until it is enabled. ``jams``: so many seconds
-    before the stop (after it, where that is negative) the scenario jams it.
+    ``objects`` with other values, its fault settings ``dials``, and those set ``on_jam``; ``window``: the standstill window
+    in deg, by which an axis at standstill may be pulled. ``loaded``: held by hand until it is enabled. ``jams``: so many seconds
+    before the stop (after it, if negative) the scenario jams it.
     """
 
     motor: Mapping[str, float] = field(default_factory=dict)
@@ -39,7 +39,7 @@ class Plant:
 
 
 # 10 000 increments per turn, 100 per degree: a load of 60 ‰ behind 20 ‰ per increment droops by 0.03 deg, of 100 behind 1 by 1 deg.
-# Without power friction holds these two; what sags falls.
+# Without power friction holds these two; the sagging one falls.
 PLANTS: Mapping[str, Plant] = {
     "stiff": Plant(),
     "lagging": Plant({"lag": 0.05}),
@@ -67,7 +67,7 @@ PLANTS: Mapping[str, Plant] = {
 def devices(
     plant: Plant, names: str, folder: object, modules: Collection[int] = (), file: str = GENERIC
 ) -> Callable[[], Mapping[int, Device]]:
-    """Return what makes the simulated drives of a cell with one node for each letter of ``names``, and I/O ``modules``."""
+    """Return a function that makes the simulated drives of a cell, one node for each letter of ``names``, and I/O ``modules``."""
 
     def make() -> dict[int, Device]:
         model = eds.load(resolve(file, folder))  # type: ignore[arg-type]
@@ -116,7 +116,7 @@ def bring_up(cell: Cell, plant: Plant, names: str) -> Cell:
             continue
         for index, value in {**_OBJECTS, **plant.objects}.items():
             cell.device(axis.name).write(index, 0, value)
-        cell.drive(axis.name).dials.blocked = plant.loaded  # somebody holds it by hand until it is enabled
+        cell.drive(axis.name).dials.blocked = plant.loaded  # it is held by hand until it is enabled
         axis.enable().wait(5)
         cell.drive(axis.name).dials.blocked = False
     cell.run(1.0)
@@ -152,12 +152,12 @@ def _follow(cell: Cell, name: str) -> Handle:
 
 
 def _torque(cell: Cell, name: str) -> float:
-    """A torque that overcomes what holds the motor and leaves 12 ‰ to accelerate it."""
+    """A torque that overcomes the resistance of the motor and leaves 12 ‰ to accelerate it."""
     params, dials = cell.drive(name).params, cell.drive(name).dials
     return (params.load + params.friction + dials.sticks + 12.0) * 0.01
 
 
-# By mode: what brings an axis into motion at about 60 to 100 deg/s.
+# By mode: the command that moves an axis at about 60 to 100 deg/s.
 MOTIONS: Mapping[str, Callable[[Cell, str], Handle]] = {
     "pp": lambda cell, name: cell[name].move_relative(2000.0, velocity=100.0),
     "pv": lambda cell, name: cell[name].move_velocity(90.0),
@@ -169,7 +169,7 @@ MOTIONS: Mapping[str, Callable[[Cell, str], Handle]] = {
 }
 
 
-def set_going(cell: Cell, mode: str, names: str = "x") -> list[Handle]:
+def set_in_motion(cell: Cell, mode: str, names: str = "x") -> list[Handle]:
     """Bring the axes into motion in a mode, and let them get up to their speed; return their handles."""
     handles = [MOTIONS[mode](cell, name) for name in names]
     for name in names:

@@ -1,4 +1,4 @@
-"""A dialogue with simulated modules on a wire in virtual time, with frames that are lost and things that happen on the way."""
+"""A dialogue with simulated modules on a wire in virtual time, with lost frames and events meanwhile."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from kit.sim.module import Wire
 
 
 class Sent(NamedTuple):
-    """A frame of the dialogue: when, and what."""
+    """A frame of the dialogue, with its time."""
 
     time: float
     can_id: int
@@ -31,7 +31,7 @@ def play(
     longest: float = 400.0,
     step: float = 0.001,
 ) -> list[Sent]:
-    """Run it to its end and return what it sent; ``lose(side, command, time)`` says which frames do not arrive."""
+    """Run it to its end and return its frames; ``lose(side, command, time)`` selects frames that are lost."""
     sent: list[Sent] = []
     taken = len(wire.heard)
     while not dialogue.done:

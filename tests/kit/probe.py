@@ -1,6 +1,6 @@
-"""The plant probe: what the motors behind the axes do, now and over time, by the same calls in virtual and in real time.
+"""The plant probe: the motors behind the axes, now and over time, by the same calls in virtual and in real time.
 
-It looks at the stand-ins' motors alone, never at what the master believes. Every step of a plant is recorded by the plant's own
+It looks at the simulated motors alone, never at the values of the master. Every step of a plant is recorded by the plant's own
 clock, so that the record continues when the scan is dead, the machine closed or the process's master hung.
 """
 
@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from axisbus.sim.drive import Drive
 
-# The stand-in's own numbers of its power-stage states (figure of CiA 402-2 7.2).
+# The simulated drive's own numbers of its power-stage states (figure of CiA 402-2 7.2).
 NOT_READY, SWITCH_ON_DISABLED, READY, SWITCHED_ON, ENABLED, QUICK_STOP, REACTION, FAULT = range(8)
 OFF = (SWITCH_ON_DISABLED, READY, SWITCHED_ON, FAULT)  # the motor is not energised
 STAGE_NAMES = (
@@ -36,13 +36,13 @@ _TIME = attrgetter("time")
 
 
 class PlantMoves(AssertionError):
-    """The plant did not come to rest as the scenario promises; raised by nothing but the look at the plant itself."""
+    """The plant does not stop as the scenario promises; raised only by the look at the plant itself."""
 
 
 class PlantSample(NamedTuple):
-    """One step of a plant: seconds of its own clock, axis units, ‰ of rated torque, the stand-in's number of the power stage.
+    """One step of a plant: seconds of its own clock, axis units, ‰ of rated torque, the number of the simulated power stage.
 
-    ``position`` is the motor's own, 0 where it stood on power-up; ``demand`` is where its controller leads it.
+    ``position`` is the motor's own, 0 at power-up; ``demand`` is that of its controller.
     """
 
     time: float
@@ -88,9 +88,9 @@ class PlantRecord:
 
 
 class PlantProbe(ABC):
-    """The plants of a cell, by the names of its axes; what makes a cell says how time passes and where the drives are."""
+    """The plants of a cell, by the names of its axes; a subclass for each kind of cell defines how time passes and the drives."""
 
-    # -- what a kind of cell provides ------------------------------------------------------------------------------------
+    # -- provided by a kind of cell --------------------------------------------------------------------------------------
 
     @property
     @abstractmethod
@@ -112,7 +112,7 @@ class PlantProbe(ABC):
     @property
     @abstractmethod
     def lock(self) -> AbstractContextManager[object]:
-        """What keeps the plants from moving meanwhile."""
+        """The lock that stops the plants meanwhile."""
 
     # -- the record ------------------------------------------------------------------------------------------------------
 
@@ -175,7 +175,7 @@ class PlantProbe(ABC):
         return abs(self.sample(name).velocity)
 
     def where(self, name: str = "x") -> float:
-        """The motor's position in units, 0 where it stood on power-up."""
+        """The motor's position in units, 0 at power-up."""
         return self.sample(name).position
 
     def torque(self, name: str = "x") -> float:
@@ -190,7 +190,7 @@ class PlantProbe(ABC):
         """The plant of an axis in words."""
         return f"{name} turns at {self.speed(name):g} deg/s at {self.where(name):g} deg, {STAGE_NAMES[self.stage(name)]}"
 
-    # -- what may happen to it -------------------------------------------------------------------------------------------
+    # -- events ----------------------------------------------------------------------------------------------------------
 
     def jam(self, name: str = "x") -> None:
         """Hold the rotor by something mechanical."""
@@ -198,19 +198,19 @@ class PlantProbe(ABC):
             self.drive(name).dials.blocked = True
 
     def free(self, name: str = "x") -> float:
-        """Take away what held the rotor; return the moment by the plant's clock."""
+        """Release the rotor; return the moment by the plant's clock."""
         moment = self.moment(name)
         with self.lock:
             self.drive(name).dials.blocked = False
         return moment
 
-    # -- what scenarios assert ---------------------------------------------------------------------------------------------
+    # -- assertions of scenarios -------------------------------------------------------------------------------------------
 
     def must_move(self, name: str = "x", faster_than: float = 20.0) -> None:
-        """Make sure that the scenario begins (or goes on) in motion."""
+        """Make sure that the axis is in motion."""
         assert self.speed(name) > faster_than, f"{name} does not move: {self.speed(name):g} deg/s"
 
-    def must_stand(
+    def must_be_still(
         self,
         name: str = "x",
         *,
@@ -219,9 +219,9 @@ class PlantProbe(ABC):
         for_good: float = 1.0,
         wander: float = 0.05,
     ) -> float:
-        """Let time pass until the motor stands in one of ``stages``, and ``for_good`` seconds more, in which both must stay so.
+        """Let time pass until the motor is at standstill in one of ``stages``, and ``for_good`` seconds more; both must stay so.
 
-        Return the seconds that it took. ``wander``: units that it may be off its place meanwhile.
+        Return the seconds that it took. ``wander``: units that it may be off its position meanwhile.
 
         Raises:
             PlantMoves: it does not.
@@ -247,8 +247,8 @@ class PlantProbe(ABC):
         if self.stage(name) not in ((stages,) if isinstance(stages, int) else stages):
             raise PlantMoves(self.told(name))
 
-    def must_have_come(self, name: str, start: float, between: tuple[float, float]) -> None:
-        """Make sure that a motor that stands now has braked on a ramp: how far it came from ``start``, in units.
+    def must_have_moved(self, name: str, start: float, between: tuple[float, float]) -> None:
+        """Make sure that a motor at standstill has braked on a ramp: its distance from ``start``, in units.
 
         Raises:
             PlantMoves: it stopped with a jolt, or too late.
@@ -259,7 +259,7 @@ class PlantProbe(ABC):
             )
 
     def must_not_leap(self, name: str = "x", *, since: float, way: float = 1.0, speed: float = 10.0) -> None:
-        """Make sure that the motor has stayed within ``way`` units of where it was, and slow, since a moment.
+        """Make sure that the motor has stayed within ``way`` units of its position, and slow, since a moment.
 
         Raises:
             PlantMoves: it has not.
@@ -272,7 +272,7 @@ class PlantProbe(ABC):
 
 
 class RealTime:
-    """The clock of a cell whose simulated drives run by themselves; a mix-in of ``PlantProbe``."""
+    """The clock of a cell whose simulated drives run in real time; a mix-in of ``PlantProbe``."""
 
     @property
     def now(self) -> float:

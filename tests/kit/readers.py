@@ -65,7 +65,7 @@ def _files(*names: str) -> Callable[[Path], list[bytes]]:
 
 
 def _dcf(_: Path) -> list[bytes]:
-    """Return an EDS with two values and what a DCF has beside it."""
+    """Return an EDS with two values and the further parts of a DCF."""
     text = (ROOT / "eds" / "generic-cia402.eds").read_text(encoding="utf-8")
     for section, value in (("6065", 500), ("6081", 2000)):
         text = text.replace(f"[{section}]\n", f"[{section}]\nParameterValue={value}\n")

@@ -1,4 +1,4 @@
-"""A router and a session of Zenoh that play ROS 2: joint states are heard, and joint trajectories sent, as rmw_zenoh does it."""
+"""A router and a session of Zenoh that play ROS 2: joint states are received, and joint trajectories sent, as rmw_zenoh does it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _opened(mode: str, *, gossip: bool, **endpoints: Sequence[str]) -> zenoh.Ses
 
 @contextmanager
 def router() -> Iterator[str]:
-    """A router as rmw_zenohd is configured, which passes nothing on between peers; where it listens."""
+    """A router configured like rmw_zenohd, which passes nothing on between peers; its address."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     session = _opened("router", gossip=True, listen=[endpoint])
     try:
@@ -48,7 +48,7 @@ def router() -> Iterator[str]:
 
 
 class Ros:
-    """Somebody in the graph of ROS 2; ``heard``: joint states with their attachments, and when they came."""
+    """A node in the graph of ROS 2; ``heard``: joint states with their attachments, and their times of receipt."""
 
     def __init__(self, endpoint: str, prefix: str = "0") -> None:
         self.session = _opened("peer", connect=[endpoint], listen=["tcp/127.0.0.1:0"], gossip=True)
@@ -70,17 +70,17 @@ class Ros:
         return self.heard[-1][0]
 
     def tokens(self) -> list[str]:
-        """Who is there."""
+        """The present nodes."""
         found = self.session.liveliness().get("@ros2_lv/**", timeout=1.0)
         return sorted(str(reply.ok.key_expr) for reply in found if reply.ok is not None)
 
     def attachment(self, number: int | None = None, sent: int | None = None, gid: bytes = b"R" * 16) -> bytes:
-        """What goes with the next message, or with one that pretends to be another."""
+        """The attachment of the next message, or of one with another number."""
         number = next(self._numbers) if number is None else number
         return struct.pack("<qqB16s", number, time.time_ns() if sent is None else sent, 16, gid)
 
     def send(self, joints: Sequence[str], *rows: tuple, stamp: int = 0) -> None:
-        """Send a trajectory: rows of time, positions, and what more there is."""
+        """Send a trajectory: rows of time, positions, and further values."""
         full = [(*row, *([()] * (5 - len(row)))) for row in rows]
         self.put(joint_trajectory(joints, full, stamp), self.attachment())
 

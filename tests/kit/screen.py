@@ -9,7 +9,7 @@ _SEQUENCE = re.compile(r"\x1b\[(\??)(\d*)(?:;\d+)*([A-Za-z])|(\r\n|\r|\n)|([^\x1
 
 
 class Screen(io.StringIO):
-    """Takes what a program prints. It knows line feeds, returns, moving up, and erasing a line; colours change nothing."""
+    """Shows the output of a program. It knows line feeds, returns, moving up, and erasing a line; colours change nothing."""
 
     def __init__(self, width: int, height: int) -> None:
         super().__init__()

@@ -27,7 +27,7 @@ def until(seen: Callable[[], Any], within: float = 20.0) -> float:
 
 @dataclass(frozen=True)
 class Served:
-    """The machine, whose plants are this program's to look at; the page's process and first link, and what it complains of."""
+    """The machine, with its plants in this program; the page's process and first link, and its error output."""
 
     machine: Machine
     web: subprocess.Popen[str]
@@ -37,7 +37,7 @@ class Served:
 
 @contextmanager
 def served(folder: Path, axis: str = "") -> Iterator[Served]:
-    """Open a cell of two axes, x and y, and serve its page, which has the command; the process is killed at the end.
+    """Open a cell of two axes, x and y, and serve its page, which has control; the process is killed at the end.
 
     ``axis`` are lines for each of them.
     """

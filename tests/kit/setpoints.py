@@ -1,4 +1,4 @@
-"""What a drive hears of set-points."""
+"""Set-points at the input of a drive."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ deceleration = 400000
 
 
 class Ends:
-    """A vxcan pair: what is sent at one end arrives at the other, and each end can be taken down by itself."""
+    """A vxcan pair: frames sent at one end arrive at the other, and each end can be taken down alone."""
 
     ours, theirs = "vxcan0", "vxcan1"
 
@@ -111,7 +111,7 @@ class Stage:
 
 
 def schedule(policy: int, priority: int = 0) -> None:
-    """Schedule all threads that this process has so, where that is permitted."""
+    """Schedule all threads of this process so, if that is permitted."""
     for task in Path("/proc/self/task").iterdir():
         with suppress(OSError):
             os.sched_setscheduler(int(task.name), policy, os.sched_param(priority))

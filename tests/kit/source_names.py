@@ -20,7 +20,7 @@ from kit.pages import ROOT
 
 SOURCE = ROOT / "src" / "axisbus"
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
-# The variables that pages and docstrings use for what a user holds.
+# The variables that pages and docstrings use for the user's objects.
 VARIABLES = {
     "cell": ("Machine",),
     "machine": ("Machine",),
@@ -51,7 +51,7 @@ FILE_ENDINGS = (
 
 @dataclass(frozen=True)
 class ClassNames:
-    """The names of the bases of a class, and of its members: methods, fields, and what its methods assign."""
+    """The names of the bases of a class, and of its members: methods, fields, and attributes that its methods assign."""
 
     bases: tuple[str, ...]
     members: frozenset[str]
@@ -157,7 +157,7 @@ def resolves(dotted: str) -> bool:
     return False
 
 
-# -- what texts mention ---------------------------------------------------------------------------------------------------------
+# -- mentioned names ------------------------------------------------------------------------------------------------------------
 
 _IN_CODE = re.compile(r"(?<!`)``([^`\n]+)``(?!`)")
 _ON_PAGE = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")

@@ -12,7 +12,7 @@ _AT_A_TIME = 65_536  # bytes
 
 
 class Stalling:
-    """Takes connections at ``port`` and passes all on to another; ``delay`` in seconds each way, ``stalled``: nothing continues."""
+    """Relays connections at ``port`` to another; ``delay``: seconds in each direction, ``stalled``: nothing passes."""
 
     def __init__(self, to: int) -> None:
         """Listen; ``to`` is the port of the server."""

@@ -1,4 +1,4 @@
-"""Somebody else on a virtual channel, who talks in a thread of their own while their block lasts."""
+"""Another device on a virtual channel, which sends in a thread of its own while its block lasts."""
 
 from __future__ import annotations
 

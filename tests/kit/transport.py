@@ -26,7 +26,7 @@ Travels = Options | Callable[[int, int], Options]
 
 @contextmanager
 def transported(options: Travels) -> Iterator[None]:
-    """Boot drives whose values travel so within the block; what is not named travels as usual.
+    """Boot drives with these transports of values within the block; values that are not named have the usual one.
 
     ``inputs`` and ``outputs`` are transports by the value's name, ``event_timer`` (s) that of event-driven inputs, ``every`` the
     number of SYNCs for each sample of an input, ``apart`` the inputs with a TPDO of their own (the second and further ones),

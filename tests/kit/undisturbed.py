@@ -24,7 +24,7 @@ def begin() -> None:
 
 
 def taken() -> list[str]:
-    """Return, and forget, what was seen."""
+    """Return, and forget, the observations."""
     found = _seen.copy()
     del _seen[: len(found)]
     return found

@@ -1,4 +1,4 @@
-"""A simulated module on a simulated USB port: the objects are those of the package odrive, what they read from is the module."""
+"""A simulated module on a simulated USB port: the objects are those of the package odrive, their source is the module."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Port:
 
 
 class Runtime:
-    """What odrive's objects read from: one connection, which is over when the module restarts."""
+    """The source of odrive's objects: one connection, which is over when the module restarts."""
 
     def __init__(self, name: str, module: Module) -> None:
         self.serial_number = name

@@ -1,4 +1,4 @@
-"""Cells with a virtual axis ``v``, and what it did in each cycle: an axis without a plant is known by its values alone."""
+"""Cells with a virtual axis ``v``, and its values in each cycle: an axis without a plant is known by its values alone."""
 
 from __future__ import annotations
 
@@ -56,6 +56,6 @@ class Trail:
         return max((abs(after - before) / PERIOD for before, after in pairwise(self.speeds)), default=0.0)
 
     def must_be_smooth(self, hardest: float = HARDEST) -> None:
-        """It was never asked for more than its ramps: what follows it could go along. Positions are whole increments."""
+        """Its targets never exceeded its ramps: a slave could follow. Positions are whole increments."""
         rounding = 4.0 / self._scale / PERIOD**2
         assert self.hardest <= hardest * 1.001 + rounding, f"{self.hardest:g} deg/s²"

@@ -9,7 +9,7 @@ from axisbus.sim.virtual_can import VirtualWire
 
 
 class Killed(BaseException):
-    """What ends a program without a word."""
+    """The end of a program without a message."""
 
 
 class KilledChannel(Channel):

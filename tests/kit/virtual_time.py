@@ -96,7 +96,7 @@ class Scheduler:
         self._timers: list[tuple[float, int, int, VirtualThread]] = []
         self._order = itertools.count()
         self._polling: dict[VirtualThread, dict[int, int]] = {}
-        self._arrival = 0.0  # real time until which sent data may be on their way
+        self._arrival = 0.0  # real time until which sent data may be in transit
 
     # -- threads -----------------------------------------------------------------------------------------------------------
 
@@ -220,7 +220,7 @@ class Scheduler:
         return bool(ready)
 
     def has_sent(self) -> None:
-        """Let the clock stand until the data have arrived: the kernel delivers those of TCP and terminals a moment later."""
+        """Stop the clock until the data have arrived: the kernel delivers those of TCP and terminals a moment later."""
         self._arrival = _monotonic() + _DELIVERY
 
     # -- replacements of the functions of time ---------------------------------------------------------------------------------
@@ -308,7 +308,7 @@ class Poll:
         self._poll.unregister(file)
 
     def poll(self, timeout: float | None = None) -> list[tuple[int, int]]:
-        """Return what is ready; blocks for ``timeout`` in ms, without end if it is None or negative."""
+        """Return the ready ones; blocks for ``timeout`` in ms, without end if it is None or negative."""
         if self._scheduler.current() is None:
             return self._poll.poll(timeout)
         ready = self._poll.poll(0)
@@ -437,7 +437,7 @@ def _connect(scheduler: Scheduler) -> Callable[..., None]:
 
 
 def _marked(scheduler: Scheduler, name: str) -> Callable[..., Any]:
-    """Return a method of ``socket.socket`` after which something may be on its way through the network."""
+    """Return a method of ``socket.socket`` after which data may be in transit through the network."""
     known = getattr(socket.socket, name)
 
     def does(line: socket.socket, *given: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Whoever comes to the page's server without a browser: by requests, and by its sockets."""
+"""A client of the page's server without a browser: by requests, and by its sockets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from websockets.sync.client import ClientConnection, connect
 
 
 class Client:
-    """Whoever comes by a link, without a browser; holds the cookie."""
+    """A client that enters by a link, without a browser; holds the cookie."""
 
     def __init__(self, link: str) -> None:
         self.origin, _, self.path = link.partition("/enter")

@@ -1,4 +1,4 @@
-"""A cell on a Zenoh network: its bridge as a program of its own, somebody who asks it, and a wire between both that can be cut."""
+"""A cell on a Zenoh network: its bridge as a program of its own, a client, and a wire between both that can be cut."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ KEYS = ZenohCellKeys(PLANT, CELL)
 
 
 def free_port() -> int:
-    """A port that nobody listens on now."""
+    """A free port."""
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         port: int = one.getsockname()[1]
@@ -81,7 +81,7 @@ class BridgeProcess:
 
 
 class Client:
-    """Somebody on the network, by the protocol alone; ``name`` is what people call it, and a part of the client's."""
+    """A client on the network, by the protocol alone; ``name`` is its display name, and a part of the client's."""
 
     def __init__(self, endpoint: str, name: str = "Anna", config: Path | None = None) -> None:
         self.who = name
@@ -101,7 +101,7 @@ class Client:
         self.session.close()
 
     def ask(self, key: str, message: object = None, kind: Any = None, timeout: float = 8.0) -> Any:
-        """Ask, and return the first answer; None where there is none. ``message`` may be bytes."""
+        """Ask, and return the first answer; None without one. ``message`` may be bytes."""
         data = message if message is None or isinstance(message, bytes) else msgspec.json.encode(message)
         for reply in self.session.get(key, payload=data, timeout=timeout):
             if reply.ok is not None:
@@ -163,7 +163,7 @@ class Client:
 
 
 class Wire:
-    """A wire between two ends of TCP that passes what is sent on, until it is cut."""
+    """A wire between two ends of TCP that passes data on, until it is cut."""
 
     def __init__(self, port: int) -> None:
         self._far = port

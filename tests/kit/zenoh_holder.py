@@ -10,11 +10,11 @@ from kit.zenoh_cell import Client, until
 
 
 def main() -> None:
-    """Take, enable, turn, and say so."""
+    """Take the lease, enable, turn, and report it."""
     where = sys.argv[1]  # an endpoint, or a configuration of Zenoh
     config = Path(where) if where.endswith(".json5") else None
     with Client(where, "Holder", config) as client:
-        until(lambda: client.take().token)  # whoever had it before may have it still for a moment
+        until(lambda: client.take().token)  # the previous holder may still have it for a moment
         client.must("enable", "x")
         client.must("move_velocity", "x", velocity=30.0)
         print("moves", flush=True)

@@ -79,7 +79,7 @@ def interrupt():
 
 
 def moved_on(cell, shell):
-    """Whether the axis stands after its halt, the scan lives, and the next cell moves."""
+    """Whether the axis is at standstill after its halt, the scan lives, and the next cell moves."""
     cell.sleep(1.0)
     assert cell["x"].state is AxisState.STANDSTILL
     shell.cell(lambda: cell["x"].move_absolute(5.0).wait())
@@ -103,7 +103,7 @@ def test_a_cell_is_ended_and_the_machine_stays_open(cell, shell):
     assert moved_on(cell, shell)
 
 
-def test_between_two_cells_nothing_is_raised_and_what_turns_halts(cell, shell):
+def test_an_interrupt_between_two_cells_raises_nothing_and_halts_moving_axes(cell, shell):
     shell.cell(lambda: cell["x"].move_velocity(20.0).wait())
     assert isinstance(signal.getsignal(signal.SIGINT), Interrupt)
     interrupt()
@@ -122,7 +122,7 @@ def test_a_cell_that_awaits_is_cancelled_by_the_event_loop_that_runs_it(cell, sh
     assert moved_on(cell, shell)
 
 
-def test_what_comes_in_the_midst_of_a_cycle_is_raised_after_it(cell, shell):
+def test_an_interrupt_during_a_cycle_is_raised_after_it(cell, shell):
     whole = []
 
     def look(now, snapshots):
@@ -138,9 +138,7 @@ def test_what_comes_in_the_midst_of_a_cycle_is_raised_after_it(cell, shell):
     assert moved_on(cell, shell)
 
 
-def test_what_comes_in_the_midst_of_giving_a_command_is_raised_when_it_has_been_given(
-    cell, shell, monkeypatch
-):
+def test_an_interrupt_while_a_command_is_given_is_raised_after_that(cell, shell, monkeypatch):
     submit, given = cell.session.submit, []
 
     def submitted(*command):
@@ -191,7 +189,9 @@ def test_a_with_block_in_a_cell_is_left_by_it(shell):
 
 
 @pytest.mark.parametrize(("seconds", "quick"), [(0.0, True), (3.0, False)])
-def test_one_that_follows_another_while_a_machine_is_left_is_a_quick_stop(shell, monkeypatch, seconds, quick):
+def test_a_second_interrupt_while_a_machine_is_being_closed_is_a_quick_stop(
+    shell, monkeypatch, seconds, quick
+):
     machine = shell.cell(lambda: Machine.simulated(CELL))
     now, asked = time.monotonic(), []
     machine["x"].enable().wait()
@@ -213,7 +213,7 @@ def test_one_that_follows_another_while_a_machine_is_left_is_a_quick_stop(shell,
     shell.cell(machine.close)
 
 
-def test_a_machine_that_another_thread_has_opened_is_heard_from_the_next_cell_on(shell):
+def test_a_machine_opened_in_another_thread_is_interrupted_from_the_next_cell_on(shell):
     made = []
     thread = threading.Thread(target=lambda: made.append(Machine.simulated(CELL)))
     thread.start()
@@ -282,7 +282,7 @@ def test_a_postponed_signal_is_handled_once_after_the_outermost_block():
     assert not postpone(sys._getframe(), lambda: done.append("again"))
 
 
-def test_what_does_not_return_is_interrupted_by_the_next(monkeypatch):
+def test_a_function_that_does_not_return_is_interrupted_by_the_next_signal(monkeypatch):
     @sheltered
     def endless():
         assert postpone(sys._getframe(), lambda: None)
@@ -294,7 +294,7 @@ def test_what_does_not_return_is_interrupted_by_the_next(monkeypatch):
     assert endless() is False
 
 
-def test_another_thread_leaves_what_is_postponed_to_the_main_thread():
+def test_another_thread_leaves_postponed_interrupts_to_the_main_thread():
     done = []
 
     @sheltered

@@ -1,4 +1,4 @@
-"""Every argument of every public call, with values that are none: the error is of the library's own, and names what to give."""
+"""Every argument of every public call, with invalid values: the error is one of the library, and names the valid ones."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MORE = (MODULE.format(node="") + LEVEL).replace("nodes.5", "nodes.9").replace("n
 
 
 class Odd:
-    """A type of the program's own that is no number, whoever asks."""
+    """A type of the program's own that is no number in any way."""
 
     def __float__(self) -> float:
         raise ZeroDivisionError
@@ -50,7 +50,7 @@ Call = Callable[[Machine, Any], Any]
 
 
 def each_argument(of: Callable[[Machine], Any], method: str, **others: Any) -> dict[str, Call]:
-    """One call for each argument of a method, the others as given; what is a function of the machine is made for it."""
+    """One call for each argument of a method, the others as given; a value that is a function of the machine is computed."""
 
     def call(machine: Machine, name: str, value: object) -> Any:
         made = {key: other(machine) if callable(other) else other for key, other in others.items()}
@@ -210,7 +210,7 @@ def test_an_invalid_time_is_refused_before_anything_waits(machine, text, value):
 
 
 @pytest.mark.parametrize("value", [*ABSURD[:6], "1", None, []], ids=lambda value: type(value).__name__)
-def test_a_sleep_of_no_number_lets_no_time_pass(machine, value):
+def test_a_sleep_of_an_invalid_duration_is_refused_and_no_time_passes(machine, value):
     before = machine["z"].snapshot.now
     with pytest.raises(ArgumentError):
         machine.sleep(value)

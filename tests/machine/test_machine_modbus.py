@@ -1,4 +1,4 @@
-"""A module on RS485 as an axis of a machine, in real time behind a pseudo-terminal: the verbs, and every way out, on the plant."""
+"""A module on RS485 as an axis of a machine, in real time behind a pseudo-terminal: the verbs, and every end, on the plant."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def line(tmp_path):
 
 @pytest.fixture
 def arm(line):
-    """Enabled, and homed where it stands."""
+    """Enabled, and homed at its position."""
     with Machine.open(line.cell()) as machine:
         axis = machine["arm"]
         axis.enable().wait(10)
@@ -112,14 +112,14 @@ def arm(line):
         yield axis
 
 
-def test_it_boots_without_power_and_tells_what_it_is(line):
+def test_a_modbus_machine_boots_without_power(line):
     with Machine.open(line.cell()) as machine:
         assert machine["arm"].state is AxisState.DISABLED
         assert line.is_off
     assert line.is_off
 
 
-def test_it_goes_where_it_is_sent_and_keeps_its_place(line, arm):
+def test_moves_reach_their_targets_and_the_count_survives_a_disable(line, arm):
     start = line.place
     for target in (90.0, -45.0, 10.0):
         arm.move_absolute(target, **RAMPS).wait(10)
@@ -145,7 +145,7 @@ def test_a_halt_ends_a_move_and_holds(line, arm):
     arm.move_absolute(0.0, **RAMPS).wait(15)
 
 
-def test_a_quick_stop_brakes_and_lets_go(line, arm):
+def test_a_quick_stop_brakes_the_module_and_switches_its_power_off(line, arm):
     arm.move_absolute(500.0, **RAMPS)
     line.until(lambda: line.velocity > 150.0)
     arm.quick_stop().wait(10)
@@ -155,7 +155,7 @@ def test_a_quick_stop_brakes_and_lets_go(line, arm):
     arm.move_relative(20.0, **RAMPS).wait(10)
 
 
-def test_what_it_cannot_do_is_refused_before_anything_is_sent(line, arm):
+def test_modes_that_it_does_not_have_are_refused_before_anything_is_sent(line, arm):
     with pytest.raises(AxisbusError, match="pv"):
         arm.move_velocity(10.0, acceleration=100.0).wait(5)
     with pytest.raises(AxisbusError, match="torque"):
@@ -163,7 +163,7 @@ def test_what_it_cannot_do_is_refused_before_anything_is_sent(line, arm):
     assert abs(line.velocity) < 0.1
 
 
-def test_a_fault_is_told_in_words_and_reset(line, arm):
+def test_a_fault_is_reported_with_its_name_and_reset(line, arm):
     with line._lock:
         line.station.module.dials.encoder_error = 0x10
     with pytest.raises(DriveFault) as caught:
@@ -176,7 +176,7 @@ def test_a_fault_is_told_in_words_and_reset(line, arm):
     arm.enable().wait(10)
 
 
-def test_one_lost_answer_is_no_lost_node(line, arm):
+def test_one_lost_answer_does_not_count_as_a_lost_node(line, arm):
     for lost in (1, 2):
         with line._lock:
             line.station.dials.silent = lost
@@ -228,7 +228,7 @@ def test_a_module_that_refuses_a_question_ends_the_machine_and_is_stopped(line):
     line.until(lambda: abs(line.velocity) < 1.0)
 
 
-def test_a_module_that_another_program_has_enabled_is_braked_and_let_go(line):
+def test_a_module_that_another_program_has_enabled_is_braked_and_switched_off(line):
     with line._lock:
         module = line.station.module
         module.usb_write("axis0.controller.config.control_mode", 2)
@@ -250,7 +250,7 @@ def test_a_module_that_another_program_has_enabled_is_braked_and_let_go(line):
         axis.move_relative(10.0, **RAMPS).wait(10)
 
 
-def test_a_module_that_is_not_there_is_told(line):
+def test_a_missing_module_is_reported(line):
     with line._lock:
         line.station.dials.deaf = -1
     with pytest.raises(BootError, match="module 1 does not answer"):
@@ -262,7 +262,7 @@ def test_a_line_does_not_run_in_virtual_time(line):
         Machine.simulated(line.cell())
 
 
-def test_a_list_of_another_firmware_is_told(line, tmp_path):
+def test_a_list_of_another_firmware_is_refused(line, tmp_path):
     (tmp_path / "endpoints_0.5.13.json").rename(tmp_path / "endpoints_0.5.11.json")
     text = line.cell().read_text("utf-8").replace("0.5.13", "0.5.11")
     (tmp_path / "cell.toml").write_text(text, "utf-8")
@@ -284,7 +284,7 @@ with Machine.open(sys.argv[1]) as machine:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_program_that_ends_stops_the_motor_and_takes_its_power(line, number):
-    """Its core is in a process of its own, which goes down the stop ladder when the program is gone."""
+    """Its core is in a process of its own, which runs the stop sequence when the program is gone."""
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, str(line.cell("own"))], stderr=subprocess.DEVNULL
     )
@@ -296,7 +296,7 @@ def test_a_program_that_ends_stops_the_motor_and_takes_its_power(line, number):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the processes are found as Linux tells them")
-def test_a_core_that_is_killed_has_its_warden_stop_the_motor(line):
+def test_the_watchdog_process_of_a_killed_core_stops_the_motor(line):
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, str(line.cell("own"))], stderr=subprocess.DEVNULL
     )
@@ -333,7 +333,7 @@ def test_a_core_that_is_killed_has_its_warden_stop_the_motor(line):
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_check_tells_what_a_line_cannot_have(tmp_path, monkeypatch, capsys, change, word):
+def test_check_reports_keys_that_a_line_cannot_have(tmp_path, monkeypatch, capsys, change, word):
     (tmp_path / "endpoints_0.5.13.json").write_text("[]", "utf-8")
     text = CELL.format(port="/dev/ttyUSB0", process="own")
     assert change[0] in text

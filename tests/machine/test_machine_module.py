@@ -36,7 +36,7 @@ def up(cell) -> None:
     wait([axis.home() for axis in cell])
 
 
-def test_opening_it_gives_it_no_power_and_says_what_it_found(cell, module):
+def test_opening_a_machine_leaves_the_module_without_power_and_reports_its_firmware(cell, module):
     report = next(report for report in cell.reports if report.node_id == MODULE)
     assert "firmware 0.5.13, by its endpoints" in report.text()
     assert [axis.state for axis in cell] == [AxisState.DISABLED] * 3
@@ -78,7 +78,7 @@ def test_an_object_of_it_cannot_be_recorded(tmp_path, cell):
         cell.recording(tmp_path / "run.mcap", objects=["m:6081"])
 
 
-def test_it_takes_no_nmt_command_and_has_no_objects(cell):
+def test_a_can_simple_module_accepts_no_nmt_command_and_has_no_objects(cell):
     node = cell.node(MODULE)
     with pytest.raises(StateError, match="does not accept stop"):
         node.command(NmtCommand.STOP)
@@ -104,7 +104,7 @@ def test_the_fault_of_one_stops_the_others_by_the_policy_of_their_group(cell, mo
     for node in (40, 41):
         assert cell.simulated_node(node).drive().axis.motor.velocity == pytest.approx(0.0, abs=50.0)
     assert module.shaft.speed == pytest.approx(0.0, abs=0.02)
-    assert module.energised is (axis == "x")  # a module that is in fault has let go
+    assert module.energised is (axis == "x")  # a module in fault has switched its power off
 
 
 def test_a_module_that_restarts_has_to_be_opened_again(cell, module):
@@ -120,7 +120,7 @@ def test_a_module_that_restarts_has_to_be_opened_again(cell, module):
 
 
 @pytest.mark.parametrize("stop", ['quick_stop = "ramp"', 'quick_stop = "ramp-hold"'])
-def test_leaving_it_in_motion_leaves_it_at_rest_and_off(tmp_path, stop):
+def test_closing_in_motion_leaves_it_at_standstill_and_off(tmp_path, stop):
     with Machine.simulated(write(tmp_path, SIM, stop)) as cell:
         module = cell.simulated_node(MODULE).module
         up(cell)
@@ -142,14 +142,14 @@ def _begins(monkeypatch, begin) -> None:
     monkeypatch.setattr(simulated_modules, "_module", changed)
 
 
-def test_one_that_is_found_enabled_is_left_so_until_it_is_taken_over(tmp_path, monkeypatch):
+def test_a_module_found_enabled_stays_enabled_until_the_axis_is_enabled(tmp_path, monkeypatch):
     _begins(monkeypatch, lambda module: module.axis.request(8))
     path = write(tmp_path, SIM)
     with Machine.simulated(path) as cell:
         module = cell.simulated_node(MODULE).module
         cell.sleep(1.0)
         assert module.energised
-    assert module.energised  # nobody had touched it
+    assert module.energised  # it was not commanded
     with Machine.simulated(path) as cell:
         module = cell.simulated_node(MODULE).module
         here = module.position
@@ -161,7 +161,7 @@ def test_one_that_is_found_enabled_is_left_so_until_it_is_taken_over(tmp_path, m
     assert not module.energised
 
 
-def test_one_that_is_not_there_is_reported_and_nothing_is_opened(tmp_path, monkeypatch):
+def test_a_missing_module_is_reported_and_nothing_is_opened(tmp_path, monkeypatch):
     _begins(monkeypatch, lambda module: setattr(module.dials, "dead", True))
     with pytest.raises(AxisbusError, match="module 16 does not answer"):
         Machine.simulated(write(tmp_path, SIM))
@@ -228,7 +228,7 @@ def test_when_the_core_sends_nothing_any_more_the_break_timeout_takes_the_power_
             cell.close()
 
 
-def test_a_break_timeout_that_was_not_read_is_not_fed_and_the_report_says_so(tmp_path, monkeypatch):
+def test_a_break_timeout_that_was_not_read_is_not_fed_and_reported(tmp_path, monkeypatch):
     def silent(module):
         _armed(module)
         module.dials.endpoints = False

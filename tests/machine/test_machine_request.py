@@ -49,7 +49,7 @@ def test_a_velocity_between_two_increments_is_sent_as_the_lower_one():
     assert r.homing_speed("speed_switch", 17.0, needed=True) == 2
 
 
-def test_whole_increments_are_kept_whatever_arithmetic_makes_of_them():
+def test_whole_increments_stay_whole_after_scaling():
     third = Scale.of("131072/360", "deg/s")
     for whole in (1, 7, 131072, 40_000_001):
         assert request(velocity=third).profile(whole * 360 / 131072, 100.0).velocity == whole
@@ -58,7 +58,7 @@ def test_whole_increments_are_kept_whatever_arithmetic_makes_of_them():
 @given(
     st.floats(0.001, 5000.0), st.fractions(Fraction(1, 1000), 5000), st.floats(0.01, 9000.0), st.booleans()
 )
-def test_no_profile_is_faster_or_harder_than_was_asked_for(velocity, factor, acceleration, turned):
+def test_no_profile_exceeds_the_requested_velocity_or_acceleration(velocity, factor, acceleration, turned):
     scale = Scale.of(-factor if turned else factor, "deg/s")
     r = request(velocity=scale, acceleration=Scale.of(factor, "deg/s²"))
     try:
@@ -74,7 +74,7 @@ def test_no_profile_is_faster_or_harder_than_was_asked_for(velocity, factor, acc
 
 
 @given(st.floats(-9.0, 9.0))
-def test_no_torque_is_stronger_than_was_asked_for(torque):
+def test_no_torque_exceeds_the_requested_one(torque):
     assert abs(request().torque(torque)) * 3.0 / 1000 <= abs(torque) * (1 + 1e-9)
 
 

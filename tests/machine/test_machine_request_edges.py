@@ -22,7 +22,7 @@ def request(**changes) -> AxisCall:
 
 
 def outcome(ask, **changes):
-    """Return what comes out; of a refusal the name of the error and its message."""
+    """Return the result; of a refusal the name of the error and its message."""
     try:
         return ask(request(**changes))
     except (ArgumentError, LimitError) as error:
@@ -69,7 +69,7 @@ def test_a_target_is_an_increment_within_the_limits_and_the_object(changes, posi
         (math.nan, "ArgumentError"),
     ],
 )
-def test_a_distance_and_the_name_of_a_place_fit_the_object(method, value, expected):
+def test_a_distance_and_a_position_are_limited_to_the_range_of_the_object(method, value, expected):
     found = outcome(lambda r: getattr(r, method)(value))
     assert (found[0] if isinstance(found, tuple) else found) == expected
 
@@ -91,7 +91,7 @@ def test_a_distance_and_the_name_of_a_place_fit_the_object(method, value, expect
         ({}, True, "ArgumentError"),
     ],
 )
-def test_a_torque_is_no_stronger_than_was_asked_for_or_is_allowed(changes, torque, expected):
+def test_a_torque_exceeds_neither_the_requested_nor_the_permitted_one(changes, torque, expected):
     found = outcome(lambda r: r.torque(torque), **changes)
     assert (found[0] if isinstance(found, tuple) else found) == expected
 
@@ -145,7 +145,7 @@ def test_a_homing_method_is_a_whole_number_of_one_byte(configured, asked, expect
     assert (found[0] if isinstance(found, tuple) else found) == expected
 
 
-def test_homing_speeds_are_given_where_they_are_needed():
+def test_homing_speeds_are_required_if_the_method_needs_them():
     r = request()
     assert [r.homing_speed("speed_zero", value, False) for value in (None, 2.5)] == [None, 2500]
     assert [r.homing_acceleration(value) for value in (None, 2.5)] == [None, 2500]
@@ -187,7 +187,7 @@ def test_a_magnitude_is_a_finite_number_above_0(value):
         ((None, None, 5.0), (100_000, 500_000, 5000, 100_000.0, 5000.0, None, 500_000.0, 5000.0)),
     ],
 )
-def test_values_that_a_profile_leaves_out_come_from_the_defaults(arguments, expected):
+def test_values_missing_in_a_profile_are_the_defaults(arguments, expected):
     expected = (*expected, None, None)  # and no jerk
     assert tuple(request().profile(*arguments)) == expected
     if arguments[0] is not None:
@@ -195,7 +195,7 @@ def test_values_that_a_profile_leaves_out_come_from_the_defaults(arguments, expe
         assert tuple(request().turning(-arguments[0], *arguments[1:])) == (-expected[0], *expected[1:])
 
 
-def test_a_default_deceleration_goes_before_the_acceleration():
+def test_a_default_deceleration_takes_precedence_over_the_acceleration():
     defaults = Defaults(velocity=1.0, acceleration=2.0, deceleration=3.0)
     assert request(defaults=defaults).profile(None)[:3] == (1000, 2000, 3000)
     assert request(defaults=defaults).profile(None, 9.0)[:3] == (1000, 9000, 3000)
@@ -210,7 +210,7 @@ def test_a_default_deceleration_goes_before_the_acceleration():
         request(defaults=Defaults()).profile(1.0)
 
 
-def test_where_the_ratio_of_the_units_is_not_known_no_speed_is_compared():
+def test_with_an_unknown_ratio_of_the_units_no_speed_is_compared():
     base = parameters("x", dictionary_of(GENERIC))
     unknown = AxisCall(replace(base, units=replace(base.units, ratio_known=False)), "call()")
     assert tuple(unknown.profile(2.0, 10.0, timeout=3.0)) == (
@@ -274,7 +274,7 @@ def test_a_profile_velocity_fits_its_object(velocity, fits):
 
 
 def jumping(**told) -> SimpleNamespace:
-    """A trajectory that tells nothing in advance but what is given here."""
+    """A trajectory whose only properties in advance are given here."""
     return SimpleNamespace(duration=1.0, position=lambda _: 0.0, **told)
 
 
@@ -328,6 +328,6 @@ NOTHING = {"limits": AxisLimits(), "defaults": Defaults()}
         ),
     ],
 )
-def test_a_trajectory_is_held_against_the_limits_before_it_starts(trajectory, changes, message):
+def test_a_trajectory_is_checked_against_the_limits_before_it_starts(trajectory, changes, message):
     found = outcome(lambda r: r.trajectory(trajectory), **changes)
     assert (None if found is None else found[1]) == message

@@ -1,4 +1,4 @@
-"""SYNC, TIME, PDO tables and emergency messages of whole cells on stand-ins: what boot sets, and what then happens on the bus."""
+"""SYNC, TIME, PDO tables and emergency messages of whole simulated cells: the settings of boot-up, and the traffic on the bus."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def eventually(condition, seconds: float = 10.0) -> None:
         time.sleep(0.005)
 
 
-# -- what boot sets (virtual time)
+# -- settings of boot-up (virtual time) ----
 
 SETTINGS = [
     ("", {}, {0x1005: 0x80, 0x1019: 0, 0x1012: 0x100}),
@@ -111,7 +111,7 @@ def test_boot_reports_each_node_which_sync_and_time_the_bus_has(
         assert {index: made.read(index) for index in after} == after
 
 
-def test_a_counter_that_1006_locks_is_set_all_the_same(tmp_path: Path) -> None:
+def test_a_sync_counter_that_1006h_locks_is_nevertheless_set(tmp_path: Path) -> None:
     """CiA 301 7.5.2.22: 1019h is refused while 1006h is not 0."""
     path = write(tmp_path, "sync_counter = 10")
     made = device(tmp_path, x1006=20_000)
@@ -139,7 +139,7 @@ def _locked(made: Device) -> None:
         (EXTERNAL, 2_000, False),
     ],
 )
-def test_a_window_that_closes_before_our_rpdos_come_is_reported(
+def test_a_window_that_closes_before_our_rpdos_are_sent_is_reported(
     tmp_path: Path, bus: str, window: int, warned: bool
 ) -> None:
     path = write(tmp_path, bus)
@@ -172,10 +172,10 @@ def test_an_axis_moves_by_a_sync_of_another_identifier_with_a_counter(tmp_path: 
         x = machine["x"]
         x.enable().wait(20)
         x.move_relative(5.0).wait(20)
-        assert list(machine.node(3).emcy) == []  # no 8240h: the length of SYNC is what 1019h says
+        assert list(machine.node(3).emcy) == []  # no 8240h: the length of SYNC is that of 1019h
 
 
-def test_another_devices_sync_drives_the_scan_and_its_silence_stops_the_axis(tmp_path: Path) -> None:
+def test_the_sync_of_another_device_drives_the_scan_and_its_silence_stops_the_axis(tmp_path: Path) -> None:
     """Node 4 sends SYNC every 50 ms; when it no longer does, the axis is stopped and disabled without SYNC."""
     path = write(tmp_path, 'sync_producer = "external"\nsync_timeout = "2s"', more=PRODUCER)
     machine = Machine.open(path)
@@ -256,7 +256,7 @@ def test_mapping_objects_typed_array_make_no_difference(tmp_path: Path) -> None:
 # -- deadlines and incidents
 
 
-def test_a_tpdo_that_stops_is_reported_and_its_values_are_not_passed_off_as_fresh(tmp_path: Path) -> None:
+def test_a_tpdo_that_stops_is_reported_and_its_values_do_not_count_as_fresh(tmp_path: Path) -> None:
     with Machine.open(write(tmp_path)) as machine:
         machine["x"].enable().wait(20)
         node = machine.node(3)
@@ -300,7 +300,7 @@ def test_a_fault_and_its_reset_are_an_incident_and_an_entry_in_1003h(tmp_path: P
         assert "error reset" in words[2]
 
 
-def test_a_node_without_1003_says_so(tmp_path: Path) -> None:
+def test_a_node_without_1003h_is_reported(tmp_path: Path) -> None:
     path = write(tmp_path)
     made = device(tmp_path)
     made.dials.sdo_aborts[0x1003, 0] = 0x0602_0000
@@ -310,7 +310,7 @@ def test_a_node_without_1003_says_so(tmp_path: Path) -> None:
 
 
 def incident_lines(machine: Machine, told: set[str]) -> list[str]:
-    """What monitor has to tell, without PDOs that a busy computer may have missed."""
+    """The output of monitor, without PDOs that a busy computer may have missed."""
     return [line for line in monitor.news(machine, told) if "TPDO" not in line]
 
 

@@ -1,4 +1,4 @@
-"""What a notebook shows of a machine, an axis and a command: escaped, in units, and never a traceback."""
+"""The display of a machine, an axis and a command in a notebook: escaped, in units, and never a traceback."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ EVIL = "<script>alert('x')</script>"
 
 
 class Table(html.parser.HTMLParser):
-    """Reads what is shown: rows of texts, and which elements there are."""
+    """Reads the displayed table: rows of texts, and its elements."""
 
     def __init__(self, shown: str) -> None:
         super().__init__()
@@ -47,7 +47,7 @@ class Table(html.parser.HTMLParser):
 
 
 def shown(thing) -> dict[str, list[str]]:
-    """The rows of what a thing shows by their heads."""
+    """The rows of the display of an object by their heads."""
     read = Table(thing._repr_html_())
     assert read.elements <= {"div", "p", "b", "table", "thead", "tbody", "tr", "th", "td", "br"}
     return {row[0]: row[1:] for row in read.rows}
@@ -74,7 +74,7 @@ def test_a_machine_shows_each_axis_in_its_units(cell):
     assert rows["z"] == ["Disabled", "0 deg", "0 deg/s", "0 N·m", "no"]
 
 
-def test_an_axis_reports_where_it_goes(cell):
+def test_an_axis_shows_its_target_and_its_distance_to_go(cell):
     x = cell["x"]
     x.enable().wait()
     x.home().wait()
@@ -107,7 +107,7 @@ def test_an_error_is_reported_in_its_own_words(cell):
     assert text(x.error) in cell._repr_html_()
 
 
-def test_a_command_reports_how_far_it_is_and_what_ended_it(cell):
+def test_a_command_shows_its_status_and_its_error(cell):
     x = cell["x"]
     x.enable().wait()
     x.home().wait()
@@ -120,7 +120,7 @@ def test_a_command_reports_how_far_it_is_and_what_ended_it(cell):
     assert shown(move)["error"] == ["x.halt() was asked for"]
 
 
-def test_nothing_that_a_file_or_a_drive_says_becomes_an_element(cell, monkeypatch):
+def test_texts_of_files_and_drives_are_escaped_in_html(cell, monkeypatch):
     cell["x"].name = EVIL
     error = StateError(f"{EVIL} is wrong", observed=EVIL, remedy=f"{EVIL}\nin two lines & more")
     monkeypatch.setattr(Axis, "error", property(lambda _: error))
@@ -131,13 +131,13 @@ def test_nothing_that_a_file_or_a_drive_says_becomes_an_element(cell, monkeypatc
         assert EVIL not in thing._repr_html_()
 
 
-def test_whatever_fails_is_a_line_and_no_traceback(cell, monkeypatch):
+def test_a_failure_while_displaying_a_cell_is_one_line_without_a_traceback(cell, monkeypatch):
     monkeypatch.setattr(Axis, "state", property(lambda _: 1 / 0))
     assert "cannot be displayed (ZeroDivisionError)" in cell._repr_html_()
     assert "cannot be displayed (ZeroDivisionError)" in cell["x"]._repr_html_()
 
 
-def test_nothing_is_asked_of_a_drive(cell, monkeypatch):
+def test_showing_sends_no_request_to_a_drive(cell, monkeypatch):
     asked = []
     monkeypatch.setattr(Axis, "_measure", lambda *what: asked.append(what), raising=False)
     monkeypatch.setattr(type(cell), "node", lambda *what: asked.append(what))

@@ -53,7 +53,7 @@ def make(tmp_path):
         machine.close()
 
 
-def test_a_machine_and_its_parts_say_what_they_are():
+def test_the_repr_of_a_machine_and_its_parts():
     with Machine.simulated(CELL) as cell:
         assert repr(cell) == "<Machine cell.toml: x Disabled, y Disabled, z Disabled>"
         assert repr(cell["x"]) == "<Axis x: Disabled at 0 deg>"
@@ -76,7 +76,7 @@ def test_axes_and_groups_are_listed_by_name(make):
     assert cell.groups["alone"] is cell.group("alone")
 
 
-def test_an_axis_reports_its_limits_its_power_and_where_it_goes(make):
+def test_an_axis_reports_its_limits_its_power_and_its_target(make):
     cell = make(more="position_limits = [-90.0, 270.0]")
     x = cell["x"]
     assert x.limits.position == (-90.0, 270.0)
@@ -97,7 +97,7 @@ def test_an_axis_reports_its_limits_its_power_and_where_it_goes(make):
     assert x.target is None
 
 
-def test_a_demand_that_counts_again_after_homing_comes_with_the_next_cycle(make):
+def test_after_homing_the_following_error_is_known_with_the_next_cycle(make):
     cell = make()
     x = cell["x"]
     x.enable().wait(5)
@@ -109,7 +109,7 @@ def test_a_demand_that_counts_again_after_homing_comes_with_the_next_cycle(make)
     assert x.following_error == pytest.approx(0.0, abs=0.1)
 
 
-def test_limits_are_shown_without_where_they_come_from(make):
+def test_limits_are_shown_without_their_source(make):
     assert "torque_key" not in repr(make()["x"].limits)
 
 
@@ -141,7 +141,7 @@ def test_further_values_of_a_drive_are_read_by_its_plug_in(make):
     assert cell["x"].current == pytest.approx(3.0)
 
 
-def test_what_nobody_knows_the_object_of_is_refused(make):
+def test_a_value_without_a_known_object_is_refused(make):
     with pytest.raises(StateError, match="its temperature is not known"):
         _ = make()["x"].temperature
 
@@ -163,7 +163,7 @@ def test_a_slope_of_the_cell_file_or_of_the_drive_is_enough(make):
     x.torque_control(0.5).wait(5)
 
 
-def test_a_machine_that_a_signal_stops_says_why_it_takes_no_command(make):
+def test_a_machine_stopped_by_a_signal_refuses_commands_with_that_reason(make):
     cell = make()
     cell["x"].enable().wait(5)
     cell["x"].move_velocity(50.0)

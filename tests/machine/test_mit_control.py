@@ -38,7 +38,7 @@ def spin(control, seconds=0.2):
     return cycle
 
 
-def test_a_loop_commands_the_module_and_the_end_of_the_block_lets_it_go():
+def test_a_loop_commands_the_module_and_the_end_of_the_block_switches_it_off():
     module = Module(5)
     with led(module) as control:
         with pytest.raises(StateError, match="not answered"):
@@ -101,7 +101,7 @@ def fail(_):
     raise ZeroDivisionError
 
 
-def test_an_exception_of_the_program_lets_it_go_and_reports_how_it_was_left():
+def test_an_exception_of_the_program_switches_the_module_off_and_reports_its_final_state():
     module = Module(5)
     with pytest.raises(ZeroDivisionError) as caught:
         lead(module, fail)
@@ -112,7 +112,7 @@ def test_an_exception_of_the_program_lets_it_go_and_reports_how_it_was_left():
 @pytest.mark.parametrize(
     ("number", "raised"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)]
 )
-def test_a_signal_lets_it_go(number, raised):
+def test_a_signal_switches_the_module_off(number, raised):
     module, before = Module(5), [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)]
 
     def interrupted(control):
@@ -125,7 +125,7 @@ def test_a_signal_lets_it_go(number, raised):
     assert (module.axis.error, module.energised) == (0, False)
 
 
-def test_a_program_that_hangs_is_taken_for_dead():
+def test_a_program_that_gives_no_command_lets_the_module_lose_its_power_and_its_next_command_raises():
     module = Module(5)
     with led(module) as control:
         control.enable()
@@ -136,7 +136,7 @@ def test_a_program_that_hangs_is_taken_for_dead():
             control.command(SPIN)
 
 
-def test_a_lost_module_is_reported_and_not_passed_off_as_stopped():
+def test_a_lost_module_is_reported_as_not_answering_and_not_as_stopped():
     module = Module(5)
 
     def lose(control):
@@ -148,7 +148,7 @@ def test_a_lost_module_is_reported_and_not_passed_off_as_stopped():
     assert "it is not known whether module" in str(caught.value)
 
 
-def test_where_what_decides_fails_itself_damping_and_idle_go_out(monkeypatch):
+def test_if_the_control_function_fails_damping_and_idle_are_sent(monkeypatch):
     module = Module(5)
     monkeypatch.setattr(threading, "excepthook", lambda _: None)
 
@@ -168,7 +168,7 @@ def test_a_module_that_must_not_be_commanded_is_reported_with_the_reason():
         control.enable()
 
 
-def test_its_ranges_are_read_by_the_list_of_its_firmware(tmp_path):
+def test_the_mit_ranges_are_read_by_the_endpoint_list_of_the_firmware(tmp_path):
     module = Module(5, firmware=Firmware(0, 6, 0), mit_max_torque=11.0)
     file = tmp_path / "list.json"
     file.write_text(json.dumps(module.json()), "utf-8")

@@ -43,7 +43,7 @@ FRAMES = st.builds(
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(FRAMES, max_size=120))
-def test_whatever_comes_can_be_reported(frames: list[CanFrame]) -> None:
+def test_any_frames_can_be_reported(frames: list[CanFrame]) -> None:
     overview = heard(*frames)
     assert overview.frames == len(frames)
     json.dumps(listen._plain(overview, 0.0, 1010.0), allow_nan=False)
@@ -88,7 +88,7 @@ def test_news_that_are_too_many_are_counted() -> None:
     assert not any("not shown" in line for line in listen.lines(overview, 0.0, 1002.0))
 
 
-def test_a_node_that_goes_mad_does_not_hide_what_another_says() -> None:
+def test_a_flood_of_one_node_does_not_hide_the_messages_of_another() -> None:
     storm = [CanFrame(0.001 * count, 0x081, bytes.fromhex("2043080000000000")) for count in range(500)]
     overview = heard(CanFrame(0.0, 0x702, b"\0"), *storm)
     told = listen.lines(overview, 500.0, 1001.0)

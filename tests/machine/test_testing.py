@@ -1,4 +1,4 @@
-"""What programs are tested with: simulated machines with faults and time control, for pytest and without it."""
+"""Tools for tests of programs: simulated machines with faults and time control, for pytest and without it."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ def pytest_run(folder: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_the_example_passes_as_it_is_started_by_a_reader() -> None:
+def test_the_example_passes_when_run_with_pytest() -> None:
     ran = pytest_run(EXAMPLE)
     assert ran.returncode == 0, ran.stdout
     assert "4 passed" in ran.stdout
 
 
-def test_the_error_of_a_test_without_a_cell_file_says_what_to_write(tmp_path: Path) -> None:
+def test_the_error_of_a_test_without_a_cell_file_has_the_remedy(tmp_path: Path) -> None:
     (tmp_path / "conftest.py").write_text('pytest_plugins = ["axisbus.testing"]\n', "utf-8")
     (tmp_path / "test_it.py").write_text("def test_it(machine):\n    pass\n", "utf-8")
     ran = pytest_run(tmp_path)
@@ -82,7 +82,7 @@ def test_a_wrong_cell_file_fails_with_its_line(tmp_path: Path) -> None:
     assert "cell.toml:2" in ran.stdout
 
 
-def test_the_motor_is_where_it_really_is_and_not_where_the_drive_says(file: Path) -> None:
+def test_the_position_of_the_motor_is_the_true_one_and_not_that_of_the_drive(file: Path) -> None:
     with simulate(file) as simulation:
         turning(simulation)
         simulation.machine.sleep(1.0)
@@ -143,7 +143,7 @@ def test_a_controller_that_is_bus_off_is_reported_and_can_be_restarted(file: Pat
         simulation.machine.sleep(2.0)
 
 
-def test_an_adapter_that_is_unplugged_ends_the_scan_and_the_drives_stop_by_themselves(file: Path) -> None:
+def test_an_unplugged_adapter_ends_the_scan_and_the_drives_stop(file: Path) -> None:
     simulation = Simulation(Machine.simulated(file))
     turning(simulation)
     drives = [simulation.drive(name) for name in "xy"]
@@ -152,7 +152,7 @@ def test_an_adapter_that_is_unplugged_ends_the_scan_and_the_drives_stop_by_thems
         simulation.machine["x"].halt().wait(1)
     with pytest.raises(ScanError, match="scan of the bus had failed"):
         simulation.machine.close()
-    simulation._clock.sleep(3.0)  # nobody sends heartbeats any more
+    simulation._clock.sleep(3.0)  # no heartbeats any more
     assert [drive.velocity for drive in drives] == [0, 0]
 
 

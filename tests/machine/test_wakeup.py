@@ -1,4 +1,4 @@
-"""A signal is heard while the main thread is busy, and wakes it where the system gave the signal to another thread."""
+"""A signal is received while the main thread is busy, and wakes it where the system gave the signal to another thread."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ NUMBER = signal.SIGUSR1
 
 
 class Woken(Exception):
-    """What the handler raises in the main thread."""
+    """The exception that the handler raises in the main thread."""
 
 
 class Listener:
-    """Counts what is heard and handled, with the time."""
+    """Counts received and handled signals, with the time."""
 
     def __init__(self) -> None:
         self.heard: list[float] = []
@@ -67,7 +67,7 @@ def busy(seconds: float) -> None:
     hashlib.pbkdf2_hmac("sha256", b"", b"", rounds)
 
 
-def test_a_signal_is_heard_while_the_main_thread_is_in_a_long_call(listener: Listener) -> None:
+def test_a_signal_is_received_while_the_main_thread_is_in_a_long_call(listener: Listener) -> None:
     threading.Timer(0.3, os.kill, (os.getpid(), NUMBER)).start()
     with pytest.raises(Woken):
         busy(2.0)

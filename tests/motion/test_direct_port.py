@@ -10,7 +10,7 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import BusCycle, Outputs, Port, SdoReply, SdoRequest, ValueTransport
 from axisbus.errors import AdapterError, SdoAbort, SdoTimeout
 from axisbus.sim.device import Device
-from kit.direct.cycle import CycleDials, DirectCycle, DirectPort
+from kit.direct.cycle import CycleFaultSettings, DirectCycle, DirectPort
 from kit.sim.eds import drive_eds, two_axes, without
 from kit.sim.rig import state
 
@@ -56,7 +56,7 @@ def as_cycle(cycle: BusCycle) -> BusCycle:
     return cycle
 
 
-def test_it_implements_the_port_protocol():
+def test_the_direct_port_implements_the_port_protocol():
     bench = Bench()
     assert as_port(bench.port).capabilities.inputs["statusword"] is ValueTransport.SYNC_PDO
     assert as_cycle(bench.cycle).now() == 0.0
@@ -93,7 +93,7 @@ def test_without_a_controlword_the_drive_stays_as_it_is():
     assert bench.device.drive.controlword == 15
 
 
-def test_the_plant_moves_on_when_nobody_asks():
+def test_the_simulated_drive_moves_in_time_without_commands():
     bench = Bench().enable(3)
     bench.once(Outputs(controlword=15, target_velocity=10_000), 20)
     before = bench.device.drive.position
@@ -110,7 +110,7 @@ def test_without_sync_nothing_synchronous_happens():
     assert bench.device.drive.controlword == 15
 
 
-def test_event_driven_values_come_on_change_and_by_their_timer():
+def test_event_driven_values_are_sent_on_change_and_by_their_timer():
     bench = Bench(options={"inputs": {"statusword": ValueTransport.EVENT_PDO}})
     bench.once(count=20)
     first = bench.inputs.statusword.stamp
@@ -299,7 +299,7 @@ def test_nodes_may_have_to_be_booted_first():
     assert port.read(cycle.now()).operational
 
 
-def test_quick_stop_all_patches_what_was_last_sent():
+def test_quick_stop_all_changes_the_last_controlword_sent():
     bench = Bench(x605A=6).enable(3)
     bench.once(Outputs(controlword=0x0F, target_velocity=20_000), 50)
     bench.cycle.quick_stop_all()
@@ -332,13 +332,13 @@ def test_a_closed_bus_sends_nothing_more():
 
 
 def test_a_send_that_blocks_and_a_wait_that_is_late_cost_virtual_time():
-    bench = Bench(cycle={"dials": CycleDials(send_blocks=0.5, wait_late=0.2)})
+    bench = Bench(cycle={"dials": CycleFaultSettings(send_blocks=0.5, wait_late=0.2)})
     bench.once()
     assert bench.cycle.now() == pytest.approx(0.01 + 0.2 + 0.5)
     assert bench.cycle.dials.send_blocks == 0.0
 
 
-def test_what_crosses_the_seam_can_be_pickled():
+def test_inputs_outputs_and_capabilities_can_be_pickled():
     bench = Bench().enable()
     bench.device.drive.fault(0x2310)
     bench.once(Outputs(sdo=(SdoRequest(1, 0x6081, 0, None),)))

@@ -27,7 +27,7 @@ def never() -> bool:
     return False
 
 
-def test_who_says_it_in_time_is_trusted_and_who_does_not_is_reported_of_once():
+def test_a_missing_confirmation_of_hold_to_run_is_reported_once():
     held = HoldToRun()
     assert held.broken(1e9, never) is None
     held.hold(10.0, 0.5, "the page")
@@ -46,7 +46,7 @@ def test_continuous_motion_is_trusted_for_a_shorter_time():
     for moves_on, until in ((False, 11.0), (True, 10.3)):
         held.hold(10.0, 1.0, "the page", 0.3)
         assert held.broken(10.3, lambda: moves.append(1) or True) is None
-        assert moves == []  # it is asked only where that decides
+        assert moves == []  # it is read only if it decides
         assert held.broken(until, lambda moves_on=moves_on: moves_on) is None
         assert held.broken(until + 0.01, lambda moves_on=moves_on: moves_on) == (
             f"the page, the hold-to-run client, sent no confirmation for {until - 10.0:g} s"
@@ -67,7 +67,7 @@ def test_hold_to_run_halts_an_axis_in_continuous_motion_0_3_s_after_the_last_cal
     assert handle.done or handle.error is not None
 
 
-def test_a_move_with_an_end_of_its_own_is_not_halted_sooner(cell):
+def test_a_move_that_ends_by_itself_is_not_halted_earlier(cell):
     cell["x"].move_relative(1000.0, velocity=30.0)
     cell.hold_to_run(1.0, 0.3)
     cell.sleep(0.9)

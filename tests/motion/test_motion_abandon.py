@@ -1,4 +1,4 @@
-"""What ends with the scan: every command of an axis, whatever it is at, with the scan's own reason."""
+"""The end of the scan ends every command of an axis in any phase, with the scan's own reason."""
 
 from __future__ import annotations
 

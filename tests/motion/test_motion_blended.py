@@ -44,7 +44,7 @@ def must_hold(course: BlendedProfile, legs: list[Leg], start: float) -> None:
     ("mode", "joint"), [("low", 50.0), ("previous", 50.0), ("next", 80.0), ("high", 80.0)]
 )
 @pytest.mark.parametrize("turned", [1.0, -1.0])
-def test_a_faster_move_is_passed_into_with_the_velocity_of_its_mode(mode, joint, turned):
+def test_a_faster_move_is_blended_at_the_velocity_of_the_buffer_mode(mode, joint, turned):
     legs = [
         Leg(100.0 * turned, 50.0, 200.0, 400.0),
         Leg(200.0 * turned, 80.0, 200.0, 400.0, BufferMode(f"blending_{mode}")),
@@ -63,7 +63,7 @@ def test_a_faster_move_is_passed_into_with_the_velocity_of_its_mode(mode, joint,
 @pytest.mark.parametrize(
     ("mode", "joint"), [("low", 50.0), ("previous", 80.0), ("next", 50.0), ("high", 80.0)]
 )
-def test_a_slower_move_is_passed_into_with_the_velocity_of_its_mode(mode, joint):
+def test_a_slower_move_is_blended_at_the_velocity_of_the_buffer_mode(mode, joint):
     legs = [Leg(100.0, 80.0, 200.0, 400.0), Leg(200.0, 50.0, 200.0, 400.0, BufferMode(f"blending_{mode}"))]
     course = course_of(0.0, legs)
     assert speed_near(course, course.joints[0].time) == pytest.approx(joint, abs=0.5)
@@ -80,7 +80,7 @@ def test_the_time_of_a_path_is_that_of_its_ramps_and_of_the_part_between():
     assert (course.top_speed, course.top_acceleration) == (50.0, 100.0)
 
 
-def test_if_the_path_reverses_the_axis_stops_and_the_note_says_so():
+def test_if_the_path_reverses_the_axis_stops_at_the_transition_which_notes_it():
     legs = [Leg(100.0, 50.0, 200.0, 200.0), Leg(20.0, 80.0, 200.0, 200.0, BufferMode.HIGH)]
     course = course_of(0.0, legs)
     assert course.joints[0].speed == 0.0
@@ -141,7 +141,7 @@ def test_the_part_planned_beyond_the_time_of_joining_is_planned_again(ahead):
 
 
 @pytest.mark.parametrize("seed", range(100))
-def test_random_legs_that_join_at_random_times_keep_their_limits_and_what_was_planned_before(seed):
+def test_random_legs_that_join_at_random_times_keep_their_limits_and_the_planned_path(seed):
     chance = random.Random(seed)
 
     def leg(end: float) -> Leg:
@@ -174,7 +174,7 @@ def test_random_legs_that_join_at_random_times_keep_their_limits_and_what_was_pl
         t = min(t + chance.choice([0.0, 0.003, 0.1, 1.0]), course.duration * 0.999)
         while len(legs) > 1 and course.joints[len(course.joints) - len(legs)].time <= t:
             legs.pop(0)
-    if t < 1.0:  # nothing of it has been let go of
+    if t < 1.0:  # nothing of it has been dropped
         must_hold(course, all_legs, start)
 
 

@@ -78,7 +78,7 @@ def test_before_a_reversal_the_stop_is_reached_and_seen():
     assert highest([place for _, place in rows], 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
 
 
-def test_legs_that_are_too_short_for_their_softness_are_passed_nearly_so():
+def test_moves_too_short_for_their_jerk_limit_are_blended_at_nearly_the_velocity():
     legs = [
         Leg(100.0, 60.0, 200.0, 200.0),
         *(Leg(end, 60.0, 200.0, 200.0, BufferMode.HIGH) for end in (102.0, 104.0)),
@@ -152,7 +152,7 @@ def test_a_brake_on_the_trajectory_is_as_soft():
     assert highest(places, 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
 
 
-def test_what_continues_from_it_to_another_target_has_its_velocity_and_its_acceleration():
+def test_a_move_to_another_target_begins_with_the_present_velocity_and_acceleration():
     ahead, places = ahead_on(course_of(0.0, [Leg(200.0, 80.0, 200.0, 200.0)], MEAN), 200.0), [0.0] * 4
     for _ in range(60):
         ahead.advance(T)
@@ -166,12 +166,12 @@ def test_what_continues_from_it_to_another_target_has_its_velocity_and_its_accel
 
 
 @pytest.mark.parametrize("moment", [0.02, 0.3, 1.2])
-def test_what_joins_behind_a_move_that_continues_already_changes_nothing_before(moment):
+def test_a_leg_that_joins_behind_a_running_move_does_not_change_the_path_before_it(moment):
     way = ProfileFromSpeed(Start(3.0, 40.0), 100.0, 60.0, 200.0, 200.0)
     course = course_along(way, MEAN)
     legs = [Leg(100.0, 60.0, 200.0, 200.0), Leg(180.0, 90.0, 200.0, 200.0, BufferMode.PREVIOUS)]
     longer = extended(course, moment, legs)
-    for number in range(100):  # of what is long ago nothing is kept
+    for number in range(100):  # old parts are not kept
         t = max(0.0, moment - 0.9) + min(moment, 0.9) * number / 100
         assert longer.position(t) == course.position(t)
     assert longer.mean == MEAN

@@ -73,7 +73,7 @@ def differences(a, b, where: str, seen: set) -> list[str]:
 
 
 class GroupPlay(Play):
-    """A life mostly on paths, of which half are lines of a group, which has a clock of its own."""
+    """A random life mostly on paths; half of them are lines of a group, which has a clock of its own."""
 
     every = 90
 
@@ -112,7 +112,7 @@ class GroupPlay(Play):
 
 @pytest.mark.parametrize("kind", [Play, GroupPlay])
 @pytest.mark.parametrize("seed", range(8))
-def test_calm_cycles_change_nothing_of_what_an_axis_does_and_holds(seed, kind):
+def test_calm_cycles_give_the_outputs_and_state_of_whole_cycles(seed, kind):
     play = kind(seed, 2)
     core, other = play.cores
     thorough = Thorough(other)
@@ -126,7 +126,7 @@ def test_calm_cycles_change_nothing_of_what_an_axis_does_and_holds(seed, kind):
     assert mine == others
 
 
-def test_the_lives_have_calm_cycles_in_every_state_that_is_powered_and_others():
+def test_the_random_plays_have_calm_cycles_in_every_powered_state_and_other_cycles():
     calm, others = set(), set()
     for seed in range(24):
         play = Play(seed)
@@ -150,7 +150,7 @@ def test_the_lives_have_calm_cycles_in_every_state_that_is_powered_and_others():
 
 
 @pytest.mark.parametrize("kind", [Play, GroupPlay])
-def test_the_lives_have_cycles_that_are_done_by_one_function(kind, monkeypatch):
+def test_the_random_plays_have_cycles_that_use_the_fast_path(kind, monkeypatch):
     taken, step = [], FastPath.step
 
     def noted(cruise, inputs):
@@ -221,13 +221,13 @@ def test_an_axis_on_a_trajectory_takes_the_short_cycle():
         (lambda core: core.supervision.following, "led_at", 1e9),
     ],
 )
-def test_one_thing_that_a_command_may_have_changed_leaves_the_cycle_to_the_whole_step(part, name, value):
+def test_each_thing_that_a_command_may_have_changed_ends_the_short_cycle(part, name, value):
     core, inputs = cruising()
     setattr(part(core), name, value)
     assert core._cruise.step(inputs) is None
 
 
-def test_a_place_beyond_the_limits_leaves_the_cycle_to_the_whole_step():
+def test_a_position_beyond_the_limits_ends_the_short_cycle():
     core, inputs = cruising()
     path = core.activity
     path._limits, path._known_way, path._is_known = (-1.0, 0.5), None, True
@@ -295,14 +295,14 @@ def test_one_value_out_of_the_ordinary_leaves_the_cycle_to_the_whole_step_and_ch
         (lambda core: core.stopping, "ladder", "one"),
     ],
 )
-def test_one_thing_out_of_the_ordinary_is_enough_for_a_cycle_not_to_be_calm(part, name, value):
+def test_each_single_exceptional_condition_makes_a_cycle_not_calm(part, name, value):
     core = rig().enabled().core
     assert core._is_calm(core.image)
     setattr(part(core), name, value)
     assert not core._is_calm(core.image)
 
 
-def test_a_cycle_that_comes_later_than_the_longest_gap_is_not_calm():
+def test_a_cycle_after_more_than_the_longest_gap_is_not_calm():
     core = rig().enabled().core
     longest = core.supervision.longest_gap
     calm = []

@@ -77,7 +77,7 @@ KNOWN = {(row["situation"], row["command"]): row for row in rows()} if TABLE.exi
 
 @pytest.mark.parametrize("situation", SITUATIONS)
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_command_does_in_each_situation_what_the_table_says(situation, command):
+def test_each_command_in_each_situation_ends_as_in_the_table(situation, command):
     assert tried(situation, command) == KNOWN[situation, command]
 
 

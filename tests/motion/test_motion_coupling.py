@@ -31,7 +31,7 @@ def slope(curve, at: float, h: float = 1e-5) -> float:
 
 @SAME
 @given(POINTS, st.booleans())
-def test_a_cam_goes_through_its_points_and_neither_slope_nor_bend_jumps(points, periodic):
+def test_a_cam_passes_through_its_points_without_a_jump_in_slope_or_curvature(points, periodic):
     cam = Cam(points, periodic=periodic)
     law = cam._transfer_function()
     scale = 1.0 + max(abs(place) for _, place in points)
@@ -48,7 +48,7 @@ def test_a_cam_goes_through_its_points_and_neither_slope_nor_bend_jumps(points, 
 
 @SAME
 @given(POINTS, st.booleans(), st.floats(-3.0, 3.0))
-def test_what_a_cam_reports_of_its_slope_is_so(points, periodic, where):
+def test_slope_and_span_of_a_cam_agree_with_its_positions(points, periodic, where):
     cam = Cam(points, periodic=periodic)
     law, at = cam._transfer_function(), points[0][0] + where * (points[-1][0] - points[0][0])
     if any(abs((at - master) % law.period) < 1e-3 for master, _ in points):
@@ -83,7 +83,7 @@ def test_laws_cross_to_the_core_as_they_are():
 
 @SAME
 @given(PLACES, st.floats(0.1, 50.0), st.booleans(), *[st.floats(-20.0, 20.0)] * 5)
-def test_a_blend_joins_place_slope_and_bend(begin, length, back, p, s, q, u, b):
+def test_a_blend_joins_position_slope_and_curvature(begin, length, back, p, s, q, u, b):
     end = begin - length if back else begin + length
     blend = SyncInCurve(begin, end, SlaveReference(p, s, 0.0), SlaveReference(q, u, b))
     large = 1.0 + max(map(abs, (p, q))) + length * max(map(abs, (s, u))) + length**2 * abs(b)
@@ -98,7 +98,7 @@ def test_a_blend_joins_place_slope_and_bend(begin, length, back, p, s, q, u, b):
     assert abs(ahead[2] - 2 * ahead[1] + ahead[0]) < 1e-5 * large * 20
 
 
-def test_a_blend_from_rest_to_rest_never_turns_round():
+def test_a_blend_from_standstill_to_standstill_never_reverses():
     blend = SyncInCurve(0.0, 10.0, SlaveReference(0.0, 0.0, 0.0), SlaveReference(5.0, 0.0, 0.0))
     places = [blend.at(n / 10.0) for n in range(101)]
     assert all(a <= b for a, b in pairwise(places))
@@ -149,7 +149,7 @@ def test_a_cam_is_read_from_a_file(tmp_path):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_a_shift_never_changes_harder_or_faster_than_it_may_however_often_it_is_changed(seed):
+def test_a_phase_shift_keeps_its_limits_however_often_it_is_changed(seed):
     chance, period = random.Random(seed), 0.004
     phase, places, total = PhaseShift(period), [0.0, 0.0], 0.0
     for _ in range(12):

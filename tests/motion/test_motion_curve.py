@@ -27,7 +27,7 @@ def speed_before_and_after(positions, index):
         ((0, 1, 2, 3), 1, 2.0),
         ((0, 1, 2, 3), 2, 2.0),
         ((0, 1, 3, 6), 1, 3.0),  # the mean of both slopes
-        ((0, 1, 1, 3, 5), 1, 1.0),  # one interval without way is no rest
+        ((0, 1, 1, 3, 5), 1, 1.0),  # one interval without motion is no standstill
         ((0, 1, 1, 3, 5), 2, 2.0),
         ((0, 0, 0, 1, 2), 2, 0.0),  # two are one
         ((0, 1, 2, 2, 2), 2, 0.0),
@@ -41,7 +41,7 @@ def test_the_speed_at_a_sample(positions, index, expected):
     assert after == pytest.approx(expected, abs=1e-4)
 
 
-def test_at_its_ends_the_path_rests():
+def test_a_path_is_at_standstill_at_its_ends():
     times, positions = (0.0, 0.5, 1.0), (0.0, 3.0, 1.0)
     curve = Curve(STEP, 0, times, positions)
     assert (curve.at(SMALL) - curve.at(0.0)) / SMALL == pytest.approx(0.0, abs=1e-3)

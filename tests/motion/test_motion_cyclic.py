@@ -28,7 +28,7 @@ IMAGE = SimpleNamespace()  # a ramp asks nothing of it
 
 @given(VELOCITIES, VELOCITIES, RATES, RATES, st.floats(0.001, 0.1))
 @example(10.0, -10.0, 1000.0, 100.0, 0.05)
-def test_a_step_is_never_harder_than_its_ramps_and_never_goes_past_the_target(before, target, up, down, dt):
+def test_a_step_never_exceeds_its_ramps_and_never_passes_the_target(before, target, up, down, dt):
     after = next_velocity(before, target, up, down, dt)
     assert abs(after - before) <= max(up, down) * dt * 1.000001 + 1e-9
     assert min(before, target) - 1e-6 <= after <= max(before, target) + 1e-6
@@ -39,7 +39,7 @@ def test_a_step_is_never_harder_than_its_ramps_and_never_goes_past_the_target(be
 
 
 @given(VELOCITIES, VELOCITIES, st.floats(1e3, 1e6), st.floats(1e3, 1e6))
-def test_many_short_steps_are_one_long_step(before, target, up, down):
+def test_many_short_steps_sum_up_to_one_long_step(before, target, up, down):
     value = before
     for _ in range(50):
         value = next_velocity(value, target, up, down, 0.002)
@@ -51,14 +51,14 @@ def test_a_turn_brakes_with_the_deceleration_and_speeds_up_with_the_acceleration
     assert next_velocity(100.0, -50.0, 200.0, 1000.0, 0.2) == pytest.approx(-20.0)
 
 
-def test_the_ramp_of_a_halt_ends_at_0_and_rests():
+def test_the_ramp_of_a_halt_ends_at_0_and_stays_there():
     ramp, order = VelocityRamp(1000.0, 500.0, 20_000.0, 0.01), CycleOutputs()
     assert not ramp.at_rest
     assert ramp.begin_braking()
     sent = []
     while not ramp.at_rest:
-        ramp.begin_braking()  # again and again, as a ladder does
-        ramp.hold()  # which would be for another mode: a ramp that brakes goes on braking
+        ramp.begin_braking()  # repeatedly, as a stop sequence does
+        ramp.hold()  # which would be for another mode: a braking ramp keeps braking
         ramp.step(IMAGE, order)
         sent.append(order.target_velocity)
     assert sent == [800, 600, 400, 200, 0]
@@ -77,7 +77,7 @@ def test_a_hold_keeps_the_present_velocity():
 
 
 @given(st.integers(-3000, 3000), st.integers(-3000, 3000), st.integers(1, 10_000))
-def test_a_torque_comes_to_its_target_by_its_slope_and_no_farther(start, target, slope):
+def test_a_torque_reaches_its_target_by_its_slope_and_does_not_exceed_it(start, target, slope):
     ramp, order = TorqueRamp(float(start), slope, 0.01, lets_go=True), CycleOutputs()
     ramp.aim(target, slope)
     before = float(start)
@@ -92,14 +92,14 @@ def test_a_torque_comes_to_its_target_by_its_slope_and_no_farther(start, target,
     )
 
 
-def test_a_torque_that_holds_a_load_is_not_let_go_by_a_halt():
+def test_a_torque_that_holds_a_load_is_kept_by_a_halt():
     ramp, order = TorqueRamp(300.0, 1000, 0.01, lets_go=False), CycleOutputs()
     assert not ramp.begin_braking()
     ramp.step(IMAGE, order)
     assert order.target_torque == 300
 
 
-def test_a_velocity_streamed_by_the_master_is_braked_by_its_own_ramp_whatever_605dh_is(dictionary_parameters):
+def test_a_velocity_streamed_by_the_master_is_braked_by_its_own_ramp_for_any_605dh(dictionary_parameters):
     for halt in (0, 1, 2):
         parameters = dictionary_parameters(halt)
         course = CommandedMotion(1000.0, 500.0, 800.0, by_core=True)
@@ -114,11 +114,11 @@ def dictionary_parameters():
     return lambda halt: rig(braking=Braking(ramps[halt], Ramp.QUICK, 5000.0)).core.parameters
 
 
-# -- what is asked for ---------------------------------------------------------------------------------------------------
+# -- arguments -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("own", [None, 0])
-def test_a_slope_that_nobody_knows_is_never_guessed(own):
+def test_an_unknown_torque_slope_is_never_guessed(own):
     r = rig(torque_slope=own).enabled()
     with pytest.raises(ArgumentError, match="slope is missing"):
         r.axis.cyclic_torque(0.1)
@@ -190,7 +190,7 @@ def test_velocities_in_coarse_units_are_sent_as_whole_numbers():
     assert r.axis.error is None
 
 
-def test_the_first_target_goes_out_after_the_halt_was_released():
+def test_the_first_target_is_sent_after_the_halt_was_released():
     r = rig().enabled()
     r.axis.halt().wait(5)
     r.axis.cyclic_velocity(100.0)

@@ -119,7 +119,7 @@ def test_without_the_comparison_the_drives_own_watch_stays_and_so_does_standstil
     r.device.write(0x6066, 0, 60_000)
     r.axis.enable().wait(5)
     r.axis.move_absolute(50.0).wait(5)
-    assert r.core.image.demand is not None  # at rest it counts still
+    assert r.core.image.demand is not None  # at standstill it still counts
     handle = r.axis.move_absolute(300.0)
     r.run(0.5)
     r.drive.dials.blocked = True
@@ -135,7 +135,7 @@ def test_without_the_comparison_the_drives_own_watch_stays_and_so_does_standstil
         ("right", {"demand": DemandUse.USE}, ""),
     ],
 )
-def test_a_stop_that_was_seen_by_the_position_alone_says_so(habit, changes, told):
+def test_a_stop_that_was_seen_by_the_position_alone_has_a_note(habit, changes, told):
     r = drive_with(habit, "with each SYNC", **changes)
     r.axis.enable().wait(5)
     r.axis.move_absolute(300.0)
@@ -147,7 +147,7 @@ def test_a_stop_that_was_seen_by_the_position_alone_says_so(habit, changes, told
 
 
 def test_a_6062h_that_the_cell_file_leaves_out_pulls_nowhere_and_one_that_it_uses_does():
-    """The drive pulls a jammed axis at rest; nothing was seen of its 6062h before."""
+    """The drive pulls a jammed axis at standstill; its 6062h was not received before."""
     for use, is_pulled in ((DemandUse.IGNORE, False), (DemandUse.USE, True)):
         r = drive_with("stays where it was", "with each SYNC", demand=use)
         r.axis.enable().wait(5)

@@ -35,7 +35,7 @@ from kit.direct.waiting import PumpWaiter
 from kit.motion.rig import GENERIC, dictionary_of, parameters, rig
 from kit.motion.steps import Drive, T
 
-# What is to be told of a stop.
+# The report of a stop.
 
 
 def ladder(**changes) -> SimpleNamespace:
@@ -111,7 +111,7 @@ def test_observations_of_a_stop_are_reported_in_order():
     assert "raise halt_time and quick_stop_time in [axes.x.stop]" in late.remedy
 
 
-def test_a_halt_whose_path_brakes_too_slowly_is_not_put_down_to_the_drive():
+def test_a_halt_that_brakes_too_slowly_along_its_path_names_the_path_and_not_the_drive():
     remedy = stop_error(ladder(late=["halt_time"], on_its_path=True), "x").remedy
     assert remedy.startswith("braking along its path took longer than halt_time")
     assert remedy.endswith("raise halt_time in [axes.x.stop]")
@@ -119,7 +119,7 @@ def test_a_halt_whose_path_brakes_too_slowly_is_not_put_down_to_the_drive():
     assert "find out why the drive" in both.remedy
 
 
-def test_a_stop_that_is_asked_for_again_keeps_the_harder_kind_and_its_lock():
+def test_a_repeated_stop_keeps_the_harder_kind_and_its_lock():
     stopping = Stopping(Drive().parameters)
     assert stopping.interruptible
     first, second = (CommandStatus(name) for name in ("a", "b"))
@@ -169,7 +169,7 @@ def test_a_stop_that_is_asked_for_again_keeps_the_harder_kind_and_its_lock():
         (0x7121, "the motor is blocked"),
     ],
 )
-def test_what_to_check_first(code, words):
+def test_each_error_code_has_its_remedy(code, words):
     assert words in remedy(code)
 
 
@@ -186,7 +186,7 @@ def test_what_to_check_first(code, words):
         (1000, 500, 3000, 1520, 1000),
         (1000, 500, 3000, 1521, 2500),
         (1000, 500, 1450, 1000, 1000),  # a demand that leaves the offset out
-        (1000, 500, 1250, 1000, 750),  # halted half-way: nobody knows
+        (1000, 500, 1250, 1000, 750),  # halted half-way: undecidable
         (1000, 500, 1251, 1000, 1000),
         (1000, 500, 1249, 1000, 749),
         (1000, 500, 1450, 1021, 950),
@@ -197,9 +197,7 @@ def test_what_to_check_first(code, words):
         (1000, 500, None, None, None),
     ],
 )
-def test_the_target_with_which_a_drive_that_adds_an_offset_stays_where_it_is(
-    found, offset, position, demand, target
-):
+def test_the_target_that_holds_a_drive_which_adds_an_offset(found, offset, position, demand, target):
     drive = Drive()
     drive.cycle(statusword=0x0237, mode=8, position=position, demand=demand)
     assert resting_target(drive.image, found, offset) == target
@@ -232,7 +230,7 @@ M = ModeOfOperation
         (M.CYCLIC_SYNC_TORQUE, 5, False, [M.CYCLIC_SYNC_POSITION, M.PROFILE_POSITION], [M.PROFILE_POSITION]),
     ],
 )
-def test_the_modes_into_which_a_drive_that_is_taken_over_can_be_brought_without_a_jump(
+def test_the_modes_into_which_an_adopted_drive_can_be_switched_without_a_jump(
     mode, offset, moving, candidates, chosen
 ):
     taken = DriveAdoption(mode, Drive().parameters)
@@ -273,7 +271,7 @@ def test_how_long_the_targets_of_a_drive_that_is_taken_over_are_held(found, aske
         (M.PROFILE_TORQUE, True, None, (500, 0, 50)),
     ],
 )
-def test_what_a_drive_that_is_taken_over_does_it_continues_doing(mode, standstill, torque, targets):
+def test_a_drive_that_is_taken_over_gets_the_targets_of_its_present_motion(mode, standstill, torque, targets):
     taken = DriveAdoption(mode, Drive().parameters)
     taken._read.values.update(
         {
@@ -292,7 +290,7 @@ def test_what_a_drive_that_is_taken_over_does_it_continues_doing(mode, standstil
     assert (order.target_position, order.target_velocity, order.target_torque) == targets
 
 
-# Distances, durations, and what goes on from a speed.
+# Distances, durations, and moves from a present speed.
 
 
 @pytest.mark.parametrize(
@@ -329,7 +327,7 @@ def test_the_seconds_of_a_trapezoid(distance, speed, ramp, seconds):
             [2.0, 2.5, 3.0, 2.0 + math.sqrt(2.0)],
             [4.0, 3.75, 3.1715728752538097, 3.0],
         ),
-        # the other way
+        # the other direction
         (-4.0, -4.0, 4.0, 4.0, 2.0, [1.0, 2.0, 9.0], [-3.0, -4.0, -4.0]),
         (-4.0, 4.0, 4.0, 4.0, 2.0, [2.0, 2.5], [-4.0, -3.5]),
     ],
@@ -365,19 +363,19 @@ PACE = PathLimitCheck("deg", 4.0, 8.0, "max_acceleration", 0.5, 0.0)
         (PathSample(0.0, 4.0), -0.01, "harder than max_acceleration"),
     ],
 )
-def test_a_step_is_held_against_velocity_and_acceleration(before, position, told):
+def test_a_step_is_checked_against_velocity_and_acceleration(before, position, told):
     found = PACE.excess(before, PACE.next(before, position))
     assert (None if found is None else found.what) == told
 
 
-def test_what_arithmetic_may_be_off_is_still_allowed():
+def test_a_velocity_within_the_rounding_error_is_allowed():
     most = 4.0 * (1.0 + 1e-6) + 8.0 * math.ulp(2.0) / 0.5
     before = PathSample(2.0, 4.0)
     assert PACE.excess(before, PathSample(2.0, most)) is None
     assert PACE.excess(before, PathSample(2.0, math.nextafter(most, 5.0))).what == "faster than max_velocity"
 
 
-def test_what_a_path_is_allowed_in_any_case():
+def test_a_path_may_always_brake_and_round():
     before = PathSample(0.0, 4.0)
     after = PACE.next(before, -1.0)
     assert PACE.excess(before, after, 11.0).what == "harder than max_acceleration"
@@ -397,7 +395,7 @@ def test_numbers_far_from_0_are_as_exact_as_they_can_be():
     assert PACE.excess(before, PACE.next(before, far + 2.0 + 1 / 256)) is not None
 
 
-def test_where_a_limit_comes_from_is_not_a_part_of_it():
+def test_the_source_of_a_limit_is_not_in_its_repr():
     assert (
         repr(AxisLimits(velocity=4.0))
         == "AxisLimits(position=None, velocity=4.0, acceleration=None, torque=None)"
@@ -430,7 +428,7 @@ def test_where_a_limit_comes_from_is_not_a_part_of_it():
         ),
     ],
 )
-def test_what_a_path_may_ask_for(limits, defaults, trajectory, expected):
+def test_the_pace_of_a_path_comes_from_limits_defaults_and_trajectory(limits, defaults, trajectory, expected):
     base = parameters("x", dictionary_of(GENERIC), limits=limits, defaults=defaults)
     found = pace_of(base, trajectory)
     assert (found.velocity, found.acceleration) == expected
@@ -446,11 +444,11 @@ def test_what_a_path_may_ask_for(limits, defaults, trajectory, expected):
         (lambda _: 7.0, 4.0, 2.0, False),  # it stops dead
         (lambda t: -4.0 * t, 4.0, 2.0, False),  # it turns round
         (lambda t: 4.0 * t, 0.5, 2.0, True),  # slower than one period brakes
-        (lambda t: 2.5 * t, 4.0, 2.0, True),  # half of what braking allows is still no jolt
+        (lambda t: 2.5 * t, 4.0, 2.0, True),  # half of the allowed deceleration is still no jolt
         (lambda t: 2.4 * t, 4.0, 2.0, False),
     ],
 )
-def test_which_path_can_be_slowed_down_without_a_jolt(path, speed, deceleration, smooth):
+def test_a_path_brakes_smoothly_if_its_deceleration_suffices(path, speed, deceleration, smooth):
     assert brakes_smoothly(path, 1.0, 0.5, speed, deceleration) is smooth
 
 
@@ -466,12 +464,12 @@ def test_which_path_can_be_slowed_down_without_a_jolt(path, speed, deceleration,
         (9.0, 0.0, None),
     ],
 )
-def test_a_path_is_looked_at_as_far_ahead_as_braking_takes(start, speed, found):
+def test_a_path_is_checked_as_far_ahead_as_braking_takes(start, speed, found):
     seen = excess(lambda t: start + speed * t, 0.0, 0.5, (-10.0, 10.0), 2.0)
     assert (None if seen is None else tuple(seen)) == found
 
 
-def test_one_from_outside_may_come_back():
+def test_a_position_outside_the_limits_widens_them_up_to_itself():
     assert widened((-1.0, 1.0), 0.0, 0.5) == (-1.5, 1.5)
     assert widened((-1.0, 1.0), 3.0, 0.5) == (-1.5, 3.5)
     assert widened((-1.0, 1.0), -3.0, 0.5) == (-3.5, 1.5)
@@ -507,7 +505,7 @@ def test_a_line_of_more_than_a_year_was_not_meant():
         line({"x": 1.0}, velocity=1.0 / (year + 1.0), acceleration=1.0)
 
 
-# Numbers, tracks, ways.
+# Numbers, tracks, profiles.
 
 
 @pytest.mark.parametrize(
@@ -524,7 +522,7 @@ def test_a_line_of_more_than_a_year_was_not_meant():
         (1 + 0j, None),
     ],
 )
-def test_what_counts_as_a_number(value, found):
+def test_numeric_values_are_converted_and_others_are_none(value, found):
     assert number(value) == found
 
 
@@ -540,7 +538,7 @@ def test_three_speeds_have_a_median_already():
     assert speeds.motion == (20.0, 0.0)
 
 
-def test_a_deviation_from_the_ramp_is_forgotten_within_a_minute():
+def test_a_deviation_from_the_ramp_decays_within_a_minute():
     drive = Drive(ages={"position": 10.0, "velocity": 10.0})
     way = RampedWay(0, 1.0, 1.0, 1.0, 1.0)
     way.step(drive.cycle(position=0, velocity=0)[0])
@@ -554,7 +552,7 @@ def test_a_deviation_from_the_ramp_is_forgotten_within_a_minute():
 
 
 class Grid:
-    """A cycle that begins when it is told to; ``sync``: where another device's SYNC is the grid, when it came."""
+    """A cycle that begins at a given time; ``sync``: the time of another device's SYNC if that is the grid."""
 
     def __init__(self) -> None:
         self.time, self.late, self.came = 10.0, 0.0, None
@@ -602,7 +600,7 @@ def test_a_late_cycle_skips_the_points_that_have_passed_or_are_less_than_half_a_
 
 
 @pytest.mark.parametrize(("came", "skipped"), [(10.5, 0), (10.6875, 0), (10.75, 1), (11.5, 2)])
-def test_where_another_device_s_sync_is_the_grid_its_time_counts(came, skipped):
+def test_if_another_device_sends_sync_its_time_is_the_grid(came, skipped):
     cycle = Grid()
     scan = Scan(cycle, {}, {}, 0.5, {})
     scan._wait(cycle)
@@ -614,7 +612,7 @@ def test_where_another_device_s_sync_is_the_grid_its_time_counts(came, skipped):
     assert cycle.asked[-1] == came + 0.5
 
 
-def test_where_the_supervisor_has_taken_over_nothing_follows_a_frame_that_was_stuck():
+def test_after_the_supervisor_takes_over_nothing_is_sent_behind_a_stuck_frame():
     cycle = Grid()
     done = []
     scan = Scan(cycle, {}, {}, 0.5, {})
@@ -626,7 +624,7 @@ def test_where_the_supervisor_has_taken_over_nothing_follows_a_frame_that_was_st
     assert done == ["sync", "commit", "heartbeat", "seen", "sync", "commit"]
 
 
-def test_where_the_supervisor_has_taken_over_between_two_cycles_nothing_is_sent():
+def test_after_the_supervisor_takes_over_between_two_cycles_nothing_is_sent():
     cycle = Grid()
     done = []
     scan = Scan(cycle, {}, {}, 0.5, {})
@@ -750,7 +748,7 @@ def test_a_pump_waits_in_virtual_time():
 
 
 @pytest.mark.parametrize("look", ["exception", "done", "aborted", "wait", None])
-def test_a_failure_that_nobody_has_looked_at_is_reported(look, caplog):
+def test_a_failure_that_the_program_never_read_is_logged(look, caplog):
     handle = Handle("x.stop()", SimpleNamespace(wait=lambda *_: True))
     handle._finish(Status.ERROR, DriveError("broken"))
     if look == "wait":
@@ -776,7 +774,7 @@ def test_a_failure_that_nobody_has_looked_at_is_reported(look, caplog):
         (90.0, 80.0, False),
     ],
 )
-def test_a_weaker_deceleration_is_refused_where_it_would_not_stop_the_axis_in_time(at, deceleration, fits):
+def test_a_deceleration_too_weak_to_stop_within_the_limits_is_refused(at, deceleration, fits):
     """From 50 deg/s: 2.5 deg with 500 deg/s², 15.6 with 80, 62.5 with 20."""
     r = rig(limits=AxisLimits(position=(-100.0, 100.0), velocity=400.0)).enabled()
     r.axis.home(37).wait(3)
@@ -792,7 +790,7 @@ def test_a_weaker_deceleration_is_refused_where_it_would_not_stop_the_axis_in_ti
 
 
 @pytest.mark.parametrize("deceleration", [500.0, 20.0])
-def test_a_move_to_a_target_brings_no_deceleration_that_is_too_weak(deceleration):
+def test_a_move_to_a_target_never_uses_a_deceleration_that_is_too_weak(deceleration):
     r = rig(limits=AxisLimits(position=(-100.0, 100.0), velocity=400.0)).enabled()
     r.axis.home(37).wait(3)
     r.axis.move_velocity(50.0).wait(3)

@@ -35,7 +35,7 @@ def enable(drive: Drive, modes=(PP,), **options) -> EnableActivity:
 def obey(
     drive: Drive, activity: EnableActivity, cycles: int = 400, word: int = DISABLED, **values: int
 ) -> list[tuple[int, int | None]]:
-    """Let the drive take each controlword and answer each transfer at once; return the statuswords with what was sent."""
+    """Let the drive take each controlword and answer each transfer at once; return the statuswords with the sent controlwords."""
     seen = []
     for _ in range(cycles):
         for request in drive.order.sdo:
@@ -56,7 +56,7 @@ def steps(seen: list[tuple[int, int | None]]) -> list[tuple[int, int | None]]:
     return [pair for number, pair in enumerate(seen) if number == 0 or seen[number - 1] != pair]
 
 
-def test_from_disabled_the_mode_comes_first_then_rest_then_one_step_after_the_other():
+def test_from_disabled_the_mode_is_set_first_and_each_state_follows_in_order():
     drive = Drive()
     seen = obey(drive, enable(drive), mode=0, position=700, demand=200)
     assert steps(seen) == [
@@ -111,7 +111,7 @@ def test_a_position_that_is_late_is_awaited_without_a_step_towards_power():
         activity.step(*drive.cycle())
 
 
-def test_a_position_that_comes_in_time_begins_the_wait_again():
+def test_a_position_received_in_time_restarts_the_wait():
     drive = Drive()
     activity = enable(drive)
     activity.step(*drive.cycle(statusword=DISABLED, mode=1))
@@ -122,7 +122,7 @@ def test_a_position_that_comes_in_time_begins_the_wait_again():
         assert not activity.step(*drive.cycle(position=None))
 
 
-def test_an_axis_that_still_moves_without_power_is_not_caught_unless_that_is_asked_for():
+def test_an_axis_that_moves_without_power_is_not_enabled_unless_allowed():
     drive = Drive()
     activity, position = enable(drive), 0
     with pytest.raises(StateError, match="not enabled, because it moves"):
@@ -140,7 +140,7 @@ def test_an_axis_that_still_moves_without_power_is_not_caught_unless_that_is_ask
     assert caught.order.controlword(caught.image.state) == 0x07
 
 
-def test_an_axis_that_is_enabled_and_does_not_come_to_rest_is_reported():
+def test_an_axis_that_is_enabled_and_does_not_reach_standstill_is_reported():
     drive = Drive()
     activity = enable(drive, moving=True)
     position = 0
@@ -165,7 +165,7 @@ def test_catching_an_axis_in_motion_is_not_reported_as_uncommanded_motion():
 
 
 def obey_until_enabled(drive: Drive, activity: EnableActivity) -> None:
-    """Let the drive take each word until it has power, at rest."""
+    """Let the drive take each word until it has power, at standstill."""
     word = DISABLED
     while word != ENABLED:
         activity.step(*drive.cycle(statusword=word, mode=1, position=0))
@@ -245,7 +245,7 @@ def test_after_a_quick_stop_the_axis_is_enabled_only_at_standstill():
     assert drive.order.controlword(drive.image.state) == 0x0F  # transition 16
 
 
-def test_a_quick_stop_that_does_not_come_to_rest_has_the_time_of_its_step():
+def test_a_quick_stop_that_does_not_reach_standstill_has_the_time_of_its_step():
     drive = Drive()
     activity, position, cycles = enable(drive), 0, 0
     with pytest.raises(StateError, match="still moves in quick stop active"):
@@ -303,7 +303,7 @@ def test_a_cyclic_mode_has_its_offsets_taken_back_before_there_is_power():
     assert ENABLED in words
 
 
-def test_the_resting_modes_stand_still_most_surely_first():
+def test_the_resting_modes_are_in_order_of_safety():
     assert [int(mode) for mode in RESTING_MODES] == [1, 8, 3, 9, 4]
     assert [CONDUCT[mode].rests for mode in RESTING_MODES] == [0, 1, 2, 3, 4]
 
@@ -347,7 +347,7 @@ def test_a_walk_that_is_held_has_its_time_again():
         walk.step(*drive.cycle(), PowerState.SWITCHED_ON)
 
 
-def test_a_walk_without_a_statusword_sends_nothing_and_says_so():
+def test_a_walk_without_a_statusword_sends_nothing_and_fails_with_its_age():
     drive = Drive()
     walk = StateWalk(drive.parameters)
     walk.step(*drive.cycle(statusword=None), PowerState.SWITCHED_ON)
@@ -358,7 +358,7 @@ def test_a_walk_without_a_statusword_sends_nothing_and_says_so():
     assert "2 s" in caught.value.observed
 
 
-def test_a_walk_whose_statusword_comes_too_late_names_the_delay_of_the_link():
+def test_a_walk_with_a_late_statusword_names_the_delay_of_the_link():
     drive = Drive()
     walk = StateWalk(drive.parameters)
     walk.step(*drive.cycle(statusword=None), PowerState.SWITCHED_ON)

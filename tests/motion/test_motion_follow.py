@@ -168,7 +168,7 @@ def test_a_drive_that_does_not_take_the_period_is_not_moved():
     assert 8 not in watch.modes
 
 
-def test_a_drive_that_rounds_the_period_is_found_out_by_reading_back():
+def test_a_drive_that_rounds_the_period_is_detected_by_reading_it_back():
     r = rig().enabled()
     r.device.write(0x60C2, 1, 4)
     write = r.device.write
@@ -248,7 +248,7 @@ def test_late_cycles_make_the_axis_late_and_never_jump():
     r.run(0.1)
     assert r.scan.lateness.skipped >= 15
     steps = [abs(b - a) for a, b in pairwise(targets(watch))]
-    assert max(steps) <= STEP * 1.001  # one period's way per executed cycle, however late it is
+    assert max(steps) <= STEP * 1.001  # the distance of one period per executed cycle, however late it is
     begin, end = watch.moving()
     assert end - begin >= 1.1 + 15 * PERIOD
     assert r.drive.position == 90_000
@@ -319,7 +319,7 @@ def test_a_trajectory_that_jumps_never_reaches_the_drive():
 
 
 class Kink:
-    """At rest, then at a velocity from one cycle to the next."""
+    """At standstill, then at a velocity from one cycle to the next."""
 
     duration = 1.0
 
@@ -346,7 +346,7 @@ def test_no_step_of_velocity_beyond_the_limit_of_acceleration_is_sent(velocity):
 @pytest.mark.parametrize(
     "limits", [AxisLimits(), AxisLimits(acceleration=500.0)], ids=["no limits", "acceleration"]
 )
-def test_without_max_velocity_a_jump_is_reported_by_what_the_axis_can_make(limits):
+def test_without_max_velocity_a_jump_is_detected_by_the_acceleration_of_the_axis(limits):
     r = rig(limits=limits).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="harder than"):
@@ -367,14 +367,14 @@ def test_a_trapezoid_names_its_own_acceleration():
     limited.axis.follow(TrapezoidalTrajectory(0.0, 50.0, 100.0, 1000.0)).wait(5)
 
 
-def test_where_nothing_would_report_a_jump_a_path_of_one_s_own_is_refused():
+def test_without_any_limit_that_detects_a_jump_a_path_of_the_program_is_refused():
     r = rig(limits=AxisLimits(), defaults=Defaults(velocity=100.0)).enabled()
     with pytest.raises(ArgumentError, match="max_velocity is missing"):
         r.axis.follow(Own(TrapezoidalTrajectory(0.0, 50.0, 100.0, 500.0)))
 
 
 def test_a_jump_in_a_trajectory_ends_in_the_drive_s_quick_stop():
-    """Along the path it could not be braked: there is none where it jumps."""
+    """It cannot be braked along a path that jumps."""
     r = rig(limits=AxisLimits(velocity=400.0, acceleration=600.0)).enabled()
     r.device.write(0x6085, 0, 600_000)
 
@@ -407,7 +407,7 @@ TEN = AxisLimits(position=(-10.0, 10.0), velocity=400.0)
         (
             TrapezoidalTrajectory(0.0, 20.0, 400.0, 500.0),
             5.0,
-        ),  # while it speeds up, as hard as it is braked: half way
+        ),  # while it accelerates, as hard as it is braked: half the distance
     ],
 )
 def test_a_trajectory_that_would_leave_the_position_limits_is_braked_ahead_of_them(path, braked_at, sign):
@@ -436,7 +436,7 @@ def test_a_trajectory_that_would_leave_the_position_limits_is_braked_ahead_of_th
     r.axis.move_absolute(0.0).wait(5)
 
 
-def test_a_trajectory_that_brakes_in_time_by_itself_is_left_alone_however_hard_it_does():
+def test_a_trajectory_that_brakes_before_the_limit_is_allowed_at_any_deceleration():
     r = rig(limits=TEN, defaults=Defaults(velocity=100.0, acceleration=100.0)).enabled()
     r.axis.follow(Own(TrapezoidalTrajectory(0.0, 10.0, 100.0, 2000.0))).wait(5)
     assert r.drive.position == 10_000
@@ -463,7 +463,7 @@ def test_a_path_that_turns_round_at_the_limit_is_distinguished_from_one_that_goe
     assert max(abs(end) for end in watch.travel) <= 10_001
 
 
-def test_a_path_that_jumps_beyond_the_limit_is_held_where_it_is():
+def test_a_path_that_jumps_beyond_the_limit_leaves_the_axis_at_its_position():
     r = rig(limits=AxisLimits(position=(-10.0, 10.0))).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="leaves the position limits"):
@@ -482,7 +482,7 @@ def test_the_limits_count_in_the_user_s_own_count():
 
 
 @pytest.mark.parametrize("own", [True, False], ids=["own", "known"])
-def test_an_axis_at_rest_outside_its_limits_may_come_back_but_not_go_farther_out(own):
+def test_an_axis_outside_its_limits_may_return_and_not_move_farther_out(own):
     wrap = Own if own else lambda path: path
     r = rig(limits=TEN, motor=MotorParams(start_position=15_000)).enabled()
     watch = Watch(r)
@@ -537,7 +537,7 @@ def test_a_trajectory_with_a_mistake_ends_its_command_and_not_the_scan(wrong):
     assert r.axis.state is AxisState.ERRORSTOP
 
 
-def test_an_axis_that_does_not_come_up_with_its_end_fails():
+def test_an_axis_that_does_not_reach_the_end_of_its_trajectory_fails():
     r = rig(position_window=100, following_error=BLIND).enabled()
     r.device.write(0x6065, 0, 0xFFFFFFFF)
     handle = r.axis.follow(TrapezoidalTrajectory(0.0, 10.0, 100.0, 500.0))
@@ -547,7 +547,7 @@ def test_an_axis_that_does_not_come_up_with_its_end_fails():
         handle.wait(5)
 
 
-# Stopping on the way.
+# Stopping on the path.
 
 
 @pytest.mark.parametrize("how", ["halt", "stop", "disable"])

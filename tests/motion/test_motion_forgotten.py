@@ -1,4 +1,4 @@
-"""What an axis forgets when its drive leaves its state, loses power, or gets a new origin: every attribute is in a list."""
+"""The attributes that an axis resets when its drive leaves its state, loses power, or gets a new origin: all are listed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from axisbus.motion.stop.standstill_monitor import StandstillMonitor
 from kit.motion.rig import Rig, rig
 
 INF = math.inf
-# What is forgotten with each loss, and with the greater ones: attribute -> (a value that says something, the value without it).
+# The attributes reset with each loss, and with the greater ones: attribute -> (a value with information, the value without it).
 FORGOTTEN = {
     Loss.OPERATION: {
         "running.set_point": (SetPoint(5, "x", 1.0), None),
@@ -62,7 +62,7 @@ BEGUN = {
     *("image.led.since", "image.led.trust._given", "image.still", "image.still_demand", "image.loss"),
     *("supervision.following._activity", "supervision.following._mode", "supervision.following._peak"),
 }
-# What is no state of a motion: what the drive shows in each cycle, what is of the axis for good, and what ends by itself.
+# No state of a motion: feedback of each cycle, permanent properties of the axis, and states that end without a reset.
 SHOWN = {
     *(
         "bus",
@@ -129,7 +129,7 @@ KEPT = {
         "everywhere",
         "proven",
     },  # how the drive is does not change with its power
-    # What runs ends by its own ticket.
+    # Running commands end by their own ticket.
     "running": {"activity", "addition", "addition_ticket", "ended", "ticket"},
     "stopping": {
         "_parameters",
@@ -139,13 +139,13 @@ KEPT = {
         "ladder",
         "locks",
         "reason",
-    },  # a stop goes on without power
+    },  # a stop continues without power
     "supervision.following": {"_parameters", "_window"},
     # Of its next position or velocity on.
     "supervision._resting": {
         *("_allowed", "_parameters", "_per_velocity", "_pulls", "_since", "_stamp", "_why"),
     },
-    # The parts of an axis, and what its commands set: each is in one of the lists itself or ends with its command.
+    # The parts of an axis, and attributes set by its commands: each is in one of the lists itself or ends with its command.
     "": {
         *(
             "_arrival",
@@ -208,7 +208,7 @@ def attributes(thing) -> set[str]:
 
 
 @pytest.mark.parametrize("path", PARTS)
-def test_each_attribute_is_forgotten_or_kept_for_a_reason(path):
+def test_each_attribute_is_reset_or_kept_for_a_reason(path):
     """An attribute that is new has to be put into one of the lists: state of a motion must not outlive it."""
     thing = part(rig().core, path)
     assert type(thing) is PARTS[path]
@@ -219,7 +219,7 @@ def test_each_attribute_is_forgotten_or_kept_for_a_reason(path):
 
 
 @pytest.mark.parametrize("loss", list(Loss))
-def test_a_loss_forgets_its_list_and_those_of_the_smaller_ones(loss):
+def test_a_loss_resets_its_list_and_those_of_the_smaller_losses(loss):
     core = rig().core
     values = {name: each for kind in Loss for name, each in FORGOTTEN[kind].items()}
     for name, (dirty, _) in values.items():
@@ -232,7 +232,7 @@ def test_a_loss_forgets_its_list_and_those_of_the_smaller_ones(loss):
         assert getattr(part(core, path), attribute) == (clean if name in void else dirty), name
 
 
-def test_with_the_power_each_watch_begins_again_and_with_the_count_each_place():
+def test_a_loss_of_power_restarts_each_watch_and_a_loss_of_the_count_each_position_window():
     core = rig().core
     core.image.led.trust.gives(500)
     core.supervision.following._mode = 1
@@ -260,8 +260,8 @@ def unseen(option: int) -> Rig:
 @pytest.mark.parametrize(
     ("how", "option"), [("disable", 2), ("fault", 2), ("quick stop", 2), ("quick stop", 6)]
 )
-def test_after_a_broken_off_move_an_axis_at_rest_can_be_halted(how, option):
-    """Nothing of the move outlives it, although nobody sees by 6062h that the drive leads the axis nowhere."""
+def test_after_an_interrupted_move_an_axis_at_standstill_can_be_halted(how, option):
+    """No state of the move remains, although no 6062h shows that the drive has no demand elsewhere."""
     r = unseen(option)
     axis = r.axis
     axis.move_absolute(300.0)

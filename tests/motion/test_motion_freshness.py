@@ -89,7 +89,7 @@ def test_values_of_a_new_sync_after_a_late_cycle_are_fresh():
     assert all(known(img).values())
 
 
-# What an old value does to the axis.
+# The effect of an old value on the axis.
 
 
 def lose(r, *names: str) -> None:
@@ -118,7 +118,7 @@ def test_a_position_that_is_too_old_raises_instead_of_being_shown():
 
 
 @pytest.mark.parametrize(("name", "code"), [("velocity", "606Ch"), ("torque", "6077h")])
-def test_velocity_and_torque_are_not_passed_off_as_fresh_either(name, code):
+def test_stale_velocity_and_torque_raise_an_error(name, code):
     r = rig().enabled()
     lose(r, name)
     r.run(0.2)
@@ -148,13 +148,13 @@ def test_when_nothing_at_all_arrives_the_node_is_named_as_lost():
     assert "no longer sends process data" in r.axis.error.message
 
 
-def test_an_axis_at_standstill_that_goes_silent_is_not_left_in_standstill():
+def test_an_axis_at_standstill_without_a_statusword_goes_to_errorstop():
     r = rig().enabled()
     lose(r, "statusword")
     r.until(lambda: r.axis.state is AxisState.ERRORSTOP, 1.0)
 
 
-def test_a_disabled_axis_that_goes_silent_is_sent_nothing():
+def test_a_disabled_axis_whose_values_stop_is_sent_nothing():
     r = rig()
     r.run(0.1)
     watch = Watch(r)
@@ -164,7 +164,7 @@ def test_a_disabled_axis_that_goes_silent_is_sent_nothing():
     assert r.axis.state is AxisState.DISABLED
 
 
-def test_after_the_word_comes_back_only_a_reset_and_an_enable_bring_the_axis_back():
+def test_after_a_lost_statusword_the_axis_needs_a_reset_and_an_enable():
     r = rig().enabled()
     port = r.ports["x"]
     read = port.read
@@ -220,7 +220,7 @@ def test_an_event_word_without_a_timer_is_polled_by_sdo_and_stays_known():
     r.axis.move_absolute(10.0).wait(5)
 
 
-def test_what_an_axis_shows_ends_with_its_scan():
+def test_the_position_of_an_axis_is_stale_after_its_scan_has_ended():
     r = rig()
     r.enabled()
     assert r.axis.position == pytest.approx(0.0, abs=0.01)
@@ -230,7 +230,7 @@ def test_what_an_axis_shows_ends_with_its_scan():
     assert "nothing more is received" in caught.value.observed
 
 
-def test_what_an_axis_shows_is_not_of_now_while_the_scan_hangs():
+def test_the_position_of_an_axis_is_stale_while_the_scan_hangs():
     r = rig()
     r.enabled()
     r.cycle.wait_until(r.now + 0.2)

@@ -1,4 +1,4 @@
-"""A move that takes over from a trajectory, step by step: what controls the axis before it begins, how it stops, its time limit."""
+"""A move that takes over from a trajectory, step by step: control of the axis before it begins, its stops, its time limit."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PERIOD = 0.01
 
 
 def led(**changes) -> tuple[Drive, Follow]:
-    """An axis that a trajectory leads at 20 deg/s."""
+    """An axis that follows a trajectory at 20 deg/s."""
     drive = Drive(scan_period=PERIOD, **changes)
     follow = Follow(TrapezoidalTrajectory(0.0, 400.0, 20.0, 40.0), drive.parameters, OPEN)
     for _ in range(100):
@@ -69,7 +69,7 @@ def test_until_the_new_move_begins_the_trajectory_before_it_controls_the_axis():
     assert last == 60_000
 
 
-def test_while_it_waits_the_path_before_does_not_get_too_far_for_its_deceleration():
+def test_while_a_move_waits_the_running_path_stops_in_time_for_the_deceleration_of_the_move():
     """From 20 deg/s it needs 100 deg to brake with 2 deg/s²; the axis had room for that when it was commanded."""
     drive, before = led(limits=AxisLimits(position=(-10.0, 400.0), velocity=400.0))
     gate = StartBarrier()
@@ -100,7 +100,7 @@ def test_a_path_that_brakes_because_it_got_too_fast_continues_as_the_move_once_t
     targets = [step(drive, move) for _ in range(2000)]
     steps = [b - a for a, b in pairwise(targets)]
     assert max(abs(b - a) for a, b in pairwise(steps)) <= 55
-    assert min(steps[:20]) > 100  # it need not come to rest before
+    assert min(steps[:20]) > 100  # it need not stop before
     assert targets[-1] <= 400_000
     assert not before.at_rest
 
@@ -114,7 +114,7 @@ def test_a_move_that_replaces_a_waiting_move_continues_the_trajectory_before_bot
     assert move.last_step == before.last_step
 
 
-def test_one_that_is_stopped_before_it_begins_never_begins():
+def test_a_move_that_is_stopped_before_it_begins_never_begins():
     drive, before = led()
     gate = StartBarrier()
     move = going_on(drive, before, gate=gate)
@@ -136,7 +136,7 @@ def test_one_that_is_stopped_before_it_begins_never_begins():
 
 
 @pytest.mark.parametrize(("timeout", "told"), [(0.5, True), (30.0, False), (None, False)])
-def test_it_has_the_time_that_the_caller_gives(timeout, told):
+def test_a_following_move_has_the_time_that_the_caller_gives(timeout, told):
     drive, before = led()
     move = going_on(drive, before, timeout=timeout)
     began = drive.now
@@ -158,8 +158,8 @@ def test_it_has_the_time_that_the_caller_gives(timeout, told):
     ("room", "way", "fits"),
     [(50.0, 40.0, True), (40.0, 40.0, True), (39.99, 40.0, False), (5.1, 3.0, True), (4.9, 3.0, False)],
 )
-def test_it_needs_room_to_brake_within_the_limits(room, way, fits):
-    """From 20 deg/s with 40 deg/s² it comes to rest 5 deg on at the nearest."""
+def test_a_following_move_needs_room_to_brake_within_the_limits(room, way, fits):
+    """From 20 deg/s with 40 deg/s² it stops after 5 deg at the earliest."""
     drive, before = led()
     where = before.last_step.position
     limits = AxisLimits(position=(-10.0, where + room), velocity=400.0)
@@ -207,13 +207,13 @@ def test_on_the_plant_it_continues_without_a_jolt():
         (Jog, 3, True, False, False),
     ],
 )
-def test_what_each_command_works_in_and_how_it_ends(activity, mode, goes_on, clears_error, ends_at_rest):
+def test_mode_and_end_conditions_of_each_activity(activity, mode, goes_on, clears_error, ends_at_rest):
     assert (activity.mode, activity.goes_on, activity.clears_error, activity.ends_at_rest) == (
         *(mode, goes_on, clears_error, ends_at_rest),
     )
 
 
-def test_a_trajectory_that_is_planned_begins_at_the_demand_or_else_where_the_axis_is():
+def test_a_planned_trajectory_begins_at_the_demand_or_else_at_the_actual_position():
     drive = Drive(scan_period=PERIOD)
     follow = Follow(None, drive.parameters, OPEN)
     assert follow.reference(drive.cycle(statusword=0x1237, mode=1, position=500, demand=510)[0]) == 510
@@ -222,7 +222,7 @@ def test_a_trajectory_that_is_planned_begins_at_the_demand_or_else_where_the_axi
         follow.reference(drive.cycle(position=None)[0])
 
 
-def test_an_axis_has_two_seconds_to_come_up_with_the_end_of_its_trajectory():
+def test_an_axis_has_two_seconds_to_reach_the_end_of_its_trajectory():
     drive = Drive(scan_period=PERIOD)
     follow = Follow(TrapezoidalTrajectory(0.0, 1.0, 20.0, 40.0), drive.parameters, OPEN)
     ended = None

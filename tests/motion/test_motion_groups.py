@@ -1,4 +1,4 @@
-"""Groups: together in one SYNC, on a straight line, and what one axis's failure does to the others."""
+"""Groups: common start in one SYNC, straight lines, and the effect of a failed axis on the others."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def off_the_line(points, start, end) -> float:
     return worst
 
 
-def time_on_the_way(seen: dict[str, Watch]) -> float:
+def time_of_motion(seen: dict[str, Watch]) -> float:
     spans = [watch.moving() for watch in seen.values() if watch.speed > 20]
     return max(end for _, end in spans) - min(begin for begin, _ in spans)
 
@@ -70,10 +70,10 @@ def test_all_axes_take_transition_4_in_the_same_sync():
     assert [len(t) for t in times] == [1, 1, 1]
     assert times[0] == times[1] == times[2]
     waited = seen["y"].stage_times(SWITCHED_ON)[0]
-    assert times[0][0] - waited > 0.3  # y stood ready and waited for the slowest
+    assert times[0][0] - waited > 0.3  # y was ready and waited for the slowest
 
 
-def test_a_group_enable_that_is_asked_for_again_continues_and_both_handles_end_as_it_does():
+def test_a_repeated_group_enable_continues_and_both_handles_end_as_it_does():
     r = rig("xyz")
     r.drive_of("y").dials.transition_delay[3] = 0.2
     watches = [Watch(r, name) for name in "xyz"]
@@ -102,7 +102,7 @@ def test_waiting_threads_wake_in_the_cycle_in_which_a_group_command_ends_and_in_
     assert woken[-1:] == [r.now]
 
 
-def test_an_axis_that_is_being_enabled_by_itself_does_not_keep_its_group_waiting_for_ever():
+def test_an_axis_that_is_being_enabled_alone_does_not_block_its_group():
     r = rig("xy")
     r.drive_of("x").dials.transition_delay[3] = 0.2
     one = r.axes["x"].enable()
@@ -112,7 +112,7 @@ def test_an_axis_that_is_being_enabled_by_itself_does_not_keep_its_group_waiting
     assert all(device.drives[0].power.stage == ENABLED for device in r.devices)
 
 
-def test_a_group_enable_that_was_asked_for_twice_and_fails_fails_for_both():
+def test_a_repeated_group_enable_that_fails_fails_for_both_handles():
     r = rig("xy")
     r.drive_of("y").dials.transition_delay[3] = 1e9
     first = r.groups["all"].enable()
@@ -126,7 +126,7 @@ def test_a_group_enable_that_was_asked_for_twice_and_fails_fails_for_both():
 
 
 @pytest.mark.parametrize("how", ["halt", "stop", "disable", "quick_stop", "reset"])
-def test_what_a_group_is_asked_for_twice_ends_well_for_both(how):
+def test_a_group_command_given_twice_ends_well_for_both(how):
     r = rig("xy").enabled()
     for axis in r.axes.values():
         axis.move_velocity(50.0)
@@ -144,7 +144,7 @@ def test_what_a_group_is_asked_for_twice_ends_well_for_both(how):
     assert all(abs(device.drives[0].axis.motor.velocity) < 1.0 for device in r.devices)
 
 
-def test_a_halt_that_is_asked_for_again_stops_an_axis_that_has_begun_to_move_meanwhile():
+def test_a_repeated_halt_stops_an_axis_that_started_to_move_after_the_first():
     r = rig("xy", each={"y": {"defaults": Defaults(velocity=100.0, acceleration=20.0)}}).enabled()
     r.axes["y"].move_velocity(50.0)
     r.run(1.0)
@@ -160,7 +160,7 @@ def test_a_halt_that_is_asked_for_again_stops_an_axis_that_has_begun_to_move_mea
     assert all(abs(device.drives[0].axis.motor.velocity) < 1.0 for device in r.devices)
 
 
-def test_enabling_a_group_of_which_one_is_enabled_already():
+def test_a_group_is_enabled_if_one_axis_is_enabled_already():
     r = rig("xyz")
     r.axes["y"].enable().wait(2)
     seen = watches(r)
@@ -226,7 +226,7 @@ def test_a_straight_line_takes_the_time_of_its_trapezoid_and_stays_straight():
     seen = watches(r)
     r.groups["all"].move_linear((30.0, 40.0), velocity=50.0, acceleration=250.0).wait(5)
     # 50 deg at 50 deg/s with 250 deg/s²: 50/50 + 50/250 = 1.2 s
-    assert time_on_the_way(seen) == pytest.approx(1.2, abs=0.04)
+    assert time_of_motion(seen) == pytest.approx(1.2, abs=0.04)
     assert seen["x"].speed == pytest.approx(30_000, rel=0.01)
     assert seen["y"].speed == pytest.approx(40_000, rel=0.01)
     assert off_the_line(path(seen), (0.0, 0.0), (30.0, 40.0)) < 0.003
@@ -239,7 +239,7 @@ def test_a_short_line_is_a_triangle():
     r = rig("xy").enabled()
     seen = watches(r)
     r.groups["all"].move_linear((3.0, 4.0), velocity=200.0, acceleration=500.0).wait(5)
-    assert time_on_the_way(seen) == pytest.approx(2 * math.sqrt(5.0 / 500.0), abs=0.03)  # 0.2 s
+    assert time_of_motion(seen) == pytest.approx(2 * math.sqrt(5.0 / 500.0), abs=0.03)  # 0.2 s
     assert off_the_line(path(seen), (0.0, 0.0), (3.0, 4.0)) < 0.003
 
 
@@ -251,8 +251,8 @@ def test_the_slowest_axis_slows_all_and_the_line_stays_straight():
     r.enabled()
     seen = watches(r)
     r.groups["all"].move_linear((20.0, 20.0, 10.0), velocity=300.0, acceleration=1000.0).wait(10)
-    # y may do 10 deg/s over 20 deg; z may do 40 deg/s² over 10 deg: shares of the way 0.5 /s and 4 /s²; 1/0.5 + 0.5/4 s
-    assert time_on_the_way(seen) == pytest.approx(2.0 + 0.125, abs=0.04)
+    # y may do 10 deg/s over 20 deg; z may do 40 deg/s² over 10 deg: shares of the path 0.5 /s and 4 /s²; 1/0.5 + 0.5/4 s
+    assert time_of_motion(seen) == pytest.approx(2.0 + 0.125, abs=0.04)
     assert seen["y"].speed <= 10_000 * 1.01
     assert seen["z"].acceleration(5) <= 40_000 * 1.1
     assert off_the_line(path(seen), (0.0, 0.0, 0.0), (20.0, 20.0, 10.0)) < 0.004
@@ -284,7 +284,7 @@ def test_halt_brakes_along_the_line():
     r.groups["all"].halt().wait(3)
     assert isinstance(handle.exception(), Interrupted)
     assert off_the_line(path(seen), (0.0, 0.0), (90.0, 120.0)) < 0.004
-    # 100 deg/s with 400 deg/s²: 0.25 s, the two cycles until the command acts, and the one until its last target does
+    # 100 deg/s with 400 deg/s²: 0.25 s, the two cycles until the command acts, and the one until its last target acts
     assert seen["x"].moving()[1] - seen["x"].rows[0].t == pytest.approx(0.25 + 3 * PERIOD, abs=0.02)
     assert {axis.state for axis in r.axes.values()} == {AxisState.STANDSTILL}
     assert r.drive_of("x").mode_display == 8
@@ -293,7 +293,7 @@ def test_halt_brakes_along_the_line():
 
 
 @pytest.mark.parametrize("after", [0.08, 0.15, 1.0, 1.62, 1.75])
-def test_braking_along_the_line_never_asks_for_more_than_the_path_s_acceleration(after):
+def test_braking_along_the_line_never_exceeds_the_acceleration_of_the_path(after):
     """Also while the line itself speeds up (0.25 s) or slows down (from 1.5 s on)."""
     r = rig("xy").enabled()
     r.groups["all"].move_linear((90.0, 120.0), velocity=100.0, acceleration=400.0)
@@ -305,7 +305,7 @@ def test_braking_along_the_line_never_asks_for_more_than_the_path_s_acceleration
     assert seen["y"].acceleration(2) <= 400_000 * 0.8 * 1.1
 
 
-def test_one_axis_halted_by_itself_brakes_the_whole_line():
+def test_a_halt_of_one_axis_brakes_all_axes_on_the_line():
     r = rig("xy").enabled()
     handle = r.groups["all"].move_linear((90.0, 120.0), velocity=100.0, acceleration=400.0)
     r.run(0.8)
@@ -358,7 +358,7 @@ def test_a_fault_of_one_member_stops_the_others_along_the_line(known):
 
 
 @pytest.mark.parametrize("trouble", ["disabled", "found enabled", "moving", "fault", "locked"])
-def test_a_line_with_a_member_that_cannot_go_is_refused_and_nobody_moves(trouble):
+def test_a_line_with_an_axis_that_cannot_move_is_refused_without_a_motion(trouble):
     r = rig("xyz")
     for name in "xz":
         r.axes[name].enable().wait(2)
@@ -408,7 +408,7 @@ def test_a_line_needs_a_number_for_each_axis_and_keeps_the_limits():
         group.move_linear((1.0, math.nan), velocity=10.0)
 
 
-def test_a_line_brings_back_an_axis_that_is_outside_its_limits():
+def test_a_line_returns_an_axis_that_is_outside_its_limits():
     outside = MotorParams(start_position=15_000)
     r = rig("xy", motor=outside, each={"x": {"limits": AxisLimits(position=(-10.0, 10.0))}}).enabled()
     watch = Watch(r, "x")
@@ -417,11 +417,11 @@ def test_a_line_brings_back_an_axis_that_is_outside_its_limits():
     assert watch.travel[1] <= 15_001
 
 
-def test_a_line_without_an_acceleration_takes_the_smallest_default_or_says_whose_is_missing():
+def test_a_line_without_an_acceleration_uses_the_smallest_default_or_names_the_axis_without_one():
     r = rig("xy", each={"y": {"defaults": Defaults(velocity=10.0, acceleration=50.0)}}).enabled()
     seen = watches(r)
     r.groups["all"].move_linear((30.0, 40.0), velocity=50.0).wait(10)
-    assert time_on_the_way(seen) == pytest.approx(50 / 50 + 50 / 50, abs=0.04)
+    assert time_of_motion(seen) == pytest.approx(50 / 50 + 50 / 50, abs=0.04)
     lacking = rig("xy", each={"y": {"defaults": Defaults()}})
     with pytest.raises(ArgumentError, match="acceleration is missing") as caught:
         lacking.groups["all"].move_linear((30.0, 40.0), velocity=50.0)
@@ -524,7 +524,7 @@ def test_a_group_command_is_not_done_if_an_axis_that_had_ended_its_part_was_take
         handle.wait(5)
 
 
-def test_what_an_axis_is_asked_for_after_the_end_of_a_group_command_leaves_it_done():
+def test_a_later_command_of_one_axis_leaves_an_ended_group_command_done():
     r = rig("xy").enabled()
     handle = r.groups["all"].move_direct((1.0, 2.0))
     handle.wait(5)
@@ -576,7 +576,7 @@ def test_a_fault_stops_the_moving_axes_of_its_group_and_no_others():
     assert abs(r.drive_of("z").axis.motor.velocity) > 90_000
 
 
-def test_a_drive_found_moving_by_itself_is_not_touched_by_the_policy():
+def test_a_drive_found_moving_is_not_stopped_by_the_policy():
     r = rig("xy")
     r.drive_of("y").start_enabled(3)
     r.drive_of("y").target_velocity = 20_000
@@ -649,7 +649,7 @@ def test_a_closed_start_barrier_never_opens_and_an_open_one_is_not_closed():
 
 
 def targets_of(seen: dict[str, Watch]) -> list[tuple[float, ...]]:
-    """What was sent to the drives, cycle by cycle, in degrees."""
+    """The targets sent to the drives, cycle by cycle, in degrees."""
     columns = [[item.outputs.target_position for item in watch.sent] for watch in seen.values()]
     rows = zip(*columns, strict=True)
     return [tuple(value / 1000.0 for value in row) for row in rows if None not in row]
@@ -673,7 +673,7 @@ def test_every_target_of_a_circle_lies_on_it_to_the_increment():
 
 
 @pytest.mark.parametrize("blend", [0.2, 3.0])
-def test_every_target_of_a_path_lies_on_its_lines_or_as_near_to_a_corner_as_was_asked_for(blend):
+def test_every_target_of_a_path_lies_on_its_lines_or_within_the_blend_of_a_corner(blend):
     r = rig("xy").enabled()
     seen = watches(r)
     corners = [(0.0, 0.0), (60.0, 0.0), (60.0, 45.0), (10.0, 45.0)]

@@ -1,6 +1,6 @@
-"""Random commands of groups and axes at random times: no jolts, every handle ends, the scan lives, and all stand at last.
+"""Random commands of groups and axes at random times: no jolts, every handle ends, the scan lives, and all axes stop in the end.
 
-``AXISBUS_GROUP_SEEDS=0:500`` tries others than the usual few.
+``AXISBUS_GROUP_SEEDS=0:500`` tries other seeds than the usual few.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ JOLT = 1.2 * LIMIT
 STEPS = 40
 PAUSES = (0.0, 0.01, 0.02, 0.05, 0.1, 0.3, 0.7, 1.5)
 
-# What may be asked of a group and of an axis, as often as it stands here.
+# The commands of a group and of an axis, with their frequency.
 OF_A_GROUP = [
     *["line"] * 6,
     *["direct"] * 3,
@@ -33,7 +33,7 @@ OF_A_GROUP = [
     "disable",
 ]
 OF_AN_AXIS = ["halt", "stop", "disable", "enable", "enable", "release", "reset", "move", "turn", "jog"]
-# What jolts by its nature, and what else may go wrong.
+# Commands that jolt by their nature, and faults.
 HARD = ["quick_stop", "coast", "fault", "break"]
 PROFILED = frozenset({"direct", "move", "turn", "jog"})
 
@@ -53,7 +53,7 @@ class Breaks:
 
 
 class Chaos:
-    """One cell, one seed: what is asked for, and what must hold whatever it was."""
+    """One cell, one seed: random commands, and the invariants."""
 
     def __init__(self, cell: Cell, seed: int, hard: bool) -> None:
         self.random = random.Random(seed)
@@ -64,7 +64,7 @@ class Chaos:
         self.told: list[str] = []
 
     def prepare(self) -> None:
-        """Drives that are slow in different ways; as a rule they are enabled."""
+        """Set up drives that are slow in different ways; usually they are enabled."""
         pick = self.random
         for name in "xyz":
             self.cell.device(name).dials.sdo_delay = pick.choice([0.0, 0.0, 0.05, 0.3])
@@ -80,7 +80,7 @@ class Chaos:
         name = self.random.choice("xyz")
         what = self.random.choice([*OF_A_GROUP, *OF_AN_AXIS, *self.hard])
         if what in PROFILED and self._any_on_a_path():
-            return  # what a drive does when a profile mode takes over from a cyclic one is another scenario
+            return  # the reaction of a drive to a profile mode after a cyclic one belongs to another scenario
         of_axis = what not in OF_A_GROUP or self.random.random() < 0.3
         since = {axis: self.cell.moment(axis) for axis in "xyz"}
         self.told.append(f"{self.cell.now:.2f} {what} {name if of_axis else ''}")
@@ -112,7 +112,7 @@ class Chaos:
             assert self.hard or self.cell[axis].error is None, self.told
 
     def _revive(self) -> None:
-        """What is off or locked and stands takes commands again."""
+        """Axes at standstill that are off or locked take commands again."""
         for name in "xyz":
             if self.cell[name].state in (AxisState.DISABLED, AxisState.STOPPING, AxisState.ERRORSTOP):
                 axis = self.cell[name]
@@ -149,7 +149,7 @@ class Chaos:
 
 @pytest.mark.parametrize("hard", [False, True], ids=["gentle", "hard"])
 @pytest.mark.parametrize("seed", range(FIRST, LAST))
-def test_whatever_groups_and_axes_are_asked_for_at_whatever_time(tmp_path, seed, hard):
+def test_random_commands_of_groups_and_axes_at_random_times(tmp_path, seed, hard):
     with Stage(tmp_path) as stage:
         chaos = Chaos(stage.simulated("xyz", axis=f"max_acceleration = {LIMIT}"), seed, hard)
         chaos.prepare()

@@ -41,7 +41,7 @@ class Bounded:
         return self
 
     def rest(self, state: AxisState = FREE, course: CommandedMotion | None = None, **options) -> float | None:
-        """Return where it could come to rest, by the error's text; None where there is no danger."""
+        """Return the possible stopping position, by the error's text; None without a danger."""
         error = self.guard.danger(self.drive.image, state, course=course, **options)
         return None if error is None else float(error.observed.split("stop at ")[1].split(";")[0])
 
@@ -61,16 +61,16 @@ def turning(step: float, down: float = DOWN) -> CommandedMotion:
         (1000, 99_000, 106.2),
         (-1000, 7200, None),
         (-1000, 7199, -0.001),
-        (-1000, 92_801, None),  # on its way back from there
+        (-1000, 92_801, None),  # moving back from there
         (1000, 7199, None),
         (0, 100_000, None),
     ],
 )
-def test_a_free_motion_is_stopped_where_it_would_come_to_rest_beyond_its_limits(step, last, rest):
+def test_a_free_motion_is_stopped_if_its_stop_would_end_beyond_the_limits(step, last, rest):
     assert Bounded(step).to(last).rest(course=turning(step)) == rest
 
 
-def test_an_older_position_counts_with_what_has_passed_since():
+def test_an_older_position_counts_with_the_distance_moved_since():
     late = Bounded(1000).to(91_801)
     assert late.rest(course=turning(1000)) is None
     late.drive.cycle()
@@ -85,7 +85,7 @@ def test_a_drive_that_cannot_brake_counts_with_its_travel_until_a_stop_acts():
     assert Bounded(1000, **parameters).to(96_001).rest(course=unknown) == 100.001
 
 
-def test_where_the_limits_do_not_hold_or_are_not_set_nothing_is_stopped():
+def test_without_active_limits_no_motion_is_stopped():
     assert Bounded(1000).to(99_000).rest(course=turning(1000), bounded=False) is None
     assert Bounded(1000, limits=AxisLimits()).to(999_000).guard.danger(Bounded(0).drive.image, FREE) is None
     for state in (
@@ -97,7 +97,7 @@ def test_where_the_limits_do_not_hold_or_are_not_set_nothing_is_stopped():
         assert Bounded(1000).to(99_000).rest(state, course=turning(1000)) is None
 
 
-def test_the_limits_count_from_where_the_user_has_set_0():
+def test_the_limits_count_from_the_zero_that_the_user_has_set():
     moved = Bounded(1000).to(92_801)
     moved.drive.image.origin = 1
     assert moved.rest(course=turning(1000)) is None
@@ -105,7 +105,7 @@ def test_the_limits_count_from_where_the_user_has_set_0():
     assert moved.rest(course=turning(1000)) == 100.002
 
 
-def test_a_command_that_speeds_up_counts_with_the_speed_that_it_may_have_by_then():
+def test_a_command_that_accelerates_counts_with_the_velocity_it_may_reach_until_the_stop_acts():
     """From 64 000/s with 64 000/s² for 5.5 cycles: 69 500/s."""
     faster = CommandedMotion(speed=128_000.0, up=64_000.0, down=DOWN)
     # 4343.75 until a stop acts and 3773.6328 on the ramp
@@ -115,7 +115,7 @@ def test_a_command_that_speeds_up_counts_with_the_speed_that_it_may_have_by_then
     assert Bounded(1000).to(100_000 - 8117).rest(course=slower) is None
 
 
-def test_an_axis_at_rest_that_may_move_counts_only_since_then():
+def test_an_axis_at_standstill_that_may_move_counts_from_the_command_on():
     still = Bounded(0).to(99_999)
     for _ in range(20):
         still.drive.cycle()  # it sends on change
@@ -145,7 +145,7 @@ def test_without_a_command_the_acceleration_that_is_seen_counts():
     assert "allowed are 0 to 100" in error.observed
 
 
-def test_a_demand_ahead_of_the_position_counts_where_it_is_one_of_this_motion():
+def test_a_demand_ahead_of_the_position_counts_if_it_belongs_to_this_motion():
     course = turning(1000)
     assert Bounded(1000).to(90_000, demand=3000).rest(course=course) == 100.2
     assert Bounded(1000).to(90_000, demand=2800).rest(course=course) is None
@@ -187,7 +187,7 @@ def test_before_any_lag_was_seen_a_usual_one_counts():
     assert axis.to(100_000 - 8479).rest(course=course) == 100.001
 
 
-def test_an_axis_without_a_demand_shows_its_lag_while_targets_still_lead_it():
+def test_without_a_demand_the_lag_is_measured_from_streamed_targets():
     axis, course = Bounded(1000), turning(1000)
     for number in range(1, 9):
         # 7 periods behind: the stop itself allows for 4 of them
@@ -229,7 +229,7 @@ def test_until_weaker_ramps_are_written_an_axis_speeds_up_to_its_commanded_veloc
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("late", "found_at"), [(1, 90), (4, 86), (8, 81)])
-def test_a_demand_that_comes_seldom_gives_the_lag_alone(sign, late, found_at):
+def test_a_demand_received_seldom_gives_only_the_lag(sign, late, found_at):
     """The axis gets faster all the time, and its demand, which comes with every 8th position, is some cycles ahead of it."""
     axis, first = Bounded(0, ages={"position": 1.0, "demand": 1.0}), 0 if sign > 0 else 100_000
     course = CommandedMotion(speed=sign * 3000 / T, up=20 / T / T, down=DOWN)
@@ -240,7 +240,7 @@ def test_a_demand_that_comes_seldom_gives_the_lag_alone(sign, late, found_at):
         if axis.rest(course=course) is not None:
             break
     assert cycle == found_at
-    # Where it is led to when the stop acts, four cycles later, and where it comes to rest from there, are just at the limit.
+    # The commanded position when the stop acts, four cycles later, and the stopping position from there, are just at the limit.
     led = cycle + 1 + late + 4
     assert 10 * led**2 + (20 * led / T) ** 2 / (2 * DOWN) == pytest.approx(100_000, rel=0.05)
 
@@ -252,18 +252,18 @@ def test_a_demand_ahead_counts_for_the_braking_distance():
     assert axis.guard.overrun(axis.drive.image, DOWN) is None
 
 
-def test_a_demand_that_has_only_just_come_says_nothing_yet():
+def test_a_demand_received_just_now_is_not_used_yet():
     axis = Bounded(1000).to(80_000)
     for left in (2, 1):
         assert axis.to(81_000 + 1000 * (2 - left), demand=15_000, cycles=1).rest(course=turning(1000)) is None
 
 
-def test_two_positions_say_nothing_yet():
+def test_two_positions_are_too_few():
     assert Bounded(1000).to(99_900, cycles=2).rest(course=turning(1000)) is None
     assert Bounded(1000).to(99_900, cycles=3).rest(course=turning(1000)) is not None
 
 
-def test_a_position_that_is_not_known_any_more_is_a_danger_where_limits_hold():
+def test_an_unknown_position_is_a_danger_if_position_limits_hold():
     for limits, bounded, told in (
         (LIMITS, True, True),
         (LIMITS, False, False),
@@ -280,7 +280,7 @@ def test_a_position_that_is_not_known_any_more_is_a_danger_where_limits_hold():
 
 
 @pytest.mark.parametrize(("step", "told"), [(6877, False), (6879, True), (-6877, False), (-6879, True)])
-def test_a_free_motion_is_stopped_where_it_is_a_tenth_too_fast(step, told):
+def test_a_free_motion_more_than_a_tenth_too_fast_is_stopped(step, told):
     fast = Bounded(step, limits=AxisLimits(velocity=400.0)).to(0)
     error = fast.guard.danger(fast.drive.image, FREE, course=turning(step))
     assert (error is not None) is told
@@ -306,7 +306,7 @@ def test_an_axis_that_is_pushed_is_stopped_before_it_is_too_fast(count, told, si
 # Moves to a position.
 
 
-def test_the_noise_of_an_encoder_is_no_speed_of_which_a_move_to_a_position_cannot_brake():
+def test_encoder_noise_does_not_look_like_a_speed_too_high_to_brake():
     """64 per cycle need 8389 increments to brake; 68, as ±2 make of it, 9470."""
     course = CommandedMotion(down=1000.0, by_target=True)
     drive = Drive(limits=LIMITS)
@@ -344,7 +344,7 @@ def test_the_braking_distance_beyond_the_limits():
     assert Bounded(1000).to(93_000, cycles=2).guard.overrun(over.drive.image, DOWN) is None
 
 
-# What brakes.
+# The braking stop.
 
 QUICK = Braking(quick_stop=Ramp.QUICK, quick=2000.0)
 
@@ -363,7 +363,7 @@ QUICK = Braking(quick_stop=Ramp.QUICK, quick=2000.0)
             (StopLevel.QUICK_STOP, 2000.0),
         ),
         ({"braking": Braking(halt=Ramp.COAST)}, CommandedMotion(down=7.0), (StopLevel.HALT, None)),
-        # what the drive does not let be written, or limits (60C6h)
+        # the drive does not permit writing, or limits the value (60C6h)
         ({"fixed_ramps": ((0x6084, 40),)}, CommandedMotion(), (StopLevel.HALT, 40.0)),
         ({"fixed_ramps": ((0x6084, 0),)}, CommandedMotion(), (StopLevel.HALT, None)),
         ({"fixed_ramps": ((0x6084, None),)}, CommandedMotion(), (StopLevel.HALT, None)),
@@ -409,7 +409,7 @@ QUICK = Braking(quick_stop=Ramp.QUICK, quick=2000.0)
         ({}, CommandedMotion(down=7.0, by_torque=True), (StopLevel.HALT, 7.0)),
     ],
 )
-def test_which_stop_brakes_and_how_hard(changes, course, expected):
+def test_kind_and_deceleration_of_the_stop_that_brakes(changes, course, expected):
     assert stop_of(Drive(**changes).parameters, course) == expected
 
 
@@ -455,11 +455,11 @@ def lag(behind: list[float], speed: float = 0.0, **changes) -> list[bool]:
         ([4001.0] * 3, 0.0, {}, [False, True, True]),  # two positions in a row
         ([-4001.0] * 2, 0.0, {}, [False, True]),
         ([4001.0, 0.0, 4001.0, 4001.0], 0.0, {}, [False, False, False, True]),
-        ([4250.0] * 3, 1000.0, {}, [False] * 3),  # a quarter of a second at the speed that it is led with
+        ([4250.0] * 3, 1000.0, {}, [False] * 3),  # a quarter of a second at the commanded speed
         ([4251.0] * 2, 1000.0, {}, [False, True]),
         ([4001.0, 4001.0], 0.0, {"following_error": 1}, [False, False]),
         ([4002.0, 4002.0], 0.0, {"following_error": 1}, [False, True]),
-        ([4002.0, 4002.0], 0.0, {"drive_following_error": 9}, [False, True]),  # not led by positions
+        ([4002.0, 4002.0], 0.0, {"drive_following_error": 9}, [False, True]),  # no streamed positions
         ([4001.0] * 6, 0.0, {"drive_following_time": 4 * T}, [False] * 4 + [True, True]),
         (
             [4001.0, 4001.0, 0.0, 4001.0, 4001.0, 4001.0, 4001.0],
@@ -484,12 +484,12 @@ def test_only_positions_that_are_new_count_for_the_lag():
     error = watch.error(drive.cycle(position=0)[0], activity)
     assert "at 2 deg it is 5 deg from its expected position; 4 are allowed" in error.observed
     other = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
-    assert watch.error(drive.cycle(position=1)[0], other) is None  # another command begins anew
+    assert watch.error(drive.cycle(position=1)[0], other) is None  # another command restarts it
     assert watch.error(drive.cycle(position=2)[0], None) is None
     assert watch.error(drive.cycle(position=None)[0], other) is None
 
 
-def test_a_position_of_before_is_one_however_often_it_is_looked_at():
+def test_an_old_position_counts_once_however_often_it_is_read():
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
@@ -511,7 +511,7 @@ def test_a_lost_position_is_not_used_for_the_following_error():
 
 
 @pytest.mark.parametrize("every", [1, 5])
-def test_a_lag_is_excused_by_the_speed_of_the_last_second_alone_however_often_positions_come(every):
+def test_a_lag_is_allowed_by_the_speed_of_the_last_second_for_any_position_interval(every):
     """By the cycle's clock: 64 cycles of 1/64 s, and the next position."""
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
@@ -563,7 +563,7 @@ def test_a_gap_between_two_positions_restarts_the_count_of_the_following_error(b
     assert told == [False, False, False, True]
 
 
-def test_which_commands_are_monitored_by_the_lag_behind_their_demand():
+def test_commands_monitored_by_the_lag_behind_their_demand():
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
     for behind, mode, used in ((None, 8, True), (None, 1, True), (None, 3, False), (0.0, 8, False)):
@@ -574,7 +574,7 @@ def test_which_commands_are_monitored_by_the_lag_behind_their_demand():
 
 
 @pytest.mark.parametrize(("behind", "gives_up"), [(5024, False), (5025, True), (-5024, False), (-5025, True)])
-def test_a_demand_that_comes_less_often_than_the_position_has_the_speed_of_its_own_times(behind, gives_up):
+def test_a_demand_slower_than_the_position_has_the_velocity_of_its_own_stamps(behind, gives_up):
     """4096 increments per s excuse 1024 beyond the window of 4000, as of the time of the demand, however old it is by now."""
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
@@ -593,10 +593,10 @@ def test_a_demand_that_comes_less_often_than_the_position_has_the_speed_of_its_o
     [
         ("0011111", [False] * 6 + [True]),  # for the time of 6066h, too: some drives set the bit before
         ("0011011", [False] * 7),
-        ("1111111", [False] * 7),  # it says so of another motion, or always
+        ("1111111", [False] * 7),  # it was set for another motion, or is always set
     ],
 )
-def test_where_no_demand_is_known_bit_13_reports_a_following_error(bits, told):
+def test_without_a_demand_bit_13_reports_a_following_error(bits, told):
     drive = Drive(drive_following_error=500, drive_following_time=4 * T)
     watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1, course=None)
@@ -609,7 +609,7 @@ def test_where_no_demand_is_known_bit_13_reports_a_following_error(bits, told):
 
 
 def targets(*, closely: bool = False) -> tuple[Drive, FollowingErrorMonitor, SimpleNamespace]:
-    """An axis in csp that is led by 64 increments in each of seven cycles, after some at rest, and is there."""
+    """An axis in csp that is commanded by 64 increments in each of seven cycles, after some at standstill, and has arrived."""
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=None, led_speed=0.0, mode=8)
@@ -633,7 +633,7 @@ def test_a_target_that_is_only_noted_as_near_counts_for_the_lag_as_any_other(clo
     assert seen == told
 
 
-def test_where_targets_lead_an_old_demand_excuses_nothing():
+def test_with_streamed_targets_an_old_demand_allows_no_lag():
     drive, watch, activity = targets()
     drive.image.demand, drive.image.demand_stamp = 0, 0.0
     seen = []

@@ -84,7 +84,7 @@ def test_after_a_halt_the_next_mode_is_taken_without_the_halt_bit(before, after,
     r.until(lambda: r.drive.mode_display == mode, TAKES + 2.0)
     assert r.now - began > TAKES
     assert abs(r.drive.axis.motor.position - here) < 1.0
-    assert watch.displacement < 1.0  # the drive did not go on with what was halted
+    assert watch.displacement < 1.0  # the drive did not continue the halted motion
     handle.wait(5)
     assert watch.travel[1] < here + 1.0
     held = [sent for sent in watch.sent if sent.outputs.controlword & HALT]
@@ -395,7 +395,7 @@ def test_queued_transfers_are_cancelled():
         (None, HoldsLoad.NO, None),
     ],
 )
-def test_what_a_drive_would_continue_after_a_halt_by_mode(mode, load, left):
+def test_the_remains_of_a_halted_motion_by_mode(mode, load, left):
     drive = Steps(holds_load=load)
     image, _ = drive.cycle(statusword=ENABLED, mode=mode, position=0)
     assert after_halt(image, drive.parameters) is left
@@ -425,7 +425,7 @@ def test_when_the_master_knows_that_the_drive_has_no_set_point(seen, idle):
     assert image.led.idle is idle
 
 
-def test_every_mode_says_what_is_left_of_a_halted_motion():
+def test_every_mode_defines_the_remains_of_a_halted_motion():
     left = {mode: conduct.after_halt for mode, conduct in CONDUCT.items()}
     assert left.pop(MODE.PROFILE_POSITION) is AfterHalt.SET_POINT
     assert left.pop(MODE.HOMING) is AfterHalt.SEARCH

@@ -68,7 +68,7 @@ def test_wait_returns_the_handle_and_an_ended_one_at_once():
     assert handle.exception() is None
 
 
-def test_a_wait_that_times_out_says_so_and_the_motion_continues():
+def test_a_wait_that_times_out_raises_and_the_motion_continues():
     r = rig().enabled()
     handle = r.axis.move_absolute(50.0)
     with pytest.raises(TimeoutError, match=r"x.move_absolute\(50 deg\): not ended after 0.1 s; it continues"):
@@ -78,7 +78,7 @@ def test_a_wait_that_times_out_says_so_and_the_motion_continues():
     assert r.drive.position == pytest.approx(50_000, abs=60)
 
 
-def test_a_handle_says_its_name_and_status():
+def test_a_handle_shows_its_name_and_status():
     r = rig().enabled()
     handle = r.axis.move_absolute(50.0)
     assert repr(handle) == "<Handle x.move_absolute(50 deg): busy>"
@@ -87,7 +87,7 @@ def test_a_handle_says_its_name_and_status():
     assert handle.status is Status.ACTIVE
 
 
-def test_what_took_over_is_reported_and_counts_as_aborted_not_as_failed():
+def test_the_command_that_took_over_is_named_and_the_handle_counts_as_aborted():
     r = rig().enabled()
     first = r.axis.move_absolute(50.0)
     second = r.axis.move_absolute(20.0)
@@ -154,7 +154,7 @@ def test_a_callback_that_fails_ends_neither_the_scan_nor_the_other_callbacks(cap
     assert "x.move_absolute(1 deg)" in caplog.text
 
 
-def test_a_failed_handle_that_nobody_looked_at_is_reported_by_name(caplog):
+def test_a_failed_handle_that_the_program_dropped_is_logged_by_name(caplog):
     handle = Handle("x.move_absolute(5 deg)", NOBODY)
     handle._finish(Status.ERROR, MotionTimeout("x: has not arrived", remedy="look whether it is blocked"))
     with caplog.at_level(logging.ERROR, "axisbus"):
@@ -165,7 +165,7 @@ def test_a_failed_handle_that_nobody_looked_at_is_reported_by_name(caplog):
 
 
 @pytest.mark.parametrize("look", ["done", "aborted", "exception()", "wait()"])
-def test_a_handle_that_was_looked_at_or_only_aborted_is_not_reported(caplog, look):
+def test_a_handle_that_was_read_or_only_aborted_is_not_reported(caplog, look):
     handle = Handle("x", NOBODY)
     handle._finish(Status.ERROR, DriveError("x"))
     if look == "wait()":
@@ -191,7 +191,7 @@ def test_wait_for_several_returns_when_all_have_ended():
     assert all(handle.done for handle in handles)
 
 
-def test_all_failures_are_raised_together_and_the_first_stops_nobody_by_itself():
+def test_all_failures_are_raised_together_and_the_first_stops_no_other_axis():
     r = rig("xyz", groups={"a": ["x"], "b": ["y"], "c": ["z"]}).enabled()
     r.drive_of("x").dials.blocked = r.drive_of("z").dials.blocked = True
     handles = [
@@ -232,7 +232,7 @@ def test_handles_of_two_machines_can_be_waited_for_together():
 # asyncio, in virtual time.
 
 
-def test_await_returns_the_handle_or_raises_what_ended_it():
+def test_await_returns_the_handle_or_raises_its_error():
     r = rig().enabled()
 
     async def job():
@@ -300,7 +300,7 @@ def test_a_wait_in_real_time_times_out_in_time():
     assert handle.exception() is not None  # the scan has ended, and with it every handle
 
 
-def test_a_loop_that_is_gone_when_the_motion_ends_does_not_disturb_the_scan():
+def test_an_event_loop_that_closed_before_the_motion_ends_does_not_disturb_the_scan():
     with RealTime() as real:
         real.rig.axis.enable().wait(5)
         handle = real.rig.axis.move_absolute(20.0)
@@ -350,7 +350,7 @@ def test_the_scan_cannot_wait_for_itself():
     assert "own thread" in seen[0].message
 
 
-def test_both_waiters_offer_the_seam():
+def test_both_waiters_implement_the_waiter_protocol():
     def seam(waiter: Waiter) -> Waiter:
         return waiter
 

@@ -1,4 +1,4 @@
-"""Homing by the methods that the simulated drive knows: where home is, a real edge each time, stale bits, errors and time-outs."""
+"""Homing by the methods of the simulated drive: the home position, a real edge each time, stale bits, errors and time-outs."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def edges(watch: Watch) -> int:
         (37, 10_000),
     ],
 )
-def test_each_method_calls_the_right_place_home(method, home):
+def test_each_homing_method_sets_home_at_the_right_position(method, home):
     r = rig(motor=MACHINE, homing=SEARCH).enabled()
     assert not r.axis.homed
     watch = Watch(r)
@@ -76,7 +76,7 @@ def test_objects_written_before_homing():
     assert first_bit_4 > last_write  # the search began with its objects in place
 
 
-def test_bit_4_stays_high_through_the_search_and_falls_afterwards():
+def test_bit_4_stays_high_during_the_search_and_falls_after_it():
     r = rig(motor=MACHINE, homing=SEARCH).enabled()
     watch = Watch(r)
     r.axis.home(18).wait(20)
@@ -162,7 +162,7 @@ def test_bit_13_of_the_homing_before_does_not_fail_a_slow_second_one():
 
 @pytest.mark.parametrize("poll", [0.1, 0.3])
 def test_a_slow_statusword_of_the_homing_before_is_not_the_end_of_the_next(poll):
-    """A word that was polled just after the edge is old: the drive shows the new homing later, and the next poll comes late."""
+    """A word that was polled just after the edge is old: the drive shows the new homing later, and the next poll is late."""
     r = rig(motor=MACHINE, homing=SEARCH, port={"max_age": {"statusword": 1.0}}).enabled()
     r.axis.home(17).wait(20)
     r.axis.move_absolute(20.0).wait(5)
@@ -231,7 +231,7 @@ def test_an_axis_that_was_past_the_wrap_of_integer32_counts_from_home_again():
     assert r.drive.position == pytest.approx(5_000, abs=60)
 
 
-def test_a_home_offset_of_the_drive_is_what_home_reads_as():
+def test_a_home_offset_of_the_drive_is_the_position_at_home():
     r = rig(motor=MACHINE, homing=SEARCH).enabled()
     r.device.write(0x607C, 0, 5_000)
     r.axis.home(18).wait(20)
@@ -240,7 +240,7 @@ def test_a_home_offset_of_the_drive_is_what_home_reads_as():
     assert r.axis.position == pytest.approx(r.drive.position / 1000)
 
 
-# What goes wrong.
+# Errors.
 
 
 def test_a_homing_error_of_the_drive_is_reported_with_its_bits_and_method():
@@ -368,7 +368,7 @@ def test_homing_while_the_axis_moves_is_refused():
     assert r.axis.state is AxisState.CONTINUOUS_MOTION
 
 
-def test_a_fault_during_the_search_names_what_it_interrupted():
+def test_a_fault_during_the_search_names_the_interrupted_command():
     r = rig(motor=MACHINE, homing=SEARCH).enabled()
     handle = r.axis.home(17)
     r.until(lambda: abs(r.drive.axis.motor.velocity) > 40_000)

@@ -63,7 +63,7 @@ def seen(img: AxisImage, now: float, **values) -> AxisImage:
 
 @pytest.mark.parametrize(("word", "state", "_"), STATES)
 @pytest.mark.parametrize("others", [0x0000, 0xFF90])
-def test_the_state_is_what_table_29_says_whatever_the_other_bits_are(word, state, _, others):
+def test_the_power_state_is_that_of_table_29_for_any_other_bits(word, state, _, others):
     assert seen(fresh_image(), 0.0, statusword=word | others).state is state
 
 
@@ -89,7 +89,7 @@ def test_positions_continue_over_every_wrap(start, steps):
         assert img.position == here
 
 
-def test_the_demand_is_unwrapped_in_the_same_way_as_the_position():
+def test_the_demand_is_unwrapped_like_the_position():
     img = fresh_image()
     seen(img, 0.0, position=HALF - 10, demand=HALF - 5)
     seen(img, T, position=wrapped(HALF + 3), demand=wrapped(HALF + 8))
@@ -99,7 +99,7 @@ def test_the_demand_is_unwrapped_in_the_same_way_as_the_position():
     assert img.reference == HALF + 3  # no demand: the actual position
 
 
-def test_standstill_needs_the_whole_window_at_one_place():
+def test_standstill_needs_the_whole_window_at_one_position():
     img = fresh_image()
     for number in range(5):
         seen(img, number * T, position=100 + number % 2)
@@ -162,7 +162,7 @@ def test_a_position_that_was_received_once_is_no_standstill():
     sample = Sample(100, 0.0)
     for number in range(20):
         img.update(Inputs(number * T, True, None, None, sample, None, None, None))
-    assert not img.standstill  # the same frame over and over says nothing
+    assert not img.standstill  # the repeated frame proves nothing
 
 
 def test_an_endless_axis_past_int32_keeps_its_angle_over_a_gap():
@@ -179,7 +179,7 @@ def test_an_endless_axis_past_int32_keeps_its_angle_over_a_gap():
     assert img.unwrapped(-HALF + 7) == HALF + 7
 
 
-def test_where_half_the_count_may_have_passed_unseen_the_angle_is_not_known_any_more():
+def test_if_half_the_count_may_have_passed_between_two_positions_the_angle_is_unknown():
     img = fresh_image()
     img.fastest = HALF / (10 * T)
     seen(img, 0.0, position=0)
@@ -271,7 +271,7 @@ def test_targets_are_wrapped_and_wishes_last_one_cycle():
 
 
 def test_a_set_point_is_taken_only_by_a_word_received_after_bit_4_went_low():
-    """A drive may take bit 12 back by itself, or the word was on its way already: bit 10 in it spoke of the move before."""
+    """A drive may clear bit 12 early, or the word was in transit already: its bit 10 belonged to the move before."""
     img, order, point = fresh_image(), CycleOutputs(), SetPoint(5_000, "x", 1.0)
 
     def cycle(now: float, word: int, stamp: float) -> tuple[bool, int]:
@@ -301,7 +301,7 @@ def test_a_set_point_is_not_offered_while_the_old_acknowledge_is_set():
 
 
 @pytest.mark.parametrize("delay", [0, 1, 2])
-def test_the_target_goes_ahead_of_the_edge_by_as_many_cycles_as_the_port_wants(delay):
+def test_the_target_is_sent_before_the_edge_by_as_many_cycles_as_the_port_requires(delay):
     img = AxisImage(Capabilities({}, {}, True, {}, delay), T, 2.0, 0.05)
     order, point = CycleOutputs(), SetPoint(5_000, "x", 1.0)
     sent = []
@@ -315,7 +315,7 @@ def test_the_target_goes_ahead_of_the_edge_by_as_many_cycles_as_the_port_wants(d
 
 
 def test_the_edge_waits_for_the_statusword_also_behind_its_target():
-    """The drive shows an acknowledge that nobody asked for: an edge now could not be told from it."""
+    """The drive shows an acknowledge without a request: an edge now could not be distinguished from it."""
     img = AxisImage(Capabilities({}, {}, True, {}, 1), T, 2.0, 0.05)
     order, point = CycleOutputs(), SetPoint(5_000, "x", 1.0)
     sent = []
@@ -327,7 +327,7 @@ def test_the_edge_waits_for_the_statusword_also_behind_its_target():
     assert sent == [(5_000, 0)] * 3 + [(5_000, 0x30)]
 
 
-# Ladder.
+# The stop sequence.
 
 
 class Fall:
@@ -345,7 +345,7 @@ class Fall:
         self.place = 0
 
     def step(self, word: int | None, *, moving: bool, mode: int = 3, sdo=()) -> Outputs:
-        """One cycle; returns what is sent. ``self.done`` says whether the stop sequence has ended."""
+        """Run one cycle; return the outputs. ``self.done`` shows if the stop sequence has ended."""
         self.place += 100 * moving
         values = {"position": Sample(self.place, self.now), "mode": Sample(mode, self.now)}
         status = None if word is None else Sample(word, self.now)
@@ -380,7 +380,7 @@ def test_standstill_on_the_first_step_ends_the_stop_sequence():
     assert not fall.ladder.descended
 
 
-def test_deadlines_lead_down_one_step_after_the_other():
+def test_each_deadline_of_the_stop_sequence_leads_to_the_next_step():
     fall = Fall()
     words = []
     while not getattr(fall, "done", False) and fall.now < 3:
@@ -419,7 +419,7 @@ def test_asking_for_less_does_not_climb_up_again():
     assert fall.step(ENABLED, moving=True).controlword & 0x0F == 0x02
 
 
-def test_without_a_statusword_the_first_word_is_the_one_that_is_safe_in_every_state_and_it_goes_by_sdo_too():
+def test_without_a_statusword_the_first_controlword_is_safe_in_every_state_and_also_sent_by_sdo():
     fall = Fall()
     fall.step(ENABLED, moving=True)
     out = fall.step(None, moving=True)
@@ -430,7 +430,7 @@ def test_without_a_statusword_the_first_word_is_the_one_that_is_safe_in_every_st
     assert [r for r in out.sdo if r.value is not None] == []  # once is enough
 
 
-def test_what_the_sdo_reads_back_confirms_the_stop():
+def test_values_read_by_sdo_confirm_the_stop():
     fall = Fall()
     out = fall.step(None, moving=True)
     reads = {r.index: r.id for r in out.sdo if r.value is None}
@@ -462,15 +462,15 @@ def test_disabling_waits_for_the_last_step_down():
     assert fall.step(0x23, moving=False).controlword == 0x06
     assert fall.step(0x21, moving=False).controlword == 0x00
     assert not fall.done
-    fall.steps(0.2, OFF, moving=False)  # off, and seen to stand
+    fall.steps(0.2, OFF, moving=False)  # off, and standstill seen
     assert fall.done
     assert fall.ladder.confirmed
 
 
 def test_standstill_seen_before_the_step_could_act_does_not_count():
-    """A motion may be on its way to the drive."""
+    """The command of a motion may be in transit to the drive."""
     fall = Fall()
-    for _ in range(20):  # it stood for long before the halt
+    for _ in range(20):  # it was at standstill for long before the halt
         fall.image.update(
             Inputs(fall.now, True, Sample(ENABLED, fall.now), None, Sample(0, fall.now), None, None, None)
         )
@@ -497,7 +497,7 @@ def test_a_load_in_a_torque_mode_is_taken_over_by_a_mode_that_holds():
     fall = Fall(holds_load=HoldsLoad.TORQUE)
     out = fall.step(ENABLED, moving=True, mode=4)
     assert out.mode == 1
-    assert out.target_torque is None  # what holds it now goes on until then
+    assert out.target_torque is None  # the torque that holds it now is kept until then
     assert out.controlword == 0x0F
 
 
@@ -602,7 +602,7 @@ def test_a_set_point_at_the_present_position_is_taken_within_the_tolerance_and_a
 
 
 @pytest.mark.parametrize("shown", [{"position": 0}, {"position": 0, "demand": 0}])
-def test_a_set_point_of_which_nothing_shows_has_its_time_from_the_edge_on(shown):
+def test_a_set_point_without_confirmation_fails_its_time_after_the_edge(shown):
     drive = Drive()
     proof = given_edge(drive, 5_000, statusword=ENABLED, **shown)
     edge = drive.now
@@ -612,7 +612,7 @@ def test_a_set_point_of_which_nothing_shows_has_its_time_from_the_edge_on(shown)
     assert drive.now == edge + drive.parameters.timing.acknowledge + 0.0625 + STEP
 
 
-def test_where_the_deceleration_is_not_known_two_seconds_more_may_pass_to_turn_round():
+def test_with_an_unknown_deceleration_a_set_point_has_two_seconds_more_to_reverse():
     drive = Drive()
     proof = given_edge(
         drive, 5_000, profile=MoveProfile(96, 100, 100, 96.0, 100.0), statusword=ENABLED, position=0
@@ -625,7 +625,7 @@ def test_where_the_deceleration_is_not_known_two_seconds_more_may_pass_to_turn_r
 
 
 @pytest.mark.parametrize(("moves", "seen"), [(0, True), (100, False)])
-def test_a_falling_bit_10_shows_the_new_set_point_only_of_an_axis_at_rest(moves, seen):
+def test_a_falling_bit_10_confirms_the_set_point_only_at_standstill(moves, seen):
     drive = Drive()
     for number in range(8):
         drive.cycle(statusword=ENABLED | BIT_10, position=moves * number)
@@ -645,7 +645,7 @@ def test_a_falling_bit_10_shows_the_new_set_point_only_of_an_axis_at_rest(moves,
     ],
 )
 def test_a_target_that_the_drive_had_taken_before_needs_no_proof(set_point, taken, known):
-    """An axis that something holds, with bit 10 low: it comes no nearer, and the drive leads it there anyhow."""
+    """An axis that something holds, with bit 10 low: it does not approach, and the drive has the target anyhow."""
     drive = Drive()
     drive.image.led.set_point, drive.image.led.taken = set_point, taken
     proof = given_edge(drive, 5_000, statusword=ENABLED, position=1_000)
@@ -662,7 +662,7 @@ def test_a_target_that_the_drive_had_taken_before_needs_no_proof(set_point, take
 
 
 @pytest.mark.parametrize(("place", "seen"), [(2_501, True), (2_500, False)])
-def test_bit_10_that_comes_again_nearer_to_the_new_target_than_to_the_old_one_shows_it(place, seen):
+def test_bit_10_set_again_nearer_to_the_new_target_confirms_it(place, seen):
     drive = Drive()
     drive.image.led.set_point = 0
     proof = given_edge(drive, 5_000, statusword=ENABLED, position=place)
@@ -673,9 +673,7 @@ def test_bit_10_that_comes_again_nearer_to_the_new_target_than_to_the_old_one_sh
 
 
 @pytest.mark.parametrize(("before", "position"), [(0, None), (None, 4_000), (None, None)])
-def test_bit_10_that_comes_again_shows_nothing_where_the_place_or_the_old_target_is_not_known(
-    before, position
-):
+def test_bit_10_set_again_confirms_nothing_without_a_position_or_an_old_target(before, position):
     drive = Drive()
     drive.image.led.set_point = before
     proof = given_edge(drive, 5_000, statusword=ENABLED, position=position)
@@ -684,7 +682,7 @@ def test_bit_10_that_comes_again_shows_nothing_where_the_place_or_the_old_target
     assert not proof.seen
 
 
-def test_an_axis_at_rest_at_its_target_is_not_blamed_for_coming_no_nearer():
+def test_an_axis_at_standstill_at_its_target_needs_no_further_approach():
     for off, blamed in ((0, False), (1, True)):
         drive = Drive()
         place = 5_000 + int(drive.parameters.standstill_tolerance) + off
@@ -714,7 +712,7 @@ def proved(word_at) -> tuple[SetPointConfirmation, float]:
     return proof, now
 
 
-def test_without_6064h_bit_10_reports_of_a_set_point_given_at_rest():
+def test_without_6064h_bit_10_confirms_a_set_point_given_at_standstill():
     proof, now = proved(lambda time: ENABLED if time > 0.2 else ENABLED | BIT_10)
     assert proof.seen
     assert now < 0.3
@@ -727,9 +725,9 @@ def test_without_6064h_bit_10_reports_of_a_set_point_given_at_rest():
         lambda _: ENABLED,  # in motion before and after
         lambda time: ENABLED | (BIT_10 if time > 0.2 else 0),  # the end of the move before
     ],
-    ids=["at rest", "in motion", "to the end"],
+    ids=["at standstill", "in motion", "to the end"],
 )
-def test_without_6064h_what_cannot_be_seen_is_not_taken(word_at):
+def test_without_6064h_an_unconfirmed_set_point_fails(word_at):
     with pytest.raises(SetPointError, match="no sign that"):
         proved(word_at)
 

@@ -1,4 +1,4 @@
-"""What must hold of one axis whatever is asked of it and whatever its drive does: random commands against a hand-written drive."""
+"""Invariants of one axis for any commands and any behaviour of its drive: random commands against a hand-written drive."""
 
 from __future__ import annotations
 
@@ -40,9 +40,7 @@ from kit.motion.tiny_drive import CSP, HM, PP, PV, TQ, TinyDrive, state_of
 PERIOD = 0.01
 AGE = 0.1  # seconds that an input counts
 WINDOW = 20  # increments in which a move ends
-BRAKED = (
-    20  # cycles after which an axis that is not heard of must be off: the age of its statusword, and some
-)
+BRAKED = 20  # cycles after which an axis without messages must be off: the age of its statusword, and some
 GIVEN_UP = 80  # the same while it is being enabled: the time of one transition more
 ONE = Scale.of(1, "inc")
 MAY_MOVE = {
@@ -83,7 +81,7 @@ def make_core(resting: int | None) -> AxisCore:
 
 
 class AxisUnderFire(RuleBasedStateMachine):
-    """Random commands and mishaps; every cycle's outputs, and every handle that ends, are held against the rules."""
+    """Random commands and faults; every cycle's outputs, and every handle that ends, are checked against the rules."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -254,7 +252,7 @@ class AxisUnderFire(RuleBasedStateMachine):
             )
 
     def check_drive(self, transitions: list[int], position: int) -> None:
-        """What the drive did in this cycle, with the outputs of the one before."""
+        """The behaviour of the drive in this cycle, with the outputs of the previous one."""
         if 4 in transitions or 16 in transitions:
             assert self.enables, "enabled without a command to"
             assert self.enables[-1] is not self.enabled_by, "enabled a second time by the same command"
@@ -295,7 +293,7 @@ class AxisUnderFire(RuleBasedStateMachine):
             assert self.drive.velocity == 0
 
     @invariant()
-    def the_error_is_told_where_there_is_one(self) -> None:
+    def an_error_is_reported_in_errorstop(self) -> None:
         if not hasattr(self, "core"):
             return
         core = self.core
@@ -318,7 +316,7 @@ class AxisUnderFire(RuleBasedStateMachine):
             assert self.core.state not in MAY_MOVE - {AxisState.STOPPING, AxisState.ERRORSTOP}
             assert self.core.state is not AxisState.STANDSTILL
 
-    # -- what users do -------------------------------------------------------------------------------------------------
+    # -- commands of users ---------------------------------------------------------------------------------------------
 
     def submit(self, command: c.Command, cycles: int = 0) -> None:
         handle = WithTarget(type(command).__name__)
@@ -406,7 +404,7 @@ class AxisUnderFire(RuleBasedStateMachine):
         here = (image.reference or 0) - image.origin
         self.submit(c.FollowTrajectory(TrapezoidalTrajectory(here, here + way, velocity, 5000.0)), cycles)
 
-    # -- what happens --------------------------------------------------------------------------------------------------
+    # -- events --------------------------------------------------------------------------------------------------------
 
     @rule()
     def fault(self) -> None:
@@ -419,7 +417,7 @@ class AxisUnderFire(RuleBasedStateMachine):
         self.drive.drop()
 
     @rule(count=st.sampled_from([3, 12, 60, 250]))
-    def no_tpdo_comes(self, count) -> None:
+    def tpdos_stop(self, count) -> None:
         self.locked = False
         self.silent = True
         self.cycles(count)
@@ -453,7 +451,7 @@ class AxisUnderFire(RuleBasedStateMachine):
         self.late = seconds
         self.cycle()
 
-    # -- what is rare by chance ----------------------------------------------------------------------------------------
+    # -- cases that are rare by chance ---------------------------------------------------------------------------------
 
     @precondition(lambda self: self.core.activity is not None)
     @rule(command=st.sampled_from([c.Halt(), c.Disable(), c.Stop(), c.QuickStop()]), cycles=PAUSE)

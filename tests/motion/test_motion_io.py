@@ -1,4 +1,4 @@
-"""One node's inputs and outputs, cycle by cycle: what is sent, when a command is done, and what is known."""
+"""Inputs and outputs of one node, cycle by cycle: sent values, end of a command, and known values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PART = IoPoint("part", 5, 0x6000, 1, 8, False, output=False, bit=0)
 
 
 class Port:
-    """A port with its outputs as they were found, and what they become alone."""
+    """A port with its outputs as found, and their values without a master."""
 
     inputs = ((0x6000, 1),)
     outputs = ((0x6200, 1), (0x6411, 1))
@@ -43,7 +43,7 @@ def there(value: int = 1, stamp: float = 0.0) -> IoInputs:
     return IoInputs(SignalValidity.YES, (Sample(value, stamp),))
 
 
-def test_nothing_is_sent_before_something_is_set():
+def test_nothing_is_sent_before_an_output_is_set():
     assert node().step(0.0, there()) == (None, None)
 
 
@@ -62,13 +62,13 @@ def test_the_frame_of_an_output_keeps_its_other_bits():
         (
             (math.inf, math.inf, math.inf),
             0.02,
-        ),  # of a node of which no sign of life is expected: once it has left
+        ),  # of a node without a required sign of life: once it has been sent
         ((0.01, 0.02, 0.03), 0.02),
-        ((0.01, 0.015, 0.019), None),  # all of this was on its way before the output could act
+        ((0.01, 0.015, 0.019), None),  # all of this was in transit before the output could act
         ((0.01, 0.01, 0.025), 0.03),
     ],
 )
-def test_a_command_is_done_once_the_node_was_heard_after_it_has_left(heard, done_at):
+def test_a_command_is_done_once_the_node_reported_after_the_command_was_sent(heard, done_at):
     one, ticket, done = node(), CommandStatus("lamp"), []
     one.step(0.0, there())
     one.set({"lamp": 1}, ticket)
@@ -112,7 +112,7 @@ def test_a_loss_ends_commands_and_makes_safe(known, sent):
     assert one.refusal("lamp", "lamp = True") is None
 
 
-def test_an_input_of_before_a_loss_says_nothing_after_it():
+def test_an_input_from_before_a_loss_is_unknown_after_it():
     one = node()
     for now, inputs, known in [
         (0.00, IoInputs(SignalValidity.YES, (None,)), SignalValidity.NOT_YET),

@@ -1,4 +1,4 @@
-"""Machines whose axes make places together: there and back, geometry by hand, and the axes' limits along ways in the workspace."""
+"""Kinematics: forward and inverse, geometry by hand, and the limits of the axes along paths in the workspace."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_arms_that_do_not_meet_are_reported():
         (Delta(100.0, 40.0, 60.0, 200.0), (180.0, 180.0, 180.0)),
     ],
 )
-def test_arms_that_could_meet_in_many_places_are_reported(machine, axes):
+def test_arms_that_could_meet_at_many_points_are_reported(machine, axes):
     with pytest.raises(ValueError, match=r"the arms|two arms"):
         machine.forward(axes)
 
@@ -107,7 +107,7 @@ def test_on_a_workspace_path_no_axis_exceeds_its_velocity_or_acceleration(machin
         for piece in pieces:
             survey(piece)
     except ValueError:
-        return  # a circle may lead out of reach
+        return  # a circle may be out of reach
     axes = len(pieces[0].at(0.0))
     limits = [
         AxisLimits(velocity=rng.choice([90.0, 200.0]), acceleration=rng.choice([400.0, 2000.0]))
@@ -185,8 +185,8 @@ class Bump:
 
 @pytest.mark.parametrize("jerk", [4100.0, 20_000.0, 100_000.0])
 @pytest.mark.parametrize("hard", [None, 1000.0])
-def test_where_an_axis_reaches_its_limits_briefly_a_jerk_limited_path_keeps_them_too(hard, jerk):
-    """There it is slow, and in time before and behind: what the axes are led to is a mean."""
+def test_a_jerk_limited_path_keeps_limits_that_an_axis_reaches_briefly(hard, jerk):
+    """It is slow there, and in time before and after: the targets of the axes are a mean."""
     limits, velocity, acceleration = [AxisLimits(velocity=400.0, acceleration=hard)] * 2, 600.0, 1000.0
     piece = KinematicSegment(Straight((-100.0,), (100.0,), 200.0), Bump())
     cycles = window(acceleration, jerk, PERIOD, "line")
@@ -206,7 +206,7 @@ def test_where_an_axis_reaches_its_limits_briefly_a_jerk_limited_path_keeps_them
     assert hard is not None or max(map(abs, speeds)) > 0.8 * 400.0
 
 
-def test_a_line_that_comes_too_near_to_the_middle_is_refused():
+def test_a_line_too_near_to_the_centre_is_refused():
     straight = Scara(150.0, 150.0)
     with pytest.raises(ValueError, match="too near to a jump"):
         survey(KinematicSegment(Straight((200.0, 0.05), (-200.0, 0.05), 400.0), straight))

@@ -1,4 +1,4 @@
-"""What a limit is reckoned with is known from the drive: its ramps, and its speed by positions."""
+"""The values used for a limit are known from the drive: its ramps, and its speed by positions."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def transfers(drive: Drive, answers: dict[int, tuple[int | None, int | None]]):
         ({2: (None, READ_ONLY), 4: (2000, None)}, 500_000.0, 2000.0),
         ({2: (None, LOCAL), 4: (2000, None)}, 500_000.0, 2000.0),
         ({1: (None, READ_ONLY), 3: (900_000, None)}, 900_000.0, 500_000.0),
-        ({4: (None, GONE)}, 500_000.0, 500_000.0),  # taken, and not to be read: what was written
+        ({4: (None, GONE)}, 500_000.0, 500_000.0),  # accepted, and unreadable: the written value
         ({2: (None, READ_ONLY), 4: (None, GONE)}, 500_000.0, None),
         ({2: (None, READ_ONLY), 4: (0, None)}, 500_000.0, None),
     ],
@@ -80,7 +80,10 @@ def test_a_move_is_reckoned_with_the_ramps_that_its_drive_has(answers, up, down)
     found = transfers(Drive(), answers).applied(PROFILE)
     assert (found.up, found.down) == (up, down)
     assert found.ramp == (min(up, down) if down else None)
-    assert (found.acceleration, found.deceleration) == (500_000, 500_000)  # what is asked for stays
+    assert (found.acceleration, found.deceleration) == (
+        500_000,
+        500_000,
+    )  # the commanded values are unchanged
 
 
 def test_a_value_that_a_drive_cannot_take_is_an_error():
@@ -97,7 +100,7 @@ def test_a_drive_without_6084h_brakes_as_it_accelerates():
     assert on_ramps(PROFILE, 7000, 500_000, few).down == 7000.0
 
 
-def test_a_drive_limits_its_ramps_by_maxima_of_its_own():
+def test_a_drive_limits_its_ramps_by_its_own_maxima():
     limited = replace(Drive().parameters, braking=Braking(most_up=30.0, most_down=20.0))
     found = on_ramps(PROFILE, 7000, 8000, limited)
     assert (found.up, found.down, found.ramp) == (30.0, 20.0, 20.0)
@@ -141,7 +144,7 @@ def test_ramps_harder_than_max_acceleration_are_refused(command):
     assert abs(r.drive.axis.motor.position) < 10
 
 
-# -- what is not known -----------------------------------------------------------------------------------------------
+# -- unknown values --------------------------------------------------------------------------------------------------
 
 
 def unknown_ratio():
@@ -181,7 +184,7 @@ def test_a_torque_that_could_not_be_stopped_within_its_limits_is_refused(changes
     assert r.drive.axis.motor.position == 0.0
 
 
-def test_where_no_limit_holds_nothing_is_refused():
+def test_without_an_active_limit_nothing_is_refused():
     for changes in ({}, {"homing": HomingParameters(required=True), "limits": BOUNDED["limits"]}):
         r = rig(**unknown_ratio(), **changes).enabled()
         r.axis.move_velocity(10.0).wait(5)
@@ -190,7 +193,7 @@ def test_where_no_limit_holds_nothing_is_refused():
 @pytest.mark.parametrize(
     ("place", "step", "told"),
     [
-        (100_019, 10, False),  # within the window, or on its way back
+        (100_019, 10, False),  # within the window, or moving back
         (100_200, -10, False),
         (100_061, 10, True),
         (-100_061, -10, True),
@@ -257,7 +260,7 @@ def test_an_axis_is_stopped_that_is_a_quarter_faster_than_max_velocity(mode, sig
     assert "velocity_scale" in error.remedy
 
 
-def test_an_axis_is_stopped_that_is_twice_as_fast_as_it_was_asked_to_be():
+def test_an_axis_twice_as_fast_as_commanded_is_stopped():
     course = CommandedMotion(speed=6400.0)  # 100 in a cycle
     assert Watched(course).go(100 * MARGIN_OF_COMMAND + 3, 30) is None
     error = Watched(course).go(100 * MARGIN_OF_COMMAND + 4)
@@ -272,15 +275,15 @@ def test_an_axis_that_brakes_to_a_lower_speed_is_not_too_fast():
     watched.activity = SimpleNamespace(
         course=CommandedMotion(speed=6400.0), mode=MODE.PROFILE_VELOCITY, leading=None, in_effect=False
     )
-    assert watched.go(1000, 40) is None  # it goes on as before until the new command acts
+    assert watched.go(1000, 40) is None  # it continues as before until the new command acts
     watched.activity.in_effect = True
     for step in range(1000, 100, -2):
         assert watched.go(step, 1) is None
     assert watched.go(100, 20) is None
-    assert watched.go(400, 10) is not None  # what was excused has gone with the speed
+    assert watched.go(400, 10) is not None  # the allowance has ended with the speed
 
 
-def test_what_a_trajectory_before_may_still_do_is_no_overspeed():
+def test_the_end_of_the_previous_trajectory_is_no_overspeed():
     watched = Watched(CommandedMotion(speed=640.0))
     watched.activity.leading, watched.activity.in_effect = object(), False
     for step in range(10, 900, 30):
@@ -318,7 +321,7 @@ def test_a_drive_that_counts_velocities_in_another_unit_is_stopped(how, limits):
     assert r.drive.axis.motor.velocity == pytest.approx(0.0, abs=1.0)
 
 
-def test_another_velocity_of_a_move_forgets_no_ramp_that_its_drive_has():
+def test_another_velocity_of_a_move_keeps_the_known_ramps_of_its_drive():
     r = rig(**BOUNDED)
     clipped(r, 0x6084, 50_000)
     r.enabled()

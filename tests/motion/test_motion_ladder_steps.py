@@ -88,7 +88,7 @@ def test_half_the_count_may_pass_unseen_only_at_the_highest_speed():
     assert not drive.image.lost_count
 
 
-# The rungs.
+# The steps of the stop sequence.
 
 TIMES = StopTimes(halt=0.5, quick_stop=0.25, disable=1.0)
 
@@ -112,7 +112,7 @@ class Stop:
         self.sent: list[tuple[int | None, bool]] = []
 
     def before(self, cycles: int, moving: bool, **values: int | None) -> Stop:
-        """What was seen before the stop."""
+        """Set the observations before the stop."""
         for _ in range(cycles):
             self.place += 100 * moving
             self.drive.cycle(position=self.place, **values)
@@ -141,7 +141,7 @@ class Stop:
 @pytest.mark.parametrize("holds", [HoldsLoad.NO, HoldsLoad.BRAKE, HoldsLoad.TORQUE])
 @pytest.mark.parametrize("moving", [True, False])
 def test_the_power_of_an_axis_with_a_load_is_not_cut_while_that_would_let_it_fall(holds, moving):
-    """A drive that obeys nothing: a brake holds only what stands, a motor only as long as it has power."""
+    """A drive that obeys nothing: a brake holds only an axis at standstill, a motor only as long as it has power."""
     stop = Stop(start=StopLevel.QUICK_STOP, holds_load=holds).run(400, moving, statusword=ENABLED, mode=1)
     cut = 0x00 in [word & 0x0F for word in stop.words]
     assert stop.done
@@ -193,7 +193,7 @@ def test_a_quick_stop_seen_during_a_halt_is_adopted():
     assert not stop.ladder.descended
 
 
-def test_a_drive_that_is_not_heard_gets_a_controlword_that_is_safe_in_every_state():
+def test_a_drive_without_a_statusword_gets_a_controlword_that_is_safe_in_every_state():
     stop = Stop().run(1, True, statusword=None, mode=1)
     assert (stop.ladder.rung, stop.ladder.blind, stop.ladder.descended) == (StopLevel.QUICK_STOP, True, True)
     assert stop.words == [0x02]
@@ -217,7 +217,7 @@ def test_while_disabling_an_unknown_state_gets_a_controlword_that_is_safe_in_eve
     assert stop.words[-1] == last
 
 
-def test_disabling_has_its_time_limit_and_then_the_power_is_cut():
+def test_disabling_has_its_time_limit_and_then_the_power_is_removed():
     stop = Stop(AfterStop.DISABLE).run(6, False, statusword=ENABLED, mode=1)
     stood = len(stop.sent)
     stop.run(60, False, statusword=SWITCHED_ON)
@@ -274,12 +274,12 @@ def test_a_repeated_stop_request_makes_the_stop_harder_and_never_softer(asked, t
     stop.ladder.harden(AfterStop.HOLD, StopLevel.HALT)
     assert (stop.ladder.rung, stop.ladder.takes_power) == (rung, then is AfterStop.DISABLE)
     down = Stop(AfterStop.DISABLE).run(8, False, statusword=ENABLED, mode=1)
-    down.ladder.harden(AfterStop.HOLD, StopLevel.QUICK_STOP)  # it stands, and is being taken down
+    down.ladder.harden(AfterStop.HOLD, StopLevel.QUICK_STOP)  # it is at standstill, and is being disabled
     assert down.ladder.rung is StopLevel.HALT
 
 
 def edge(stop: Stop, target: int) -> Stop:
-    """A set-point far away has been given before, by what nobody sees leading it (no 6062h)."""
+    """A set-point far away was given before, by a drive without a visible demand (no 6062h)."""
     led = stop.drive.image.led
     led.note(stop.drive.now, 1, None, target, True)
     return stop
@@ -289,10 +289,10 @@ def edge(stop: Stop, target: int) -> Stop:
     ("waited", "moving", "held"),
     [(30, False, True), (10, False, False), (30, True, False)],
 )
-def test_only_an_axis_at_rest_in_the_middle_of_its_move_counts_as_held_and_loses_its_power(
+def test_only_an_axis_at_standstill_in_the_middle_of_its_move_counts_as_held_and_loses_its_power(
     waited, moving, held
 ):
-    """Three tenths of a second after its set-point a free axis moves; where nobody sees what pulls it, it is not let go softly."""
+    """Three tenths of a second after its set-point a free axis moves; if its pull is not visible, it is not released softly."""
     stop = Stop().before(10, False, statusword=ENABLED, mode=1)
     edge(stop, 90_000).before(waited, moving)
     stop.run(12, False, statusword=ENABLED)
@@ -410,7 +410,7 @@ def test_a_path_is_braked_only_while_it_runs_and_with_a_known_deceleration():
 
 
 class Change:
-    """A change of mode that says in each cycle what it is told to; notes whether it was taken back."""
+    """A change of mode with a given result in each cycle; notes if it was cancelled."""
 
     def __init__(self, *says: bool | Exception) -> None:
         self.says, self.cancelled = list(says), 0
@@ -426,7 +426,7 @@ class Change:
 
 
 def stop_out_of_a_path(change: Change) -> tuple[Stop, list[str]]:
-    """A halt while a trajectory in csp is being left; what the trajectory is asked to do is noted."""
+    """A halt while a trajectory in csp is being left; the calls of the trajectory are noted."""
     asked: list[str] = []
 
     def brakes() -> bool:
@@ -444,7 +444,7 @@ def stop_out_of_a_path(change: Change) -> tuple[Stop, list[str]]:
 def test_a_mode_change_is_completed_before_the_drive_s_own_halt():
     stop, asked = stop_out_of_a_path(Change(False, False, True))
     stop.run(2, True, statusword=ENABLED, mode=8)
-    assert asked == ["brake", "brake"]  # it goes on along the path by itself
+    assert asked == ["brake", "brake"]  # it continues along the path
     assert not stop.drive.order.halt
     assert stop.ladder.leaving is not None
     stop.run(1, True, mode=3)
@@ -454,7 +454,7 @@ def test_a_mode_change_is_completed_before_the_drive_s_own_halt():
     assert asked == ["brake"] * 3
 
 
-def test_where_the_drive_does_not_take_its_new_mode_it_is_braked_along_the_path():
+def test_if_the_drive_does_not_take_its_new_mode_it_is_braked_along_the_path():
     change = Change(False, DriveError("no"))
     stop, asked = stop_out_of_a_path(change)
     stop.run(3, True, statusword=ENABLED, mode=8)
@@ -475,7 +475,7 @@ def test_a_harder_stop_withdraws_the_mode_change():
     assert stop.ladder.leaving is None
 
 
-def test_a_path_that_is_over_is_at_rest():
+def test_a_path_that_has_ended_is_at_standstill():
     drive = Drive(scan_period=0.01)
     follow = path(drive, 0.5)
     for _ in range(60):
@@ -514,7 +514,7 @@ def test_a_path_without_a_position_is_refused():
         path(drive).step(*drive.cycle(statusword=ENABLED, mode=8))
 
 
-# The way out.
+# Closing.
 
 
 def test_the_stop_at_the_end_has_the_time_of_all_steps():
@@ -530,7 +530,7 @@ def test_a_report_of_an_earlier_request_is_not_repeated():
 
 
 def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:
-    """An axis whose own stop is over, and what is looked at after it."""
+    """An axis whose own stop is over, and its observations after it."""
     image = SimpleNamespace(
         state=PowerState.SWITCH_ON_DISABLED, position=0, velocity=None, standstill=False, position_stamp=99.0
     )
@@ -558,14 +558,14 @@ def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:
         ({"standstill": True, "position_stamp": 100.0, "state": PowerState.OPERATION_ENABLED}, False),
         ({"standstill": True, "state": PowerState.OPERATION_ENABLED, "stopped_for_sure": True}, True),
         ({"standstill": True, "position_stamp": 100.0, "state": PowerState.UNKNOWN}, False),
-        ({"position": None}, False),  # it has 6064h, and nobody has seen it
+        ({"position": None}, False),  # it has 6064h, and no value was received
         ({"position": None, "stopped_for_sure": True}, True),
         ({"position": None, "parameters": Drive(objects=frozenset({0x6041})).parameters}, True),
         ({"position": None, "velocity": 5}, False),
         ({"position": None, "velocity": 0}, True),
     ],
 )
-def test_an_axis_has_left_its_path_when_it_is_seen_at_rest(changes, over):
+def test_an_axis_has_left_its_path_when_standstill_is_seen(changes, over):
     _, axis = leaving(**changes)
     axis.step(102.75)
     assert axis.over is over

@@ -1,4 +1,4 @@
-"""Whether 6062h is what leads the axis: judged by what it does, and compared with the position of its own time."""
+"""Whether 6062h is the demand of the axis: judged by its behaviour, and compared with the position of the same time."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def judged(
     return trust
 
 
-def test_a_demand_that_runs_ahead_of_the_axis_to_its_target_is_believed_after_three_samples():
+def test_a_demand_ahead_of_the_axis_towards_its_target_is_trusted_after_three_samples():
     ahead = [(0, 0), (100, 90), (200, 180), (300, 270)]
     assert not judged(*ahead[:3]).believes(PP)
     assert judged(*ahead).believes(PP)
@@ -47,7 +47,7 @@ def test_a_demand_that_runs_ahead_of_the_axis_to_its_target_is_believed_after_th
         ("moves less than a quiet value wanders", [(number % 5, OWN * (number % 2)) for number in range(40)]),
     ],
 )
-def test_a_demand_that_does_not_lead_is_not_believed(what, samples):
+def test_a_demand_that_does_not_run_ahead_is_not_trusted(what, samples):
     assert not judged(*samples).believes(PP), what
 
 
@@ -66,7 +66,7 @@ def test_a_6062h_seen_in_pp_counts_in_every_mode_and_otherwise_in_its_mode_only(
     assert not any(judged(*ahead, mode=mode).believes(mode) for mode in (HM, TQ))
 
 
-def test_the_cell_file_may_say_whether_it_counts():
+def test_the_cell_file_may_decide_whether_6062h_counts():
     assert DemandTrust(DemandUse.USE, WINDOW).believes(PP)
     ignored = DemandTrust(DemandUse.IGNORE, WINDOW)
     for number in range(5):
@@ -93,7 +93,7 @@ def test_a_drive_that_leaves_its_state_or_mode_is_judged_from_the_beginning():
 
 
 class Drive:
-    """Positions that come by one way and demands by another, each with its stamp."""
+    """Positions by one transport and demands by another, each with its stamp."""
 
     def __init__(self, position: ValueTransport, demand: ValueTransport, age: float = 0.8) -> None:
         sources = {"statusword": ValueTransport.SYNC_PDO, "position": position, "demand": demand}
@@ -117,8 +117,8 @@ class Drive:
         return self.image
 
 
-def test_a_demand_that_is_polled_is_ahead_by_what_it_was_when_it_came():
-    """The axis goes on at 100 increments per cycle; its demand is 50 ahead of it all the time."""
+def test_a_polled_demand_keeps_its_distance_from_the_position_at_receipt():
+    """The axis continues at 100 increments per cycle; its demand is 50 ahead of it all the time."""
     drive = Drive(ValueTransport.SYNC_PDO, ValueTransport.SDO)
     drive.cycle(0, 0)
     for number in range(1, 60):
@@ -153,7 +153,7 @@ def test_after_the_last_position_the_axis_may_have_continued_or_not(demand, lead
     assert drive.cycle(demand=demand).lead == pytest.approx(lead, abs=1e-6)
 
 
-def test_a_position_that_has_not_come_for_longer_than_usual_has_not_changed():
+def test_a_position_overdue_for_longer_than_usual_has_not_changed():
     drive = Drive(ValueTransport.EVENT_PDO, ValueTransport.SDO)
     for number in range(11):
         drive.cycle(100 * number)
@@ -161,7 +161,7 @@ def test_a_position_that_has_not_come_for_longer_than_usual_has_not_changed():
     assert drive.cycle(demand=1060).lead == 60
 
 
-def test_what_comes_in_one_cycle_by_synchronous_pdos_is_of_one_sync():
+def test_values_received_in_one_cycle_by_synchronous_pdos_belong_to_one_sync():
     drive = Drive(ValueTransport.SYNC_PDO, ValueTransport.SYNC_PDO)
     for number in range(10):
         drive.cycle(100 * number, 100 * number + 20, ago=-0.0004)
@@ -185,7 +185,7 @@ def test_a_demand_that_moves_is_silent_for_its_inhibit_time():
 
 
 @pytest.mark.parametrize("change", ["mode", "power", "count"])
-def test_a_demand_of_before_says_nothing_of_now(change):
+def test_a_demand_from_before_a_change_of_mode_power_or_count_is_not_used(change):
     drive = Drive(ValueTransport.SYNC_PDO, ValueTransport.SDO)
     drive.cycle(0, 5000)
     assert drive.cycle(0, 5000).pull == 5000
@@ -205,7 +205,7 @@ def test_a_demand_of_before_says_nothing_of_now(change):
     assert drive.cycle(0, 0, mode=mode).pull == 0
 
 
-def test_the_demand_of_before_is_shown_to_nobody_after_the_count_began_again():
+def test_the_old_demand_is_not_shown_after_the_count_restarted():
     drive = Drive(ValueTransport.SYNC_PDO, ValueTransport.SDO)
     drive.cycle(9000, 9000)
     drive.image.rebase()

@@ -1,4 +1,4 @@
-"""A drive that leaves *operation enabled* by itself gets its power back by no other way than a new command."""
+"""A drive that leaves *operation enabled* without a command gets its power back only by a new command."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ WITH_POWER = (
 
 @pytest.mark.parametrize("transition", [9, 11])
 @pytest.mark.parametrize("situation", WITH_POWER)
-def test_power_that_has_gone_does_not_come_back_by_itself(situation, transition):
+def test_lost_power_does_not_return_without_a_command(situation, transition):
     r = SITUATIONS[situation]()
     watch = Watch(r)
     r.drive.power.force(transition)  # safe torque off, or another master
@@ -70,7 +70,7 @@ def test_while_the_drive_homes_it_is_given_no_target():
     )  # where it is, were it to fall out of its mode
 
 
-def test_an_axis_at_rest_is_left_alone_when_another_one_fails():
+def test_an_axis_at_standstill_is_left_alone_when_another_one_fails():
     r = rig("xy").enabled()
     r.axes["x"].move_velocity(50.0).wait(3)
     watch = Watch(r, "y")

@@ -1,4 +1,4 @@
-"""Looking ahead along a path: braking it in time keeps it within the limits, and what stays within them by itself is left alone."""
+"""Looking ahead along a path: braking it in time keeps it within the limits, and a path within them is not changed."""
 
 from __future__ import annotations
 
@@ -49,7 +49,9 @@ def test_no_sum_of_waves_leaves_the_limits(waves, deceleration):
     assume(abs(path(PERIOD)) < 5.0)
     seen, braked = run(path, 3.0, deceleration)
     inside = all(-10.0 <= path(k * PERIOD) <= 10.0 for k in range(302))
-    first = abs(path(PERIOD)) ** 2 / PERIOD**2 / (2 * deceleration)  # it does not begin at rest, as it should
+    first = (
+        abs(path(PERIOD)) ** 2 / PERIOD**2 / (2 * deceleration)
+    )  # it does not begin at standstill, as it should
     assume(first < 5.0)
     assert all(-10.0 <= position <= 10.0 for position in seen)
     assert not (inside and braked)
@@ -87,7 +89,7 @@ def test_trapezoids_samples_and_lines_report_how_far_and_how_fast_they_go():
     assert [path.top_speed for path in known] == [3.0, 2.0, 6.0, 4.0]
 
 
-def test_limits_are_widened_to_where_a_motion_starts():
+def test_limits_are_widened_to_the_start_of_a_motion():
     assert widened(LIMITS, 3.0, 0.5) == (-10.5, 10.5)
     assert widened(LIMITS, 12.0, 0.5) == (-10.5, 12.5)
     assert widened(LIMITS, -12.0, 0.0) == (-12.0, 10.0)

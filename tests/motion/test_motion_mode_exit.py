@@ -41,7 +41,7 @@ def test_a_path_at_an_even_speed_continues_for_three_periods_before_the_drive_br
 
 
 @pytest.mark.parametrize(("at", "fits"), [(84.8, True), (84.9, False)])
-def test_a_path_that_gets_faster_is_looked_at_with_the_speed_that_it_will_have(at, fits):
+def test_a_path_that_accelerates_is_checked_with_the_velocity_that_it_will_have(at, fits):
     """From 20 with 40/s²: 27.5 after three periods and 4.45, and 9.45 to brake; the position itself is 1.25 further than before."""
     steps = [(at, 17.5), (at + 1.25, 20.0)]
     assert answers(steps)[-1] is fits
@@ -62,7 +62,7 @@ def test_a_jerk_limit_delays_braking():
     assert answers(steps, soft=0.26)[-1] is False
 
 
-def test_the_end_of_a_path_at_its_limit_is_no_overrun_whatever_is_rounded():
+def test_the_end_of_a_path_at_its_limit_is_no_overrun_after_rounding():
     assert answers([(100.0000001, 0.0)])[-1] is True
     assert answers([(99.0, 1e-9), (100.0005, 1e-9)])[-1] is True
     led = path()
@@ -84,7 +84,7 @@ def test_a_weak_move_that_a_path_gets_too_fast_for_stays_within_the_limits(late,
     watch = Watch(r)
     moved = r.axis.move_absolute(target, velocity=50.0, acceleration=200.0, deceleration=200.0, jerk=40_000.0)
     r.run(0.5)
-    if moved.exception() is None:  # else it was refused at once, and the path goes on
+    if moved.exception() is None:  # else it was refused at once, and the path continues
         moved.wait(20)
         assert abs(r.drive.axis.motor.position - target * 1000) < 60
     assert max(row.position for row in watch.rows) <= 100_050

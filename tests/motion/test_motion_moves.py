@@ -1,4 +1,4 @@
-"""Moves to a position: what the numbers count from, the handshake, replacing, limits, deadlines, windows."""
+"""Moves to a position: reference of the target, handshake, replacing, limits, deadlines, windows."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from axisbus.units import Scale
 from kit.motion.rig import BLIND, GENERIC, PERIOD, dictionary_of, rig
 from kit.motion.watch import HALT, Watch
 
-NEAR = 51  # increments: the stand-in's own position window (6067h) and one
+NEAR = 51  # increments: the simulated drive's own position window (6067h) and one
 DEGREES = Units(Scale.of(1000, "deg"), Scale.of(1000, "deg/s"), Scale.of(1000, "deg/s²"), ratio_known=True)
 ENDLESS = replace(DEGREES, modulo=360.0)
 
@@ -50,7 +50,7 @@ def at(r, degrees: float) -> bool:
     return abs(r.drive.axis.motor.position - degrees * 1000) <= NEAR
 
 
-# What the numbers count from.
+# Reference of the target.
 
 
 def test_an_absolute_move_takes_the_time_of_its_trapezoid():
@@ -128,7 +128,7 @@ def test_additive_during_continuous_motion_counts_from_the_actual_position():
     r.axis.move_additive(30.0).wait(5)
     assert r.drive.axis.motor.position / 1000 == pytest.approx(
         here + 30.0, abs=3.0
-    )  # it went on during two cycles
+    )  # it continued during two cycles
 
 
 def test_relative_and_additive_are_sent_as_absolute_targets_without_bit_6():
@@ -253,10 +253,10 @@ def test_a_target_changed_while_moving_is_reached_without_a_jolt(first, second):
     assert r.drive.position == second * 1000
     assert watch.acceleration() <= 500_000 * 1.05
     if abs(second) > 100:
-        assert all(abs(row.velocity) > 90_000 for row in watch.rows[:20])  # it did not stop on the way
+        assert all(abs(row.velocity) > 90_000 for row in watch.rows[:20])  # it did not stop meanwhile
 
 
-def test_after_a_halt_the_old_target_is_forgotten():
+def test_after_a_halt_the_old_target_is_not_used():
     r = rig().enabled()
     r.axis.move_absolute(300.0)
     r.run(0.5)
@@ -296,7 +296,9 @@ def test_a_target_of_an_endless_axis_across_the_wrap_of_integer32_is_reached_in_
     assert r.drive.position == -top + 20_000  # as the drive counts
     assert watch.targets[-1] == -top + 20_000
     assert watch.displacement <= 30_001
-    assert r.axis.unwrapped_position == pytest.approx((top + 20_000) / 1000)  # as the user counts: it goes on
+    assert r.axis.unwrapped_position == pytest.approx(
+        (top + 20_000) / 1000
+    )  # in the user's count: it continues
     r.axis.move_relative(-40.0).wait(5)
     assert r.drive.axis.motor.position == pytest.approx(top - 20_000, abs=NEAR)
 
@@ -354,7 +356,7 @@ def test_a_negative_scale_turns_the_direction():
 # Origin.
 
 
-def test_set_position_names_the_place_and_moves_nothing():
+def test_set_position_sets_the_position_and_moves_nothing():
     r = rig().enabled()
     r.axis.move_absolute(10.0).wait(5)
     r.run(0.2)
@@ -434,7 +436,7 @@ def test_a_relative_move_beyond_the_limits_ends_its_handle_and_nothing_moves():
     assert r.axis.state is AxisState.STANDSTILL
 
 
-def test_before_homing_absolute_moves_are_refused_where_homing_is_required():
+def test_before_homing_absolute_moves_are_refused_if_homing_is_required():
     r = rig(homing=HomingParameters(method=37, required=True)).enabled()
     with pytest.raises(ArgumentError, match="not homed"):
         r.axis.move_absolute(0.0)
@@ -470,7 +472,7 @@ def test_a_missing_default_is_reported_and_never_guessed():
 # Deadlines.
 
 
-def test_a_blocked_motor_that_nobody_sees_fall_behind_fails_at_twice_its_time():
+def test_a_blocked_motor_without_following_error_monitoring_fails_at_twice_its_time():
     r = rig(following_error=BLIND).enabled()
     r.device.write(0x6065, 0, 0xFFFFFFFF)  # the drive itself does not notice
     r.drive.dials.blocked = True
@@ -497,7 +499,7 @@ def test_the_caller_s_timeout_replaces_the_deadline():
 
 
 def test_a_slow_deceleration_of_the_motion_before_counts_into_the_deadline():
-    """From 100 deg/s with 20 deg/s²: 5 s and 250 deg until it stands, and all the way back."""
+    """From 100 deg/s with 20 deg/s²: 5 s and 250 deg until standstill, and the whole distance back."""
     r = rig().enabled()
     r.axis.move_velocity(100.0).wait(2)
     r.axis.move_absolute(r.axis.position - 1.0, acceleration=20.0, velocity=100.0).wait(60)
@@ -519,7 +521,7 @@ def test_without_a_known_ratio_progress_is_the_deadline():
     assert "6064h has not changed for 2 s" in caught.value.observed
 
 
-def test_a_move_whose_bit_10_never_comes_fails_and_says_which_bit():
+def test_a_move_without_bit_10_fails_and_names_the_bit():
     r = rig().enabled()
     r.drive.dials.target_reached_never = True
     with pytest.raises(MotionTimeout) as caught:
@@ -558,7 +560,7 @@ def test_an_object_that_is_not_answered_fails_the_move_in_time():
 
 
 @pytest.mark.parametrize("how", ["move_velocity", "halt", "policy"])
-def test_what_an_interrupted_move_still_has_queued_is_cancelled(how):
+def test_queued_transfers_of_an_interrupted_move_are_cancelled(how):
     r = rig("xy", port={"sdo_time": 0.5}).enabled()
     watch = Watch(r)
     r.axes["x"].move_absolute(10.0)
@@ -573,7 +575,7 @@ def test_what_an_interrupted_move_still_has_queued_is_cancelled(how):
     asked = [request.id for item in watch.sent for request in item.outputs.sdo if request.index != 0x603F][:6]
     taken_back = [number for item in watch.sent for number in item.outputs.cancel]
     assert taken_back == asked
-    place = r.drive_of("x").position  # where it stands: a mode change leads nowhere
+    place = r.drive_of("x").position  # the actual position: a mode change causes no motion
     assert all(item.outputs.target_position in (None, place) for item in watch.sent[-3:])
 
 
@@ -603,7 +605,7 @@ def test_a_drive_that_stops_short_of_the_configured_window_has_not_arrived():
 
 @pytest.mark.parametrize("demand", [DemandUse.AUTO, DemandUse.IGNORE])
 def test_a_gentle_move_within_the_position_window_is_not_done_before_it_has_moved(demand):
-    """Bit 10 is set from the start on, and the first increments cannot be told from standstill."""
+    """Bit 10 is set from the start on, and the first increments cannot be distinguished from standstill."""
     r = rig(position_window=2_000, demand=demand).enabled()
     r.device.write(0x6067, 0, 2_000)
     r.axis.move_absolute(1.0, acceleration=0.5, deceleration=0.5).wait(10)
@@ -624,7 +626,7 @@ def test_an_axis_that_is_held_within_the_position_window_ends_its_move_after_the
     assert r.now - began == pytest.approx(1.0, abs=0.3)
 
 
-def test_a_drive_without_a_window_of_its_own_arrives():
+def test_a_move_of_a_drive_without_a_position_window_arrives():
     r = rig().enabled()
     r.device.write(0x6067, 0, 0xFFFFFFFF)  # off: bit 10 when the demand is there
     r.axis.move_absolute(10.0).wait(5)
@@ -657,7 +659,7 @@ def test_a_position_that_is_lost_before_the_start_is_reported_instead_of_a_wrong
         r.axis.move_absolute(300.0, velocity=50.0).wait(10)
 
 
-# Loads, and what a stop does to a move.
+# Loads, and the effect of a stop on a move.
 
 
 def test_a_loaded_axis_does_not_sag_when_its_mode_changes():
@@ -686,7 +688,7 @@ def test_a_stop_ends_the_move_and_names_itself(how):
 
 
 def test_a_target_that_is_run_over_is_reported_twice_and_reached_once():
-    """The drive tells bit 10 as it passes the target, much too fast, and comes back seconds later."""
+    """The drive sets bit 10 as it passes the target, much too fast, and returns seconds later."""
     r = rig().enabled()
     r.axis.move_absolute(163.73346631309795, velocity=345.2793787384646, acceleration=3000.0)
     r.run(0.03)
@@ -714,7 +716,7 @@ def test_a_target_that_is_run_over_is_reported_twice_and_reached_once():
         max_size=5,
     )
 )
-def test_whatever_is_asked_the_last_target_is_reached_within_velocity_and_acceleration(moves):
+def test_random_moves_reach_the_last_target_within_velocity_and_acceleration(moves):
     r = rig().enabled()
     watch = Watch(r)
     handle = None
@@ -737,7 +739,7 @@ def test_whatever_is_asked_the_last_target_is_reached_within_velocity_and_accele
         (0x6098, lambda axis: axis.home(), "hm"),
     ],
 )
-def test_what_the_drive_has_no_object_for_is_refused(index, call, mode):
+def test_a_command_without_its_object_in_the_drive_is_refused(index, call, mode):
     r = rig(objects=frozenset(dictionary_of(GENERIC).objects) - {index}).enabled()
     with pytest.raises(StateError, match=rf"cannot run {mode} \(") as caught:
         call(r.axis).wait(5)

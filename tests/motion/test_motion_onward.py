@@ -17,7 +17,9 @@ RAMPS = st.floats(10, 5000)
 
 
 @given(PLACES, SPEEDS, PLACES, st.floats(1, 400), RAMPS, RAMPS)
-def test_it_goes_to_its_end_without_a_jump_or_a_jolt(start, speed, end, velocity, up, down):
+def test_a_profile_from_speed_reaches_its_end_without_a_jump_in_position_or_velocity(
+    start, speed, end, velocity, up, down
+):
     path = ProfileFromSpeed(Start(start, speed), end, velocity, up, down)
     assert path.position(0.0) == start
     assert path.position(path.duration) == pytest.approx(end, abs=1e-6)
@@ -36,16 +38,16 @@ def test_it_goes_to_its_end_without_a_jump_or_a_jolt(start, speed, end, velocity
 @pytest.mark.parametrize(
     ("speed", "end", "seconds"),
     [
-        (90.0, 90.0, 1.0 + 0.125 / 2),  # goes on, and brakes from 90 with 720 in 0.125 s
+        (90.0, 90.0, 1.0 + 0.125 / 2),  # continues, and brakes from 90 with 720 in 0.125 s
         (90.0, 5.625, 0.125),  # brakes at once
         (0.0, 0.0, 0.0),
     ],
 )
-def test_its_time_is_that_of_its_pieces(speed, end, seconds):
+def test_the_duration_of_a_profile_from_speed_is_that_of_its_pieces(speed, end, seconds):
     assert ProfileFromSpeed(Start(0.0, speed), end, 90.0, 720.0, 720.0).duration == pytest.approx(seconds)
 
 
-def test_one_that_cannot_stop_in_time_goes_back():
+def test_a_profile_that_cannot_stop_in_time_overshoots_and_returns():
     path = ProfileFromSpeed(Start(0.0, 100.0), 5.0, 100.0, 500.0, 500.0)
     assert path.span == pytest.approx((0.0, 10.0))
     assert path.position(path.duration) == 5.0

@@ -1,4 +1,4 @@
-"""The pure parts one by one, step by step: what each sends and when each ends, by the clock and by what the drive has said."""
+"""The pure parts one by one, step by step: their outputs and their ends, by the clock and by the reports of the drive."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def searching(drive: Drive, job: HomingJob = JOB) -> HomingRun:
     raise AssertionError("no edge")
 
 
-def test_homing_writes_what_it_was_given_and_only_objects_that_the_drive_has():
+def test_homing_writes_its_given_values_and_only_objects_that_the_drive_has():
     drive = Drive()
     assert JOB.writes(drive.parameters) == [
         (0x6098, 0, 17),
@@ -163,7 +163,7 @@ def test_bit_4_rises_two_cycles_after_the_mode_is_shown_and_stays():
 
 
 @pytest.mark.parametrize("last", ["mode", "objects"])
-def test_bit_4_waits_for_the_mode_and_for_what_is_written(last):
+def test_bit_4_waits_for_the_mode_and_the_written_objects(last):
     drive = Drive()
     run = HomingRun(JOB, drive.parameters)
     requests = []
@@ -189,7 +189,7 @@ def test_bit_4_waits_for_the_mode_and_for_what_is_written(last):
     ("word", "done"),
     [(0x1400, True), (0x1000, False), (0x0400, False), (0x0000, False)],
 )
-def test_home_is_found_when_attained_and_reached_come_after_attained_was_low(word, done):
+def test_home_is_found_if_attained_and_reached_are_set_after_attained_was_low(word, done):
     drive = Drive()
     run = searching(drive)
     assert not run.step(*drive.cycle(statusword=ENABLED))
@@ -207,8 +207,8 @@ def test_a_homing_error_that_was_low_since_the_edge_counts_at_once():
 
 
 @pytest.mark.parametrize("word", [0x1400, 0x2000])
-def test_bits_that_still_stand_from_a_former_homing_count_only_after_the_settling_time(word):
-    """Home in place: attained may never be seen low; then a second word, received well after the edge, says it."""
+def test_bits_left_from_a_former_homing_count_only_after_the_settling_time(word):
+    """Home in place: attained may never be seen low; then a second word, received well after the edge, confirms it."""
     drive = Drive()
     run = HomingRun(JOB, drive.parameters)
     edge = None
@@ -225,8 +225,8 @@ def test_bits_that_still_stand_from_a_former_homing_count_only_after_the_settlin
     assert drive.now - edge == 0.125 + T
 
 
-def test_one_late_word_alone_does_not_say_that_home_is_found():
-    """It may have been on its way when the drive saw the edge."""
+def test_one_late_statusword_alone_does_not_confirm_home():
+    """It may have been in transit when the drive saw the edge."""
     drive = Drive()
     run = HomingRun(JOB, drive.parameters)
     while not drive.order.bits:
@@ -253,7 +253,7 @@ def test_a_drive_that_sends_its_word_on_change_needs_no_second_one():
     assert drive.now - edge == 0.125 + T
 
 
-def test_a_word_of_before_the_edge_says_nothing_of_this_search():
+def test_a_statusword_from_before_the_edge_does_not_confirm_this_search():
     drive = Drive()
     run = searching(drive)
     for _ in range(2):
@@ -263,18 +263,18 @@ def test_a_word_of_before_the_edge_says_nothing_of_this_search():
     assert not run.step(*drive.cycle(statusword=ENABLED | 0x1400))
 
 
-def test_words_that_came_before_the_settling_time_was_over_do_not_say_that_home_is_found_when_it_is():
+def test_statuswords_from_within_the_settling_time_do_not_confirm_home():
     drive = Drive()
     run = searching(drive)
     edge = drive.now
     for _ in range(2):
         assert not run.step(*drive.cycle(statusword=ENABLED | 0x1400))
     while drive.now < edge + 1.0:
-        assert not run.step(*drive.cycle())  # nothing new is heard
+        assert not run.step(*drive.cycle())  # nothing new is received
     assert run.step(*drive.cycle(statusword=ENABLED | 0x1400))
 
 
-def test_homing_has_its_time_and_no_more():
+def test_homing_has_a_time_limit():
     drive = Drive()
     run = searching(drive)
     edge = drive.now
@@ -283,7 +283,7 @@ def test_homing_has_its_time_and_no_more():
     drive.later(edge + 5.0 - drive.now - T)
     assert not run.step(*drive.cycle(statusword=ENABLED))
     with pytest.raises(HomingError) as caught:
-        run.step(*drive.cycle())  # whether its word comes again or not
+        run.step(*drive.cycle())  # whether its word is received again or not
     assert "not found within 5 s" in caught.value.observed
 
 
@@ -306,10 +306,10 @@ def test_an_interrupted_homing_takes_back_the_mode_that_the_drive_has_not_taken_
     assert drive.order.mode == 1
 
 
-# The way by SDO.
+# Observation by SDO.
 
 
-def test_a_drive_without_pdos_is_looked_at_ten_times_a_second_until_two_positions_are_the_same():
+def test_a_drive_without_pdos_is_polled_ten_times_a_second_until_two_positions_are_the_same():
     drive = Drive()
     path = SdoPath(drive.parameters)
     path.look(*drive.cycle(statusword=None))
@@ -351,7 +351,7 @@ def test_a_drive_without_pdos_is_looked_at_ten_times_a_second_until_two_position
     once.look(*near.cycle(statusword=None))
     status, position = (request.id for request in near.order.sdo)
     once.look(*near.answers(status, 0x0237).answers(position, 1).cycle())
-    assert not once.stands  # one position is none that has stayed
+    assert not once.stands  # one position does not prove standstill
 
 
 @pytest.mark.parametrize(
@@ -360,12 +360,12 @@ def test_a_drive_without_pdos_is_looked_at_ten_times_a_second_until_two_position
         (1, 5000, None, True),  # the window is of 4000
         (1, 5001, None, False),
         (1, -3001, None, False),
-        (1, None, None, True),  # nobody knows
+        (1, None, None, True),  # unknown
         (3, 9000, 9000, True),  # in pv it is of long ago
         (3, 9000, 8000, False),  # unless it has moved in this mode
     ],
 )
-def test_a_drive_that_pulls_is_not_said_by_sdo_to_stand(mode, demand, before, stands):
+def test_a_drive_that_pulls_is_not_at_standstill_by_sdo(mode, demand, before, stands):
     drive = Drive()
     drive.cycle(statusword=ENABLED, position=1000, demand=before, mode=mode)
     drive.image.led.note(drive.now, mode, before, None, False)
@@ -395,7 +395,7 @@ def test_a_running_observation_is_cancelled():
     assert drive.order.cancel == []
 
 
-def test_a_word_goes_by_sdo_once_and_only_where_no_pdo_brings_it():
+def test_a_controlword_is_sent_by_sdo_once_and_only_if_no_pdo_carries_it():
     drive = Drive()
     path = SdoPath(drive.parameters)
     for operational, word, command, sent in [
@@ -412,7 +412,7 @@ def test_a_word_goes_by_sdo_once_and_only_where_no_pdo_brings_it():
         assert [(r.index, r.subindex, r.value) for r in drive.order.sdo] == sent
 
 
-def test_a_drive_without_a_position_cannot_be_said_to_turn():
+def test_a_drive_without_a_position_is_not_reported_as_turning():
     drive = Drive(objects=frozenset({0x6040, 0x6041}))
     path = SdoPath(drive.parameters)
     path.look(*drive.cycle(statusword=None))
@@ -423,7 +423,7 @@ def test_a_drive_without_a_position_cannot_be_said_to_turn():
 # Transfers.
 
 
-def test_transfers_are_asked_for_together_and_end_with_the_last_answer():
+def test_sdo_transfers_are_requested_together_and_end_with_the_last_answer():
     drive = Drive()
     both = SdoTransfers([(0x6081, 0, 500), (0x6083, 0, None)], drive.parameters)
     assert not both.step(*drive.cycle())
@@ -436,7 +436,7 @@ def test_transfers_are_asked_for_together_and_end_with_the_last_answer():
     assert both.step(*drive.cycle())
 
 
-def test_nothing_to_transfer_has_ended_already():
+def test_an_empty_list_of_transfers_has_ended():
     assert SdoTransfers([], Drive().parameters).step(*Drive().cycle())
 
 
@@ -482,7 +482,7 @@ def test_transfers_have_three_seconds_and_are_taken_back_after_that():
 # A change of mode.
 
 
-def test_a_mode_is_asked_for_with_targets_that_move_nothing_until_it_is_shown():
+def test_a_mode_is_commanded_with_targets_that_move_nothing_until_it_is_displayed():
     drive = Drive()
     switch = ModeSwitch(ModeOfOperation.PROFILE_VELOCITY, drive.parameters)
     assert switch.reference is None
@@ -493,7 +493,7 @@ def test_a_mode_is_asked_for_with_targets_that_move_nothing_until_it_is_shown():
     assert (drive.order.target_position, switch.reference) == (
         410,
         410,
-    )  # where it was led when the change began
+    )  # its commanded position when the change began
     assert [switch.step(*drive.cycle(mode=3)) for _ in range(3)] == [
         False,
         False,
@@ -523,7 +523,7 @@ def test_a_load_is_held_by_the_torque_that_holds_it_now():
     assert free.order.target_torque == 0
 
 
-def test_a_mode_shown_while_another_was_asked_for_is_not_believed_until_the_drive_has_heard_both():
+def test_a_displayed_mode_counts_only_after_the_drive_received_the_change_of_mode_and_back():
     drive = Drive()
     drive.cycle(statusword=ENABLED, mode=1, position=0)
     drive.order.mode = ModeOfOperation.PROFILE_VELOCITY  # a change that is given up
@@ -533,7 +533,7 @@ def test_a_mode_shown_while_another_was_asked_for_is_not_believed_until_the_driv
     assert steps == [False] * 4 + [True] * 4
 
 
-def test_a_mode_that_does_not_come_is_not_left_to_come_later():
+def test_a_mode_that_is_not_taken_in_time_is_withdrawn():
     drive = Drive()
     switch = ModeSwitch(ModeOfOperation.PROFILE_VELOCITY, drive.parameters)
     switch.step(*drive.cycle(statusword=ENABLED, mode=1, position=0))
@@ -554,7 +554,7 @@ def test_a_drive_without_6061h_has_one_mode():
 # Reset and coast.
 
 
-def test_a_fault_is_reset_by_a_rising_edge_and_by_another_one_where_it_stays():
+def test_a_fault_is_reset_by_a_rising_edge_and_by_a_second_one_if_it_persists():
     drive, words = Drive(), []
     reset = ResetActivity(drive.parameters, "too hot")
 
@@ -573,7 +573,7 @@ def test_a_fault_is_reset_by_a_rising_edge_and_by_another_one_where_it_stays():
     assert len(words) == 128 + 1  # two seconds
 
 
-def test_a_reset_without_a_fault_sends_nothing_and_one_that_worked_asks_for_no_power():
+def test_a_reset_without_a_fault_sends_nothing_and_a_successful_one_does_not_enable():
     drive = Drive()
     assert ResetActivity(drive.parameters).step(*drive.cycle(statusword=ENABLED))
     assert drive.order.goal is None
@@ -584,7 +584,7 @@ def test_a_reset_without_a_fault_sends_nothing_and_one_that_worked_asks_for_no_p
     assert drive.order.goal is PowerState.SWITCH_ON_DISABLED
 
 
-def test_a_drive_that_is_not_heard_cannot_be_reset():
+def test_a_drive_without_a_statusword_cannot_be_reset():
     drive = Drive()
     reset = ResetActivity(drive.parameters)
     reset.step(*drive.cycle(statusword=None))
@@ -604,7 +604,7 @@ def test_a_drive_that_is_not_heard_cannot_be_reset():
         (0x0218, True, 0x00),
     ],
 )
-def test_coasting_takes_the_power_away_at_once_where_there_is_some(word, done, sent):
+def test_coasting_removes_the_power_at_once_if_there_is_any(word, done, sent):
     drive = Drive()
     coast = Coast(drive.parameters)
     assert coast.step(*drive.cycle(statusword=word)) is done
@@ -615,7 +615,7 @@ def test_coasting_takes_the_power_away_at_once_where_there_is_some(word, done, s
 # Standing still.
 
 
-def test_still_is_what_stays_within_a_span_for_the_window():
+def test_a_value_is_settled_if_it_stays_within_a_span_for_the_window():
     still = SettledValue(2.0, 0.5)
     feeds = [
         (0.0, 98, False),
@@ -643,7 +643,7 @@ def test_a_slow_motion_within_the_noise_is_not_still():
     )  # a window after the first value within the tolerance of the last
 
 
-def test_still_since_a_moment_asks_for_a_whole_window_after_it():
+def test_still_since_a_moment_needs_a_whole_window_after_it():
     still = SettledValue(2.0, 0.5)
     for stamp in (0.0, 0.5, 1.0):
         still.feed(0.0, stamp)
@@ -655,7 +655,7 @@ def test_still_since_a_moment_asks_for_a_whole_window_after_it():
     assert still.rested_since == 1.5
 
 
-def test_still_from_a_moment_on_ignores_what_came_before():
+def test_a_settled_value_since_a_moment_ignores_earlier_samples():
     still = SettledValue(0.0, 0.5, since=1.0)
     assert not still.feed(7.0, 1.0)
     assert still.rested_since == -math.inf
@@ -688,7 +688,7 @@ def test_a_sample_seen_again_or_older_changes_nothing():
         assert (seen.value, seen.motion) == (20, (20.0, 0.0))
 
 
-def test_one_late_sample_does_not_look_like_speed():
+def test_one_late_sample_does_not_count_as_speed():
     speeds = track((0.0, 0), (1.0, 10), (2.0, 20), (2.5, 30), (4.0, 40))
     assert speeds.motion == (10.0, 0.0)
 
@@ -759,10 +759,10 @@ def test_after_a_lost_position_a_ramp_has_the_accelerations_of_the_last_command(
     for _ in range(3):
         drive.cycle(statusword=0x0237, position=0, velocity=0)
         way.step(drive.image)
-    assert way.speed == pytest.approx(2 * 1280.0 * T)  # two cycles after it has begun anew
+    assert way.speed == pytest.approx(2 * 1280.0 * T)  # two cycles after its restart
 
 
-def test_a_ramp_begins_at_the_speed_of_the_positions_where_the_last_velocity_is_older_than_they_are():
+def test_a_ramp_begins_at_the_speed_of_the_positions_if_the_last_velocity_is_older():
     drive = Drive(ages={"position": 10.0, "velocity": 10.0})
     drive.cycle(position=0, velocity=-100)
     drive.cycle(position=0)
@@ -791,7 +791,7 @@ def test_a_moving_axis_does_not_lag_and_a_held_one_does():
 
 
 @pytest.mark.parametrize("late", range(1, 5))
-def test_nobody_knows_in_which_of_some_cycles_a_new_velocity_is_taken(late):
+def test_a_new_velocity_may_be_taken_in_any_of_some_cycles_without_a_lag(late):
     """The axis goes at 2000, is asked to stop at once, and does so up to four cycles later: it is not behind, then or for good."""
     drive = Drive(ages={"position": 1e9, "velocity": 1e9})
     way = RampedWay(1000, 2.0, math.inf, math.inf, 100.0, delay=4 * T)
@@ -810,7 +810,7 @@ def test_nobody_knows_in_which_of_some_cycles_a_new_velocity_is_taken(late):
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_what_an_axis_settles_by_when_it_has_been_stopped_is_forgotten_and_what_it_creeps_by_is_not(sign):
+def test_the_distance_of_settling_after_a_stop_decays_and_creeping_does_not(sign):
     drive = Drive(ages={"position": 1e9, "velocity": 1e9})
     way = RampedWay(sign * 1000, 2.0, math.inf, math.inf, 100.0)
     way.step(drive.cycle(position=0, velocity=sign * 1000)[0])
@@ -829,7 +829,7 @@ def test_what_an_axis_settles_by_when_it_has_been_stopped_is_forgotten_and_what_
 
 @pytest.mark.parametrize("late", [0, 4, 6, 10])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_lag_is_seen_on_a_ramp_from_rest_beyond_the_cycles_that_a_command_takes(late, sign):
+def test_a_lag_on_a_ramp_from_standstill_is_measured_beyond_the_delay_of_a_command(late, sign):
     drive = Drive(ages={"position": 1e9, "velocity": 1e9})
     for _ in range(100):
         drive.cycle(position=0, velocity=0)
@@ -851,7 +851,7 @@ def test_a_lag_is_seen_on_a_ramp_from_rest_beyond_the_cycles_that_a_command_take
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_lag_of_the_first_order_is_seen_while_the_ramp_still_rises(sign):
-    """A motor that approaches its velocity with a time constant: what it has gained is less than what the ramp has."""
+    """A motor that approaches its velocity with a time constant: its gain is smaller than that of the ramp."""
     drive, lag, acceleration = Drive(ages={"position": 1e9, "velocity": 1e9}), 0.05, 40_000.0
     for _ in range(100):
         drive.cycle(position=0, velocity=0)
@@ -867,7 +867,7 @@ def test_a_lag_of_the_first_order_is_seen_while_the_ramp_still_rises(sign):
             assert way.lag == pytest.approx(lag, rel=0.15)
 
 
-def test_a_velocity_given_on_the_ramp_of_the_one_before_continues_with_what_is_known_of_that():
+def test_a_velocity_given_on_a_ramp_keeps_the_measured_lag():
     drive, lag = Drive(ages={"position": 1e9, "velocity": 1e9}), 10
     for _ in range(100):
         drive.cycle(position=0, velocity=0)
@@ -927,7 +927,7 @@ def test_without_a_position_the_progress_is_unknown():
 # The time along a path.
 
 
-def test_a_path_is_slowed_down_by_its_deceleration_and_ends_where_it_has_to():
+def test_a_path_is_slowed_by_its_deceleration_and_ends_at_the_computed_times():
     clock = PathClock()
     for _ in range(10):
         clock.advance(0.5)
@@ -943,7 +943,7 @@ def test_a_path_is_slowed_down_by_its_deceleration_and_ends_where_it_has_to():
     assert (clock.t, clock.rate) == (5.75, 0.0)
 
 
-def test_a_second_brake_changes_nothing_and_one_at_rest_stops_at_once():
+def test_a_second_brake_changes_nothing_and_one_at_standstill_stops_at_once():
     clock = PathClock()
     clock.advance(0.5)
     clock.brake(lambda t: 8.0 * t, 4.0)
@@ -958,7 +958,7 @@ def test_a_second_brake_changes_nothing_and_one_at_rest_stops_at_once():
     assert resting.stopped
 
 
-def test_a_path_that_slows_down_as_fast_by_itself_runs_on():
+def test_a_path_that_brakes_as_hard_itself_is_not_slowed_further():
     clock = PathClock()
     clock.advance(0.5)
     clock.brake(lambda t: 8.0 * min(t, 1.0) - 2.0 * max(0.0, t - 1.0), 100.0)
@@ -972,10 +972,10 @@ def test_a_path_that_slows_down_as_fast_by_itself_runs_on():
         assert gentle.rate == pytest.approx(1.0, abs=0.1)
 
 
-# Standing, with what less than a position there is.
+# Standstill without a position.
 
 
-def test_a_stand_needs_positions_of_a_whole_window_after_the_beginning():
+def test_standstill_needs_positions_of_a_whole_window_after_the_beginning():
     drive = Drive()
     for _ in range(20):
         drive.cycle(statusword=ENABLED, position=0)
@@ -1002,7 +1002,7 @@ def test_an_axis_with_a_demand_beyond_its_window_is_not_at_standstill(demand, pu
     assert ("jumps" in look.why_not(drive.image)) is pulls
 
 
-def test_where_there_is_no_position_the_velocity_says_it_and_else_bit_10():
+def test_without_a_position_standstill_is_judged_by_velocity_or_else_by_bit_10():
     drive = Drive()
     look = StandstillCheck(drive.parameters, drive.now)
     began = drive.now
@@ -1038,7 +1038,7 @@ def test_the_reason_why_an_axis_is_not_at_standstill_is_reported():
 # Texts and windows.
 
 
-def test_an_object_an_age_and_a_place_in_words():
+def test_objects_ages_and_positions_are_worded_for_messages():
     assert object_text(0x6081) == "6081h profile velocity"
     assert object_text(0x6099, 2).startswith("6099h:02 ")
     assert object_text(0x2000) == "2000h"
@@ -1097,17 +1097,17 @@ def test_a_position_that_is_unknown_because_the_link_is_slow_names_the_delay():
         (None, None, 5000.0, 50.0),
     ],
 )
-def test_the_window_of_what_pulls(own, position_window, speed, expected):
+def test_the_window_of_the_pull(own, position_window, speed, expected):
     assert pull_window(own, position_window, speed) == expected
 
 
-def test_what_the_parameters_derive():
+def test_values_derived_from_the_parameters():
     base = Drive().parameters
     assert base.pull_window == 4000.0  # 10 ms at 400 deg/s
     assert replace(base, limits=AxisLimits()).pull_window == 1000.0  # at the default velocity
     fine = replace(base.units, position=Scale.of(1e7, "deg"))
     bare = replace(base, units=fine, limits=AxisLimits(), defaults=Defaults())
-    assert bare.pull_window == 20.0  # where no velocity is known: no more than what a quiet encoder wanders
+    assert bare.pull_window == 20.0  # without a known velocity: no more than the noise of a quiet encoder
     assert base.standstill_tolerance == 2.0
     assert replace(base, standstill_speed=160.0).standstill_tolerance == 10.0
     assert base.lag_allowed(1000.0) == 4250.0
@@ -1130,7 +1130,7 @@ def test_what_the_parameters_derive():
     assert replace(base.units, rated_torque=None).torque(-250) == -0.25
 
 
-def test_nothing_that_is_not_a_number_is_a_trapezoid():
+def test_invalid_numbers_make_no_trapezoid():
     for values in (
         (0.0, 1.0, 0.0, 1.0),
         (0.0, 1.0, 1.0, 0.0),
@@ -1231,7 +1231,7 @@ def test_objects_written_before_a_move():
         ({"objects": frozenset()}, []),
     ],
 )
-def test_what_brakes_an_axis_under_torque_is_written_before(changes, written):
+def test_the_ramp_that_brakes_an_axis_under_torque_is_written_before(changes, written):
     assert slow_ramp_writes(Drive(**changes).parameters, by_torque=True) == written
 
 
@@ -1326,7 +1326,7 @@ def test_a_drive_without_60c2h_has_its_own_time_and_one_that_refuses_it_is_repor
     assert sorted(waits.order.cancel) == sorted(asked)
 
 
-def test_a_demand_that_comes_as_often_as_the_position_must_be_still_too():
+def test_a_demand_received_as_often_as_the_position_must_be_constant_too():
     drive = Drive(ages={"demand": 10.0})
     drive.cycle(statusword=ENABLED, mode=1, position=0, demand=0)
     look = StandstillCheck(drive.parameters, drive.now)
@@ -1338,7 +1338,7 @@ def test_a_demand_that_comes_as_often_as_the_position_must_be_still_too():
     assert drive.now - since == 0.0625
 
 
-def test_what_pushes_against_something_does_not_stand():
+def test_an_axis_that_pushes_against_something_is_not_at_standstill():
     for holds_load, torque, stands in (
         (HoldsLoad.NO, 50, True),
         (HoldsLoad.NO, 51, False),
@@ -1365,7 +1365,7 @@ def test_in_a_torque_mode_without_a_torque_value_standstill_is_judged_by_positio
     assert seen
 
 
-def test_without_power_a_demand_says_nothing():
+def test_without_power_the_demand_is_ignored():
     drive = Drive(ages={"demand": 10.0})
     look = StandstillCheck(drive.parameters, drive.now)
     for number in range(12):
@@ -1390,7 +1390,7 @@ def test_by_velocity_standstill_needs_a_whole_window_from_the_beginning_of_the_o
     assert drive.now - moving == 0.0625 + T
 
 
-def test_bit_10_says_it_once_bits_have_settled_and_a_window_has_passed():
+def test_bit_10_confirms_standstill_after_settling_time_and_window():
     timing = replace(TIMING, settle=0.03125)
     silent = Drive(timing=timing)
     look = StandstillCheck(silent.parameters, silent.now)
@@ -1419,11 +1419,11 @@ def test_by_velocity_an_axis_is_at_standstill_below_the_speed_of_the_cell_file(v
     assert seen is stands
 
 
-# Commands that take effect at rest.
+# Commands that take effect at standstill.
 
 
 def waiting(*names: str) -> tuple[Drive, StandstillWaiters, list[tuple[str, str]]]:
-    """Commands of these names that wait for a rest; what becomes of each is noted."""
+    """Commands of these names that wait for standstill; their ends are noted."""
     drive, ends = Drive(), []
     waits = StandstillWaiters(drive.parameters)
     for name in names:
@@ -1433,14 +1433,14 @@ def waiting(*names: str) -> tuple[Drive, StandstillWaiters, list[tuple[str, str]
     return drive, waits, ends
 
 
-def rest_step(waits: StandstillWaiters, drive: Drive, ends: list[tuple[str, str]]) -> None:
+def standstill_step(waits: StandstillWaiters, drive: Drive, ends: list[tuple[str, str]]) -> None:
     waits.step(drive.image, lambda ticket, error: ends.append((ticket.name, error and error.message)))
 
 
-def test_a_command_that_takes_effect_at_rest_is_done_after_the_standstill_window():
+def test_a_command_that_waits_for_standstill_is_done_after_the_standstill_window():
     drive, waits, ends = waiting("a", "b")
     for _ in range(8):
-        rest_step(waits, drive.cycle(statusword=ENABLED, position=0) and drive, ends)
+        standstill_step(waits, drive.cycle(statusword=ENABLED, position=0) and drive, ends)
         if ends:
             break
     assert ends == [("a", "done"), ("a", None), ("b", "done"), ("b", None)]
@@ -1448,11 +1448,11 @@ def test_a_command_that_takes_effect_at_rest_is_done_after_the_standstill_window
     assert drive.now - 10.0 == 2 * T + 0.0625
 
 
-def test_an_axis_that_does_not_come_to_rest_in_two_seconds_refuses_what_waits_for_that():
+def test_an_axis_not_at_standstill_after_two_seconds_refuses_the_waiting_commands():
     drive, waits, ends = waiting("a")
     for number in range(200):
         drive.cycle(statusword=ENABLED, position=100 * number)
-        rest_step(waits, drive, ends)
+        standstill_step(waits, drive, ends)
         if ends:
             break
     assert ends == [("a", "a: the axis is not at standstill")]
@@ -1460,7 +1460,7 @@ def test_an_axis_that_does_not_come_to_rest_in_two_seconds_refuses_what_waits_fo
     assert not waits.waiting
 
 
-def test_a_demand_that_is_polled_counts_from_the_beginning_of_the_rest():
+def test_a_polled_demand_counts_from_the_beginning_of_standstill():
     drive = Drive(ages={"demand": 10.0})
     drive.cycle(statusword=ENABLED, mode=1, position=0, demand=0)
     look = StandstillCheck(drive.parameters, drive.now)
@@ -1487,7 +1487,7 @@ def test_a_demand_that_is_polled_counts_from_the_beginning_of_the_rest():
         (Defaults(), None, None),
     ],
 )
-def test_what_a_path_is_braked_with(defaults, limit, expected):
+def test_the_deceleration_of_a_path(defaults, limit, expected):
     base = Drive(defaults=defaults, limits=AxisLimits(acceleration=limit)).parameters
     assert base.path_deceleration == expected
     assert base.slow_ramp == (None if expected is None else expected * 1000.0)
@@ -1495,7 +1495,7 @@ def test_what_a_path_is_braked_with(defaults, limit, expected):
     assert unknown.slow_ramp is None
 
 
-def test_the_edge_of_a_reset_stays_high_for_four_cycles_however_short_a_transition_may_take():
+def test_the_edge_of_a_reset_stays_high_for_four_cycles_for_any_transition_time():
     drive = Drive(timing=replace(TIMING, transition=6 * T))
     reset = ResetActivity(drive.parameters)
     words = []
@@ -1506,7 +1506,7 @@ def test_the_edge_of_a_reset_stays_high_for_four_cycles_however_short_a_transiti
     assert words[6] == 0x00
 
 
-def test_a_long_story_keeps_its_beginning_and_its_end():
+def test_a_long_chain_of_errors_keeps_its_beginning_and_its_end():
     told = "0"
     for number in range(1, 20):
         told = chained(told, str(number))

@@ -1,4 +1,4 @@
-"""Ends that a drive passes by itself: when it is given the next profile, and what is said of it, cycle by cycle."""
+"""Targets that a drive passes: the time of the next profile, and the notes, cycle by cycle."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ class Passed:
         image.override = override
         return self.passing.look(image)
 
-    def asked_at(self, override: float = 1.0) -> list[tuple[int, MoveProfile]]:
-        """Where the drive was asked for another profile, on its whole way."""
+    def requested_at(self, override: float = 1.0) -> list[tuple[int, MoveProfile]]:
+        """The positions at which another profile was written to the drive, during its whole move."""
         seen = ((place, self.at(place, override)) for place in range(0, 200_001, 100))
         return [(place, profile) for place, profile in seen if profile is not None]
 
@@ -67,25 +67,27 @@ CHANGE = (200_000.0**2 - 100_000.0**2) / (2 * 400_000.0)  # increments from the 
     ],
 )
 @pytest.mark.parametrize("taken", [0.0, 0.05])
-def test_it_is_asked_once_as_much_before_the_end_as_the_change_takes(mode, first, second, before, taken):
-    asked = Passed(mode, first, second, taken).asked_at()
+def test_the_next_move_is_requested_once_and_earlier_by_the_time_of_the_change(
+    mode, first, second, before, taken
+):
+    asked = Passed(mode, first, second, taken).requested_at()
     assert [profile for _, profile in asked] == [second]
     early = before + taken * first.speed if before else 0.0
     assert asked[0][0] == pytest.approx(100_000 - early, abs=100)
 
 
 def test_under_an_override_the_change_is_shorter():
-    (asked, _), *more = Passed("low", FAST, SLOW).asked_at(0.5)
+    (asked, _), *more = Passed("low", FAST, SLOW).requested_at(0.5)
     assert asked == pytest.approx(100_000 - CHANGE / 4, abs=100)
     assert not more
 
 
-def test_what_took_long_because_it_was_held_is_no_measure():
-    (asked, _), *_ = Passed("low", FAST, SLOW, taken=30.0).asked_at()
+def test_the_duration_of_a_change_that_was_held_is_not_used():
+    (asked, _), *_ = Passed("low", FAST, SLOW, taken=30.0).requested_at()
     assert asked == pytest.approx(100_000 - CHANGE - 0.25 * 200_000.0, abs=100)
 
 
-def test_each_ends_when_its_end_is_passed():
+def test_each_blended_move_ends_when_its_end_is_passed():
     play = Passed("low", FAST, FAST)
     play.at(99_999)
     assert (play.first.status, play.second.status) == (Status.ACTIVE, Status.BUSY)
@@ -94,7 +96,7 @@ def test_each_ends_when_its_end_is_passed():
     assert play.passing.commands == 1
 
 
-def test_without_a_position_nothing_is_passed():
+def test_without_a_position_the_first_move_does_not_end():
     play = Passed("low", SLOW, FAST)
     image, _ = play.drive.cycle(statusword=0x1237, mode=1)
     assert image.position is None
@@ -102,15 +104,15 @@ def test_without_a_position_nothing_is_passed():
     assert play.first.busy
 
 
-def test_the_same_profile_is_not_asked_for_but_a_time_begins_again():
-    assert Passed("low", FAST, FAST).asked_at() == []
+def test_an_equal_profile_is_not_requested_again_but_its_time_begins_again():
+    assert Passed("low", FAST, FAST).requested_at() == []
     timed = profile(200_000.0, timeout=3.0)
-    assert [each for _, each in Passed("low", timed, timed).asked_at()] == [timed]
+    assert [each for _, each in Passed("low", timed, timed).requested_at()] == [timed]
 
 
 @pytest.mark.parametrize(("down", "kept"), [(400_000.0, False), (250_000.0, False), (100_000.0, True)])
-def test_a_deceleration_that_would_come_too_late_is_not_taken(down, kept):
-    (_, asked), *_ = Passed("previous", FAST, weak := profile(100_000.0, down)).asked_at()
+def test_a_deceleration_that_would_be_written_too_late_is_not_taken(down, kept):
+    (_, asked), *_ = Passed("previous", FAST, weak := profile(100_000.0, down)).requested_at()
     assert (asked.deceleration, asked.down) == ((400, 400_000.0) if kept else (weak.deceleration, down))
     assert (asked.velocity, asked.acceleration) == (weak.velocity, weak.acceleration)
 
@@ -118,12 +120,12 @@ def test_a_deceleration_that_would_come_too_late_is_not_taken(down, kept):
 def test_a_drive_without_6084h_keeps_the_acceleration_with_which_it_brakes_as_well():
     without = Drive().parameters.objects - {0x6084}
     weak = profile(100_000.0, 100_000.0)
-    (_, asked), *_ = Passed("previous", FAST, weak, objects=without).asked_at()
+    (_, asked), *_ = Passed("previous", FAST, weak, objects=without).requested_at()
     assert (asked.velocity, asked.acceleration, asked.deceleration) == (100_000, 400, 400)
     assert (asked.up, asked.down) == (400_000.0, 400_000.0)
 
 
-def test_one_that_takes_over_slower_says_so():
+def test_a_move_that_takes_over_more_slowly_has_a_note():
     play = Passed("low", FAST, FAST)
     play.drive.says(velocity=0)
     image, _ = play.drive.cycle(position=100_000, velocity=100_000, statusword=0x1237, mode=1)
@@ -131,7 +133,7 @@ def test_one_that_takes_over_slower_says_so():
     assert "instead of 200" in play.second.note
 
 
-def test_a_drive_that_has_reached_the_first_end_has_not_reached_what_joined_meanwhile():
+def test_target_reached_of_the_first_move_does_not_end_the_move_that_joined():
     drive, reached, acknowledge = Drive(), 0x0400, 0x1000
     ready = SimpleNamespace(step=lambda *_: True, cancel=lambda _: None, leading=None, leaving=None)
     ready.ramps = RampTransfers((), drive.parameters)

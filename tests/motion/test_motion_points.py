@@ -1,4 +1,4 @@
-"""The curve through points, what it asks of the axes, and the pace along it: pure, against sums of their own."""
+"""The curve through points, its demands on the axes, and the pace along it: pure, against independent sums."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_a_curve_has_the_motions_of_both_ends(begin, end, seconds):
 
 
 @given(MOTIONS, MOTIONS, st.floats(0.5, 2.0))
-def test_its_reach_is_that_of_the_curve(begin, end, seconds):
+def test_the_reach_of_a_span_is_the_range_of_its_curve(begin, end, seconds):
     curve, points = coefficients(begin, end, seconds), controls(begin, end, seconds)
     values = [at(curve, seconds * n / 500) for n in range(501)]
     low, high = reach(points)
@@ -66,7 +66,7 @@ def joined(points) -> list[Span]:
     return [span for span in [*spans, joining.end()] if span is not None]
 
 
-def test_neither_place_nor_speed_nor_acceleration_jumps_and_points_are_met():
+def test_a_joined_stream_meets_its_points_without_a_jump_in_position_velocity_or_acceleration():
     times = [0.02 * n + (0.004 if n % 2 else 0.0) for n in range(60)]
     spans = joined((t, 30.0 * math.sin(4.0 * t)) for t in times)
     assert [span.seconds for span in spans] == pytest.approx([b - a for a, b in pairwise(times)])
@@ -81,7 +81,7 @@ def test_neither_place_nor_speed_nor_acceleration_jumps_and_points_are_met():
 
 
 @pytest.mark.parametrize("path", [lambda t: 7.0 - 50.0 * t, lambda t: 100.0 * t * t])
-def test_straight_lines_and_constant_accelerations_stay_what_they_are(path):
+def test_straight_lines_and_constant_accelerations_are_unchanged(path):
     for number, span in enumerate(joined((0.01 * n, path(0.01 * n)) for n in range(9))):
         assert at(span.curves[0], 0.004) == pytest.approx(path(0.01 * number + 0.004))
 
@@ -113,7 +113,7 @@ def test_accepted_points_can_be_ended_anywhere():
     assert taken > 40
 
 
-def test_no_point_leads_to_where_the_axis_cannot_brake_in_time():
+def test_a_point_from_which_the_axis_could_not_brake_in_time_is_refused():
     lame = MAY._replace(braking=10.0)
     joining = CurveFit({"x": lame}, "x.stream")
     with pytest.raises(LimitError, match="could not brake in time"):
@@ -122,7 +122,7 @@ def test_no_point_leads_to_where_the_axis_cannot_brake_in_time():
 
 
 def random_spans(rnd: random.Random) -> list[Span]:
-    """Those of points that were taken, of which some are near the limits."""
+    """The spans of accepted points, some of them near the limits."""
     joining, spans, t = CurveFit({"x": MAY}, "x.stream"), [], 0.0
     size, pulse = rnd.uniform(1.0, 60.0), rnd.uniform(0.5, 12.0)
     for _ in range(rnd.randint(2, 120)):
@@ -137,7 +137,7 @@ def random_spans(rnd: random.Random) -> list[Span]:
 
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(st.integers(0, 100_000))
-def test_no_pace_whatever_comes_when_asks_more_of_an_axis_than_it_may(seed):
+def test_late_points_halts_and_overrides_never_exceed_the_limits_of_an_axis(seed):
     """Spans come in bursts, late and not at all; it is halted, and slowed by an override. The last place is the end."""
     rnd = random.Random(seed)
     spans, course, travel = random_spans(rnd), StreamTimeline(), StreamTravel()
@@ -174,7 +174,7 @@ def test_no_pace_whatever_comes_when_asks_more_of_an_axis_than_it_may(seed):
 
 
 def test_a_pace_stays_that_of_the_points_while_enough_is_known():
-    """Also over spans of which the ramps differ by powers of ten, and that are shorter than a cycle."""
+    """Also over spans whose ramps differ by powers of ten, and that are shorter than a cycle."""
     course, travel = StreamTimeline(), StreamTravel()
     for number in range(400):
         course.add(Span(0.0011, 10.0 ** (number % 5), ((float(number), 0.0, 0.0, 0.0, 0.0, 0.0),)))
@@ -189,7 +189,7 @@ def test_a_pace_stays_that_of_the_points_while_enough_is_known():
 
 @pytest.mark.parametrize("period", [0.001, 0.004, 0.01, 0.02])
 @pytest.mark.parametrize("seconds", [0.1, 1.0, 0.7, 1 / 3, 12.345])
-def test_a_resting_stream_reaches_its_end_exactly_however_steep_its_ramp(period, seconds):
+def test_a_stream_at_rest_reaches_its_end_exactly_for_any_ramp(period, seconds):
     course, travel, still = StreamTimeline(), StreamTravel(), ((0.0,) * 6,)
     for span in (Span(period, 1e4, still), Span(seconds, 25.0, still), Span(period, 1e4, still)):
         course.add(span)

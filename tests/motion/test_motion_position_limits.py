@@ -34,7 +34,7 @@ from kit.motion.watch import HALT, Watch
 
 LIMITS = (0.0, 60.0)
 NOISE = MotorParams(noise=2.0)  # ±2 increments, of 1000 in a degree
-SLACK = 0.006  # deg: what a position wanders, and is rounded to
+SLACK = 0.006  # deg: noise and rounding of a position
 
 
 # The arithmetic.
@@ -53,7 +53,7 @@ def test_a_motion_ends_within_the_limits_or_no_farther_out_than_it_began(start, 
 
 
 @given(places, windows, windows)
-def test_an_end_that_is_beyond_by_what_a_position_wanders_is_the_limit(start, window, beyond):
+def test_an_end_beyond_the_limit_by_no_more_than_the_window_becomes_the_limit(start, window, beyond):
     assume(LIMITS[0] <= start <= LIMITS[1])
     for limit, end in ((LIMITS[0], LIMITS[0] - beyond), (LIMITS[1], LIMITS[1] + beyond)):
         inside = LIMITS[0] <= end <= LIMITS[1]
@@ -89,7 +89,7 @@ def test_a_brake_is_no_harder_than_its_room_needs_and_than_it_may_be(position, v
 
 
 @given(st.floats(-200.0, 200.0), st.floats(10.0, 5000.0))
-def test_in_each_cycle_of_a_brake_the_velocity_falls_by_what_it_may(velocity, deceleration):
+def test_the_velocity_of_a_brake_falls_by_its_deceleration_in_each_cycle(velocity, deceleration):
     places = steps_to_rest(5.0, velocity, deceleration, PERIOD)
     speeds = [velocity, *((b - a) / PERIOD for a, b in pairwise(places))]
     falls = [(a - b) / PERIOD for a, b in pairwise(speeds)]
@@ -105,7 +105,7 @@ def test_a_path_that_begins_at_a_limit_may_return_to_it():
 
 
 @pytest.mark.parametrize("lap", [0, 1, -3])
-def test_a_count_ends_where_its_drive_begins_again(lap):
+def test_the_range_of_the_count_ends_just_before_the_wrap_of_the_drive(lap):
     room, low, high = room_of_count(lap * 2**32 + 17), lap * 2**32 - 2**31, lap * 2**32 + 2**31 - 1
     assert room == (low + 10, high - 10)
     assert room_of_count(int(room.low)) == room_of_count(int(room.high)) == room
@@ -119,7 +119,7 @@ def test_a_count_ends_where_its_drive_begins_again(lap):
 
 
 def bounded(names: str = "x", *, seed: int = 0, place: float | None = None, motor=NOISE, **changes):
-    """An axis from 0 to 60 deg that stands at ``place``, with an encoder that wanders."""
+    """An axis from 0 to 60 deg at ``place``, with a noisy encoder."""
     limits = AxisLimits(position=LIMITS, velocity=400.0, acceleration=2000.0)
     r = rig(names, motor=motor, limits=changes.pop("limits", limits), **changes).enabled()
     for number, device in enumerate(r.devices):
@@ -176,7 +176,7 @@ PLACES = (None, -0.002, -0.03, -5.0, 60.0, 60.002, 60.03, 65.0)
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("way", WAYS)
-def test_an_axis_comes_back_from_a_limit_and_from_beyond_it(way, place, seed):
+def test_an_axis_moves_back_from_a_limit_and_from_beyond_it(way, place, seed):
     r = bounded("xy", seed=seed, place=place, each={"y": {"limits": AxisLimits(velocity=400.0)}})
     farthest = out_of(r)
     handle = WAYS[way](r)
@@ -225,7 +225,7 @@ def test_no_motion_takes_an_axis_beyond_a_limit_farther_out(way, place):
 
 
 @pytest.mark.parametrize("place", [0.0, -0.002, 60.0, 60.002])
-def test_an_arc_may_begin_where_a_position_wanders_at_a_limit(place):
+def test_an_arc_may_begin_at_a_limit_with_a_noisy_position(place):
     r = bounded("xy", place=place, each={"y": {"limits": AxisLimits(velocity=400.0)}})
     here, begun = (r.axis.commanded_position, r.axes["y"].commanded_position), out_of(r)
     centre, end = ((here[0] + inward(r) * way, here[1]) for way in (10.0, 20.0))
@@ -255,7 +255,7 @@ def test_a_relative_move_from_beyond_a_limit_may_end_beyond_it_nearer_to_the_lim
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_whole_stroke_may_be_gone_to_and_fro_by_relative_moves_of_a_position_that_wanders(seed):
+def test_relative_moves_over_the_whole_stroke_are_allowed_with_a_noisy_position(seed):
     r = bounded(seed=seed)
     for _ in range(3):
         for distance in (60.0, -60.0):
@@ -272,15 +272,15 @@ class InAndOut:
         return -5.0 + 5.0 * (1.0 - math.cos(math.tau * t / self.duration))
 
 
-class ToldBefore(InAndOut):
-    """The same, of which all is known before."""
+class KnownInAdvance(InAndOut):
+    """The same, with all properties known in advance."""
 
     span = (-5.0, 5.0)
     top_speed = 10.0
 
 
-@pytest.mark.parametrize("path", [InAndOut, ToldBefore])
-def test_a_trajectory_that_comes_in_from_beyond_a_limit_does_not_go_out_again(path):
+@pytest.mark.parametrize("path", [InAndOut, KnownInAdvance])
+def test_a_trajectory_that_enters_from_beyond_a_limit_does_not_leave_again(path):
     r = bounded(place=-5.0, motor=None)
     watch = Watch(r)
     handle = r.axis.follow(path())
@@ -291,7 +291,7 @@ def test_a_trajectory_that_comes_in_from_beyond_a_limit_does_not_go_out_again(pa
     assert watch.transitions == []  # it was braked along its path
 
 
-def test_a_slave_axis_that_came_back_from_beyond_a_limit_is_not_moved_out_again():
+def test_a_slave_axis_that_returned_from_beyond_a_limit_is_not_moved_out_again():
     r = bounded("xy", place=-5.0, motor=None, each={"y": {"limits": AxisLimits(velocity=400.0)}})
     handle = _gear(r, 10.0)
     r.until(lambda: r.axis.position > 2.0)
@@ -318,7 +318,7 @@ def test_a_slave_axis_that_came_back_from_beyond_a_limit_is_not_moved_out_again(
 def test_the_stop_of_a_move_that_ends_at_its_limit_ends_within_the_limit(
     how, share, velocity, harder, jerk, limited
 ):
-    """The move brakes harder than the axis does by default; the motor tells where it came to rest, and how hard it was braked."""
+    """The move brakes harder than the axis does by default; the motor shows the stopping position and the deceleration."""
     own = 300.0 * harder
     limits = AxisLimits(position=(-1.0, 60.0), velocity=400.0, acceleration=own if limited else None)
     r = bounded(
@@ -339,7 +339,7 @@ def test_the_stop_of_a_move_that_ends_at_its_limit_ends_within_the_limit(
     targets = watch.targets
     speeds = [(b - a) / PERIOD for a, b in pairwise(targets)]
     hardest = max((abs(b - a) / PERIOD for a, b in pairwise(speeds)), default=0.0) / 1000.0
-    assert hardest <= 1.01 * own + 2.0 / 1000.0 / PERIOD**2  # what targets are rounded to
+    assert hardest <= 1.01 * own + 2.0 / 1000.0 / PERIOD**2  # the rounding of targets
 
 
 @pytest.mark.parametrize("jerk", [None, 30_000.0])
@@ -364,7 +364,7 @@ def test_a_move_that_does_not_arrive_in_time_is_halted_whether_drive_or_master_c
 
 @pytest.mark.parametrize("buffer", ["blending_low", False])
 @pytest.mark.parametrize("jerk", [None, 5_000.0])
-def test_a_deadline_that_passes_during_a_halt_changes_nothing_of_it(jerk, buffer):
+def test_a_deadline_that_passes_during_a_halt_does_not_change_the_halt(jerk, buffer):
     defaults = Defaults(velocity=100.0, acceleration=100.0)
     without = frozenset(rig().core.parameters.objects - {0x60A4, 0x6086})
     r = bounded(motor=None, defaults=defaults, objects=without)
@@ -409,7 +409,7 @@ def test_a_path_that_is_braked_is_no_harder_than_its_deceleration(period, after,
 
 
 @given(st.floats(1.0, 300.0), st.floats(10.0, 3000.0), st.floats(-100.0, 100.0))
-def test_an_axis_that_brakes_now_rests_where_its_path_ends(velocity, deceleration, position):
+def test_the_computed_stop_is_the_end_of_the_braked_path(velocity, deceleration, position):
     stop = rest(position, velocity, deceleration)
     path = ProfileFromSpeed(Start(position, velocity), stop, velocity, deceleration, deceleration)
     assert path.position(path.duration + 1.0) == stop
@@ -443,7 +443,7 @@ TOO_FAR = {
 
 
 class Unknown:
-    """On and on, and nobody knows how far."""
+    """An endless motion of unknown distance."""
 
     duration = 10.0
 

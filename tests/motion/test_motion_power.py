@@ -1,4 +1,4 @@
-"""Enabling, disabling and reset: the way through the power stage as the drive sees it, and that nothing moves by it."""
+"""Enabling, disabling and reset: the states of the power stage as the drive sees them, without any motion."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_enable_takes_transitions_2_3_4_and_holds_the_axis():
     assert watch.displacement == 0.0
 
 
-def test_nothing_is_sent_before_the_first_command():
+def test_nothing_is_sent_before_the_first_command_to_an_axis():
     r = rig()
     watch = Watch(r)
     r.run(1.0)
@@ -85,7 +85,7 @@ def test_enable_twice_is_harmless():
 
 
 @pytest.mark.parametrize("again_after", [PERIOD, 0.1, 0.2])
-def test_an_enable_that_is_asked_for_again_continues_and_both_handles_end_as_it_does(again_after):
+def test_a_repeated_enable_continues_and_both_handles_end_as_it_does(again_after):
     r = rig()
     r.drive.dials.transition_delay[3] = 0.2
     watch = Watch(r)
@@ -100,7 +100,7 @@ def test_an_enable_that_is_asked_for_again_continues_and_both_handles_end_as_it_
     assert watch.transitions == [2, 3, 4]
 
 
-def test_an_enable_that_was_asked_for_twice_and_fails_fails_for_both():
+def test_a_repeated_enable_that_fails_fails_for_both_handles():
     r = rig()
     r.drive.dials.transition_delay[3] = 1e9
     first = r.axis.enable()
@@ -112,7 +112,7 @@ def test_an_enable_that_was_asked_for_twice_and_fails_fails_for_both():
     assert second.status is Status.ERROR
 
 
-def test_an_enable_that_was_asked_for_twice_and_is_taken_back_is_aborted_for_both():
+def test_a_repeated_enable_is_aborted_for_both_handles_by_a_disable():
     r = rig()
     r.drive.dials.transition_delay[3] = 0.2
     first = r.axis.enable()
@@ -126,7 +126,7 @@ def test_an_enable_that_was_asked_for_twice_and_is_taken_back_is_aborted_for_bot
     assert r.drive.power.stage == DISABLED
 
 
-def test_a_reset_that_is_asked_for_again_makes_no_second_edge():
+def test_a_repeated_reset_makes_no_second_edge():
     r = rig().enabled()
     r.drive.fault(0x4310)
     r.run(1.0)
@@ -141,7 +141,7 @@ def test_a_reset_that_is_asked_for_again_makes_no_second_edge():
 
 
 @pytest.mark.parametrize("what", [{}, {"coast": True}], ids=["by the ladder", "coasting"])
-def test_a_disable_that_is_asked_for_again_ends_with_the_first(what):
+def test_a_repeated_disable_ends_with_the_first(what):
     r = rig().enabled()
     r.drive.dials.transition_delay[5] = r.drive.dials.transition_delay[9] = 0.1
     first = r.axis.disable(**what)
@@ -175,7 +175,7 @@ def test_enable_from_every_state_of_the_power_stage(stage, path):
     assert r.axis.state is AxisState.STANDSTILL
 
 
-def test_a_drive_held_in_quick_stop_keeps_its_power_until_enable_asks_for_transition_16():
+def test_a_drive_held_in_quick_stop_keeps_its_power_until_enable_makes_transition_16():
     """A power cycle (12, 2, 3, 4) would drop a hanging load."""
     r = rig()
     bring_to(r, QUICK_STOP)
@@ -187,7 +187,7 @@ def test_a_drive_held_in_quick_stop_keeps_its_power_until_enable_asks_for_transi
     assert watch.transitions == [16]
 
 
-def test_a_drive_that_leaves_quick_stop_by_itself_is_enabled_from_there():
+def test_a_drive_that_left_quick_stop_is_enabled_after_a_reset():
     r = rig()
     r.device.write(0x605A, 0, 6)
     r.enabled()
@@ -196,14 +196,14 @@ def test_a_drive_that_leaves_quick_stop_by_itself_is_enabled_from_there():
     watch = Watch(r)
     r.drive.controlword = 0x00
     r.drive.hear()
-    with pytest.raises(DriveError):  # it left the state that it was held in: that is told, not covered up
+    with pytest.raises(DriveError):  # it left the held state: that is reported
         r.axis.enable().wait(3)
     r.axis.reset().wait(1)
     r.axis.enable().wait(3)
     assert watch.transitions == [12, 2, 3, 4]
 
 
-def test_enable_from_fault_says_reset_first_and_sends_no_enable():
+def test_enable_in_fault_is_refused_with_reset_first_and_sends_no_enable():
     r = rig()
     bring_to(r, FAULT)
     watch = Watch(r)
@@ -294,7 +294,7 @@ def test_a_node_that_was_lost_is_not_enabled():
     assert r.drive.power.stage == DISABLED
 
 
-def test_enable_needs_to_know_where_the_axis_is():
+def test_enable_needs_a_position():
     r = rig(port={"inputs": {"position": ValueTransport.NONE}})
     with pytest.raises(StaleError, match="6064h"):
         r.axis.enable().wait(3)
@@ -302,7 +302,7 @@ def test_enable_needs_to_know_where_the_axis_is():
 
 
 def test_an_axis_that_is_enabled_holds_the_target_that_it_was_enabled_with():
-    """Once its targets went on following the position, late by the bus: a soft load swung up to 160 deg/s by that."""
+    """Its targets once followed the position, late by the bus: a soft load swung up to 160 deg/s by that."""
     r = rig(port={"inputs": {"demand": ValueTransport.NONE}})
     r.run(0.2)
     port, targets, sign = r.ports["x"], [], 1
@@ -327,8 +327,8 @@ def test_an_axis_that_is_enabled_holds_the_target_that_it_was_enabled_with():
 
 
 @pytest.mark.parametrize("blind_from", range(0, 14, 2))
-def test_a_position_that_comes_late_is_awaited_while_enabling(blind_from):
-    """For 0.6 s nothing is heard of 6064h, from a cycle of the way up on: it is enabled with a fresh one, and nothing jumps."""
+def test_a_late_position_is_awaited_while_enabling(blind_from):
+    """For 0.6 s no 6064h is received, from a cycle of enabling on: it is enabled with a fresh one, and nothing jumps."""
     r = rig()
     r.run(0.5)
     port = r.ports["x"]
@@ -347,7 +347,7 @@ def test_a_position_that_comes_late_is_awaited_while_enabling(blind_from):
     assert {row.position for row in watch.rows} == {watch.rows[0].position}
 
 
-def test_a_drive_that_shows_its_mode_only_when_enabled_is_enabled_all_the_same():
+def test_a_drive_that_displays_its_mode_only_when_enabled_is_enabled():
     r = rig()
     r.drive.mode = r.drive.mode_display = 0
     r.drive.dials.modes_refused = frozenset({1})
@@ -407,7 +407,7 @@ def test_disable_twice_is_harmless():
     assert r.axis.error is None
 
 
-def test_coasting_must_be_asked_for_by_name():
+def test_disable_coasts_only_if_coast_is_given():
     r = rig().enabled()
     r.axis.move_velocity(100.0).wait(2)
     watch = Watch(r)
@@ -444,7 +444,7 @@ def test_disable_during_enable_takes_the_power_stage_down_again():
     assert watch.transitions.count(4) <= 1
 
 
-def test_enable_during_disable_is_refused_and_the_axis_goes_down():
+def test_enable_during_disable_is_refused_and_the_axis_is_disabled():
     r = rig().enabled()
     r.axis.move_velocity(100.0).wait(2)
     disable = r.axis.disable()
@@ -524,7 +524,7 @@ def test_a_fault_that_persists_gets_a_new_edge_and_is_then_reported_with_its_cau
     assert len(edges) >= 1
     assert "does not clear the fault" in caught.value.message
     assert r.axis.state is AxisState.ERRORSTOP
-    assert "4210" in str(r.axis.error)  # the first reason stays, what came later is added
+    assert "4210" in str(r.axis.error)  # the first reason stays, later ones are added
     assert "does not clear the fault" in str(r.axis.error)
     r.drive.dials.fault_persists = False
     r.axis.reset().wait(3)
@@ -548,7 +548,7 @@ def test_bit_7_is_low_before_every_edge_even_when_another_master_left_it_high():
 
 
 def test_a_drive_that_drops_out_in_errorstop_is_not_enabled_again():
-    """In ErrorStop the axis is held; a supply that comes back must not bring the power back."""
+    """In ErrorStop the axis is held; a supply that returns must not restore the power."""
     r = rig().enabled()
     with pytest.raises(DriveError):
         r.axis.move_absolute(100.0, timeout=0.2).wait(5)
@@ -563,7 +563,7 @@ def test_a_drive_that_drops_out_in_errorstop_is_not_enabled_again():
     assert r.axis.state is AxisState.ERRORSTOP
 
 
-def test_a_drive_that_drops_out_at_standstill_says_so_and_stays_off():
+def test_a_drive_that_drops_out_at_standstill_is_reported_and_stays_off():
     r = rig().enabled()
     watch = Watch(r)
     r.drive.controlword = 0x00
@@ -620,7 +620,7 @@ def test_handles_of_power_commands_report_how_they_ended():
     assert handle.done
 
 
-def test_a_drive_that_is_in_fault_again_while_its_first_one_is_looked_into_is_not_enabled():
+def test_a_drive_in_fault_again_during_the_diagnosis_of_the_first_fault_is_not_enabled():
     r = rig()
     r.run(0.1)
     r.device.dials.sdo_delay = 0.3  # of 603Fh

@@ -19,14 +19,14 @@ SEARCH = HomingParameters(method=37, speed_switch=20.0, speed_zero=5.0)
 
 
 def stale(drive, mode: int) -> None:
-    """What another program left in the drive: a mode, and targets far away."""
+    """Set the state that another program left in the drive: a mode, and targets far away."""
     drive.mode = drive.mode_display = mode
     drive._mode = drive._all_modes[mode]
     drive.target_position, drive.target_velocity, drive.target_torque = 123_456, 50_000, 400
 
 
 def run_in(r, mode: int) -> None:
-    """Bring an enabled axis into a mode by the command that uses it, and let it stand there."""
+    """Bring an enabled axis into a mode by the command that uses it, and to standstill there."""
     axis = r.axis
     if mode == PP:
         axis.move_relative(3.0).wait(5)
@@ -50,7 +50,7 @@ def run_in(r, mode: int) -> None:
 
 
 @pytest.mark.parametrize("mode", [PP, PV, TQ, HM, CSP, CSV, CST])
-def test_stale_targets_move_nothing_when_a_drive_is_enabled_in_whatever_mode_it_was(mode):
+def test_stale_targets_move_nothing_when_a_drive_is_enabled_in_any_mode(mode):
     r = rig(motor=MotorParams(start_position=7_000.0))
     stale(r.drive, mode)
     watch = Watch(r)
@@ -65,7 +65,7 @@ def test_stale_targets_move_nothing_when_a_drive_is_enabled_in_whatever_mode_it_
 
 @pytest.mark.parametrize("mode", [PP, PV, TQ, HM, CSP, CSV, CST])
 @pytest.mark.parametrize("refused", [frozenset({PP}), frozenset({PP, CSP})], ids=["no pp", "no pp, no csp"])
-def test_stale_targets_move_nothing_where_another_resting_mode_must_be_taken(mode, refused):
+def test_stale_targets_move_nothing_if_another_resting_mode_must_be_taken(mode, refused):
     r = rig(motor=MotorParams(start_position=7_000.0))
     stale(r.drive, mode)
     r.drive.dials.modes_refused = refused - {mode}
@@ -75,7 +75,7 @@ def test_stale_targets_move_nothing_where_another_resting_mode_must_be_taken(mod
     assert watch.displacement == 0.0
 
 
-def test_an_axis_that_was_pushed_while_disabled_is_held_where_it_is():
+def test_an_axis_that_was_pushed_while_disabled_is_held_at_its_new_position():
     r = rig().enabled()
     r.axis.move_absolute(20.0).wait(5)
     r.axis.disable().wait(3)
@@ -88,7 +88,7 @@ def test_an_axis_that_was_pushed_while_disabled_is_held_where_it_is():
 
 
 def test_an_axis_that_turns_while_it_is_enabled_is_caught_and_not_thrown_back():
-    """Somebody turns it by hand: the target follows the actual position up to the moment at which it is enabled."""
+    """It is turned by hand: the target follows the actual position up to the moment at which it is enabled."""
     r = rig()
     r.drive.dials.transition_delay[4] = 0.1
     handle = r.axis.enable()
@@ -106,7 +106,7 @@ def test_an_axis_that_turns_while_it_is_enabled_is_caught_and_not_thrown_back():
 
 
 @pytest.mark.parametrize(("first", "second"), list(permutations([PP, PV, TQ, HM, CSP], 2)))
-def test_no_change_of_mode_moves_a_standing_axis(first, second):
+def test_no_change_of_mode_moves_an_axis_at_standstill(first, second):
     r = rig(homing=SEARCH, limits=AxisLimits()).enabled()
     run_in(r, first)
     r.drive.dials.mode_delay = 0.03
@@ -124,12 +124,14 @@ def test_no_change_of_mode_moves_a_standing_axis(first, second):
         r.axis.follow(TrapezoidalTrajectory(here, here, 50.0, 500.0)).wait(5)
     r.run(0.3)
     assert watch.modes[-1] == second
-    assert watch.displacement <= 60  # the drive's own window: what a move left open may still be closed
+    assert (
+        watch.displacement <= 60
+    )  # the drive's own window: the remaining deviation of a move may still be closed
     assert watch.speed < 2_000
 
 
 @pytest.mark.parametrize(("first", "second"), list(permutations([PP, PV, HM, CSP], 2)))
-def test_no_change_of_mode_lets_a_loaded_axis_sag(first, second):
+def test_a_loaded_axis_does_not_sag_at_any_change_of_mode(first, second):
     """The reference is the demand: the actual position lies below it, and would go a little deeper at every change."""
     r = rig(motor=LOAD, homing=SEARCH, limits=AxisLimits(), holds_load=HoldsLoad.TORQUE)
     r.drive.start_enabled(1)  # the load hangs on the motor when we come
@@ -157,7 +159,7 @@ def test_no_change_of_mode_lets_a_loaded_axis_sag(first, second):
 
 
 @pytest.mark.parametrize("pause", [1, 2, 3, 5, 8, 11])
-def test_a_mode_that_was_asked_for_and_is_not_wanted_any_more_is_taken_back(pause):
+def test_a_commanded_mode_that_is_no_longer_needed_is_reverted(pause):
     """The drive still shows pp, but 6060h holds pv already: it would change in the middle of the move."""
     r = rig().enabled()
     r.drive.dials.mode_delay = 0.12
@@ -178,7 +180,7 @@ def test_a_load_does_not_fall_while_torque_mode_is_entered_and_left():
     r.axis.enable().wait(2)
     r.drive.dials.mode_delay = 0.05
     watch = Watch(r)
-    r.axis.torque_control(3.0, slope=1000.0).wait(3)  # what the load needs
+    r.axis.torque_control(3.0, slope=1000.0).wait(3)  # the torque that the load needs
     r.axis.halt().wait(3)
     r.axis.move_relative(0.0).wait(5)
     r.run(0.5)

@@ -1,4 +1,4 @@
-"""Touch probes under random edges, slow and missing answers, late cycles and further requests: what is reported has happened."""
+"""Touch probes under random edges, slow and missing answers, late cycles and further requests: every report is true."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_every_capture_is_an_edge_after_the_request_and_none_is_reported_twice(s
     told = [signal.edges.index(round(edge.position * SCALE)) for edge in probe.captures]
     assert told == sorted(set(told))  # in order, and none twice
     assert told[-1] == len(signal.edges) - 1
-    # How many there were before the first one that was seen, nobody knows; from then on each is told or counted.
+    # The number of edges before the first one that was seen is unknown; later ones are reported or counted.
     assert told[-1] - told[0] == len(told) - 1 + sum(edge.missed for edge in probe.captures)
 
 
@@ -146,7 +146,7 @@ def test_a_counted_latch_never_pairs_a_position_with_the_count_of_another(looks)
 
 
 @given(st.lists(st.integers(-5, 5), max_size=40))
-def test_without_a_counter_what_is_reported_is_each_change(places):
+def test_without_a_counter_each_change_of_the_position_is_reported(places):
     latch, told = Latch(0x60BA, None), []
     for place in places:
         latch.begin()

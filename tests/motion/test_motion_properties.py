@@ -39,7 +39,7 @@ def samples(path, steps: int = STEPS) -> tuple[float, list[float]]:
 
 @SAME
 @given(TRAPEZOIDS)
-def test_a_trapezoid_begins_and_ends_exactly_where_it_should(path):
+def test_a_trapezoid_begins_and_ends_exactly_at_its_ends(path):
     assert path.position(0.0) == path.start
     assert path.position(path.duration) == path.end
     assert path.position(-1.0) == path.start
@@ -48,7 +48,7 @@ def test_a_trapezoid_begins_and_ends_exactly_where_it_should(path):
 
 @SAME
 @given(TRAPEZOIDS)
-def test_a_trapezoid_goes_only_towards_its_end(path):
+def test_a_trapezoid_moves_only_towards_its_end(path):
     assume(abs(path.end - path.start) > 1e-6)
     _, way = samples(path)
     sign = math.copysign(1.0, path.end - path.start)
@@ -93,7 +93,7 @@ def test_durations_computed_by_hand(distance, speed, ramp, seconds):
 @SAME
 @given(st.floats(0, 1e4), SPEEDS, RAMPS)
 def test_a_duration_is_that_of_the_motion_integrated_step_by_step(distance, speed, ramp):
-    """The oracle: half the way up to the peak velocity, which is the lower of the limit and what the half way allows."""
+    """The oracle: half the distance up to the peak velocity, the lower of the limit and the velocity that this half allows."""
     peak = min(speed, math.sqrt(ramp * distance))
     along = max(0.0, distance - peak * peak / ramp)
     assert duration(distance, speed, ramp) == pytest.approx(
@@ -198,7 +198,7 @@ def test_braking_a_path_stays_on_it_and_within_the_deceleration(path, share, dec
 @SAME
 @given(st.floats(0.1, 1e3), st.floats(1.0, 1e4))
 def test_an_even_motion_brakes_over_its_braking_distance(speed, deceleration):
-    """The oracle: v² / 2a, and one period's way more or less."""
+    """The oracle: v² / 2a, and the distance of one period more or less."""
     period = 0.001
     assume(speed / deceleration < 5)
     clock = PathClock()
@@ -281,7 +281,7 @@ def test_each_axis_that_is_stopped_is_reported_a_failed_one_as_the_reason(failed
     told = FaultPolicy(tuple(AXES), {"g": ["x", "y"]}).all_stops(sorted(failed))
     assert set(told) & failed == set()
     assert set(told.values()) <= failed
-    for axis in "xy":  # group mates are stopped by each other or by an axis outside every group
+    for axis in "xy":  # axes of a group are stopped by each other or by an axis outside every group
         assert (axis in told) == (axis not in failed and bool(failed & ({"x", "y"} | set("uvwz"))))
 
 

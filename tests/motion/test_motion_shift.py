@@ -1,4 +1,4 @@
-"""A distance that is gone on ramps, as a function: its end is met, and no rate or ramp is more than was asked for."""
+"""A distance on ramps, as a function: its end is met, and no rate or ramp exceeds the given values."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def gone(shift: Shift, most: int = 20000) -> int:
 
 @SAME
 @given(ENDS, FAST, HARD, HARD)
-def test_an_end_is_come_to_from_rest_and_never_gone_beyond(end, velocity, up, down):
+def test_an_end_is_reached_from_standstill_and_never_exceeded(end, velocity, up, down):
     shift, rates, places = Shift(PERIOD), [0.0], []
     shift.aim(end, velocity, up, down)
     while not shift.at_rest:
@@ -45,7 +45,7 @@ def test_an_end_is_come_to_from_rest_and_never_gone_beyond(end, velocity, up, do
 
 @SAME
 @given(ENDS, ENDS, st.integers(0, 60), FAST, HARD)
-def test_another_end_is_come_to_from_any_rate(first, second, cycles, velocity, ramp):
+def test_a_new_end_of_the_shift_is_reached_from_any_rate(first, second, cycles, velocity, ramp):
     shift = Shift(PERIOD)
     shift.aim(first, velocity, ramp, ramp)
     for _ in range(cycles):
@@ -59,7 +59,7 @@ def test_another_end_is_come_to_from_any_rate(first, second, cycles, velocity, r
 
 @SAME
 @given(ENDS, HARD, st.lists(st.floats(-1.0, 1.0), min_size=20, max_size=400))
-def test_a_sum_is_never_beyond_what_a_path_within_it_leaves(distance, ramp, changes):
+def test_a_sum_never_exceeds_the_limits_beside_a_path_within_them(distance, ramp, changes):
     """The path changes its speed at will, as hard and as fast as the axis itself may be."""
     fastest, hardest = 100.0, 1000.0
     addition = Addition(MoveSuperimposed(distance, fastest, ramp, ramp), PERIOD)
@@ -71,7 +71,7 @@ def test_a_sum_is_never_beyond_what_a_path_within_it_leaves(distance, ramp, chan
         assert abs(now) <= fastest + 1e-6
         assert abs(now - total) <= hardest * PERIOD + 1e-6
         total = now
-    for _ in range(20000):  # the path goes on at rest
+    for _ in range(20000):  # the path continues at standstill
         below -= min(max(below, -0.9 * hardest * PERIOD), 0.9 * hardest * PERIOD)
         low, high = max(-fastest, total - hardest * PERIOD), min(fastest, total + hardest * PERIOD)
         total = below + addition.step(below, low, high)

@@ -1,4 +1,4 @@
-"""Velocities with a limited jerk, by the differences of places: limits, ends, and what the shortest time for them is."""
+"""Velocities with a limited jerk, by the differences of positions: limits, ends, and their shortest times."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def shortest(change: float, ramp: float, jerk: float) -> float:
 
 
 @pytest.mark.parametrize("goal", [3.0, 40.0, 90.0, -90.0, 300.0])
-def test_from_rest_it_takes_the_shortest_time_and_a_cycle_or_two(goal):
+def test_a_soft_ramp_from_standstill_takes_the_shortest_time_and_a_cycle_or_two(goal):
     ramp = SoftRamp(ReferenceState(5.0), RAMPS)
     ramp.goal = goal
     places = to_goal(ramp, [5.0] * 4)
@@ -74,7 +74,7 @@ def test_away_from_0_and_towards_it_each_has_its_own_acceleration_and_through_0_
     assert ramp.led.velocity == -300.0
 
 
-def test_a_brake_comes_to_rest_as_softly_and_is_not_forgotten():
+def test_a_jerk_limited_brake_ends_at_0_and_is_not_replaced_by_another_goal():
     ramp = SoftRamp(ReferenceState(0.0), RAMPS)
     ramp.goal = 100.0
     places = [0.0] * 4
@@ -99,9 +99,7 @@ def test_a_brake_comes_to_rest_as_softly_and_is_not_forgotten():
     st.floats(4.0, 400.0),
     st.lists(st.floats(-400.0, 400.0) | st.sampled_from([0.0, 400.0]), min_size=1, max_size=6),
 )
-def test_whatever_is_asked_meanwhile_no_limit_is_passed_and_it_ends_at_the_last_velocity(
-    seed, up, down, sharp, goals
-):
+def test_random_velocities_keep_all_limits_and_end_at_the_last_one(seed, up, down, sharp, goals):
     """New velocities at any time, in both directions, up to the highest speed, which is never passed."""
     chance, jerk = random.Random(seed), sharp * max(up, down)
     ramp = SoftRamp(ReferenceState(0.0), VelocityRamps(up, down, jerk, 400.0))
@@ -125,7 +123,7 @@ def test_whatever_is_asked_meanwhile_no_limit_is_passed_and_it_ends_at_the_last_
 @pytest.mark.parametrize("rate", [-450.0, 0.0, 450.0])
 @pytest.mark.parametrize("speed", [-80.0, 0.0, 80.0])
 @pytest.mark.parametrize("goal", [-100.0, 0.0, 30.0])
-def test_what_continues_from_another_motion_has_its_velocity_and_its_acceleration(rate, speed, goal):
+def test_a_ramp_that_takes_over_begins_with_the_present_velocity_and_acceleration(rate, speed, goal):
     led = ReferenceState(10.0, speed, rate)
     ramp = SoftRamp(led, RAMPS)
     ramp.goal = goal
@@ -137,7 +135,7 @@ def test_what_continues_from_another_motion_has_its_velocity_and_its_acceleratio
 
 
 @pytest.mark.parametrize("top", [400.0, 420.0, 500.0])
-def test_a_velocity_that_was_rising_never_exceeds_the_axis_limit_whatever_jerk_that_takes(top):
+def test_a_rising_velocity_never_exceeds_the_axis_limit_and_uses_no_more_jerk_than_needed(top):
     """And no more than it takes."""
     led = ReferenceState(0.0, 390.0, 2000.0)
     ramp = SoftRamp(led, RAMPS._replace(top=top))
@@ -149,7 +147,7 @@ def test_a_velocity_that_was_rising_never_exceeds_the_axis_limit_whatever_jerk_t
     assert max(settled) <= 5000.0 * (1 + 1e-9)
 
 
-def test_an_acceleration_that_its_own_jerk_would_let_go_of_in_minutes_is_let_go_of_in_time():
+def test_an_acceleration_that_its_own_jerk_would_end_in_minutes_ends_in_time():
     ramp = SoftRamp(ReferenceState(0.0, 0.0, 10_000.0), VelocityRamps(50.0, 50.0, 200.0))
     ramp.goal = 10.0
     cycles = 0
@@ -161,7 +159,7 @@ def test_an_acceleration_that_its_own_jerk_would_let_go_of_in_minutes_is_let_go_
 
 
 @pytest.mark.parametrize("moment", [3, 17, 26, 40])
-def test_it_settles_at_the_velocity_that_it_cannot_help(moment):
+def test_a_ramp_settles_at_the_velocity_and_position_that_it_predicts(moment):
     """And says before where that will be."""
     ramp = SoftRamp(ReferenceState(0.0), RAMPS)
     ramp.goal = 90.0

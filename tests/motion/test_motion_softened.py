@@ -1,4 +1,4 @@
-"""Paths with a limit of jerk: what they come to by the differences of places, over all axes, whatever an override does."""
+"""Paths with a limit of jerk: their results by the differences of positions, over all axes, for any override."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NARROW, SOME = AxisLimits(velocity=30.0, acceleration=150.0), AxisLimits(velocit
 
 
 class Softly(NamedTuple):
-    """A way, of how many cycles the mean is taken, and where a trip along it comes by, at rest before and after."""
+    """A path, the number of cycles of its mean, and the positions of a trip along it, at standstill before and after."""
 
     way: Path
     window: int
@@ -86,7 +86,7 @@ def gone(way: Path, cycles: int, velocity: float, t: float, factors: tuple[float
     st.sampled_from([0.004, 0.01]),
     st.sampled_from([(), (0.3, 1.0, 1.5), (0.05, 1.5)]),
 )
-def test_nothing_is_faster_harder_or_more_sudden_than_it_may_be(
+def test_no_path_exceeds_velocity_acceleration_or_jerk(
     points, blend, limits, velocity, hard, mean, period, factors
 ):
     limits = limits[: len(points[0])]
@@ -115,7 +115,7 @@ def test_a_tiny_line_is_still_a_segment_of_the_path(tiny, blend):
     assert trip.highest(2, 0.004) <= 100.0 * (1 + 1e-6)
 
 
-def test_the_jerk_is_used_where_corners_are_what_limits():
+def test_the_allowed_jerk_is_used_in_corners():
     way, cycles = planned(SQUARE, 3.0, [AxisLimits()] * 2, 120.0, 500.0, 5000.0, 0.004)
     trip = gone(way, cycles, 120.0, 0.004)
     assert 0.9 * 5000.0 < trip.highest(3, 0.004) <= 5000.0 * (1 + 1e-6)
@@ -127,7 +127,7 @@ def test_the_jerk_is_used_where_corners_are_what_limits():
     ("turn", "length", "blend", "hard", "mean"),
     [(0.32, 60.0, 0.05, 2000.0, 0.45), (0.2, 20.0, 0.3, 200.0, 0.45)],
 )
-def test_the_limits_of_a_short_corner_apply_before_and_behind_it_as_far_as_the_mean_reaches(
+def test_the_limits_of_a_short_corner_apply_before_and_after_it_within_the_mean(
     turn, length, blend, hard, mean
 ):
     points = [(0.0, 0.0), (length, 0.0), (length * (1.0 + math.cos(turn)), length * math.sin(turn))]
@@ -138,7 +138,7 @@ def test_the_limits_of_a_short_corner_apply_before_and_behind_it_as_far_as_the_m
 
 @pytest.mark.parametrize("turn", [0.3, 1.5, 2.9])
 @pytest.mark.parametrize("hard", [100.0, 5000.0])
-def test_through_a_corner_what_speeds_up_and_what_turns_together_make_the_jerk(turn, hard):
+def test_the_jerk_in_a_corner_combines_acceleration_and_turning(turn, hard):
     """At its highest speed and acceleration, and that changing, either way: by differences of its places in a very short time."""
     soft, t = Soft(2.0 * hard / 0.3, 0.3, hard), 1e-4
     found = corner((0.0, 0.0), (1.0, 0.0), (math.cos(turn), math.sin(turn)), within=3.0, room=50.0)
@@ -156,7 +156,7 @@ def test_through_a_corner_what_speeds_up_and_what_turns_together_make_the_jerk(t
 
 
 def test_a_mean_without_slower_corners_would_be_more_sudden():
-    """What the plan adds: the same mean over the way without it."""
+    """The effect of the plan: the same mean over the path without it."""
     pieces, stops = polyline(SQUARE, 3.0)
     way = way_of(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(120.0, 0.004))
     trip = gone(way, 50, 120.0, 0.004)
@@ -176,7 +176,7 @@ def test_a_higher_jerk_is_never_slower_and_a_very_high_one_is_as_fast_as_no_limi
     assert counts[-1] <= 1.06 * len(without.places)  # of the acceleration, corners have a smaller share
 
 
-def test_at_a_stop_within_the_path_the_mean_comes_to_rest_before_it_continues():
+def test_at_a_stop_within_the_path_the_mean_reaches_standstill_before_it_continues():
     way, cycles = planned(SQUARE, 0.0, [AxisLimits()] * 2, 120.0, 500.0, 5000.0, 0.004)
     trip = gone(way, cycles, 120.0, 0.004)
     for tip in SQUARE[1:-1]:
@@ -184,7 +184,7 @@ def test_at_a_stop_within_the_path_the_mean_comes_to_rest_before_it_continues():
     assert trip.highest(3, 0.004) <= 5000.0 * (1 + 1e-6)
 
 
-def test_many_corners_are_planned_at_once():
+def test_a_path_of_a_thousand_corners_is_planned():
     chance = random.Random(5)
     points = [(0.0, 0.0), *((x * 2.0, chance.uniform(-3.0, 3.0)) for x in range(1, 1000))]
     way, cycles = planned(points, 0.5, [SOME] * 2, 60.0, 400.0, 8000.0, 0.004)

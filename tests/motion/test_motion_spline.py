@@ -1,4 +1,4 @@
-"""Curves through points in time, against differences of their own places; and what may be given to be followed."""
+"""Curves through points in time, against differences of their own positions; and the accepted kinds of trajectories."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ SAME = settings(deadline=None, derandomize=True)
 COUNT = 4000
 
 
-def places_of(curve: SplineTrajectory) -> list[float]:
+def positions_of(curve: SplineTrajectory) -> list[float]:
     return [curve.position(curve.duration * step / COUNT) for step in range(COUNT + 1)]
 
 
 def test_the_span_of_a_part_that_is_nearly_a_parabola():
     curve = SplineTrajectory((0.0, 1.8046875, 3.5546875, 5.359375), (0.0, 1.0, 1.0, 0.0))
     assert 0.0 < abs(curve._parts[1].twist) < 1e-15
-    assert curve.span[1] == pytest.approx(max(places_of(curve)), abs=1e-6)
+    assert curve.span[1] == pytest.approx(max(positions_of(curve)), abs=1e-6)
 
 
 @SAME
@@ -32,7 +32,7 @@ def test_the_span_of_a_part_that_is_nearly_a_parabola():
     st.lists(st.tuples(st.floats(0.05, 2.0), st.floats(-100.0, 100.0)), min_size=1, max_size=8),
     st.floats(-100, 100),
 )
-def test_a_curve_goes_through_its_points_smoothly_and_reports_how_far_fast_and_hard_it_goes(steps, start):
+def test_a_spline_is_smooth_passes_its_points_and_reports_its_extremes(steps, start):
     times, positions = [0.0], [start]
     for wait, place in steps:
         times.append(times[-1] + wait)
@@ -40,7 +40,7 @@ def test_a_curve_goes_through_its_points_smoothly_and_reports_how_far_fast_and_h
     curve = SplineTrajectory(times, positions)
     for time, place in zip(times, positions, strict=True):
         assert curve.position(time) == pytest.approx(place, abs=1e-6)
-    places = places_of(curve)
+    places = positions_of(curve)
     dt = curve.duration / COUNT
     speeds = [(b - a) / dt for a, b in pairwise(places)]
     bends = [(b - a) / dt for a, b in pairwise(speeds)]
@@ -62,7 +62,7 @@ def test_a_curve_goes_through_its_points_smoothly_and_reports_how_far_fast_and_h
     assert abs(speeds[-1]) <= curve.top_acceleration * dt + noise * dt  # to rest
 
 
-def test_a_curve_of_two_points_is_the_cubic_from_rest_to_rest():
+def test_a_curve_of_two_points_is_the_cubic_from_standstill_to_standstill():
     curve = SplineTrajectory((0.0, 2.0), (10.0, 20.0))
     assert (curve.position(0.5), curve.position(1.0)) == (11.5625, 15.0)
     assert (curve.span, curve.top_speed, curve.top_acceleration) == ((10.0, 20.0), 7.5, 15.0)
@@ -88,7 +88,7 @@ def test_points_that_make_no_curve_are_refused(times, positions, words):
         SplineTrajectory(times, positions)
 
 
-def test_what_may_be_followed():
+def test_trajectories_rows_and_functions_can_be_followed():
     numpy = pytest.importorskip("numpy")
     ready = TrapezoidalTrajectory(0.0, 1.0, 1.0, 1.0)
     assert trajectory_of(ready, None, "x.follow") is ready
@@ -113,6 +113,6 @@ def test_what_may_be_followed():
         (TrapezoidalTrajectory(0.0, 1.0, 1.0, 1.0), 2.0, "their own duration"),
     ],
 )
-def test_what_may_not(what, duration, words):
+def test_an_invalid_trajectory_is_refused_with_the_reason(what, duration, words):
     with pytest.raises(ArgumentError, match=words):
         trajectory_of(what, duration, "x.follow")

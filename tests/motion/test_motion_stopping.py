@@ -1,4 +1,4 @@
-"""Halt, stop with its lock, quick stop: what the drive does, which state the axis is in afterwards, and what may follow."""
+"""Halt, stop with its lock, quick stop: the behaviour of the drive, the state of the axis afterwards, and the next commands."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_a_new_motion_may_interrupt_a_halt():
 
 
 @pytest.mark.parametrize("how", ["halt", "stop", "quick_stop"])
-def test_where_no_motor_is_driven_there_is_nothing_to_stop_and_that_is_success(how):
+def test_without_a_driven_motor_a_stop_succeeds_at_once(how):
     r = rig()
     r.run(0.1)
     watch = Watch(r)
@@ -82,7 +82,7 @@ def test_where_no_motor_is_driven_there_is_nothing_to_stop_and_that_is_success(h
     assert r.axis.state is AxisState.DISABLED
 
 
-def test_an_axis_whose_drive_is_switched_off_while_it_is_halted_at_rest_is_disabled_at_once():
+def test_a_drive_switched_off_during_a_halt_at_standstill_disables_its_axis_at_once():
     r = rig().enabled()
     r.run(0.3)
     halted = r.axis.halt()
@@ -102,7 +102,7 @@ def test_an_axis_whose_drive_is_switched_off_while_it_is_halted_at_rest_is_disab
 
 
 def creeps(r) -> None:
-    """The drive lets its axis turn at 50 deg/s, whatever the command."""
+    """Let the drive turn its axis at 50 deg/s, whatever the command."""
     r.drive.dials.ignore_halt = True
     r.drive._mode.step = lambda axis, dt: axis.follow(axis.position + 50_000 * dt, 50_000, dt)
 
@@ -121,7 +121,7 @@ def test_an_axis_that_moves_again_during_its_halt_is_not_left_for_the_whole_halt
     assert not halted.done  # it is stopped harder, and the halt goes with that
 
 
-def test_one_that_was_found_enabled_has_the_time_of_its_halt_however_it_moves():
+def test_a_drive_found_enabled_has_the_halt_time_while_it_moves():
     """It is not ours to say that nothing should move it."""
     r = rig(stop_times=StopTimes(halt=2.0))
     for word in (0x06, 0x07, 0x0F):  # another master's
@@ -293,7 +293,7 @@ def test_a_drive_that_takes_its_time_to_switch_off_after_a_quick_stop_is_waited_
     r.axis.enable().wait(3)
 
 
-def test_a_drive_that_says_nothing_of_605ah_and_stays_in_quick_stop_is_held_there_after_its_time():
+def test_a_drive_without_605ah_that_stays_in_quick_stop_is_held_there_after_its_time():
     r = turning()
     r.device.write(0x605A, 0, 6)
     assert not r.core.parameters.quick_stop_holds
@@ -370,7 +370,7 @@ def test_quick_stop_during_a_halt_is_harder_at_once():
     assert standing(r)
 
 
-def test_a_motion_that_a_stop_has_ended_says_so():
+def test_a_motion_that_a_stop_has_ended_names_the_stop():
     r = rig().enabled()
     move = r.axis.move_absolute(300.0)
     r.run(0.3)
@@ -390,7 +390,7 @@ def test_a_quick_stop_that_the_drive_ignores_is_followed_by_disable_voltage():
     assert r.drive.power.stage == DISABLED
 
 
-def test_a_load_is_not_dropped_by_a_quick_stop_that_is_not_heard():
+def test_an_unanswered_quick_stop_does_not_drop_a_load():
     load = MotorParams(load=300.0)
     r = rig(motor=load, holds_load=HoldsLoad.TORQUE, stop_times=StopTimes(quick_stop=0.3))
     r.drive.start_enabled(1)
@@ -402,7 +402,7 @@ def test_a_load_is_not_dropped_by_a_quick_stop_that_is_not_heard():
     handle = r.axis.quick_stop()
     r.until(lambda: not handle.busy)
     r.run(0.5)
-    assert r.drive.power.stage == ENABLED  # the power is what holds it
+    assert r.drive.power.stage == ENABLED  # the power holds it
     assert watch.travel[0] >= watch.rows[0].position - 1
     assert "did not execute the quick stop" in handle.exception().message
     assert "remains on because it holds a load" in handle.exception().observed
@@ -427,7 +427,7 @@ def test_disabling_without_a_quick_stop_active_never_takes_transition_9_while_it
     assert abs(last.velocity) < 1.0
 
 
-def test_nothing_is_sent_that_enables_while_a_stop_runs_without_a_statusword():
+def test_no_enabling_controlword_is_sent_while_a_stop_runs_without_a_statusword():
     r = turning(port={"max_age": {"statusword": 0.05}})
     read = r.ports["x"].read
     r.ports["x"].read = lambda now: read(now)._replace(statusword=None)
@@ -441,7 +441,7 @@ def test_nothing_is_sent_that_enables_while_a_stop_runs_without_a_statusword():
 
 
 def test_halt_in_a_stop_time_of_one_cycle_is_no_trap():
-    """A deadline shorter than the standstill window only leads further down; the axis ends safe."""
+    """A deadline shorter than the standstill window only leads to the next step; the axis ends safe."""
     r = turning(stop_times=replace(StopTimes(), halt=PERIOD))
     handle = r.axis.halt()
     r.until(lambda: not handle.busy)

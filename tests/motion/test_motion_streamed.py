@@ -64,7 +64,7 @@ def test_a_constant_acceleration_is_one_up_to_a_short_last_interval(half, share,
 @pytest.mark.parametrize("turned", [1.0, -1.0])
 @pytest.mark.parametrize("last", [1.0, 0.3, 1e-9])
 @pytest.mark.parametrize("ways", [[5, 4, 3, 2, 1], [5, 5, 5, 5, 5], [9, 9, 0.01], [3, 2, 1, 0, 0, 0, 0]])
-def test_a_place_of_rest_is_not_passed(ways, last, turned):
+def test_a_constant_position_is_not_overshot(ways, last, turned):
     positions = [turned * sum(ways[:number]) for number in range(len(ways) + 1)]
     seen = between(curve(positions, last=last), 400)
     low, high = sorted((positions[0], positions[-1]))
@@ -82,12 +82,12 @@ def test_a_time_that_was_computed_twice_makes_no_slope_of_a_rounding():
         assert (way[0], way[-1]) == pytest.approx((begin, begin + 1.0), abs=1e-6)
 
 
-def test_where_the_samples_rest_the_curve_is_constant():
+def test_between_equal_samples_the_curve_is_constant():
     line = curve([0, 1, 2, 2, 2, 2, 5, 9])
     assert {line.at(2 + part / 20) for part in range(61)} == {2.0}
 
 
-def test_a_corner_is_not_rounded_beyond_what_the_path_reports_of_itself():
+def test_a_corner_is_not_rounded_beyond_the_span_of_the_path():
     line = curve([0, 4, 8, 12, 11.5, 11, 10.5, 10, 10, 10])
     assert max(between(line)) > 12.01
     assert max(between(replace(line, span=(0.0, 12.0)))) == 12.0
@@ -154,7 +154,7 @@ def test_in_every_cycle_it_is_exactly_the_trajectory(path, step):
     assert sampler.over
 
 
-def test_it_is_so_after_many_minutes_and_no_more_is_kept_than_at_the_beginning():
+def test_a_long_stream_stays_exact_and_keeps_a_bounded_number_of_spans():
     class Long:
         duration = 900.0
 
@@ -187,11 +187,11 @@ def test_the_last_sample_lies_at_its_end():
     assert following(0.008, STEP, 0.01) == 0.01
 
 
-# What is told in advance.
+# Properties in advance.
 
 
 class Plain:
-    """It tells nothing of itself."""
+    """It has no properties in advance."""
 
     duration = 1.0
 
@@ -202,7 +202,7 @@ class Plain:
 @pytest.mark.parametrize(
     "path", [TrapezoidalTrajectory(0.0, 9.0, 5.0, 50.0), SampledTrajectory([0.0, 3.0, -1.0], 0.1), Plain()]
 )
-def test_it_reports_of_itself_what_the_trajectory_reports(path):
+def test_a_stream_has_the_properties_of_its_trajectory(path):
     stream, _ = streamed(path)
     assert isinstance(stream, LookaheadTrajectory) is isinstance(path, LookaheadTrajectory)
     assert isinstance(stream, Ramped) is isinstance(path, Ramped)
@@ -210,10 +210,10 @@ def test_it_reports_of_itself_what_the_trajectory_reports(path):
         assert getattr(stream, fact, None) == getattr(path, fact, None)
 
 
-# What comes, and what does not.
+# Received and missing samples.
 
 
-def test_samples_that_leave_some_out_or_come_again_are_refused_and_nothing_is_taken():
+def test_missing_or_repeated_samples_are_refused_as_a_whole():
     stream, sampler = streamed(TrapezoidalTrajectory(0.0, 500.0, 50.0, 500.0))
     first, count = stream.wanted(0.0)
     chunk = sampler.take(count)
@@ -266,17 +266,17 @@ def test_a_head_that_makes_no_trajectory_is_refused(change):
         Streamed(replace(head, **change))
 
 
-def test_what_a_head_does_not_report_as_a_whole_is_not_reported_at_all():
+def test_an_incomplete_set_of_properties_in_the_head_is_ignored():
     head = StreamHead(0.01, STEP, (0.0, 1.0))
     assert isinstance(Streamed(replace(head, span=(0.0, 1.0), top_speed=5.0)), LookaheadTrajectory)
     assert not isinstance(Streamed(replace(head, span=(0.0, 1.0))), LookaheadTrajectory)
     assert not isinstance(Streamed(replace(head, top_speed=5.0)), LookaheadTrajectory)
 
 
-# What is asked for.
+# Requests.
 
 
-def test_it_is_asked_for_two_seconds_ahead_and_as_far_as_braking_takes():
+def test_a_stream_is_filled_two_seconds_ahead_and_as_far_as_braking_takes():
     stream, sampler = streamed(TrapezoidalTrajectory(0.0, 5000.0, 50.0, 500.0))
     fill(stream, sampler)
     assert 2.0 <= stream.known_until <= 2.5
@@ -300,7 +300,7 @@ def test_chunks_are_neither_tiny_nor_huge(step, size):
     assert sampler.over
 
 
-def test_after_a_failure_nothing_is_asked_for():
+def test_after_a_failure_a_stream_requests_nothing():
     stream, _ = streamed(TrapezoidalTrajectory(0.0, 500.0, 50.0, 500.0))
     stream.fail(ArgumentError("no position"))
     assert stream.wanted(0.0) is None

@@ -1,4 +1,4 @@
-"""An axis on a trajectory that comes bit by bit: as on the trajectory itself, and braked along it where a bit comes late."""
+"""An axis on a streamed trajectory: as on the trajectory itself, and braked along it if samples are late."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Waves:
 
 
 class Own:
-    """A known one, of which nothing is told in advance."""
+    """A known one, without properties in advance."""
 
     def __init__(self, path: TrapezoidalTrajectory | SampledTrajectory) -> None:
         self.path = path
@@ -85,7 +85,7 @@ MISHAPS = {
 
 
 def sent(r, mishap, follow, cycles: int = 520) -> tuple[list, list[float], AxisState]:
-    """What the drive was given in each cycle, and where it was."""
+    """The outputs to the drive in each cycle, and its positions."""
     watch = Watch(r)
     handle = follow()
     for cycle in range(cycles):
@@ -108,11 +108,11 @@ def hardest(path) -> float:
 
 
 def late_at(moment: float):
-    """Nothing comes any more of what is asked for after that."""
+    """Requests after that time are not answered."""
     return lambda t: NEVER if t >= moment else 0.0
 
 
-def stands_on(path, watch: Watch, until: float, tolerance: float = 5.0) -> None:
+def must_lie_on(path, watch: Watch, until: float, tolerance: float = 5.0) -> None:
     """All targets lie on the path, in its order, no farther than it was known."""
     t, step = 0.0, PERIOD / 50
     for target in watch.targets:
@@ -127,7 +127,7 @@ def stands_on(path, watch: Watch, until: float, tolerance: float = 5.0) -> None:
 @each_path
 @pytest.mark.parametrize("mishap", list(MISHAPS))
 @pytest.mark.parametrize("late", [0.0, 0.3])
-def test_what_comes_bit_by_bit_gives_the_same_targets_in_each_cycle(path, mishap, late):
+def test_a_streamed_trajectory_gives_the_same_targets_in_each_cycle(path, mishap, late):
     direct = rig().enabled()
     there = sent(direct, MISHAPS[mishap], lambda: direct.axis.follow(path))
     streamed = rig().enabled()
@@ -184,7 +184,7 @@ def test_up_to_a_stop_they_are_the_same_and_then_as_near_as_its_corners_are_shar
     assert abs(counts[0] - counts[1]) <= 1  # a stop of one may be seen a cycle earlier, by an increment
 
 
-def test_what_limits_say_of_a_path_is_the_same():
+def test_limits_refuse_a_streamed_path_as_they_refuse_a_direct_one():
     """Those of position, looked at ahead; of velocity and acceleration; and of a path that jumps."""
     jump = SampledTrajectory([0.0, 0.0, 50.0, 50.0], PERIOD)
     for limits, path in (
@@ -237,10 +237,10 @@ def test_a_corner_at_the_limit_is_not_rounded_beyond_it(when):
     assert isinstance(handle.exception(), Stopped)
     assert r.axis.state is AxisState.STANDSTILL
     assert max(watch.targets) <= 10_000
-    stands_on(path, watch, path.duration, tolerance=hardest(path) * PERIOD**2)
+    must_lie_on(path, watch, path.duration, tolerance=hardest(path) * PERIOD**2)
 
 
-# What comes late.
+# Late samples.
 
 
 LONG = TrapezoidalTrajectory(0.0, 700.0, 100.0, 500.0)
@@ -263,12 +263,12 @@ def test_an_axis_whose_program_sends_nothing_more_is_braked_along_the_known_part
     assert watch.transitions == []  # along the path: no quick stop
     assert watch.acceleration() <= max(500_000, hardest(path)) * 1.1
     assert abs(r.drive.axis.motor.velocity) < 1.0
-    stands_on(path, watch, wire.stream.known_until)
+    must_lie_on(path, watch, wire.stream.known_until)
     r.axis.reset().wait(1)
     r.axis.move_absolute(0.0).wait(10)
 
 
-def test_the_error_of_a_silent_program_says_how_far_the_trajectory_is_known():
+def test_the_error_of_a_silent_program_gives_the_known_part_of_the_trajectory():
     r = rig().enabled()
     wire = Wire(r, LONG, delay=late_at(0.01))
     handle = wire.follow()
@@ -280,7 +280,7 @@ def test_the_error_of_a_silent_program_says_how_far_the_trajectory_is_known():
     assert caught.value.remedy.endswith("the axis was braked along it")
 
 
-def test_it_is_braked_neither_too_early_nor_too_late():
+def test_a_stream_that_is_not_continued_is_braked_neither_too_early_nor_too_late():
     r = rig().enabled()
     wire = Wire(r, LONG, delay=late_at(0.1))
     handle = wire.follow()
@@ -309,7 +309,7 @@ def test_an_axis_does_not_begin_before_enough_is_known_and_not_at_all_if_it_neve
     assert watch.transitions == []
 
 
-def test_a_slow_brake_has_the_path_known_as_far_ahead_as_it_takes():
+def test_a_slow_deceleration_requires_the_path_as_far_ahead_as_braking_takes():
     """Five seconds from full speed: more than any program is given to be busy."""
     slow = Defaults(velocity=100.0, acceleration=500.0, deceleration=20.0)
     r = rig(defaults=slow, stop_times=StopTimes(halt=10.0)).enabled()
@@ -321,10 +321,10 @@ def test_a_slow_brake_has_the_path_known_as_far_ahead_as_it_takes():
     r.until(lambda: r.core.ladder is None)
     assert isinstance(handle.exception(), CommandError)
     assert watch.acceleration() <= 500_000 * 1.05  # at its beginning
-    stands_on(path, watch, wire.stream.known_until)
+    must_lie_on(path, watch, wire.stream.known_until)
 
 
-def test_where_no_deceleration_is_known_it_is_stopped_by_the_drive_before_its_targets_end():
+def test_without_a_known_deceleration_the_drive_stops_it_before_its_targets_end():
     r = rig(defaults=Defaults(velocity=100.0)).enabled()
     watch = Watch(r)
     wire = Wire(r, LONG, delay=late_at(0.5))
@@ -345,7 +345,7 @@ class Fails(Waves):
         return super().position(t)
 
 
-def test_what_a_program_s_own_code_raises_ends_the_command_and_the_axis_is_braked_along_what_is_known():
+def test_an_exception_of_the_program_ends_the_command_and_brakes_the_axis_along_the_known_part():
     r = rig().enabled()
     watch = Watch(r)
     path = Fails(8.0)
@@ -357,7 +357,7 @@ def test_what_a_program_s_own_code_raises_ends_the_command_and_the_axis_is_brake
     r.until(lambda: r.core.ladder is None)
     assert watch.displacement > 100
     assert watch.transitions == []
-    stands_on(path, watch, 3.0)
+    must_lie_on(path, watch, 3.0)
 
 
 def test_a_trajectory_that_is_broken_before_it_begins_moves_nothing():
@@ -387,7 +387,7 @@ def test_samples_that_are_not_of_the_scan_s_period_are_refused():
     st.sampled_from([None, None, "halt", "stop", "disable"]),
     st.integers(10, 500),
 )
-def test_whichever_samples_come_late_the_axis_stops_on_its_path(waves, deceleration, delays, what, when):
+def test_whichever_samples_are_late_the_axis_stops_on_its_path(waves, deceleration, delays, what, when):
     path = Waves(5.0, tuple(waves))
     fastest = max(abs(path.position(t / 100 + 0.01) - path.position(t / 100)) for t in range(500)) / 0.01
     assume(
@@ -408,7 +408,7 @@ def test_whichever_samples_come_late_the_axis_stops_on_its_path(waves, decelerat
     assert abs(r.drive.axis.motor.velocity) < 1.0
     assert watch.acceleration() <= max(deceleration * 1000, hardest(path)) * 1.1 + 20_000
     assert not {9, 11} & set(watch.transitions)
-    stands_on(path, watch, wire.stream.known_until, tolerance=8.0)
+    must_lie_on(path, watch, wire.stream.known_until, tolerance=8.0)
 
 
 # Another command takes over.
@@ -428,7 +428,7 @@ def test_a_command_takes_over_from_it_without_a_jolt(mode_delay):
 
 
 def test_a_waiting_group_is_braked_along_the_known_part_too():
-    """Its own move waits for the other axis, and the trajectory leads it until then."""
+    """Its own move waits for the other axis, and it follows the trajectory until then."""
     r = rig("xy").enabled()
     r.axes["y"].follow(TrapezoidalTrajectory(0.0, 5.0, 100.0, 500.0)).wait(
         5
@@ -447,7 +447,7 @@ def test_a_waiting_group_is_braked_along_the_known_part_too():
     assert watch.travel[1] <= LONG.position(wire.stream.known_until) * 1000
 
 
-def test_other_axes_of_a_group_are_stopped_with_one_whose_program_falls_silent():
+def test_the_other_axes_of_a_group_are_stopped_with_one_whose_program_stops_sending():
     r = rig("xy").enabled()
     first = Wire(r, LONG, delay=late_at(0.01)).follow()
     second = r.axes["y"].follow(TrapezoidalTrajectory(0.0, -400.0, 80.0, 500.0))

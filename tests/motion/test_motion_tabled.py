@@ -1,4 +1,4 @@
-"""Pieces of a way by samples: what goes between them, what bounds it, and the axes' limits along it."""
+"""Segments of a path by samples: the values between them, their bounds, and the axes' limits along it."""
 
 from __future__ import annotations
 
@@ -74,12 +74,12 @@ def made(machine, seed):
 
 @pytest.mark.parametrize("machine", [ARM, ROBOT], ids=["scara", "delta"])
 @pytest.mark.parametrize("seed", range(40))
-def test_it_stays_on_the_path_and_within_the_limits_of_the_axes(machine, seed):
+def test_a_tabled_path_stays_on_the_path_and_within_the_limits_of_the_axes(machine, seed):
     base, stops = made(machine, seed)
     try:
         pieces = sampled(machine, base, stops)
     except LimitError:
-        return  # a circle may lead out of reach
+        return  # a circle may be out of reach
     for piece, path in zip(pieces, base, strict=True):
         for n in range(301):
             joints = piece.at(path.length * n / 300)
@@ -109,7 +109,7 @@ def test_it_stays_on_the_path_and_within_the_limits_of_the_axes(machine, seed):
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 4])
-def test_neither_slope_nor_bend_jumps_where_pieces_join_without_a_stop(seed):
+def test_neither_slope_nor_bend_jumps_at_a_transition_without_a_stop(seed):
     base, stops = made(ARM, seed)
     pieces = sampled(ARM, base, stops)
     for number, (before, behind) in enumerate(pairwise(pieces)):
@@ -130,7 +130,7 @@ def test_neither_slope_nor_bend_jumps_where_pieces_join_without_a_stop(seed):
 
 
 @pytest.mark.parametrize("increment", [1.0, 0.01, 1e-5])
-def test_it_is_as_fine_as_the_increments_are(increment):
+def test_a_tabled_path_is_as_fine_as_the_increments(increment):
     line = [Straight((200.0, 150.0), (150.0, -220.0), math.dist((200.0, 150.0), (150.0, -220.0)))]
     (piece,) = sampled(ARM, line, increment=increment)
     off = max(
@@ -164,7 +164,7 @@ def test_a_segment_of_no_length_is_constant_and_segments_are_transferred_unchang
     assert piece.at(1e9) == pytest.approx(piece.at(piece.length))
 
 
-def test_of_many_intervals_a_section_has_the_highest_values_of_its_own():
+def test_a_section_of_many_intervals_has_their_highest_values():
     rows = [
         (Motion(math.sin(0.3 * n), 0.3 * math.cos(0.3 * n), -0.09 * math.sin(0.3 * n)),) for n in range(101)
     ]

@@ -22,7 +22,7 @@ M = ModeOfOperation
 
 
 def found(mode: int, *, motor: MotorParams | None = None, offsets=(0, 0, 0), port=None, **changes):
-    """An axis at rest at ``HERE``, enabled by somebody in ``mode`` with these offsets, whose targets make up for them."""
+    """An axis at standstill at ``HERE``, enabled from outside in ``mode`` with these offsets, whose targets compensate them."""
     r = rig(motor=motor or MotorParams(start_position=HERE), port=port, limits=AxisLimits(), **changes)
     drive = r.drive
     hangs = round((motor or MotorParams()).load)
@@ -55,7 +55,7 @@ def take_over(r) -> Watch:
 
 @pytest.mark.parametrize("offset", [30_000, -30_000, 21, 1])
 @pytest.mark.parametrize("demand", [True, False], ids=["6062h", "no 6062h"])
-def test_a_drive_in_csp_with_a_position_offset_stays_where_it_is(offset, demand):
+def test_a_drive_in_csp_with_a_position_offset_keeps_its_position(offset, demand):
     r = found(
         CSP, offsets=(offset, 0, 0), port=None if demand else {"inputs": {"demand": ValueTransport.NONE}}
     )
@@ -71,7 +71,7 @@ def test_a_drive_in_csp_with_a_position_offset_stays_where_it_is(offset, demand)
     assert watch.acceleration() <= 500_000 * 1.1
 
 
-def test_nothing_is_sent_before_the_offsets_are_known():
+def test_no_controlword_is_sent_before_the_offsets_are_known():
     r = found(CSP, offsets=(30_000, 0, 0))
     watch = Watch(r)
     r.device.dials.sdo_delay = 0.1
@@ -85,7 +85,7 @@ def test_nothing_is_sent_before_the_offsets_are_known():
 
 
 def test_a_demand_that_counts_without_the_offset_is_understood():
-    """Some drives show 607Ah in 6062h, others what it becomes with 60B0h."""
+    """Some drives show 607Ah in 6062h, others its sum with 60B0h."""
     r = found(CSP, offsets=(30_000, 0, 0))
     read = r.ports["x"].read
 
@@ -102,7 +102,7 @@ def test_a_demand_that_counts_without_the_offset_is_understood():
 
 
 @pytest.mark.parametrize("offset", [0, 30_000])
-def test_a_drive_halted_far_from_its_csp_target_is_not_let_go_towards_it(offset):
+def test_a_drive_halted_far_from_its_csp_target_does_not_move_towards_it(offset):
     r = rig(motor=MotorParams(start_position=HERE), limits=AxisLimits())
     r.device.write(0x60B0, 0, offset)
     r.drive.start_enabled(CSP)
@@ -169,7 +169,7 @@ def test_a_drive_in_csv_with_a_velocity_offset_does_not_begin_to_turn(offsets):
 
 
 @pytest.mark.parametrize("offset", [0, 30_000])
-@pytest.mark.parametrize("hears_halt", [True, False], ids=["hears halt", "deaf to halt in cyclic modes"])
+@pytest.mark.parametrize("hears_halt", [True, False], ids=["obeys halt", "ignores halt in cyclic modes"])
 def test_a_drive_that_turns_in_csv_is_braked_on_a_ramp(offset, hears_halt):
     r = rig(limits=AxisLimits())
     r.device.write(0x60B1, 0, offset)
@@ -230,7 +230,7 @@ def test_offsets_do_not_matter_in_a_profile_mode_and_are_taken_back_before_a_cyc
     assert offsets_of(r) == [0, 0, 0]
 
 
-def test_a_drive_that_is_switched_off_while_it_is_looked_at_is_enabled_from_there():
+def test_a_drive_that_is_switched_off_while_it_is_read_is_enabled_from_there():
     r = found(CSP, offsets=(30_000, 0, 0))
     watch = Watch(r)
     r.device.dials.sdo_delay = 0.1

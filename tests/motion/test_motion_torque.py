@@ -1,4 +1,4 @@
-"""Torque control: its slope, its limit, what holds a runaway back, and how it stops."""
+"""Torque control: its slope, its limit, protection against a runaway, and its stop."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_a_torque_beyond_the_limit_or_without_a_unit_raises_at_the_call():
 
 
 def test_a_load_that_yields_is_stopped_at_the_velocity_limit():
-    """0.2 m/s of friction less, and 20 % of torque runs away: max_velocity is the only thing that stands in the way."""
+    """Without the friction, 20 % of torque runs away: only max_velocity stops it."""
     r = rig(motor=FREE, limits=AxisLimits(velocity=20.0)).enabled()
     watch = Watch(r)
     r.axis.torque_control(3.0, slope=100.0)
@@ -127,13 +127,13 @@ def test_a_torque_that_is_not_reached_in_the_caller_s_time_fails():
     assert r.axis.state is AxisState.ERRORSTOP
 
 
-def test_a_drive_without_torque_feedback_is_believed_by_bit_10():
+def test_a_drive_without_torque_feedback_reaches_its_torque_by_bit_10():
     r = rig(motor=FREE, limits=AxisLimits(), port={"inputs": {"torque": ValueTransport.NONE}}).enabled()
     r.axis.torque_control(1.0, slope=2.0).wait(3)
     assert r.drive.axis.torque_demand == pytest.approx(100.0)
 
 
-def test_halt_takes_the_torque_away_and_the_axis_comes_to_rest():
+def test_halt_removes_the_torque_and_the_axis_stops():
     r = rig(motor=FREE, limits=AxisLimits()).enabled()
     handle = r.axis.torque_control(1.0, slope=100.0)
     handle.wait(2)
@@ -177,7 +177,7 @@ def test_a_torque_slope_that_the_drive_refuses_fails_before_any_torque():
     ("factor", "rated", "read"),
     [(1000.0, 10.0, 3.0), (-1000.0, -10.0, -3.0), (1000.0, None, 0.3), (-1000.0, None, -0.3)],
 )
-def test_the_actual_torque_is_turned_where_the_master_turns_the_direction(factor, rated, read):
+def test_the_sign_of_the_actual_torque_follows_the_direction_of_the_axis(factor, rated, read):
     """300 in 6077h are 3 N·m of 10; without a rated torque, 0.3 of it: in the direction in which the axis counts."""
     units = Units(
         Scale.of(factor, "deg"),

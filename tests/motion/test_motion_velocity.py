@@ -1,4 +1,4 @@
-"""Moves at a velocity and jogging: sign, ramps, what counts as reached, limits on the way, and the jog's short life."""
+"""Moves at a velocity and jogging: sign, ramps, the condition of reached, limits during the move, and the short life of a jog."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def ramp_time(watch: Watch, goal: float) -> float:
 @pytest.mark.parametrize("by", [ValueTransport.SYNC_PDO, ValueTransport.SDO])
 @pytest.mark.parametrize("ramping", [True, False])
 def test_an_override_of_0_holds_a_turning_axis_and_ends_nothing(ramping, by):
-    """The drive takes the new velocity some cycles later than it is asked for; what it goes in them is no following error."""
+    """The drive takes the new velocity some cycles after the command; its distance in them is no following error."""
     r = rig(port={"outputs": {"target_velocity": by}, "sdo_time": 0.05}, standstill_window=500).enabled()
     r.axis.move_velocity(30.0).wait(5)
     r.axis.move_velocity(200.0, acceleration=300.0)
@@ -156,7 +156,7 @@ def test_halt_brakes_with_the_move_s_deceleration_and_a_new_velocity_continues_f
     assert watch.speed <= 50_000 * 1.01
 
 
-# What counts as reached.
+# The condition of reached.
 
 
 def test_a_drive_that_counts_in_rpm_is_not_at_its_velocity_before_it_turns():
@@ -167,7 +167,7 @@ def test_a_drive_that_counts_in_rpm_is_not_at_its_velocity_before_it_turns():
     assert speed(r) >= 5.0
 
 
-def test_a_noisy_velocity_is_reached_when_the_drive_says_so():
+def test_a_noisy_velocity_is_reached_when_the_drive_reports_it():
     r = rig().enabled()
     read = r.ports["x"].read
     noise = [0, 70, -80, 90, -60, 75]
@@ -192,7 +192,7 @@ def test_a_bit_10_from_the_velocity_before_does_not_count():
     assert speed(r) > 250.0
 
 
-def test_a_bit_10_that_reports_target_reached_while_the_motor_is_at_rest_is_not_believed():
+def test_a_bit_10_without_motion_does_not_confirm_a_velocity():
     r = rig(following_error=BLIND).enabled()
     r.device.write(0x606D, 0, 0xFFFF)  # a window as wide as the velocity
     r.drive.dials.blocked = True
@@ -231,7 +231,7 @@ def test_the_caller_s_timeout_replaces_the_deadline():
     assert r.now - start == pytest.approx(0.5, abs=0.1)
 
 
-# Limits on the way.
+# Limits during a move.
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
@@ -253,7 +253,7 @@ def test_a_turning_axis_brakes_in_time_before_its_position_limits(direction):
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 @pytest.mark.parametrize("move", ["move_velocity", "cyclic_velocity"])
-def test_an_override_that_would_lead_beyond_a_limit_is_found_before_the_drive_gets_it(move, direction):
+def test_an_override_that_would_exceed_a_limit_is_an_error_before_it_is_sent(move, direction):
     r = rig(limits=AxisLimits(position=(-90.0, 90.0), velocity=400.0)).enabled()
     r.core.set_override(cell=0.05)
     getattr(r.axis, move)(direction * 200.0)
@@ -355,7 +355,7 @@ def test_a_disabled_axis_takes_no_velocity():
 # Jogging.
 
 
-def test_a_jog_lives_200_ms_and_then_halts():
+def test_a_jog_lasts_200_ms_and_then_halts():
     r = rig().enabled()
     watch = Watch(r)
     handle = r.axis.jog(50.0, acceleration=2000.0)
@@ -457,7 +457,7 @@ def test_a_jog_stops_ahead_of_a_position_limit_and_the_axis_can_be_jogged_back(w
     r.until(lambda: r.axis.state is AxisState.STANDSTILL, 1.0)
 
 
-def test_a_jog_that_ends_at_a_limit_before_it_has_its_velocity_says_why():
+def test_a_jog_that_ends_at_a_limit_before_it_has_its_velocity_gives_the_reason():
     r = rig(limits=AxisLimits(position=(-90.0, 90.0), velocity=400.0)).enabled()
     r.axis.move_absolute(85.0).wait(3)
     handle = r.axis.jog(390.0)

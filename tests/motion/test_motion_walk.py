@@ -1,4 +1,4 @@
-"""Moves with a limited jerk whose target changes on the way: velocity, acceleration and jerk by the differences of places."""
+"""Moves with a limited jerk whose target changes during the motion: velocity, acceleration and jerk by differences."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def to_the_end(walk: OnlineProfile, places: list[float]) -> list[float]:
     return places
 
 
-def test_from_rest_it_takes_what_a_ramp_takes_and_the_time_of_the_mean():
+def test_a_soft_move_from_standstill_takes_the_time_of_a_ramp_and_of_the_mean():
     walk = walk_from(ReferenceState(5.0), 95.0, JerkLimits(100.0, 500.0, 150.0), 50, T)
     places = to_the_end(walk, [5.0] * 4)
     assert places[-1] == 95.0
@@ -60,7 +60,7 @@ def test_a_move_to_0_from_a_large_number_of_increments_ends(start, window):
     st.lists(st.floats(-200.0, 200.0), min_size=1, max_size=5),
     st.sampled_from([(60.0, 400.0), (200.0, 2000.0)]),
 )
-def test_whatever_is_asked_meanwhile_nothing_jumps(seed, window, targets, gait):
+def test_random_targets_velocities_and_overrides_cause_no_jump(seed, window, targets, gait):
     """New targets, velocities and overrides at any time, also back; and it ends at the last one."""
     chance, (velocity, ramp) = random.Random(seed), gait
     walk = walk_from(ReferenceState(0.0), targets[0], JerkLimits(velocity, ramp, 1.5 * velocity), window, T)
@@ -86,10 +86,14 @@ def test_whatever_is_asked_meanwhile_nothing_jumps(seed, window, targets, gait):
 @pytest.mark.parametrize("rate", [-300.0, 0.0, 300.0])
 @pytest.mark.parametrize("speed", [-80.0, 0.0, 80.0])
 @pytest.mark.parametrize("window", [3, 60])
-def test_what_continues_from_another_motion_has_its_velocity_and_its_acceleration(rate, speed, window):
+def test_a_walk_that_takes_over_begins_with_the_present_velocity_and_acceleration(rate, speed, window):
     walk = walk_from(ReferenceState(10.0, speed, rate), -50.0, JerkLimits(100.0, 500.0, 150.0), window, T)
     step = speed * T
-    places = [10.0 - 2.0 * step + rate * T * T, 10.0 - step, 10.0]  # what came before, with the same
+    places = [
+        10.0 - 2.0 * step + rate * T * T,
+        10.0 - step,
+        10.0,
+    ]  # the positions before, with the same motion
     to_the_end(walk, places)
     assert highest(places[1:], 1) <= 150.0 * (1 + 1e-9)
     assert highest(places, 2) <= 500.0 * (1 + 1e-9)
@@ -97,15 +101,15 @@ def test_what_continues_from_another_motion_has_its_velocity_and_its_acceleratio
     assert places[-1] == -50.0
 
 
-def test_it_speeds_up_no_further_than_it_may_be_fast():
-    """What was speeding up when it took over could not be kept back at once by its jerk: so its acceleration is less."""
+def test_an_acceleration_at_the_take_over_never_exceeds_the_velocity_limit():
+    """An acceleration at the take-over could not be ended at once by its jerk: so it is smaller."""
     walk = walk_from(ReferenceState(0.0, 145.0, 400.0), 400.0, JerkLimits(100.0, 500.0, 150.0), 100, T)
     places = to_the_end(walk, [-145.0 * T, 0.0])
     assert highest(places, 1) <= 150.0 * (1 + 1e-9)
     assert highest(places[1:], 2) <= 500.0 * (1 + 1e-9)
 
 
-def test_a_brake_comes_to_rest_as_softly():
+def test_a_jerk_limited_brake_stops_the_walk():
     walk = walk_from(ReferenceState(0.0), 400.0, JerkLimits(100.0, 500.0, 150.0), 50, T)
     places = [0.0] * 4
     for _ in range(200):

@@ -1,4 +1,4 @@
-"""The watches and the moves, step by step: when each speaks, how long each waits, and what each asks of the drive."""
+"""The monitors and the moves, step by step: their reports, their waits, and their outputs to the drive."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ ACTIVITY = SimpleNamespace(
 
 
 def ready() -> SimpleNamespace:
-    """What a move waits for first, done at once; notes whether it was taken back."""
+    """The first wait of a move, done at once; notes if it was cancelled."""
     made = SimpleNamespace(
         cancelled=0, done=True, ramps=RampTransfers((), Drive().parameters), leading=None, leaving=None
     )
@@ -125,7 +125,7 @@ def test_a_guarded_node_is_lost_by_the_answers_that_stay_away():
     assert "it does not answer node guarding" in refused.observed
 
 
-def test_a_node_is_lost_with_its_bus_whatever_it_said_last():
+def test_a_node_is_lost_with_its_bus_in_any_last_state():
     drive, supervision = watched()
     node(drive, supervision)
     finding = node(
@@ -204,7 +204,7 @@ def test_how_long_this_program_may_not_have_run(age, period, longest):
         (-1, False, False),
     ],
 )
-def test_after_what_a_node_may_have_another_position(nmt, operational, restarted):
+def test_nmt_states_after_which_a_node_may_have_another_position(nmt, operational, restarted):
     drive, supervision = watched()
     node(drive, supervision, operational, nmt)
     assert supervision.has_restarted(drive.image) is restarted
@@ -230,7 +230,7 @@ def test_after_what_a_node_may_have_another_position(nmt, operational, restarted
         (AxisState.DISABLED, READY, None),
     ],
 )
-def test_what_an_axis_with_power_must_not_do(state, word, told):
+def test_an_axis_with_power_in_a_wrong_state_is_stopped_by_quick_stop(state, word, told):
     drive, supervision = watched()
     drive.cycle(statusword=ENABLED, position=0)
     drive.cycle(statusword=word, position=0)
@@ -239,7 +239,7 @@ def test_what_an_axis_with_power_must_not_do(state, word, told):
     assert finding is None or finding.rung is StopLevel.QUICK_STOP
 
 
-def test_a_drive_of_which_no_value_is_fresh_is_lost():
+def test_a_drive_without_any_fresh_value_is_lost():
     drive, supervision = watched()
     drive.cycle()
     assert (
@@ -270,7 +270,7 @@ def test_a_statusword_that_is_very_old_was_never_received(age, told):
     assert f"statusword (6041h): {told}" in silence(Drive().parameters, image).observed
 
 
-def test_an_axis_at_rest_that_moves_is_stopped_and_one_that_something_moves_is_not():
+def test_uncommanded_motion_at_standstill_is_stopped_and_commanded_motion_is_not():
     drive, supervision = watched()
     for position in (0, 4001):
         drive.cycle(statusword=ENABLED, mode=1, position=position)
@@ -283,7 +283,7 @@ def test_an_axis_at_rest_that_moves_is_stopped_and_one_that_something_moves_is_n
     for position in (4001, 4001):
         assert supervision.power(drive.cycle(position=position)[0], AxisState.STANDSTILL) is None
     assert supervision.power(drive.cycle(position=9000)[0], AxisState.STANDSTILL, ACTIVITY) is None
-    for _ in range(2):  # where it came to rest it begins anew
+    for _ in range(2):  # its standstill restarts
         assert supervision.power(drive.cycle(position=9000)[0], AxisState.STANDSTILL) is None
 
 
@@ -318,7 +318,7 @@ def replace_mode(mode: int, course: CommandedMotion | None = None) -> SimpleName
         (Braking(), 4, ENABLED, StopLevel.HALT, False),  # it is halted by another mode
     ],
 )
-def test_an_axis_that_coasts_out_of_a_torque_is_stopped_harder_where_it_gets_too_fast(
+def test_an_axis_that_coasts_out_of_a_torque_is_stopped_harder_if_it_gets_too_fast(
     braking, mode, word, rung, told
 ):
     drive, supervision = watched(braking=braking, limits=AxisLimits(velocity=400.0))
@@ -344,7 +344,7 @@ def test_an_axis_that_coasts_out_of_a_torque_is_stopped_harder_where_it_gets_too
         ([0, 0], -4001, "pulls it to another position"),
     ],
 )
-def test_what_rests_stays_where_it_is_and_is_not_pulled_elsewhere(positions, demand, told):
+def test_an_axis_at_standstill_must_keep_its_position_and_its_demand(positions, demand, told):
     drive = Drive()
     resting = StandstillMonitor(drive.parameters)
     errors = [
@@ -355,7 +355,7 @@ def test_what_rests_stays_where_it_is_and_is_not_pulled_elsewhere(positions, dem
     assert (errors[-1] is None) if told is None else told in errors[-1].message
 
 
-def test_a_rest_goes_by_positions_that_are_new_and_begins_again_when_it_is_forgotten():
+def test_standstill_is_judged_by_new_positions_and_restarts_after_a_reset():
     drive = Drive()
     resting = StandstillMonitor(drive.parameters)
     resting.error(drive.cycle(statusword=ENABLED, mode=1, position=0)[0])
@@ -391,7 +391,7 @@ def test_a_pulled_axis_that_yields_within_the_window_is_at_standstill(place, mes
     assert message in resting.error(drive.cycle(position=place, demand=20_000)[0]).message
 
 
-def test_a_velocity_that_is_seen_again_says_nothing_new():
+def test_a_velocity_that_is_read_again_does_not_count():
     drive = Drive()
     resting = StandstillMonitor(drive.parameters)
     for _ in range(2):
@@ -414,12 +414,15 @@ def test_a_velocity_that_is_seen_again_says_nothing_new():
         ([0, 500_000, *[10] * 50], False),
         ([256_000] * 3, False),  # 4000 in each cycle of 1/64 s, and the first one counts from nowhere
         ([256_001] * 3, True),
-        ([0, 500_000, *[8000] * 50], False),  # what goes on is not more than may pass within that time
+        (
+            [0, 500_000, *[8000] * 50],
+            False,
+        ),  # the following motion is no more than the allowance of that time
         ([0, 500_000, 8001], True),
         ([0, 500_000, *[0] * 64, *[8100] * 4], False),  # long ago
     ],
 )
-def test_what_rests_without_a_position_is_watched_by_its_velocity(velocities, told):
+def test_standstill_without_a_position_is_watched_by_velocity(velocities, told):
     drive = Drive()
     resting = StandstillMonitor(drive.parameters)
     errors = [resting.error(drive.cycle(statusword=ENABLED, mode=1, velocity=each)[0]) for each in velocities]
@@ -430,7 +433,7 @@ def test_what_rests_without_a_position_is_watched_by_its_velocity(velocities, to
         assert "it moved by about " in found[0].observed
 
 
-def test_by_velocity_a_rest_begins_again_too_and_counts_no_time_in_which_nothing_was_known():
+def test_by_velocity_standstill_restarts_too_and_unknown_time_does_not_count():
     drive = Drive()
     resting = StandstillMonitor(drive.parameters)
     for _ in range(2):
@@ -462,7 +465,7 @@ def test_a_mode_counts_as_left_after_it_was_shown_and_two_others_in_a_row():
         assert watch.error(drive.cycle(mode=7)[0], activity) is None
 
 
-def test_what_continues_in_the_mode_of_what_was_before_must_find_the_drive_in_it():
+def test_a_command_that_keeps_the_mode_must_find_the_drive_in_it():
     """It asks for no mode: one that was left in the cycle in which it takes over would never be missed."""
     drive = Drive()
     watch = ModeWatch("x")
@@ -484,7 +487,7 @@ def at_rest(rests_from: float = -math.inf) -> SimpleNamespace:
     return SimpleNamespace(mode=1, ends_at_rest=True, rests_from=rests_from)
 
 
-def test_a_rest_from_before_the_axis_could_set_off_is_no_end():
+def test_standstill_from_before_the_axis_could_start_is_no_arrival():
     drive = Drive()
     arrival, move = ArrivalCheck(drive.parameters), at_rest()
     arrival.begin(move, drive.now)
@@ -500,7 +503,7 @@ def test_a_rest_from_before_the_axis_could_set_off_is_no_end():
 
 
 @pytest.mark.parametrize("rests_from", [-math.inf, 10.0])
-def test_a_rest_from_before_the_command_is_no_end_either(rests_from):
+def test_standstill_from_before_the_command_is_no_arrival(rests_from):
     drive = Drive()
     arrival, move = ArrivalCheck(drive.parameters), at_rest(rests_from)
     for _ in range(20):
@@ -512,7 +515,7 @@ def test_a_rest_from_before_the_command_is_no_end_either(rests_from):
 
 
 @pytest.mark.parametrize(("mode", "arrives"), [(1, False), (6, True)])
-def test_only_a_homing_may_end_where_the_demand_is_elsewhere(mode, arrives):
+def test_only_a_homing_may_end_with_a_demand_elsewhere(mode, arrives):
     """Its position has another name since, and 6062h may still have the old one."""
     drive = Drive()
     arrival, command = ArrivalCheck(drive.parameters), at_rest()
@@ -524,7 +527,7 @@ def test_only_a_homing_may_end_where_the_demand_is_elsewhere(mode, arrives):
     assert ended is arrives
 
 
-def test_a_command_that_ends_at_rest_waits_for_standstill_and_at_most_two_seconds():
+def test_a_command_that_ends_at_standstill_waits_for_it_at_most_two_seconds():
     drive = Drive()
     arrival = ArrivalCheck(drive.parameters)
     drive.cycle(statusword=ENABLED, mode=1, position=0)
@@ -550,7 +553,7 @@ def test_a_command_that_ends_at_rest_waits_for_standstill_and_at_most_two_second
 # After a fault, and without power.
 
 
-def test_a_drive_in_fault_that_does_not_come_to_rest_is_reported_once_after_its_time():
+def test_a_drive_in_fault_that_does_not_stop_is_reported_once_after_its_time():
     drive = Drive()  # one second for the quick stop, three to disable
     aftermath, run_down = FaultReaction(drive.parameters), CoastDown(drive.parameters)
     began = drive.now + T
@@ -579,7 +582,7 @@ def test_a_drive_in_fault_that_does_not_come_to_rest_is_reported_once_after_its_
         (FAULT, False, True, False),
     ],
 )
-def test_which_drive_in_fault_may_still_move(word, driven, moves, told):
+def test_a_drive_in_fault_that_may_still_move_is_reported(word, driven, moves, told):
     drive = Drive()
     aftermath, run_down = FaultReaction(drive.parameters), CoastDown(drive.parameters)
     run_down.look(drive.cycle(statusword=ENABLED, position=0)[0], True)
@@ -592,7 +595,7 @@ def test_which_drive_in_fault_may_still_move(word, driven, moves, told):
     assert not told or "its power is off, at" in found[0].observed
 
 
-def test_a_motor_without_power_runs_down_until_it_is_seen_to_stand():
+def test_a_motor_without_power_runs_down_until_standstill_is_seen():
     drive = Drive()
     run_down = CoastDown(drive.parameters)
     run_down.look(drive.cycle(statusword=READY, position=0)[0], True)
@@ -621,7 +624,7 @@ def test_a_motor_without_power_runs_down_until_it_is_seen_to_stand():
     blind = CoastDown(silent.parameters)
     blind.look(silent.cycle(statusword=ENABLED)[0], True)
     blind.look(silent.cycle(statusword=READY)[0], True)
-    assert not blind.under_way  # nobody could ever tell
+    assert not blind.under_way  # undecidable
 
 
 # Moves to a position.
@@ -646,7 +649,7 @@ def handshake(drive: Drive, move: PositionMove, **values: int) -> None:
 @pytest.mark.parametrize(
     ("window", "distance", "off", "arrived"),
     [
-        (None, 100_000, 2000, True),  # 2 % of the way
+        (None, 100_000, 2000, True),  # 2 % of the velocity
         (None, 100_000, 2001, False),
         (None, 500, 20, True),  # and never less than 20
         (None, 500, 21, False),
@@ -664,7 +667,7 @@ def test_a_move_has_arrived_with_bit_10_within_its_window(window, distance, off,
     assert move.step(*drive.cycle(statusword=ENABLED | 0x0400, position=distance - off)) is arrived
 
 
-def test_where_no_position_travels_bit_10_is_enough():
+def test_without_a_position_bit_10_is_enough():
     drive = Drive()
     move = moving(drive, 500, PROFILE._replace(timeout=9.0))
     handshake(drive, move)
@@ -681,7 +684,7 @@ def test_where_no_position_travels_bit_10_is_enough():
             PROFILE,
             -5000,
             2 * (0.1 + 5.0 + 0.025 + 0.2) + 2,
-        ),  # it goes the other way first: 250 increments to brake
+        ),  # it moves in the other direction first: 250 increments to brake
         (PROFILE._replace(timeout=3.0), None, 3.0),
     ],
 )
@@ -700,7 +703,7 @@ def test_a_move_has_twice_the_time_of_its_profile_or_the_time_out_of_the_call(pr
     assert drive.now - began == pytest.approx(seconds, abs=1.01 * T)
 
 
-def test_a_move_whose_time_nobody_knows_must_get_on():
+def test_a_move_of_unknown_duration_must_make_progress():
     drive = Drive()
     move = moving(drive, 50_000, PROFILE._replace(speed=None, ramp=None))
     handshake(drive, move, position=0)
@@ -765,7 +768,7 @@ def velocity_move(drive: Drive, velocity: int, **changes) -> VelocityMove:
     return VelocityMove(profile, drive.parameters, ready())
 
 
-def test_a_velocity_that_is_reached_when_it_is_looked_at_again_is_not_late():
+def test_a_velocity_that_is_reached_at_the_next_check_is_not_late():
     drive = Drive()
     move = velocity_move(drive, 1000)
     assert not move.step(*drive.cycle(statusword=ENABLED, velocity=0))
@@ -781,7 +784,7 @@ def test_a_velocity_that_is_reached_when_it_is_looked_at_again_is_not_late():
         (-1000, -1050, ENABLED, True),
         (-1000, 1000, ENABLED, False),
         (1000, 501, ENABLED | 0x0400, True),
-        (1000, 500, ENABLED | 0x0400, False),  # a drive may say so of a blocked one
+        (1000, 500, ENABLED | 0x0400, False),  # a drive may set it although it is blocked
         (10, 8, ENABLED, True),  # and never less than two increments
         (10, 7, ENABLED, False),
         (2, 1, ENABLED, False),
@@ -817,7 +820,7 @@ def test_bit_10_counts_for_the_new_velocity_only_some_time_after_that_was_sent(a
         ({"ramp": None}, 0, 10.0),
     ],
 )
-def test_a_velocity_has_four_times_its_ramp_or_what_the_caller_gives(changes, velocity, seconds):
+def test_a_velocity_has_four_times_its_ramp_or_the_time_of_the_caller(changes, velocity, seconds):
     drive = Drive()
     move = velocity_move(drive, 10_000, **changes)
     move.step(*drive.cycle(statusword=ENABLED, mode=3, velocity=velocity))
@@ -876,7 +879,7 @@ def test_a_torque_has_the_time_that_the_caller_gives_and_else_ten_seconds():
             patient.step(*drive.cycle(statusword=ENABLED, torque=5))
 
 
-def test_a_torque_with_a_slope_has_four_times_what_the_slope_takes_and_two_seconds():
+def test_a_torque_with_a_slope_has_four_times_its_ramp_and_two_seconds():
     drive = Drive()
     move = TorqueMove(400, None, drive.parameters, ready(), 100)
     began = drive.now
@@ -887,7 +890,7 @@ def test_a_torque_with_a_slope_has_four_times_what_the_slope_takes_and_two_secon
     assert drive.now - began > 22.0
 
 
-def test_what_waits_sends_nothing_and_is_taken_back():
+def test_a_move_that_waits_sends_nothing_and_can_be_cancelled():
     drive = Drive()
     wait = ready()
     wait.done = False
@@ -927,7 +930,7 @@ def test_a_velocity_counts_with_the_weaker_ramp_until_its_own_is_written():
     assert moving(drive, 5).course == CommandedMotion(10_000.0, 100_000.0, 50_000.0, by_target=True)
 
 
-def test_a_jog_lives_as_long_as_it_is_renewed():
+def test_a_jog_lasts_as_long_as_it_is_renewed():
     drive = Drive()
     drive.cycle(statusword=ENABLED, mode=3, velocity=0)
     command = MoveVelocity(PROFILE, 0.25)
@@ -946,7 +949,7 @@ def test_a_jog_lives_as_long_as_it_is_renewed():
     assert not jog.renew(command, drive.image)
 
 
-# A disabled axis whose drive is enabled by somebody else.
+# A disabled axis whose drive is enabled from outside.
 
 
 @pytest.mark.parametrize(
@@ -954,7 +957,7 @@ def test_a_jog_lives_as_long_as_it_is_renewed():
     [
         (0, 16),  # a quarter of a second after the first
         (15, 16),
-        (16, 33),  # one that was off for longer begins anew
+        (16, 33),  # after a longer time off it restarts
     ],
 )
 def test_a_drive_that_is_enabled_again_and_again_for_a_quarter_of_a_second_is_reported(off, told):
@@ -975,7 +978,7 @@ def test_while_a_command_is_at_work_its_drive_may_be_enabled():
     assert told == [False] * 16 + [True]
 
 
-# What a drive says of its fault.
+# Reports of a drive about its fault.
 
 
 def history(drive: Drive, *words: int) -> DriveHistory:
@@ -994,7 +997,7 @@ def test_the_path_of_a_drive_is_its_last_four_states():
     assert not history(Drive(), READY, FAULT).began_in_fault
 
 
-def test_a_fault_is_explained_by_its_code_and_where_it_came_from():
+def test_a_fault_is_explained_by_its_code_and_its_previous_state():
     drive = Drive(fault_objects=((0x603F, 0),))
     told = FaultDiagnosis(drive.parameters, drive.now)
     assert told.tell(drive.image, DriveHistory()).observed.startswith(
@@ -1018,11 +1021,11 @@ def test_a_fault_is_explained_by_its_code_and_where_it_came_from():
 @pytest.mark.parametrize(
     ("read", "emergencies", "code"),
     [
-        (0x2310, [(0x8611, 0.0)], 0x2310),  # what it says when it is asked is of now
+        (0x2310, [(0x8611, 0.0)], 0x2310),  # the value that it answers is current
         (0, [(0x8611, 0.0)], 0x8611),
         (None, [(0x8611, 0.0)], 0x8611),
         (0, [(0x7121, 1.0), (0x8611, 0.5)], 0x8611),  # the newest
-        (0, [(0x8611, 0.5), (0x0000, 0.0)], 0x8611),  # not what takes it back
+        (0, [(0x8611, 0.5), (0x0000, 0.0)], 0x8611),  # not the error reset
         (0, [(0x8611, 5.0)], 0),
         (None, [], None),
     ],
@@ -1045,7 +1048,7 @@ def test_the_code_of_a_fault_is_603fh_and_else_the_newest_emergency_of_the_last_
     assert error.observed.split("; ")[1:] == [*shown, "path: fault"]
 
 
-def test_what_the_make_says_of_a_fault_is_reported_with_it():
+def test_the_explanation_of_the_make_is_in_the_report_of_a_fault():
     drive = Drive(
         explain_fault=lambda code, values: [f"{code:04X}h and {values}"], fault_objects=((0x6041, 0),)
     )
@@ -1086,7 +1089,7 @@ def test_the_last_two_emergencies_of_the_five_seconds_before_now_are_reported(ag
     ]
 
 
-def test_a_drive_that_explains_its_fault_at_the_last_moment_is_heard():
+def test_an_error_code_that_arrives_at_the_last_moment_is_reported():
     drive = Drive(timing=DriveTimeouts(diagnosis=4 * T))
     silent = FaultDiagnosis(drive.parameters, drive.now)
     assert [silent.step(*drive.cycle(statusword=FAULT)) for _ in range(5)] == [False] * 4 + [True]
@@ -1108,7 +1111,7 @@ def test_a_drive_that_does_not_explain_its_fault_has_its_time():
     assert refused.step(*drive.cycle())
 
 
-def test_an_error_is_reported_with_what_was_seen_of_the_drive():
+def test_an_error_is_reported_with_the_observed_states_of_the_drive():
     drive = Drive()
     made = history(drive, READY, ENABLED)
     drive.cycle(mode=3)
@@ -1139,7 +1142,7 @@ def test_only_emergencies_of_the_last_seconds_that_are_no_resets_are_reported():
     assert [entry.code for entry in made.recent_emcy(10.0)] == [0x3210, 0x4210, 0x5210]
 
 
-def test_of_a_drive_that_says_much_the_last_sixteen_emergencies_are_kept():
+def test_the_last_sixteen_emergencies_of_a_drive_are_kept():
     drive = Drive()
     made = DriveHistory()
 
@@ -1167,7 +1170,7 @@ def test_remedies_are_reported_once_each_the_first_first():
     assert join_remedies("a", "") == "a"
 
 
-# What leads the axis.
+# The reference of the axis.
 
 
 def test_the_last_set_point_sent_is_the_reference():

@@ -49,7 +49,7 @@ def seen(way: Path, count: int = 4000) -> list[tuple[float, ...]]:
 
 @pytest.mark.parametrize("angle", [0.01, 1.0, 2.0, 3.1])
 @pytest.mark.parametrize("share", [0.1, 0.5])
-def test_where_a_corner_is_is_the_integral_of_its_direction(angle, share):
+def test_the_position_in_a_corner_is_the_integral_of_its_direction(angle, share):
     count, x, y = 4000, 0.0, 0.0
     for step in range(count):
         at = share * (step + 0.5) / count
@@ -60,7 +60,7 @@ def test_where_a_corner_is_is_the_integral_of_its_direction(angle, share):
 
 @SAME
 @given(points(3, 3), st.floats(0.01, 5.0))
-def test_a_corner_joins_its_lines_within_what_was_asked_for(three, within):
+def test_a_corner_joins_its_lines_within_the_tolerance(three, within):
     a, tip, b = three
     (into, came), (out, goes) = direction(a, tip), direction(tip, b)
     if min(came, goes) < 1e-3:
@@ -85,7 +85,7 @@ def test_a_corner_joins_its_lines_within_what_was_asked_for(three, within):
     assert max(steps) < 1.001
 
 
-def test_what_turns_by_nothing_is_no_corner_and_what_turns_back_cannot_be_rounded():
+def test_without_a_turn_there_is_no_corner_and_a_reversal_cannot_be_rounded():
     assert corner((0.0, 0.0), (1.0, 0.0), (1.0, 0.0), within=1.0, room=1.0) is None
     with pytest.raises(ValueError, match="a reversal of the path"):
         corner((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), within=1.0, room=1.0)
@@ -111,7 +111,7 @@ def test_arcs_by_hand():
 
 @SAME
 @given(points(3, 3))
-def test_an_arc_goes_through_its_points_and_stays_in_its_box(three):
+def test_an_arc_passes_through_its_points_and_stays_in_its_box(three):
     start, via, end = three
     if len(start) < 2:
         return
@@ -148,7 +148,7 @@ def test_a_centre_must_be_in_the_middle(centre):
 # Lines through points.
 
 
-def test_lines_are_cut_at_their_corners_and_stop_where_they_must():
+def test_lines_are_cut_at_their_corners_and_stop_at_reversals():
     corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (20.0, 10.0), (15.0, 10.0)]
     pieces, stops = polyline(corners, 1.0)
     kinds = [type(piece).__name__ for piece in pieces]
@@ -181,7 +181,7 @@ def test_a_path_is_one_piece_without_gaps_from_its_first_point_to_its_last(place
 
 
 class Trip:
-    """What a group does on a way: its places, cycle by cycle, until it stands at the end."""
+    """The motion of a group on a path: its positions, cycle by cycle, until standstill at the end."""
 
     def __init__(self, way: Path, velocity: float, period: float, factors: list[float]) -> None:
         self.travel = PathSpeed()
@@ -222,7 +222,7 @@ class Trip:
     PERIODS,
     st.lists(st.sampled_from([0.4, 1.0, 1.2, 1.5]), max_size=5),
 )
-def test_no_axis_is_faster_or_harder_than_it_may_be_whatever_the_override_does(
+def test_no_axis_exceeds_its_limits_for_any_override(
     places, blend, kind, velocity, acceleration, period, factors
 ):
     pieces, stops = polyline(places, blend)
@@ -270,7 +270,7 @@ def test_the_shortest_path_is_completed_within_some_cycles(length, unit):
     assert travel.t == way.length
 
 
-def test_a_held_motion_rests_on_its_path_and_continues():
+def test_a_held_motion_stops_on_its_path_and_continues():
     way = square(1.0)
     travel = PathSpeed()
     travel.begin(way, 30.0)
@@ -305,7 +305,7 @@ def test_braking_takes_the_distance_of_its_speed_and_is_not_scaled_by_an_overrid
     assert ends == [(pytest.approx(10.0), 20)] * 3
 
 
-def test_a_path_can_be_continued_from_where_it_was_left():
+def test_a_path_can_be_continued_from_its_interruption():
     way, travel = square(1.0), PathSpeed()
     travel.begin(way, 30.0, 50.0)
     assert (travel.t, travel.speed) == (50.0, 0.0)
@@ -342,7 +342,7 @@ def differences(values: list[float], order: int, period: float) -> list[float]:
 
 @pytest.mark.parametrize(("left", "fits"), [(0.09, False), (0.12, True)])
 def test_a_continuation_must_be_slow_enough_if_its_section_ends_within_the_cycle(left, fits):
-    """Within a cycle it could come to rest, but the stretch ends before, with a corner that is slower."""
+    """Within a cycle it could stop, but the section ends before, with a corner that is slower."""
     travel, period, ramp = PathSpeed(), 0.01, 2200.0
     straight = way_of([Straight((0.0, 0.0), (10.0, 0.0), 10.0)], [AxisLimits()] * 2, ramp)
     travel.begin(straight, 20.8, 0.0)
@@ -351,7 +351,7 @@ def test_a_continuation_must_be_slow_enough_if_its_section_ends_within_the_cycle
     assert travel.fits(slow, period) is fits
 
 
-def test_a_halt_under_a_limit_of_jerk_ends_once_the_mean_has_come_up():
+def test_a_halt_under_a_limit_of_jerk_ends_once_the_mean_has_reached_the_path():
     way = way_of([Straight((0.0,), (900.0,), 900.0)], [AxisLimits()], 500.0)
     travel = PathSpeed()
     travel.begin(way, 100.0, 0.0, 10)
@@ -393,7 +393,7 @@ def test_an_initial_deviation_of_the_axes_is_removed_along_the_path():
     assert x.top_acceleration == pytest.approx(500.0)
 
 
-def test_no_cycle_goes_through_more_stretches_than_it_has_the_time_for():
+def test_no_cycle_passes_more_stretches_than_the_limit():
     dense = [(30.0 * math.sin(k / 100), 0.003 * k) for k in range(3000)]
     pieces, stops = polyline(dense, 0.0005)
     way = way_of(pieces, [AxisLimits()] * 2, 5000.0, stops, CycleVelocity(500.0, 0.004))
@@ -406,7 +406,7 @@ def test_no_cycle_goes_through_more_stretches_than_it_has_the_time_for():
     assert 2 < most <= 16
 
 
-def test_a_corner_is_no_finer_than_what_a_cycle_makes_of_it():
+def test_a_corner_has_no_more_sections_than_a_cycle_can_use():
     pieces, stops = polyline([(0.0, 0.0), (40.0, 0.0), (40.0, 40.0)], 1.0)
     counts = [
         len(way_of(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(velocity, 0.004)).tops) - 2

@@ -1,4 +1,4 @@
-"""What else stops when an axis fails, or when its node is lost."""
+"""The axes that stop when an axis fails, or when its node is lost."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FAULT = DriveFault("fault", axis="x")
         ("report", "x", None, "y"),
     ],
 )
-def test_which_axes_stop(word, failed, error, stopped):
+def test_a_failure_stops_the_axes_that_the_policy_selects(word, failed, error, stopped):
     policy = FaultPolicy(AXES, GROUPS, LostNode(word))
     assert policy.stops(failed, error) == frozenset(stopped)
     assert policy.all_stops({failed: error}) == dict.fromkeys(stopped, failed)
@@ -53,12 +53,12 @@ PAIR = {"x": "y", "y": "x"}
         ({"xz": ["x", "z"]}, "cell", "y", LOST, "xzw"),
     ],
 )
-def test_of_a_pair_what_stops_one_stops_both(groups, word, failed, error, stopped):
+def test_a_failure_of_one_axis_of_a_pair_stops_both(groups, word, failed, error, stopped):
     policy = FaultPolicy(AXES, groups, LostNode(word), mates=PAIR)
     assert policy.stops(failed, error) == frozenset(stopped)
 
 
-def test_nothing_brakes_a_pair_apart():
+def test_both_axes_of_a_pair_are_braked_together():
     each = {"xyz": GroupFault.EACH}
     policy = FaultPolicy(AXES, {"xyz": ["x", "y", "z"]}, on_fault=each, mates=PAIR)
     assert policy.how("x", "y") is policy.how("y", "z") is GroupFault.PATH

@@ -49,11 +49,11 @@ def without(found: list[Mutant], equivalents: list[Equivalent], texts: dict[str,
 def tests_for(mutant: Mutant, known: LineMap, enough: float) -> list[str]:
     """Return the tests that concern a mutant, the fastest first, as many as fit into the time.
 
-    They are those that execute its statement. What is executed at import only concerns those that execute a line with its name, or
+    They are those that execute its statement. Code executed at import only concerns tests that execute a line with its name, or
     with that of a constant made of it, and the tests that import its module.
     """
     found = known.tests(mutant.file, *mutant.lines)
-    # What a test's child process imports does not concern that test alone; a function may be called at import only.
+    # Imports of a test's child process do not concern that test alone; a function may be called at import only.
     if mutant.names or known.at_import(mutant.file, *mutant.lines):
         users = _users(_made_of(mutant.names[-1:], known.texts.get(mutant.file, "")), known)
         importers = _importers(mutant.file, known) or _users(set(mutant.names), known)

@@ -1,4 +1,4 @@
-"""Run tests in a Python that imports everything anew: ``python -m mutation.cold PIPE``, the tests' names as JSON in its input."""
+"""Run tests in a Python that imports everything again: ``python -m mutation.cold PIPE``, the tests' names as JSON in its input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The mutants that change nothing that anybody could see, each with the reason, from ``equivalent.toml``."""
+"""The mutants without an observable change, each with the reason, from ``equivalent.toml``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _KEYS = {"file", "line", "change", "reason"}
 
 @dataclass(frozen=True)
 class Equivalent:
-    """A change of a line, known by the line's text; ``inside``: the function, where several have such a line."""
+    """A change of a line, known by the line's text; ``inside``: the function, if several have such a line."""
 
     file: str
     line: str

@@ -22,7 +22,7 @@ from mutation.swap import Functions
 
 IMPORT_TIME = 60.0  # seconds that a new Python may take before its first test
 FIRST = 25  # tests of a new Python's first try: the others take longer to collect
-SHORT = 0.3  # seconds of a test that waits for nothing: what it says once it says again
+SHORT = 0.3  # seconds of a test that waits for nothing: its result if it is run again
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of a mutant: ``by`` names the test that noticed, ``how`` it did; ``ran`` counts the tests."""
+    """The result of a mutant: ``by`` names the test that noticed, ``how`` it did; ``ran`` counts the tests."""
 
     killed: bool
     by: str = ""
@@ -45,7 +45,7 @@ class Verdict:
 
 
 class Judge:
-    """A worker's copy of the source, and what it knows of the tests."""
+    """A worker's copy of the source, and its knowledge of the tests."""
 
     def __init__(
         self, root: Path, items: dict[str, pytest.Item], functions: Functions, times: dict[str, float]

@@ -1,4 +1,4 @@
-"""Which tests concern a line: measured once, kept in ``.mutants-map``, and brought up to date with what has changed since."""
+"""The tests that concern a line: measured once, stored in ``.mutants-map``, and updated with later changes."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class LineMap:
         for kind, i, j, k, m in matcher.get_opcodes():
             if kind == "equal":
                 now.update({k + n + 1: before[i + n + 1] for n in range(j - i) if i + n + 1 in before})
-            else:  # the tests of what stood here, and of the lines around
+            else:  # the tests of the old lines here, and of the lines around
                 near = set().union(*(before.get(n, set()) for n in range(i - 1, j + 3)))
                 now.update({n + 1: set(near) for n in range(k, m)})
         self.lines[file], self.texts[file] = now, text
@@ -89,7 +89,7 @@ class LineMap:
 
 
 def load(path: Path) -> LineMap:
-    """Read what was saved; an empty one where nothing was."""
+    """Read the saved map; an empty one if there is none."""
     if not path.exists():
         return LineMap()
     content = json.loads(path.read_text())

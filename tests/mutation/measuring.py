@@ -13,7 +13,7 @@ import pytest
 FOLDER = "AXISBUS_MUTANTS_FOLDER"  # where the notes go
 SOURCES = "AXISBUS_MUTANTS_SOURCES"  # the folders whose lines count, with os.pathsep between
 
-# The tests' child processes load this by itself: a module of this name is imported at the start of Python.
+# The tests' child processes load this automatically: a module of this name is imported at the start of Python.
 CHILD = """\
 import os
 test = os.environ.get("PYTEST_CURRENT_TEST", "")
@@ -25,7 +25,7 @@ if test and "PYTEST_XDIST_WORKER" in os.environ:
 
 def begin(context: str) -> coverage.Coverage:
     """Start to note lines, under ``context`` until another is set."""
-    os.environ["COVERAGE_CORE"] = "ctrace"  # the others cannot tell the tests apart
+    os.environ["COVERAGE_CORE"] = "ctrace"  # the others cannot distinguish the tests
     noting = coverage.Coverage(
         data_file=str(Path(os.environ[FOLDER]) / "lines"),
         data_suffix=True,

@@ -1,4 +1,4 @@
-"""The kinds of small mistakes, each as a function from a place to what could stand there instead."""
+"""The kinds of small mistakes, each as a function from a place to its replacements."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from itertools import pairwise
 from mutation.mutant import Mutant
 from mutation.places import Place, Text, places
 
-Change = tuple[int, int, str]  # from, to, what stands there instead
+Change = tuple[int, int, str]  # from, to, the replacement
 
 _COMPARISONS = {
     "<": ("<=", ">"),
@@ -181,7 +181,7 @@ def _is_stamp(node: ast.AST) -> bool:
 
 
 def _not_times(function: ast.AST) -> set[int]:
-    """What is called, and what is only asked whether it is None."""
+    """Called names, and names that are only compared with None."""
     found = {id(call.func) for call in ast.walk(function) if isinstance(call, ast.Call)}
     for node in ast.walk(function):
         if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.Is | ast.IsNot):

@@ -1,4 +1,4 @@
-"""The places of a module where a change is made: each node with what is around it, and where it stands in the text."""
+"""The places of a module at which a change is made: each node with its surroundings, and its position in the text."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ class Place:
 
 
 def places(tree: ast.Module) -> Iterator[Place]:
-    """Yield every node that says what the program does: no types, no texts, no decorators."""
+    """Yield every node with an effect: no types, no texts, no decorators."""
     for statement in tree.body:
         yield from _statement(statement, Place(statement, (0, 0)))
 
 
 def _statement(node: ast.stmt, around: Place) -> Iterator[Place]:
-    if _says_nothing(node):
+    if _has_no_effect(node):
         return
     body = [
         child
@@ -105,7 +105,9 @@ def _block(node: ast.stmt | ast.ExceptHandler | ast.match_case, around: Place) -
 
 
 def _expressions(node: ast.AST, around: Place) -> Iterator[Place]:
-    if isinstance(node, ast.JoinedStr | ast.arg):  # places inside an f-string are not told before Python 3.12
+    if isinstance(
+        node, ast.JoinedStr | ast.arg
+    ):  # positions inside an f-string are unknown before Python 3.12
         return
     yield replace(around, node=node)
     for name, child in ast.iter_fields(node):
@@ -119,7 +121,7 @@ def _only_checks(node: ast.AST) -> bool:
     return isinstance(node, ast.keyword) and node.arg == "strict"
 
 
-def _says_nothing(node: ast.stmt) -> bool:
+def _has_no_effect(node: ast.stmt) -> bool:
     if isinstance(node, ast.Import | ast.ImportFrom | ast.Pass | ast.Global | ast.Nonlocal):
         return True
     if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):

@@ -1,4 +1,4 @@
-"""What is printed: each verdict as it comes, the survivors as diffs, and a table by kind and by package."""
+"""The printed report: each verdict at once, the survivors as diffs, and a table by kind and by package."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class _Watch:
 
 
 def run_items(items: Sequence[pytest.Item], write: int) -> None:
-    """Run tests one after the other until one fails, and tell each through the pipe ``write``."""
+    """Run tests one after the other until one fails, and report each through the pipe ``write``."""
     watch = _Watch()
     items[0].config.pluginmanager.register(watch)
     for item, after in zip(items, [*items[1:], None], strict=True):
@@ -56,7 +56,7 @@ def _tell(write: int, what: str, test: str) -> None:
 
 
 def become_quiet() -> None:
-    """Let what this process and its children print go nowhere."""
+    """Discard the output of this process and its children."""
     nowhere = os.open(os.devnull, os.O_RDWR)
     for descriptor in (0, 1, 2):
         os.dup2(nowhere, descriptor)
@@ -89,7 +89,7 @@ def watch_over(pid: int, read: int, times: dict[str, float], first: float = 0.0)
 
 
 def _end(pid: int) -> None:
-    """End a process and the group that it leads."""
+    """End a process and its group."""
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(pid, signal.SIGKILL)
     with contextlib.suppress(ChildProcessError):

@@ -19,7 +19,7 @@ class Functions:
                 self._by_key.setdefault(_key(thing.__code__), []).append(thing)
 
     def changes(self, path: str, text: str, mutated: str) -> list[tuple[FunctionType, CodeType]] | None:
-        """Return what the functions of the file at ``path`` do under ``mutated``; None where only a new import shows it."""
+        """Return the functions of the file at ``path`` that differ under ``mutated``; None if only a new import shows it."""
         pairs = _changes(compile_quietly(text, path), compile_quietly(mutated, path)) or []
         found = [(function, new) for old, new in pairs for function in self._by_key.get(_key(old), [])]
         everywhere = all(_key(old) in self._by_key for old, _ in pairs)
@@ -28,7 +28,7 @@ class Functions:
 
 
 def compile_quietly(text: str, path: str) -> CodeType:
-    """Compile what may look odd."""
+    """Compile source that may look odd."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return compile(text, path, "exec", dont_inherit=True)

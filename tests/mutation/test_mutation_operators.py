@@ -1,4 +1,4 @@
-"""What each kind of small mistake makes of a line, and what is left alone."""
+"""The replacements of each kind of small mistake, and lines that are left alone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from mutation.mutant import Mutant
 from mutation.operators import KINDS, mutants
 
-# kind, a function's body, what its lines may become
+# kind, a function's body, its possible lines
 CASES = [
     ("comparison", "return a < b", {"return a <= b", "return a > b"}),
     ("comparison", "return a >= b", {"return a > b", "return a < b"}),
@@ -64,7 +64,7 @@ CASES = [
 
 
 def lines(body: str, kind: str, returns: str = "") -> set[str]:
-    """Return what the body may become by mistakes of one kind."""
+    """Return the possible bodies after mistakes of one kind."""
     source = f"def f(a, b, c){returns}:\n    {body}\n"
     found = [mutant for mutant in mutants("f.py", source) if mutant.kind == kind]
     for mutant in found:
@@ -83,7 +83,7 @@ def test_every_kind_has_an_example() -> None:
     assert {kind for kind, _, expected in CASES if expected} == set(KINDS)
 
 
-def test_what_should_be_true_or_false_is_returned_as_both() -> None:
+def test_a_boolean_result_is_replaced_by_both_values() -> None:
     assert lines("return a(b)", "return", " -> bool") == {"return True", "return False"}
     assert lines("return True", "return", " -> bool") == {"return False"}
 
@@ -115,7 +115,7 @@ class B:
     }
 
 
-def test_a_mutant_knows_where_it_is() -> None:
+def test_a_mutant_has_its_location() -> None:
     source = (
         "A = (\n    1\n)\nclass B:\n    C = 5\n    def d(self, e):\n        return not (\n            e)\n"
     )

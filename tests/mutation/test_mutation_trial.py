@@ -105,7 +105,7 @@ def test_the_map_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert known.tests("f.py", 1, 2) == ["b"]
 
 
-def test_a_constant_concerns_the_tests_of_those_who_use_it() -> None:
+def test_a_constant_concerns_the_tests_of_its_users() -> None:
     source = "LIMIT = 3\n"
     [mutant, _] = mutants("f.py", source)
     known = LineMap(
@@ -116,7 +116,7 @@ def test_a_constant_concerns_the_tests_of_those_who_use_it() -> None:
     assert choosing.tests_for(mutant, known, 75.0) == ["b"]
 
 
-def test_a_constant_concerns_the_tests_of_what_is_made_of_it_and_of_its_module() -> None:
+def test_a_constant_concerns_the_tests_of_derived_constants_and_of_its_module() -> None:
     source = "LIMIT = 3\n_WAYS = {LIMIT: 1}\n_ALL = [*_WAYS]\nOTHER = 1\n"
     file = "src/axisbus/cia402/f.py"
     mutant = mutants(file, source)[0]
@@ -227,7 +227,7 @@ def test_that_fails_without_a_mutant_too():
 """
 
 
-def test_a_planted_mutant_that_nobody_notices_is_reported_as_a_survivor(tmp_path: Path) -> None:
+def test_a_planted_mutant_that_no_test_notices_is_reported_as_a_survivor(tmp_path: Path) -> None:
     (tmp_path / "src" / "planted").mkdir(parents=True)
     (tmp_path / "src" / "planted" / "__init__.py").write_text(PLANTED)
     (tmp_path / "tests").mkdir()

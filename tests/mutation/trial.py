@@ -23,7 +23,7 @@ _NUMBER = struct.Struct("I")
 
 
 class Trial:
-    """What is to be tried; ``tell`` hears of each verdict as it comes."""
+    """The mutants to try; ``tell`` is called with each verdict at once."""
 
     def __init__(
         self,
@@ -83,7 +83,7 @@ def share_out(tasks: list[Task], jobs: int, make: Callable[[], Judge]) -> Iterat
 
 
 def _work(tasks: list[Task], make: Callable[[], Judge], todo: int, done: int) -> None:
-    """Judge what comes, in a worker process, until there is no more."""
+    """Judge tasks, in a worker process, until there is no more."""
     code = 1
     try:
         judge = make()

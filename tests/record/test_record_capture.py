@@ -45,7 +45,7 @@ def first(run, column, holds):
         (lambda values: values["x"]["position"] > 20, "position", lambda value: value > 20),
     ],
 )
-def test_the_moment_is_in_it_with_what_was_before_and_after(cell, tmp_path, when, column, holds):
+def test_a_capture_contains_the_moment_and_the_time_before_and_after_it(cell, tmp_path, when, column, holds):
     path = tmp_path / "moment.mcap"
     with cell.capture(path, when, before=0.1, after=0.2) as capture:
         cell.sleep(0.3)
@@ -84,7 +84,7 @@ def test_a_fault_of_any_axis_is_a_moment(cell, tmp_path):
     assert run.seconds == pytest.approx(1.2, abs=0.02)
 
 
-def test_the_block_may_end_before_what_follows_is_over(cell, tmp_path):
+def test_the_block_may_end_before_the_time_after_the_moment(cell, tmp_path):
     path = tmp_path / "short.mcap"
     with cell.capture(path, "x.velocity > 10", before=0.1, after=30.0):
         cell["x"].move_absolute(20.0).wait()

@@ -1,4 +1,4 @@
-"""Captures that wait for an edge of an input, for its value, or for what a touch probe latches."""
+"""Captures that wait for an edge of an input, for its value, or for a latched position of a touch probe."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_signal_that_is_true_from_the_beginning_is_no_edge(cell, tmp_path):
         assert not capture.fired
 
 
-def test_a_value_passes_its_limit_in_its_unit(cell, tmp_path):
+def test_a_capture_is_triggered_by_a_limit_in_the_unit_of_the_value(cell, tmp_path):
     machine = cell.machine
     with machine.capture(tmp_path / "moment.mcap", "level >= 2.5", before=0.1, after=0.1) as capture:
         for raw in (100, 349):
@@ -80,7 +80,7 @@ def test_an_output_that_is_set_is_a_moment(cell, tmp_path):
         assert capture.wait(1.0)
 
 
-def test_an_input_that_comes_back_with_another_value_has_no_edge(cell, tmp_path):
+def test_an_input_that_returns_with_another_value_has_no_edge(cell, tmp_path):
     machine = cell.machine
     with machine.capture(tmp_path / "moment.mcap", "part = true", after=0.1) as capture:
         machine.sleep(0.1)
@@ -107,7 +107,7 @@ def test_an_edge_latched_by_a_touch_probe_is_a_moment_and_an_old_edge_is_not(cel
     assert old.done
     with machine.capture(path, "x.probe", before=0.1, after=0.1) as capture:
         machine.sleep(0.3)
-        x.move_absolute(0.0).wait(5)  # over the mark, but nobody has asked
+        x.move_absolute(0.0).wait(5)  # over the mark, but without a request
         assert not capture.fired
         found = x.probe_move(30.0, velocity=60.0)
         assert capture.wait(5.0)
@@ -151,7 +151,7 @@ def test_a_cell_continues_when_its_capture_ends_without_a_moment(cell, tmp_path)
 
 
 class Frames:
-    """A core that tells frames of a bus, and what is known of an input after each cycle."""
+    """A core that reports frames of a bus, and the known state of an input after each cycle."""
 
     carried = object()
 
@@ -202,7 +202,7 @@ def test_an_edge_has_the_time_of_its_frame_and_waits_for_its_cycle():
 
 
 @pytest.mark.parametrize("known", [1, None])
-def test_what_a_frame_says_first_is_no_edge_where_it_was_so_or_unknown(known):
+def test_the_first_value_of_an_input_is_no_edge_if_it_was_so_or_unknown(known):
     session, moment = watching(known)
     session.comes((1.0, 4))
     assert moment.seen(1.1, {}) is None
@@ -228,7 +228,7 @@ def test_on_change_alone_the_first_frame_is_the_edge():
     assert moment.seen(3.1, {}) == 3.0
 
 
-def test_what_came_before_the_first_cycle_that_is_kept_is_no_moment():
+def test_an_edge_before_the_first_stored_cycle_is_no_moment():
     session, moment = watching(0)
     session.comes((3.0, 4))
     session.knows(1)

@@ -44,7 +44,7 @@ def test_a_short_pulse_of_an_input_is_seen(tmp_path, process, bus, core_in_threa
             assert not capture.fired
             began = time.monotonic()
             wired.set_bit(0x6000, 1, 2, True)
-            time.sleep(0.04)  # less than what a core tells at once
+            time.sleep(0.04)  # less than a core reports at once
             wired.set_bit(0x6000, 1, 2, False)
             assert capture.wait(10.0)
             assert abs(capture._fired - began) < 0.1
@@ -86,7 +86,7 @@ def test_another_program_keeps_the_moment_of_an_input_and_of_a_touch_probe(tmp_p
             recording = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
             with machine["x"].probe(continuous=True) as probe:
                 probe.wait_armed(30)
-                while recording.poll() is None:  # again and again: nobody says when it has begun to look
+                while recording.poll() is None:  # repeatedly: the begin of the recording is not reported
                     cause(True)
                     time.sleep(0.3)
                     cause(False)

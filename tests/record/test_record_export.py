@@ -109,13 +109,13 @@ def test_parquet_is_read_by_pandas_and_polars_and_its_columns_know_their_units(t
 # -- compared --------------------------------------------------------------------------------------------------------------------
 
 
-def test_two_runs_of_one_job_differ_in_nothing_however_late_the_second_began():
+def test_two_runs_of_one_job_have_no_difference_for_any_delay_of_the_second():
     found = compare(recorded(), recorded(tracks={"x": track(delay=4), "y": track("y", delay=4)}))
     assert found.shift == pytest.approx(0.4)
     assert found.seconds == pytest.approx(1.5)
     assert {(one.axis, one.column) for one in found.deviations} == {
         (axis, column) for axis in "xy" for column in ("position", "velocity")
-    }  # what is not known is not compared
+    }  # an unknown value is not compared
     assert all(one.by == pytest.approx(0.0, abs=1e-9) for one in found.deviations)
 
 
@@ -129,14 +129,14 @@ def test_the_largest_deviation_is_reported_with_its_time_and_both_values():
     assert found.only == ["y", "z"]
 
 
-def test_what_cannot_be_compared_is_refused():
+def test_recordings_without_a_common_axis_or_unit_are_refused():
     with pytest.raises(UserError, match="no axis in common"):
         compare(recorded(), recorded(tracks={"z": track("z")}))
     with pytest.raises(UserError, match="position is in deg and mm"):
         compare(recorded(), recorded(tracks={"x": track(unit="mm")}))
 
 
-def test_what_never_moved_is_compared_from_its_beginning():
+def test_axes_that_never_moved_are_compared_from_their_beginning():
     still = replace(track(), columns=dict(track().columns) | {"state": ["Standstill"] * 16})
     assert compare(recorded(tracks={"x": still}), recorded(tracks={"x": still})).shift == 0.0
 
@@ -185,7 +185,7 @@ def test_a_csv_file_of_another_program_is_refused_with_its_line(tmp_path, text, 
 
 
 @pytest.mark.parametrize(("name", "begins"), [("a.png", b"\x89PNG"), ("b.SVG", b"<?xml")])
-def test_a_picture_is_of_the_kind_that_its_name_says(tmp_path, name, begins):
+def test_the_format_of_a_picture_follows_from_its_name(tmp_path, name, begins):
     pytest.importorskip("matplotlib")
     path = plot(recorded(lacks="its end is missing"), tmp_path / "new" / name, "a title")
     assert path.read_bytes().startswith(begins)
@@ -199,10 +199,10 @@ def test_a_picture_is_of_the_kind_that_its_name_says(tmp_path, name, begins):
             "Standstill",
         ):
             assert f"<!-- {word}" in text or word in text
-        assert "torque" not in text  # nobody knows it
+        assert "torque" not in text  # it is unknown
 
 
-def test_what_cannot_be_drawn_is_refused(tmp_path):
+def test_an_unknown_format_and_an_empty_recording_are_refused(tmp_path):
     pytest.importorskip("matplotlib")
     with pytest.raises(UserError, match=r"png or \.svg"):
         plot(recorded(), tmp_path / "a.txt")

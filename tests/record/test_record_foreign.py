@@ -61,7 +61,7 @@ def write(path, messages, *, schema=AXIS, topic="axis/x", metadata=BEGAN, encodi
     return path
 
 
-def test_a_channel_that_is_as_ours_is_read(tmp_path):
+def test_a_channel_of_another_program_in_our_format_is_read(tmp_path):
     run = load(write(tmp_path / "a.mcap", [SAMPLE]))
     assert (list(run.tracks["x"].columns["position"]), run.lacks) == ([1.0], "")
 
@@ -166,7 +166,7 @@ def read_within(path: Path) -> tuple[str, int]:
         (2**63, MB, True, "times as many in memory"),
     ],
 )
-def test_what_becomes_large_when_it_is_decompressed_is_not(tmp_path, size, frame, said, expected):
+def test_data_that_become_large_when_decompressed_are_refused(tmp_path, size, frame, said, expected):
     path = tmp_path / "a.mcap"
     path.write_bytes(with_chunk(size, "zstd", small(frame, said=said)))
     found, most = read_within(path)
@@ -181,7 +181,7 @@ def test_a_message_of_few_octets_cannot_become_many_values(tmp_path):
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "", "snappy"])
-def test_a_chunk_that_is_not_what_it_says_ends_the_reading_and_is_reported(tmp_path, compression):
+def test_a_damaged_chunk_ends_the_reading_and_is_reported(tmp_path, compression):
     path = tmp_path / "a.mcap"
     path.write_bytes(with_chunk(100, compression, b"nothing of the kind"))
     assert "is damaged before octet" in load(path).lacks
@@ -226,7 +226,7 @@ def again(source: Path, target: Path, **how: object) -> None:
 
 
 def read_or_refused(path: Path) -> None:
-    """Read a file, and write what it is as a table."""
+    """Read a file, and write its content as a table."""
     try:
         run = load(path)
         if any(track.times for track in run.tracks.values()):

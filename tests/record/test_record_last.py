@@ -33,7 +33,7 @@ def states(picture, axis):
     return list(dict.fromkeys(picture.recorded.tracks[axis].columns["state"]))
 
 
-def test_where_nobody_types_it_is_not_kept():
+def test_outside_an_interactive_session_the_last_motion_is_not_stored():
     with (
         Machine.simulated(CELL) as machine,
         pytest.raises(StateError, match="only in an interactive session") as raised,
@@ -59,7 +59,7 @@ def test_the_last_move_is_drawn_from_before_it_until_after_its_end(cell):
     assert len(picture._repr_png_()) > 20_000
 
 
-def test_what_moves_still_is_drawn_until_now(cell):
+def test_a_motion_that_has_not_ended_is_drawn_until_now(cell):
     cell["x"].move_velocity(30.0)
     cell.sleep(1.0)
     track = cell.plot_last().recorded.tracks["x"]
@@ -80,11 +80,11 @@ def test_a_move_that_took_over_is_drawn_with_the_one_before(cell):
     assert cell.plot_last().recorded.tracks["x"].columns["position"][0] == pytest.approx(0.0, abs=0.1)
 
 
-def test_so_many_seconds_are_drawn_where_they_are_given(cell):
+def test_the_given_number_of_seconds_is_drawn(cell):
     cell["x"].move_absolute(20.0).wait()
     cell.sleep(5.0)
     picture = cell.plot_last(2.0)
-    assert list(picture.recorded.tracks) == ["x", "y", "z"]  # of which none has moved
+    assert list(picture.recorded.tracks) == ["x", "y", "z"]  # none of them has moved
     assert picture.recorded.seconds == pytest.approx(2.0, abs=0.01)
 
 
@@ -95,7 +95,7 @@ def test_after_the_machine_was_closed_the_last_motion_is_there(cell):
     assert picture.recorded.tracks["x"].columns["position"][0] == pytest.approx(0.0, abs=0.1)
 
 
-def test_nothing_that_moved_is_reported(typed):
+def test_without_a_motion_an_error_is_raised(typed):
     with Machine.simulated(CELL) as machine:
         with pytest.raises(StateError, match="no axis has moved"):
             machine.plot_last()
@@ -113,7 +113,7 @@ def test_no_such_time_and_no_such_axis(cell, seconds):
         cell.plot_last(axes=["nothing"])
 
 
-def test_it_can_be_saved(cell, tmp_path):
+def test_a_plot_of_the_last_motion_can_be_saved(cell, tmp_path):
     cell["x"].move_absolute(20.0).wait()
     picture = cell.plot_last()
     assert picture.save(tmp_path / "new" / "last.png").read_bytes().startswith(b"\x89PNG")

@@ -49,7 +49,7 @@ def test_a_value_is_read_out_of_a_frame(where, data, value):
 
 
 class Session:
-    """One that only tells frames."""
+    """A session that only reports frames."""
 
     def __init__(self):
         self.taps = {}
@@ -100,7 +100,7 @@ def test_without_such_objects_nothing_is_listened_to():
     assert not session.taps
 
 
-def test_frames_cross_as_they_are_and_those_that_nobody_takes_are_counted():
+def test_frames_are_transferred_unchanged_and_dropped_ones_are_counted():
     frames = [
         CanFrame(1.25, 0x181, bytes(range(8))),
         CanFrame(2.0, 0x1ABCDEF0, b"", extended=True),

@@ -1,4 +1,4 @@
-"""Rows of samples as bytes: what goes in comes out, old blocks go, and the collector has nothing to look at."""
+"""Rows of samples as bytes: they are read as written, old blocks are dropped, and the collector has nothing to track."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ PLAIN = AxisSample(1, 2, 3, 4, 5, 6, 7, 0x0237, AxisState.STANDSTILL, PowerState
 
 
 @given(st.lists(st.tuples(st.floats(0, 1e9), samples, samples), max_size=20))
-def test_what_goes_in_comes_out(rows):
+def test_rows_are_read_as_written(rows):
     packed = PackedRows(2, 100)
     for now, first, second in rows:
         packed.append(now, [snapshot(first), snapshot(second)])

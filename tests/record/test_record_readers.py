@@ -1,4 +1,4 @@
-"""Recordings for readers other than ours: what those of Foxglove, and of MCAP's own package, ask of a file."""
+"""Recordings for readers other than ours: the requirements of Foxglove, and of MCAP's own package."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_an_unknown_value_is_left_out(path):
     assert {"position", "state", "power"} <= set(samples[-1])
 
 
-def test_every_chunk_reports_where_each_message_of_each_channel_is(path):
+def test_every_chunk_has_the_offset_of_each_message_of_each_channel(path):
     with path.open("rb") as file:
         summary = mcap_reader.make_reader(file).get_summary()
     led = set().union(*(chunk.message_index_offsets for chunk in summary.chunk_indexes))

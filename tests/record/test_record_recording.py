@@ -1,4 +1,4 @@
-"""Recordings as files: what was seen and what happened is in them, whoever reads them and however they end."""
+"""Recordings as files: observed values and events are in them, for any reader and any end."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ OVER_TEMPERATURE = 0x4310
 
 
 def job(cell: Machine) -> None:
-    """Enable, home, move x and z, let a fault befall y in its move, and bring it back."""
+    """Enable, home, move x and z, let y go into fault in its move, and reset it."""
     wait([axis.enable() for axis in cell])
     wait([axis.home() for axis in cell])
     wait([cell["x"].move_absolute(60.0), cell["z"].move_absolute(-30.0)])
@@ -39,7 +39,7 @@ def job(cell: Machine) -> None:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A recording of the job, what a recorder in memory saw of the same cycles, and its path."""
+    """A recording of the job, the samples of a recorder in memory of the same cycles, and its path."""
     path = tmp_path_factory.mktemp("recording") / "new" / "run.mcap"
     with Machine.simulated(CELL) as cell:
         with cell.recording(path) as recording, Recorder(cell) as recorder:
@@ -55,7 +55,7 @@ def run(made):
     return load(made[0])
 
 
-# -- what is in it ---------------------------------------------------------------------------------------------------------------
+# -- contents --------------------------------------------------------------------------------------------------------------------
 
 
 def test_every_cycle_of_every_axis_is_in_it_in_units(made, run):
@@ -93,7 +93,7 @@ def test_the_states_and_the_following_error_are_those_of_the_motion(run):
     assert max(x["velocity"]) == pytest.approx(90.0, abs=1.0)
 
 
-def test_commands_with_their_ends_and_the_fault_are_among_its_events(run):
+def test_commands_with_their_ends_and_the_fault_are_among_the_events_of_a_recording(run):
     commands = [(event.where, event.text) for event in run.events if event.sort == "command"]
     assert ("x.move_absolute(60 deg)", "given") in commands
     assert ("x.move_absolute(60 deg)", "done") in commands
@@ -110,7 +110,7 @@ def test_commands_with_their_ends_and_the_fault_are_among_its_events(run):
     assert stop == pytest.approx(fault.time, abs=0.02)
 
 
-def test_it_holds_the_cell_the_hashes_of_the_files_and_both_clocks(made, run):
+def test_a_recording_contains_the_cell_the_hashes_of_the_files_and_both_clocks(made, run):
     with made[0].open("rb") as file:
         reader = mcap_reader.make_reader(file)
         attached = {one.name: one.data for one in reader.iter_attachments()}
@@ -125,7 +125,7 @@ def test_it_holds_the_cell_the_hashes_of_the_files_and_both_clocks(made, run):
     assert run.began is not None
 
 
-def test_another_reader_finds_channels_with_schemas_and_units(made):
+def test_another_mcap_reader_finds_channels_with_schemas_and_units(made):
     with made[0].open("rb") as file:
         summary = mcap_reader.make_reader(file).get_summary()
     topics = {channel.topic: channel for channel in summary.channels.values()}
@@ -238,12 +238,12 @@ def test_a_disk_that_is_full_ends_the_recording_and_never_the_motion(tmp_path, c
     assert "run.mcap has ended: it cannot be written" in told[0]
 
 
-def test_what_cannot_be_taken_in_time_is_counted_and_reported(tmp_path):
+def test_cycles_that_cannot_be_written_in_time_are_counted_and_reported(tmp_path):
     path = tmp_path / "run.mcap"
     with Machine.simulated(CELL) as cell, cell.recording(path) as recording:
         cell.sleep(0.1)
         snapshots, now = cell.session.snapshots, recording._seen
-        recording._looked = math.inf  # nobody writes meanwhile
+        recording._looked = math.inf  # no writing meanwhile
         for number in range(_MOST + 5):
             recording._observe(now + number, snapshots)
         assert 5 <= recording.lost <= 40
@@ -252,7 +252,7 @@ def test_what_cannot_be_taken_in_time_is_counted_and_reported(tmp_path):
     assert told == [f"{recording.lost} cycles are missing: not taken in time"]
 
 
-def test_a_file_that_is_cut_off_is_read_as_far_as_it_goes(made, tmp_path, run):
+def test_a_truncated_recording_is_read_as_far_as_possible(made, tmp_path, run):
     whole = made[0].read_bytes()
     path = tmp_path / "cut.mcap"
     last = 0
@@ -280,7 +280,7 @@ def test_bytes_that_are_wrong_are_no_surprise(made, tmp_path):
             load(path)
 
 
-def test_a_length_that_is_wrong_asks_for_no_more_memory_than_there_is(made, tmp_path):
+def test_a_wrong_length_allocates_no_more_memory_than_there_is(made, tmp_path):
     whole = bytearray(made[0].read_bytes())
     at = len(b"\x89MCAP0\r\n") + 9  # behind the head of the first record: the length of its first text
     path = tmp_path / "wrong.mcap"
@@ -321,7 +321,7 @@ def test_an_mcap_file_of_another_program_is_refused(tmp_path):
         load(path)
 
 
-def test_without_the_package_it_is_said_how_to_get_it(tmp_path, monkeypatch):
+def test_without_the_package_the_error_names_it(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "mcap.writer", None)
     with Machine.simulated(CELL) as cell, pytest.raises(UserError, match="need the package mcap") as told:
         cell.recording(tmp_path / "run.mcap").__enter__()

@@ -1,7 +1,7 @@
-"""What all scenarios share: golden messages, and that a scenario of stopping fails when its nets are cut.
+"""Fixtures of all scenarios: golden messages, and a check that a scenario of stopping fails without its safety nets.
 
-With ``AXISBUS_PROCESS=own`` each core has a process of its own: a scenario that looks into it is skipped where it does, and nets
-are cut only where a scenario has a process cut them.
+With ``AXISBUS_PROCESS=own`` each core has a process of its own. Scenarios that look into the core are then skipped, and safety nets
+are removed only where a scenario has a process remove them.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Let the look for golden messages that no scenario uses come after all scenarios; virtual time knows no processes."""
+    """Run the check for unused golden messages after all scenarios; scenarios in virtual time have no processes."""
     items.sort(key=lambda item: item.path.name == "test_scenario_zz_golden.py")
     if OWN:
         virtual = [item for item in items if not is_real_time(item.path)]
@@ -47,7 +47,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Tell the process that shares the tests out which golden messages this one has used."""
+    """Report the golden messages that this process has used to the process that distributes the tests."""
     output = getattr(session.config, "workeroutput", None)
     if output is not None:
         whole = scenario_golden.whole(session) or scenario_golden.half(session)
@@ -56,7 +56,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 @pytest.fixture(autouse=True)
 def nets_cut() -> tuple[str, ...]:
-    """The nets that are cut in this run of the scenario."""
+    """The safety nets that are removed in this run of the scenario."""
     return ()
 
 
@@ -66,7 +66,7 @@ def _of_another_process(_: object) -> NoReturn:
 
 @pytest.fixture(autouse=True)
 def from_outside(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Skip what looks into a core that is in a process of its own, and leave no such core behind."""
+    """Skip tests that look into a core that is in a process of its own, and leave no such core behind."""
     cores: list[RemoteCore] = []
     if OWN:
         make = RemoteCore.__init__
@@ -109,6 +109,6 @@ def golden(tmp_path):
 
 @pytest.fixture
 def scenario(tmp_path):
-    """Make simulated cells in virtual time; see ``kit.cell.Stage``. They are let go afterwards, whatever became of them."""
+    """Make simulated cells in virtual time; see ``kit.cell.Stage``. They are released afterwards in any case."""
     with Stage(tmp_path) as stage:
         yield stage

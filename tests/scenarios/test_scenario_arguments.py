@@ -1,4 +1,4 @@
-"""What cannot be asked for is refused at the call, by name and with the limit, and nothing is sent to the drive."""
+"""Invalid arguments are refused at the call, by name and with the limit, and nothing is sent to the drive."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Endless:
 
 
 def sends_nothing(cell, call) -> Exception:
-    """Return the exception that ``call`` raises; whatever the port gets afterwards must be what it got before."""
+    """Return the exception that ``call`` raises; the port must get the same outputs before and after it."""
     cell.run(0.2)
     given = []
     write = cell.port().write
@@ -127,7 +127,9 @@ def test_a_missing_default_is_never_guessed(scenario, golden):
     golden("argument_missing_default", sends_nothing(cell, lambda: cell.x.move_absolute(1.0)))
 
 
-def test_an_absolute_move_waits_for_homing_where_limits_promise_a_position(scenario, golden):
+def test_an_absolute_move_waits_for_homing_if_the_cell_file_promises_a_position_by_its_limits(
+    scenario, golden
+):
     text = scenario_text(scenario, axis=LIMITED).replace("required = false", "required = true")
     cell = scenario.simulated(text=text).enabled()
     golden("argument_not_homed", sends_nothing(cell, lambda: cell.x.move_absolute(1.0)))
@@ -207,7 +209,7 @@ IN_A_GROUP = {
 
 @pytest.mark.parametrize("what", [*GIVEN, *IN_A_GROUP])
 def test_no_absurd_number_ends_the_scan_or_raises_a_foreign_error(scenario, what):
-    """It is refused at the call, or the command goes its way; either way the next one finds an axis that works."""
+    """The command is refused at the call or executed; in both cases the next command finds an axis that works."""
     for name, value in ABSURD.items():
         cell = scenario.simulated("xy", axis=LIMITED).enabled()
         cell.run(0.1)
@@ -215,7 +217,7 @@ def test_no_absurd_number_ends_the_scan_or_raises_a_foreign_error(scenario, what
         refused, handle = None, None
         try:
             handle = GIVEN[what](cell.x, value) if what in GIVEN else IN_A_GROUP[what](group, value)
-        except Exception as error:  # noqa: BLE001  # what it may be is asserted below
+        except Exception as error:  # noqa: BLE001  # its type is asserted below
             refused = error
         cell.run(0.5)
         if handle is None:
@@ -236,7 +238,7 @@ def must_work(cell) -> None:
     cell.x.release().wait(1)
     cell.x.enable().wait(5)
     cell.x.move_relative(-3.0).wait(5)
-    assert cell.scan_lives
+    assert cell.scan_runs
 
 
 def test_a_straight_line_out_of_the_limits_is_refused(scenario, golden):
@@ -250,7 +252,7 @@ def test_a_straight_line_out_of_the_limits_is_refused(scenario, golden):
 
 def test_a_path_longer_than_half_the_drive_s_count_ends_the_handle(scenario, golden):
     cell = scenario.simulated("x")
-    cell.drive().axis.motor.position = -2.0e9  # where it stands, in increments
+    cell.drive().axis.motor.position = -2.0e9  # the actual position, in increments
     cell.run(0.1)
     cell.x.enable().wait(5)
     failed = cell.failure_of(cell.x.move_absolute(2.0e9 / SCALE))
@@ -275,12 +277,12 @@ def test_a_trajectory_that_raises_while_it_runs_stops_only_its_axis_and_its_grou
     handle = cell.x.follow(Breaks())
     cell.run(1.0)
     cell.must_move("x")
-    cell.must_stand("x", within=1.5, stages=(1, 4, 5))
-    cell.must_stand("y", within=1.5, stages=4)
+    cell.must_be_still("x", within=1.5, stages=(1, 4, 5))
+    cell.must_be_still("y", within=1.5, stages=4)
     failed = cell.failure_of(handle)
     assert isinstance(failed, AxisbusError)
     golden("trajectory_breaks", failed)
-    assert cell.scan_lives  # one program's mistake does not end the bus
+    assert cell.scan_runs  # one program's mistake does not end the bus
 
 
 def scenario_text(scenario, *, max_velocity: float = 400.0, axis: str = "") -> str:

@@ -1,4 +1,4 @@
-"""``axisbus stop`` beside a master that is alive: the drives stop and stay stopped, and nobody enables them again."""
+"""``axisbus stop`` beside a running master: the drives stop and stay stopped, and no program enables them again."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ TIMES = (
 
 @pytest.fixture
 def axisbus_stop(monkeypatch, capsys):
-    """Type ``axisbus stop CELL``; returns exit code and what it prints."""
+    """Run ``axisbus stop CELL``; return the exit code and the output."""
 
     def call(line: Line) -> tuple[int, str]:
         monkeypatch.setattr(sys, "argv", ["axisbus", "stop", str(line.file)])
@@ -45,7 +45,7 @@ def axisbus_stop(monkeypatch, capsys):
 
 @contextmanager
 def live(folder, names: str = "xy") -> Iterator[tuple[Line, Machine]]:
-    """A master that lets its axes turn. It is closed in the end, whatever it then has to tell."""
+    """A master that lets its axes turn. It is closed at the end, and its errors are ignored."""
     with Line(folder, names, stop=TIMES) as line:
         machine = line.open()
         try:
@@ -60,19 +60,19 @@ def test_the_drives_of_a_live_master_stop_and_it_takes_that_as_a_fault(tmp_path,
     with live(tmp_path) as (line, machine):
         code, told = axisbus_stop(line)
         for name in "xy":
-            line.must_stand(name, stages=STOPPED, within=0.1)
+            line.must_be_still(name, stages=STOPPED, within=0.1)
         assert code == 0, told
         for axis in machine:
             until(lambda axis=axis: "NMT state is stopped, not operational" in str(axis.error))
             assert axis.state is AxisState.ERRORSTOP
         for name in "xy":
-            line.must_stand(name, stages=STOPPED, within=0.1, for_good=0.5)
+            line.must_be_still(name, stages=STOPPED, within=0.1, for_good=0.5)
             assert line.devices[name].nmt is NmtState.STOPPED
         assert "x: " in told
 
 
 class Stubborn(Talker):
-    """A master that sends *enable operation* in every cycle and looks at nothing: the frames of a live one, over and over."""
+    """A master that sends *enable operation* in every cycle and looks at nothing: the recorded frames of one, repeated."""
 
     def __init__(self, line: Line) -> None:
         super().__init__(line.channel)
@@ -104,7 +104,7 @@ def test_a_master_that_continues_sending_enable_operation_is_cut_off(tmp_path, a
         until(lambda: not machine._core._thread.is_alive())
         line.must_move()
         code, told = axisbus_stop(line)
-        line.must_stand(stages=STOPPED, within=0.1, for_good=0.6)
+        line.must_be_still(stages=STOPPED, within=0.1, for_good=0.6)
         assert code == 0, told
 
 
@@ -123,7 +123,7 @@ def test_stopping_neither_boots_nor_resets_nor_configures(tmp_path, axisbus_stop
         assert set(commands) <= {"ENTER_PRE_OPERATIONAL", "STOP"}
 
 
-def test_a_cell_at_rest_is_reported_as_such(tmp_path, axisbus_stop):
+def test_axisbus_stop_reports_a_cell_that_is_not_energised(tmp_path, axisbus_stop):
     with Line(tmp_path, "x") as line:
         code, told = axisbus_stop(line)
         assert code == 0
@@ -131,7 +131,7 @@ def test_a_cell_at_rest_is_reported_as_such(tmp_path, axisbus_stop):
         assert line.stage() != ENABLED
 
 
-def test_a_node_that_does_not_answer_is_reported_and_the_exit_code_says_so(tmp_path, axisbus_stop):
+def test_a_node_that_does_not_answer_is_reported_and_sets_the_exit_code(tmp_path, axisbus_stop):
     with Line(tmp_path, "xy", present="y") as line:
         code, told = axisbus_stop(line)
     assert code == 3

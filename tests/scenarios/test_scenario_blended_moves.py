@@ -67,7 +67,7 @@ def test_a_transition_has_the_velocity_of_its_mode(scenario, mode, joint):
 
 
 @pytest.mark.parametrize(("mode", "joint"), SLOWER.items())
-def test_the_same_into_a_slower_one(scenario, mode, joint):
+def test_a_transition_into_a_slower_move_has_the_velocity_of_its_mode(scenario, mode, joint):
     cell, ledger = one(scenario)
     cell.x.move_absolute(100.0, velocity=120.0, buffer=f"blending_{mode}")
     second = cell.x.move_absolute(150.0, velocity=60.0, buffer=f"blending_{mode}")
@@ -88,7 +88,7 @@ def test_relative_and_additive_moves_count_from_the_end_of_the_one_before(scenar
     assert cell.where("x") == pytest.approx(50.0, abs=0.1)
 
 
-def test_a_move_that_reverses_stops_at_the_transition_and_its_note_says_so(scenario):
+def test_a_move_that_reverses_stops_at_the_transition_and_its_note_gives_the_reason(scenario):
     cell, ledger = one(scenario)
     first = cell.x.move_absolute(60.0, buffer="blending_high")
     second = cell.x.move_absolute(10.0, buffer="blending_high")
@@ -100,7 +100,9 @@ def test_a_move_that_reverses_stops_at_the_transition_and_its_note_says_so(scena
     must_have_kept_limits(ledger)
 
 
-def test_a_move_given_while_the_axis_brakes_makes_the_transition_slower_and_its_note_says_so(scenario):
+def test_a_move_given_while_the_axis_brakes_makes_the_transition_slower_and_its_note_gives_the_velocity(
+    scenario,
+):
     cell, ledger = one(scenario)
     first = cell.x.move_absolute(60.0, velocity=100.0, acceleration=200.0, buffer="blending_low")
     cell.until(lambda: cell.where("x") > 52.0)
@@ -113,7 +115,9 @@ def test_a_move_given_while_the_axis_brakes_makes_the_transition_slower_and_its_
     must_have_kept_limits(ledger)
 
 
-def test_one_that_comes_when_the_end_was_reached_begins_from_rest_and_says_so(scenario):
+def test_a_move_given_after_the_last_one_has_reached_its_end_is_buffered_and_its_note_gives_the_reason(
+    scenario,
+):
     cell, ledger = one(scenario)
     first = cell.x.move_absolute(60.0, buffer="blending_low")
     cell.until(lambda: cell.core("x").activity is not None and bool(cell.core("x").activity.why_not))
@@ -131,7 +135,7 @@ def test_one_that_comes_when_the_end_was_reached_begins_from_rest_and_says_so(sc
     must_have_kept_limits(ledger)
 
 
-def test_behind_one_that_waits_it_joins_that_when_it_begins(scenario):
+def test_a_move_behind_a_buffered_one_joins_it_when_that_begins(scenario):
     cell, _ = one(scenario)
     cell.x.move_absolute(30.0)
     cell.x.move_absolute(40.0, buffer=True)
@@ -140,7 +144,7 @@ def test_behind_one_that_waits_it_joins_that_when_it_begins(scenario):
     assert cell.where("x") == pytest.approx(80.0, abs=0.1)
 
 
-def test_a_halt_ends_all_moves_and_the_axis_is_at_rest_on_its_path(scenario):
+def test_a_halt_ends_all_blended_moves_and_leaves_the_axis_at_standstill_on_its_path(scenario):
     cell, ledger = one(scenario)
     handles = [cell.x.move_absolute(end, buffer="blending_low") for end in (40.0, 80.0, 120.0)]
     cell.until(lambda: cell.where("x") > 50.0)
@@ -177,7 +181,7 @@ def test_a_fault_ends_all_of_them_with_its_reason(scenario):
     assert cell.end_of(cell.x.enable()) is None
     rests = cell.where("x")
     cell.run(1.0)
-    assert cell.where("x") == pytest.approx(rests, abs=0.1)  # nothing goes on by itself
+    assert cell.where("x") == pytest.approx(rests, abs=0.1)  # no further motion
 
 
 def test_another_move_takes_over_from_them_without_a_jolt(scenario):
@@ -191,7 +195,7 @@ def test_another_move_takes_over_from_them_without_a_jolt(scenario):
 
 
 @pytest.mark.parametrize(("mode", "joint"), FASTER.items())
-def test_a_move_that_took_over_passes_into_the_next_as_well(scenario, mode, joint):
+def test_a_move_that_took_over_is_blended_into_the_next(scenario, mode, joint):
     cell, ledger = one(scenario)
     cell.x.move_absolute(100.0, velocity=90.0, buffer="blending_low")
     cell.until(lambda: cell.where("x") > 10.0)
@@ -222,7 +226,7 @@ def test_a_superimposed_distance_survives_a_move_that_takes_over(scenario):
     must_have_kept_limits(ledger)
 
 
-def test_one_that_took_over_and_turns_round_still_is_waited_for(scenario):
+def test_a_blended_move_that_took_over_and_reverses_is_still_waited_for(scenario):
     cell, ledger = one(scenario)
     cell.x.move_absolute(100.0, velocity=90.0, buffer="blending_low")
     cell.until(lambda: cell.where("x") > 50.0)
@@ -261,7 +265,7 @@ def test_an_override_scales_all_of_it(scenario, factor):
     must_have_kept_limits(ledger)
 
 
-def test_a_hold_in_the_middle_continues_by_itself(scenario):
+def test_blended_moves_continue_after_an_override_of_zero(scenario):
     cell, ledger = one(scenario)
     handles = [cell.x.move_absolute(end, buffer="blending_low") for end in (40.0, 120.0)]
     cell.until(lambda: cell.where("x") > 30.0)
@@ -277,7 +281,7 @@ def test_a_hold_in_the_middle_continues_by_itself(scenario):
     must_have_kept_limits(ledger)
 
 
-def test_a_distance_laid_over_them_displaces_what_joins_later(scenario):
+def test_a_superimposed_distance_displaces_moves_that_join_later(scenario):
     cell, ledger = one(scenario)
     cell.x.move_absolute(100.0, velocity=40.0, buffer="blending_low")
     cell.until(lambda: cell.where("x") > 10.0)
@@ -290,7 +294,7 @@ def test_a_distance_laid_over_them_displaces_what_joins_later(scenario):
     must_have_kept_limits(ledger)
 
 
-def test_while_a_distance_is_being_laid_over_one_waits_and_says_so(scenario):
+def test_a_move_given_during_a_superimposed_move_waits_and_its_note_gives_the_reason(scenario):
     cell, _ = one(scenario)
     cell.x.move_absolute(60.0, velocity=40.0, buffer="blending_low")
     cell.until(lambda: cell.where("x") > 10.0)
@@ -300,7 +304,7 @@ def test_while_a_distance_is_being_laid_over_one_waits_and_says_so(scenario):
     assert "being superimposed" in last.note
 
 
-def test_what_would_end_beyond_the_limits_is_refused_and_the_rest_continues(scenario):
+def test_a_blended_move_beyond_the_limits_is_refused_and_the_others_continue(scenario):
     cell, _ = one(scenario, axis=f"{AXIS}\nposition_limits = [-10.0, 100.0]")
     first = cell.x.move_absolute(60.0, buffer="blending_low")
     with pytest.raises(LimitError):
@@ -313,7 +317,7 @@ def test_what_would_end_beyond_the_limits_is_refused_and_the_rest_continues(scen
     assert cell.where("x") == pytest.approx(99.0, abs=0.1)
 
 
-def test_each_has_the_time_that_it_was_given(scenario):
+def test_each_blended_move_has_the_time_that_it_was_given(scenario):
     cell, _ = one(scenario)
     first = cell.x.move_absolute(60.0, timeout=5.0, buffer="blending_low")
     second = cell.x.move_absolute(160.0, velocity=20.0, timeout=1.0, buffer="blending_low")
@@ -333,7 +337,7 @@ def test_a_time_that_was_given_runs_as_slowly_as_the_move(scenario):
     assert cell.end_of(second) is None
 
 
-def test_what_cannot_pass_into_another_is_refused_in_words(scenario):
+def test_a_move_that_cannot_be_blended_is_refused_with_the_reason(scenario):
     cell, _ = one(scenario)
     with pytest.raises(ArgumentError, match="only a move to a position"):
         cell.x.move_velocity(20.0, buffer="blending_low")
@@ -360,7 +364,7 @@ def test_no_more_than_a_hundred_share_one_motion(scenario):
 
 
 @pytest.mark.parametrize(("mode", "joint"), FASTER.items())
-def test_a_move_of_the_drive_passes_into_a_faster_one(scenario, mode, joint):
+def test_a_move_of_the_drive_is_blended_with_a_faster_one(scenario, mode, joint):
     cell, _ = one(scenario)
     first = cell.x.move_absolute(60.0, velocity=60.0)
     second = cell.x.move_absolute(150.0, velocity=120.0, buffer=f"blending_{mode}")
@@ -378,7 +382,7 @@ def test_a_move_of_the_drive_passes_into_a_faster_one(scenario, mode, joint):
 
 
 @pytest.mark.parametrize(("mode", "joint"), SLOWER.items())
-def test_a_move_of_the_drive_passes_into_a_slower_one(scenario, mode, joint):
+def test_a_move_of_the_drive_is_blended_with_a_slower_one(scenario, mode, joint):
     cell, _ = one(scenario)
     cell.x.move_absolute(100.0, velocity=120.0)
     second = cell.x.move_absolute(150.0, velocity=60.0, buffer=f"blending_{mode}")
@@ -401,7 +405,7 @@ def test_many_moves_of_the_drive_share_one_motion_and_end_in_turn(scenario):
     assert speed_at(cell, 90.0) == pytest.approx(50.0, abs=8.0)
 
 
-def test_back_from_a_move_of_the_drive_is_buffered_and_says_so(scenario):
+def test_a_move_that_reverses_behind_a_move_of_the_drive_is_buffered_and_its_note_gives_the_reason(scenario):
     cell, _ = one(scenario)
     first = cell.x.move_absolute(60.0)
     second = cell.x.move_absolute(10.0, buffer="blending_high")
@@ -412,7 +416,7 @@ def test_back_from_a_move_of_the_drive_is_buffered_and_says_so(scenario):
     assert "reverses there" in second.note
 
 
-def test_a_move_of_no_length_behind_one_of_the_drive_is_buffered_and_says_so(scenario):
+def test_a_move_of_no_length_behind_one_of_the_drive_is_buffered_and_its_note_gives_the_reason(scenario):
     cell, _ = one(scenario)
     first = cell.x.move_absolute(60.0)
     second = cell.x.move_relative(0.0, buffer="blending_high")
@@ -430,7 +434,7 @@ def test_an_additive_move_counts_from_the_end_of_all_that_shared_a_move_of_the_d
     assert cell.where("x") == pytest.approx(65.0, abs=0.1)
 
 
-def test_what_a_distance_would_take_beyond_the_limits_does_not_join(scenario):
+def test_a_move_that_a_superimposed_distance_would_take_beyond_the_limits_does_not_join(scenario):
     cell, _ = one(scenario, axis=f"{AXIS}\nposition_limits = [-10.0, 100.0]")
     first = cell.x.move_absolute(80.0, velocity=40.0, buffer="blending_low")
     cell.until(lambda: cell.where("x") > 10.0)
@@ -440,7 +444,7 @@ def test_what_a_distance_would_take_beyond_the_limits_does_not_join(scenario):
     assert cell.where("x") == pytest.approx(85.0, abs=0.1)
 
 
-def test_one_that_took_over_under_an_override_is_waited_for(scenario):
+def test_a_blended_move_that_took_over_under_an_override_is_waited_for(scenario):
     cell, ledger = one(scenario)
     cell.x.move_absolute(100.0, velocity=90.0, buffer="blending_low")
     cell.until(lambda: cell.where("x") > 10.0)
@@ -455,7 +459,9 @@ def test_one_that_took_over_under_an_override_is_waited_for(scenario):
     must_have_kept_limits(ledger)
 
 
-def test_late_behind_a_move_of_the_drive_it_is_slower_or_begins_from_rest_and_says_so(scenario):
+def test_a_move_given_late_behind_a_move_of_the_drive_is_slower_or_buffered_and_its_note_gives_the_reason(
+    scenario,
+):
     cell, _ = one(scenario)
     cell.x.move_absolute(60.0, velocity=100.0, acceleration=200.0)
     cell.until(lambda: cell.where("x") > 55.0)
@@ -514,7 +520,7 @@ def test_a_hold_of_a_move_of_the_drive_while_another_joins_it(scenario):
     assert min(speed for x, speed in speeds(cell) if 50.0 < x < 70.0) > 55.0
 
 
-def test_a_tiny_move_is_not_taken_for_the_end_of_what_joins_it(scenario):
+def test_a_tiny_move_is_not_mistaken_for_the_end_of_the_move_that_joins_it(scenario):
     cell, _ = one(scenario)
     first = cell.x.move_absolute(1.0)
     second = cell.x.move_absolute(50.0, buffer="blending_low")
@@ -534,7 +540,7 @@ def test_each_move_of_the_drive_has_the_time_that_it_was_given(scenario):
 
 
 @pytest.mark.parametrize("handshake", ["on-change", "acknowledge"])
-def test_a_drive_whose_bit_12_proves_nothing_passes_the_end_as_well(scenario, handshake):
+def test_a_drive_whose_bit_12_proves_nothing_passes_the_end_without_stopping_as_well(scenario, handshake):
     axis = AXIS + (f'\nhandshake = "{handshake}"' if handshake == "on-change" else "")
     cell, _ = one(scenario, axis=axis)
     cell.x.move_absolute(60.0, velocity=60.0)
@@ -593,10 +599,10 @@ def test_on_an_endless_axis_the_shortest_direction_counts_from_the_end_of_the_pr
     handles.append(cell.x.move_absolute(80.0, direction=1, buffer="blending_low"))
     assert [cell.end_of(handle, 20.0) for handle in handles] == [None] * 4
     assert cell.where("x") == pytest.approx(360.0 + 90.0 + 350.0, abs=0.2)
-    assert min(speed for x, speed in seen_between(cell, 20.0, 780.0)) > 90.0
+    assert min(speed for x, speed in speeds_between(cell, 20.0, 780.0)) > 90.0
 
 
-def seen_between(cell: Cell, low: float, high: float) -> list[tuple[float, float]]:
+def speeds_between(cell: Cell, low: float, high: float) -> list[tuple[float, float]]:
     return [(x, speed) for x, speed in speeds(cell) if low < x < high]
 
 
@@ -609,7 +615,7 @@ def test_any_sequence_of_moves_keeps_the_limits_and_ends_at_the_last_target(scen
     cell, _ = one(scenario)
     handles = []
     for _ in range(chance.randint(5, 25)):
-        handles.append(asked_by_chance(cell, chance))
+        handles.append(random_command(cell, chance))
         cell.run(chance.choice([0.0, 0.0, 0.02, 0.1, 0.3, 1.0]))
     cell.x.set_override(1.0)
     target = chance.uniform(-100.0, 100.0)
@@ -629,11 +635,11 @@ def test_any_sequence_of_moves_keeps_the_limits_and_ends_at_the_last_target(scen
         assert handle.done or isinstance(handle.exception(), Interrupted | StateError), handle.exception()
     places = cell.positions("x", 0.0)
     jolts = [abs(c - 2 * b + a) / PERIOD**2 for a, b, c in zip(places, places[1:], places[2:], strict=False)]
-    assert max(jolts) < 1100.0  # of the motor, whoever leads it
+    assert max(jolts) < 1100.0  # of the motor, whichever side controls it
     assert max(abs(speed) for _, speed in speeds(cell)) < 400.0
 
 
-def asked_by_chance(cell: Cell, chance: random.Random):
+def random_command(cell: Cell, chance: random.Random):
     """A move that passes into the next, or replaces it, or something that comes between."""
     x, mode = cell.x, f"blending_{chance.choice(MODES)}"
     pace = {

@@ -60,7 +60,7 @@ def test_the_transition_has_the_velocity_of_its_mode(scenario, mode, joint):
     must_have_kept_limits(ledger)
 
 
-def test_the_slower_one_behind_is_come_to_as_the_mode_says(scenario):
+def test_the_transition_to_a_slower_line_has_the_velocity_of_its_mode(scenario):
     found = {}
     for mode in MODES:
         cell, group, _ = two(scenario, "x")
@@ -70,7 +70,7 @@ def test_the_slower_one_behind_is_come_to_as_the_mode_says(scenario):
     assert found == pytest.approx({"low": 60.0, "next": 60.0, "previous": 120.0, "high": 120.0}, abs=8.0)
 
 
-def test_where_it_turns_back_it_stops(scenario):
+def test_a_blended_line_that_reverses_stops_at_the_transition(scenario):
     cell, group, ledger = two(scenario, "x")
     first = group.move_linear((50.0,), velocity=100.0)
     back = group.move_linear((-20.0,), velocity=100.0, buffer="blending_high")
@@ -100,7 +100,7 @@ def test_lines_round_a_square_keep_their_speed_through_the_corners(scenario):
 
 
 @pytest.mark.parametrize("after", [0.0, 0.3, 0.8, 0.9, 1.0, 1.05, 1.1, 1.2, 1.6])
-def test_one_that_comes_late_has_a_narrower_corner_or_a_stop_and_never_a_jolt(scenario, after):
+def test_a_line_given_late_has_a_narrower_corner_or_a_stop_and_never_a_jolt(scenario, after):
     cell, group, ledger = two(scenario)
     first = group.move_linear((60.0, 0.0), velocity=60.0)
     cell.run(after)
@@ -108,12 +108,12 @@ def test_one_that_comes_late_has_a_narrower_corner_or_a_stop_and_never_a_jolt(sc
     assert cell.end_of(first) is None
     assert cell.end_of(second) is None
     assert place(cell) == pytest.approx([60.0, 60.0], abs=0.1)
-    late = 0.5 < after < 1.5  # before that there is time, after that nothing is under way any more
+    late = 0.5 < after < 1.5  # before that there is time, after that no motion is running
     assert ("narrower" in second.note or "stop before it" in second.note) is late
     must_have_kept_limits(ledger)
 
 
-def test_one_that_comes_when_the_last_target_was_given_begins_from_rest_and_says_so(scenario):
+def test_a_line_given_after_the_last_target_is_buffered_and_its_note_gives_the_reason(scenario):
     cell, group, _ = two(scenario)
     first = group.move_linear((60.0, 0.0), velocity=60.0)
     cell.until(lambda: cell.where("x") > 59.99)
@@ -123,7 +123,7 @@ def test_one_that_comes_when_the_last_target_was_given_begins_from_rest_and_says
     assert "buffered instead of blended" in second.note
 
 
-def test_if_the_path_reverses_the_note_says_that_the_axes_stopped(scenario):
+def test_if_the_path_reverses_the_note_reports_that_the_axes_stopped(scenario):
     cell, group, _ = two(scenario, "x")
     group.move_linear((50.0,), velocity=100.0)
     back = group.move_linear((-20.0,), velocity=100.0, buffer="blending_high")
@@ -168,7 +168,7 @@ def test_buffered_commands_end_with_the_motion(scenario, how):
     assert place(cell) == pytest.approx(before, abs=0.1)
 
 
-def test_it_continues_to_the_end_of_all_after_a_halt(scenario):
+def test_a_move_that_took_over_after_a_halt_continues_to_the_end_of_all(scenario):
     cell, group, ledger = two(scenario)
     group.move_linear((60.0, 0.0), velocity=60.0)
     group.move_linear((60.0, 60.0), velocity=90.0, buffer="blending_high", blend=5.0)
@@ -187,7 +187,7 @@ def test_it_continues_to_the_end_of_all_after_a_halt(scenario):
 # -- points that are added -----------------------------------------------------------------------------------------------
 
 
-def test_points_that_come_in_time_are_gone_through_with_the_speed_of_the_path(scenario):
+def test_points_added_in_time_are_passed_at_the_speed_of_the_path(scenario):
     cell, group, ledger = two(scenario)
     handles = [group.move_path([(30.0, 0.0), (30.0, 30.0)], velocity=60.0, blend=4.0, more=True)]
     for corner in [(60.0, 30.0), (60.0, 60.0), (90.0, 60.0), (90.0, 90.0)]:
@@ -200,7 +200,7 @@ def test_points_that_come_in_time_are_gone_through_with_the_speed_of_the_path(sc
     must_have_kept_limits(ledger)
 
 
-def test_out_of_points_it_rests_on_the_path_and_then_nothing_is_added(scenario):
+def test_a_path_that_runs_out_of_points_ends_at_standstill_and_takes_no_more_points(scenario):
     cell, group, ledger = two(scenario)
     path = group.move_path([(30.0, 0.0)], velocity=60.0, blend=4.0, more=True)
     assert cell.end_of(path) is None
@@ -213,7 +213,7 @@ def test_out_of_points_it_rests_on_the_path_and_then_nothing_is_added(scenario):
     must_have_kept_limits(ledger)
 
 
-def test_what_breaks_a_limit_or_is_no_point_is_refused_and_the_path_continues(scenario):
+def test_an_invalid_point_is_refused_and_the_path_continues(scenario):
     cell = scenario.simulated("xy", axis=AXIS + "\nposition_limits = [-100.0, 100.0]").enabled()
     group = cell.machine.group("x", "y")
     path = group.move_path([(30.0, 0.0)], velocity=60.0, blend=4.0, more=True)
@@ -225,7 +225,7 @@ def test_what_breaks_a_limit_or_is_no_point_is_refused_and_the_path_continues(sc
     assert place(cell) == pytest.approx([30.0, 0.0], abs=0.1)
 
 
-def test_so_many_are_ahead_and_no_more(scenario):
+def test_a_path_accepts_a_limited_number_of_blended_commands(scenario):
     cell, group, _ = two(scenario, "x")
     path = group.move_path([(1.0,)], velocity=60.0, more=True)
     handles = [group.extend_path([(1.0 + 0.01 * n,)]) for n in range(1, 102)]
@@ -234,11 +234,11 @@ def test_so_many_are_ahead_and_no_more(scenario):
     assert cell.end_of(handles[98]) is None
 
 
-# -- what is refused -----------------------------------------------------------------------------------------------------
+# -- refusals ------------------------------------------------------------------------------------------------------------
 
 
-def test_what_continues_from_a_path_that_is_refused_joins_no_other(scenario):
-    """The program does not know yet that it is refused, and counts on where it ends; what is under way ends elsewhere."""
+def test_a_segment_appended_to_a_refused_path_joins_no_other_path(scenario):
+    """The program does not know yet that the path is refused, and assumes its end; the running motion ends elsewhere."""
     cell, group, ledger = two(scenario)
     line = group.move_linear((40.0, 60.0), velocity=60.0)
     refused = group.move_path(
@@ -253,7 +253,7 @@ def test_what_continues_from_a_path_that_is_refused_joins_no_other(scenario):
     must_have_kept_limits(ledger)
 
 
-def test_a_continuation_that_has_not_begun_yet_is_extended_at_its_end(scenario):
+def test_a_continuation_that_has_not_begun_is_extended_at_its_end(scenario):
     cell, group, ledger = two(scenario)
     group.move_linear((60.0, 0.0), velocity=60.0)
     group.move_linear((60.0, 60.0), velocity=90.0, buffer="blending_high", blend=5.0)
@@ -267,7 +267,7 @@ def test_a_continuation_that_has_not_begun_yet_is_extended_at_its_end(scenario):
     must_have_kept_limits(ledger)
 
 
-def test_what_would_be_a_stop_is_refused_with_what_is_needed(scenario):
+def test_a_blend_that_would_be_a_stop_is_refused_with_the_missing_argument(scenario):
     cell, group, _ = two(scenario)
     with pytest.raises(ArgumentError, match="is not a buffer mode"):
         group.move_linear((1.0, 1.0), velocity=10.0, buffer="blending")
@@ -281,7 +281,7 @@ def test_what_would_be_a_stop_is_refused_with_what_is_needed(scenario):
 
 
 @pytest.mark.parametrize("what", ["circle", "jerk", "direct"])
-def test_not_everything_can_be_passed(scenario, what):
+def test_invalid_blends_are_refused_before_any_motion(scenario, what):
     cell, group, _ = two(scenario)
     before = {
         "circle": lambda: group.move_circular((0.0, 0.0), centre=(30.0, 0.0), velocity=60.0),

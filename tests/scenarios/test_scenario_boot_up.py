@@ -1,4 +1,4 @@
-"""Boot-up on a bus: the letters of CiA 302-2 by drives that misbehave, optional nodes, lost frames, a master that comes again."""
+"""Boot-up on a bus: the letters of CiA 302-2 by faulty drives, optional nodes, lost frames, a restarted master."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_letter_j_the_drive_refuses_an_object(tmp_path):
     assert "leave the line out" in error.remedy
 
 
-def test_letter_e_a_drive_that_says_it_sends_heartbeats_and_does_not(tmp_path):
+def test_letter_e_a_drive_that_reports_heartbeats_in_1017h_and_sends_none(tmp_path):
     with Line(tmp_path) as line:
         line.devices["x"].write(0x1017, 0, 50)
         line.devices["x"].dials.heartbeat_stops = True
@@ -111,7 +111,7 @@ def test_letter_e_a_drive_that_says_it_sends_heartbeats_and_does_not(tmp_path):
     assert (error.letter, error.step) == ("E", "state")
 
 
-def test_letter_k_no_heartbeat_comes_after_it_was_asked_for(tmp_path):
+def test_letter_k_no_heartbeat_is_received_after_1017h_was_written(tmp_path):
     with Line(tmp_path) as line:
         line.devices["x"].dials.heartbeat_stops = True
         error = refused(line)
@@ -119,7 +119,7 @@ def test_letter_k_no_heartbeat_comes_after_it_was_asked_for(tmp_path):
     assert (error.letter, error.step) == ("K", "error control")
 
 
-def test_letter_l_a_master_that_comes_again_finds_its_nodes_operational_and_resets_nobody(tmp_path):
+def test_letter_l_a_restarted_master_finds_its_nodes_operational_and_resets_none(tmp_path):
     with Line(tmp_path, "xy") as line:
         with line.open():
             pass
@@ -154,12 +154,14 @@ def test_a_drive_that_refuses_to_start_names_its_errors_and_not_its_supply(tmp_p
         line.devices["x"].dials.start_error = 0x8130
         error = refused(line)
         assert line.devices["x"].nmt is NmtState.PRE_OPERATIONAL
-        assert len(line.devices["x"].errors.entries) <= 3  # it is not told until its list holds nothing else
+        assert (
+            len(line.devices["x"].errors.entries) <= 3
+        )  # it is not reported until its list holds nothing else
     assert error.step == "start"
     golden("boot_refuses_to_start", error, volatile=True)
 
 
-def test_a_drive_that_refuses_to_start_and_says_nothing_of_errors(tmp_path, golden, monkeypatch):
+def test_a_drive_that_refuses_to_start_and_reports_no_error(tmp_path, golden, monkeypatch):
     with Line(tmp_path) as line:
         device = line.devices["x"]
         device.dials.start_error = 0x8130
@@ -200,7 +202,7 @@ def test_a_drive_in_fault_that_refuses_its_configuration_names_the_fault(tmp_pat
     golden("boot_configuration_refused_in_fault", error, volatile=True)
 
 
-# -- what the cell file asks for -----------------------------------------------------------------------------------------
+# -- settings of the cell file -------------------------------------------------------------------------------------------
 
 
 def eds_with_1020(folder) -> None:
@@ -244,7 +246,9 @@ def test_defaults_are_restored_before_the_configuration(tmp_path):
 # -- optional nodes ------------------------------------------------------------------------------------------------------
 
 
-def test_an_optional_node_that_is_absent_blocks_nobody_and_its_axis_says_why(tmp_path, impatient):
+def test_an_absent_optional_node_does_not_prevent_boot_up_and_its_axis_is_refused_with_the_reason(
+    tmp_path, impatient
+):
     with Line(tmp_path, "xy", present="x") as line:
         with_lines(line, 2, "optional = true")
         with line.open() as machine:
@@ -274,7 +278,7 @@ def test_an_optional_node_that_appears_later_is_picked_up(tmp_path, impatient):
             machine.group("xy").move_direct((2.0, -2.0), velocity=20.0).wait(20)
             assert line.where("y") == pytest.approx(-2.0, abs=1.5)
             assert [report.ok for report in machine.reports] == [True, True]
-        assert late.read(0x1016, 1) == 0  # let go like the others
+        assert late.read(0x1016, 1) == 0  # released like the others
         assert line.stage("y") in OFF
 
 
@@ -335,7 +339,7 @@ def eds_without(folder, *sections: str) -> None:
     (folder / "drive.eds").write_text(text, encoding="ascii")
 
 
-def test_a_drive_that_can_only_watch_its_rpdos_does_so_and_is_let_go(tmp_path):
+def test_a_drive_that_can_only_monitor_its_rpdos_does_so_and_its_watch_ends_with_the_machine(tmp_path):
     eds_without(tmp_path, "1016", "100C", "100D")
     with Line(tmp_path, eds="drive.eds") as line:
         device = line.devices["x"]
@@ -371,7 +375,7 @@ def test_a_drive_that_can_only_watch_its_rpdos_notices_that_they_end(tmp_path):
 
 
 def simulated(line: Line) -> Machine:
-    """Open the cell in virtual time, where a busy computer makes nobody late."""
+    """Open the cell in virtual time, in which a busy computer causes no delay."""
     described = eds.load(resolve(GENERIC, line.file.parent))
     made = {node: device_from_eds(described, node) for node, _ in enumerate(line.names, start=1)}
     return Machine.simulated(line.file, made)
@@ -380,8 +384,8 @@ def simulated(line: Line) -> Machine:
 @pytest.mark.parametrize(
     ("word", "stopped"), [("group", "y"), ("cell", "yzw"), ("report", "")], ids=["group", "cell", "report"]
 )
-def test_what_a_lost_node_stops_is_a_choice(tmp_path, word, stopped):
-    """x and y are a group, z and w another: the loss of x stops y, or everybody, or nobody else."""
+def test_the_cell_file_selects_the_axes_that_a_lost_node_stops(tmp_path, word, stopped):
+    """x and y are a group, z and w another: the loss of x stops y, all axes, or no other axis."""
     groups = '[groups.xy]\naxes = ["x", "y"]\n[groups.zw]\naxes = ["z", "w"]\n'
     line = Line(tmp_path, "xyzw", more=groups)
     with_bus_line(line, f'on_lost_node = "{word}"')
@@ -399,14 +403,14 @@ def test_what_a_lost_node_stops_is_a_choice(tmp_path, word, stopped):
         assert isinstance(machine["x"].error, NodeError)
         assert {name for name in "yzw" if plants[name].velocity == 0.0} == set(stopped)
     finally:
-        with suppress(DriveError):  # the way out tells that x could only be stopped the hard way
+        with suppress(DriveError):  # closing reports that x could only be stopped by a harder stop
             machine.close()
 
 
 # -- lost frames ---------------------------------------------------------------------------------------------------------
 
 
-def test_sixteen_nodes_come_up_though_two_percent_of_the_frames_are_lost(tmp_path):
+def test_sixteen_nodes_boot_although_two_percent_of_the_frames_are_lost(tmp_path):
     """``tests/lossy_boot.py`` does it fifty times."""
     names = "abcdefghijklmnop"
     line = Line(tmp_path, names)
@@ -418,7 +422,9 @@ def test_sixteen_nodes_come_up_though_two_percent_of_the_frames_are_lost(tmp_pat
     assert sum(report.outcome.retries for report in reports) > 0
 
 
-def test_nothing_holds_the_process_up_once_heartbeats_are_expected(tmp_path, monkeypatch):
+def test_garbage_is_collected_before_the_bus_opens_and_not_while_heartbeats_are_expected(
+    tmp_path, monkeypatch
+):
     """A collection over a large program's heap takes longer than a drive waits for its master."""
     order, opening = [], canlink.open_channel
     monkeypatch.setattr(gc, "collect", lambda: order.append("heap"))
@@ -437,11 +443,11 @@ def kinds(machine: Machine) -> list[str]:
 
 
 def states(machine: Machine) -> list[str]:
-    """Without what a busy computer adds: a heartbeat that came too late."""
+    """Return the events without late heartbeats, which a busy computer can cause."""
     return [kind for kind in kinds(machine) if kind not in ("LOST", "BACK")]
 
 
-def test_a_node_that_is_lost_and_comes_back_is_reported_with_the_reaction_time(tmp_path):
+def test_a_node_that_is_lost_and_returns_is_reported_with_the_reaction_time(tmp_path):
     with Line(tmp_path) as line, line.open() as machine:
         line.devices["x"].dials.dead = True
         until(lambda: "LOST" in kinds(machine))
@@ -506,7 +512,7 @@ def test_an_optional_node_may_be_absent_in_virtual_time_too(tmp_path):
 
 
 def test_an_optional_node_that_appears_later_is_picked_up_in_virtual_time(tmp_path):
-    """It is asked once a second, also while somebody waits for something else."""
+    """It is asked once a second, also while the program waits for something else."""
     path, made = virtual_line(tmp_path)
     with Machine.simulated(path, made) as machine:
         machine["x"].enable().wait(5)
@@ -523,7 +529,7 @@ def test_an_optional_node_that_appears_later_is_picked_up_in_virtual_time(tmp_pa
         machine.group("xy").move_direct((62.0, -2.0), velocity=20.0).wait(10)
         assert made[2].drive.axis.motor.position == pytest.approx(-200, abs=5)
         assert made[2].read(0x1016, 1) == 127 << 16 | 600
-    assert made[2].read(0x1016, 1) == 0  # let go like the other
+    assert made[2].read(0x1016, 1) == 0  # released like the other
     assert made[2].drive.power.stage in OFF
 
 
@@ -539,10 +545,10 @@ def test_an_optional_node_that_appears_as_another_device_is_reported_in_virtual_
         assert not made[2].operational
 
 
-# -- what error control tells, in virtual time ---------------------------------------------------------------------------
+# -- reports of error control, in virtual time ---------------------------------------------------------------------------
 
 
-def test_a_node_that_is_lost_and_comes_back_is_reported_in_virtual_time(tmp_path):
+def test_a_node_that_is_lost_and_returns_is_reported_in_virtual_time(tmp_path):
     line = Line(tmp_path)
     with Machine.simulated(line.file) as machine:
         device = machine.simulated_node(1).device
@@ -558,7 +564,7 @@ def test_a_node_that_is_lost_and_comes_back_is_reported_in_virtual_time(tmp_path
         machine.sleep(0.2)
         machine.node(1).command(NmtCommand.RESET_NODE)
         machine.sleep(2.0)
-        # Since its restart it sends no heartbeat: nobody has configured it.
+        # Since its restart it sends no heartbeat, because it has not been configured.
         assert kinds(machine) == ["LOST", "STATE", "BACK", "OPERATIONAL", "BOOT_UP", "LOST"]
         assert machine.node(1).nmt is NmtState.PRE_OPERATIONAL
         lost = machine.events[0]
@@ -587,7 +593,7 @@ def test_an_axis_is_reset_as_soon_as_its_node_has_confirmed_the_start(tmp_path, 
     with Machine.simulated(line.file) as machine:
         x, node = machine["x"], machine.node(1)
         node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-        assert x.state is AxisState.ERRORSTOP  # the axes know of it when the command returns
+        assert x.state is AxisState.ERRORSTOP  # the axes have the error when the command returns
         machine.sleep(pause)
         node.command(NmtCommand.START)
         x.reset().wait(5)
@@ -606,7 +612,7 @@ def test_a_node_without_axes_that_is_lost_in_virtual_time(tmp_path, word, stops)
         machine["x"].enable().wait(5)
         machine["x"].move_velocity(60.0).wait(5)
         heard = []
-        machine.node(2).on_event(heard.append)  # somebody else hears it too: the cell is stopped all the same
+        machine.node(2).on_event(heard.append)  # a further subscriber: the cell is stopped all the same
         machine.simulated_node(2).device.dials.dead = True
         machine.sleep(5.0)
         assert heard == machine.node(2).events
@@ -637,7 +643,7 @@ def test_a_fault_and_its_reset_are_an_incident_in_virtual_time(tmp_path):
 
 
 def opened_again_after(line: Line, machine: Machine, silence: str = "its heartbeat has stopped") -> None:
-    """Do what the error of a reset says for a lost node: bring it back, close the machine, open it again."""
+    """Apply the remedy of a reset for a lost node: restart it, close the machine, open it again."""
     device = line.devices["x"]
     device.dials.dead = True
     until(lambda: machine["x"].error is not None)
@@ -665,7 +671,7 @@ def test_the_remedy_of_a_reset_of_a_lost_node_works_with_node_guarding(tmp_path)
         opened_again_after(line, line.open(), "it does not answer node guarding")
 
 
-def test_a_lost_node_that_kept_its_configuration_serves_again_as_enable_and_reset_say(tmp_path):
+def test_a_lost_node_that_kept_its_configuration_works_again_after_the_remedy_of_enable_and_reset(tmp_path):
     """Both name the same remedy, and it is true: start the node, then reset the axis."""
     with Line(tmp_path) as line, line.open() as machine:
         machine.node(1).command(NmtCommand.ENTER_PRE_OPERATIONAL)
@@ -684,7 +690,9 @@ def test_a_lost_node_that_kept_its_configuration_serves_again_as_enable_and_rese
         machine["x"].move_relative(2.0).wait(10)
 
 
-def test_a_node_that_restarted_is_said_to_need_the_machine_opened_again_also_when_it_was_started(tmp_path):
+def test_the_remedy_for_a_node_that_restarted_is_to_open_the_machine_again_even_if_the_node_was_started(
+    tmp_path,
+):
     with Line(tmp_path) as line, line.open() as machine:
         with line.stand_ins.lock:
             line.devices["x"].nmt_command(NmtCommand.RESET_NODE)
@@ -697,7 +705,7 @@ def test_a_node_that_restarted_is_said_to_need_the_machine_opened_again_also_whe
             assert caught.value.remedy.startswith("close the machine and open it again")
 
 
-def test_a_node_that_is_reset_while_it_is_silent_is_said_to_be_so_every_time(tmp_path):
+def test_each_reset_of_a_silent_node_reports_its_silence(tmp_path):
     with Line(tmp_path) as line, line.open() as machine:
         line.devices["x"].dials.dead = True
         for _ in range(2):

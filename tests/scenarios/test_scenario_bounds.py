@@ -44,7 +44,7 @@ def test_an_excess_over_the_allowed_values_would_be_measured(scenario):
 
 @pytest.mark.parametrize("moment", [0.2, 0.33, 0.41])
 @pytest.mark.parametrize("acceleration", [1000.0, 1500.0])
-def test_what_a_resumed_line_takes_back_makes_no_axis_too_fast(scenario, moment, acceleration):
+def test_no_axis_of_a_resumed_line_exceeds_its_maximum_acceleration(scenario, moment, acceleration):
     """It begins where its axes were rounded to, and is as fast as the faster of them may be."""
     cell = scenario.simulated("xy", axis=f"max_acceleration = {HARDEST}").enabled()
     ledger, group = Ledger(cell, PERIOD), cell.machine.group("x", "y")
@@ -58,7 +58,7 @@ def test_what_a_resumed_line_takes_back_makes_no_axis_too_fast(scenario, moment,
 
 @pytest.mark.parametrize("moment", [0.2, 0.33, 0.41])
 def test_a_line_that_joins_a_resumed_one_makes_no_axis_too_fast(scenario, moment):
-    """It joins while the axes still take back what they were rounded by."""
+    """It joins while the axes still remove their initial rounding."""
     cell = scenario.simulated("xy", axis=f"max_acceleration = {HARDEST}").enabled()
     ledger, group = Ledger(cell, PERIOD), cell.machine.group("x", "y")
     group.move_path([(750.0, 166.65), (1500.0, 333.3)], velocity=2000.0, acceleration=HARDEST)
@@ -76,7 +76,7 @@ def test_a_line_that_joins_a_resumed_one_makes_no_axis_too_fast(scenario, moment
 
 @pytest.mark.parametrize("moment", [0.30, 0.33, 0.36, 0.39])
 def test_a_move_that_joins_under_an_override_is_no_harder_by_that(scenario, moment):
-    """Where the axis needs all of its deceleration for what is under way, time cannot be slowed down for a harder leg."""
+    """If the axis needs all of its deceleration for the running motion, time cannot be slowed down for a harder leg."""
     cell = scenario.simulated("x", axis=f"max_acceleration = {HARDEST}").enabled()
     ledger = Ledger(cell, PERIOD)
     cell.end_of(cell.x.set_override(1.5))

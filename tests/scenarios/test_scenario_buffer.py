@@ -49,7 +49,7 @@ def test_moves_wait_for_each_other(scenario):
     assert x.state is AxisState.STANDSTILL
 
 
-def test_with_nothing_before_it_it_begins_at_once_and_without_power_it_is_refused(scenario):
+def test_a_buffered_move_begins_at_once_without_another_before_it_and_is_refused_without_power(scenario):
     cell = one(scenario)
     assert cell.end_of(cell["x"].move_absolute(10.0, buffer=True)) is None
     assert cell.where("x") == pytest.approx(10.0, abs=0.1)
@@ -70,7 +70,7 @@ def test_a_move_behind_a_velocity_begins_when_that_is_reached(scenario):
 
 
 @pytest.mark.parametrize("how", ["halt", "stop", "quick_stop", "disable", "move", "fault"])
-def test_what_waits_does_not_begin_behind_a_motion_that_did_not_end_well(scenario, how):
+def test_buffered_moves_do_not_begin_after_a_motion_that_failed(scenario, how):
     cell = one(scenario)
     x = cell["x"]
     first = x.move_absolute(200.0)
@@ -92,7 +92,7 @@ def test_what_waits_does_not_begin_behind_a_motion_that_did_not_end_well(scenari
     assert cell.where("x") == pytest.approx(before, abs=0.5 if how != "fault" else 20.0)
 
 
-def test_one_that_is_refused_when_its_turn_comes_ends_those_behind_it(scenario):
+def test_a_buffered_move_that_is_refused_at_its_start_ends_those_behind_it(scenario):
     cell = one(scenario, axis=AXIS + "\nposition_limits = [-60.0, 60.0]")
     x = cell["x"]
     first = x.move_absolute(50.0)
@@ -122,7 +122,7 @@ def test_so_many_wait_and_no_more(scenario):
     assert all(isinstance(handle.exception(), Interrupted) for handle in (first, *handles[:-1]))
 
 
-def test_the_end_of_the_machine_ends_what_waits(scenario):
+def test_closing_the_machine_ends_a_buffered_move(scenario):
     cell = one(scenario)
     cell["x"].move_absolute(100.0)
     waits = cell["x"].move_absolute(0.0, buffer=True)
@@ -150,7 +150,7 @@ def test_lines_paths_and_circles_of_a_group_wait_for_each_other(scenario):
 
 
 @pytest.mark.parametrize("how", ["halt", "fault"])
-def test_what_waits_for_a_line_that_is_broken_off_does_not_begin(scenario, how):
+def test_a_path_buffered_behind_an_interrupted_line_does_not_begin(scenario, how):
     cell = one(scenario, "xy")
     xy = cell.machine.group("x", "y")
     first = xy.move_linear((300.0, 0.0), velocity=90.0)
@@ -182,7 +182,7 @@ def test_a_line_does_not_wait_for_a_halt_of_its_group_to_begin_behind_another(sc
 
 
 @pytest.mark.parametrize("how", ["halt", "stop", "quick_stop", "disable"])
-def test_what_waits_behind_what_moves_nothing_does_not_begin_after_a_stop(scenario, how):
+def test_a_line_buffered_behind_an_enable_of_the_group_does_not_begin_after_a_stop(scenario, how):
     cell = scenario.simulated("xy").enabled()
     xy = cell.machine.group("x", "y")
     cell.drive("y").dials.transition_delay = {2: 0.3}
@@ -198,7 +198,7 @@ def test_what_waits_behind_what_moves_nothing_does_not_begin_after_a_stop(scenar
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_whatever_is_asked_every_handle_ends_and_no_more_than_what_ended_well_has_moved(scenario, seed):
+def test_every_handle_of_random_buffered_commands_ends_and_the_scan_survives(scenario, seed):
     rng = random.Random(seed)
     cell = one(scenario)
     x, handles = cell["x"], []
@@ -217,7 +217,7 @@ def test_whatever_is_asked_every_handle_ends_and_no_more_than_what_ended_well_ha
         cell.run(rng.choice([0.0, 0.0, 0.05, 0.6]))
     last = x.move_absolute(3.0, buffer=True)
     cell.until(lambda: not last.busy and all(not handle.busy for handle in handles), 60.0)
-    assert cell.scan_lives
+    assert cell.scan_runs
     if last.exception() is None:
         assert cell.where("x") == pytest.approx(3.0, abs=0.1)
     else:

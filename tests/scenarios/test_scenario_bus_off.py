@@ -21,9 +21,9 @@ CAN_ERR_CRTL, CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x04, 0x40, 0x100  # include/u
 
 
 class Wire:
-    """The adapter of a machine whose controller can leave the bus and come back, told by Linux's error frames.
+    """The adapter of a machine whose controller can go bus-off and restart, reported by error frames as in Linux.
 
-    While it is off nothing comes in, and what is given to the driver is kept in ``queued``, as Linux does, to be sent at the
+    During bus-off nothing is received, and frames given to the driver are kept in ``queued``, as in Linux, to be sent at the
     restart.
     """
 
@@ -59,11 +59,11 @@ class Wire:
         self._tell(CAN_ERR_BUSOFF)
         until(lambda: self.channel.off is not None)
         cycles = self._scan.lateness.cycles
-        until(lambda: self._scan.lateness.cycles > cycles + 1)  # a frame may just have been on its way
+        until(lambda: self._scan.lateness.cycles > cycles + 1)  # a frame may just be in transit
         self._off = True
 
     def restart(self) -> None:
-        """As the kernel does it; first what it kept goes out."""
+        """Restart as the kernel does: the kept frames are sent first."""
         self._off = False
         for message in self.queued:
             self._send(message)
@@ -73,7 +73,7 @@ class Wire:
 
 @contextmanager
 def turning_cell(folder, names: str = "xy") -> Iterator[tuple[Line, Machine, Wire, list]]:
-    """A cell with a move of many seconds under way on each axis."""
+    """A cell with a running move of many seconds on each axis."""
     with Line(folder, names, period="40ms", heartbeat="400ms") as line:
         machine = line.open()
         try:
@@ -84,7 +84,7 @@ def turning_cell(folder, names: str = "xy") -> Iterator[tuple[Line, Machine, Wir
                 line.must_move(axis.name)
             yield line, machine, wire, handles
         finally:
-            with suppress(AxisbusError, ExceptionGroup):  # of an axis that is not known to stand
+            with suppress(AxisbusError, ExceptionGroup):  # of an axis without confirmed standstill
                 machine.close()
 
 
@@ -99,7 +99,7 @@ def test_bus_off_ends_every_command_and_the_drives_watchdog_stops_them(tmp_path)
         wire.go_off()
         told = ends_of(handles)
         for name in "xy":
-            line.must_stand(name, stages=OFF)
+            line.must_be_still(name, stages=OFF)
         assert [type(error) for error in told] == [BusOff, BusOff]
         went = f"the CAN controller of {wire.channel.name} went bus-off: it no longer takes part in the bus"
         assert [error.message for error in told] == [
@@ -115,12 +115,12 @@ def test_bus_off_ends_every_command_and_the_drives_watchdog_stops_them(tmp_path)
         ]
 
 
-def test_nothing_is_queued_for_the_restart(tmp_path):
+def test_no_frame_is_queued_for_the_restart_after_bus_off(tmp_path):
     with turning_cell(tmp_path) as (_, machine, wire, handles):
         wire.go_off()
         ends_of(handles)
         cycles = machine._core.scan.lateness.cycles
-        until(lambda: machine._core.scan.lateness.cycles > cycles + 10)  # the scan goes on
+        until(lambda: machine._core.scan.lateness.cycles > cycles + 10)  # the scan continues
         assert [hex(message.arbitration_id) for message in wire.queued] == []
 
 
@@ -136,18 +136,18 @@ def test_a_drive_without_a_watchdog_is_stopped_as_soon_as_the_bus_is_back_and_se
     with turning_cell(tmp_path, "x") as (line, machine, wire, handles):
         wire.go_off()
         ends_of(handles)
-        line.must_move()  # nobody stops it: that is what the watchdog is for
+        line.must_move()  # only the watchdog stops it
         x = machine["x"]
         refused = x.reset()
         assert isinstance(ends_of([refused])[0], StateError)
         wire.restart()
-        line.must_stand(stages=OFF)
+        line.must_be_still(stages=OFF)
         until(lambda: machine.node(1).nmt is NmtState.OPERATIONAL)
         assert x.state is AxisState.ERRORSTOP
         assert isinstance(ends_of([x.enable()])[0], AxisbusError)
         until(lambda: ends_of([x.reset()]) == [None])
         enable(x)
-        line.must_stand(stages=ENABLED)
+        line.must_be_still(stages=ENABLED)
         x.move_relative(5.0).wait(10)
         assert machine.bus_events[-1].restarted
 
@@ -157,8 +157,8 @@ def test_a_second_bus_off_is_reported_as_the_first(tmp_path, monkeypatch):
     with turning_cell(tmp_path, "x") as (line, machine, wire, handles):
         for _ in range(2):
             wire.go_off()
-            wire.restart()  # soon: no watchdog has noticed, and still no axis goes on as if nothing had been
-            line.must_stand(stages=OFF)
+            wire.restart()  # soon: no watchdog has reacted, and still no axis continues its motion
+            line.must_be_still(stages=OFF)
             assert isinstance(ends_of(handles)[0], BusOff)
             x = machine["x"]
             until(lambda: machine.node(1).nmt is NmtState.OPERATIONAL)
@@ -168,19 +168,19 @@ def test_a_second_bus_off_is_reported_as_the_first(tmp_path, monkeypatch):
             until(lambda: line.speed() > 20.0)
 
 
-def test_a_drive_that_is_pre_operational_when_it_is_heard_again_needs_the_machine_opened_again(tmp_path):
-    """Its watchdog (1029h) did that, or it restarted unheard and has other PDOs now: nobody can tell, and a start is not enough."""
+def test_a_drive_found_pre_operational_after_bus_off_needs_the_machine_opened_again(tmp_path):
+    """Its watchdog (1029h) may have done that, or it may have restarted unnoticed with other PDOs: a start is not enough."""
     with turning_cell(tmp_path, "x") as (line, machine, wire, handles):
         wire.go_off()
         ends_of(handles)
-        line.must_stand(stages=OFF)
+        line.must_be_still(stages=OFF)
         assert line.devices["x"].nmt is NmtState.PRE_OPERATIONAL
         wire.restart()
         until(lambda: machine.node(1).nmt is NmtState.PRE_OPERATIONAL)
         machine.node(1).command(NmtCommand.START)
         x = machine["x"]
         until(lambda: "is still being stopped" not in str(ends_of([x.reset()])[0]))
-        line.must_stand(stages=OFF)
+        line.must_be_still(stages=OFF)
         refused = ends_of([x.reset()])[0]
         assert isinstance(refused, StateError)
         assert "node 1 has returned, but a reset is not enough" in str(refused)
@@ -226,7 +226,7 @@ def test_a_queue_that_is_full_for_some_cycles_stops_the_axes_and_they_serve_afte
             queue.full = False
             told = ends_of(handles)
             for name in "xy":
-                line.must_stand(name, stages=OFF)
+                line.must_be_still(name, stages=OFF)
             assert [type(error) for error in told] == [TransmitQueueFull] * 2
             assert "its transmit queue is full" in told[0].message
             assert "only the drive's own watchdog can stop it now" in told[0].remedy

@@ -1,4 +1,4 @@
-"""Commands that meet other commands or the wrong state: who takes over, who is refused, and that it is said."""
+"""Commands that meet other commands or the wrong state: which takes over, which is refused, and the message."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_a_stop_locks_until_it_is_released(scenario, golden):
     cell.travelling()
     stop = cell.x.stop()
     golden("move_while_stopping", cell.failure_of(cell.x.move_absolute(0.0)))
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     stop.wait(1)
     golden("move_while_stopped", cell.failure_of(cell.x.move_absolute(0.0)))
     cell.x.halt().wait(1)  # a halt does not unlock it
@@ -69,12 +69,12 @@ def test_a_disable_cannot_be_undone_by_a_move(scenario, golden):
     cell.travelling()
     cell.x.disable()
     golden("move_while_disabling", cell.failure_of(cell.x.move_velocity(50.0)))
-    cell.must_stand(within=1.0, stages=OFF)
+    cell.must_be_still(within=1.0, stages=OFF)
 
 
 @pytest.mark.nets("the stop ladder")
 @pytest.mark.parametrize("off", ["disable", "quick_stop"])
-def test_an_additive_move_of_an_axis_that_was_turned_by_hand_begins_where_it_is(scenario, off):
+def test_an_additive_move_of_an_axis_that_was_turned_by_hand_starts_from_its_actual_position(scenario, off):
     cell = scenario.simulated("x").enabled()
     assert cell.end_of(cell.x.move_absolute(30.0)) is None
     assert cell.end_of(getattr(cell.x, off)()) is None
@@ -88,18 +88,18 @@ def test_an_additive_move_of_an_axis_that_was_turned_by_hand_begins_where_it_is(
     assert cell.where("x") == pytest.approx(135.0, abs=0.3)
 
 
-def test_a_stop_that_is_asked_for_again_and_again_gets_no_more_time(scenario):
-    """An operator who presses repeatedly, or a loop, must not restart the stop sequence each time."""
+def test_a_stop_that_is_repeated_gets_no_more_time(scenario):
+    """An operator or a loop that repeats the command must not restart the stop sequence each time."""
     cell = scenario.simulated("x", stop='halt_time = "500ms"')
     cell.travelling()
     cell.drive().dials.ignore_halt = True
     for _ in range(15):
         cell.x.stop()
         cell.run(0.1)
-    cell.must_stand(within=0.5, stages=OFF)
+    cell.must_be_still(within=0.5, stages=OFF)
 
 
-def test_commands_in_the_wrong_state_say_what_to_do_first(scenario, golden):
+def test_commands_in_the_wrong_state_name_the_command_that_must_be_first(scenario, golden):
     cell = scenario.simulated("x")
     cell.run(0.1)
     golden("move_while_disabled", cell.failure_of(cell.x.move_absolute(1.0)))
@@ -153,16 +153,16 @@ def test_a_drive_that_hangs_on_a_transition_is_reported_by_its_path(scenario, go
 
 
 @pytest.mark.nets("the stop ladder")
-def test_a_drive_that_drops_its_power_by_itself_stops_the_others_and_is_not_enabled_again(scenario, golden):
+def test_a_drive_that_loses_its_power_stops_the_others_and_is_not_enabled_again(scenario, golden):
     cell = scenario.simulated("xy")
     handles = cell.travelling()
     cell.drive("x").power.force(9)  # safe torque off, for one
-    cell.must_stand("y", within=1.0, stages=ENABLED)
-    cell.must_stand("x", within=8.0, stages=OFF)  # it coasts
+    cell.must_be_still("y", within=1.0, stages=ENABLED)
+    cell.must_be_still("x", within=8.0, stages=OFF)  # it coasts
     golden("power_dropped", cell.failure_of(handles[0]))
 
 
-def test_a_blocked_axis_that_nobody_sees_fall_behind_ends_by_its_deadline(scenario, golden):
+def test_a_blocked_axis_without_a_following_error_window_ends_by_its_deadline(scenario, golden):
     cell = scenario.simulated("x", axis="following_error = 1000.0").enabled()
     cell.device().write(0x6065, 0, 0)  # no following-error window: the drive itself pushes on
     cell.drive().dials.blocked = True
@@ -179,7 +179,7 @@ def test_a_jog_that_is_not_renewed_halts(scenario):
         cell.x.jog(50.0).wait(1)
         cell.run(0.1)
     cell.must_move(faster_than=45.0)
-    cell.must_stand(within=0.5, stages=ENABLED)
+    cell.must_be_still(within=0.5, stages=ENABLED)
 
 
 def test_several_failures_are_raised_together(scenario):
@@ -193,7 +193,7 @@ def test_several_failures_are_raised_together(scenario):
     assert "x:" in str(caught.value.exceptions[0])
 
 
-def test_a_failed_handle_that_nobody_looked_at_is_reported_by_name(scenario, golden, caplog):
+def test_a_failed_handle_that_the_program_dropped_is_logged_by_name(scenario, golden, caplog):
     cell = scenario.simulated("x")
     cell.travelling()  # its handle is dropped here
     with caplog.at_level(logging.ERROR, "axisbus"):

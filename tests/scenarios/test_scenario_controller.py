@@ -1,4 +1,4 @@
-"""A loop of the program's own leads an axis: it is given each cycle's values, and the axis stops where it does not answer."""
+"""A loop of the program controls an axis: it gets the values of each cycle, and the axis stops if it does not answer."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_a_velocity_loop_moves_the_axis_to_its_position(scenario):
     assert [one.dt for one in seen[1:]] == pytest.approx(steps)
 
 
-def test_a_loop_of_torques_holds_a_place_and_knows_the_torque(scenario):
+def test_a_torque_controller_holds_a_position_and_receives_the_measured_torque(scenario):
     cell = opened(scenario)
     seen: list[AxisFeedback] = []
 
@@ -60,7 +60,7 @@ def test_a_loop_of_torques_holds_a_place_and_knows_the_torque(scenario):
     cell.x.controller(loop, output="torque", slope=200.0)
     cell.run(6.0)
     assert cell.drive().mode_display == CST
-    assert cell.where("x") == pytest.approx(30.0, abs=6.0)  # what friction leaves
+    assert cell.where("x") == pytest.approx(30.0, abs=6.0)  # the deviation left by friction
     assert max(abs(one.torque) for one in seen) > 0.1
 
 
@@ -108,11 +108,11 @@ def test_an_invalid_answer_stops_the_axis_with_the_reason(scenario, by, answer):
     assert isinstance(error, CommandError)
     assert "its controller has failed" in error.message
     assert type(controller.error).__name__ in error.message
-    cell.must_stand(within=1.5, stages=ENABLED)
+    cell.must_be_still(within=1.5, stages=ENABLED)
     assert cell.x.state is AxisState.ERRORSTOP
     before = next(calls)
     cell.run(1.0)
-    assert next(calls) == before + 1  # nobody calls it any more
+    assert next(calls) == before + 1  # it is not called any more
 
 
 def test_the_end_of_a_block_halts_the_axis(scenario):
@@ -120,12 +120,12 @@ def test_the_end_of_a_block_halts_the_axis(scenario):
     with cell.x.controller(lambda _: 80.0) as controller:
         cell.run(1.0)
         cell.must_move()
-    cell.must_stand(within=1.5, stages=ENABLED)
+    cell.must_be_still(within=1.5, stages=ENABLED)
     assert isinstance(controller.handle.exception(), Interrupted)
     assert cell.x.state is AxisState.STANDSTILL
 
 
-def test_the_end_of_a_block_raises_what_has_ended_the_loop(scenario):
+def test_the_end_of_a_block_raises_the_error_that_ended_the_loop(scenario):
     cell = opened(scenario)
     calls = []
 
@@ -137,7 +137,7 @@ def test_the_end_of_a_block_raises_what_has_ended_the_loop(scenario):
 
     with pytest.raises(CommandError, match="ZeroDivisionError: no way"), cell.x.controller(loop):
         cell.run(2.0)
-    cell.must_stand(within=1.5, stages=ENABLED)
+    cell.must_be_still(within=1.5, stages=ENABLED)
 
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
@@ -152,7 +152,7 @@ def test_a_block_left_by_an_exception_waits_for_standstill(scenario, error):
     assert controller.handle.aborted
 
 
-def test_a_block_whose_loop_has_failed_waits_for_standstill(scenario):
+def test_a_with_block_whose_controller_failed_waits_for_standstill(scenario):
     cell = opened(scenario)
     answers = iter([80.0] * 100)
     with pytest.raises(CommandError, match="StopIteration"), cell.x.controller(lambda _: next(answers)):
@@ -161,7 +161,7 @@ def test_a_block_whose_loop_has_failed_waits_for_standstill(scenario):
     assert cell.speed() == pytest.approx(0.0, abs=0.1)
 
 
-def test_a_block_left_by_an_exception_says_where_its_axis_may_still_move(scenario):
+def test_a_block_left_by_an_exception_warns_that_its_axis_may_still_move(scenario):
     cell = opened(scenario)
     with pytest.raises(ZeroDivisionError) as caught, cell.x.controller(lambda _: 80.0):
         cell.run(1.0)
@@ -171,7 +171,7 @@ def test_a_block_left_by_an_exception_says_where_its_axis_may_still_move(scenari
 
 
 @pytest.mark.parametrize("stop", ["halt", "stop", "quick_stop", "disable", "cyclic_velocity", "controller"])
-def test_whatever_takes_the_axis_over_ends_the_loop_and_nothing_jumps(scenario, stop):
+def test_each_command_that_takes_over_ends_the_controller_without_a_jump(scenario, stop):
     cell = opened(scenario)
     moment = cell.moment()
     controller = cell.x.controller(lambda _: 80.0)
@@ -186,13 +186,13 @@ def test_whatever_takes_the_axis_over_ends_the_loop_and_nothing_jumps(scenario, 
         assert cell.speed() == pytest.approx(20.0, rel=0.02)
         assert cell.hardest_change(since=moment) <= 1.05 * RAMP
     else:
-        cell.must_stand(
+        cell.must_be_still(
             within=1.5, stages={"disable": OFF, "quick_stop": (*OFF, QUICK_STOP)}.get(stop, ENABLED)
         )
 
 
 @pytest.mark.parametrize("factor", [0.0, 0.5, 1.5])
-def test_an_override_scales_what_it_answers(scenario, factor):
+def test_an_override_scales_the_velocity_that_a_controller_returns(scenario, factor):
     cell = opened(scenario)
     cell.x.controller(lambda _: 60.0)
     cell.run(1.0)
@@ -201,7 +201,7 @@ def test_an_override_scales_what_it_answers(scenario, factor):
     assert cell.speed() == pytest.approx(60.0 * factor, abs=1.0)
 
 
-def test_it_begins_from_the_velocity_that_is_being_sent(scenario):
+def test_a_controller_begins_from_the_velocity_that_is_being_sent(scenario):
     cell = opened(scenario)
     cell.x.cyclic_velocity(80.0).wait(5)
     moment = cell.moment()
@@ -230,7 +230,7 @@ def test_an_axis_that_is_off_or_moves_otherwise_is_not_taken(scenario):
         ({"acceleration": -1.0}, "acceleration"),
     ],
 )
-def test_what_a_controller_cannot_be_is_said(scenario, options, words):
+def test_a_controller_with_invalid_arguments_is_refused_with_the_reason(scenario, options, words):
     cell = opened(scenario)
     with pytest.raises((ArgumentError, LimitError), match=words):
         cell.x.controller(to(1.0), **options)

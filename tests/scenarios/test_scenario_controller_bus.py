@@ -15,7 +15,7 @@ CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 
 
 def loop_that(late: list[bool]):
-    """One that goes on at 60 deg/s, and is late once for each that is put into ``late``."""
+    """A loop that returns 60 deg/s, and is late once for each item of ``late``."""
 
     def loop(_: AxisFeedback) -> float:
         if late and late.pop():
@@ -25,7 +25,7 @@ def loop_that(late: list[bool]):
     return loop
 
 
-def test_an_answer_that_comes_too_late_stops_the_axis_and_the_next_loop_is_in_time():
+def test_a_late_answer_stops_the_axis_and_the_next_loop_is_in_time():
     with Machine.open(CELL) as cell:
         x, late = cell["x"], list[bool]()
         x.enable().wait(5)

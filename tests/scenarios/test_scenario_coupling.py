@@ -23,7 +23,7 @@ AXIS = "max_acceleration = 2000.0"
 ALONE = 'on_lost_node = "report"'  # else the fault policy stops the slave before its joint does
 CYCLE = 0.01  # seconds
 INCREMENT = 1.0 / SCALE
-STEP = INCREMENT / CYCLE**2  # deg/s²: what rounding to increments makes of an acceleration
+STEP = INCREMENT / CYCLE**2  # deg/s²: the effect of rounding to increments on an acceleration
 LOBE = [(0.0, 0.0), (90.0, 20.0), (180.0, 0.0), (270.0, -10.0), (360.0, 0.0)]
 
 
@@ -43,7 +43,7 @@ def off(cell: Cell, law, since: float, slave: str = "y", master: str = "x", late
 
 def must_brake(cell: Cell, name: str) -> None:
     cell.run(1.0)
-    cell.must_stand(name, within=0.1, stages=ENABLED)
+    cell.must_be_still(name, within=0.1, stages=ENABLED)
     assert cell.hardest_change(name) < 2100.0
 
 
@@ -63,7 +63,7 @@ def test_a_gear_keeps_to_its_master_within_an_increment_and_a_cycle(scenario, ra
 
 
 def test_a_gear_follows_a_profile_move_of_its_master_without_a_jolt(scenario):
-    """In profile position mode its drive leads the master: what it tells comes in increments."""
+    """In profile position mode the drive controls the master axis: its positions are rounded to increments."""
     cell = two(scenario)
     cell.end_of(cell["y"].gear_in(cell["x"], 1.5))
     since = cell.moment()
@@ -78,7 +78,7 @@ def test_a_gear_follows_a_profile_move_of_its_master_without_a_jolt(scenario):
 
 
 def shifting(scenario) -> Cell:
-    """A cell whose x goes on at 30 deg/s, with y in step."""
+    """A cell whose x moves at 30 deg/s, with y synchronised."""
     cell = two(scenario)
     cell.end_of(cell["y"].gear_in(cell["x"], 2.0))
     cell["x"].follow(TrapezoidalTrajectory(0.0, 180.0, 30.0, 60.0))
@@ -127,7 +127,7 @@ def test_a_command_that_ends_a_gear_ends_a_running_phase_shift(scenario, stop):
         must_brake(cell, "y")
 
 
-def test_a_shift_is_refused_where_nothing_is_in_step(scenario):
+def test_a_phase_shift_is_refused_if_the_axis_is_not_synchronised(scenario):
     cell = two(scenario)
     error = cell.failure_of(cell["y"].phasing_relative(1.0, velocity=1.0, acceleration=1.0))
     assert isinstance(error, StateError)
@@ -153,7 +153,7 @@ def test_a_gear_takes_up_the_speed_of_a_master_that_turns(scenario):
     assert cell.where("y") - 2.0 * cell.where("x") == pytest.approx(away, abs=3 * INCREMENT)
 
 
-def test_another_ratio_is_come_to_from_the_present_speed(scenario):
+def test_a_new_gear_ratio_is_reached_from_the_present_velocity(scenario):
     cell = two(scenario)
     cell["x"].move_velocity(80.0).wait()
     for ratio in (1.0, -1.0, 0.5):
@@ -164,7 +164,7 @@ def test_another_ratio_is_come_to_from_the_present_speed(scenario):
 
 
 @pytest.mark.parametrize("back", [False, True])
-def test_both_are_at_their_places_at_a_time(scenario, back):
+def test_master_and_slave_are_at_their_sync_positions_at_the_same_time(scenario, back):
     way = -1.0 if back else 1.0
     cell = two(scenario)
     handle = cell["y"].gear_in(cell["x"], 0.5, sync_positions=(way * 60.0, 25.0), master_start_distance=30.0)
@@ -185,7 +185,7 @@ def test_both_are_at_their_places_at_a_time(scenario, back):
     assert cell.hardest_change("y") < 700.0
 
 
-def test_an_endless_master_comes_by_again(scenario):
+def test_an_endless_master_reaches_the_sync_position_again_in_each_turn(scenario):
     cell = two(scenario, axis=AXIS + "\nmodulo = 360.0")
     cell["x"].move_velocity(200.0).wait()
     for turn in (1, 2):
@@ -240,7 +240,7 @@ def test_a_cam_is_entered_over_a_distance_of_the_master_axis_and_scaled_and_shif
         cell["x"], cam, master_start_distance=90.0, master_offset=45.0, slave_scaling=0.5, master_scaling=2.0
     )
     cell.run(0.3)
-    assert handle.active  # its master stands
+    assert handle.active  # its master is at standstill
     since = cell.moment()
     cell["x"].follow([(0.0, 0.0), (3.0, 300.0)]).wait()
     assert cell.end_of(handle) is None
@@ -275,8 +275,8 @@ def test_a_chain_is_one_cycle_later_with_each_link(scenario):
     assert cell["z"].state is AxisState.SYNCHRONIZED_MOTION
 
 
-def test_by_where_the_master_is(scenario):
-    """A master without power that is turned by hand leads as well."""
+def test_a_slave_follows_the_actual_position_of_a_master_without_power(scenario):
+    """A master without power that is turned by hand is followed too."""
     cell = two(scenario)
     cell["x"].disable().wait()
     assert cell.end_of(cell["y"].gear_in(cell["x"], 1.0, master_value_source="actual")) is None
@@ -393,11 +393,11 @@ def test_a_halt_at_any_stage_brakes_the_slave(scenario, when):
     must_brake(cell, "y")
 
 
-# What is lost, and what is too much.
+# Losses and excesses.
 
 
 @pytest.mark.parametrize("how", ["dead", "homed"])
-def test_a_slave_is_braked_by_itself_when_its_master_is_lost(scenario, how):
+def test_a_slave_is_braked_if_its_master_is_lost(scenario, how):
     cell = two(scenario, bus=ALONE)
     cell["x"].move_velocity(80.0).wait()
     cell.end_of(cell["y"].gear_in(cell["x"], 1.0))
@@ -432,7 +432,7 @@ def test_a_master_that_is_lost_before_the_slave_is_in_step_ends_its_command(scen
     assert "x is being homed" in str(error)
 
 
-def test_one_that_is_in_fault_cannot_lead(scenario):
+def test_an_axis_in_fault_cannot_be_a_master(scenario):
     cell = two(scenario, bus=ALONE)
     cell.machine.simulated_node(1).fault(0x2310)
     cell.run(0.3)
@@ -451,7 +451,7 @@ def test_a_slave_is_braked_within_its_limits(scenario, velocity):
     assert 90.0 < abs(cell.where("y")) <= 100.0 + INCREMENT
 
 
-def test_one_that_was_let_go_of_is_braked_within_its_limits_too(scenario):
+def test_a_slave_after_gear_out_is_braked_within_its_limits_too(scenario):
     cell = two(scenario, axis=AXIS + "\nposition_limits = [-100.0, 100.0]")
     cell["x"].move_velocity(40.0).wait()
     cell.end_of(cell["y"].gear_in(cell["x"], 1.0))
@@ -483,7 +483,7 @@ def test_a_jammed_slave_is_seen_not_to_follow(scenario):
     assert cell["x"].state is AxisState.CONTINUOUS_MOTION
 
 
-def test_a_place_that_the_master_is_too_near_to_is_reported(scenario):
+def test_a_sync_position_that_the_master_is_too_near_to_is_reported(scenario):
     cell = two(scenario)
     handle = cell["y"].gear_in(cell["x"], 1.0, sync_positions=(20.0, 10.0), master_start_distance=40.0)
     cell["x"].move_absolute(60.0)
@@ -538,7 +538,7 @@ def test_a_place_that_the_master_is_too_near_to_is_reported(scenario):
         (lambda c: c["y"].cam_in(c["x"], Cam(LOBE), master_start_distance=-1.0), ArgumentError, "magnitudes"),
     ],
 )
-def test_what_couples_nothing_is_refused_before_anything_moves(scenario, ask, error, words):
+def test_invalid_couplings_are_refused_before_any_motion(scenario, ask, error, words):
     cell = two(scenario, axis=AXIS + "\nposition_limits = [-500.0, 500.0]")
     with pytest.raises(error, match=words):
         ask(cell)
@@ -550,7 +550,7 @@ def test_what_couples_nothing_is_refused_before_anything_moves(scenario, ask, er
 
 
 def targets_of(cell: Cell, name: str) -> list[float]:
-    """What the axis is led by from now on, a target per cycle, in its unit."""
+    """The targets of the axis from now on, one per cycle, in its unit."""
     led: list[float] = []
     core = cell.core(name)
     cell.each_cycle(lambda *_: led.append((core.image.led.target or 0) / SCALE))
@@ -591,7 +591,7 @@ def test_late_cycles_of_a_master_axis_that_its_drive_controls_do_not_shake_the_s
     assert hardest_of(targets) < 600.0
     cell["x"].halt()
     cell.run(2.0)
-    behind = 1.5 * 80.0 * 2 * CYCLE  # while they moved: what a drive tells is two cycles old
+    behind = 1.5 * 80.0 * 2 * CYCLE  # while they moved: a reported position is two cycles old
     assert cell.where("y") - 1.5 * cell.where("x") == pytest.approx(away + behind, abs=0.1)
 
 
@@ -614,7 +614,7 @@ def test_a_debt_is_taken_back_without_a_jump_of_speed_and_by_a_tenth_of_the_mast
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_whatever_is_asked_of_both_nothing_jolts_and_every_slave_can_be_stopped(scenario, seed):
+def test_random_commands_of_master_and_slave_cause_no_jolt_and_every_slave_can_be_stopped(scenario, seed):
     rng = random.Random(seed)
     cell = two(scenario)
     x, y, cam = cell["x"], cell["y"], Cam(LOBE, periodic=True)
@@ -637,7 +637,7 @@ def test_whatever_is_asked_of_both_nothing_jolts_and_every_slave_can_be_stopped(
     for _ in range(25):
         rng.choice(asks)()
         cell.run(rng.choice([0.0, 0.02, 0.1, 0.5]))
-        assert cell.scan_lives
+        assert cell.scan_runs
     assert cell.hardest_change("y") < 2300.0
     assert cell.top_speed("y") < 410.0
     assert cell.end_of(y.halt()) is None
@@ -646,7 +646,7 @@ def test_whatever_is_asked_of_both_nothing_jolts_and_every_slave_can_be_stopped(
 
 @pytest.fixture
 def short_cycles(monkeypatch):
-    """The cycles that were done the short way."""
+    """The cycles that used the fast path."""
     taken, step = [], FastPath.step
 
     def noted(self, inputs):

@@ -27,7 +27,7 @@ JOLT = 1.05 * RAMP
 
 
 def turning(scenario, velocity: float = 100.0, **changes) -> Cell:
-    """A cell whose axis is led at a velocity."""
+    """A cell whose axis moves at a velocity."""
     cell = scenario.simulated("x", **changes).enabled()
     cell.x.cyclic_velocity(velocity).wait(5)
     cell.must_move()
@@ -56,12 +56,12 @@ def test_the_drive_gets_the_ramp_and_the_handle_is_done_in_velocity(scenario, ve
     assert cell.sample().velocity == pytest.approx(velocity, rel=0.01)
     assert cell.hardest_change(since=moment) <= JOLT
     assert cell.x.state is AxisState.CONTINUOUS_MOTION
-    cell.run(1.0)  # it goes on
+    cell.run(1.0)  # it continues
     assert cell.sample().velocity == pytest.approx(velocity, rel=0.01)
     assert cell.drive().target_velocity == round(velocity * 100)
 
 
-def test_its_ramps_are_those_of_the_call(scenario):
+def test_a_cyclic_velocity_has_the_ramps_of_the_call(scenario):
     cell = scenario.simulated("x").enabled()
     cell.x.cyclic_velocity(200.0, acceleration=100.0, deceleration=400.0)
     cell.until(lambda: cell.speed() > 50.0)
@@ -73,12 +73,12 @@ def test_its_ramps_are_those_of_the_call(scenario):
     assert cell.hardest_change(since=moment) <= 105.0
 
 
-def test_another_velocity_continues_from_the_present_one(scenario):
+def test_another_cyclic_velocity_continues_from_the_present_one(scenario):
     cell = turning(scenario)
     moment = cell.moment()
     first = cell.x.cyclic_velocity(300.0)
     cell.run(0.2)
-    second = cell.x.cyclic_velocity(-50.0)  # in the middle of the ramp, and the other way round
+    second = cell.x.cyclic_velocity(-50.0)  # in the middle of the ramp, and in the other direction
     second.wait(5)
     assert isinstance(first.exception(), Replaced)
     assert cell.sample().velocity == pytest.approx(-50.0, rel=0.01)
@@ -86,7 +86,7 @@ def test_another_velocity_continues_from_the_present_one(scenario):
     assert cell.drive().mode_display == CSV
 
 
-def test_a_velocity_may_be_given_in_every_cycle_and_a_jam_is_found_all_the_same(scenario):
+def test_a_velocity_given_in_every_cycle_still_lets_a_jam_be_detected(scenario):
     cell = scenario.simulated("x").enabled()
     moment = cell.moment()
     for number in range(200):
@@ -101,11 +101,11 @@ def test_a_velocity_may_be_given_in_every_cycle_and_a_jam_is_found_all_the_same(
         cell.x.cyclic_velocity(140.0)
         cell.run(0.01)
     assert isinstance(cell.x.error, FollowingError)
-    cell.must_stand(within=2.0, stages=OFF)
+    cell.must_be_still(within=2.0, stages=OFF)
 
 
 @pytest.mark.parametrize("pause", [0.0, 0.01, 0.02, 0.05, 0.1])
-def test_a_velocity_that_is_asked_for_before_the_mode_has_changed_replaces_the_first(scenario, pause):
+def test_a_velocity_commanded_before_the_mode_has_changed_replaces_the_first(scenario, pause):
     cell = scenario.simulated("x").enabled()
     cell.drive().dials.mode_delay = 0.2
     cell.device().write(0x60B1, 0, 5000)
@@ -116,7 +116,7 @@ def test_a_velocity_that_is_asked_for_before_the_mode_has_changed_replaces_the_f
     cell.run(0.5)
     assert (
         cell.top_speed() < 31.0
-    )  # what came first was not left out: no offset, and no jump of the first velocity
+    )  # the first transfers were not left out: no offset, and no jump of the first velocity
     assert cell.device().read(0x60C2, 1) == 10
 
 
@@ -131,7 +131,7 @@ def test_a_velocity_may_be_given_in_every_cycle_from_the_first_on(scenario):
     assert cell.top_speed() < 51.0
 
 
-def test_nothing_moves_before_the_mode_is_shown_and_offsets_of_another_program_are_gone(scenario):
+def test_no_motion_before_the_mode_is_displayed_and_offsets_of_another_program_are_cleared(scenario):
     cell = scenario.simulated("x").enabled()
     cell.device().write(0x60B1, 0, 5000)
     cell.drive().dials.mode_delay = 0.3
@@ -142,18 +142,18 @@ def test_nothing_moves_before_the_mode_is_shown_and_offsets_of_another_program_a
     assert cell.top_speed() < 21.0
 
 
-# -- velocity: what it gives way to --------------------------------------------------------------------------------------
+# -- velocity: commands that take over -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("hears_halt", [True, False], ids=["hears halt", "deaf to halt"])
+@pytest.mark.parametrize("hears_halt", [True, False], ids=["obeys halt", "ignores halt"])
 @pytest.mark.parametrize("how", ["halt", "stop", "disable"])
 def test_a_halt_ramps_the_velocity_down(scenario, how, hears_halt):
     cell = turning(scenario)
     cell.drive().dials.halt_in_cyclic_modes = hears_halt
     start, moment = cell.where(), cell.moment()
     getattr(cell.x, how)().wait(5)
-    cell.must_stand(within=0.1, stages=OFF if how == "disable" else ENABLED)
-    cell.must_have_come("x", start, (10.0, 13.0))
+    cell.must_be_still(within=0.1, stages=OFF if how == "disable" else ENABLED)
+    cell.must_have_moved("x", start, (10.0, 13.0))
     assert cell.hardest_change(since=moment) <= JOLT
 
 
@@ -162,7 +162,7 @@ def test_a_halt_brakes_with_the_deceleration_of_the_call(scenario):
     cell.x.cyclic_velocity(100.0, deceleration=200.0).wait(5)
     start = cell.where()
     cell.x.halt().wait(5)
-    cell.must_have_come("x", start, (25.0, 29.0))
+    cell.must_have_moved("x", start, (25.0, 29.0))
 
 
 def test_a_halt_may_be_interrupted_and_the_axis_continues_from_its_velocity(scenario):
@@ -194,7 +194,7 @@ def test_a_halt_may_be_interrupted_at_its_very_end(scenario):
         lambda x: x.move_relative(200.0),
         lambda x: x.jog(50.0),
     ],
-    ids=["the other way", "faster", "to a position", "jog"],
+    ids=["reversed", "faster", "to a position", "jog"],
 )
 def test_a_move_in_another_mode_takes_over_without_a_jolt(scenario, command, mode_delay):
     cell = turning(scenario)
@@ -216,7 +216,7 @@ def test_a_halt_during_a_mode_change_ramps_down(scenario):
     cell.x.move_velocity(150.0)
     cell.run(0.05)
     cell.x.halt().wait(5)
-    cell.must_stand(within=0.1, stages=ENABLED)
+    cell.must_be_still(within=0.1, stages=ENABLED)
     assert cell.hardest_change(since=moment) <= 1.6 * RAMP
 
 
@@ -225,12 +225,12 @@ def test_a_drive_that_does_not_take_the_next_mode_is_ramped_down(scenario):
     cell.drive().dials.modes_refused = frozenset({1})
     moment = cell.moment()
     cell.failure_of(cell.x.move_relative(500.0))
-    cell.must_stand(within=2.0, stages=(ENABLED, QUICK_STOP, *OFF))
+    cell.must_be_still(within=2.0, stages=(ENABLED, QUICK_STOP, *OFF))
     assert cell.hardest_change(since=moment) <= 1.6 * RAMP
 
 
 @pytest.mark.parametrize("command", ["follow", "home", "torque"])
-def test_what_needs_standstill_is_refused_and_the_axis_continues(scenario, command):
+def test_a_command_that_needs_standstill_is_refused_and_the_axis_continues(scenario, command):
     cell = turning(scenario, axis=RATED)
     here = cell.x.position
     give = {
@@ -243,7 +243,7 @@ def test_what_needs_standstill_is_refused_and_the_axis_continues(scenario, comma
     assert cell.speed() == pytest.approx(100.0, rel=0.01)
 
 
-def test_it_does_not_begin_in_the_middle_of_another_move(scenario):
+def test_cyclic_commands_are_refused_during_another_move(scenario):
     cell = scenario.simulated("x", axis=RATED)
     cell.turning(90.0)
     for handle in (cell.x.cyclic_velocity(10.0), cell.x.cyclic_torque(0.1, slope=1.0)):
@@ -261,10 +261,10 @@ def test_after_a_halt_the_axis_takes_a_trajectory_and_a_move(scenario):
     assert cell.speed() == pytest.approx(20.0, rel=0.01)
 
 
-# -- velocity: what stops it ---------------------------------------------------------------------------------------------
+# -- velocity: stops -----------------------------------------------------------------------------------------------------
 
 
-def test_a_jammed_axis_is_stopped_and_does_not_leap_when_it_comes_free(scenario):
+def test_a_jammed_axis_is_stopped_and_does_not_leap_when_it_is_released(scenario):
     cell = turning(scenario)
     cell.jam()
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 2.0)
@@ -306,7 +306,7 @@ def test_a_lost_target_pdo_is_found_while_the_velocity_changes(scenario):
     lose_the_targets(cell)
     error = cell.failure_of(cell.x.cyclic_velocity(0.0))
     assert isinstance(error, FollowingError | MotionTimeout)
-    cell.must_stand(within=4.0, stages=OFF)
+    cell.must_be_still(within=4.0, stages=OFF)
 
 
 def test_a_halt_whose_targets_are_lost_ends_in_a_harder_stop(scenario):
@@ -314,15 +314,15 @@ def test_a_halt_whose_targets_are_lost_ends_in_a_harder_stop(scenario):
     lose_the_targets(cell)
     halt = cell.x.halt()
     assert "harder stop" in str(cell.failure_of(halt))
-    cell.must_stand(within=1.0, stages=OFF)
+    cell.must_be_still(within=1.0, stages=OFF)
 
 
-def test_a_node_that_dies_is_reported_and_its_drive_stops_by_itself(scenario):
+def test_a_node_that_dies_in_csv_is_reported_and_the_scan_survives(scenario):
     cell = turning(scenario)
     cell.device().dials.dead = True
     cell.run(5.0)
     assert cell.x.error is not None
-    assert cell.scan_lives
+    assert cell.scan_runs
 
 
 def test_a_fault_of_another_axis_ramps_it_down(scenario):
@@ -330,23 +330,23 @@ def test_a_fault_of_another_axis_ramps_it_down(scenario):
     cell["x"].cyclic_velocity(100.0).wait(5)
     start, moment = cell.where("x"), cell.moment("x")
     cell.drive("y").fault(0x2310)
-    cell.must_stand("x", within=1.0, stages=ENABLED)
-    cell.must_have_come("x", start, (10.0, 16.0))
+    cell.must_be_still("x", within=1.0, stages=ENABLED)
+    cell.must_have_moved("x", start, (10.0, 16.0))
     assert cell.hardest_change("x", since=moment) <= JOLT
 
 
-def test_its_own_fault_stops_it(scenario):
+def test_a_fault_of_its_drive_stops_a_cyclic_velocity(scenario):
     cell = turning(scenario)
     cell.drive().fault(0x2310)
-    cell.must_stand(within=1.0, stages=FAULT)
+    cell.must_be_still(within=1.0, stages=FAULT)
     assert cell.x.state is AxisState.ERRORSTOP
 
 
-def test_ctrl_c_ramps_it_down_and_takes_its_power(scenario):
+def test_ctrl_c_ramps_a_cyclic_velocity_down_and_disables_the_drive(scenario):
     cell = turning(scenario)
     moment = cell.moment()
     assert cell.ctrl_c(10.0) == []
-    cell.must_stand(within=0.1, stages=OFF)
+    cell.must_be_still(within=0.1, stages=OFF)
     assert cell.hardest_change(since=moment) <= JOLT
 
 
@@ -364,8 +364,8 @@ def test_a_quick_stop_is_the_drives_own(scenario):
     cell = turning(scenario)
     start = cell.where()
     cell.x.quick_stop().wait(5)
-    cell.must_stand(within=0.1, stages=OFF)
-    cell.must_have_come("x", start, (5.0, 8.0))  # 1000 deg/s²
+    cell.must_be_still(within=0.1, stages=OFF)
+    cell.must_have_moved("x", start, (5.0, 8.0))  # 1000 deg/s²
 
 
 @pytest.mark.parametrize("seconds", [0.4, 2.0])
@@ -374,21 +374,21 @@ def test_a_program_that_did_not_run_for_a_while_ramps_the_axis_down(scenario, se
     moment = cell.moment()
     cell.faults.stall(seconds)
     cell.run(0.05)
-    cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=3.0, stages=(ENABLED, *OFF))
     assert cell.hardest_change(since=moment) <= 2.2 * RAMP  # at worst the drive's own quick stop
 
 
-def test_a_drive_that_leaves_the_mode_by_itself_is_stopped(scenario):
+def test_a_drive_that_leaves_the_commanded_mode_is_stopped(scenario):
     cell = turning(scenario)
     cell.drive().dials.spontaneous_mode = 1
-    cell.must_stand(within=2.0, stages=OFF)
+    cell.must_be_still(within=2.0, stages=OFF)
     assert "left mode 9 (csv)" in str(cell.x.error)
 
 
-def test_feedback_that_stops_coming_stops_the_axis(scenario):
+def test_a_tpdo_that_stops_stops_the_axis(scenario):
     cell = turning(scenario, axis="position_limits = [-3000.0, 3000.0]", port={"apart": ("position",)})
     cell.device().dials.tpdos_stop = frozenset({2})
-    cell.must_stand(within=4.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=4.0, stages=(ENABLED, *OFF))
     assert cell.x.state is AxisState.ERRORSTOP
 
 
@@ -397,7 +397,7 @@ def test_a_mode_display_that_is_lost_while_it_brakes_is_no_jolt(scenario):
     moment = cell.moment()
     cell.device().dials.tpdos_stop = frozenset({2})
     halt = cell.x.halt()
-    cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=3.0, stages=(ENABLED, *OFF))
     cell.end_of(halt)
     assert cell.hardest_change(since=moment) <= 2.2 * RAMP
 
@@ -410,7 +410,7 @@ def test_a_load_is_held_before_during_and_after(scenario, holds, velocity):
     cell.x.cyclic_velocity(velocity).wait(5)
     cell.run(0.5)
     cell.x.halt().wait(5)
-    cell.must_stand(within=0.1, stages=ENABLED)
+    cell.must_be_still(within=0.1, stages=ENABLED)
     assert cell.hardest_change(since=moment) <= JOLT
     low, high = cell.farthest(since=moment)
     assert high - low == pytest.approx(abs(cell.where() - cell.positions(since=moment)[0]), abs=0.1)
@@ -421,12 +421,12 @@ def test_a_load_is_held_before_during_and_after(scenario, holds, velocity):
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 @pytest.mark.parametrize("speed", [60.0, 250.0, 400.0])
-def test_it_comes_to_rest_within_its_position_limits(scenario, speed, direction):
+def test_a_cyclic_velocity_ends_at_standstill_within_the_position_limits(scenario, speed, direction):
     cell = scenario.simulated("x", axis="position_limits = [-300.0, 300.0]").enabled()
     cell.x.cyclic_velocity(direction * speed)
     cell.must_move(faster_than=-1.0)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 10.0)
-    cell.must_stand(within=2.0, stages=ENABLED)
+    cell.must_be_still(within=2.0, stages=ENABLED)
     assert isinstance(cell.x.error, LimitError)
     low, high = cell.farthest()
     assert low >= -300.0
@@ -443,7 +443,7 @@ def test_a_weaker_deceleration_near_the_limit_is_refused_and_the_axis_continues(
     error = cell.failure_of(cell.x.cyclic_velocity(190.0, deceleration=50.0))
     assert isinstance(error, LimitError)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 10.0)
-    cell.must_stand(within=2.0, stages=ENABLED)
+    cell.must_be_still(within=2.0, stages=ENABLED)
     assert cell.farthest()[1] <= 300.0
 
 
@@ -488,13 +488,13 @@ def test_the_drive_gets_the_slope_and_the_handle_is_done_in_torque(scenario):
 
 
 def sent_torques(cell: Cell) -> list[int]:
-    """What the drive has as 6071h in each cycle from now on."""
+    """The values of 6071h in each cycle from now on."""
     values: list[int] = []
     cell.each_cycle(lambda *_: values.append(cell.drive().target_torque))
     return values
 
 
-def test_without_rated_torque_it_is_refused_at_the_call(scenario):
+def test_a_cyclic_torque_without_rated_torque_is_refused_at_the_call(scenario):
     with pytest.raises(ArgumentError, match="rated_torque"):
         scenario.simulated("x").enabled().x.cyclic_torque(0.1, slope=1.0)
 
@@ -503,7 +503,7 @@ def test_without_rated_torque_it_is_refused_at_the_call(scenario):
 def test_every_stop_of_a_pushed_axis_ends_at_standstill(scenario, how):
     cell = pushing(scenario)
     cell.end_of(getattr(cell.x, how)())
-    cell.must_stand(within=1.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=1.0, stages=(ENABLED, *OFF))
 
 
 @pytest.mark.parametrize("holds", ["brake", "torque"])
@@ -512,21 +512,21 @@ def test_a_load_does_not_fall_when_its_axis_is_halted(scenario, holds):
         scenario, PLANTS["sagging"], axis=f'holds_load = "{holds}"', stop='quick_stop = "ramp-hold"'
     )
     start, moment = cell.where(), cell.moment()
-    cell.x.cyclic_torque(3.0, slope=5.0).wait(5)  # what holds it
+    cell.x.cyclic_torque(3.0, slope=5.0).wait(5)  # the torque that holds it
     cell.must_not_leap(since=moment, way=2.0)
     cell.x.cyclic_torque(3.3, slope=5.0)
     cell.until(lambda: cell.speed() > 10.0, 5.0)
     halted = cell.moment()
     cell.x.halt().wait(5)
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     assert cell.farthest(since=halted)[0] >= start - 2.0
     assert cell.drive().mode_display != CST
 
 
-def test_a_pushed_axis_comes_to_rest_within_its_position_limits(scenario):
+def test_a_cyclic_torque_ends_at_standstill_within_the_position_limits(scenario):
     cell = pushing(scenario, 0.3, axis="position_limits = [-300.0, 300.0]\n")
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 10.0)
-    cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=3.0, stages=(ENABLED, *OFF))
     assert cell.farthest()[1] <= 300.0
 
 
@@ -534,7 +534,7 @@ def test_a_pushed_axis_does_not_get_faster_than_it_may(scenario):
     cell = pushing(scenario, 1.5)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 10.0)
     assert "max_velocity" in str(cell.x.error)
-    cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=3.0, stages=(ENABLED, *OFF))
     assert cell.top_speed() <= 440.0
 
 
@@ -548,7 +548,7 @@ def test_a_torque_that_the_drive_does_not_give_is_reported(scenario):
 
 
 @pytest.mark.parametrize("happens", ["fault", "dead", "ctrl-c", "exception"])
-def test_what_happens_to_a_pushed_axis_stops_it(scenario, happens):
+def test_a_fault_a_dead_node_and_each_end_of_the_program_stop_a_cyclic_torque(scenario, happens):
     cell = pushing(scenario)
     if happens == "fault":
         cell.drive().fault(0x2310)
@@ -562,7 +562,7 @@ def test_what_happens_to_a_pushed_axis_stops_it(scenario, happens):
     else:
         with pytest.raises(ZeroDivisionError), cell.machine:
             _ = 1 / 0
-    cell.must_stand(within=3.0, stages=OFF)
+    cell.must_be_still(within=3.0, stages=OFF)
 
 
 @pytest.mark.parametrize("command", ["move_velocity", "move_relative"])
@@ -573,7 +573,7 @@ def test_a_move_takes_over_from_a_torque(scenario, command):
     assert cell.hardest_change(since=moment) <= 1.6 * RAMP
 
 
-# -- what it needs -------------------------------------------------------------------------------------------------------
+# -- requirements --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

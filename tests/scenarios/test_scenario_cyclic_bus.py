@@ -1,4 +1,4 @@
-"""Velocity and torque in each cycle over a bus in real time: what is mapped beside the targets, and what is not."""
+"""Cyclic velocity and torque over a bus in real time: the mapping beside the targets."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from kit.cell import Stage
 from kit.probe import ENABLED, OFF
 
 RAMP = 500.0  # deg/s²
-# The clock of a stand-in and that of the bus are not one: a cycle may take a little more or less of its time.
+# The clock of a simulated drive and that of the bus differ: a cycle may take a little more or less than its time.
 JOLT = 2.0 * RAMP
 OFFSETS = """
 [nodes.1.pdo.rpdo1]
@@ -33,7 +33,7 @@ def test_targets_travel_with_each_sync_and_offsets_stay_0(scenario: Stage, more:
     assert cell.sample().velocity == pytest.approx(100.0, rel=0.02)
     cell.x.cyclic_velocity(-50.0).wait(5)
     cell.x.halt().wait(5)
-    cell.must_stand(within=0.5, stages=ENABLED)
+    cell.must_be_still(within=0.5, stages=ENABLED)
     assert cell.hardest_change(since=moment) <= JOLT
     cell.x.cyclic_torque(0.3, slope=2.0).wait(5)
     cell.run(0.2)
@@ -49,7 +49,7 @@ def test_the_end_of_the_block_ramps_the_axis_down(scenario: Stage) -> None:
     with cell.machine:
         pass
     assert cell.stage() in OFF
-    cell.must_have_come("x", start, (9.0, 20.0))
+    cell.must_have_moved("x", start, (9.0, 20.0))
     assert cell.hardest_change(since=moment) <= JOLT
 
 

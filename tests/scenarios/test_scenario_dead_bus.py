@@ -19,7 +19,7 @@ NO_DEVICE = OSError(errno.ENODEV, "No such device")
 
 
 class Adapter:
-    """The adapter of a machine, which can be made to fail; all of it is let go at the end."""
+    """The adapter of a machine, which can be made to fail; all of it is released at the end."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
@@ -62,11 +62,11 @@ class Adapter:
             noticed.set()
             raise NO_DEVICE
 
-        def gone_too(_timeout: float | None = None) -> None:
+        def missing_device(_timeout: float | None = None) -> None:
             noticed.wait()
             raise NO_DEVICE
 
-        self._bus.send, self._bus.recv = gone, gone_too
+        self._bus.send, self._bus.recv = gone, missing_device
 
     def let_go(self) -> None:
         """Work again."""
@@ -76,7 +76,7 @@ class Adapter:
 
 @contextmanager
 def turning_cell(folder, names: str = "xy") -> Iterator[tuple[Line, Adapter, list]]:
-    """A cell with a move of many seconds under way on each axis."""
+    """A cell with a running move of many seconds on each axis."""
     with Line(folder, names) as line:
         machine = line.open()
         adapter = Adapter(machine)
@@ -91,7 +91,7 @@ def turning_cell(folder, names: str = "xy") -> Iterator[tuple[Line, Adapter, lis
 
 
 def _has_target(line: Line, name: str) -> bool:
-    """Whether the move has got as far as the drive's 607Ah; what it needs by SDO is written then."""
+    """Whether the move has set the drive's 607Ah; its SDO writes are done then."""
     with line.stand_ins.lock:
         return line.devices[name].read(0x607A) > 5_000_000
 
@@ -107,14 +107,14 @@ def _close(machine: Machine) -> Exception | None:
 
 
 def closing_error(adapter: Adapter) -> Exception:
-    """Close the machine, which must tell what had happened."""
+    """Close the machine, which must raise the error."""
     error = _close(adapter.machine)
     assert error is not None
     return error
 
 
 def scan_errors(handles: list) -> list[ScanError]:
-    """Return what ended the handles: each must have ended because the scan did."""
+    """Return the errors of the handles: each must have ended because of the scan."""
     until(lambda: not any(handle.busy for handle in handles))
     errors = [handle.exception() for handle in handles]
     assert [type(error) for error in errors] == [ScanError] * len(errors), errors
@@ -126,7 +126,7 @@ def test_a_scan_that_hangs_in_a_send_is_replaced_by_the_supervisor(tmp_path, gol
     with turning_cell(tmp_path) as (line, adapter, handles):
         adapter.hang(for_all=False)
         for name in "xy":
-            line.must_stand(name, stages=SWITCH_ON_DISABLED)
+            line.must_be_still(name, stages=SWITCH_ON_DISABLED)
         golden("scan_hangs", scan_errors(handles)[0], volatile=True)
         late = adapter.machine["x"].move_absolute(0.0)
         assert isinstance(late.exception(), ScanError)
@@ -134,35 +134,35 @@ def test_a_scan_that_hangs_in_a_send_is_replaced_by_the_supervisor(tmp_path, gol
 
 @pytest.mark.nets("the supervisor", "the drive's watchdog")
 def test_a_send_that_returns_at_last_does_not_set_the_drives_in_motion_again(tmp_path):
-    """What the scan still holds in its hands is an *enable operation* for each axis: it ends a held quick stop."""
+    """The blocked frame of the scan is *enable operation* for each axis: it ends a held quick stop."""
     with turning_cell(tmp_path) as (line, adapter, handles):
         for device in line.devices.values():
             device.write(0x605A, 0, 6)  # brake, and stay in quick stop active
         adapter.hang(for_all=False)
         for name in "xy":
-            line.must_stand(name, stages=QUICK_STOP)
+            line.must_be_still(name, stages=QUICK_STOP)
         adapter.let_go()
         for name in "xy":
-            line.must_stand(name, stages=QUICK_STOP, within=1.0)
+            line.must_be_still(name, stages=QUICK_STOP, within=1.0)
         scan_errors(handles)
 
 
 @pytest.mark.nets("the drive's watchdog")
-def test_where_every_send_hangs_the_drives_watchdog_is_left_and_closing_does_not_hang(tmp_path, golden):
+def test_if_every_send_hangs_the_drives_watchdog_stops_them_and_closing_does_not_hang(tmp_path, golden):
     with turning_cell(tmp_path, "x") as (line, adapter, handles):
         adapter.hang(for_all=True)
-        line.must_stand(stages=OFF)
+        line.must_be_still(stages=OFF)
         scan_errors(handles)
         golden("closing_while_every_send_hangs", closing_error(adapter), volatile=True)
 
 
 @pytest.mark.nets("the quick stop of a dead scan", "the drive's watchdog")
-def test_a_deaf_adapter_stops_every_drive(tmp_path, golden):
-    """What is sent still arrives, but nobody can see what it does."""
+def test_an_adapter_that_receives_nothing_stops_every_drive(tmp_path, golden):
+    """Frames are still sent, but no feedback is received."""
     with turning_cell(tmp_path) as (line, adapter, handles):
         adapter.go_deaf()
         for name in "xy":
-            line.must_stand(name, stages=SWITCH_ON_DISABLED)
+            line.must_be_still(name, stages=SWITCH_ON_DISABLED)
         golden("adapter_deaf", scan_errors(handles)[0])
         golden("closing_deaf", closing_error(adapter))
 
@@ -172,7 +172,7 @@ def test_an_adapter_that_is_unplugged_leaves_the_drives_to_their_watchdog(tmp_pa
     with turning_cell(tmp_path) as (line, adapter, handles):
         adapter.unplug()
         for name in "xy":
-            line.must_stand(name, stages=OFF)
+            line.must_be_still(name, stages=OFF)
         golden("adapter_unplug", *scan_errors(handles), volatile=True)
         golden("closing_unplug", closing_error(adapter), volatile=True)
 
@@ -184,7 +184,7 @@ def test_an_adapter_that_refuses_every_frame_leaves_the_drives_to_their_watchdog
     with turning_cell(tmp_path) as (line, adapter, handles):
         adapter.refuse()
         for name in "xy":
-            line.must_stand(name, stages=OFF)
+            line.must_be_still(name, stages=OFF)
         until(lambda: not any(handle.busy for handle in handles))
         assert not adapter.machine._core.scan.ended
         errors = [handle.exception() for handle in handles]

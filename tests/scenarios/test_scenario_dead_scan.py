@@ -1,4 +1,4 @@
-"""The scan dies, wherever it may: the drives get a quick stop and stand, and every handle says that it ended."""
+"""The scan dies at any point: the drives get a quick stop and reach standstill, and every handle reports the end of the scan."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_a_scan_that_dies_stops_every_drive_and_ends_every_handle(scenario, gold
     fail(cell, place)
     cell.run(0.2)
     for name in "xy":
-        cell.must_stand(name, within=1.0, stages=SWITCH_ON_DISABLED)
+        cell.must_be_still(name, within=1.0, stages=SWITCH_ON_DISABLED)
     for handle, axis in zip(handles, cell.machine, strict=True):
         assert isinstance(handle.exception(), ScanError)
         golden(f"scan_died_{axis.name}", handle.exception())
@@ -60,12 +60,12 @@ def test_a_fault_of_our_own_in_an_axis_kills_the_scan_and_stops_every_drive(scen
     with pytest.raises(KeyError):
         cell.run(0.2)
     for name in "xy":
-        cell.must_stand(name, within=1.0, stages=SWITCH_ON_DISABLED)
+        cell.must_be_still(name, within=1.0, stages=SWITCH_ON_DISABLED)
     golden("scan_died_by_a_bug", handles[1].exception())
 
 
 @NETS
-def test_a_group_whose_scan_dies_ends_its_handle_and_comes_to_rest(scenario):
+def test_a_group_whose_scan_dies_ends_its_handle_and_stops(scenario):
     cell = scenario.simulated("xy").enabled()
     line = cell.machine.group("x", "y").move_linear((500.0, 300.0), velocity=100.0)
     cell.run(1.0)
@@ -73,12 +73,12 @@ def test_a_group_whose_scan_dies_ends_its_handle_and_comes_to_rest(scenario):
     cell.faults.commit = unplugged()
     cell.run(0.05)
     for name in "xy":
-        cell.must_stand(name, within=1.0, stages=SWITCH_ON_DISABLED)
+        cell.must_be_still(name, within=1.0, stages=SWITCH_ON_DISABLED)
     assert isinstance(line.exception(), ScanError)
 
 
 @pytest.mark.nets("the drive's watchdog")
-def test_where_even_the_quick_stop_cannot_be_sent_the_drives_own_watchdog_is_left(scenario):
+def test_if_the_quick_stop_cannot_be_sent_the_drives_own_watchdog_stops_them(scenario):
     """The adapter was pulled out: nothing that we send arrives, and closing must not pretend otherwise."""
     cell = scenario.simulated("x")
     cell.turning()
@@ -87,7 +87,7 @@ def test_where_even_the_quick_stop_cannot_be_sent_the_drives_own_watchdog_is_lef
     cell.must_move()
     with pytest.raises(ScanError):
         cell.machine.close()
-    cell.must_stand(within=1.0, stages=OFF)
+    cell.must_be_still(within=1.0, stages=OFF)
 
 
 def test_closing_after_the_scan_has_died_reports_that_and_the_unknown_states(scenario, golden):
@@ -124,10 +124,10 @@ def test_a_frame_that_was_stuck_is_followed_by_nothing_but_the_quick_stop(scenar
     def stuck() -> None:
         commit()
         scan.failure = ScanError("the scan of the bus hangs")
-        scan.end()  # what the supervisor does, in its own thread
+        scan.end()  # as the supervisor does in its own thread
         sent.clear()
 
     cycle.commit = stuck
     cell.run(0.05)
     assert sent == []
-    cell.must_stand(within=1.0, stages=OFF)
+    cell.must_be_still(within=1.0, stages=OFF)

@@ -1,4 +1,4 @@
-"""A disabled axis whose drive somebody else enables: it is disabled again, and one that drives its motor for longer is reported."""
+"""A disabled axis whose drive is enabled from outside: it is disabled again, and one enabled for longer is reported."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_a_moment_of_power_is_ended_without_an_error(tmp_path):
         assert cell.x.error is None
 
 
-def test_a_drive_that_does_not_let_go_of_its_power_is_reported_and_stays_reported(tmp_path):
+def test_a_drive_that_keeps_its_power_after_disable_is_reported_and_stays_reported(tmp_path):
     with Stage(tmp_path) as stage:
         cell = disabled(stage)
         cell.drive().dials.ignore_disable_voltage = True

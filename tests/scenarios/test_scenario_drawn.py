@@ -1,4 +1,4 @@
-"""Random commands and mishaps on drawn cells: other axes, units, scales, limits, drives and neighbours in each scenario.
+"""Random commands and faults on drawn cells: other axes, units, scales, limits, drives and neighbours in each scenario.
 
 ``make campaign`` plays fresh ones by the thousand; a seed that fails is shrunk, with its cell, and printed as a script.
 """
@@ -139,7 +139,7 @@ def test_a_mutant_is_noticed(tmp_path, name):
     assert isinstance(violation, Violation), MUTANTS[name].what
 
 
-def test_all_that_a_mutant_replaces_is_there_and_comes_back():
+def test_every_attribute_that_a_mutant_replaces_exists_and_is_restored():
     for name, mutant in MUTANTS.items():
         before = [getattr(where, attribute) for where, attribute, _ in mutant.patches]
         with mutated(name):

@@ -1,4 +1,4 @@
-"""An encoder that nothing leads: a count of an I/O module is where an axis without a drive is, and others follow it."""
+"""An encoder axis: a count of an I/O module is the position of an axis without a drive, and other axes follow it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ RAMP = 500.0  # deg/s², the default of x
 
 
 class Belt:
-    """Goes at a speed (mm/s) from now on, as its counter tells; ``place`` in mm."""
+    """A belt that moves at ``speed`` (mm/s) as its counter shows; ``place`` in mm."""
 
     def __init__(self, cell: Cell, speed: float = 0.0, begin: float = 0.0) -> None:
         self.cell, self.speed, self.place = cell, speed, begin
@@ -56,7 +56,7 @@ def belt_and_axis(
     return cell, belt
 
 
-def test_it_is_where_its_count_is_in_its_unit(scenario):
+def test_the_position_of_an_encoder_axis_is_its_count_in_its_unit(scenario):
     cell, belt = belt_and_axis(scenario, begin=12.3)
     assert cell["belt"].position == pytest.approx(12.3, abs=1 / COUNTS)
     assert cell["belt"].state is AxisState.DISABLED
@@ -65,7 +65,7 @@ def test_it_is_where_its_count_is_in_its_unit(scenario):
     assert cell["belt"].position == pytest.approx(belt.place, abs=2.0)
 
 
-def test_it_counts_past_the_end_of_its_input(scenario):
+def test_an_encoder_axis_counts_past_the_end_of_its_input(scenario):
     """16 bits hold 3,276 mm."""
     cell, belt = belt_and_axis(scenario, speed=2000.0)
     cell.run(5.0)
@@ -75,7 +75,7 @@ def test_it_counts_past_the_end_of_its_input(scenario):
     assert cell["belt"].position == pytest.approx(belt.place, abs=1 / COUNTS)
 
 
-def test_an_axis_is_in_step_with_it_at_speed_and_nothing_shakes(scenario):
+def test_an_axis_is_synchronised_with_a_moving_encoder_axis_without_vibration(scenario):
     cell, belt = belt_and_axis(scenario, speed=100.0)
     gear = cell.x.gear_in(cell["belt"], 0.5)
     gear.wait(5)
@@ -86,10 +86,10 @@ def test_an_axis_is_in_step_with_it_at_speed_and_nothing_shakes(scenario):
     assert cell.where("x") - x == pytest.approx(0.5 * (belt.place - before), abs=0.3)
     assert cell.hardest_change(since=moment) < 0.3 * RAMP
     belt.speed = 0.0
-    cell.must_stand(within=2.0, stages=ENABLED)
+    cell.must_be_still(within=2.0, stages=ENABLED)
 
 
-def test_a_place_of_it_is_met(scenario):
+def test_a_sync_position_of_an_encoder_axis_is_met(scenario):
     cell, belt = belt_and_axis(scenario, speed=50.0)
     at = belt.place + 150.0
     cell.x.gear_in(cell["belt"], 1.0, sync_positions=(at, 20.0), master_start_distance=60.0).wait(10)
@@ -101,7 +101,7 @@ def test_a_place_of_it_is_met(scenario):
 
 
 @pytest.mark.parametrize("how", ["dead", "nmt"])
-def test_a_dead_encoder_leaves_who_follows_it_braked_and_says_so(scenario, how):
+def test_a_dead_encoder_brakes_its_slave_and_the_error_names_it(scenario, how):
     cell, _belt = belt_and_axis(scenario, speed=100.0, node='on_lost = "report"')
     cell.x.gear_in(cell["belt"], 0.5).wait(5)
     cell.run(0.5)
@@ -111,7 +111,7 @@ def test_a_dead_encoder_leaves_who_follows_it_braked_and_says_so(scenario, how):
     else:
         device.nmt_command(NmtCommand.STOP)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 3.0)
-    cell.must_stand(within=1.5, stages=ENABLED)
+    cell.must_be_still(within=1.5, stages=ENABLED)
     assert cell.hardest_change(since=moment) < 2.1 * RAMP
     error = cell.x.error
     assert error is not None
@@ -125,7 +125,7 @@ def test_by_default_a_dead_encoder_stops_the_cell(scenario):
     cell.x.gear_in(cell["belt"], 0.5).wait(5)
     cell.machine.simulated_node(5).device.dials.dead = True
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 3.0)
-    cell.must_stand(within=1.5, stages=ENABLED)
+    cell.must_be_still(within=1.5, stages=ENABLED)
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_no_command_moves_an_encoder_axis(scenario, command):
     assert cell["belt"].state is AxisState.DISABLED
 
 
-def test_stops_of_it_are_done_at_once_and_its_place_may_be_named(scenario):
+def test_stops_of_an_encoder_axis_are_done_at_once_and_its_position_can_be_set(scenario):
     cell, belt = belt_and_axis(scenario, begin=30.0)
     for name in ("halt", "stop", "quick_stop", "disable", "reset"):
         getattr(cell["belt"], name)().wait(1)
@@ -183,7 +183,7 @@ def written(tmp_path, text: str):
         (('encoder = "count"', "encoder = 3"), "encoder"),
     ],
 )
-def test_what_an_encoder_cannot_say_is_reported(tmp_path, change, words):
+def test_an_invalid_key_of_an_encoder_axis_is_reported(tmp_path, change, words):
     with pytest.raises(ConfigError) as caught:
         reader.load(written(tmp_path, BELT.format(node="").replace(*change)))
     assert words in str(caught.value)
@@ -202,7 +202,7 @@ def test_check_names_an_input_that_does_not_count(tmp_path, change, words):
     assert any(words in problem.message for problem in problems), problems
 
 
-def test_check_asks_for_no_defaults_of_an_encoder_axis(tmp_path):
+def test_check_requires_no_defaults_of_an_encoder_axis(tmp_path):
     problems = check(written(tmp_path, BELT.format(node="")))
     assert not [problem for problem in problems if "axis belt has no default" in problem.message]
     bare = written(tmp_path, BELT.format(node="").replace('encoder = "count"', "virtual = true"))

@@ -1,4 +1,4 @@
-"""Every way out of the program leaves the motors at rest and the drives at peace with our silence."""
+"""Every end of the program leaves the motors at standstill and the drives without monitoring of our heartbeat."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from kit.scenarios.bus import Line, enable, turning, until
 
 
 def let_go(cell, name: str = "x") -> None:
-    """Make sure that a node was let go: it waits for nobody's heartbeat, is pre-operational, and stays without an error."""
+    """Make sure that a node was released: it monitors no heartbeat, is pre-operational, and stays without an error."""
     device = cell.device(name)
     assert device.read(0x1016, 1) == 0
     assert device.nmt is NmtState.PRE_OPERATIONAL
@@ -32,35 +32,35 @@ def let_go(cell, name: str = "x") -> None:
 
 
 @pytest.mark.nets("the stop ladder")
-def test_leaving_the_with_block_stops_disables_and_lets_go(scenario):
+def test_leaving_the_with_block_stops_disables_and_ends_the_node_watches(scenario):
     cell = scenario.simulated("xy")
     with cell.machine:
         cell.turning()
     for name in "xy":
-        cell.must_stand(name, within=0.01, stages=SWITCH_ON_DISABLED)
+        cell.must_be_still(name, within=0.01, stages=SWITCH_ON_DISABLED)
         let_go(cell, name)
 
 
 @pytest.mark.nets("the stop ladder")
-def test_an_exception_in_the_with_block_stops_everything_and_passes_on(scenario):
+def test_an_exception_in_the_with_block_stops_everything_and_is_raised(scenario):
     cell = scenario.simulated("xy")
     with pytest.raises(ZeroDivisionError) as caught, cell.machine:
         cell.turning()
         _ = 1 / 0
     for name in "xy":
-        cell.must_stand(name, within=0.01, stages=SWITCH_ON_DISABLED)
+        cell.must_be_still(name, within=0.01, stages=SWITCH_ON_DISABLED)
         let_go(cell, name)
     assert not getattr(caught.value, "__notes__", [])
 
 
 @pytest.mark.nets("the stop ladder")
-def test_an_exception_carries_what_went_wrong_while_stopping(scenario, golden):
+def test_an_exception_has_notes_about_errors_during_the_stop(scenario, golden):
     cell = scenario.simulated("x", stop='halt_time = "300ms"')
     with pytest.raises(ZeroDivisionError) as caught, cell.machine:
         cell.travelling()
         cell.drive().dials.ignore_halt = True
         _ = 1 / 0
-    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still(within=0.01, stages=SWITCH_ON_DISABLED)
     golden("exception_with_notes", caught.value)
 
 
@@ -70,7 +70,7 @@ def test_close_does_the_same_and_may_be_repeated(scenario):
     cell.turning()
     cell.machine.close()
     cell.machine.close()
-    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still(within=0.01, stages=SWITCH_ON_DISABLED)
     let_go(cell)
 
 
@@ -87,9 +87,9 @@ def test_ctrl_c_while_an_exception_leaves_the_block_is_not_lost(scenario, error)
 
     with pytest.raises(KeyboardInterrupt) as caught, cell.machine:
         cell.turning()
-        scan.once = with_ctrl_c  # the first cycle of the way out
+        scan.once = with_ctrl_c  # the first cycle of closing
         raise error
-    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still(within=0.01, stages=SWITCH_ON_DISABLED)
     assert isinstance(caught.value, error) or isinstance(caught.value.__context__, error)
 
 
@@ -109,12 +109,12 @@ def test_a_signal_within_the_handler_of_another_makes_it_a_quick_stop_too(scenar
         start = cell.where()
         scan.request_stop = interrupted
         signal.raise_signal(signal.SIGINT)
-    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
-    cell.must_have_come("x", start, (3.0, 7.0))  # 4 deg by the ramp of the quick stop, 8 by that of the halt
+    cell.must_be_still(within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_have_moved("x", start, (3.0, 7.0))  # 4 deg by the ramp of the quick stop, 8 by that of the halt
 
 
-def test_a_machine_whose_opening_is_interrupted_lets_its_drives_go_again(tmp_path, monkeypatch):
-    """Nobody has the machine yet who could close it."""
+def test_an_interrupted_opening_ends_the_node_watches_again(tmp_path, monkeypatch):
+    """No program has the machine yet and could close it."""
     machines, begin = [], Machine._begin
 
     def interrupted(_: Core) -> bool:
@@ -132,14 +132,14 @@ def test_a_machine_whose_opening_is_interrupted_lets_its_drives_go_again(tmp_pat
         assert line.devices["x"].read(0x1016, 1) == 0
 
 
-def test_commands_after_closing_say_so(scenario, golden):
+def test_commands_after_closing_report_the_closed_machine(scenario, golden):
     cell = scenario.simulated("x").enabled()
     cell.machine.close()
     golden("command_after_close", cell.failure_of(cell.x.move_absolute(1.0)))
 
 
 def test_a_command_from_another_thread_cannot_slip_in_while_the_machine_closes(scenario, golden):
-    """It would enable a drive that nobody stops any more."""
+    """It would enable a drive that nothing stops any more."""
     cell = scenario.simulated("xy")
     cell["x"].enable().wait(3)
     cell["x"].move_velocity(90.0).wait(3)
@@ -197,14 +197,14 @@ def test_a_fault_while_closing_is_reported(scenario, golden):
         cell.machine.close()
     except DriveFault as error:
         failure = error
-    cell.must_stand("x", within=1.0, stages=OFF)
-    cell.must_stand("y", within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still("x", within=1.0, stages=OFF)
+    cell.must_be_still("y", within=0.01, stages=SWITCH_ON_DISABLED)
     golden("fault_while_closing", failure)
 
 
 @pytest.mark.nets("the drive's watchdog")
 def test_a_node_that_is_lost_when_the_machine_closes_keeps_its_watch_over_us(scenario, golden):
-    """Its stop could not be confirmed: to take back its watchdog now would take away what is left to stop it."""
+    """Its stop could not be confirmed: releasing its watchdog now would remove the last means to stop it."""
     cell = scenario.simulated("xy", heartbeat="500ms")  # a slow one: it must still be armed after closing
     cell.turning()
     cell.device("x").dials.dead = True
@@ -215,8 +215,8 @@ def test_a_node_that_is_lost_when_the_machine_closes_keeps_its_watch_over_us(sce
         failures.append(error)
     except Exception as error:  # noqa: BLE001  # which one is for the golden message to say
         failures.append(error)
-    cell.must_stand("x", within=3.0, stages=OFF)
-    cell.must_stand("y", within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still("x", within=3.0, stages=OFF)
+    cell.must_be_still("y", within=0.01, stages=SWITCH_ON_DISABLED)
     assert cell.device("x").read(0x1016, 1) != 0
     assert cell.device("y").read(0x1016, 1) == 0
     golden("closing_with_a_lost_node", *failures)
@@ -258,15 +258,15 @@ def test_on_a_bus_too_a_deliberate_exit_leaves_drives_that_bear_our_silence(tmp_
         time.sleep(2.0)  # twenty heartbeats of ours
         for name in "xy":
             device = line.devices[name]
-            line.must_stand(name, stages=SWITCH_ON_DISABLED, within=0.1, for_good=0.1)
+            line.must_be_still(name, stages=SWITCH_ON_DISABLED, within=0.1, for_good=0.1)
             assert device.read(0x1016, 1) == 0
             assert device.nmt is NmtState.PRE_OPERATIONAL
             assert device.errors.register == 0
             assert not device.errors.entries
 
 
-def test_a_drive_that_is_not_let_go_does_not_bear_our_silence(tmp_path):
-    """What the scenario above would look like without the parting: it proves that the drive's watchdog was armed."""
+def test_a_drive_whose_watch_of_the_master_is_not_ended_reacts_to_our_silence(tmp_path):
+    """The scenario above without the release: it proves that the drive's watchdog was armed."""
     with Line(tmp_path) as line:
         machine = line.open()
         enable(machine["x"])

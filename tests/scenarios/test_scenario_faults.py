@@ -1,4 +1,4 @@
-"""A drive that falls into fault: it and its group stop, the make's table tells why, and only a reset leads on."""
+"""A drive goes into fault: it and its group stop, the table of the make gives the reason, and only a reset permits new commands."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ GAINS_UNKNOWN = 0x2_0000_0000, 0x6320
 
 
 def faulty_device(stage):
-    """A module that is in fault before anybody opens the machine."""
+    """A module that is in fault before the machine is opened."""
     from axisbus import eds
 
     def make():
@@ -35,8 +35,8 @@ def test_a_fault_in_mid_move_stops_the_group_and_is_reported_in_the_makers_words
     cell = scenario.simulated("xy", eds=MODULE)
     faulty, other = cell.travelling()
     cell.drive("x").fault(MOSFET_HOT[1], MOSFET_HOT[0])
-    cell.must_stand("x", within=1.0, stages=FAULT)
-    cell.must_stand("y", within=1.0, stages=ENABLED)
+    cell.must_be_still("x", within=1.0, stages=FAULT)
+    cell.must_be_still("y", within=1.0, stages=ENABLED)
     fault = cell.failure_of(faulty)
     assert isinstance(fault, DriveFault)
     assert fault.code == 0x4310
@@ -52,7 +52,7 @@ def test_bits_in_the_high_word_are_decoded_too(scenario, golden):
     golden("fault_high_bits", cell.failure_of(handle))
 
 
-def test_a_fault_is_reported_by_its_emcy_where_the_drive_refuses_to_be_asked(scenario, golden):
+def test_a_fault_is_reported_by_its_emcy_if_the_drive_aborts_the_read_of_603fh(scenario, golden):
     cell = scenario.simulated("x")
     (handle,) = cell.travelling()
     cell.device().dials.sdo_aborts[0x603F, 0] = 0x0800_0000
@@ -70,7 +70,7 @@ def test_an_unknown_error_code_is_a_value_and_no_crash(scenario, golden):
     golden("fault_unknown_code", cell.failure_of(handle))
 
 
-def test_a_fault_while_disabled_is_reported_and_stops_no_axis_at_rest(scenario, golden):
+def test_a_fault_while_disabled_is_reported_and_stops_no_axis_at_standstill(scenario, golden):
     cell = scenario.simulated("xy", eds=MODULE)
     cell["y"].enable().wait(3)
     cell.drive("x").fault(CURRENT_LIMIT[1], CURRENT_LIMIT[0])
@@ -82,7 +82,7 @@ def test_a_fault_while_disabled_is_reported_and_stops_no_axis_at_rest(scenario, 
     assert cell.stage("y") == ENABLED
 
 
-def test_a_drive_found_in_fault_at_boot_opens_and_says_so(scenario, golden):
+def test_a_drive_in_fault_at_boot_up_is_opened_and_the_fault_is_reported(scenario, golden):
     cell = scenario.simulated("x", eds=MODULE, devices=faulty_device(scenario))
     cell.run(0.5)
     assert cell.x.state is AxisState.ERRORSTOP
@@ -134,12 +134,12 @@ def test_a_fault_in_the_moment_of_enabling_stops_the_others(scenario, golden):
     cell["y"].move_velocity(90.0).wait(3)
     cell.drive("x").dials.fault_on_enable = 0x7121
     failed = cell.failure_of(cell["x"].enable())
-    cell.must_stand("x", within=0.5, stages=OFF)
-    cell.must_stand("y", within=1.0, stages=ENABLED)
+    cell.must_be_still("x", within=0.5, stages=OFF)
+    cell.must_be_still("y", within=1.0, stages=ENABLED)
     golden("fault_on_enable", failed)
 
 
-def test_an_emergency_of_two_bytes_is_read_all_the_same(scenario):
+def test_an_emergency_of_two_bytes_is_read(scenario):
     cell = scenario.simulated("x")
     (handle,) = cell.travelling()
     cell.device().dials.emcy_short = True

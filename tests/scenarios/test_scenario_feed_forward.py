@@ -1,4 +1,4 @@
-"""Feed-forward: a drive is told the velocity and the torque of each set-point, and nothing of that stays when nobody leads it."""
+"""Feed-forward: a drive gets velocity and torque of each set-point, and offsets of 0 while the master does not control it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def forward(velocity: bool = True, inertia: float | None = 0.002, torque: float 
 def made(
     stage: Stage, more: str, motor: dict[str, float] | None = None, **changes: str
 ) -> tuple[Cell, Witness]:
-    """A simulated cell with one axis that feeds forward, and what its drive holds at each SYNC."""
+    """A simulated cell with one axis with feed-forward, and the values of its drive at each SYNC."""
 
     def devices() -> dict[int, object]:
         model = eds.load(resolve(GENERIC, stage.folder))
@@ -74,7 +74,7 @@ def velocities(held: list[Held]) -> list[tuple[Held, float]]:
     ]
 
 
-# -- what is sent --------------------------------------------------------------------------------------------------------
+# -- sent offsets --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("invert", ["", 'invert = "master"\n', 'invert = "drive"\n'])
@@ -105,7 +105,7 @@ def test_the_offsets_are_the_velocity_and_the_torque_of_each_target(scenario, in
     assert set(second) <= {round(constant - up) + off for off in (-1, 0, 1)}
 
 
-def test_only_what_is_asked_for_is_sent(scenario):
+def test_only_the_configured_offsets_are_sent(scenario):
     for more, expected in ((forward(inertia=None), (True, False)), (forward(velocity=False), (False, True))):
         cell, witness = made(scenario, more)
         cell.enabled()
@@ -127,7 +127,7 @@ def test_a_drive_that_turns_velocities_alone_gets_the_other_sign(scenario):
 
 
 def lag_of(cell: Cell, move, distance: float) -> float:
-    """The farthest that the motor is behind its demand on a way, in increments."""
+    """The largest lag of the motor behind its demand during a move, in increments."""
     moment = cell.moment()
     move(cell, distance, 1.2).wait(5)
     record = cell.record().since(moment)
@@ -188,11 +188,13 @@ def test_in_csv_the_torque_alone_is_sent(scenario):
 # -- when nothing is sent ------------------------------------------------------------------------------------------------
 
 
-def test_the_constant_torque_comes_on_a_ramp_and_only_where_it_acts(scenario):
+def test_the_constant_torque_is_ramped_and_sent_in_csp_only(scenario):
     cell, witness = made(scenario, forward(velocity=False, inertia=None, torque=4.0))
     cell.enabled()
     cell.run(0.5)
-    assert not any(h.torque_offset for h in witness.held)  # it stands in pp, where a drive adds nothing
+    assert not any(
+        h.torque_offset for h in witness.held
+    )  # it is at standstill in pp, in which a drive adds nothing
     follow(cell, 1.0, 0.5).wait(5)
     steps = [abs(b.torque_offset - a.torque_offset) for a, b in pairwise(witness.held)]
     assert max(steps) <= 400 * PERIOD / RAMP + 1
@@ -200,7 +202,7 @@ def test_the_constant_torque_comes_on_a_ramp_and_only_where_it_acts(scenario):
     assert not any(h.torque_offset for h in witness.held if h.mode != CSP)
 
 
-def test_another_torque_at_run_time(scenario):
+def test_the_torque_offset_is_changed_at_run_time(scenario):
     cell, witness = made(scenario, forward(velocity=False, inertia=None, torque=0.0))
     cell.enabled()
     follow(cell, 1.0, 0.5).wait(5)
@@ -219,13 +221,13 @@ def test_another_torque_at_run_time(scenario):
     assert witness.held[-1].torque_offset == 0
 
 
-def test_who_did_not_ask_for_it_cannot_set_it(scenario):
+def test_a_torque_offset_that_is_not_configured_cannot_be_set(scenario):
     cell, _ = made(scenario, forward(inertia=None))
     with pytest.raises(ArgumentError, match="is not sent"):
         cell.x.set_torque_offset(1.0)
 
 
-def test_what_would_be_more_than_the_highest_torque_is_held_to_it(scenario):
+def test_the_torque_offset_is_limited_to_the_maximum_torque(scenario):
     cell, witness = made(scenario, forward(inertia=0.1, torque=2.0))
     cell.enabled()
     follow(cell, 60.0, 1.2).wait(5)
@@ -267,7 +269,7 @@ def last_enabled(held: list[Held], until: Held) -> float:
     return max((h.time for h in held if h.stage == ENABLED and h.time <= until.time), default=-1.0)
 
 
-def test_a_halt_goes_down_its_path_with_its_own_velocity_and_the_weight_stays_held(scenario):
+def test_a_halt_brakes_with_the_velocity_offset_of_its_path_and_the_torque_offset_stays(scenario):
     cell, witness = made(scenario, forward(torque=2.0))
     cell.enabled()
     follow(cell, 300.0, 6.0)
@@ -297,12 +299,12 @@ def test_the_scan_that_dies_sends_0(scenario):
     cell.faults.commit = AdapterError("the adapter is gone")
     with suppress(AxisbusError):
         cell.run(0.05)
-    assert not cell.scan_lives
+    assert not cell.scan_runs
     assert (witness.held[-1].velocity_offset, witness.held[-1].torque_offset) == (0, 0)
 
 
 def test_a_drive_that_was_lost_gets_0_before_it_is_enabled_again(scenario):
-    """It notices nothing of a dead master, and so continues with what it has."""
+    """It does not detect a dead master, and so keeps its values."""
     stop = 'connection_loss = "nothing"\ncommunication_error = "no-change"'
     cell, witness = made(scenario, forward(torque=2.0), stop=stop)
     cell.enabled()
@@ -311,7 +313,7 @@ def test_a_drive_that_was_lost_gets_0_before_it_is_enabled_again(scenario):
     device = cell.device()
     device.dials.dead = True  # the cable
     cell.run(1.0)
-    assert cell.drive().torque_offset > 150  # nobody could tell it
+    assert cell.drive().torque_offset > 150  # it cannot be reached
     device.dials.dead = False
     cell.run(0.1)
     assert (cell.drive().velocity_offset, cell.drive().torque_offset) == (0, 0)
@@ -324,12 +326,12 @@ def test_a_drive_that_was_lost_gets_0_before_it_is_enabled_again(scenario):
     assert not any(h.velocity_offset or h.torque_offset for h in again)
 
 
-def test_what_another_program_has_left_is_0_before_the_drive_is_enabled(scenario):
+def test_offsets_of_another_program_are_cleared_before_the_drive_is_enabled(scenario):
     cell, witness = made(scenario, forward(torque=2.0))
     drive = cell.drive()
     drive.velocity_offset, drive.torque_offset = 5000, -300
     cell.run(0.5)
-    assert (drive.velocity_offset, drive.torque_offset) == (5000, -300)  # nobody has asked for anything
+    assert (drive.velocity_offset, drive.torque_offset) == (5000, -300)  # no command was given
     cell.enabled()
     cell.run(0.1)
     first = next(number for number, h in enumerate(witness.held) if h.stage == ENABLED)
@@ -417,7 +419,7 @@ def test_a_bus_without_sync_is_refused(scenario):
 
 
 def test_a_drive_without_the_object_is_refused_at_boot(scenario):
-    """Its file says that it has it."""
+    """By its file it has the object."""
     text = resolve(GENERIC, scenario.folder).read_text(encoding="utf-8").replace("60B1", "5FB1")
     (scenario.folder / "other.eds").write_text(text, encoding="utf-8")
     other = device_from_eds(eds.load(scenario.folder / "other.eds"), 1)

@@ -1,4 +1,4 @@
-"""Feed-forward over a bus in real time: what travels with SYNC, and what is left when the core is gone."""
+"""Feed-forward over a bus in real time: offsets sent with SYNC, and the offsets after the core has ended."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_the_offsets_travel_with_the_targets(scenario: Stage) -> None:
     assert (cell.device().read(0x60B1), cell.device().read(0x60B2)) == (0, 0)
 
 
-def test_a_core_that_is_gone_leaves_frames_without_them(scenario: Stage) -> None:
+def test_the_rescue_frames_for_a_dead_core_contain_zero_feed_forward(scenario: Stage) -> None:
     cell = made(scenario)
     core = cell.machine._core
     memory = mmap.mmap(-1, rescue_memory.size_of(1))
@@ -83,7 +83,7 @@ def generic(scenario: Stage) -> Device:
     return device_from_eds(eds.load(resolve(GENERIC, scenario.folder)), 1)
 
 
-def test_a_drive_that_lets_nothing_be_mapped_is_refused_at_boot(scenario: Stage) -> None:
+def test_a_drive_that_refuses_every_mapping_is_refused_at_boot(scenario: Stage) -> None:
     made = generic(scenario)
     made.dials.fixed_mapping = 0x0601_0002
     with pytest.raises(BootError, match="its feed-forward cannot be sent by 60B1h") as caught:

@@ -31,7 +31,7 @@ def test_a_stop_behind_a_thousand_moves_stops_in_the_next_cycle_and_none_of_them
     stop = STOPS[how](cell.x if whose == "axis" else cell.machine.group("x", "y"))
     cell.run(0.02)
     assert not any(move.busy for move in moves)
-    cell.must_stand("x", within=0.6, stages=(ENABLED, *OFF), for_good=3.0)
+    cell.must_be_still("x", within=0.6, stages=(ENABLED, *OFF), for_good=3.0)
     assert stop.wait(1).done
     assert sum(isinstance(move.exception(), Stopped) for move in moves) > 900
     if whose == "axis":
@@ -46,10 +46,10 @@ def test_the_request_to_stop_everything_is_taken_before_all_that_waits(scenario)
     assert not any(move.busy for move in moves)
     assert all(move.exception() is not None for move in moves)
     for name in "xy":
-        cell.must_stand(name, within=0.1, stages=OFF)
+        cell.must_be_still(name, within=0.1, stages=OFF)
 
 
-def test_a_command_too_many_is_refused_and_says_what_to_do(scenario, golden):
+def test_a_command_too_many_is_refused_with_the_remedy(scenario, golden):
     cell = scenario.simulated("x").enabled()
     handles = [cell.x.move_relative(0.01) for _ in range(MOST + 1)]
     error = handles[-1].exception()
@@ -85,7 +85,7 @@ def test_four_threads_that_command_without_a_pause_take_no_cycles_and_keep_no_st
     if ENDLESS[what].life is not None:  # a motion that is replaced in each cycle has never begun
         cell.must_move("x")
     halt = cell["y"].halt()
-    cell.must_stand("y", within=1.5, stages=ENABLED, for_good=0.3)
+    cell.must_be_still("y", within=1.5, stages=ENABLED, for_good=0.3)
     share = (scan.lateness.cycles - cycles) * scan.period / (time.monotonic() - begin)
     assert halt.done
     assert share > 0.5
@@ -93,7 +93,7 @@ def test_four_threads_that_command_without_a_pause_take_no_cycles_and_keep_no_st
     for thread in threads:
         thread.join()
     cell.x.halt()
-    cell.must_stand("x", within=2.0, stages=ENABLED)
+    cell.must_be_still("x", within=2.0, stages=ENABLED)
     assert not scan.ended
 
 
@@ -102,4 +102,4 @@ def test_users_that_jog_without_a_pause_renew_one_jog(scenario):
     handles = {cell.x.jog(50.0) for _ in range(5000)}
     assert len(handles) == 1
     cell.run(0.3)
-    cell.must_stand("x", within=1.0, stages=ENABLED)
+    cell.must_be_still("x", within=1.0, stages=ENABLED)

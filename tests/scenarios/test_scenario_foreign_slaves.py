@@ -1,7 +1,7 @@
 """Slaves of other CANopen stacks with their own EDS: boot, enable, pp, pv, homing, halt, quick stop, fault, disable, close.
 
 The slaves are fakes (kit/foreign_slaves.py). The tests judge a motion by the state of the fake, never by the master's report. If a
-slave cannot do a command, the command must fail with an error that says so, and the master must not report standstill while the
+slave cannot do a command, the command must fail with that reason, and the master must not report standstill while the
 slave moves.
 """
 
@@ -134,7 +134,7 @@ class Bench:
         assert self.slave.energised
         return self
 
-    def on_its_way(self, distance: float) -> Handle:
+    def start_move(self, distance: float) -> Handle:
         """Begin a relative move and return in the middle of it."""
         handle = self.x.move_relative(distance)
         time.sleep(0.8)
@@ -158,7 +158,7 @@ class Bench:
         """Check that the slave moves."""
         assert self.span(0.1) > 0.01
 
-    def must_stand(self, at: float | None = None, *, energised: bool) -> None:
+    def must_be_still(self, at: float | None = None, *, energised: bool) -> None:
         """Check that the slave is at standstill, its position in mm (if given), and whether it has power."""
         assert self.span(0.4) <= 0.001
         assert self.slave.energised is energised
@@ -188,11 +188,11 @@ each_obeying = pytest.mark.parametrize("name", OBEYING)
 
 
 @each_slave
-def test_it_boots_without_power_and_closes_without_power(tmp_path, name):
+def test_a_foreign_slave_boots_and_closes_without_power(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         assert bench.slave.nmt == OPERATIONAL
         assert bench.slave.get(0x1017) == 100
-        bench.must_stand(0.0, energised=False)
+        bench.must_be_still(0.0, energised=False)
         assert bench.x.state is AxisState.DISABLED
     assert not bench.slave.energised
     assert not any(energised for _, _, energised in bench.slave.track)
@@ -253,20 +253,20 @@ scale = 1000
 
 
 @each_slave
-def test_it_is_enabled_and_disabled_and_enabled_again_without_a_motion(tmp_path, name):
+def test_a_foreign_slave_is_enabled_disabled_and_enabled_again_without_a_motion(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         for _ in range(2):
             bench.enabled()
-            bench.must_stand(0.0, energised=True)
+            bench.must_be_still(0.0, energised=True)
             bench.x.disable().wait(5)
-            bench.must_stand(0.0, energised=False)
+            bench.must_be_still(0.0, energised=False)
         bench.enabled()
     assert not bench.slave.energised
     bench.must_never_have_been_beyond(0.0, 0.0)
 
 
 @each_moving
-def test_it_closes_at_the_end_of_a_move_without_power(tmp_path, name):
+def test_a_foreign_slave_has_no_power_after_the_machine_closed_at_the_end_of_a_move(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().x.move_absolute(1.0).wait(10)
     assert not bench.slave.energised
@@ -287,7 +287,7 @@ def test_a_slave_with_its_axes_in_sub_indices_is_refused_before_the_first_frame(
 
 
 @each_moving
-def test_it_moves_to_positions_and_by_distances(tmp_path, name):
+def test_a_foreign_slave_moves_to_positions_and_by_distances(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled()
         for command, goal in (
@@ -297,16 +297,16 @@ def test_it_moves_to_positions_and_by_distances(tmp_path, name):
             (lambda: bench.x.move_absolute(-1.0), -1.0),
         ):
             command().wait(15)
-            bench.must_stand(goal, energised=True)
+            bench.must_be_still(goal, energised=True)
         bench.must_never_have_been_beyond(-1.0, 3.0)
 
 
 @each_obeying
 def test_a_move_that_replaces_another_ends_at_its_own_target(tmp_path, name):
     with Bench(tmp_path, name) as bench:
-        bench.enabled().on_its_way(9.0)
+        bench.enabled().start_move(9.0)
         bench.x.move_absolute(-1.0).wait(15)
-        bench.must_stand(-1.0, energised=True)
+        bench.must_be_still(-1.0, energised=True)
 
 
 def test_a_set_point_without_acknowledge_is_an_error_that_names_the_key_of_the_cell_file(tmp_path):
@@ -315,14 +315,14 @@ def test_a_set_point_without_acknowledge_is_an_error_that_names_the_key_of_the_c
         assert isinstance(failed, SetPointError)
         assert 'handshake = "on-change"' in failed.remedy
         time.sleep(4.0)  # it goes to its target all the same
-        bench.must_stand(3.0, energised=True)
+        bench.must_be_still(3.0, energised=True)
 
 
 # -- profile velocity --------------------------------------------------------------------------------------------------
 
 
 @each_obeying
-def test_it_turns_at_a_velocity_and_halts(tmp_path, name):
+def test_a_foreign_slave_moves_at_a_velocity_and_halts(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled()
         for velocity in (1.5, -1.0):
@@ -331,23 +331,23 @@ def test_it_turns_at_a_velocity_and_halts(tmp_path, name):
             time.sleep(1.0)
             assert bench.position - began == pytest.approx(velocity, rel=0.02)
         bench.x.halt().wait(10)
-        bench.must_stand(energised=True)
+        bench.must_be_still(energised=True)
 
 
 @each_obeying
-def test_it_moves_to_a_position_after_a_halt_in_pv(tmp_path, name):
+def test_a_foreign_slave_moves_to_a_position_after_a_halt_in_pv(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().x.move_velocity(1.5).wait(10)
         bench.x.halt().wait(10)
         bench.x.move_absolute(0.0).wait(15)
-        bench.must_stand(0.0, energised=True)
+        bench.must_be_still(0.0, energised=True)
 
 
-def test_a_slave_that_goes_a_hundred_times_too_fast_in_pv_is_stopped(tmp_path):
+def test_a_slave_that_moves_a_hundred_times_too_fast_in_pv_is_stopped(tmp_path):
     with Bench(tmp_path, "ros2_canopen") as bench:
         bench.enabled().x.move_velocity(1.0)
         assert bench.span(0.5) < 10.0  # it goes 100 mm/s
-        bench.must_stand(energised=True)
+        bench.must_be_still(energised=True)
         assert isinstance(bench.x.error, LimitError | FollowingError)  # whichever is seen first
 
 
@@ -356,7 +356,7 @@ def test_a_slave_without_a_motor_does_not_follow_in_pv(tmp_path):
         failed = bench.failure_of(bench.enabled().x.move_velocity(1.0))
         assert isinstance(failed, FollowingError)
         time.sleep(2.0)
-        bench.must_stand(0.0, energised=True)
+        bench.must_be_still(0.0, energised=True)
         with pytest.raises(DriveError, match="could not be switched off"):  # quick stop leaves it with power
             bench.machine.close()
 
@@ -366,24 +366,24 @@ def test_a_slave_without_a_motor_does_not_follow_in_pv(tmp_path):
 
 @pytest.mark.parametrize("method", [35, 37])
 @each_moving
-def test_it_is_homed_in_place(tmp_path, name, method):
+def test_a_foreign_slave_is_homed_in_place(tmp_path, name, method):
     with Bench(tmp_path, name) as bench:
         bench.enabled().x.home(method).wait(10)
         assert bench.slave.get(0x6098) == method
         assert bench.x.homed
-        bench.must_stand(0.0, energised=True)
+        bench.must_be_still(0.0, energised=True)
         bench.x.move_absolute(1.0).wait(10)
-        bench.must_stand(1.0, energised=True)
+        bench.must_be_still(1.0, energised=True)
 
 
 @each_moving
-def test_it_is_homed_away_from_zero_and_moves_from_there(tmp_path, name):
+def test_a_foreign_slave_is_homed_away_from_zero_and_moves_from_there(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().x.move_absolute(2.0).wait(10)
         bench.x.home().wait(10)
-        bench.must_stand(0.0, energised=True)
+        bench.must_be_still(0.0, energised=True)
         bench.x.move_absolute(1.0).wait(10)
-        bench.must_stand(1.0, energised=True)
+        bench.must_be_still(1.0, energised=True)
 
 
 def test_a_homing_method_that_the_slave_does_not_have_is_an_error(tmp_path):
@@ -392,7 +392,7 @@ def test_a_homing_method_that_the_slave_does_not_have_is_an_error(tmp_path):
         assert isinstance(failed, HomingError)
         assert "bit 13" in failed.observed
         assert not bench.x.homed
-        bench.must_stand(0.0, energised=True)
+        bench.must_be_still(0.0, energised=True)
 
 
 # -- missing modes -----------------------------------------------------------------------------------------------------
@@ -412,7 +412,7 @@ def test_a_mode_without_its_objects_is_refused_and_the_object_named(tmp_path, co
         failed = bench.failure_of(command(bench.enabled().x))
         assert isinstance(failed, StateError)
         assert f"its EDS lacks {lacks}" in failed.observed
-        bench.must_stand(0.0, energised=True)
+        bench.must_be_still(0.0, energised=True)
         assert bench.x.error is None
 
 
@@ -424,7 +424,7 @@ def test_a_mode_that_the_cell_file_leaves_out_is_refused_and_named(tmp_path):
         assert bench.slave.mode == PP
 
 
-# csv: its objects are in each EDS, and no 6502h claims it. What happens if the cell file names it all the same:
+# csv: its objects are in each EDS, and no 6502h claims it. The result if the cell file names it all the same:
 UNCLAIMED = {
     "ros2_canopen": (FollowingError, "does not follow"),  # it shows the mode and does not move
     "espp": (StateError, "needs 6041h, 606Ch, 6064h and 60FFh in synchronous PDOs"),
@@ -440,7 +440,7 @@ def test_a_mode_that_6502h_does_not_claim_is_refused(tmp_path, name):
         assert "does not have csv" in failed.message
         assert "6502h" in failed.observed
         assert "modes = [...]" in failed.remedy
-        bench.must_stand(0.0, energised=True)
+        bench.must_be_still(0.0, energised=True)
         assert bench.x.error is None
 
 
@@ -452,132 +452,134 @@ def test_a_mode_that_only_the_cell_file_has_ends_in_an_error_without_a_motion(tm
         failed = bench.failure_of(bench.enabled().x.cyclic_velocity(1.0))
         assert isinstance(failed, kind)
         assert words in failed.message
-        bench.must_stand(0.0, energised=True)
+        bench.must_be_still(0.0, energised=True)
 
 
 # -- halt --------------------------------------------------------------------------------------------------------------
 
 
 @each_obeying
-def test_it_halts_in_the_middle_of_a_move(tmp_path, name):
+def test_a_foreign_slave_halts_in_the_middle_of_a_move(tmp_path, name):
     with Bench(tmp_path, name) as bench:
-        bench.enabled().on_its_way(9.0)
+        bench.enabled().start_move(9.0)
         bench.x.halt().wait(10)
-        bench.must_stand(energised=True)
+        bench.must_be_still(energised=True)
         assert 0.5 < bench.position < 3.0
 
 
 @each_obeying
 def test_a_halted_drive_has_its_own_position_as_target(tmp_path, name):
     with Bench(tmp_path, name) as bench:
-        bench.enabled().on_its_way(9.0)
+        bench.enabled().start_move(9.0)
         bench.x.halt().wait(10)
         assert bench.slave.target == pytest.approx(bench.slave.position, abs=100)
 
 
 @each_obeying
-def test_it_moves_on_after_a_halt(tmp_path, name):
+def test_a_foreign_slave_moves_again_after_a_halt(tmp_path, name):
     with Bench(tmp_path, name) as bench:
-        bench.enabled().on_its_way(9.0)
+        bench.enabled().start_move(9.0)
         bench.x.halt().wait(10)
         halted = bench.position
         bench.x.move_relative(1.0).wait(10)
-        bench.must_stand(halted + 1.0, energised=True)
+        bench.must_be_still(halted + 1.0, energised=True)
 
 
 def test_a_halt_that_the_foreign_slave_ignores_ends_only_at_standstill(tmp_path):
     with Bench(tmp_path, "ros2_canopen") as bench:
-        bench.enabled().on_its_way(1.0)
+        bench.enabled().start_move(1.0)
         bench.x.halt().wait(10)
-        bench.must_stand(1.0, energised=True)
+        bench.must_be_still(1.0, energised=True)
 
 
 def test_a_halt_that_the_slave_ignores_for_too_long_is_an_error(tmp_path):
     with Bench(tmp_path, "ros2_canopen") as bench:
-        bench.enabled().on_its_way(9.0)
+        bench.enabled().start_move(9.0)
         failed = bench.failure_of(bench.x.halt())
         assert isinstance(failed, DriveError)
         assert "did not come to standstill on a halt in time" in failed.remedy
-        bench.must_stand(9.0, energised=False)
+        bench.must_be_still(9.0, energised=False)
 
 
 # -- quick stop, disable and close in the middle of a move -------------------------------------------------------------
 
 
 @each_obeying
-def test_it_stops_quickly_in_the_middle_of_a_move(tmp_path, name):
+def test_a_foreign_slave_stops_quickly_in_the_middle_of_a_move(tmp_path, name):
     with Bench(tmp_path, name) as bench:
-        bench.enabled().on_its_way(9.0)
+        bench.enabled().start_move(9.0)
         bench.x.quick_stop().wait(10)
-        bench.must_stand(energised=False)
+        bench.must_be_still(energised=False)
         assert bench.position < 1.5
 
 
 def test_a_quick_stop_that_the_slave_ignores_is_not_reported_as_standstill(tmp_path):
     with Bench(tmp_path, "ros2_canopen") as bench:
-        bench.enabled().on_its_way(12.0)
+        bench.enabled().start_move(12.0)
         failed = bench.failure_of(bench.x.quick_stop())
         bench.must_move()
         assert isinstance(failed, DriveError)
         assert "the stop of the axis could not be confirmed" in failed.message
         time.sleep(4.0)
-        bench.must_stand(12.0, energised=False)
+        bench.must_be_still(12.0, energised=False)
 
 
 def test_after_a_quick_stop_it_is_enabled_again_and_moves(tmp_path):
     with Bench(tmp_path, "canworks") as bench:
-        bench.enabled().on_its_way(9.0)
+        bench.enabled().start_move(9.0)
         bench.x.quick_stop().wait(10)
         stopped = bench.position
         bench.enabled()
-        bench.must_stand(stopped, energised=True)
+        bench.must_be_still(stopped, energised=True)
         bench.x.move_absolute(0.0).wait(15)
-        bench.must_stand(0.0, energised=True)
+        bench.must_be_still(0.0, energised=True)
 
 
 def test_a_slave_that_continues_to_its_old_target_when_enabled_is_stopped(tmp_path):
     with Bench(tmp_path, "espp") as bench:
-        bench.enabled().on_its_way(9.0)
+        bench.enabled().start_move(9.0)
         bench.x.quick_stop().wait(10)
         stopped = bench.position
         failed = bench.failure_of(bench.x.enable())
         assert isinstance(failed, UncommandedMotion)
         time.sleep(0.5)
-        bench.must_stand(energised=False)
+        bench.must_be_still(energised=False)
         assert bench.position < stopped + 0.5  # of the 7.8 mm to its target
 
 
 @each_obeying
-def test_it_is_disabled_in_the_middle_of_a_move(tmp_path, name):
+def test_a_foreign_slave_is_disabled_in_the_middle_of_a_move(tmp_path, name):
     with Bench(tmp_path, name) as bench:
-        bench.enabled().on_its_way(9.0)
+        bench.enabled().start_move(9.0)
         bench.x.disable().wait(10)
-        bench.must_stand(energised=False)
+        bench.must_be_still(energised=False)
         assert bench.position < 3.0
 
 
 @each_obeying
-def test_it_moves_after_it_was_disabled_in_the_middle_of_a_move(tmp_path, name):
+def test_a_foreign_slave_moves_after_it_was_disabled_in_the_middle_of_a_move(tmp_path, name):
     with Bench(tmp_path, name) as bench:
-        bench.enabled().on_its_way(9.0)
+        bench.enabled().start_move(9.0)
         bench.x.disable().wait(10)
         bench.enabled()
         bench.x.move_absolute(0.0).wait(15)
-        bench.must_stand(0.0, energised=True)
+        bench.must_be_still(0.0, energised=True)
 
 
 @each_obeying
-def test_a_machine_that_is_closed_in_the_middle_of_a_move_leaves_it_at_rest_without_power(tmp_path, name):
+def test_closing_the_machine_in_the_middle_of_a_move_leaves_the_slave_at_standstill_without_power(
+    tmp_path, name
+):
     with Bench(tmp_path, name) as bench:
-        bench.enabled().on_its_way(9.0)
+        bench.enabled().start_move(9.0)
         bench.machine.close()
-        bench.must_stand(energised=False)
+        bench.must_be_still(energised=False)
         assert bench.position < 3.0
 
 
-def test_a_machine_whose_slave_does_not_stop_says_so_when_it_is_closed(tmp_path):
+def test_closing_the_machine_reports_a_slave_that_does_not_stop(tmp_path):
     with Bench(tmp_path, "ros2_canopen") as bench:
-        bench.enabled().on_its_way(12.0)
+        bench.enabled().start_move(12.0)
         with pytest.raises(DriveError, match="the stop of the axis could not be confirmed"):
             bench.machine.close()
         bench.must_move()
@@ -585,7 +587,7 @@ def test_a_machine_whose_slave_does_not_stop_says_so_when_it_is_closed(tmp_path)
 
 def test_a_slave_that_is_silent_until_its_move_has_ended_is_lost_and_not_at_standstill(tmp_path):
     with Bench(tmp_path, "ros2_canopen") as bench:
-        bench.enabled().on_its_way(12.0)
+        bench.enabled().start_move(12.0)
         failed = bench.failure_of(
             bench.x.move_velocity(1.0)
         )  # another mode: the slave waits for the end of its move
@@ -607,7 +609,7 @@ def test_a_slave_that_quick_stop_leaves_with_power_is_enabled_and_disabled(tmp_p
         assert bench.x.state is not AxisState.DISABLED
         bench.x.enable().wait(5)
         bench.x.disable().wait(5)
-        bench.must_stand(0.0, energised=False)
+        bench.must_be_still(0.0, energised=False)
 
 
 def test_a_slave_that_cannot_be_switched_off_is_reported_as_energised(tmp_path):
@@ -626,25 +628,25 @@ def test_after_a_fault_it_is_reset_and_enabled_and_moves(tmp_path):
         bench.enabled().x.move_absolute(1.0).wait(10)
         bench.machine.node(1).sdo[0x2000] = 1
         time.sleep(0.5)
-        bench.must_stand(1.0, energised=False)
+        bench.must_be_still(1.0, energised=False)
         assert isinstance(bench.x.error, DriveError)
         assert "0xFF00" in bench.x.error.observed
         failed = bench.failure_of(bench.x.enable())
         assert isinstance(failed, StateError)
         assert not bench.slave.energised
         bench.x.reset().wait(5)
-        bench.must_stand(1.0, energised=False)
+        bench.must_be_still(1.0, energised=False)
         bench.enabled().x.move_absolute(2.0).wait(10)
-        bench.must_stand(2.0, energised=True)
+        bench.must_be_still(2.0, energised=True)
 
 
 def test_a_fault_in_the_middle_of_a_move_ends_the_move_and_stops_the_axis(tmp_path):
     with Bench(tmp_path, "espp") as bench:
-        moving = bench.enabled().on_its_way(9.0)
+        moving = bench.enabled().start_move(9.0)
         bench.machine.node(1).sdo[0x2000] = 1
         failed = bench.failure_of(moving)
         assert isinstance(failed, DriveError)
-        bench.must_stand(energised=False)
+        bench.must_be_still(energised=False)
         assert bench.position < 1.5
 
 
@@ -655,10 +657,10 @@ def test_a_slave_that_moves_no_more_after_a_second_enable_is_reported(tmp_path):
         failed = bench.failure_of(bench.enabled().x.move_absolute(2.0))
         assert isinstance(failed, SetPointError)
         assert "no sign that the drive has accepted the set-point" in failed.message
-        bench.must_stand(1.0, energised=True)
+        bench.must_be_still(1.0, energised=True)
         with pytest.raises(DriveError, match="the axis was blocked"):  # the drive may still be led to 2 mm
             bench.machine.close()
-        bench.must_stand(1.0, energised=False)
+        bench.must_be_still(1.0, energised=False)
 
 
 # -- the fakes themselves ----------------------------------------------------------------------------------------------

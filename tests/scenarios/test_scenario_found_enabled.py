@@ -60,7 +60,7 @@ def controlwords(cell) -> list[int]:
     return seen
 
 
-def test_a_drive_found_at_rest_is_reported_and_gets_no_controlword(scenario):
+def test_a_drive_found_at_standstill_is_reported_and_gets_no_controlword(scenario):
     cell = at_rest(scenario)
     sent = controlwords(cell)
     cell.run(1.0)
@@ -111,7 +111,7 @@ def test_enable_takes_a_resting_drive_over_without_a_jump(scenario):
     place = cell.where()
     cell.x.enable().wait(3)
     assert cell.stage() == ENABLED
-    assert all(word & 0x0F == 0x0F for word in sent)  # it was never dropped on the way
+    assert all(word & 0x0F == 0x0F for word in sent)  # it was enabled all the time
     assert abs(cell.where() - place) < 0.02
     cell.x.move_relative(10.0).wait(5)
     cell.run(0.3)
@@ -121,7 +121,7 @@ def test_enable_takes_a_resting_drive_over_without_a_jump(scenario):
 @pytest.mark.parametrize("mode", [PV, PP, CSP])
 def test_enable_takes_a_moving_drive_over_by_braking_it_on_its_ramp(scenario, mode):
     cell = scenario.simulated("x", devices=found(scenario, mode, target_velocity=TURNING))
-    if mode == PP:  # on its way to a far target of the other master
+    if mode == PP:  # moving to a far target of the other master
         cell.device().write(0x6081, 0, TURNING)
         cell.drive().target_position = 1_000_000
         cell.drive().controlword = 0x3F
@@ -145,7 +145,7 @@ OFFSET = 30_000  # position increments
 
 
 def with_offset(stage):
-    """A drive at rest in csp, whose position offset makes up for its target."""
+    """A drive at standstill in csp, whose position offset compensates its target."""
     make = found(stage, CSP, target_position=-OFFSET)
 
     def made() -> dict[int, Device]:
@@ -156,7 +156,7 @@ def with_offset(stage):
     return made
 
 
-def test_enable_takes_a_drive_over_whose_position_offset_acts(scenario):
+def test_enable_adopts_a_drive_whose_position_offset_acts(scenario):
     cell = scenario.simulated("x", devices=with_offset(scenario))
     place = cell.where()
     cell.x.enable().wait(3)
@@ -178,7 +178,7 @@ def test_a_drive_that_cannot_be_taken_over_without_a_jump_is_left_at_its_positio
 def test_disable_stops_a_found_turning_drive(scenario):
     cell = turning(scenario)
     handle = cell.x.disable()
-    cell.must_stand(within=1.0, stages=(SWITCH_ON_DISABLED, SWITCHED_ON))
+    cell.must_be_still(within=1.0, stages=(SWITCH_ON_DISABLED, SWITCHED_ON))
     handle.wait(1)
     assert cell.stage() == SWITCH_ON_DISABLED
 
@@ -187,11 +187,11 @@ def test_disable_stops_a_found_turning_drive(scenario):
 def test_halt_stops_a_found_turning_drive(scenario):
     cell = turning(scenario)
     handle = cell.x.halt()
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     handle.wait(1)
 
 
-def test_another_axis_fault_does_not_touch_a_drive_that_is_not_ours(scenario):
+def test_a_fault_of_another_axis_does_not_affect_a_drive_that_we_did_not_enable(scenario):
     def both():
         (mine,) = found(scenario, PP)().values()
         other = device_from_eds(eds.load(resolve(GENERIC, scenario.folder)), 2)

@@ -20,7 +20,7 @@ from kit.cell import SCALE
 from kit.gantry.pair import CYCLE, LIMITED, MAX_SKEW, SOFT, pair_of
 from kit.probe import ENABLED, FAULT, OFF, QUICK_STOP
 
-NEAR = 0.05  # deg: what the lag of two motors, and rounding, make between them
+NEAR = 0.05  # deg: the lag of two motors and rounding together
 
 
 def enabled(scenario, *names, **how):
@@ -36,7 +36,7 @@ def where(pair):
 # -- driven as one -----------------------------------------------------------------------------------------------------
 
 
-def test_it_is_moved_by_the_verbs_of_an_axis_and_stays_square(scenario):
+def test_a_gantry_is_moved_by_the_methods_of_an_axis_and_stays_square(scenario):
     pair = enabled(scenario)
     beam = pair.gantry
     beam.move_absolute(30.0).wait(5)
@@ -57,7 +57,7 @@ def test_it_is_moved_by_the_verbs_of_an_axis_and_stays_square(scenario):
     assert abs(beam.skew) < NEAR
 
 
-def test_both_are_enabled_in_one_sync(scenario):
+def test_both_axes_of_a_gantry_are_enabled_in_one_sync(scenario):
     pair = pair_of(scenario)
     pair.gantry.enable().wait(5)
     times = [
@@ -107,7 +107,7 @@ def noisy(pair):
 
 
 @pytest.mark.parametrize("place", [400.0, 400.02, 450.0, -400.0, -400.02, -450.0])
-def test_a_beam_at_a_limit_or_beyond_it_comes_back_and_goes_no_farther_out(scenario, place):
+def test_a_beam_at_or_beyond_a_limit_moves_back_only(scenario, place):
     pair = enabled(scenario, axis=LIMITED)
     beam, back = pair.gantry, -1.0 if place > 0.0 else 1.0
     beam.set_position(place, square=True).wait(5)
@@ -195,7 +195,7 @@ def test_a_halted_pair_stays_on_its_path_and_resumes_from_there(scenario):
     assert pair.worst_skew() < NEAR
 
 
-def test_it_continues_after_a_stop_that_was_released(scenario):
+def test_a_gantry_moves_again_after_a_stop_that_was_released(scenario):
     pair = enabled(scenario)
     pair.gantry.move_absolute(120.0)
     pair.run(0.6)
@@ -339,7 +339,7 @@ def test_a_side_that_jams_on_a_path_of_a_group_stops_the_whole_group(scenario):
     assert isinstance(pair["y"].error, SkewError)
     assert pair.speed("x") == pair.speed("z") == 0.0
     assert abs(pair.speed("y")) < 5.0
-    # As hard as all three may brake, and not by the deceleration of the way (240).
+    # With the hardest deceleration of all three, and not with that of the path (240).
     assert pair.worst_skew() < MAX_SKEW + 87.0 * 6 * CYCLE + 87.0**2 / 2 / 1900.0
 
 
@@ -368,7 +368,7 @@ def test_another_axis_may_follow_one_of_them(scenario):
 
 @pytest.mark.parametrize("verb", ["halt", "stop", "quick_stop", "disable"])
 @pytest.mark.parametrize("name", "xy")
-def test_what_stops_one_stops_both(scenario, verb, name):
+def test_a_stop_of_one_axis_stops_both(scenario, verb, name):
     pair = enabled(scenario)
     pair.gantry.move_absolute(300.0)
     pair.run(1.0)
@@ -398,7 +398,7 @@ def test_a_group_that_is_stopped_with_one_of_them_stops_the_other_too(scenario):
 FAILS = {
     "fault": (lambda pair: pair.machine.simulated_node(2).fault(0x2310), DriveFault, 100.0),
     "node lost, slowly": (lambda pair: setattr(pair.device("y").dials, "dead", True), NodeError, 12.0),
-    # At 100 deg/s a position that is no more told is 8 deg old before its node is lost.
+    # At 100 deg/s a position that is no longer received is 8 deg old before its node is lost.
     "node lost": (lambda pair: setattr(pair.device("y").dials, "dead", True), SkewError, 100.0),
 }
 
@@ -419,14 +419,14 @@ def test_a_failing_axis_stops_the_other_on_the_same_path(scenario, how, lost):
     begun = next(sample for sample in samples if abs(sample.velocity) < 0.95 * speed)
     # Two cycles on, the first target that brakes; it is taken, and led to, a cycle later each.
     assert begun.time - told[0] < 6.5 * CYCLE
-    # 1000 deg/s² would be the quick stop: both may have 2000, and so hard is it on their way.
+    # 1000 deg/s² would be the quick stop: both may have 2000, and brake on their path as hard.
     assert pair.moved_since("x", told[0]) < speed * 6.5 * CYCLE + speed**2 / 2 / 1900.0
-    if how != "node lost":  # then the beam is bent, as far as anybody knows
+    if how != "node lost":  # then the beam counts as bent
         assert pair.speed("x") == 0.0
-        assert pair.stage("x") == ENABLED  # it holds, on its way
+        assert pair.stage("x") == ENABLED  # it holds its position on its path
 
 
-def test_a_fault_while_the_beam_is_at_rest_is_reported_and_nothing_moves(scenario):
+def test_a_fault_while_the_beam_is_at_standstill_is_reported_without_a_motion(scenario):
     pair = enabled(scenario)
     pair.machine.simulated_node(1).fault(0x2310)
     pair.run(0.5)
@@ -445,8 +445,8 @@ def test_a_fault_while_the_beam_is_at_rest_is_reported_and_nothing_moves(scenari
     [(SOFT, None), (0.5, None), (0.5, 8000.0)],
     ids=["soft beam", "stiff beam", "soft move"],
 )
-def test_one_that_jams_stops_both_before_the_beam_is_bent_much(scenario, stiff, jerk):
-    """Also where a limit of jerk would let it come to rest half a second later."""
+def test_a_side_that_jams_stops_both_before_the_beam_is_bent_much(scenario, stiff, jerk):
+    """Also if a limit of jerk would delay its standstill by half a second."""
     pair = enabled(scenario, stiff=stiff)
     move = pair.gantry.move_absolute(300.0, jerk=jerk)
     pair.run(1.0)
@@ -460,11 +460,11 @@ def test_one_that_jams_stops_both_before_the_beam_is_bent_much(scenario, stiff, 
     pair.run(1.0)
     assert all(pair.stage(name) in OFF for name in "xy")
     assert {axis.state for axis in pair.gantry} == {AxisState.ERRORSTOP}
-    # Seen a SYNC later, told in that cycle, taken a SYNC later, and braked by 2000 deg/s².
+    # Seen a SYNC later, reported in that cycle, taken a SYNC later, and braked by 2000 deg/s².
     assert MAX_SKEW < pair.worst_skew() < MAX_SKEW + 100.0 * 5.5 * CYCLE + 100.0**2 / 2 / 1900.0
 
 
-def test_what_held_one_side_may_come_free_and_nothing_leaps(scenario):
+def test_a_blocked_side_that_is_released_does_not_leap(scenario):
     pair = enabled(scenario, stiff=0.0)
     pair.gantry.move_absolute(300.0)
     pair.run(1.0)
@@ -486,7 +486,7 @@ def test_a_beam_that_was_bent_for_a_moment_is_held(scenario):
     pair.until(lambda: pair["x"].error is not None)
     pair.drive("y").dials.blocked = False
     pair.run(1.0)
-    assert abs(pair.skew) < MAX_SKEW  # its drive has led it back
+    assert abs(pair.skew) < MAX_SKEW  # its drive has moved it back
     assert {pair.stage(name) for name in "xy"} == {ENABLED}
     pair.gantry.reset().wait(5)
     pair.gantry.move_relative(5.0).wait(5)
@@ -525,10 +525,10 @@ def test_recovery_of_a_beam_that_was_out_of_square(scenario):
     pair.drive("y").dials.blocked = True
     assert isinstance(pair.failure_of(move), SkewError)
     pair.run(1.0)
-    pair.end_of(beam.disable())  # which tells that something holds it
+    pair.end_of(beam.disable())  # which reports that something holds it
     pair.drive("y").dials.blocked = False
     pair.run(0.5)
-    pair.drive("y").dials.encoder_jump = -1200  # and it stays so: the frame has given way
+    pair.drive("y").dials.encoder_jump = -1200  # and it stays so: the frame has yielded
     pair.run(0.1)
     beam.reset().wait(5)
     error = pair.failure_of(beam.enable())
@@ -572,7 +572,7 @@ def test_squaring_moves_the_one_that_was_named_and_no_other(scenario):
     assert pair.gantry.skew == pytest.approx(0.0, abs=NEAR)
 
 
-def test_what_the_pair_cannot_do_is_refused_at_the_call(scenario):
+def test_a_command_that_the_pair_does_not_have_is_refused_at_the_call(scenario):
     pair = enabled(scenario)
     with pytest.raises(AxisbusError, match="'z' is not an axis of this pair"):
         pair.gantry.square("z", velocity=1.0)
@@ -592,7 +592,7 @@ def test_what_the_pair_cannot_do_is_refused_at_the_call(scenario):
     assert pair.speed("x") == pytest.approx(20.0, rel=0.02)
 
 
-def test_a_position_that_is_said_keeps_the_skew_that_is_known(scenario):
+def test_set_position_keeps_the_known_skew_unless_the_beam_is_square(scenario):
     pair = enabled(scenario, gantry="offset = 2.0")
     pair.gantry.set_position(50.0).wait(2)
     assert pair.gantry.position == pytest.approx(50.0, abs=NEAR)
@@ -616,7 +616,7 @@ def test_feedback_that_is_lost_while_it_moves_stops_both(scenario):
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_whatever_is_asked_for_the_beam_stays_square_and_within_its_limits(scenario, seed):
+def test_random_commands_keep_the_beam_square_and_within_its_limits(scenario, seed):
     rng = random.Random(seed)
     pair = enabled(scenario, axis=LIMITED)
     beam = pair.gantry
@@ -652,7 +652,7 @@ def test_whatever_is_asked_for_the_beam_stays_square_and_within_its_limits(scena
 
 
 def _mishap(pair, rng):
-    """Something goes wrong with one side; return what ends it."""
+    """Cause a fault of one side; return its end."""
     name = rng.choice("xy")
     kind = rng.choice(("jam", "jam", "fault", "dead", "late", "sticks", "frozen"))
     dials, device = pair.drive(name).dials, pair.device(name).dials
@@ -677,7 +677,7 @@ def _mishap(pair, rng):
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_whatever_goes_wrong_with_one_side_the_beam_is_not_bent_more_than_stopping_takes(scenario, seed):
+def test_no_failure_of_one_side_bends_the_beam_more_than_stopping_takes(scenario, seed):
     rng = random.Random(1000 + seed)
     pair = enabled(scenario, axis=LIMITED, stiff=rng.choice((0.0, SOFT, 0.3)))
     beam = pair.gantry
@@ -695,7 +695,7 @@ def test_whatever_goes_wrong_with_one_side_the_beam_is_not_bent_more_than_stoppi
         pair.run(rng.uniform(0.0, 0.3))
         rng.choice((beam.halt, beam.stop, lambda: pair["x"].halt(), lambda: beam.set_override(1.5)))()
     pair.run(1.5)
-    # Two cycles to see it, three to be led by the first target that brakes; a fault of its drive brakes by 1000 deg/s², on its own.
+    # Two cycles to see it, three until the first target that brakes; a fault of its drive brakes by 1000 deg/s² alone.
     reach = 1.5 * speed
     allowed = MAX_SKEW + reach * 6 * CYCLE + reach**2 / 2 / 950.0
     assert pair.worst_skew() < allowed, kind

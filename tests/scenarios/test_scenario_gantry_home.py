@@ -1,4 +1,4 @@
-"""A pair is homed by the switches of both: led together until both were seen, and made square by the second axis alone."""
+"""A pair is homed by the switches of both axes: both move until both were seen, and the second axis alone makes it square."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def motors(pair):
 
 @pytest.mark.parametrize("bent", [0.0, 3.0, -3.0, 9.5, -9.5])
 @pytest.mark.parametrize("offset", [0.0, 1.5])
-def test_both_count_from_their_switches_and_the_beam_is_square(scenario, bent, offset):
-    # Square, y stands offset farther than x: motor y = motor x + (switch of y - switch of x) - 2 + offset.
+def test_both_sides_are_homed_at_their_switches_and_the_beam_is_square(scenario, bent, offset):
+    # Square means y is offset farther than x: motor y = motor x + (switch of y - switch of x) - 2 + offset.
     pair = ready(scenario, -40.0, -38.0 + offset - bent - offset, gantry=f"offset = {offset}")
     begun = pair.moment()
     pair.gantry.home().wait(30)
@@ -46,7 +46,7 @@ def test_both_count_from_their_switches_and_the_beam_is_square(scenario, bent, o
     assert pair["y"].position == pytest.approx(at[1] + 38.0 + bent + 7.0, abs=NEAR)
     assert pair.gantry.skew == pytest.approx(0.0, abs=NEAR)
     assert pair["y"].position - pair["x"].position == pytest.approx(offset, abs=NEAR)
-    # Until both were seen they went together: what is between the motors has changed by squaring alone.
+    # Until both were seen they moved together: the distance between the motors has changed by squaring alone.
     assert pair.worst_skew(begun) == pytest.approx(abs(-bent + offset), abs=NEAR)
     assert pair.fastest("x", begun) < 21.0
     assert pair.fastest("y", begun) < 21.0
@@ -57,7 +57,7 @@ def test_both_count_from_their_switches_and_the_beam_is_square(scenario, bent, o
     assert pair.gantry.max_skew == 8.0
 
 
-def test_both_go_together_until_the_second_has_its_switch(scenario):
+def test_both_sides_move_together_until_the_second_reaches_its_switch(scenario):
     pair = ready(scenario, -40.0, -43.0)
     begun = pair.moment()
     home = pair.gantry.home()
@@ -82,7 +82,7 @@ def test_switches_that_do_not_agree_stop_both_and_nothing_is_homed(scenario, y):
         pair.gantry.move_absolute(10.0)
     with pytest.raises(StateError, match=r"not homed|nobody knows"):
         pair.gantry.skew  # noqa: B018
-    pair.gantry.move_relative(-5.0).wait(5)  # it may be moved, as it stands
+    pair.gantry.move_relative(-5.0).wait(5)  # it may be moved with its present skew
 
 
 def test_a_search_without_a_switch_ends_at_its_distance(scenario):
@@ -95,7 +95,7 @@ def test_a_search_without_a_switch_ends_at_its_distance(scenario):
     assert not pair.gantry.homed
 
 
-def test_what_waits_behind_a_homing_begins_when_it_is_done(scenario):
+def test_moves_buffered_behind_a_homing_begin_when_it_is_done(scenario):
     pair = ready(scenario)
     home = pair.gantry.home()
     waiting = [pair.gantry.move_relative(12.0, buffer=True), pair.gantry.move_relative(-4.0, buffer=True)]
@@ -107,7 +107,7 @@ def test_what_waits_behind_a_homing_begins_when_it_is_done(scenario):
 
 
 @pytest.mark.parametrize("how", ["no switch", "halt", "fault"])
-def test_what_waits_behind_a_homing_that_fails_ends_with_it(scenario, how):
+def test_moves_buffered_behind_a_failed_homing_end_with_it(scenario, how):
     pair = ready(scenario, -500.0, -500.0)
     home = pair.gantry.home()
     waiting = [pair.gantry.move_relative(12.0, buffer=True) for _ in range(2)]
@@ -133,7 +133,7 @@ def test_with_one_switch_the_beam_is_taken_to_be_square(scenario):
 
 
 @pytest.mark.parametrize("bent", [4.0, -4.0])
-def test_from_switches_beyond_its_limits_it_comes_back_within_them(scenario, bent):
+def test_after_homing_at_switches_beyond_the_limits_the_beam_moves_back_within_them(scenario, bent):
     pair = pair_of(
         scenario, axis=f"{AXIS}\nposition_limits = [10.0, 300.0]", more=HOMING, stiff=0.0, required=True
     )
@@ -146,7 +146,7 @@ def test_from_switches_beyond_its_limits_it_comes_back_within_them(scenario, ben
     assert pair.worst_skew(begun) == pytest.approx(4.0, abs=NEAR)
 
 
-def test_homed_once_more_it_comes_to_the_same(scenario):
+def test_a_second_homing_gives_the_same_positions(scenario):
     pair = ready(scenario, -40.0, -37.0)
     pair.gantry.home().wait(30)
     first = [axis.position - at for axis, at in zip(pair.gantry, motors(pair), strict=True)]
@@ -159,7 +159,7 @@ def test_homed_once_more_it_comes_to_the_same(scenario):
 
 @pytest.mark.parametrize("after", [0.02, 0.1, 0.5, 1.9, 2.1, 2.3, 2.5])
 @pytest.mark.parametrize("what", ["halt", "stop", "one halt", "quick_stop", "disable", "fault"])
-def test_whatever_comes_between_ends_it_with_both_at_rest(scenario, after, what):
+def test_a_fault_or_a_stop_during_homing_ends_it_with_both_axes_at_standstill(scenario, after, what):
     pair = ready(scenario, -40.0, -43.0)
     home = pair.gantry.home()
     pair.run(after)
@@ -182,7 +182,7 @@ def test_whatever_comes_between_ends_it_with_both_at_rest(scenario, after, what)
         assert pair.gantry.skew == pytest.approx(0.0, abs=NEAR)
 
 
-def test_nothing_moves_before_both_are_armed(scenario):
+def test_no_motion_before_both_touch_probes_are_armed(scenario):
     pair = ready(scenario)
     pair.drive("y").dials.probe_deaf = True
     error = pair.failure_of(pair.gantry.home(), 30)
@@ -216,7 +216,7 @@ def test_before_homing_only_changes_count_as_skew(scenario):
     pair.gantry.move_absolute(10.0).wait(5)
 
 
-def test_it_is_not_homed_while_it_moves(scenario):
+def test_a_gantry_is_not_homed_while_it_moves(scenario):
     pair = ready(scenario)
     pair.gantry.move_relative(50.0)
     pair.run(0.1)
@@ -229,6 +229,6 @@ def test_it_is_not_homed_while_it_moves(scenario):
     home.wait(30)
 
 
-def test_where_the_drives_have_no_touch_probe_the_cell_is_not_opened(scenario):
+def test_a_cell_that_homes_a_pair_by_touch_probes_is_refused_if_a_drive_has_none(scenario):
     with pytest.raises(ConfigError, match="the drive of x has no touch probe"):
         pair_of(scenario, eds="builtin:gim6010-8", more=HOMING, stiff=0.0)

@@ -28,7 +28,9 @@ def braked(cell: Cell, name: str, since: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(("on_fault", "ramp"), [("path", 250.0), ("each", 500.0), ("quick", 1000.0)])
-def test_a_fault_stops_the_others_as_their_group_says(scenario, on_fault, ramp):
+def test_a_fault_brakes_the_other_axes_on_a_line_as_on_fault_of_their_group_requires(
+    scenario, on_fault, ramp
+):
     cell = group(scenario, on_fault)
     xyz = cell.machine.group("xyz")
     line = xyz.move_linear((300.0, 150.0, 300.0), velocity=120.0, acceleration=375.0)
@@ -39,7 +41,7 @@ def test_a_fault_stops_the_others_as_their_group_says(scenario, on_fault, ramp):
     cell.run(1.5)
     for name in "xy":
         begun, hard = braked(cell, name, since)
-        # The fault is told at a SYNC; two cycles on, the first target that brakes; it is taken, and led to, a cycle later each.
+        # The fault is received at a SYNC; two cycles later, the first target that brakes, which is executed two cycles later.
         assert begun < 7 * CYCLE + 0.02 * abs(cell.record(name).since(since)[0].velocity) / hard
         share = {"x": 1.0, "y": 0.5}[name] if on_fault == "path" else 1.0
         assert hard == pytest.approx(share * ramp, rel=0.15)
@@ -51,7 +53,7 @@ def test_a_fault_stops_the_others_as_their_group_says(scenario, on_fault, ramp):
         assert cell["x"].state is AxisState.STANDSTILL
 
 
-def test_a_profile_move_is_braked_as_its_group_says(scenario):
+def test_a_fault_brakes_the_other_axes_in_profile_moves_as_on_fault_of_their_group_requires(scenario):
     cell = group(scenario, "quick")
     for name in "xy":
         cell[name].move_velocity(90.0)
@@ -65,7 +67,7 @@ def test_a_profile_move_is_braked_as_its_group_says(scenario):
 
 
 @pytest.mark.parametrize("on_fault", ["path", "each", "quick"])
-def test_a_reset_right_after_a_fault_waits_until_all_stand(scenario, on_fault):
+def test_a_reset_right_after_a_fault_waits_until_all_axes_are_at_standstill(scenario, on_fault):
     cell = group(scenario, on_fault)
     xyz = cell.machine.group("xyz")
     line = xyz.move_linear((300.0, 150.0, 300.0), velocity=120.0)
@@ -111,7 +113,7 @@ def test_a_reset_that_waits_does_not_release_a_later_stop(scenario, stop):
     assert cell.x.state is (AxisState.STOPPING if stop == "stop" else AxisState.DISABLED)
 
 
-def test_a_reset_that_waits_ends_with_a_fault_that_comes_later(scenario):
+def test_a_waiting_reset_ends_with_a_later_fault(scenario):
     cell = halting(scenario)
     resets = [cell.x.reset(), cell.x.reset()]
     cell.drive().fault(0x2310)

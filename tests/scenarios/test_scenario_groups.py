@@ -1,4 +1,4 @@
-"""Groups: nobody starts alone, a line is left by all or by none, and what is harmless harms nothing."""
+"""Groups: no axis starts alone, a line is left by all axes or by none, and harmless events have no effect."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from kit.cell import Cell
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
 
 LIMIT = 1000.0  # deg/s², of every axis
-JOLT = 1.2 * LIMIT  # what only a quick stop or a fault may exceed
+JOLT = 1.2 * LIMIT  # only a quick stop or a fault may exceed it
 AXIS = f"max_acceleration = {LIMIT}"
 
-# How one axis may leave a group: a call, and what its plant is then allowed to do that the others are not.
+# How one axis may leave a group: a call, and an additional motion that its plant may then make.
 LEAVING = {
     "halt": lambda x: x.halt(),
     "stop": lambda x: x.stop(),
@@ -32,7 +32,7 @@ LEAVING = {
     "coast": lambda x: x.disable(coast=True),
     "a move of its own": lambda x: x.move_relative(-5.0),
 }
-# What is said to be harmless, at any time.
+# Events and commands that must be harmless at any time.
 HARMLESS = {
     "enable": lambda group: group.enable(),
     "reset": lambda group: group.reset(),
@@ -71,15 +71,15 @@ def must_be_on_the_line(cell: Cell, since: float) -> None:
 # -- the start -----------------------------------------------------------------------------------------------------------
 
 
-def test_all_set_off_in_one_sync_whatever_modes_their_drives_come_from(tmp_path):
+def test_all_axes_start_in_one_sync_from_any_modes_of_their_drives(tmp_path):
     """``make bounds`` starts them a thousand times."""
     came = starts(seed=1, count=250, folder=tmp_path)
     assert came.apart == 0
     assert came.changed > 80
 
 
-def test_who_sets_off_later_would_be_seen(tmp_path, monkeypatch):
-    """Whoever comes last to the gate is held there for two cycles more."""
+def test_the_search_finds_an_axis_that_starts_late(tmp_path, monkeypatch):
+    """The last axis at the start barrier is held there for two cycles more."""
     passes, came = StartBarrier.pass_through, defaultdict(list)
 
     def pass_through(gate, comer):
@@ -111,7 +111,7 @@ def test_a_group_of_one_axis_is_a_group_and_takes_every_command(scenario):
     one.disable().wait(5)
     cell.must_be(SWITCH_ON_DISABLED, "x")
     cell.must_move("y")
-    assert cell.scan_lives
+    assert cell.scan_runs
 
 
 def test_the_handle_of_a_group_of_one_axis_ends_in_real_time_too(scenario):
@@ -119,7 +119,7 @@ def test_the_handle_of_a_group_of_one_axis_ends_in_real_time_too(scenario):
     handle = cell.machine.group("x").enable()
     handle.wait(5)
     cell.must_be(ENABLED)
-    assert cell.scan_lives
+    assert cell.scan_runs
 
 
 def test_an_axis_that_is_named_twice_is_refused(scenario, golden):
@@ -129,15 +129,13 @@ def test_an_axis_that_is_named_twice_is_refused(scenario, golden):
     golden("group_named_twice", caught.value)
 
 
-def test_two_threads_that_ask_for_the_same_group_get_the_same_one(scenario):
+def test_two_threads_that_create_the_same_group_get_the_same_object(scenario):
     """A second one in the place of the first would leave the first one's line without a clock."""
     cell, group = three(scenario)
     cell.enabled()
     handle = group.move_linear([100.0, 50.0, 100.0], velocity=100.0)
     cell.run(0.5)
-    cell.machine._core.scan.add_group(
-        ("x", "y", "z"), ("x", "y", "z")
-    )  # what the thread that came second does
+    cell.machine._core.scan.add_group(("x", "y", "z"), ("x", "y", "z"))  # the action of the second thread
     handle.wait(5)
     assert cell.where("x") == pytest.approx(100.0, abs=0.1)
 
@@ -168,7 +166,7 @@ def test_an_axis_that_fails_before_the_common_start_keeps_all_from_moving(scenar
 
 @pytest.mark.parametrize("how", ["halt", "disable"])
 @pytest.mark.parametrize("kind", ["direct", "linear"])
-def test_all_axes_start_or_none_in_whatever_cycle_one_is_taken_away(scenario, how, kind):
+def test_all_axes_start_or_none_in_whichever_cycle_one_is_removed(scenario, how, kind):
     """Also in the very cycle in which the gate would open: every cycle around it is tried."""
     outcomes = set()
     for cycles in range(1, 30):
@@ -192,7 +190,7 @@ def test_all_axes_start_or_none_in_whatever_cycle_one_is_taken_away(scenario, ho
 
 
 @pytest.mark.parametrize("how", ["halt", "stop", "disable", "quick_stop", "coast"])
-def test_a_group_enable_of_which_one_is_taken_away_energises_nobody(scenario, golden, how):
+def test_no_axis_is_energised_by_a_group_enable_if_one_axis_leaves_it(scenario, golden, how):
     cell, group = three(scenario)
     cell.drive("z").dials.transition_delay = {2: 0.5}
     since = cell.moment()
@@ -213,7 +211,7 @@ def test_a_group_enable_of_which_one_is_taken_away_energises_nobody(scenario, go
 
 
 @pytest.mark.parametrize("how", ["disable", "coast"])
-def test_all_axes_are_energised_or_none_in_whatever_cycle_one_is_disabled(scenario, how):
+def test_all_axes_are_energised_or_none_in_whichever_cycle_one_is_disabled(scenario, how):
     outcomes = set()
     for cycles in range(1, 35):
         cell, group = three(scenario)
@@ -231,7 +229,7 @@ def test_all_axes_are_energised_or_none_in_whatever_cycle_one_is_disabled(scenar
 
 
 def test_a_fault_before_the_common_start_keeps_all_from_moving(scenario):
-    """The fault is looked into for a while before it is reported; nobody starts meanwhile."""
+    """The fault is diagnosed for a while before it is reported; no axis starts meanwhile."""
     cell, group = three(scenario, more='[groups.others]\naxes = ["y", "z"]\n')
     cell.enabled()
     cell.device("z").dials.sdo_delay = 0.1
@@ -247,7 +245,7 @@ def test_a_fault_before_the_common_start_keeps_all_from_moving(scenario):
         cell.must_not_leap(name, since=since, way=0.01, speed=0.1)
 
 
-def test_what_an_axis_was_asked_for_by_itself_outlives_the_group_s_command(scenario):
+def test_the_command_of_one_axis_survives_the_end_of_the_groups_command(scenario):
     """x is being enabled by its own command, which the group's one joins; that the group's is called off takes nothing from it."""
     cell, group = three(scenario)
     for name in "xz":
@@ -264,7 +262,7 @@ def test_what_an_axis_was_asked_for_by_itself_outlives_the_group_s_command(scena
         cell.must_be(SWITCH_ON_DISABLED, name)
 
 
-def test_a_group_s_command_that_one_axis_refuses_leaves_nobody_waiting_from_the_one_before(scenario):
+def test_a_group_command_that_one_axis_refuses_leaves_no_axis_waiting_for_the_previous_one(scenario):
     cell, group = three(scenario, more="")
     cell.enabled()
     cell.device("z").dials.sdo_delay = 0.2
@@ -302,7 +300,7 @@ def test_a_harmless_event_does_not_affect_a_running_line(scenario, what, whose):
 
 
 @pytest.mark.parametrize("what", HARMLESS)
-def test_a_halt_on_a_line_continues_braking_along_it_whatever_harmless_is_asked_for(scenario, what):
+def test_a_halt_on_a_line_continues_braking_along_it_during_harmless_commands(scenario, what):
     cell, group, handle = on_a_line(scenario)
     since = cell.moment()
     halt = group.halt()
@@ -315,7 +313,7 @@ def test_a_halt_on_a_line_continues_braking_along_it_whatever_harmless_is_asked_
     must_be_smooth(cell, since)
     must_be_on_the_line(cell, since)
     for name in "xyz":
-        cell.must_stand(name, within=0.1, stages=ENABLED, for_good=0.3)
+        cell.must_be_still(name, within=0.1, stages=ENABLED, for_good=0.3)
         assert cell[name].error is None
     group.move_linear([0.0, 0.0, 0.0], velocity=200.0).wait(10)
     assert cell.where("x") == pytest.approx(0.0, abs=0.1)
@@ -329,12 +327,12 @@ def test_one_axis_that_stops_on_a_line_brakes_all_of_them_along_it(scenario, how
     assert isinstance(cell.failure_of(handle), Interrupted)
     own.wait(5)
     for name in "yz":
-        cell.must_stand(name, within=1.0, stages=ENABLED)
+        cell.must_be_still(name, within=1.0, stages=ENABLED)
     must_be_smooth(cell, since)
     must_be_on_the_line(cell, since)
 
 
-def test_a_line_that_is_asked_for_while_one_brakes_is_refused_and_the_braking_continues(scenario):
+def test_a_line_commanded_while_another_brakes_is_refused_and_the_braking_continues(scenario):
     cell, group, _ = on_a_line(scenario)
     since = cell.moment()
     halt = group.halt()
@@ -356,15 +354,15 @@ def test_a_halt_that_a_move_interrupts_on_one_axis_brakes_the_others_to_the_end(
     cell.run(3.0)
     must_be_smooth(cell, since, "yz")
     for name in "yz":
-        cell.must_stand(name, within=0.1, stages=ENABLED)
+        cell.must_be_still(name, within=0.1, stages=ENABLED)
 
 
 # -- exceptions in the scan's thread end one command -------------------------------------------------------------------
 
 
 def must_still_work(cell: Cell, names: str = "xyz") -> None:
-    """The scan lives: every axis stands, and takes commands again after a reset."""
-    assert cell.scan_lives
+    """The scan lives: every axis is at standstill, and takes commands again after a reset."""
+    assert cell.scan_runs
     for name in names:
         cell.run(1.0)
         cell[name].reset().wait(2)
@@ -389,23 +387,23 @@ def test_an_exception_while_a_command_is_taken_ends_it_alone_and_stops_its_axis(
     assert isinstance(error.__cause__, ZeroDivisionError)
     assert error.__cause__.__traceback__ is not None
     golden("command_broke_off", error)
-    cell.must_stand("x", within=1.0, stages=ENABLED)
+    cell.must_be_still("x", within=1.0, stages=ENABLED)
     must_be_smooth(cell, since)
     cell.must_move("y")  # of another group: the fault policy leaves it alone
     must_still_work(cell, "x")
 
 
-def test_the_fault_policy_hears_of_a_command_that_breaks_off(scenario, monkeypatch):
+def test_the_fault_policy_acts_on_a_command_that_raises_in_the_scan(scenario, monkeypatch):
     cell, _ = three(scenario)
     cell.turning(90.0)
     with monkeypatch.context() as patch:
         patch.setattr(accept_motion, "_within_reach", lambda *_: 1 // 0)
         cell.failure_of(cell["x"].move_absolute(10.0))
     for name in "xyz":
-        cell.must_stand(name, within=1.0, stages=ENABLED)
+        cell.must_be_still(name, within=1.0, stages=ENABLED)
 
 
-def test_an_exception_while_a_line_is_planned_ends_it_and_nobody_has_moved(scenario, monkeypatch):
+def test_an_exception_while_a_line_is_planned_ends_it_without_a_motion(scenario, monkeypatch):
     cell, group = three(scenario)
     cell.enabled()
     since = cell.moment()
@@ -427,12 +425,12 @@ def test_an_exception_in_the_middle_of_a_line_stops_all_of_its_axes(scenario, mo
         error = cell.failure_of(handle)
         assert isinstance(error, CommandError)
         for name in "xyz":
-            cell.must_stand(name, within=1.5, stages=(SWITCH_ON_DISABLED, ENABLED, 5))
+            cell.must_be_still(name, within=1.5, stages=(SWITCH_ON_DISABLED, ENABLED, 5))
     must_still_work(cell)
 
 
 class Path:
-    """A trajectory that stays where the axis stands, until it does something else after 0.1 s."""
+    """A trajectory that stays at the position of the axis, until it does something else after 0.1 s."""
 
     def __init__(self, then, duration: float = 1.0) -> None:
         self._then = then
@@ -450,7 +448,7 @@ def raising(error: type[BaseException]):
 
 
 class Numpy:
-    """An array of one number, as far as this matters: it has a float in it, and is none."""
+    """An array of one number, as far as this matters: it converts to a float, and is no float."""
 
     def __float__(self) -> float:
         return 0.0
@@ -501,7 +499,7 @@ def test_a_trajectory_s_mistake_ends_its_own_command(scenario, what):
 
 
 @pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit, GeneratorExit, RuntimeError])
-def test_what_a_trajectory_raises_in_the_scan_s_thread_does_not_end_the_scan(scenario, kind):
+def test_an_exception_of_a_trajectory_in_the_scan_thread_does_not_end_the_scan(scenario, kind):
     """In a thread of its own the scan is never the one that Ctrl-C is for."""
     cell = scenario.real("x", axis=AXIS).enabled()
     handle = cell.x.follow(Path(raising(kind)))
@@ -512,7 +510,7 @@ def test_what_a_trajectory_raises_in_the_scan_s_thread_does_not_end_the_scan(sce
 
 
 @pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit, GeneratorExit])
-def test_what_a_trajectory_raises_in_virtual_time_is_its_own_too(scenario, kind):
+def test_an_exception_of_a_trajectory_in_virtual_time_ends_its_own_command(scenario, kind):
     """There the scan runs in the main thread; the handler of a signal has left no frame, so none has come."""
     cell = scenario.simulated("x", axis=AXIS).enabled()
     error = cell.failure_of(cell.x.follow(Path(raising(kind))))
@@ -521,19 +519,19 @@ def test_what_a_trajectory_raises_in_virtual_time_is_its_own_too(scenario, kind)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_that_comes_while_a_trajectory_is_asked_is_no_mistake_of_it(scenario, number):
-    """In virtual time it ends the program's wait, and everything stands."""
+def test_a_signal_while_a_trajectory_is_called_is_not_an_error_of_the_trajectory(scenario, number):
+    """In virtual time it ends the program's wait, and all axes stop."""
     cell = scenario.simulated("xy", axis=AXIS)
     cell.turning(90.0, names="y")
     handle = cell.x.follow(Path(lambda: signal.raise_signal(number)))
     with pytest.raises((KeyboardInterrupt, SystemExit)):
         handle.wait(5)
     for name in "xy":
-        cell.must_stand(name, within=2.0, stages=OFF)
+        cell.must_be_still(name, within=2.0, stages=OFF)
 
 
 @pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit, RuntimeError])
-def test_what_a_callback_raises_in_the_scan_s_thread_does_not_end_the_scan(scenario, kind, caplog):
+def test_an_exception_of_a_callback_in_the_scan_thread_does_not_end_the_scan(scenario, kind, caplog):
     cell = scenario.real("x", axis=AXIS).enabled()
     handle = cell.x.move_relative(5.0)
     handle.add_done_callback(raising(kind))
@@ -600,8 +598,8 @@ def test_several_threads_that_command_one_group_at_once_leave_no_handle_open(sce
         thread.join()
     for handle in handles:
         cell.end_of(handle)
-    assert cell.scan_lives
+    assert cell.scan_runs
     for name in "xy":
-        cell.must_stand(name, within=1.0, stages=ENABLED)
+        cell.must_be_still(name, within=1.0, stages=ENABLED)
     times = [sample.time for sample in cell.record("x").samples]
     assert all(b > a for a, b in pairwise(times))

@@ -1,6 +1,6 @@
-"""The set-point handshake with slow, deaf and odd drives: the axis ends where it was sent last, and never hears an old target.
+"""The set-point handshake with slow, deaf and odd drives: the axis ends at the last target, and the drive never takes an old one.
 
-The oracle is what the drive itself sees: the target position beside each rising edge of bit 4.
+The oracle is the drive's own input: the target position at each rising edge of bit 4.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def settled(cell, target: float) -> bool:
 
 @pytest.mark.parametrize("delay", CYCLES)
 @pytest.mark.parametrize("port", PORTS)
-def test_a_move_arrives_whatever_the_acknowledge_takes(scenario, delay, port):
+def test_a_move_arrives_for_any_delay_of_the_acknowledge(scenario, delay, port):
     cell, seen = ready(scenario, delay, port=PORTS[port])
     for target in (20.0, -3.0, 7.5):
         cell.x.move_absolute(target).wait(10)
@@ -136,7 +136,7 @@ def test_a_set_point_that_is_never_acknowledged_stops_the_axis(scenario, golden)
     cell.drive().dials.acknowledge_delay = NEVER
     handle = cell.x.move_absolute(0.0)
     cell.run(1.0)
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     refused = cell.failure_of(handle)
     assert isinstance(refused, SetPointError)
     golden("set_point_never_taken", refused)
@@ -149,7 +149,7 @@ def test_an_acknowledge_that_never_falls_stops_the_axis(scenario, golden):
     handle = cell.x.move_absolute(2000.0)
     cell.run(1.0)
     cell.must_move()
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     refused = cell.failure_of(handle)
     assert isinstance(refused, SetPointError)
     golden("acknowledge_stays", refused)
@@ -176,7 +176,7 @@ def test_moves_of_no_length_and_of_one_increment_end(scenario, travels):
 
 
 @pytest.mark.parametrize("travels", TRAVELS)
-def test_a_target_reached_that_falls_late_is_not_taken_for_the_new_one(scenario, travels):
+def test_a_target_reached_that_falls_late_does_not_count_for_the_new_target(scenario, travels):
     cell = scenario.simulated("x", port=TRAVELS[travels]).enabled()
     cell.x.move_absolute(10.0).wait(5)
     cell.run(0.5)
@@ -189,7 +189,7 @@ def test_a_target_reached_that_falls_late_is_not_taken_for_the_new_one(scenario,
         cell.run(0.5)
 
 
-def test_a_target_reached_that_never_comes_ends_by_the_deadline(scenario, golden):
+def test_a_move_without_target_reached_ends_by_the_deadline(scenario, golden):
     cell = scenario.simulated("x").enabled()
     cell.drive().dials.target_reached_never = True
     late = cell.failure_of(cell.x.move_absolute(10.0))

@@ -1,4 +1,4 @@
-"""A drive that has ip and no csp is led along paths all the same: nothing jumps, and every way of stopping holds as in csp."""
+"""A drive with ip and without csp follows paths all the same: nothing jumps, and every way of stopping works as in csp."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ JOLT = 1.1 * 500.0  # deg/s², the default acceleration
 
 
 class Wire:
-    """What a drive has at each SYNC: stage, mode, controlword, 60C1h:01 and where its demand is."""
+    """The values of a drive at each SYNC: stage, mode, controlword, 60C1h:01 and its demand."""
 
     def __init__(self, drive: Drive) -> None:
         self.seen: list[tuple[int, int, int, int, float]] = []
@@ -77,7 +77,7 @@ def test_bit_4_is_not_set_before_there_is_a_target_at_the_axis_position(scenario
     assert abs(target - place) <= 2
 
 
-def test_other_moves_come_after_it_and_before_it(scenario):
+def test_moves_in_pp_homing_and_ip_follow_each_other_without_a_jolt(scenario):
     """Bit 4 means another thing in pp and in homing: none of it is swallowed, and none is made up."""
     cell = made(scenario).enabled()
     moment = cell.moment()
@@ -124,7 +124,7 @@ def test_every_stop_holds(scenario, how):
     cell.run(1.0)
     moment = cell.moment()
     STOPS[how](cell)
-    cell.must_stand(within=1.0, stages=(ENABLED,) if how in ("halt", "stop") else OFF)
+    cell.must_be_still(within=1.0, stages=(ENABLED,) if how in ("halt", "stop") else OFF)
     assert cell.hardest_change(since=moment) <= 1.1 * 1000.0
     for stage, _, word, *_ in wire.seen[-20:]:
         assert stage == ENABLED or not word & BIT_4
@@ -146,7 +146,7 @@ def test_a_fault_in_ip_and_the_recovery(scenario):
     cell.run(1.0)
     cell.drive().fault(0x7500)
     assert isinstance(cell.failure_of(handle), AxisbusError)
-    cell.must_stand(within=3.0, stages=OFF)
+    cell.must_be_still(within=3.0, stages=OFF)
     cell.x.reset().wait(5)
     cell.run(1.0)
     start = cell.where()
@@ -156,16 +156,16 @@ def test_a_fault_in_ip_and_the_recovery(scenario):
     follow(cell, 10.0).wait(5)
 
 
-def test_a_drive_that_stops_interpolating_by_itself_is_found_out(scenario):
+def test_a_drive_that_stops_interpolating_is_reported(scenario):
     cell = made(scenario).enabled()
     handle = follow(cell, 300.0)
     cell.run(1.0)
     drive = cell.drive()
     mode = drive._mode
     mode.sync = lambda _axis, _period: None  # it takes no set-point any more
-    mode.bits = lambda _axis: 0  # and says so
+    mode.bits = lambda _axis: 0  # and shows it
     assert isinstance(cell.failure_of(handle, 3.0), AxisbusError)
-    cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=3.0, stages=(ENABLED, *OFF))
 
 
 def test_a_drive_that_interpolates_late_is_waited_for(scenario):
@@ -187,7 +187,7 @@ def test_a_drive_that_never_interpolates_is_reported_and_nothing_moves(scenario)
     assert cell.top_speed(since=moment) == 0.0
 
 
-def test_a_group_goes_along_a_line(scenario):
+def test_a_group_moves_along_a_line_in_interpolated_position_mode(scenario):
     cell = made(scenario, "xy", more='[groups.xy]\naxes = ["x", "y"]\n').enabled()
     cell.machine.group("x", "y").move_linear((40.0, 20.0), velocity=60.0).wait(5)
     assert (cell.where("x"), cell.where("y")) == (
@@ -234,7 +234,7 @@ def test_a_jerk_limited_velocity_works_in_ip_and_is_reported_while_a_move_takes_
         (USUAL & ~IP | CSP, "", 8),
     ],
 )
-def test_which_of_the_two_is_used(scenario, modes, named, expected):
+def test_the_interpolating_mode_is_selected_from_6502h_and_the_cell_file(scenario, modes, named, expected):
     cell = made(scenario, modes=modes, axis=named).enabled()
     follow(cell, 10.0).wait(5)
     assert cell.drive().mode_display == expected

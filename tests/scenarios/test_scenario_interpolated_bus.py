@@ -20,6 +20,6 @@ def test_a_trajectory_and_a_halt(scenario: Stage) -> None:
     cell.x.follow(TrapezoidalTrajectory(cell.x.position, 200.0, 100.0, 400.0))
     cell.run(0.5)
     cell.x.halt().wait(5)
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     cell.machine.close()
     assert cell.stage() in OFF

@@ -99,7 +99,7 @@ def test_an_output_reaches_the_plant_and_leaves_the_other_bits_alone(scenario):
     assert (word(cell), lamp.value) == (0x15, False)
 
 
-def test_nothing_is_set_by_opening_and_leaving_a_machine(scenario):
+def test_opening_and_closing_a_machine_sets_no_output(scenario):
     cell = with_io(scenario)
     for address in ((0x6200, 1), (0x6411, 1)):
         cell.machine.simulated_node(5).device.write(*address, 77)
@@ -164,7 +164,7 @@ def test_an_input_is_waited_for(scenario):
         ("valve", True, "valve cannot be True"),
     ],
 )
-def test_what_cannot_be_set_is_refused_at_the_call(scenario, name, value, said):
+def test_an_invalid_output_value_is_refused_at_the_call(scenario, name, value, said):
     cell = with_io(scenario)
     with pytest.raises(ArgumentError, match=said):
         cell.machine.io[name].set(value)
@@ -178,7 +178,7 @@ def test_an_unknown_name_is_reported(scenario):
 
 
 def test_an_output_is_noted_as_set_before_it_is_sent(scenario):
-    """Whoever finds the core dead between both makes it safe."""
+    """If the core dies between both, the watchdog process makes the output safe."""
     cell, noted = with_io(scenario), []
     cell.machine._core.scan.io.note = lambda readings: noted.append((readings["lamp"].set, word(cell)))
     cell.machine.io["lamp"].set(True).wait(1)
@@ -187,7 +187,7 @@ def test_an_output_is_noted_as_set_before_it_is_sent(scenario):
 
 
 def test_opening_the_mask_of_a_drive_switches_nothing_on(scenario):
-    """A bit that did not act may have been left on by anybody."""
+    """A bit that did not act may have been left on by any program."""
     at_boot = '[nodes.1.objects]\n"60FE:01" = 0x50000\n'
     cell = scenario.simulated(text=cell_text("x", more=IO.format(node="") + at_boot))
     assert cell.device().io.get(0x60FE, 2) == 1 << 16
@@ -195,7 +195,7 @@ def test_opening_the_mask_of_a_drive_switches_nothing_on(scenario):
     assert cell.machine.io["relay"].value is False
 
 
-def test_what_the_cell_file_gives_a_whole_output_without_us_stays(scenario):
+def test_failsafe_values_that_the_cell_file_writes_are_kept(scenario):
     own = '[nodes.5.objects]\n"6444:01" = 0x1F40000\n"6207:01" = 0x7F\n"1029:01" = 2\n'
     cell = scenario.simulated(text=cell_text("x", more=IO.format(node="") + own))
     device = cell.machine.simulated_node(5).device
@@ -209,7 +209,7 @@ def test_what_the_cell_file_gives_a_whole_output_without_us_stays(scenario):
 
 
 def test_a_module_may_not_stay_operational_without_us(scenario):
-    """It would take its outputs back from the first frame that comes again."""
+    """It would take its outputs again from the next frame."""
     cell = scenario.simulated(text=cell_text("x", more=IO.format(node='[nodes.5.objects]\n"1029:01" = 1')))
     assert cell.machine.simulated_node(5).device.read(0x1029, 1) == 0
 
@@ -223,7 +223,7 @@ def test_a_lost_module_is_unknown_and_stops_the_cell(scenario):
     module(cell).set_bit(0x6000, 1, 2, True)
     cell.machine.io["lamp"].set(True).wait(1)
     cell.machine.simulated_node(5).device.dials.dead = True
-    cell.must_stand("x", within=2.0, stages=ENABLED)
+    cell.must_be_still("x", within=2.0, stages=ENABLED)
     for name in ("part", "lamp", "level"):
         with pytest.raises(StaleError) as caught:
             _ = cell.machine.io[name].value
@@ -232,7 +232,7 @@ def test_a_lost_module_is_unknown_and_stops_the_cell(scenario):
 
 
 def test_an_output_set_while_its_module_dies_does_not_succeed(scenario):
-    """Its death is known three heartbeats later; until then nobody can say that the output is on."""
+    """Its death is known three heartbeats later; until then the output cannot be confirmed."""
     cell = with_io(scenario)
     cell.machine.simulated_node(5).device.dials.dead = True
     handle = cell.machine.io["lamp"].set(True)
@@ -254,7 +254,7 @@ def test_on_lost_may_only_report(scenario):
         _ = cell.machine.io["part"].value
 
 
-def test_what_waits_for_an_input_of_a_lost_node_is_reported(scenario):
+def test_a_wait_for_an_input_of_a_lost_node_ends_with_an_error(scenario):
     cell = with_io(scenario)
     cell.after(0.2, lambda: setattr(cell.machine.simulated_node(5).device.dials, "dead", True))
     with pytest.raises(StaleError):
@@ -262,7 +262,7 @@ def test_what_waits_for_an_input_of_a_lost_node_is_reported(scenario):
     assert cell.now < 1.5
 
 
-def test_a_module_that_is_not_heard_but_hears_gets_its_safe_state(scenario):
+def test_a_module_that_sends_no_heartbeat_but_receives_gets_its_safe_state(scenario):
     cell = with_io(scenario, node='on_lost = "report"')
     cell.machine.io["lamp"].set(True).wait(1)
     cell.machine.simulated_node(5).device.dials.heartbeat_stops = True
@@ -274,7 +274,7 @@ def test_a_module_that_is_not_heard_but_hears_gets_its_safe_state(scenario):
     assert cell.machine.io["lamp"].value is False
 
 
-def test_after_a_loss_nothing_comes_on_by_itself(scenario):
+def test_after_a_loss_no_output_is_switched_on_without_a_command(scenario):
     cell = with_io(scenario, node='on_lost = "report"')
     io = cell.machine.io
     io.set({"lamp": True, "clamp": False}).wait(1)
@@ -286,15 +286,13 @@ def test_after_a_loss_nothing_comes_on_by_itself(scenario):
     cell.run(0.3)
     assert word(cell) == 0x80  # the safe state of both
     assert (io["lamp"].value, io["clamp"].value) == (False, True)
-    with pytest.raises(
-        StaleError, match="valve"
-    ):  # never set: nobody knows what the module made of it meanwhile
+    with pytest.raises(StaleError, match="valve"):  # never set: its state in the module is unknown
         _ = io["valve"].value
     io["lamp"].set(True).wait(1)
     assert word(cell) == 0x88
 
 
-def test_after_a_loss_no_frame_brings_back_what_was_never_set(scenario):
+def test_after_a_loss_no_frame_restores_outputs_that_were_never_set(scenario):
     """The module has made all bits of the byte safe: those beside the one that was set, too, named or not."""
     cell = with_io(scenario, node='on_lost = "report"\n[nodes.5.objects]\n"6200:01" = 0x15')
     cell.machine.io["lamp"].set(True).wait(1)
@@ -340,14 +338,14 @@ def test_at_the_end_outputs_become_safe_after_the_axes_are_at_standstill(scenari
     states = []
     cell.each_cycle(lambda *_: states.append((cell.stage() in OFF, word(cell) >> 3 & 1)))
     assert cell.ctrl_c(10.0) == []
-    settle(cell)  # the frames are still on their way
+    settle(cell)  # the frames are still in transit
     assert (word(cell), word(cell, 0x6411), word_of_drive(cell)) == (0x80, 500, 0)
     assert (False, 0) not in states  # on until the axis was off
     assert (True, 1) in states
     assert isinstance(cell.failure_of(cell.machine.io["lamp"].set(True)), Exception)
 
 
-def test_what_has_waited_behind_other_commands_is_not_set_once_outputs_are_safe(scenario):
+def test_an_output_command_that_waited_is_not_executed_once_outputs_are_safe(scenario):
     cell = with_io(scenario)
     cell.machine.io["lamp"].set(True).wait(1)
     scan = cell.machine._core.scan
@@ -367,20 +365,20 @@ def test_outputs_become_safe_though_an_axis_cannot_be_stopped(scenario):
     assert word(cell) == 0
 
 
-def test_outputs_become_safe_though_nobody_waits_for_an_axis_any_longer(scenario, monkeypatch):
-    """Else the scan would go on sending them as they were, and undo what is written by SDO."""
+def test_outputs_become_safe_when_the_wait_for_the_axes_has_timed_out(scenario, monkeypatch):
+    """Otherwise the scan would keep sending them unchanged, and undo the values written by SDO."""
     cell = with_io(scenario)
     cell.machine.io["lamp"].set(True).wait(1)
     monkeypatch.setattr(ShutdownStop, "over", False)
     sent = []
     cell.each_cycle(lambda *_: sent.append(word(cell)))
     cell.machine.close()
-    assert cell.machine._core.scan.io.left  # its own last frames say so, not SDO alone
+    assert cell.machine._core.scan.io.left  # in its own last frames, not by SDO alone
     assert word(cell) == 0
     assert 8 in sent
 
 
-def test_the_end_of_the_with_block_leaves_safe_outputs_and_a_module_at_rest(scenario):
+def test_the_end_of_the_with_block_leaves_safe_outputs_and_a_pre_operational_module(scenario):
     with with_io(scenario).machine as machine:
         device = machine.simulated_node(5).device
         machine.io["lamp"].set(True).wait(1)
@@ -421,7 +419,7 @@ def test_a_halt_and_a_fault_leave_outputs_as_they_are(scenario):
 # -- without SYNC, without axes ----------------------------------------------------------------------------------------
 
 
-def test_without_sync_they_travel_on_change(scenario):
+def test_without_sync_inputs_and_outputs_are_sent_on_change(scenario):
     cell = with_io(scenario, bus="sync = false")
     module(cell).set_bit(0x6000, 1, 2, True)
     cell.machine.io["lamp"].set(True).wait(1)
@@ -429,7 +427,7 @@ def test_without_sync_they_travel_on_change(scenario):
     cell.run(3.0)
     assert (
         cell.machine.io["part"].value is True
-    )  # as old as it is: silence of what is sent on change says nothing
+    )  # with its age: silence of a value sent on change is no information
     cell.ctrl_c(10.0)
     assert word(cell) == 0
 

@@ -64,7 +64,7 @@ def until(happened, limit: float = 5.0) -> None:
 
 @BOTH
 @pytest.mark.parametrize("bus", ["", "sync = false"], ids=["SYNC", "events"])
-def test_they_are_seen_and_set_over_the_bus(tmp_path, process, bus, core_in_threads):
+def test_inputs_and_outputs_are_read_and_set_over_the_bus(tmp_path, process, bus, core_in_threads):
     with opened(tmp_path, process, bus=bus) as cell:
         wired, io = cell.simulated_node(5).device.io, cell.io
         wired.set_bit(0x6000, 1, 2, True)
@@ -81,7 +81,7 @@ def test_they_are_seen_and_set_over_the_bus(tmp_path, process, bus, core_in_thre
 
 
 @BOTH
-def test_they_are_in_a_recording_by_their_names(tmp_path, process, core_in_threads):
+def test_inputs_and_outputs_are_in_a_recording_by_their_names(tmp_path, process, core_in_threads):
     pytest.importorskip("mcap")
     path = tmp_path / "io.mcap"
     with opened(tmp_path, process) as cell:
@@ -100,7 +100,7 @@ def test_they_are_in_a_recording_by_their_names(tmp_path, process, core_in_threa
     assert seen["valve"][-1] == 700
 
 
-def test_a_lost_module_is_unknown_and_comes_back_safe(tmp_path, core_in_threads):
+def test_a_lost_module_is_unknown_and_has_safe_outputs_when_it_returns(tmp_path, core_in_threads):
     with opened(tmp_path, node='on_lost = "report"') as cell:
         device, io = cell.simulated_node(5).device, cell.io
         io.set({"lamp": True, "clamp": False}).wait(2)
@@ -112,12 +112,12 @@ def test_a_lost_module_is_unknown_and_comes_back_safe(tmp_path, core_in_threads)
             io["lamp"].wait(False, timeout=3.0)
         with pytest.raises(NodeError, match="lamp = True was not sent"):
             io["lamp"].set(True).wait(2)
-        until(lambda: device.io.get(0x6200, 1) == 0x80)  # by itself: nobody has reached it
+        until(lambda: device.io.get(0x6200, 1) == 0x80)  # without the master: the node cannot be reached
         device.dials.dead = False
 
 
-def test_after_a_loss_no_frame_brings_back_what_shares_it(tmp_path, core_in_threads):
-    """The RPDO of the module holds its second byte, too, which nobody has named, and which was found on at boot."""
+def test_after_a_loss_no_frame_restores_the_other_outputs_of_the_rpdo(tmp_path, core_in_threads):
+    """The RPDO of the module holds its second byte, too, which the cell file does not name, and which was found on at boot-up."""
     with opened(tmp_path, node='on_lost = "report"\n[nodes.5.objects]\n"6200:02" = 0x55') as cell:
         device, lamp = cell.simulated_node(5).device, cell.io["lamp"]
         lamp.set(True).wait(2)
@@ -126,7 +126,7 @@ def test_after_a_loss_no_frame_brings_back_what_shares_it(tmp_path, core_in_thre
         device.dials.dead = True
         with pytest.raises(StaleError, match="lamp"):
             lamp.wait(False, timeout=3.0)
-        until(lambda: device.io.get(0x6200, 2) == 0)  # by itself
+        until(lambda: device.io.get(0x6200, 2) == 0)  # without the master
         device.dials.dead = False
         until(lambda: cell.node(5).nmt is NmtState.PRE_OPERATIONAL)
         cell.node(5).command(NmtCommand.START)
@@ -143,7 +143,7 @@ def _is_known(signal) -> bool:
         return False
 
 
-def test_a_module_that_does_not_take_its_error_value_does_not_come_up(tmp_path, core_in_threads):
+def test_a_module_that_does_not_accept_its_error_value_is_refused_at_boot_up(tmp_path, core_in_threads):
     path = tmp_path / "cell.toml"
     path.write_text(cell_text("x", bus='process = "thread"', more=IO.format(node="")))
     eds = (Path(__file__).parents[2] / "eds" / "generic-cia401.eds").read_text()
@@ -164,7 +164,7 @@ def test_a_killed_core_leaves_safe_outputs(tmp_path):
     os.kill(machine._core.process, signal.SIGKILL)
     until(
         lambda: wired.get(0x6200, 1) == 0x80 and drive.get(0x60FE, 1) == 0, limit=8.0
-    )  # the drive's: by the warden alone
+    )  # of the drive: by the watchdog process alone
     until(lambda: machine.session.ended, limit=8.0)
     with pytest.raises(StaleError):
         _ = machine.io["lamp"].value
@@ -189,7 +189,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_a_killed_program_leaves_safe_outputs_once_its_axis_is_off(tmp_path):
-    """The plant is read from what the simulated devices write by themselves; their own watch over us is too slow to help."""
+    """The plant is read from the history of the simulated devices; their own monitoring of the master is too slow to help."""
     path = tmp_path / "cell.toml"
     bus = 'process = "own"\noptions = { history = "plant.csv" }'
     path.write_text(cell_text("x", heartbeat="1s", bus=bus, more=IO.format(node="")))
@@ -197,9 +197,9 @@ def test_a_killed_program_leaves_safe_outputs_once_its_axis_is_off(tmp_path):
         [sys.executable, "-c", PROGRAM, str(path)], capture_output=True, text=True, timeout=30, check=False
     )
     assert ran.stdout.strip() == "set", ran.stderr
-    until(lambda: "the core ended" in told_by(path), limit=10.0)
-    assert "leaving: the program has ended" in told_by(path)
-    assert "went wrong" not in told_by(path)  # each output was read back
+    until(lambda: "the core ended" in journal_text(path), limit=10.0)
+    assert "leaving: the program has ended" in journal_text(path)
+    assert "went wrong" not in journal_text(path)  # each output was read back
     outputs, stages = plant(tmp_path / "plant.csv")
     lamp_on = [at for at, word in outputs if word == 8]
     driven = [at for at, stage in stages if stage not in OFF]
@@ -218,13 +218,13 @@ def plant(path: Path) -> tuple[list[tuple[float, int]], list[tuple[float, int]]]
     return outputs, [(float(row["time"]), int(row["stage"])) for row in rows if row["stage"]]
 
 
-def told_by(path: Path) -> str:
-    """What the core's journal says."""
+def journal_text(path: Path) -> str:
+    """Return the lines of the core's journal."""
     return path_of(str(path)).read_text()
 
 
-def test_a_dead_module_faults_nobody_else_on_the_way_out(tmp_path, core_in_threads):
-    """It is asked for longer than the drive waits for our heartbeat, which goes on meanwhile."""
+def test_a_dead_module_delays_closing_without_a_fault_of_the_drive(tmp_path, core_in_threads):
+    """It is asked for longer than the drive waits for our heartbeat, which continues meanwhile."""
     cell = opened(tmp_path, node='on_lost = "report"', beat="200ms")
     cell.io.set({"lamp": True, "valve": 5}).wait(2)
     cell.simulated_node(5).device.dials.dead = True

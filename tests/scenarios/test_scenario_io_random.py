@@ -1,4 +1,4 @@
-"""Random commands for outputs and random mishaps: no output has a value that nobody asked for since its node was lost."""
+"""Random commands for outputs and random faults: no output has a value that was not commanded since its node was lost."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Game:
 
     @property
     def mishaps(self) -> list[tuple[Callable[[], None], Callable[[], None]]]:
-        """What may happen, and its end."""
+        """The possible faults, and their end."""
         return [
             (self.turn("node", "dead", True), self.turn("node", "dead", False)),
             (self.turn("node", "heartbeat_stops", True), self.turn("node", "heartbeat_stops", False)),
@@ -62,11 +62,11 @@ class Game:
             self.cell.run(self.dice.choice((0.02, 0.6)))
             end()
             self.cell.run(self.dice.choice((0.0, 0.5)))
-        self.cell.nmt(NmtCommand.START, 5)  # where its own watch has led it to pre-operational
+        self.cell.nmt(NmtCommand.START, 5)  # if its own monitoring has switched it to pre-operational
         self.cell.run(1.0)
 
     def settled(self) -> None:
-        """With the node there, each output is what the machine says, or was never set; and every command has ended."""
+        """With the node present, each output has the value that the machine reports, or was never set; every command has ended."""
         assert self.outputs.wrong == []
         assert not any(handle.busy for handle in self.given)
         for name in self.outputs.set:
@@ -76,10 +76,10 @@ class Game:
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_no_output_has_what_nobody_asked_for(scenario, seed):
+def test_no_output_has_a_value_that_was_not_commanded(scenario, seed):
     game = Game(scenario, seed)
     game.play()
     game.settled()
     game.cell.ctrl_c(5.0)
-    game.cell.run(0.05)  # the frames are still on their way
+    game.cell.run(0.05)  # the frames are still in transit
     assert game.outputs.unsafe() == []

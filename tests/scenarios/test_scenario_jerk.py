@@ -1,4 +1,4 @@
-"""Moves with a limit of jerk: by the drive where it has one, else led by the master; and never a halt that waits for it."""
+"""Moves with a limit of jerk: by the drive if it has one, otherwise streamed by the master; a halt never waits for it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.dictionary import Dictionary
 from kit.cell import GENERIC, MODULE, cell_text
-from kit.scenarios.softly import JERK, NEAR, Demand, Led, soft
+from kit.scenarios.softly import JERK, NEAR, ComputedMotion, Demand, soft
 from kit.virtual import virtual
 
 TYPE, LIMIT = 0x6086, 0x60A4
@@ -38,7 +38,7 @@ def test_a_drive_with_a_profile_jerk_limits_it_itself(scenario):
     begun = cell.now
     assert cell.end_of(cell.x.move_absolute(0.0, jerk=JERK)) is None
     assert (of(cell, TYPE), of(cell, LIMIT, 1)) == (LIMITED, JERK * 100)
-    # A mean of ramps: all of the jerk only where one ramp follows the other.
+    # A mean of ramps: the full jerk occurs only where one ramp follows the other.
     assert demand.worst(3) == pytest.approx(0.5 * JERK, rel=1e-3)
     assert 450.0 < demand.worst(2) <= 500.5
     assert cell.now - begun == pytest.approx(at_once + 2 * 500.0 / JERK, abs=0.05)
@@ -48,7 +48,7 @@ def test_a_drive_with_a_profile_jerk_limits_it_itself(scenario):
     assert demand.worst(3) == pytest.approx(JERK, rel=1e-3)
 
 
-def test_the_type_of_profile_is_put_back_for_what_has_no_jerk(scenario):
+def test_the_type_of_profile_is_restored_for_moves_without_jerk(scenario):
     cell = scenario.simulated("x").enabled()
     cell.end_of(cell.x.move_absolute(10.0, jerk=JERK))
     assert of(cell, TYPE) == LIMITED
@@ -67,7 +67,7 @@ def types_up_to(scenario, highest):
     return scenario.simulated("x", eds="drive.eds").enabled()
 
 
-def test_a_drive_that_calls_it_by_another_number_is_asked_by_that(scenario):
+def test_a_drive_with_another_number_for_the_jerk_free_profile_gets_that_number(scenario):
     cell = types_up_to(scenario, JERK_FREE)
     demand = Demand(cell)
     assert cell.end_of(cell.x.move_absolute(50.0, jerk=JERK)) is None
@@ -85,7 +85,7 @@ def test_a_drive_that_refuses_both_is_reported_with_its_abort_code_and_does_not_
 
 
 @pytest.mark.parametrize("index", [TYPE, LIMIT])
-def test_a_drive_that_does_not_keep_what_was_written_is_reported_and_does_not_move(
+def test_a_drive_that_does_not_store_the_written_jerk_is_reported_and_does_not_move(
     scenario, monkeypatch, index
 ):
     cell = scenario.simulated("x").enabled()
@@ -149,7 +149,7 @@ def test_an_override_of_a_move_with_jerk_keeps_its_jerk(scenario):
 @pytest.mark.parametrize("eds", [MODULE])
 def test_without_a_profile_jerk_the_master_controls_the_move(scenario, eds):
     cell = soft(scenario, eds)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     handle = cell.x.move_absolute(100.0)
     cell.run(0.8)
     assert cell.x.snapshot.mode == 8
@@ -164,7 +164,7 @@ def test_without_a_profile_jerk_the_master_controls_the_move(scenario, eds):
 
 def test_a_move_of_the_master_is_overridden_and_held_and_keeps_its_jerk(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     handle = cell.x.move_absolute(300.0, timeout=8.0)
     cell.run(0.8)
     for factor in (0.3, 0.0, 1.5, 0.5):
@@ -181,9 +181,9 @@ def test_a_move_of_the_master_is_overridden_and_held_and_keeps_its_jerk(scenario
 @pytest.mark.parametrize("moment", [0.0, 0.02, 0.15, 0.5, 1.0])
 @pytest.mark.parametrize("target", [300.0, 40.0, -50.0])
 def test_a_move_of_the_master_takes_over_from_another_without_a_jump(scenario, moment, target):
-    """In the midst of speeding up or on its way, farther, back, and to where it cannot stop any more."""
+    """During acceleration or later, farther, back, and to a target before which it cannot stop."""
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     first = cell.x.move_absolute(200.0)
     cell.run(moment)
     begun = cell.x.velocity
@@ -199,7 +199,7 @@ def test_a_move_of_the_master_takes_over_from_another_without_a_jump(scenario, m
 
 def test_a_move_of_the_master_with_another_jerk_takes_over_velocity_and_acceleration(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     cell.x.move_absolute(200.0)
     cell.run(0.3)
     assert cell.end_of(cell.x.move_absolute(-40.0, jerk=2.0 * JERK)) is None
@@ -210,9 +210,9 @@ def test_a_move_of_the_master_with_another_jerk_takes_over_velocity_and_accelera
 @pytest.mark.parametrize("moment", [0.15, 0.2, 0.3, 0.9, 1.35])
 @pytest.mark.parametrize("before", [1000.0, 200.0])
 def test_a_move_of_the_master_with_another_acceleration_takes_over_the_present_one(scenario, before, moment):
-    """What is harder, or takes another mean, lets its acceleration go first; out of a move without a jerk as well."""
+    """A harder move, or one with another mean, first ends the acceleration; also after a move without a jerk."""
     cell = soft(scenario, MODULE, axis="max_acceleration = 1000.0")
-    led = Led(cell)
+    led = ComputedMotion(cell)
     cell.x.move_absolute(100.0, acceleration=before, jerk=8000.0)
     cell.run(moment)
     assert cell.end_of(cell.x.move_absolute(-20.0, acceleration=400.0, jerk=8000.0)) is None
@@ -233,7 +233,7 @@ def test_a_move_of_the_master_with_another_acceleration_takes_over_the_present_o
 
 def test_after_a_trajectory_a_move_of_the_master_continues_with_its_velocity(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     cell.x.follow(TrapezoidalTrajectory(0.0, 200.0, 100.0, 500.0))
     cell.run(1.2)
     assert cell.x.velocity == pytest.approx(100.0, abs=2.0)
@@ -244,7 +244,7 @@ def test_after_a_trajectory_a_move_of_the_master_continues_with_its_velocity(sce
     assert led.worst(3) <= JERK * 1.001
 
 
-def test_after_a_move_of_the_master_a_line_may_begin_only_at_rest_and_a_move_without_jerk_continues(scenario):
+def test_a_move_without_jerk_takes_over_from_a_move_of_the_master(scenario):
     cell = soft(scenario, MODULE)
     cell.x.move_absolute(200.0)
     cell.run(0.6)
@@ -278,7 +278,7 @@ def test_a_halt_of_a_move_that_took_over_brakes_as_hard_as_without_jerk(scenario
 @pytest.mark.parametrize("seed", range(12))
 def test_random_targets_during_the_motion_keep_jerk_and_acceleration(scenario, seed):
     cell, chance = soft(scenario, MODULE), random.Random(seed)
-    led, target, handles = Led(cell), 0.0, []
+    led, target, handles = ComputedMotion(cell), 0.0, []
     for _ in range(25):
         target = chance.choice([chance.uniform(-150.0, 150.0), target + 0.5])
         handles.append(cell.x.move_absolute(target, velocity=chance.choice([30.0, 150.0, 300.0])))
@@ -297,7 +297,7 @@ def test_a_virtual_axis_has_a_jerk_limit_too(scenario):
     cell = scenario.simulated(text=cell_text("", more=virtual("max_velocity = 400.0")))
     v = cell["v"]
     v.enable().wait(5)
-    led = Led(cell, "v")
+    led = ComputedMotion(cell, "v")
     assert cell.end_of(v.move_absolute(100.0, jerk=JERK)) is None
     assert led.worst(3) <= JERK * 1.001
     assert v.position == 100.0
@@ -316,10 +316,10 @@ def test_move_direct_moves_each_axis_by_its_own_profile(scenario):
     assert [cell.where(name) for name in "xy"] == pytest.approx([50.0, -50.0], abs=NEAR)
 
 
-# -- what is refused, and told ---------------------------------------------------------------------------------------------
+# -- refusals and notes ----------------------------------------------------------------------------------------------------
 
 
-def test_a_move_of_the_master_does_not_take_over_from_the_drive_and_says_why(scenario):
+def test_a_move_of_the_master_does_not_take_over_from_the_drive_and_the_error_gives_the_reason(scenario):
     cell = soft(scenario, MODULE)
     first = cell.x.move_absolute(300.0, jerk=math.inf)
     cell.run(0.5)
@@ -359,7 +359,7 @@ def test_an_invalid_jerk_is_refused_at_the_call(scenario, value):
 @pytest.mark.parametrize("eds", [GENERIC, MODULE])
 def test_random_moves_under_random_overrides_keep_their_jerk(scenario, eds, seed):
     cell, chance = soft(scenario, eds), random.Random(seed)
-    seen = Demand(cell) if eds == GENERIC else Led(cell)
+    seen = Demand(cell) if eds == GENERIC else ComputedMotion(cell)
     for _ in range(4):
         target = chance.uniform(-150.0, 150.0)
         handle = cell.x.move_absolute(target, velocity=chance.choice([30.0, 150.0, 300.0]))

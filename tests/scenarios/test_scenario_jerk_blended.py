@@ -1,4 +1,4 @@
-"""Moves of one axis that pass into each other with a limit of jerk, and what is refused of that."""
+"""Blended moves of one axis with a limit of jerk, and refusals."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from axisbus.errors import LimitError, Replaced, StateError, Stopped
 from axisbus.motion.states import AxisState
 from kit.cell import GENERIC, MODULE, cell_text
-from kit.scenarios.softly import JERK, NEAR, PERIOD, Led, soft
+from kit.scenarios.softly import JERK, NEAR, PERIOD, ComputedMotion, soft
 from kit.virtual import virtual
 
 HARD = 500.0  # deg/s²
@@ -19,7 +19,7 @@ SLOWER = {"low": 60.0, "previous": 120.0, "next": 60.0, "high": 120.0}
 
 
 def speed_at(led, at):
-    """How fast the axis was led by a place, in the positive direction."""
+    """The commanded speed of the axis at a position, in the positive direction."""
     row = next(row for row in led.rows if row)
     number = next(k for k, place in enumerate(row) if place >= at)
     return (row[number] - row[number - 1]) / PERIOD
@@ -41,7 +41,7 @@ def must_be_soft(led, hardest=HARD, jerk=JERK):
 def test_a_transition_has_the_velocity_of_its_mode(scenario, eds, mode, velocities, joint):
     """By the master, also where the drive has a profile jerk."""
     cell = soft(scenario, eds)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     first = cell.x.move_absolute(70.0, velocity=velocities[0], buffer=f"blending_{mode}")
     second = cell.x.move_absolute(150.0, velocity=velocities[1], buffer=f"blending_{mode}")
     assert cell.end_of(first) is None
@@ -59,7 +59,7 @@ def test_a_transition_has_the_velocity_of_its_mode(scenario, eds, mode, velociti
 @pytest.mark.parametrize("moment", [0.0, 0.02, 0.2, 0.6, 0.75])
 def test_a_jerk_limited_move_can_be_joined_before_it_begins_and_while_it_moves(scenario, moment):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     first = cell.x.move_absolute(70.0, velocity=100.0)
     cell.run(moment)
     second = cell.x.move_absolute(150.0, velocity=60.0, buffer="blending_low")
@@ -75,9 +75,9 @@ def test_a_jerk_limited_move_can_be_joined_before_it_begins_and_while_it_moves(s
     must_be_soft(led)
 
 
-def test_one_that_comes_when_it_brakes_already_is_passed_more_slowly_and_says_so(scenario):
+def test_a_move_given_while_the_axis_brakes_has_a_slower_transition_and_its_note_gives_the_velocity(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     cell.x.move_absolute(70.0, velocity=100.0)
     cell.run(0.9)
     second = cell.x.move_absolute(150.0, velocity=100.0, buffer="blending_low")
@@ -87,9 +87,9 @@ def test_one_that_comes_when_it_brakes_already_is_passed_more_slowly_and_says_so
     must_be_soft(led)
 
 
-def test_if_the_path_reverses_it_stops_at_the_end_and_says_so(scenario):
+def test_if_the_path_reverses_it_stops_at_the_end_and_the_note_gives_the_reason(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     first = cell.x.move_absolute(70.0, buffer="blending_next")
     second = cell.x.move_absolute(20.0, buffer="blending_next")
     assert cell.end_of(first) is None
@@ -100,9 +100,9 @@ def test_if_the_path_reverses_it_stops_at_the_end_and_says_so(scenario):
     must_be_soft(led)
 
 
-def test_moves_of_which_one_needs_more_time_for_its_jerk_do_not_pass_into_each_other_and_say_so(scenario):
+def test_moves_that_need_more_time_for_their_jerk_are_not_blended_and_the_note_gives_the_reason(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     first = cell.x.move_absolute(70.0, jerk=10_000.0, buffer="blending_next")
     second = cell.x.move_absolute(150.0, jerk=5000.0, buffer="blending_next")
     assert cell.end_of(first) is None
@@ -118,9 +118,9 @@ def test_moves_of_which_one_needs_more_time_for_its_jerk_do_not_pass_into_each_o
     assert led.worst(2) <= HARD * 1.001
 
 
-def test_one_without_a_jerk_joins_and_is_as_soft_as_the_one_before(scenario):
+def test_a_move_without_a_jerk_is_blended_with_the_jerk_of_the_one_before(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     cell.x.move_absolute(70.0, velocity=60.0, buffer="blending_next")
     second = cell.x.move_absolute(150.0, velocity=100.0, jerk=math.inf, buffer="blending_next")
     assert cell.end_of(second) is None
@@ -129,7 +129,7 @@ def test_one_without_a_jerk_joins_and_is_as_soft_as_the_one_before(scenario):
     must_be_soft(led)
 
 
-def test_behind_a_move_of_the_drive_and_behind_a_velocity_it_is_refused_and_says_what_to_do(scenario):
+def test_a_jerk_limited_blend_after_a_move_of_the_drive_is_refused_with_the_remedy(scenario):
     cell = soft(scenario, GENERIC)
     first = cell.x.move_absolute(70.0)
     cell.run(0.1)
@@ -159,7 +159,7 @@ def test_a_drive_without_csp_plans_them_itself_or_refuses(scenario):
 
 def test_an_override_slows_and_holds_it_and_above_1_it_is_as_fast_as_at_1(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     handles = [
         cell.x.move_absolute(70.0, velocity=100.0, buffer="blending_next"),
         cell.x.move_absolute(300.0, velocity=60.0, buffer="blending_high"),
@@ -193,9 +193,9 @@ def test_a_halt_and_a_stop_are_as_hard_as_without_and_end_all(scenario, call):
 
 @pytest.mark.parametrize("moment", [0.2, 0.6, 0.9])
 @pytest.mark.parametrize("by", ["move", "velocity", "harder"])
-def test_what_takes_over_continues_with_its_velocity_and_its_acceleration(scenario, moment, by):
+def test_a_move_that_takes_over_begins_with_the_present_velocity_and_acceleration(scenario, moment, by):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     handles = [
         cell.x.move_absolute(60.0, velocity=100.0, buffer="blending_next"),
         cell.x.move_absolute(150.0, velocity=30.0, buffer="blending_next"),
@@ -222,11 +222,11 @@ def test_an_end_beyond_the_limits_is_refused_and_the_running_moves_continue(scen
     assert cell.where("x") == pytest.approx(70.0, abs=0.1)
 
 
-def test_a_virtual_axis_passes_softly_too(scenario):
+def test_a_virtual_axis_blends_moves_with_a_jerk_limit_too(scenario):
     cell = scenario.simulated(text=cell_text("", more=virtual("max_velocity = 400.0")))
     v = cell["v"]
     v.enable().wait(5)
-    led = Led(cell, "v")
+    led = ComputedMotion(cell, "v")
     v.move_absolute(50.0, velocity=100.0, jerk=JERK)
     last = v.move_absolute(120.0, velocity=40.0, jerk=JERK, buffer="blending_high")
     assert cell.end_of(last) is None
@@ -254,7 +254,7 @@ def test_a_fault_during_the_moves_ends_all_of_them(scenario):
 @pytest.mark.parametrize("seed", range(8))
 def test_random_moves_that_join_at_random_times_keep_their_jerk(scenario, seed):
     cell, chance = soft(scenario, MODULE, axis="max_acceleration = 500"), random.Random(seed)
-    led, end = Led(cell), 0.0
+    led, end = ComputedMotion(cell), 0.0
     handles = []
     for _ in range(12):
         end += chance.choice([0.0, 0.02, 1.0, 20.0, 80.0]) * chance.choice([1.0, 1.0, -1.0])

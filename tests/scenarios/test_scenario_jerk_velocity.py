@@ -1,4 +1,4 @@
-"""Velocities with a limit of jerk: by the drive where it has one, else led; what they take over from, and hand over to."""
+"""Velocities with a jerk limit: by the drive if it has one, otherwise streamed by the master; changes from and to other moves."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from axisbus.errors import ArgumentError, Interrupted, LimitError, MotionTimeout
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import MODULE, cell_text
-from kit.scenarios.softly import JERK, NEAR, PERIOD, Demand, Led, differences, soft
+from kit.scenarios.softly import JERK, NEAR, PERIOD, ComputedMotion, Demand, differences, soft
 from kit.virtual import virtual
 
 CSP, PV = 8, 3
@@ -63,7 +63,7 @@ def test_an_override_of_a_velocity_that_the_drive_makes_keeps_its_jerk(scenario)
     must_be_soft(demand)
 
 
-def test_a_drive_that_needs_long_for_its_jerk_is_not_taken_for_a_jammed_one(scenario):
+def test_a_drive_that_takes_long_for_its_jerk_limit_does_not_count_as_jammed(scenario):
     """From 300 to rest and back in four seconds of softness: it is hundreds of degrees from where its ramps alone would have it."""
     cell = scenario.simulated("x", axis="following_error = 5.0").enabled()
     for velocity in (300.0, -300.0, 0.0):
@@ -72,7 +72,7 @@ def test_a_drive_that_needs_long_for_its_jerk_is_not_taken_for_a_jammed_one(scen
     assert cell.x.state is AxisState.CONTINUOUS_MOTION
 
 
-def test_a_drive_that_is_jammed_is_found_out_all_the_same(scenario):
+def test_a_drive_that_is_jammed_during_a_jerk_limited_velocity_is_detected(scenario):
     cell = soft(scenario)
     assert cell.end_of(cell.x.move_velocity(100.0)) is None
     cell.jam()
@@ -80,7 +80,7 @@ def test_a_drive_that_is_jammed_is_found_out_all_the_same(scenario):
 
 
 def test_a_soft_drive_is_stopped_ahead_of_its_position_limits(scenario):
-    """Its halt may be as soft as its ramps: that way is counted on."""
+    """Its halt may be as soft as its ramps: its braking distance is counted."""
     cell = soft(scenario, axis="position_limits = [-10.0, 100.0]")
     cell.x.move_velocity(200.0)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
@@ -97,7 +97,7 @@ def test_a_soft_drive_is_stopped_ahead_of_its_position_limits(scenario):
 
 def test_without_a_profile_jerk_the_master_controls_the_velocity(scenario):
     cell = soft(scenario, MODULE)
-    led, begun = Led(cell), cell.now
+    led, begun = ComputedMotion(cell), cell.now
     handle = cell.x.move_velocity(100.0)
     assert cell.end_of(handle) is None
     assert cell.now - begun < 100.0 / HARD + HARD / JERK + 0.4
@@ -122,9 +122,9 @@ def test_without_a_jerk_the_drive_makes_the_ramp(scenario):
     assert cell.x.velocity == pytest.approx(50.0, abs=2.0)
 
 
-def test_a_velocity_of_0_brings_it_to_rest_under_control_of_the_master(scenario):
+def test_a_velocity_of_0_stops_the_axis_under_control_of_the_master(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     cell.end_of(cell.x.move_velocity(100.0))
     assert cell.end_of(cell.x.move_velocity(0.0)) is None
     must_be_soft(led)
@@ -140,7 +140,7 @@ def test_a_velocity_of_0_brings_it_to_rest_under_control_of_the_master(scenario)
 @pytest.mark.parametrize("target", [300.0, 20.0, -50.0])
 def test_a_move_takes_over_from_it_with_its_velocity_and_its_acceleration(scenario, moment, target):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     first = cell.x.move_velocity(100.0)
     cell.run(moment)
     second = cell.x.move_absolute(target)
@@ -154,10 +154,10 @@ def test_a_move_takes_over_from_it_with_its_velocity_and_its_acceleration(scenar
 
 @pytest.mark.parametrize("moment", [0.1, 0.2, 0.25, 0.6, 2.03])
 @pytest.mark.parametrize("velocity", [80.0, 0.0, -80.0])
-def test_it_takes_over_from_a_running_move(scenario, moment, velocity):
+def test_a_jerk_limited_velocity_takes_over_from_a_running_move(scenario, moment, velocity):
     """Speeding up, going evenly, and braking; with another acceleration as well."""
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     first = cell.x.move_absolute(200.0)
     cell.run(moment)
     second = cell.x.move_velocity(velocity, acceleration=300.0)
@@ -173,9 +173,9 @@ def test_out_of_a_move_without_a_jerk_it_continues_with_its_acceleration_too(sce
     cell = soft(scenario, MODULE)
     cell.x.follow(TrapezoidalTrajectory(0.0, 10.0, 50.0, HARD))
     cell.run(0.1)
-    cell.x.move_absolute(200.0, jerk=math.inf)  # out of a trajectory it is led
+    cell.x.move_absolute(200.0, jerk=math.inf)  # from a streamed trajectory
     cell.run(moment)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     cell.run(0.0101)
     assert cell.end_of(cell.x.move_velocity(30.0)) is None
     must_be_soft(led)
@@ -184,7 +184,7 @@ def test_out_of_a_move_without_a_jerk_it_continues_with_its_acceleration_too(sce
 @pytest.mark.parametrize("moment", [0.1, 0.3, 1.0])
 def test_a_halt_is_as_soft_and_may_be_interrupted(scenario, moment):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     cell.x.move_velocity(100.0)
     cell.run(moment)
     assert cell.end_of(cell.x.halt()) is None
@@ -243,7 +243,7 @@ def test_an_override_scales_and_holds_it_and_the_handle_waits(scenario, eds):
         cell[name].enable().wait(5)
     else:
         cell, name = soft(scenario, eds), "x"
-    axis, led = cell[name], Led(cell, name)
+    axis, led = cell[name], ComputedMotion(cell, name)
     axis.set_override(0.0).wait()
     handle = axis.move_velocity(300.0, jerk=JERK)
     cell.run(10.0)
@@ -261,7 +261,7 @@ def test_an_override_scales_and_holds_it_and_the_handle_waits(scenario, eds):
 
 @pytest.mark.parametrize("velocity", [200.0, -200.0])
 @pytest.mark.parametrize("deceleration", [100.0, 500.0])
-def test_it_is_braked_ahead_of_the_position_limits_by_the_axis_s_own_deceleration(
+def test_a_jerk_limited_velocity_is_braked_before_the_position_limits_by_the_axis_deceleration(
     scenario, velocity, deceleration
 ):
     cell = soft(scenario, MODULE, axis="position_limits = [-150.0, 150.0]")
@@ -283,7 +283,7 @@ def test_a_soft_halt_for_which_there_is_no_room_is_a_hard_one(scenario):
     assert cell.x.state is AxisState.STANDSTILL
 
 
-def test_a_velocity_back_that_would_lead_beyond_the_limits_first_is_refused(scenario):
+def test_a_velocity_back_that_would_first_exceed_the_limits_is_refused(scenario):
     cell = soft(scenario, MODULE, axis="position_limits = [-10.0, 205.0]")
     first = cell.x.move_absolute(200.0, velocity=300.0)
     cell.run(0.62)
@@ -295,7 +295,7 @@ def test_a_velocity_back_that_would_lead_beyond_the_limits_first_is_refused(scen
 
 
 def test_a_move_out_of_a_velocity_that_could_not_stop_in_time_is_refused(scenario):
-    """The acceleration that is let go of first, and the mean that is gone on with, count."""
+    """The acceleration that is ended first, and the mean that continues, count."""
     cell = soft(scenario, MODULE, axis="position_limits = [-10.0, 120.0]")
     cell.x.move_velocity(200.0)
     cell.until(lambda: cell.where("x") > 60.0)
@@ -306,7 +306,7 @@ def test_a_move_out_of_a_velocity_that_could_not_stop_in_time_is_refused(scenari
     assert cell.x.velocity > 150.0
 
 
-def test_before_it_is_homed_no_position_limit_holds(scenario):
+def test_before_homing_no_position_limit_holds(scenario):
     cell = scenario.simulated(
         text=cell_text("x", eds=MODULE, axis="position_limits = [-20.0, 20.0]").replace(
             "required = false", "required = true"
@@ -345,7 +345,7 @@ def test_a_drive_without_csp_and_without_a_profile_jerk_cannot(scenario):
 # -- faults, and with other things -------------------------------------------------------------------------------------------
 
 
-def test_an_axis_that_jams_is_found_out_and_stopped(scenario):
+def test_an_axis_that_jams_is_detected_and_stopped(scenario):
     cell = soft(scenario, MODULE)
     cell.end_of(cell.x.move_velocity(100.0))
     cell.jam()
@@ -359,7 +359,7 @@ def test_an_axis_that_jams_is_found_out_and_stopped(scenario):
 
 def test_a_velocity_that_is_not_reached_in_time_ends_with_an_error_and_the_axis_brakes_on_its_path(scenario):
     cell = soft(scenario, MODULE)
-    led = Led(cell)
+    led = ComputedMotion(cell)
     error = cell.failure_of(cell.x.move_velocity(100.0, timeout=0.05))
     assert isinstance(error, MotionTimeout)
     assert "has not reached 100 deg/s" in str(error)
@@ -369,7 +369,7 @@ def test_a_velocity_that_is_not_reached_in_time_ends_with_an_error_and_the_axis_
     assert cell.core().ladder is None
 
 
-def test_a_buffered_move_begins_when_the_velocity_is_reached_and_a_blended_one_says_that_it_cannot_blend(
+def test_a_buffered_move_begins_when_the_velocity_is_reached_and_a_blended_one_is_buffered(
     scenario,
 ):
     cell = soft(scenario, MODULE)
@@ -399,9 +399,9 @@ def test_a_distance_is_laid_over_it_and_a_slave_follows_it(scenario):
     assert cell.where("x") > before
 
 
-def test_an_endless_axis_turns_on_and_on_and_a_move_continues_to_its_place_in_the_turn(scenario):
+def test_an_endless_axis_rotates_and_a_move_continues_to_its_position_in_the_turn(scenario):
     cell = soft(scenario, MODULE, axis="modulo = 360.0")
-    led = Led(cell)
+    led = ComputedMotion(cell)
     assert cell.end_of(cell.x.move_velocity(390.0)) is None
     cell.run(5.0)
     assert 0.0 <= cell.x.position < 360.0
@@ -411,11 +411,11 @@ def test_an_endless_axis_turns_on_and_on_and_a_move_continues_to_its_place_in_th
     must_be_soft(led)
 
 
-def test_one_that_fails_stops_the_others_hard(scenario):
+def test_a_failing_axis_stops_the_others_without_jerk_limit(scenario):
     cell = scenario.simulated("xy", eds=MODULE).enabled()
     for axis in cell.machine:
         assert cell.end_of(axis.move_velocity(100.0, jerk=JERK)) is None
-    led = Led(cell, "y")
+    led = ComputedMotion(cell, "y")
     cell.run(0.1)
     cell.drive("x").fault(0x2310)
     cell.until(lambda: cell["y"].state is AxisState.STANDSTILL, 5.0)
@@ -440,7 +440,7 @@ def test_other_modes_take_over_from_it_without_a_jolt(scenario):
 @pytest.mark.parametrize("seed", range(10))
 def test_random_velocities_moves_halts_and_overrides_keep_jerk_and_acceleration(scenario, seed):
     cell, chance = soft(scenario, MODULE, axis="max_acceleration = 1000.0"), random.Random(seed)
-    led, handles = Led(cell), []
+    led, handles = ComputedMotion(cell), []
     ramps = (200.0, 500.0, 1000.0)
     for _ in range(30):
         kind = chance.choice("vvvmho")

@@ -1,4 +1,4 @@
-"""``axisbus config`` killed with SIGKILL, wherever it was: the next run tells what differs, and finishes."""
+"""``axisbus config`` killed with SIGKILL at any point: the next run names the differences, and completes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NODE = 5
 CHANNELS = (f"killed-{os.getpid()}-{number}" for number in itertools.count())
 KILLED = -signal.SIGKILL
 
-# What the DCF of this scenario asks for, by hand: settings, and TPDO 1 with another mapping, event-driven, on its usual COB-ID.
+# The values of the DCF of this scenario, by hand: settings, and TPDO 1 with another mapping, event-driven, on its usual COB-ID.
 SETTINGS = {(0x6081, 0): 123_456, (0x6083, 0): 7_654_321, (0x607D, 1): -50_000, (0x607D, 2): 50_000}
 PDO = {
     (0x1800, 1): 0x4000_0185,
@@ -53,7 +53,7 @@ class Drive:
         self.folder = folder
 
     def held(self) -> dict[tuple[int, int], int]:
-        """What it has of what the DCF asks for."""
+        """Its values of the objects of the DCF."""
         with self.stand_ins.lock:
             return {key: self.device.read(*key) for key in WANTED}
 
@@ -69,14 +69,14 @@ class Drive:
                 yield program.process
 
     def axisbus(self, *arguments: str, die_in: str = "-") -> tuple[int, str]:
-        """Run a command to its end; return its exit code and what it printed."""
+        """Run a command to its end; return its exit code and its output."""
         with self.plugged(*arguments, die_in=die_in) as process:
             out, errors = process.communicate()
             assert process.returncode in (0, 1, KILLED), errors
             return process.returncode, out
 
     def killed_after(self, happens: Callable[[Callable[[], None]], None], *arguments: str) -> None:
-        """Run a command and kill it when the drive says so; the drive has carried out the request, nobody gets the answer."""
+        """Run a command and kill it at the drive's signal; the drive has executed the request, and the answer is lost."""
         with self.plugged(*arguments) as process:
             with self.stand_ins.lock:
                 happens(process.kill)
@@ -84,7 +84,7 @@ class Drive:
             assert process.returncode == KILLED, (out, errors)
 
     def written(self, key: tuple[int, int]) -> Callable[[Callable[[], None]], None]:
-        """Say so when this object is written."""
+        """Signal when this object is written."""
 
         def arm(kill: Callable[[], None]) -> None:
             armed = [kill]
@@ -93,7 +93,7 @@ class Drive:
         return arm
 
     def read_times(self, number: int) -> Callable[[Callable[[], None]], None]:
-        """Say so when that many objects have been read."""
+        """Signal when that many objects have been read."""
         dictionary = self.device.dictionary
         upload = dictionary.upload
         count = itertools.count(1)
@@ -136,7 +136,7 @@ def file(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_a_restore_that_is_killed_again_and_again_continues_with_what_differs(
+def test_a_restore_that_is_killed_repeatedly_continues_with_the_values_that_differ(
     drive: Drive, file: str
 ) -> None:
     """In the reading; with the PDO switched off; between settings; with it half filled; whole but off; before the last look."""
@@ -146,11 +146,11 @@ def test_a_restore_that_is_killed_again_and_again_continues_with_what_differs(
     assert drive.held() == factory
     for key in ((0x1800, 1), (0x607D, 2), (0x1A00, 1), (0x1A00, 0), (0x1800, 1)):
         drive.killed_after(drive.written(key), *restore)
-        assert _said_to_differ(drive, file) == _differing(drive)
+        assert _reported_differences(drive, file) == _differing(drive)
     code, out = drive.axisbus(*restore, "--json")
     assert (code, json.loads(out)["ok"]) == (0, True)
     assert drive.held() == WANTED
-    assert _said_to_differ(drive, file) == set()
+    assert _reported_differences(drive, file) == set()
 
 
 def _differing(drive: Drive) -> set[tuple[int, int]]:
@@ -158,7 +158,7 @@ def _differing(drive: Drive) -> set[tuple[int, int]]:
     return {key for key, value in WANTED.items() if held[key] != value}
 
 
-def _said_to_differ(drive: Drive, file: str) -> set[tuple[int, int]]:
+def _reported_differences(drive: Drive, file: str) -> set[tuple[int, int]]:
     code, out = drive.axisbus("config", "diff", file, str(NODE), "--json")
     differences = json.loads(out)["differences"]
     assert code == bool(differences)
@@ -193,7 +193,7 @@ def _backup(file: str) -> tuple[str, ...]:
 
 
 def _require_whole(path: Path, old: bytes, *, new: bool) -> None:
-    """The old file byte by byte; or the new one to its last object, with what the drive has: its factory setting."""
+    """The old file byte by byte; or the new one to its last object, with the values of the drive: its factory setting."""
     if not new:
         assert path.read_bytes() == old
         return

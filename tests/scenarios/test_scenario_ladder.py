@@ -25,7 +25,7 @@ def deaf(cell, *commands: str) -> None:
         setattr(cell.drive().dials, f"ignore_{command}", True)
 
 
-# -- rung by rung --------------------------------------------------------------------------------------------------------
+# -- step by step --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.nets("the stop ladder")
@@ -34,19 +34,19 @@ def test_a_drive_that_ignores_halt_gets_a_quick_stop(scenario, golden):
     cell.travelling()
     deaf(cell, "halt")
     halt = cell.x.halt()
-    took = cell.must_stand(within=1.2, stages=SWITCH_ON_DISABLED)
+    took = cell.must_be_still(within=1.2, stages=SWITCH_ON_DISABLED)
     assert 0.5 < took < 0.75
     error = cell.failure_of(halt)
     assert isinstance(error, DriveError)
     golden("ladder_quick_stop", error)
 
 
-def test_a_path_that_brakes_too_slowly_for_halt_time_ends_in_a_quick_stop_that_says_so(scenario):
+def test_a_path_that_brakes_too_slowly_for_halt_time_ends_in_a_quick_stop_with_that_reason(scenario):
     cell = scenario.simulated("x", stop=TIMES).enabled()
     cell.machine.group("x").move_linear([400.0], velocity=100.0, acceleration=50.0)
     cell.run(2.5)
     halt = cell.x.halt()
-    cell.must_stand(within=1.2, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still(within=1.2, stages=SWITCH_ON_DISABLED)
     error = cell.failure_of(halt)
     assert isinstance(error, DriveError)
     assert error.remedy.startswith("braking along its path took longer than halt_time")
@@ -60,7 +60,7 @@ def test_a_drive_that_ignores_quick_stop_too_loses_its_power(scenario, golden):
     halt = cell.x.halt()
     cell.run(0.95)
     cell.must_be(OFF)
-    cell.must_stand(within=5.0, stages=SWITCH_ON_DISABLED)  # nothing brakes it: it coasts
+    cell.must_be_still(within=5.0, stages=SWITCH_ON_DISABLED)  # nothing brakes it: it coasts
     golden("ladder_disable_voltage", cell.failure_of(halt))
 
 
@@ -70,7 +70,7 @@ def test_a_drive_that_ignores_everything_is_left_to_its_reaction_to_nmt_stop(sce
     cell.travelling()
     deaf(cell, "halt", "quick_stop", "disable_voltage")
     halt = cell.x.halt()
-    took = cell.must_stand(within=2.5, stages=(QUICK_STOP, *OFF))  # 6007h: quick stop
+    took = cell.must_be_still(within=2.5, stages=(QUICK_STOP, *OFF))  # 6007h: quick stop
     assert 1.5 < took < 2.0
     assert cell.device().nmt is NmtState.STOPPED
     golden("ladder_nmt_stop", cell.failure_of(halt))
@@ -95,7 +95,7 @@ def test_a_drive_that_does_not_switch_off_is_reported_as_energised(scenario, gol
     cell.drive().dials.transition_delay = {5: float("inf")}
     deaf(cell, "disable_voltage")
     disable = cell.x.disable()
-    cell.must_stand(within=2.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=2.0, stages=(ENABLED, *OFF))
     golden("ladder_stays_energised", cell.failure_of(disable))
 
 
@@ -109,11 +109,11 @@ def test_the_end_of_the_program_runs_the_same_stop_sequence(scenario, golden):
         cell.machine.close()
     except DriveError as error:
         failure = error
-    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still(within=0.01, stages=SWITCH_ON_DISABLED)
     golden("ladder_on_exit", failure)
 
 
-# -- what quick stop leaves behind ---------------------------------------------------------------------------------------
+# -- after a quick stop --------------------------------------------------------------------------------------------------
 
 WORDS = (
     "coast",
@@ -130,13 +130,13 @@ WORDS = (
 
 @pytest.mark.parametrize("option", range(9))
 @pytest.mark.nets("the stop ladder")
-def test_a_quick_stop_ends_disabled_or_held_as_605a_says(scenario, option):
+def test_a_quick_stop_ends_disabled_or_held_according_to_605ah(scenario, option):
     cell = scenario.simulated("x", stop=f'quick_stop = "{WORDS[option]}"')
     assert cell.device().read(0x605A) == option
     cell.turning()
     stop = cell.x.quick_stop()
     held = option >= 5
-    cell.must_stand(within=5.0 if option == 0 else 1.0, stages=QUICK_STOP if held else SWITCH_ON_DISABLED)
+    cell.must_be_still(within=5.0 if option == 0 else 1.0, stages=QUICK_STOP if held else SWITCH_ON_DISABLED)
     stop.wait(3)
     assert cell.x.state is (AxisState.STOPPING if held else AxisState.DISABLED)
     cell.x.enable().wait(3)  # by transition 16, or from the beginning
@@ -174,7 +174,7 @@ def vertical(stage, holds: str, stop: str = ""):
     brake = holds == BRAKE
     stop = stop if brake else f"{HOLD}\n{stop}"
     cell = stage.simulated("x", axis=holds, stop=stop, devices=hanging(stage, brake=brake))
-    if not brake:  # somebody holds it by hand until it is enabled
+    if not brake:  # it is held by hand until it is enabled
         cell.drive().dials.blocked = True
     cell.x.enable().wait(3)
     cell.drive().dials.blocked = False
@@ -225,7 +225,7 @@ def test_a_load_on_a_brake_is_stopped_and_held_by_every_stop(scenario, way):
     cell = vertical(scenario, BRAKE)
     fall = rising(cell)
     handle = WAYS[way](cell.x)
-    cell.must_stand(within=1.5, stages=(ENABLED, QUICK_STOP, *OFF), for_good=2.0)
+    cell.must_be_still(within=1.5, stages=(ENABLED, QUICK_STOP, *OFF), for_good=2.0)
     handle.wait(2)
     fall.must_be_below(0.2)
 
@@ -236,7 +236,7 @@ def test_a_load_on_the_motor_alone_is_stopped_and_held(scenario, way):
     cell = vertical(scenario, TORQUE)
     fall = rising(cell)
     handle = WAYS[way](cell.x)
-    cell.must_stand(within=1.5, stages=(ENABLED, QUICK_STOP), for_good=2.0)
+    cell.must_be_still(within=1.5, stages=(ENABLED, QUICK_STOP), for_good=2.0)
     handle.wait(2)
     fall.must_be_below(0.2)
 
@@ -246,12 +246,12 @@ def test_a_load_on_the_motor_alone_stays_held_when_the_program_ends(scenario):
     cell = vertical(scenario, TORQUE)
     fall = rising(cell)
     cell.machine.close()
-    cell.must_stand(within=0.01, stages=(ENABLED, QUICK_STOP), for_good=3.0)
+    cell.must_be_still(within=0.01, stages=(ENABLED, QUICK_STOP), for_good=3.0)
     fall.must_be_below(0.2)
 
 
 def test_a_hanging_axis_is_never_switched_off_before_standstill(scenario, golden):
-    """Neither halt nor quick stop is obeyed: cutting the power now would drop the load, so the ladder ends here and says so."""
+    """Neither halt nor quick stop is obeyed: a loss of power would drop the load, so the stop sequence ends with that reason."""
     cell = vertical(scenario, TORQUE, stop=TIMES)
     cell.x.move_relative(2000.0, velocity=60.0)
     cell.run(0.5)
@@ -264,7 +264,7 @@ def test_a_hanging_axis_is_never_switched_off_before_standstill(scenario, golden
     golden("ladder_ends_for_a_load", error)
 
 
-def test_a_standing_load_on_the_motor_is_not_dropped_by_a_quick_stop_that_is_ignored(scenario):
+def test_a_load_held_at_standstill_is_not_dropped_by_a_quick_stop_that_is_ignored(scenario):
     cell = vertical(scenario, TORQUE, stop=TIMES)
     cell.run(0.5)
     fall = Fall(cell)
@@ -293,7 +293,7 @@ def test_torque_control_under_a_load_is_stopped_by_a_mode_that_holds(scenario, w
     cell.x.torque_control(lift)
     cell.until(lambda: cell.speed() > 20.0)
     handle = WAYS[way](cell.x)
-    cell.must_stand(within=2.0, stages=ENABLED, for_good=2.0)
+    cell.must_be_still(within=2.0, stages=ENABLED, for_good=2.0)
     handle.wait(2)
     fall.must_be_below(0.6)
     assert cell.drive().mode_display in (1, 3, 8)  # pp, pv, csp: not a torque mode
@@ -306,7 +306,7 @@ def test_a_load_in_torque_mode_is_held_after_a_quick_stop(scenario):
     cell.x.torque_control(1.1 * LOAD / 1000 * 10.0)
     cell.until(lambda: cell.speed() > 20.0)
     handle = cell.x.quick_stop()
-    cell.must_stand(within=2.0, stages=QUICK_STOP, for_good=2.0)
+    cell.must_be_still(within=2.0, stages=QUICK_STOP, for_good=2.0)
     handle.wait(2)
     fall.must_be_below(0.6)
 

@@ -17,7 +17,7 @@ from kit.scenarios.bus import Line, turning, until
 
 
 class Gateway:
-    """What lies between the adapter of a machine and the bus; what comes is delayed by ``rate`` seconds more in each second."""
+    """A gateway between the adapter of a machine and the bus; each second delays received frames by ``rate`` seconds more."""
 
     def __init__(self, machine: Machine) -> None:
         self._bus = machine._core.scan.cycle._channel.bus
@@ -44,7 +44,7 @@ class Gateway:
 
 
 @pytest.mark.parametrize("rate", [0.1, 0.4])
-def test_an_axis_is_stopped_when_its_process_data_come_ever_later(tmp_path, rate):
+def test_an_axis_is_stopped_when_its_process_data_arrive_ever_later(tmp_path, rate):
     with Line(tmp_path, "x", period="10ms", heartbeat="400ms") as line:
         machine = line.open()
         try:
@@ -60,9 +60,9 @@ def test_an_axis_is_stopped_when_its_process_data_come_ever_later(tmp_path, rate
             assert isinstance(handle.exception(), StaleError)
             assert reached < 0.1 + rate * 1.0 + 0.1  # the maximum age, the grace, and a busy computer
             until(lambda: x.state is AxisState.ERRORSTOP)
-            line.must_stand(stages=OFF)
+            line.must_be_still(stages=OFF)
         finally:
             with suppress(
                 AxisbusError, ExceptionGroup
-            ):  # it was not seen to stand while its values were unknown
+            ):  # its standstill was not seen while its values were unknown
                 machine.close()

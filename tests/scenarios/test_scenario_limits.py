@@ -1,4 +1,4 @@
-"""Limits hold in every mode: whatever moves an axis towards them, its motor comes to rest within them."""
+"""Limits hold in every mode: whatever moves an axis towards them, its motor stops within them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from axisbus.sim.device import Device
 from kit.cell import Cell, cell_text
 from kit.probe import ENABLED, OFF
 
-# With a rated torque of 5 N·m, so that few N·m are much; what 6076h says of it is another scenario's matter.
+# With a rated torque of 5 N·m, so that few N·m are much; its value in 6076h belongs to another scenario.
 JOINTS = (
     (Path(__file__).parents[2] / "examples" / "cell.toml")
     .read_text(encoding="utf-8")
@@ -45,7 +45,7 @@ def devices(lag: float) -> dict[int, Device]:
 
 
 def must_end_within(cell: Cell, name: str, low: float, high: float) -> None:
-    """Let time pass until the axis is in ErrorStop and stands; it has never been beyond its limits."""
+    """Let time pass until the axis is in ErrorStop and at standstill; it has never been beyond its limits."""
     cell.until(lambda: cell[name].state is AxisState.ERRORSTOP and cell.core(name).ladder is None, 10)
     cell.run(0.5)
     assert cell.speed(name) == pytest.approx(0.0, abs=0.01)
@@ -62,8 +62,8 @@ def must_end_within(cell: Cell, name: str, low: float, high: float) -> None:
     ("velocity", "acceleration"),
     [(360, 3600), (-360, 2000), (360, 720), (-360, 300), (90, 720), (-30, 100), (200, 3600)],
 )
-def test_a_turning_axis_comes_to_rest_within_its_position_limits(scenario, velocity, acceleration, lag):
-    """The way of reaction counts the command's acceleration, the delay of feedback and the ramp that a halt really has."""
+def test_a_turning_axis_stops_within_its_position_limits(scenario, velocity, acceleration, lag):
+    """The reaction distance counts the command's acceleration, the delay of feedback and the real ramp of a halt."""
     cell = joints(scenario, lag)
     cell["y"].move_velocity(velocity, acceleration=acceleration)
     must_end_within(cell, "y", -90.0, 90.0)
@@ -72,7 +72,7 @@ def test_a_turning_axis_comes_to_rest_within_its_position_limits(scenario, veloc
 
 
 @pytest.mark.parametrize("deceleration", [100.0, 720.0, 3600.0])
-def test_the_braking_distance_uses_the_deceleration_that_the_command_has_written(scenario, deceleration):
+def test_the_braking_distance_uses_the_deceleration_of_the_command(scenario, deceleration):
     cell = joints(scenario)
     cell["y"].move_velocity(150.0, acceleration=500, deceleration=deceleration)
     must_end_within(cell, "y", -90.0, 90.0)
@@ -81,7 +81,7 @@ def test_the_braking_distance_uses_the_deceleration_that_the_command_has_written
 
 @pytest.mark.parametrize(("halt", "beyond"), [("ramp", 85.0), ("slow-ramp", 60.0)])
 def test_the_braking_distance_uses_the_ramp_that_a_halt_has_by_605dh(scenario, halt, beyond):
-    """A halt on the quick-stop ramp (1440 deg/s²) needs a fifth of the way that one on 6084h (300 deg/s²) needs."""
+    """A halt on the quick-stop ramp (1440 deg/s²) needs a fifth of the distance that one on 6084h (300 deg/s²) needs."""
     cell = scenario.simulated(text=JOINTS.replace('halt = "slow-ramp"', f'halt = "{halt}"'))
     cell["y"].enable().wait(5)
     cell["y"].home().wait(5)
@@ -106,7 +106,7 @@ def test_a_weaker_deceleration_close_to_a_limit_is_refused_and_the_motion_before
 
 
 def test_a_slow_move_continues_close_to_its_limit(scenario):
-    """The reaction way is that of the command, so that jogging near an end of the axis is possible."""
+    """The reaction distance is that of the command, so that jogging near an end of the axis is possible."""
     cell = joints(scenario)
     cell["y"].move_absolute(89.0, velocity=360, acceleration=3600).wait(5)
     cell["y"].move_velocity(2.0)
@@ -116,7 +116,7 @@ def test_a_slow_move_continues_close_to_its_limit(scenario):
     must_end_within(cell, "y", -90.0, 90.0)
 
 
-def test_a_standing_axis_at_its_limit_is_not_let_out_by_a_single_increment(scenario):
+def test_an_axis_at_standstill_at_its_limit_does_not_move_beyond_it_by_an_increment(scenario):
     cell = joints(scenario)
     cell["y"].move_absolute(90.0, velocity=360, acceleration=3600).wait(5)
     cell["y"].move_velocity(360.0, acceleration=3600)
@@ -124,7 +124,7 @@ def test_a_standing_axis_at_its_limit_is_not_let_out_by_a_single_increment(scena
 
 
 @pytest.mark.parametrize("source", [ValueTransport.SDO, ValueTransport.EVENT_PDO])
-def test_feedback_that_comes_late_is_counted_by_its_age(scenario, source):
+def test_the_braking_distance_counts_the_age_of_late_feedback(scenario, source):
     """A position that is polled each 100 ms is up to 100 ms old: at 360 deg/s that is 36 deg."""
     port = {"inputs": {"position": source, "demand": ValueTransport.NONE}, "event_timer": 0.05}
     cell = joints(scenario, **port)
@@ -132,7 +132,7 @@ def test_feedback_that_comes_late_is_counted_by_its_age(scenario, source):
     must_end_within(cell, "y", -90.0, 90.0)
 
 
-def test_a_position_that_is_gone_stops_an_axis_that_must_keep_its_limits(scenario):
+def test_a_missing_position_stops_an_axis_that_must_keep_its_limits(scenario):
     cell = joints(scenario, max_age={"position": 0.05})
     cell["y"].move_velocity(30.0).wait(5)
     read = cell.port("y").read
@@ -145,7 +145,7 @@ def test_a_position_that_is_gone_stops_an_axis_that_must_keep_its_limits(scenari
 
 
 @pytest.mark.parametrize("velocity", [300.0, -150.0])
-def test_in_real_time_on_a_bus_a_turning_axis_comes_to_rest_within_its_limits(scenario, velocity):
+def test_in_real_time_on_a_bus_a_turning_axis_stops_within_its_limits(scenario, velocity):
     cell = scenario.real("x", axis="position_limits = [-90.0, 90.0]").enabled()
     cell.x.move_velocity(velocity, acceleration=3000, deceleration=1500)
     must_end_within(cell, "x", -90.0, 90.0)
@@ -159,14 +159,14 @@ def test_in_real_time_on_a_bus_a_turning_axis_comes_to_rest_within_its_limits(sc
 @pytest.mark.parametrize("slope", [0.5, 5.0, 50.0])
 @pytest.mark.parametrize("torque", [0.2, -0.5, 1.0, -3.0, 5.0])
 def test_an_axis_under_torque_keeps_its_limits_of_position_and_velocity(scenario, torque, slope, lag):
-    """A halt in profile torque mode lets the motor coast: the quick stop brakes it, and its way is counted."""
+    """A halt in profile torque mode lets the motor coast: the quick stop brakes it, and its braking distance is counted."""
     cell = joints(scenario, lag)
     cell["x"].torque_control(torque, slope=slope)
     must_end_within(cell, "x", -180.0, 180.0)
     assert cell.top_speed("x") <= 360.0
 
 
-def test_a_torque_that_friction_balances_is_let_alone(scenario):
+def test_a_torque_that_friction_balances_is_not_stopped(scenario):
     cell = joints(scenario)
     cell["x"].torque_control(0.15, slope=5.0)
     cell.run(4.0)
@@ -209,7 +209,7 @@ def test_an_axis_with_a_load_under_torque_is_braked_by_a_mode_that_holds(scenari
 
 
 class Own:
-    """A path of one's own, that tells nothing of itself in advance."""
+    """A path of the program without properties in advance."""
 
     def __init__(self, duration: float, way: Callable[[float], float]) -> None:
         self.duration = duration
@@ -272,7 +272,7 @@ def test_a_trajectory_at_all_its_limits_is_followed_to_its_end(scenario):
     assert cell.top_speed("x") <= 361.0
 
 
-def test_a_straight_line_at_all_its_limits_is_gone_to_its_end(scenario):
+def test_a_straight_line_at_all_its_limits_is_followed_to_its_end(scenario):
     cell = joints(scenario)
     cell["z"].enable().wait(5)
     cell["z"].home().wait(5)
@@ -282,10 +282,10 @@ def test_a_straight_line_at_all_its_limits_is_gone_to_its_end(scenario):
             assert cell.where(name) == pytest.approx(end, abs=0.02)
 
 
-# What is asked for.
+# Commands.
 
 
-def test_a_torque_beyond_what_the_drive_allows_is_refused_where_the_cell_file_says_nothing(scenario):
+def test_a_torque_beyond_6072h_is_refused_if_the_cell_file_gives_no_limit(scenario):
     """6072h of this drive is 3000: three times its rated torque."""
     cell = scenario.simulated("x", axis="rated_torque = 1.27").enabled()
     with pytest.raises(LimitError, match="beyond the limit") as caught:
@@ -323,7 +323,7 @@ def test_a_rated_torque_that_the_drive_does_not_share_is_reported_at_boot(scenar
 
 
 def beyond_the_count(scenario, more: str = "") -> Cell:
-    """An endless axis (36 000 increments per turn) that stood just below the end of INTEGER32, turning past it."""
+    """An endless axis (36 000 increments per turn) that was just below the end of INTEGER32, turning past it."""
     dictionary = eds.load(builtin.resolve("builtin:generic-cia402", Path()))
     params = replace(motor_from_eds(dictionary), start_position=2.0**31 - 3_000)
     cell = scenario.simulated(
@@ -352,7 +352,7 @@ def test_an_endless_axis_past_int32_loses_neither_a_cycle_nor_its_angle(scenario
     assert cell.where() % 360.0 == pytest.approx(90.0, abs=0.02)
 
 
-def test_an_endless_axis_that_was_out_of_sight_for_half_the_count_is_not_homed_any_more(scenario):
+def test_an_endless_axis_without_feedback_for_half_the_count_is_no_longer_homed(scenario):
     """At 400 000 000 deg/s the half of INTEGER32 passes within 54 ms."""
     text = cell_text("x", axis="modulo = 360.0").replace("max_velocity = 400.0", "max_velocity = 4e8")
     cell = scenario.simulated(text=text).enabled()
@@ -404,7 +404,7 @@ def test_a_move_out_of_a_halt_on_a_trajectory_and_a_halt_of_that_move_do_not_jol
     cell["x"].halt().wait(5)
     assert cell.hardest_change("x", since) <= 720.0 + 300.0
     assert cell["x"].state is AxisState.STANDSTILL
-    cell.must_stand("x", within=0.1, stages=ENABLED)
+    cell.must_be_still("x", within=0.1, stages=ENABLED)
 
 
 def test_a_move_out_of_a_trajectory_that_could_not_brake_within_the_limits_is_refused(scenario):
@@ -418,7 +418,7 @@ def test_a_move_out_of_a_trajectory_that_could_not_brake_within_the_limits_is_re
     assert cell.farthest("y")[1] <= 88.1
 
 
-def test_a_group_goes_over_from_its_trajectories_in_one_cycle_without_a_jolt(scenario):
+def test_a_group_changes_over_from_its_trajectories_in_one_cycle_without_a_jolt(scenario):
     cell = joints(scenario)
     cell["z"].enable().wait(5)
     cell["z"].home().wait(5)
@@ -439,7 +439,7 @@ def test_a_move_out_of_a_trajectory_ends_at_the_caller_s_timeout(scenario):
     cell.until(lambda: cell.where("x") > 40.0)
     error = cell.failure_of(cell["x"].move_absolute(170.0, velocity=10, timeout=0.5))
     assert isinstance(error, MotionTimeout)
-    cell.must_stand("x", within=2.0, stages=(ENABLED, *OFF))
+    cell.must_be_still("x", within=2.0, stages=(ENABLED, *OFF))
 
 
 # Limits in the drive.
@@ -453,14 +453,14 @@ limits_in_drive = true
 
 
 def test_limits_in_the_drive_hold_without_a_master(scenario):
-    """The master dies, nothing on the drive notices, and another tool asks for what the master would not have allowed."""
+    """The master dies, the drive does not detect it, and another tool commands a target that the master would have refused."""
     cell = scenario.simulated("x", axis=IN_DRIVE, heartbeat="off").enabled()
     device, drive = cell.device(), cell.drive()
     assert "objects written and read back" in cell.machine.reports[0].configured
     assert [device.read(0x607D, sub) for sub in (1, 2)] == [-9005, 9000]
     assert (device.read(0x607F, 0), device.read(0x6072, 0)) == (40_000, 500)
     cell.machine._core.scan.ended = True
-    cell.run(0.02)  # what is on the wire arrives
+    cell.run(0.02)  # frames in transit arrive
     device.write(0x1400, 5, 0)  # the deadline of its RPDO, which would notice
     drive.mode, drive.target_position, drive.controlword = 1, 20_000, 0x0F
     device.write(0x6081, 0, 100_000)
@@ -473,7 +473,7 @@ def test_limits_in_the_drive_hold_without_a_master(scenario):
     assert cell.farthest()[1] == pytest.approx(90.0, abs=0.01)
 
 
-def test_the_speed_of_the_motor_is_limited_where_the_drive_says_how_it_counts(scenario):
+def test_the_speed_of_the_motor_is_limited_if_the_drive_defines_its_unit(scenario):
     text = JOINTS.replace("max_acceleration = 3600.0", "max_acceleration = 3600.0\nlimits_in_drive = true")
     cell = scenario.simulated(text=text)
     device = cell.device("y")

@@ -71,7 +71,9 @@ def test_a_resting_mode_that_is_refused_is_replaced_by_the_next(scenario):
 
 
 @pytest.mark.parametrize(("what", "mode"), [("move_velocity", PV), ("home", HM), ("follow", CSP)])
-def test_a_mode_refused_while_enabled_fails_the_command_and_the_axis_holds(scenario, golden, what, mode):
+def test_a_mode_refused_while_enabled_fails_the_command_and_the_axis_holds_its_position(
+    scenario, golden, what, mode
+):
     cell = scenario.simulated("x").enabled()
     cell.drive().dials.modes_refused = frozenset({mode})
     place = cell.where()
@@ -89,7 +91,7 @@ def test_a_mode_refused_while_enabled_fails_the_command_and_the_axis_holds(scena
     assert cell.x.state is AxisState.ERRORSTOP
 
 
-def test_a_refused_mode_is_not_left_asked_for(scenario):
+def test_a_refused_mode_does_not_stay_commanded(scenario):
     """A drive that takes it late, perhaps when its load hangs, would change under our feet."""
     cell = scenario.simulated("x").enabled()
     cell.drive().dials.modes_refused = frozenset({PV})
@@ -106,31 +108,31 @@ def test_a_mode_refused_in_mid_move_stops_the_axis(scenario, golden):
     cell.drive().dials.modes_refused = frozenset({PV})
     handle = cell.x.move_velocity(-50.0)
     cell.run(1.1)
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     golden("mode_refused_in_mid_move", cell.failure_of(handle))
 
 
 # -- conditions of the cyclic modes --------------------------------------------------------------------------------------
 
 
-def test_csp_is_refused_where_60c2_is_refused(scenario, golden):
+def test_csp_is_refused_if_the_drive_refuses_60c2(scenario, golden):
     cell = scenario.simulated("x").enabled()
     cell.device().dials.sdo_write_aborts[0x60C2, 1] = 0x0609_0030
     failed = cell.failure_of(cell.x.follow(Ramp()))
     assert isinstance(failed, DriveError)
     golden("csp_60c2_refused", failed)
-    cell.must_stand(within=0.5, stages=ENABLED)
+    cell.must_be_still(within=0.5, stages=ENABLED)
     assert cell.drive().mode_display == PP
 
 
-def test_csp_is_refused_where_60c2_reads_back_another_period(scenario, golden):
+def test_csp_is_refused_if_60c2_reads_back_another_period(scenario, golden):
     cell = scenario.simulated("x").enabled()
     dictionary = cell.device().dictionary
     dictionary.on_write(0x60C2_01, lambda _: dictionary.values.__setitem__(0x60C2_01, 2))
     failed = cell.failure_of(cell.x.follow(Ramp()))
     assert isinstance(failed, DriveError)
     golden("csp_60c2_other", failed)
-    cell.must_stand(within=0.5, stages=ENABLED)
+    cell.must_be_still(within=0.5, stages=ENABLED)
 
 
 @pytest.mark.parametrize(
@@ -141,7 +143,7 @@ def test_csp_is_refused_where_60c2_reads_back_another_period(scenario, golden):
         ("target", {"outputs": {"target_position": ValueTransport.SDO}}),
     ],
 )
-def test_csp_is_refused_where_its_values_do_not_travel_with_sync(scenario, golden, name, port):
+def test_csp_is_refused_if_its_values_are_not_sent_with_sync(scenario, golden, name, port):
     cell = scenario.simulated("x", port=port).enabled()
     failed = cell.failure_of(cell.x.follow(Ramp()))
     assert isinstance(failed, StateError)
@@ -169,13 +171,13 @@ def test_a_trajectory_that_becomes_too_fast_is_braked_along_its_path(scenario, g
 
     handle = cell.x.follow(Faster())
     cell.until(lambda: cell.where() > 400.0)  # at 2 s, when it is at the limit of 400 deg/s
-    cell.must_stand(within=1.5, stages=(ENABLED, *OFF))
-    cell.must_have_come("x", 400.0, (145.0, 175.0))  # along the path with 500 deg/s², the default, 160 deg
+    cell.must_be_still(within=1.5, stages=(ENABLED, *OFF))
+    cell.must_have_moved("x", 400.0, (145.0, 175.0))  # along the path with 500 deg/s², the default, 160 deg
     golden("csp_too_fast", cell.failure_of(handle))
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_trajectory_that_runs_into_the_limit_is_braked_to_rest_within_it(scenario, golden, way):
+def test_a_trajectory_beyond_the_limit_is_braked_to_standstill_within_it(scenario, golden, way):
     cell = scenario.simulated("x", axis="position_limits = [-90.0, 90.0]").enabled()
 
     class Onwards(Ramp):
@@ -184,7 +186,7 @@ def test_a_trajectory_that_runs_into_the_limit_is_braked_to_rest_within_it(scena
 
     handle = cell.x.follow(Onwards())
     cell.until(lambda: way * cell.where() > 78.0)  # braking from 100 deg/s with 500 deg/s² takes 10 deg
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     assert 85.0 < way * cell.where() < 90.01
     failed = cell.failure_of(handle)
     if way > 0:
@@ -205,8 +207,8 @@ def test_a_trajectory_that_is_known_to_leave_the_limits_is_refused_at_the_call(s
 def test_csp_without_feedback_is_stopped(scenario, golden):
     cell, (handle, other) = following(scenario, "xy", port=APART)
     cell.device("x").dials.tpdos_stop = POSITION
-    cell.must_stand("x", within=1.5, stages=OFF)
-    cell.must_stand("y", within=1.5, stages=ENABLED)
+    cell.must_be_still("x", within=1.5, stages=OFF)
+    cell.must_be_still("y", within=1.5, stages=ENABLED)
     golden("csp_feedback_lost", cell.failure_of(handle))
     cell.failure_of(other)
 
@@ -216,7 +218,7 @@ def test_a_turning_axis_that_sync_no_longer_reaches_is_stopped_by_sdo(scenario, 
     cell = scenario.simulated("x")
     cell.turning()
     cell.faults.sync_lost = True
-    cell.must_stand(within=1.5, stages=OFF)
+    cell.must_be_still(within=1.5, stages=OFF)
     golden("sync_lost_turning", cell.x.error)
     assert "TREAT" not in str(cell.x.error)
 
@@ -224,34 +226,34 @@ def test_a_turning_axis_that_sync_no_longer_reaches_is_stopped_by_sdo(scenario, 
 def test_a_following_axis_that_sync_no_longer_reaches_stops_at_its_last_target(scenario, golden):
     cell, (handle,) = following(scenario)
     cell.faults.sync_lost = True
-    cell.must_stand(within=1.5, stages=OFF)
+    cell.must_be_still(within=1.5, stages=OFF)
     golden("sync_lost_following", cell.failure_of(handle))
 
 
-@pytest.mark.parametrize("hears_halt", [True, False], ids=["hears halt", "deaf to halt"])
+@pytest.mark.parametrize("hears_halt", [True, False], ids=["obeys halt", "ignores halt"])
 @pytest.mark.nets("the stop ladder")
 def test_a_halt_brakes_along_the_trajectory(scenario, hears_halt):
     cell, (handle,) = following(scenario)
     cell.drive().dials.halt_in_cyclic_modes = hears_halt
     start = cell.where()
     halt = cell.x.halt()
-    cell.must_stand(within=1.0, stages=ENABLED)
+    cell.must_be_still(within=1.0, stages=ENABLED)
     halt.wait(1)
     # 100 deg/s with 500 deg/s² takes 10 deg; a target that stayed behind would have stopped it within one period.
-    cell.must_have_come("x", start, (8.0, 13.0))
+    cell.must_have_moved("x", start, (8.0, 13.0))
     assert handle.aborted
 
 
 @pytest.mark.nets("the stop ladder")
-def test_a_halt_whose_path_breaks_while_it_brakes_ends_in_the_drives_own_halt(scenario):
+def test_a_halt_whose_feedback_stops_while_it_brakes_ends_in_the_halt_of_the_drive(scenario):
     cell, _ = following(scenario, port=APART)
     start = cell.where()
     halt = cell.x.halt()
     cell.run(0.05)
     cell.device().dials.tpdos_stop = POSITION  # and now the feedback goes, too
-    cell.must_stand(within=2.5, stages=(ENABLED, QUICK_STOP, *OFF))
-    cell.must_have_come("x", start, (8.0, 13.0))
-    assert cell.scan_lives
+    cell.must_be_still(within=2.5, stages=(ENABLED, QUICK_STOP, *OFF))
+    cell.must_have_moved("x", start, (8.0, 13.0))
+    assert cell.scan_runs
     cell.end_of(halt)
 
 
@@ -260,7 +262,7 @@ def test_a_group_on_a_line_is_stopped_on_the_line_by_another_axis_fault(scenario
     line = cell.machine.group("x", "y").move_linear((600.0, 300.0), velocity=150.0)
     cell.run(1.0)
     cell.drive("z").fault(0x2310)
-    cell.must_stand("x", within=1.0, stages=ENABLED)
-    cell.must_stand("y", within=1.0, stages=ENABLED)
+    cell.must_be_still("x", within=1.0, stages=ENABLED)
+    cell.must_be_still("y", within=1.0, stages=ENABLED)
     assert abs(cell.where("x") - 2.0 * cell.where("y")) < 3 / SCALE
     assert line.aborted

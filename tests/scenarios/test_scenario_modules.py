@@ -1,7 +1,7 @@
-"""Two CANopen axes and a module that speaks CAN Simple in one machine: they move together, and none goes on whatever happens.
+"""Two CANopen axes and a CAN Simple module in one machine: they move together, and none continues after any fault.
 
-Whoever dies, the module is judged by its own shaft: it turns by a velocity, with which it would go on for ever, since nothing on it
-notices a dead master. Where the net is cut that a scenario relies on, it must be found turning.
+The module is judged by its own shaft: it turns at a velocity, at which it would continue for ever, since it does not
+detect a dead master. If the safety net of a scenario is removed, it must be found turning.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def cell(tmp_path, process, monkeypatch, core_in_threads) -> Iterator[Cell]:
 
 
 @BOTH
-def test_they_move_as_one_and_a_fault_of_the_module_stops_all_and_can_be_reset(cell):
+def test_canopen_and_can_simple_axes_move_as_one_and_a_fault_of_the_module_stops_all_and_is_reset(cell):
     assert cell.machine.node(MODULE).events == []
     cell.up()
     cell.group.move_linear((40.0, -20.0, 60.0), velocity=60.0).wait(10)
@@ -148,7 +148,7 @@ def test_a_module_that_restarts_in_motion_is_a_lost_node_and_the_others_stop(cel
 
 
 @BOTH
-def test_a_module_that_is_not_heard_any_more_stops_the_others_and_closing_says_what_it_is(cell):
+def test_a_module_that_falls_silent_stops_the_others_and_closing_names_it(cell):
     cell.up()
     handle = cell.line(1)
     cell.module.dials.dead = True
@@ -162,7 +162,7 @@ def test_a_module_that_is_not_heard_any_more_stops_the_others_and_closing_says_w
     assert "m" in str(caught.value)
 
 
-def test_a_scan_that_fails_leaves_it_at_rest_and_closing_says_how(tmp_path, monkeypatch):
+def test_a_scan_that_fails_leaves_the_module_without_power_and_closing_reports_it(tmp_path, monkeypatch):
     _has_been_on(monkeypatch)
     machine = Machine.open(write(tmp_path, 'interface = "sim"\nprocess = "thread"'))
     cell = Cell(machine)
@@ -178,13 +178,13 @@ def test_a_scan_that_fails_leaves_it_at_rest_and_closing_says_how(tmp_path, monk
     assert not cell.module.energised
 
 
-# -- whoever dies ----------------------------------------------------------------------------------------------------
-# Who is struck, by what, and the net without which the module goes on.
+# -- killed processes ------------------------------------------------------------------------------------------------
+# The process, the signal, and the safety net without which the module continues.
 own = pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
 
 
 @pytest.mark.parametrize("stop", ['quick_stop = "ramp"', 'quick_stop = "ramp-hold"'])
-def test_a_stop_beside_a_master_that_is_alive_stays_one(tmp_path, stop, monkeypatch):
+def test_a_stop_beside_a_running_master_persists(tmp_path, stop, monkeypatch):
     _has_been_on(monkeypatch)
     with served(tmp_path, "thread", stop) as plants, Machine.open(plants.file) as machine:
         for axis in machine:
@@ -199,5 +199,5 @@ def test_a_stop_beside_a_master_that_is_alive_stays_one(tmp_path, stop, monkeypa
         held = "hold" in stop
         assert held or not plants.module.energised
         assert ("can move it again" in found["m"].text) is held
-        with suppress(AxisbusError, ExceptionGroup):  # what it says of nodes that were stopped
+        with suppress(AxisbusError, ExceptionGroup):  # errors of nodes that were stopped
             machine.close()

@@ -29,9 +29,9 @@ own = pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of
 
 
 @own
-@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "without the safety net"])
 @pytest.mark.parametrize("death", DEATHS)
-def test_the_module_stops_whoever_dies(tmp_path, death, whole):
+def test_the_module_stops_whichever_process_dies(tmp_path, death, whole):
     who, number, net = DEATHS[death]
     with served(tmp_path) as plants, Doomed(tmp_path, "sleeping", "" if whole else net) as one:
         assert plants.turn()
@@ -46,7 +46,7 @@ def test_the_module_stops_whoever_dies(tmp_path, death, whole):
 
 
 @own
-def test_an_armed_break_timeout_stops_the_module_of_a_dead_core_that_nobody_rescues(tmp_path):
+def test_an_armed_break_timeout_stops_the_module_of_a_dead_core_without_a_watchdog_process(tmp_path):
     with served(tmp_path) as plants:
         (tmp_path / "endpoints_0.5.13.json").write_text(json.dumps(plants.module.json()))
         listed = '[nodes.16.can_simple]\nendpoints = "endpoints_0.5.13.json"\n'
@@ -83,15 +83,15 @@ def test_a_signal_stops_it(tmp_path, process, number):
     ("process", "scene", "code"),
     [("thread", "raising", 1), ("thread", "returning", 0), pytest.param("own", "closing", 0, marks=own)],
 )
-def test_a_program_that_ends_by_itself_leaves_it_at_rest_and_off(tmp_path, process, scene, code):
+def test_a_program_that_ends_leaves_the_module_at_standstill_and_off(tmp_path, process, scene, code):
     with served(tmp_path, process) as plants, Doomed(tmp_path, scene) as one:
         assert one.process.wait(30) == code, one.errors
         assert max(map(abs, plants.speeds)) < RESTS
         assert not plants.module.energised
 
 
-def test_beside_a_program_that_is_killed_with_its_core_it_goes_on_as_boot_says_until_it_is_stopped(tmp_path):
-    """A core that is a thread of its program has nobody who would stop a module; ``axisbus stop`` does."""
+def test_a_module_continues_after_its_program_and_core_are_killed_until_axisbus_stop(tmp_path):
+    """If the core is a thread of its program, no process is left to stop the module; ``axisbus stop`` does."""
     with served(tmp_path, "thread") as plants, Doomed(tmp_path, "sleeping") as one:
         one.strike("program", signal.SIGKILL)
         time.sleep(0.7)

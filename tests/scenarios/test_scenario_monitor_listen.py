@@ -1,4 +1,4 @@
-"""``axisbus monitor --listen``: what the bus tells by itself, beside a running master or without any; nothing is sent."""
+"""``axisbus monitor --listen``: the state of the bus from received frames, with or without a running master; nothing is sent."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from kit.cell import cell_text
 from kit.probe import ENABLED
 from kit.scenarios import other_master as others
 from kit.scenarios.bus import Line, enable
-from kit.scenarios.other_master import Ear, OtherMaster, Says
+from kit.scenarios.other_master import Ear, OtherMaster, RepeatedFrame
 
 
 @pytest.fixture
@@ -63,7 +63,7 @@ def test_a_silent_bus_stays_silent(tmp_path, monitor):
     assert "1 x        nothing heard" in told
 
 
-def test_with_beside_it_shows_the_axes_of_a_running_machine_and_disturbs_nothing(tmp_path, monitor):
+def test_monitor_with_beside_shows_the_axes_of_a_running_machine_and_disturbs_nothing(tmp_path, monitor):
     with Line(tmp_path, "xy") as line, line.open() as machine:
         for axis in machine:
             enable(axis)
@@ -94,13 +94,13 @@ def test_every_frame_on_the_bus_belongs_to_others(tmp_path, monitor):
     assert "a master sends heartbeats of node 127 (77Fh), SYNC (080h), node guarding requests" in told
 
 
-def test_what_happened_since_the_last_look_is_news(tmp_path, monitor):
+def test_events_since_the_last_refresh_are_reported_as_news(tmp_path, monitor):
     says = (
-        Says(0x081, "20 43 08 00 00 00 00 00", every=8),
-        Says(0x000, "80 01", every=8),
-        Says(0x701, "7F", every=5),
-        Says(0x732, "05", every=5),
-        Says(0x123, "01 02"),
+        RepeatedFrame(0x081, "20 43 08 00 00 00 00 00", every=8),
+        RepeatedFrame(0x000, "80 01", every=8),
+        RepeatedFrame(0x701, "7F", every=5),
+        RepeatedFrame(0x732, "05", every=5),
+        RepeatedFrame(0x123, "01 02"),
     )
     with Line(tmp_path, "x", present="") as line, OtherMaster(line.channel, says):
         code, told, _ = monitor(line)
@@ -155,7 +155,7 @@ def test_listening_does_not_need_beside(tmp_path, monitor):
     ("interface", "key"),
     [("slcan", "listen_only"), ("pcan", "state"), ("systec", "state"), ("cantact", "monitor")],
 )
-def test_an_adapter_that_can_be_listen_only_is_asked_to(tmp_path, monkeypatch, capsys, interface, key):
+def test_an_adapter_that_supports_listen_only_is_opened_so(tmp_path, monkeypatch, capsys, interface, key):
     asked = {}
 
     def opening(name, channel, bitrate, options):
@@ -174,7 +174,7 @@ def test_an_adapter_that_can_be_listen_only_is_asked_to(tmp_path, monkeypatch, c
     assert "does not even acknowledge" in capsys.readouterr().out
 
 
-def test_what_the_user_wrote_for_the_adapter_stays():
+def test_options_of_the_user_for_the_adapter_are_kept():
     assert adapter.silent("slcan", {"listen_only": False, "tty_baudrate": 9600}) == {
         "listen_only": False,
         "tty_baudrate": 9600,

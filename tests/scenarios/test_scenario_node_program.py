@@ -46,7 +46,7 @@ def running(line: Line) -> tuple[int, int]:
     return device.read(0x1F52, 1), device.read(0x1F52, 2)
 
 
-# -- what is right -------------------------------------------------------------------------------------------------------
+# -- correct programs ----------------------------------------------------------------------------------------------------
 
 
 def test_the_expected_program_is_left_alone(tmp_path):
@@ -84,7 +84,7 @@ def test_a_program_is_replaced_once_and_the_drive_then_used(tmp_path):
     assert [done for _, done, _ in told] == sorted(done for _, done, _ in told)
 
 
-def test_a_drive_that_is_slow_deaf_and_restarts_at_every_order(tmp_path):
+def test_a_slow_drive_that_ignores_sdo_and_restarts_at_every_program_command_is_loaded(tmp_path):
     with rig(tmp_path, DOWNLOAD) as line:
         dials = line.devices["x"].dials
         dials.program.stop_restarts, dials.program.deaf = True, True
@@ -103,7 +103,7 @@ def test_a_drive_without_flash_status_is_taken_at_its_date(tmp_path):
         assert running(line) == NEW
 
 
-def test_a_drive_without_a_date_is_known_by_its_identification(tmp_path):
+def test_a_drive_without_a_program_date_is_identified_by_its_program_identification(tmp_path):
     """Which in the simulated drive is the sum of all bytes of its program."""
     told = sum(program(NEW))
     lines = DOWNLOAD.replace("date_time = 2026-03-01T12:00:00", f"identification = {told}")
@@ -173,7 +173,7 @@ def test_a_program_is_replaced_in_virtual_time_too(tmp_path):
 # -- letters -------------------------------------------------------------------------------------------------------------
 
 
-def test_letter_g_a_drive_that_does_not_say_which_program_it_has(tmp_path, golden):
+def test_letter_g_a_drive_that_does_not_report_its_program(tmp_path, golden):
     with rig(tmp_path, DOWNLOAD, 0x1F52) as line:
         error = refused(line)
         assert line.devices["x"].loader.orders == []
@@ -238,7 +238,7 @@ def test_letter_i_the_drive_dies_in_mid_transfer(tmp_path, golden):
     golden("node_program_i_silence", report.error, volatile=True)
 
 
-def test_letter_i_the_drive_does_not_come_back(tmp_path, golden):
+def test_letter_i_the_drive_does_not_return(tmp_path, golden):
     with rig(tmp_path, DOWNLOAD, deadline=IMPATIENT) as line:
         line.devices["x"].dials.reboot_time = 30.0
         line.devices["x"].dials.program.restart_delay = 1.0  # it is found once more before it goes
@@ -266,7 +266,7 @@ def test_after_a_download_that_failed_the_next_boot_up_fixes_it(tmp_path):
         assert running(line) == NEW
 
 
-# -- who may be disturbed --------------------------------------------------------------------------------------------------
+# -- nodes that may be disturbed -------------------------------------------------------------------------------------------
 
 
 def test_a_drive_found_enabled_keeps_its_program_and_it_is_reported(tmp_path):

@@ -1,7 +1,7 @@
-"""Drives whose bit 12 proves nothing: the default handshake names the way out, and with it the axis goes where it is sent.
+"""Drives whose bit 12 proves nothing: the error of the default handshake names the remedy, with which the axis reaches its target.
 
-Four kinds are played: bit 12 never rises; it falls while bit 4 still stands; every write of 6060h takes it away, or
-pulses it. What is asserted is the plant, and what the drive hears.
+Four kinds are simulated: bit 12 never rises; it falls while bit 4 is still set; every write of 6060h clears it, or
+pulses it. The tests assert the plant, and the inputs of the drive.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ TRAVELS = {
 }
 
 
-def turn_dials(drive, kind: str) -> None:
+def apply_fault_settings(drive, kind: str) -> None:
     for name, value in KINDS[kind].items():
         setattr(drive.dials, name, value)
 
@@ -46,13 +46,13 @@ def turn_dials(drive, kind: str) -> None:
 def played(scenario, kind: str, axis: str = ON_CHANGE, **changes):
     """An enabled cell whose drive is of a kind; 6060h is written in every cycle, as an RPDO that holds it does."""
     cell = scenario.simulated("x", axis=axis, **changes)
-    turn_dials(cell.drive(), kind)
+    apply_fault_settings(cell.drive(), kind)
     cell.each_cycle(lambda *_: cell.device().write(0x6060, 0, cell.drive().mode))
     return cell.enabled()
 
 
 def words(cell) -> list[tuple[int, float]]:
-    """Every new controlword that the drive hears from now on, with the target beside it in degrees."""
+    """Every new controlword that the drive receives from now on, with its target in degrees."""
     drive, heard = cell.drive(), []
     hear = drive._hear
 
@@ -76,14 +76,14 @@ def settled(cell, target: float) -> bool:
     return round(cell.where() * SCALE) == round(target * SCALE) and cell.speed() == 0.0
 
 
-# -- the way out ---------------------------------------------------------------------------------------------------------
+# -- the remedy ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_error_of_the_default_handshake_names_the_remedy(scenario, golden, kind):
     cell = played(scenario, kind, axis="")
     error = cell.failure_of(cell.x.move_absolute(2000.0))
-    cell.must_stand(within=2.0, stages=ENABLED)
+    cell.must_be_still(within=2.0, stages=ENABLED)
     assert isinstance(error, SetPointError)
     assert 'handshake = "on-change" in [axes.x]' in error.remedy
     golden(f"bit_12_{kind}", error)
@@ -114,7 +114,7 @@ def test_stops_stop_and_leave_nothing_behind(scenario, kind, way):
         cell.run(offset * PERIOD) if offset else None
         stop = getattr(cell.x, way)()
         stop.wait(5)
-        cell.must_stand(within=0.1, stages=OFF if way == "quick_stop" else ENABLED)
+        cell.must_be_still(within=0.1, stages=OFF if way == "quick_stop" else ENABLED)
         cell.x.release() if way == "stop" else None
         cell.x.enable().wait(5)
         stood = cell.where()
@@ -142,7 +142,7 @@ def test_a_new_move_replaces_the_old_at_any_moment(scenario, kind, travels):
             cell.x.move_absolute(0.0, velocity=400.0).wait(10)
 
 
-def test_a_halted_axis_goes_to_its_new_target_only_and_once(scenario):
+def test_a_halted_axis_moves_to_its_new_target_only_and_once(scenario):
     """Two edges of an absolute target are one move, and none of them is relative (bit 6)."""
     for deaf in (False, True):
         cell = played(scenario, "never")
@@ -163,7 +163,7 @@ def test_a_halted_axis_goes_to_its_new_target_only_and_once(scenario):
         assert not any(word & RELATIVE for word, _ in heard)
 
 
-def test_bit_4_lasts_and_comes_back(scenario):
+def test_bit_4_is_held_for_a_time_and_repeated(scenario):
     """A drive that looks at its controlword every 15 ms only must not miss the edge."""
     cell = played(scenario, "never", period="2ms")
     drive, looked, hear = cell.drive(), [0], cell.drive()._hear
@@ -182,8 +182,8 @@ def test_bit_4_lasts_and_comes_back(scenario):
 
 
 @pytest.mark.parametrize("offset", range(2, 9))
-def test_what_a_halt_gives_instead_of_the_old_target_has_an_edge_of_its_own(scenario, offset):
-    """Without 6062h a halted drive is given the place where it stands; the move's own bit 4 may have been high just before."""
+def test_the_set_point_of_a_halt_has_its_own_edge(scenario, offset):
+    """Without 6062h a halted drive gets its actual position; bit 4 of the move may have been high just before."""
     cell = played(scenario, "never", port=TRAVELS["without 6062h"])
     heard = words(cell)
     cell.x.move_relative(500.0, velocity=20.0)
@@ -194,8 +194,8 @@ def test_what_a_halt_gives_instead_of_the_old_target_has_an_edge_of_its_own(scen
     assert abs(edges(heard)[-1] - cell.where()) < 0.05
 
 
-def test_a_halt_whose_new_target_has_not_arrived_is_made_surer(scenario):
-    """Without 6062h and without bit 12 the target that is read back (607Ah) is all that tells of it."""
+def test_a_halt_whose_new_target_has_not_arrived_fails_and_disables_the_drive(scenario):
+    """Without 6062h and without bit 12 only the target that is read back (607Ah) confirms it."""
     cell = played(scenario, "never", port=TRAVELS["without 6062h"])
     cell.x.move_relative(500.0)
     cell.run(1.0)
@@ -235,7 +235,7 @@ def test_a_replacement_that_is_not_taken_is_no_move(scenario, last, travels):
     error = cell.failure_of(cell.x.move_absolute(last))
     assert isinstance(error, SetPointError)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP and not cell.core().ladder, 3.0)
-    cell.must_stand(within=0.1, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=0.1, stages=(ENABLED, *OFF))
     assert abs(cell.where() - last) > 10.0
 
 
@@ -245,7 +245,9 @@ def test_a_halted_axis_that_continues_to_its_old_target_is_not_done(scenario, la
     cell = played(scenario, "never", port=TRAVELS[travels])
     cell.x.move_absolute(100.0)
     cell.run(0.7)
-    cell.drive().dials.ignore_setpoint_during_halt = True  # also to what the halt gives it without 6062h
+    cell.drive().dials.ignore_setpoint_during_halt = (
+        True  # also to the set-point that the halt gives without 6062h
+    )
     cell.x.halt().wait(3)
     cell.drive().dials.acknowledge_delay = NEVER
     error = cell.failure_of(cell.x.move_absolute(cell.where() + last))
@@ -254,7 +256,7 @@ def test_a_halted_axis_that_continues_to_its_old_target_is_not_done(scenario, la
 
 
 def test_a_halted_axis_is_not_done_before_it_could_have_continued(scenario):
-    """Its feedback comes late, so that it seems to stand at first, and its bit 10 says nothing."""
+    """Its feedback is late, so that it seems to be at standstill at first, and its bit 10 is not usable."""
     cell = played(scenario, "never", port=TRAVELS["without 6062h"])
     cell.drive().dials.feedback_delay = 0.15
     cell.x.move_absolute(100.0, velocity=20.0)
@@ -277,7 +279,7 @@ def test_a_move_to_the_present_position_is_done_at_once(scenario):
         assert settled(cell, target)
 
 
-def test_an_axis_that_came_to_rest_a_little_short_may_be_sent_there_again(scenario):
+def test_an_axis_that_stopped_a_little_short_may_be_moved_to_the_same_target_again(scenario):
     cell = played(scenario, "never", port=TRAVELS["without 6062h"])
     cell.x.move_absolute(10.0).wait(5)
     cell.run(0.5)
@@ -293,7 +295,7 @@ def test_an_axis_that_came_to_rest_a_little_short_may_be_sent_there_again(scenar
 @pytest.mark.parametrize("kind", KINDS)
 def test_on_a_bus_moves_arrive_stop_and_are_replaced(tmp_path, kind):
     with Line(tmp_path, axis=ON_CHANGE) as line:
-        turn_dials(line.drive(), kind)
+        apply_fault_settings(line.drive(), kind)
         with line.open() as cell:
             x = cell["x"]
             enable(x)
@@ -308,18 +310,18 @@ def test_on_a_bus_moves_arrive_stop_and_are_replaced(tmp_path, kind):
             x.move_absolute(1000.0)
             line.run(0.6)
             x.halt().wait(10)
-            line.must_stand(stages=ENABLED)
+            line.must_be_still(stages=ENABLED)
             x.move_relative(-5.0).wait(10)
 
 
 @pytest.mark.parametrize("kind", ["never", "early"])
 def test_on_a_bus_the_error_of_the_default_handshake_names_the_remedy(tmp_path, kind):
     with Line(tmp_path) as line:
-        turn_dials(line.drive(), kind)
+        apply_fault_settings(line.drive(), kind)
         with line.open() as cell:
             enable(cell["x"])
             error = _failure(cell)
-            line.must_stand(stages=ENABLED)
+            line.must_be_still(stages=ENABLED)
     assert isinstance(error, SetPointError)
     assert 'handshake = "on-change" in [axes.x]' in error.remedy
 

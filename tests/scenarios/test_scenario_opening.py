@@ -1,4 +1,4 @@
-"""What can be wrong before anything moves: the files, the devices, and who answers on the bus."""
+"""Errors before any motion: files, devices, and missing answers on the bus."""
 
 from __future__ import annotations
 
@@ -87,10 +87,10 @@ def test_an_eds_for_another_device_is_reported_in_virtual_time_too(scenario, gol
     golden("eds_of_another_device", caught.value)
 
 
-# -- who answers ---------------------------------------------------------------------------------------------------------
+# -- answering nodes -----------------------------------------------------------------------------------------------------
 
 
-def test_nobody_answers(tmp_path, golden, impatient):
+def test_no_node_answers(tmp_path, golden, impatient):
     with Line(tmp_path, "xy", present="") as line, pytest.raises(ExceptionGroup) as caught:
         line.open()
     assert [type(error) for error in caught.value.exceptions] == [BootError, BootError]
@@ -98,7 +98,7 @@ def test_nobody_answers(tmp_path, golden, impatient):
     golden("nobody_answers", caught.value)
 
 
-def test_one_of_three_nodes_is_missing(tmp_path, golden, impatient):
+def test_an_opening_with_one_of_three_nodes_missing_is_a_boot_error(tmp_path, golden, impatient):
     with Line(tmp_path, "xyz", present="xz") as line:
         with pytest.raises(BootError) as caught:
             line.open()
@@ -108,7 +108,7 @@ def test_one_of_three_nodes_is_missing(tmp_path, golden, impatient):
     golden("one_of_three_missing", caught.value)
 
 
-def test_one_of_three_nodes_is_missing_in_virtual_time(scenario, golden):
+def test_an_opening_with_one_of_three_nodes_missing_in_virtual_time_is_a_boot_error(scenario, golden):
     def two_alive():
         devices = {
             node: device_from_eds(eds.load(resolve(GENERIC, scenario.folder)), node) for node in (1, 2, 3)
@@ -130,7 +130,7 @@ def test_a_node_that_answers_sdo_after_the_client_gave_up_is_no_mix_up(tmp_path,
     golden("answers_too_late", caught.value)
 
 
-def test_a_node_that_comes_up_while_it_is_awaited_is_booted(tmp_path):
+def test_a_node_that_appears_while_it_is_awaited_is_booted(tmp_path):
     with Line(tmp_path) as line:
         line.devices["x"].dials.dead = True
         threading.Timer(0.8, lambda: setattr(line.devices["x"].dials, "dead", False)).start()
@@ -139,7 +139,7 @@ def test_a_node_that_comes_up_while_it_is_awaited_is_booted(tmp_path):
             machine["x"].move_relative(2.0).wait(10)
 
 
-def test_heartbeats_that_are_late_but_not_too_late_disturb_nobody(tmp_path):
+def test_late_heartbeats_within_the_limit_end_no_motion(tmp_path):
     with Line(tmp_path, heartbeat="400ms") as line, line.open() as machine:
         enable(machine["x"])
         monitor = machine.node(1)._node.nmt

@@ -19,7 +19,7 @@ NEAR = 0.3  # degrees
 
 
 def moving(scenario, distance=200.0, **changes):
-    """A cell of one axis on its way at 100 deg/s."""
+    """A cell of one axis that moves at 100 deg/s."""
     cell = scenario.simulated("x", **changes).enabled()
     handle = cell.x.move_absolute(distance, velocity=100.0)
     cell.run(0.6)
@@ -27,7 +27,7 @@ def moving(scenario, distance=200.0, **changes):
     return cell, handle
 
 
-def test_a_move_of_the_drive_goes_slower_and_faster_at_once_and_ends_where_it_was_to_end(scenario):
+def test_an_override_changes_the_speed_of_a_move_of_the_drive_at_once_and_not_its_target(scenario):
     cell, handle = moving(scenario, 300.0)
     for factor, speed in ((0.3, 30.0), (1.5, 150.0), (0.05, 5.0), (1.0, 100.0)):
         assert cell.end_of(cell.x.set_override(factor)) is None
@@ -38,7 +38,7 @@ def test_a_move_of_the_drive_goes_slower_and_faster_at_once_and_ends_where_it_wa
     assert cell.where("x") == pytest.approx(300.0, abs=NEAR)
 
 
-def test_an_override_of_0_holds_a_move_and_it_continues_by_itself(scenario):
+def test_an_override_of_0_holds_a_move_which_continues_when_the_override_rises(scenario):
     cell, handle = moving(scenario)
     cell.x.set_override(0.0).wait()
     cell.run(0.5)
@@ -72,7 +72,7 @@ def test_a_held_move_can_be_halted_and_replaced(scenario):
 
 
 @pytest.mark.parametrize("way", ["halt", "stop"])
-@pytest.mark.parametrize("rises", [False, True], ids=["held", "let go just before"])
+@pytest.mark.parametrize("rises", [False, True], ids=["held", "released just before"])
 def test_a_held_axis_does_not_count_as_jammed_without_a_usable_6062h(scenario, way, rises):
     cell, _ = moving(scenario, axis='demand = "ignore"')
     cell.x.set_override(0.0).wait()
@@ -83,7 +83,7 @@ def test_a_held_axis_does_not_count_as_jammed_without_a_usable_6062h(scenario, w
     assert cell.x.error is None
 
 
-def test_a_move_that_is_asked_for_while_all_is_held_begins_when_the_override_rises(scenario):
+def test_a_move_commanded_with_an_override_of_zero_begins_when_the_override_rises(scenario):
     cell = scenario.simulated("x").enabled()
     cell.machine.set_override(0.0).wait()
     handle = cell.x.move_absolute(50.0)
@@ -108,7 +108,7 @@ def test_no_override_lifts_max_velocity(scenario):
     assert cell.x.velocity == pytest.approx(-400.0, abs=2.0)
 
 
-def test_an_override_that_goes_to_and_fro_faster_than_the_handshake_ends_at_its_last_value(scenario):
+def test_an_override_changed_faster_than_the_handshake_ends_at_its_last_value(scenario):
     cell, handle = moving(scenario, 400.0)
     for number in range(200):
         cell.x.set_override((number * 7 % 16) / 10)
@@ -154,7 +154,7 @@ def test_a_drive_that_keeps_its_velocity_is_reported_and_stops(scenario, monkeyp
     assert cell.where("x") == pytest.approx(held, abs=0.01)
 
 
-def test_a_drive_whose_halt_coasts_is_not_held_by_it(scenario):
+def test_an_override_of_zero_fails_the_move_of_a_drive_whose_halt_coasts(scenario):
     cell, handle = moving(scenario, 1500.0)
     core = cell.core()
     from dataclasses import replace
@@ -171,7 +171,7 @@ def test_a_drive_whose_halt_coasts_is_not_held_by_it(scenario):
     assert "605Dh is 0" in str(error)
 
 
-def test_a_drive_without_the_acknowledge_is_overridden_as_well(scenario):
+def test_a_drive_without_the_acknowledge_has_an_override_as_well(scenario):
     cell, handle = moving(scenario, axis='handshake = "on-change"')
     for factor in (0.3, 0.0, 1.2):
         cell.x.set_override(factor).wait()
@@ -224,7 +224,7 @@ def test_a_torque_and_a_homing_are_not_scaled(scenario):
     assert cell.end_of(cell.x.torque_control(0.1, slope=5.0)) is None
 
 
-# -- what the master leads ----------------------------------------------------------------------------------------------
+# -- motions streamed by the master -------------------------------------------------------------------------------------
 
 
 def test_a_trajectory_is_slowed_held_and_continued_with_on_its_path(scenario):
@@ -249,7 +249,7 @@ def test_a_trajectory_that_reports_nothing_in_advance_is_not_made_faster(scenari
     assert cell.end_of(handle) is None
 
 
-def test_a_line_goes_as_slowly_as_its_slowest_axis_times_its_group(scenario):
+def test_a_line_is_as_slow_as_its_slowest_axis_times_its_group_override(scenario):
     cell = scenario.simulated("xy").enabled()
     group = cell.machine.group("x", "y")
     line = group.move_linear((300.0, 300.0), velocity=math.hypot(100.0, 100.0))
@@ -302,7 +302,7 @@ def test_a_gear_follows_its_master_and_not_its_own_override(scenario):
     assert y.velocity == pytest.approx(0.0, abs=0.5)
 
 
-def test_what_gear_out_has_let_go_of_is_held_by_the_override_of_the_cell(scenario):
+def test_the_override_of_the_cell_applies_to_an_axis_after_gear_out(scenario):
     cell = scenario.simulated("xy").enabled()
     x, y = cell["x"], cell["y"]
     cell.end_of(y.gear_in(x, 0.5))
@@ -328,7 +328,7 @@ def test_a_virtual_axis_is_overridden_as_any_other(scenario):
     assert v.position == 200.0
 
 
-# -- stops, and what is refused ------------------------------------------------------------------------------------------
+# -- stops and refusals --------------------------------------------------------------------------------------------------
 
 
 def test_no_stop_is_scaled(scenario):

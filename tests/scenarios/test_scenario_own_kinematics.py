@@ -15,7 +15,7 @@ from kit.cell import SCALE
 AXIS = "max_acceleration = 4000.0"
 NEAR = 350.0 * math.radians(
     2.5 / SCALE
-)  # what two increments of both joints, and the sampling, make of the tool's place
+)  # the effect of two increments of both joints, and of the sampling, on the tool position
 UPPER, FORE = 200.0, 150.0
 
 
@@ -85,7 +85,7 @@ def test_the_tool_follows_a_straight_line_and_the_program_is_not_called_meanwhil
     assert all(cell.hardest_change(name, since) < 4100.0 for name in "xy")
 
 
-def test_it_does_what_the_arm_of_the_core_does(scenario):
+def test_kinematics_of_the_program_move_the_tool_as_the_scara_of_the_core_does(scenario):
     cell, xy = placed(scenario, Arm())
     ends = []
     for group in (xy, xy.with_kinematics(Scara(UPPER, FORE))):
@@ -202,7 +202,9 @@ def out(_):
         (lambda found: (found[0] + 0.5, found[1]), ArgumentError, "do not agree"),
     ],
 )
-def test_what_its_functions_do_wrong_is_reported_before_anything_moves(scenario, method, wrong, kind, text):
+def test_an_error_in_kinematics_of_the_program_is_reported_before_any_motion(
+    scenario, method, wrong, kind, text
+):
     cell, xy = placed(scenario, Fails(wrong, method))
     before = cell.machine["x"].position, cell.machine["y"].position
     with pytest.raises(kind, match=text) as told:
@@ -214,7 +216,7 @@ def test_what_its_functions_do_wrong_is_reported_before_anything_moves(scenario,
     assert cell.machine["x"].state.value == "Standstill"
 
 
-def test_what_forward_does_wrong_where_the_axes_stand_is_reported_by_the_call(scenario):
+def test_an_error_in_forward_at_the_present_position_is_reported_by_the_call(scenario):
     _, xy = placed(scenario, Fails(other, "forward", count=0))
     with pytest.raises(ArgumentError, match=r"x\+y.move_circular.*: Fails.forward failed at"):
         xy.move_circular((250.0, 0.0), via=(200.0, 10.0), velocity=100.0, acceleration=500.0)
@@ -247,7 +249,7 @@ class Flips(Arm):
         return self.both(coordinates)[coordinates[1] < 20.03]
 
 
-def test_a_leap_to_another_solution_is_refused_with_its_place_and_axis(scenario):
+def test_a_jump_to_another_solution_is_refused_with_its_position_and_axis(scenario):
     _, xy = placed(scenario, Flips())
     with pytest.raises(LimitError, match=r"near \(\S+, 20\.\S+\) [xy] must jump"):
         xy.move_linear((250.0, -100.0), velocity=200.0, acceleration=1000.0)
@@ -349,7 +351,7 @@ def test_random_paths_keep_to_the_tool_path_and_the_axis_limits(scenario, seed):
 
 
 def test_lines_and_stops_have_a_jerk_limit_and_rounded_corners_do_not(scenario):
-    """Of the samples of a corner nothing tells how it bends."""
+    """The samples of a corner do not contain its curvature."""
     cell, tool = placed(scenario, Arm())
     points, pace = [(260.0, 150.0), (260.0, 50.0)], {"velocity": 150.0, "acceleration": 1000.0}
     begun = cell.now

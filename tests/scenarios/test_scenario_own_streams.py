@@ -1,4 +1,4 @@
-"""Points of a workspace that only the program knows: the tool goes where they say, and what cannot be is refused point by point."""
+"""Points in coordinates of the program's own kinematics: the tool follows them, and invalid points are refused one by one."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ AXIS = "max_acceleration = 4000.0"
 UPPER, FORE = 200.0, 150.0
 NEAR = 350.0 * math.radians(
     2.5 / SCALE
-)  # what two increments of both joints, and the spans, make of the tool's place
+)  # the effect of two increments of both joints, and of the spans, on the tool position
 PERIOD, CYCLE = 0.02, 0.01
 
 
 class Arm:
-    """Two arms in a plane by the sines of a triangle, of both solutions the nearer one; ``said`` is what it does instead."""
+    """Two arms in a plane by the law of sines, with the nearer one of both solutions; ``said`` replaces the result."""
 
     def __init__(self):
         self.said = None
@@ -65,7 +65,7 @@ class Turntable:
 
 
 class Telescope:
-    """Two slides on top of each other make one height; each does half of what is to be done."""
+    """Two slides on top of each other make one height; each moves half of it."""
 
     def forward(self, joints):
         return (sum(joints),)
@@ -82,7 +82,7 @@ def placed(scenario, kinematics, start=(0.0, 90.0), **changes):
 
 
 def circle(number, about=(180.0, 150.0), wide=20.0, turns=0.004):
-    """Places on a circle, speeded up and slowed down; the first is (200, 150), where the arm stands."""
+    """Positions on a circle, accelerated and braked; the first is (200, 150), the position of the arm."""
     angle = math.tau * turns * number * min(1.0, number / 50.0)
     return about[0] + wide * math.cos(angle), about[1] + wide * math.sin(angle)
 
@@ -93,7 +93,7 @@ def tools(cell, arm, since=0.0):
     return [arm.forward((x.demand, y.demand)) for x, y in zip(xs, ys, strict=True)]
 
 
-def test_the_tool_is_on_the_circle_and_the_axes_do_what_those_of_the_core_do(scenario):
+def test_a_stream_with_kinematics_of_the_program_moves_the_axes_as_the_scara_of_the_core_does(scenario):
     demands = []
     for arm in (Arm(), Scara(UPPER, FORE)):
         cell, tool = placed(scenario, arm)
@@ -109,7 +109,7 @@ def test_the_tool_is_on_the_circle_and_the_axes_do_what_those_of_the_core_do(sce
     assert demands[0] == pytest.approx(demands[1], abs=1.5 / SCALE)
 
 
-def test_turns_are_counted_on_from_what_was_answered_before(scenario):
+def test_turns_are_counted_from_the_previous_solution(scenario):
     cell, tool = placed(scenario, Turntable(), start=(0.0, 0.0))
     with tool.stream(period=0.05) as points:
         for number in range(201):
@@ -120,7 +120,7 @@ def test_turns_are_counted_on_from_what_was_answered_before(scenario):
 
 
 @pytest.mark.parametrize("refused", [0, 1, 20])
-def test_the_spans_join_whatever_was_refused_between_them(refused):
+def test_the_spans_of_a_stream_join_after_any_refused_point(refused):
     """By spans alone: a solution that is forgotten would be looked for from the beginning, a turn off."""
     axes = {name: Allowed("deg", None, 400.0, 4000.0, "max_acceleration", 4000.0) for name in "xy"}
     own = UserKinematicsAdapter(Turntable(), {}, 0.05)
@@ -178,14 +178,14 @@ def test_an_error_of_the_functions_names_the_point_and_only_that_point_is_reject
                     assert told in refused.value.message
                     assert "nothing has moved" not in refused.value.remedy
                 else:
-                    assert at == 0  # it does not stand there
+                    assert at == 0  # it is not at that position
                 arm.said = None
             points.push(circle(number))
         assert points.count == 60
     assert math.dist(tool.tool_position, circle(59)) < NEAR
 
 
-def test_what_an_axis_cannot_follow_is_refused(scenario):
+def test_a_point_that_an_axis_cannot_follow_is_refused(scenario):
     _cell, tool = placed(scenario, Arm())
     with tool.stream(period=PERIOD) as points:
         for number in range(40):
@@ -213,7 +213,7 @@ def test_a_leap_to_another_solution_is_refused(scenario):
     assert usual(circle(40), (0.0, 90.0)) == pytest.approx([cell.where("x"), cell.where("y")], abs=0.05)
 
 
-def test_it_must_begin_where_the_axes_stand(scenario):
+def test_a_stream_must_begin_at_the_present_position(scenario):
     _cell, tool = placed(scenario, Arm())
     points = tool.stream(period=PERIOD)
     with pytest.raises(StateError, match="is not at the start of the stream"):
@@ -222,7 +222,7 @@ def test_it_must_begin_where_the_axes_stand(scenario):
     points.handle.exception()
 
 
-def test_what_forward_says_where_the_axes_stand_is_reported_at_the_call(scenario):
+def test_an_invalid_result_of_forward_is_reported_at_the_call(scenario):
     arm = Arm()
     _cell, tool = placed(scenario, arm)
     arm.forward = lambda _: ("x",)
@@ -250,7 +250,7 @@ def test_broken_off_by_a_halt_it_continues_through_every_point(scenario):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_whatever_comes_no_axis_is_faster_or_harder_than_it_may_be(scenario, seed):
+def test_no_axis_exceeds_its_velocity_or_acceleration_in_random_streams(scenario, seed):
     rng = random.Random(seed)
     arm = Arm()
     cell, tool = placed(scenario, arm)
@@ -268,7 +268,7 @@ def test_whatever_comes_no_axis_is_faster_or_harder_than_it_may_be(scenario, see
         if rng.random() < 0.05:
             tool.set_override(rng.choice((0.4, 1.0))).wait(1)
         if rng.random() < 0.05:
-            cell.run(0.8)  # too late: it is braked, and goes on
+            cell.run(0.8)  # too late: it is braked, and continues
     points.finish()
     tool.set_override(1.0).wait(1)
     points.handle.wait(30)

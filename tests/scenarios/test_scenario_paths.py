@@ -1,4 +1,4 @@
-"""Paths of a group on the plant: rounded corners, circles, an override at any time, a halt on the way, and one axis that fails."""
+"""Paths of a group on the plant: rounded corners, circles, an override at any time, a halt on the path, and one axis that fails."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def must_be_at(cell: Cell, *place: float) -> None:
 
 
 @pytest.mark.parametrize("blend", [0.0, 0.5, 5.0])
-def test_a_path_goes_through_its_points_and_cuts_corners_as_far_as_it_may(scenario, blend):
+def test_a_path_passes_its_points_and_cuts_corners_within_the_blend(scenario, blend):
     cell, group = two(scenario)
     handle = group.move_path(SQUARE, velocity=100.0, acceleration=500.0, blend=blend)
     assert cell.end_of(handle) is None
@@ -67,7 +67,7 @@ def test_wide_corners_take_less_time(scenario):
     assert times[0] > times[2] + 0.3
 
 
-def test_a_circle_is_round_and_comes_back_to_where_it_began(scenario):
+def test_a_circle_is_round_and_ends_at_its_start(scenario):
     cell, group = two(scenario)
     assert cell.end_of(group.move_circular((0.0, 0.0), centre=(30.0, 0.0), velocity=80.0)) is None
     must_be_at(cell, 0.0, 0.0)
@@ -95,7 +95,7 @@ def test_an_override_changes_the_speed_and_never_the_path(scenario):
     must_have_kept_to(cell, SQUARE, 2.2)
 
 
-def test_an_override_stays_for_what_follows_and_holds_a_line_before_it_begins(scenario):
+def test_an_override_applies_to_later_lines_and_holds_a_line_before_it_begins(scenario):
     cell, group = two(scenario)
     cell.end_of(group.set_override(0.0))
     line = group.move_linear((30.0, 30.0), velocity=100.0)
@@ -189,11 +189,11 @@ def test_one_axis_in_fault_stops_the_other_on_the_path(scenario):
     cell.machine.simulated_node(2).fault(0x2310)
     assert isinstance(cell.failure_of(handle), DriveFault)
     cell.run(1.0)
-    cell.must_stand("x", within=0.1, stages=ENABLED)
+    cell.must_be_still("x", within=0.1, stages=ENABLED)
     assert "is ErrorStop" in str(cell.failure_of(group.resume()))
 
 
-def test_where_it_begins_is_looked_at_when_it_begins(scenario):
+def test_the_start_of_a_path_is_compared_with_the_position_when_it_begins(scenario):
     """Of two paths that are asked for at once the second does not begin where the first has ended."""
     cell, group = two(scenario)
     first = group.move_path([(30.0, 0.0)], velocity=100.0)

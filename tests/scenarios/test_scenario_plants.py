@@ -1,4 +1,4 @@
-"""Every way of stopping, from every mode, on plants that resist: a stop that is done stands, and goes on standing."""
+"""Every way of stopping, from every mode, on plants that resist: after a stop that is done the axis stays at standstill."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from axisbus.errors import AxisbusError, Interrupted
 from axisbus.machine.handle import Handle
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
-from kit.plants import MOTIONS, PLANTS, cell_on, jam, set_going
+from kit.plants import MOTIONS, PLANTS, cell_on, jam, set_in_motion
 from kit.probe import PlantMoves
 
-LONGEST = 15.0  # seconds: all rungs of the ladder, and some
+LONGEST = 15.0  # seconds: all steps of the stop sequence, and some
 STAYS = 2.0  # seconds for which a stop that is done must hold
 WAY, SPEED = 1.0, 10.0  # deg and deg/s that are no leap: an axis that rings, or the last of a lag
 
-# What an error says that does not promise a standing axis.
+# Texts of an error that does not promise standstill.
 NOT_CONFIRMED = ("MOVING", "could not be confirmed", "NOT CONFIRMED")
-# What one says of a stop that came, but not as it was asked for.
+# Texts of an error about a stop by a later step.
 NEXT_RUNG = (
     "harder stop",
     "could not be switched off",
@@ -32,7 +32,7 @@ NEXT_RUNG = (
 
 
 class Ending(NamedTuple):
-    """What the master says when a stop has come to its end: nothing (done), or why it was none."""
+    """The result of a stop as the master reports it: done, or the error."""
 
     errors: tuple[AxisbusError, ...]
 
@@ -42,7 +42,7 @@ class Ending(NamedTuple):
 
     @property
     def promises(self) -> bool:
-        """Whether the axis is said to stand."""
+        """Whether standstill is reported."""
         return not any(words in self.text for words in NOT_CONFIRMED)
 
 
@@ -77,7 +77,7 @@ def with_exit(cell: Cell) -> None:
 
 
 def with_exception(cell: Cell) -> None:
-    """What went wrong while stopping stands in the notes of what ended the block."""
+    """Errors while stopping are in the notes of the exception that ended the block."""
     try:
         with cell.machine:
             _ = 1 / 0
@@ -92,7 +92,7 @@ def by_ctrl_c(cell: Cell) -> Ending:
 
 
 def of_policy(cell: Cell) -> Ending:
-    """Nobody waits for a stop that nobody asked for: its end is the state that follows, or the error that stays."""
+    """A stop of the policy has no handle: its end is the state that follows, or the error that stays."""
     cell.until(lambda: cell.core().ladder is None and cell.core().activity is None, LONGEST)
     error = cell.x.error
     if error is None:
@@ -109,7 +109,7 @@ def by_lost_node(cell: Cell) -> Ending:
 
 
 def by_death(cell: Cell) -> Ending:
-    """Its own node dies: what becomes of it nobody sees, and the drive's own watchdog stops it."""
+    """Its own node dies: the master does not see it any more, and the drive's own watchdog stops it."""
     cell.device().dials.dead = True
     cell.run(5.0)
     assert cell.x.error is not None
@@ -118,7 +118,7 @@ def by_death(cell: Cell) -> Ending:
 
 def by_fault(cell: Cell) -> Ending:
     cell.drive().fault(0x2310)
-    cell.run(5.0)  # the fault is told at once, while the drive's own reaction still brakes
+    cell.run(5.0)  # the fault is reported at once, while the drive's own reaction still brakes
     return of_policy(cell)
 
 
@@ -143,7 +143,7 @@ WAYS: Mapping[str, Callable[[Cell], Ending]] = {
     "limit": by_limit,
 }
 
-# -- what must hold ------------------------------------------------------------------------------------------------------
+# -- invariants ----------------------------------------------------------------------------------------------------------
 
 
 def must_keep_its_promise(cell: Cell, ending: Ending, *, jammed: bool) -> None:
@@ -161,7 +161,7 @@ def must_keep_its_promise(cell: Cell, ending: Ending, *, jammed: bool) -> None:
         cell.must_not_leap(since=freed, way=WAY, speed=SPEED)
 
 
-def must_be_told_plainly(ending: Ending) -> None:
+def must_be_clear(ending: Ending) -> None:
     for error in ending.errors:
         assert not isinstance(error, Interrupted), f"a stop ended as interrupted: {error}"
         assert error.remedy or "\n" in str(error), f"no remedy: {error}"
@@ -186,11 +186,11 @@ def test_after_a_completed_stop_the_axis_stays_at_standstill(scenario, plant, mo
     names = "xy" if way == "lost-node" else "x"
     limits = "position_limits = [-3000.0, 300.0]" if way == "limit" else ""
     cell = cell_on(scenario, PLANTS[plant], names, search=mode == "hm", limits=limits)
-    set_going(cell, mode, "x")
+    set_in_motion(cell, mode, "x")
     jams = PLANTS[plant].jams
     if jams is not None:
         cell.after(max(0.0, -jams), lambda: jam(cell, PLANTS[plant]))
         cell.run(max(0.0, jams))
     ending = WAYS[way](cell)
-    must_be_told_plainly(ending)
+    must_be_clear(ending)
     must_keep_its_promise(cell, ending, jammed=jams is not None)

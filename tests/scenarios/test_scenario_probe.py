@@ -1,4 +1,4 @@
-"""A touch probe tells where the axis was at an edge: what its drive has latched, never what it has latched long ago."""
+"""A touch probe reports the position of the axis at an edge: the latched position of its drive, never an old one."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_the_position_is_that_of_the_edge_and_not_of_a_cycle(scenario, velocity)
     assert function(cell) == DISARMED
 
 
-def test_it_is_seen_a_few_cycles_after_the_edge(scenario):
+def test_a_touch_probe_edge_is_reported_a_few_cycles_after_it(scenario):
     cell = scenario.simulated()
     probe = armed(cell)
     edge = cell.now
@@ -73,7 +73,7 @@ def test_it_is_seen_a_few_cycles_after_the_edge(scenario):
     assert 0.0 < probe.result.time - edge <= 0.01 + 4 * 0.01 + 1e-9
 
 
-def test_it_energises_nothing_and_works_without_power(scenario):
+def test_a_touch_probe_energises_nothing_and_works_without_power(scenario):
     cell = scenario.simulated()
     probe = armed(cell)
     cell.drive().axis.motor.position += 12.5 * SCALE  # turned by hand
@@ -85,7 +85,7 @@ def test_it_energises_nothing_and_works_without_power(scenario):
     assert cell.x.state is AxisState.DISABLED
 
 
-def test_it_works_in_fault_and_a_fault_does_not_end_it(scenario):
+def test_a_touch_probe_works_in_fault_and_a_fault_does_not_end_it(scenario):
     cell = scenario.simulated().enabled()
     probe = armed(cell)
     cell.drive().fault(0x4310)
@@ -100,7 +100,7 @@ def test_it_works_in_fault_and_a_fault_does_not_end_it(scenario):
     again.wait(1)
 
 
-def test_both_edges_are_one_of_each(scenario):
+def test_a_probe_of_both_edges_reports_one_of_each(scenario):
     cell = scenario.simulated().enabled()
     mark(cell, 10.0, 20.25)
     probe = armed(cell, edge="both")
@@ -119,7 +119,7 @@ def test_the_falling_edge_alone(scenario):
     assert probe.wait(1).position == pytest.approx(20.0)
 
 
-def test_both_inputs_are_armed_at_a_time_and_do_not_disturb_each_other(scenario):
+def test_both_probe_inputs_are_armed_at_the_same_time_and_do_not_disturb_each_other(scenario):
     cell = scenario.simulated().enabled()
     mark(cell, 10.0, 50.0, 1)
     mark(cell, 20.0, 50.0, 2)
@@ -145,7 +145,7 @@ def test_the_zero_pulse(scenario):
     assert probe.wait(1).position == pytest.approx(cell.drive().params.increments_per_turn / SCALE)
 
 
-def test_continuously_every_edge_is_reported_and_what_was_too_fast_is_counted(scenario):
+def test_each_edge_of_a_continuous_probe_is_reported_and_missed_edges_are_counted(scenario):
     cell = scenario.simulated().enabled()
     probe = armed(cell, continuous=True)
     place = random.Random(1)
@@ -171,7 +171,7 @@ def test_continuously_every_edge_is_reported_and_what_was_too_fast_is_counted(sc
     assert function(cell) == DISARMED
 
 
-def test_without_a_counter_a_new_edge_is_one_at_another_place(scenario):
+def test_without_a_counter_an_edge_at_another_position_counts_as_new(scenario):
     cell = scenario.simulated(eds=str(without(scenario, "60D5", "60D6"))).enabled()
     probe = armed(cell, continuous=True)
     for goal in (10.0, 20.0, 30.0):
@@ -204,10 +204,10 @@ def without(scenario: Stage, *objects: str) -> Path:
     return path
 
 
-# -- what is stale ---------------------------------------------------------------------------------------------------
+# -- stale values ----------------------------------------------------------------------------------------------------
 
 
-def test_an_edge_of_long_ago_is_not_taken_for_one(scenario):
+def test_an_edge_from_before_the_arming_does_not_count(scenario):
     cell = scenario.simulated().enabled()
     drive = cell.drive().touch_probe
     drive.take(0x0011)  # another tool has armed it, and there was an edge
@@ -223,7 +223,7 @@ def test_an_edge_of_long_ago_is_not_taken_for_one(scenario):
     assert probe.wait(1).position == pytest.approx(place) == pytest.approx(30.0)
 
 
-def test_a_drive_that_does_not_forget_is_not_believed(scenario, golden):
+def test_a_drive_whose_probe_bits_stay_set_is_refused(scenario, golden):
     cell = scenario.simulated()
     drive = cell.drive()
     drive.touch_probe.take(0x0011)
@@ -251,7 +251,7 @@ def test_a_probe_that_another_program_switches_off_is_reported(scenario, golden)
     golden("probe_switched_off", cell.failure_of(probe))
 
 
-def test_what_another_tool_has_armed_stays_armed(scenario):
+def test_inputs_that_another_tool_has_armed_stay_armed(scenario):
     cell = scenario.simulated()
     cell.drive().touch_probe.take(0xD1C0)  # input 2, and bits of the maker's own
     probe = armed(cell)
@@ -264,7 +264,7 @@ def test_what_another_tool_has_armed_stays_armed(scenario):
     assert function(cell) == 0xC0C0
 
 
-def test_what_another_tool_arms_in_between_stays_armed(scenario):
+def test_inputs_that_another_tool_arms_in_between_stay_armed(scenario):
     cell = scenario.simulated()
     armed(cell).cancel().wait(1)
     cell.drive().touch_probe.take(0x1100)
@@ -307,7 +307,7 @@ def test_a_window_counts_as_the_axis_does(scenario):
     assert probe.wait(1).position == pytest.approx(125.0)
 
 
-def test_a_window_goes_over_the_end_of_a_turn(scenario):
+def test_a_probe_window_reaches_over_the_end_of_a_turn(scenario):
     cell = scenario.simulated(axis="modulo = 360.0").enabled()
     for begin in (100.0, 355.0, 365.0):
         mark(cell, begin, begin + 2.0)
@@ -323,7 +323,7 @@ def test_a_window_goes_over_the_end_of_a_turn(scenario):
 # -- where the axis counts from --------------------------------------------------------------------------------------
 
 
-def test_it_counts_as_the_axis_does(scenario):
+def test_a_touch_probe_reports_positions_of_the_axis(scenario):
     cell = scenario.simulated(axis='invert = "master"').enabled()
     cell.x.set_position(100.0).wait(1)
     probe = armed(cell)
@@ -332,7 +332,7 @@ def test_it_counts_as_the_axis_does(scenario):
     assert probe.wait(1).position == pytest.approx(cell.x.position) == pytest.approx(125.0, abs=0.1)
 
 
-def test_it_continues_beyond_the_wrap_of_the_drives_count(scenario):
+def test_a_touch_probe_works_beyond_the_wrap_of_the_count_of_the_drive(scenario):
     cell = scenario.simulated()
     cell.drive().axis.motor.position = 2**31 - 1000.0
     cell.run(0.1)
@@ -344,7 +344,7 @@ def test_it_continues_beyond_the_wrap_of_the_drives_count(scenario):
     assert probe.wait(2).position == pytest.approx(15.0)
 
 
-def test_homing_ends_it_and_it_is_refused_meanwhile(scenario, golden):
+def test_homing_ends_a_touch_probe_and_a_probe_during_homing_is_refused(scenario, golden):
     cell = scenario.simulated().enabled()
     probe = armed(cell)
     home = cell.x.home()
@@ -387,7 +387,7 @@ def test_the_end_of_a_with_block_switches_it_off(scenario):
 
 
 @pytest.mark.parametrize("cycles", range(9))
-def test_it_is_cancelled_at_any_moment(scenario, cycles):
+def test_a_touch_probe_can_be_cancelled_in_any_cycle(scenario, cycles):
     cell = scenario.simulated()
     probe = cell.x.probe()
     for _ in range(cycles):
@@ -452,7 +452,7 @@ def test_a_scan_that_dies_ends_it(scenario, place):
     assert isinstance(probe.exception(), ScanError)
 
 
-def test_ctrl_c_ends_it_and_nothing_stays_armed(scenario):
+def test_ctrl_c_ends_a_touch_probe_and_leaves_nothing_armed(scenario):
     cell = scenario.simulated().enabled()
     probe = armed(cell)
     cell.ctrl_c(5.0)
@@ -492,7 +492,7 @@ def test_a_pause_of_sdo_is_survived_and_silence_is_reported(scenario):
     assert "has not answered" in cell.failure_of(silent, 20.0).message
 
 
-def test_slow_answers_change_when_it_is_seen_and_not_what(scenario):
+def test_slow_sdo_answers_delay_the_result_and_do_not_change_it(scenario):
     cell = scenario.simulated().enabled()
     cell.device().dials.sdo_delay = 0.04
     mark(cell, 12.34, 50.0)
@@ -501,7 +501,7 @@ def test_slow_answers_change_when_it_is_seen_and_not_what(scenario):
     assert probe.wait(1).position == pytest.approx(12.34)
 
 
-def test_late_cycles_change_nothing_of_the_position(scenario):
+def test_late_cycles_do_not_change_the_latched_position(scenario):
     cell = scenario.simulated().enabled()
     mark(cell, 12.34, 50.0)
     probe = armed(cell)
@@ -522,7 +522,7 @@ def test_a_probe_does_not_change_the_motion_of_an_axis_on_a_trajectory(scenario)
         cell.run(0.2)
         since = cell.moment()
         cell.x.follow(TrapezoidalTrajectory(0.0, 60.0, 100.0, 500.0)).wait(5)
-        cell.must_stand(within=0.5, stages=ENABLED)
+        cell.must_be_still(within=0.5, stages=ENABLED)
         ways.append(cell.positions(since=since))
         assert [edge.position for edge in probe.captures] == pytest.approx([20.0, 30.0] if probed else [])
     assert ways[0] == ways[1]
@@ -531,7 +531,7 @@ def test_a_probe_does_not_change_the_motion_of_an_axis_on_a_trajectory(scenario)
 # -- until an edge ---------------------------------------------------------------------------------------------------
 
 
-def test_a_search_ends_at_rest_beyond_the_edge_and_reports_where_that_was(scenario):
+def test_a_search_ends_at_standstill_beyond_the_edge_and_reports_the_position_of_the_edge(scenario):
     cell = scenario.simulated().enabled()
     mark(cell, 12.34, 40.0)
     search = cell.x.probe_move(40.0, velocity=50.0, acceleration=500.0)
@@ -539,23 +539,23 @@ def test_a_search_ends_at_rest_beyond_the_edge_and_reports_where_that_was(scenar
     assert cell.speed() == 0.0
     assert (
         12.34 + 2.5 < cell.where() < 12.34 + 2.5 + 50.0 * 0.08
-    )  # braking, and what is gone until it was seen
+    )  # braking, and the distance until it was seen
     assert cell.x.state is AxisState.STANDSTILL
-    cell.must_stand(within=0.1, stages=ENABLED)
+    cell.must_be_still(within=0.1, stages=ENABLED)
     assert function(cell) == DISARMED
     cell.x.move_absolute(0.0).wait(5)
 
 
-def test_nothing_moves_before_the_input_is_armed(scenario):
+def test_no_motion_before_the_input_is_armed(scenario):
     cell = scenario.simulated().enabled()
     cell.drive().dials.probe_deaf = True
     search = cell.x.probe_move(40.0)
     assert isinstance(cell.failure_of(search), DriveError)
-    cell.must_stand(within=0.1, stages=ENABLED)
+    cell.must_be_still(within=0.1, stages=ENABLED)
     assert cell.farthest() == (0.0, 0.0)
 
 
-def test_a_search_that_finds_nothing_says_so_where_it_was_to_end(scenario, golden):
+def test_a_search_without_an_edge_reports_so_at_its_end(scenario, golden):
     cell = scenario.simulated().enabled()
     search = cell.x.probe_move(30.0)
     error = cell.failure_of(search)
@@ -578,7 +578,7 @@ def test_an_edge_at_the_very_end_is_found(scenario, delay):
 
 @pytest.mark.parametrize("after", [0.0, 0.03, 0.1, 0.3])
 @pytest.mark.parametrize("how", ["halt", "stop", "quick_stop", "disable", "cancel", "move"])
-def test_what_else_is_reported_ends_a_search(scenario, how, after):
+def test_another_command_ends_a_search(scenario, how, after):
     cell = scenario.simulated().enabled()
     mark(cell, 80.0, 90.0)
     search = cell.x.probe_move(100.0)
@@ -604,7 +604,7 @@ def test_a_touch_probe_that_fails_halts_the_search(scenario):
     cell.until(lambda: cell.where() > 10.0)
     cell.drive().touch_probe.take(0)
     assert isinstance(cell.failure_of(search), DriveError)
-    cell.must_stand(within=0.5, stages=ENABLED)
+    cell.must_be_still(within=0.5, stages=ENABLED)
     assert cell.where() < 40.0
 
 
@@ -614,7 +614,7 @@ def test_another_request_for_its_input_halts_the_search(scenario):
     cell.until(lambda: cell.where() > 10.0)
     probe = cell.x.probe()
     assert isinstance(cell.failure_of(search), Replaced)
-    cell.must_stand(within=0.5, stages=ENABLED)
+    cell.must_be_still(within=0.5, stages=ENABLED)
     assert probe.active
 
 
@@ -625,7 +625,7 @@ def test_a_node_that_dies_ends_a_search_and_the_others_stop(scenario):
     search = cell["x"].probe_move(200.0)
     cell.until(lambda: cell.where("x") > 10.0)
     cell.device("x").dials.dead = True
-    cell.must_stand("y", within=1.0, stages=ENABLED)
+    cell.must_be_still("y", within=1.0, stages=ENABLED)
     assert isinstance(cell.failure_of(search), NodeError)
 
 
@@ -651,7 +651,7 @@ def test_a_search_begins_at_standstill_and_within_the_limits(scenario):
     assert function(cell) == DISARMED
 
 
-# -- what is asked ---------------------------------------------------------------------------------------------------
+# -- arguments -------------------------------------------------------------------------------------------------------
 
 
 def test_a_drive_without_a_touch_probe_is_refused_with_object_and_file(scenario):
@@ -685,7 +685,7 @@ def test_a_drive_with_one_input_is_refused_the_other(scenario):
         ((1,), {"window": (2.0, 1.0)}),
     ],
 )
-def test_what_cannot_be_asked_is_refused_at_the_call(scenario, given, options):
+def test_invalid_arguments_of_a_probe_are_refused_at_the_call(scenario, given, options):
     cell = scenario.simulated()
     with pytest.raises(ArgumentError):
         cell.x.probe(*given, **options)
@@ -693,7 +693,7 @@ def test_what_cannot_be_asked_is_refused_at_the_call(scenario, given, options):
     assert function(cell) == DISARMED
 
 
-def test_a_window_wants_an_axis_that_knows_where_it_is(scenario):
+def test_a_window_needs_a_homed_axis(scenario):
     text = cell_text(axis="position_limits = [-180.0, 180.0]").replace("required = false", "required = true")
     cell = scenario.simulated(text=text)
     with pytest.raises(ArgumentError, match="not homed"):

@@ -1,7 +1,7 @@
-"""Nobody's death moves an axis: program, core and warden are killed, stopped or told to end while a motor turns.
+"""The death of any process stops the axes: program, core and watchdog process are killed, suspended or terminated during motion.
 
-The plant is read from a history that the simulated drives write by themselves, in a process that nobody harms. Each scenario runs
-once more with the net cut that it relies on, and must then find the motor turning.
+The plant is read from a history of the simulated drives, in a process of its own. Each scenario runs
+once more with its safety net removed, and must then find the motor turning.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Row(NamedTuple):
 
 
 class Doomed:
-    """A program with its core and warden, whose axes turn; kills what is left of them at the end."""
+    """A program with its core and watchdog process, whose axes turn; the remaining processes are killed at the end."""
 
     def __init__(self, folder: Path, scene: str, cut: str, axes: str, more: str = "") -> None:
         self.folder = folder
@@ -82,7 +82,7 @@ class Doomed:
         return at
 
     def plant(self) -> list[Row]:
-        """What the motors have done so far."""
+        """The motions of the motors until now."""
         with (self.folder / "plant.csv").open(encoding="utf-8") as file:
             whole = [row for row in csv.DictReader(file) if row["stage"]]
         return [Row(float(row["time"]), float(row["velocity"]) / SCALE, int(row["stage"])) for row in whole]
@@ -96,12 +96,12 @@ class Doomed:
         return [last[node] for node in sorted(last)]
 
     def journal(self) -> str:
-        """What core and warden have written down."""
+        """The journal of core and watchdog process."""
         (file,) = (self.folder / "axisbus").glob("cell-*.log")
         return file.read_text(encoding="utf-8")
 
     def turns(self, at: float) -> bool:
-        """Whether the motors turned just before a time, as they were told to."""
+        """Whether the motors turned as commanded just before a time."""
         before = [row for row in self.plant() if at - 0.1 <= row.time <= at]
         return bool(before) and all(abs(row.velocity - SPEED) < 1.0 for row in before)
 
@@ -110,8 +110,10 @@ class Doomed:
         before = [row for row in self.plant() if at - 0.5 <= row.time <= at]
         return any(row.velocity > 0.3 * SPEED for row in before)
 
-    def stands_after(self, at: float, stages: tuple[int, ...], within: float = STOPS_WITHIN) -> float | None:
-        """Return how many seconds after a time all motors stood for good in these stages; None if they do not in time."""
+    def standstill_after(
+        self, at: float, stages: tuple[int, ...], within: float = STOPS_WITHIN
+    ) -> float | None:
+        """Return how many seconds after a time all motors stay at standstill in these stages; None if not in time."""
         until = time.monotonic() + within
         while time.monotonic() < until:
             time.sleep(0.1)
@@ -155,7 +157,7 @@ def doomed(folder: Path, scene: str, cut: str = "", axes: str = "x", more: str =
 REST = (*OFF, QUICK_STOP)
 NO_PROGRAM, NO_WARDEN = "the core's eye on its program", "the core's eye on its warden"
 
-# The scene, who is struck, by what, and the net that is cut in the second run.
+# The scene, the process, the signal, and the safety net that is removed in the second run.
 DEATHS = {
     "the program is killed": ("sleeping", "program", signal.SIGKILL, NO_PROGRAM),
     "the program is killed, and a child that it has forked lives on": (
@@ -194,14 +196,14 @@ DEATHS = {
 }
 
 
-@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "without the safety net"])
 @pytest.mark.parametrize("death", DEATHS)
-def test_a_motor_stops_whoever_dies(tmp_path, death, whole):
+def test_a_motor_stops_whichever_process_dies(tmp_path, death, whole):
     scene, who, number, net = DEATHS[death]
     with doomed(tmp_path, scene, "" if whole else net) as one:
         time.sleep(0.3)
         at = one.strike(who, number)
-        took = one.stands_after(at, REST, STOPS_WITHIN if whole else 2.0)
+        took = one.standstill_after(at, REST, STOPS_WITHIN if whole else 2.0)
         assert one.turns(at)
         assert (took is not None) is whole, took
 
@@ -209,12 +211,12 @@ def test_a_motor_stops_whoever_dies(tmp_path, death, whole):
 LOST = "the eyes on the program's descriptors"
 
 
-@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "without the safety net"])
 @pytest.mark.parametrize("loss", [loss for loss in LOSSES if loss != "closing-in-a-child"])
 def test_a_motor_stops_when_its_program_has_lost_the_descriptor_to_the_core(tmp_path, loss, whole):
     with doomed(tmp_path, loss, "" if whole else LOST) as one:
         at = one.strike("program", signal.SIGUSR1)
-        took = one.stands_after(at, REST, STOPS_WITHIN if whole else 2.0)
+        took = one.standstill_after(at, REST, STOPS_WITHIN if whole else 2.0)
         assert one.turns(at)
         assert (took is not None) is whole, took
 
@@ -236,10 +238,10 @@ def test_descriptors_that_a_forked_child_closes_are_its_own_affair(tmp_path):
         ("program", signal.SIGINT),
     ],
 )
-def test_both_motors_of_a_beam_stop_beside_each_other_whoever_dies(tmp_path, who, number):
+def test_both_motors_of_a_beam_stop_together_when_any_process_dies(tmp_path, who, number):
     with doomed(tmp_path, "carrying", axes="xy", more=BEAM) as one:
         at = one.strike(who, number)
-        took = one.stands_after(at, REST)
+        took = one.standstill_after(at, REST)
         assert one.moves(at)
         assert took is not None
         x, y = one.places()
@@ -251,13 +253,13 @@ def test_both_motors_of_a_beam_stop_beside_each_other_whoever_dies(tmp_path, who
 def test_the_motors_of_a_core_with_many_axes_stop_as_soon(tmp_path, number):
     with doomed(tmp_path, "sleeping", axes="abcdefghijkl") as one:
         at = one.strike("core", number)
-        took = one.stands_after(at, REST)
+        took = one.standstill_after(at, REST)
         assert one.turns(at)
         assert took is not None
 
 
 @pytest.mark.parametrize(("scene", "code"), [("returning", 0), ("raising", 1)])
-def test_a_program_that_ends_by_itself_leaves_a_motor_at_rest_and_off(tmp_path, scene, code):
+def test_a_program_that_ends_leaves_its_motor_at_standstill_and_off(tmp_path, scene, code):
     with doomed(tmp_path, scene) as one:
         assert one.process.wait(30) == code
         rows = one.plant()
@@ -267,7 +269,7 @@ def test_a_program_that_ends_by_itself_leaves_a_motor_at_rest_and_off(tmp_path, 
         assert one.ends("core", 2.0)
 
 
-def test_a_program_that_is_stopped_ends_nothing_and_its_motor_goes_on(tmp_path):
+def test_a_suspended_program_ends_nothing_and_its_motor_continues(tmp_path):
     with doomed(tmp_path, "waiting") as one:
         at = one.strike("program", signal.SIGSTOP)
         time.sleep(2.0)
@@ -276,13 +278,13 @@ def test_a_program_that_is_stopped_ends_nothing_and_its_motor_goes_on(tmp_path):
         time.sleep(0.5)
         assert one.process.poll() is None
         at = one.strike("program", signal.SIGINT)
-        assert one.stands_after(at, REST) is not None
+        assert one.standstill_after(at, REST) is not None
 
 
-def test_a_program_that_is_stopped_lets_its_stream_of_points_run_out_and_goes_on_with_it(tmp_path):
+def test_the_stream_of_a_suspended_program_runs_out_and_continues_with_the_program(tmp_path):
     with doomed(tmp_path, "streaming", axes="xy") as one:
         at = one.strike("program", signal.SIGSTOP)
-        took = one.stands_after(at, (ENABLED,))
+        took = one.standstill_after(at, (ENABLED,))
         assert one.moves(at)
         assert took is not None
         assert took > 0.2  # there were points ahead
@@ -290,21 +292,21 @@ def test_a_program_that_is_stopped_lets_its_stream_of_points_run_out_and_goes_on
         time.sleep(1.5)
         assert one.moves(at + 1.0)
         at = one.strike("program", signal.SIGINT)
-        assert one.stands_after(at, REST) is not None
+        assert one.standstill_after(at, REST) is not None
 
 
-@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "without the safety net"])
 def test_the_motors_of_a_stream_stop_and_are_off_when_its_program_is_killed(tmp_path, whole):
     with doomed(tmp_path, "streaming", "" if whole else NO_PROGRAM, axes="xy") as one:
         at = one.strike("program", signal.SIGKILL)
-        took = one.stands_after(at, REST, STOPS_WITHIN if whole else 1.5)
+        took = one.standstill_after(at, REST, STOPS_WITHIN if whole else 1.5)
         assert one.moves(at)
         assert (took is not None) is whole, took
         if not whole:  # its points have run out all the same, and they are held there
-            assert one.stands_after(at, (ENABLED,)) is not None
+            assert one.standstill_after(at, (ENABLED,)) is not None
 
 
-def test_a_program_is_told_how_its_core_died_and_how_its_drives_were_left(tmp_path):
+def test_a_program_gets_the_reason_of_the_end_of_its_core_and_the_state_of_its_drives(tmp_path):
     with doomed(tmp_path, "waiting") as one:
         one.strike("core", signal.SIGKILL)
         told = tmp_path / "told.txt"
@@ -320,10 +322,10 @@ def test_a_program_is_told_how_its_core_died_and_how_its_drives_were_left(tmp_pa
     assert re.search(f"ERROR {STOPPED}", one.journal())
 
 
-def test_a_warden_that_was_stopped_is_told_of_and_all_processes_end(tmp_path):
+def test_a_suspended_watchdog_process_is_reported_and_all_processes_end(tmp_path):
     with doomed(tmp_path, "waiting") as one:
         at = one.strike("warden", signal.SIGSTOP)
-        assert one.stands_after(at, REST) is not None
+        assert one.standstill_after(at, REST) is not None
         told = tmp_path / "told.txt"
         assert one.ends("core", 6.0)
         assert one.ends("warden", 2.0)
@@ -332,7 +334,7 @@ def test_a_warden_that_was_stopped_is_told_of_and_all_processes_end(tmp_path):
     assert "INFO leaving: the watchdog process of the core has not answered for 0." in one.journal()
 
 
-def test_a_warden_that_is_stopped_for_a_moment_is_no_reason(tmp_path):
+def test_a_watchdog_process_that_is_suspended_for_a_moment_ends_nothing(tmp_path):
     with doomed(tmp_path, "sleeping") as one:
         for _ in range(5):
             one.strike("warden", signal.SIGSTOP)

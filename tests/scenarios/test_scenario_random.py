@@ -1,6 +1,6 @@
-"""Random commands against random mishaps on plants of many kinds; ``make campaign`` plays fresh ones by the thousand.
+"""Random commands and random faults on plants of many kinds; ``make campaign`` runs thousands of new ones.
 
-A seed that fails is shrunk and told as a script. What was found once stays here by name.
+A seed that fails is shrunk and printed as a script. Failures that were found once stay here by name.
 """
 
 from __future__ import annotations
@@ -1268,7 +1268,7 @@ FOUND: Mapping[str, Script] = {
         scene="held-by-brake",
         ending="close",
     ),
-    # A halt of an axis whose quick stop goes on for longer than its time counted as done: it was taken for locked at rest.
+    # A halt of an axis whose quick stop lasted longer than its time counted as done: the axis was taken for locked at standstill.
     "a halt while the drive's own quick stop goes on": Script(
         "sagging",
         (
@@ -1302,7 +1302,7 @@ FOUND: Mapping[str, Script] = {
         scene="usual",
         ending="busy-close",
     ),
-    # Nothing of the way had been seen yet, as the feedback was late: the halt was done while the axis turned.
+    # No motion had been seen yet, as the feedback was late: the halt was done while the axis turned.
     "a halt of a motion that feedback has not shown yet": Script(
         "lagging",
         (
@@ -1313,7 +1313,7 @@ FOUND: Mapping[str, Script] = {
         scene="no-demand",
         ending="busy-close",
     ),
-    # The quick stop of a halt at rest went out blind, and Standstill was said until it was over.
+    # The quick stop of a halt at standstill was sent blind, and Standstill was reported until it was over.
     "feedback that is lost while an axis is halted at rest": Script(
         "lagging",
         (
@@ -1512,7 +1512,7 @@ def must_hold(made: Script, folder) -> None:
 
 
 @pytest.mark.parametrize("seed", range(SEEDS))
-def test_whatever_is_asked_and_whatever_goes_wrong_the_plant_keeps_the_masters_promises(tmp_path, seed):
+def test_random_commands_and_failures_keep_the_promises_of_the_master(tmp_path, seed):
     must_hold(script(seed), tmp_path)
 
 
@@ -1528,13 +1528,13 @@ def test_a_script_replays_exactly(tmp_path):
     assert str(first) == str(second)
 
 
-def test_the_seeds_visit_every_scene():
-    """Those on makers' files only where such files are."""
+def test_the_seeds_cover_every_scene():
+    """Scenes with makers' files only if there are such files."""
     visited = {script(seed).scene for seed in range(SEEDS)}
     assert set(SCENES) <= visited
 
 
-def test_shrinking_keeps_the_rule_and_leaves_out_what_is_not_needed(tmp_path, monkeypatch):
+def test_shrinking_a_script_keeps_the_violation_and_drops_events_that_are_not_needed(tmp_path, monkeypatch):
     from kit.campaign import play as player
 
     def fake(made: Script, _folder) -> Violation | None:

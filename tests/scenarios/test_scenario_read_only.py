@@ -64,7 +64,7 @@ def failed(path: Path, command) -> DriveError:
 
 
 def warned(path: Path) -> list[str]:
-    """Return what ``check`` warns of, and fail for an error."""
+    """Return the warnings of ``check``, and fail for an error."""
     found = check(path)
     assert not [each for each in found if each.severity is Severity.ERROR], found
     return [str(each) for each in found if "cannot be written" in f"{each.message} {each.observed}"]
@@ -113,7 +113,7 @@ def test_another_value_is_named_before_anything_moves(tmp_path, fixed, command, 
 
 
 @pytest.mark.parametrize(("fixed", "command", "what", "seen"), FAILS)
-def test_check_and_boot_say_what_will_be_refused(tmp_path, fixed, command, what, seen):
+def test_check_and_boot_warn_of_commands_that_will_be_refused(tmp_path, fixed, command, what, seen):
     path = cell(tmp_path, *fixed)
     (warning,) = warned(path)
     assert "will be refused" in warning
@@ -123,7 +123,7 @@ def test_check_and_boot_say_what_will_be_refused(tmp_path, fixed, command, what,
 
 
 def about(path: Path, index: str) -> list[tuple[Severity, str]]:
-    """Return what ``check`` says of an object that cannot be written."""
+    """Return the findings of ``check`` about an object that cannot be written."""
     return [
         (each.severity, each.message)
         for each in check(path)

@@ -1,4 +1,4 @@
-"""A command that is refused changes nothing: no state, no mode, no motion, and nothing that another command has under way."""
+"""A refused command changes nothing: no state, no mode, no motion, and no running command."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def names(*texts: str) -> list[str]:
     return [name.replace("\0", ",") for text in texts for name in text.split(",")]
 
 
-# What is refused where, of z and w each, and of the group, the beam and the module.
+# The commands that are refused in each situation, of z and w each, and of the group, the beam and the module.
 REFUSED: dict[str, tuple[list[str], list[str]]] = {
     "disabled": (
         names(NEVER, NEEDS_POWER),
@@ -113,7 +113,7 @@ REFUSED: dict[str, tuple[list[str], list[str]]] = {
 
 
 def opened(scenario: Stage, situation: str) -> tuple[Cell, list[Handle]]:
-    """A cell in a situation, and the handles of what must go on whatever is refused."""
+    """A cell in a situation, and the handles of the motions that must continue."""
     more = MODULE.format(node="").replace("nodes.5", "nodes.9").replace("node = 5", "node = 9")
     level = LEVEL.replace("node = 5", "node = 9")
     cell = scenario.simulated(text=cell_text("xyzwv", axis=AXIS, more=more + level + MORE))
@@ -143,7 +143,7 @@ def opened(scenario: Stage, situation: str) -> tuple[Cell, list[Handle]]:
 
 
 def seen(cell: Cell, goes_on: list[Handle]) -> dict[str, object]:
-    """What a user sees that a command could change."""
+    """The observable state that a command could change."""
     found: dict[str, object] = {handle.name: handle.status for handle in goes_on}
     for axis in cell.machine:
         snapshot = axis.snapshot
@@ -175,14 +175,14 @@ def test_a_refused_command_changes_nothing(scenario, situation):
         assert cell.where("z") == pytest.approx(100.0, abs=0.1)
 
 
-def standing_in_csp(scenario: Stage) -> Cell:
+def at_standstill_in_csp(scenario: Stage) -> Cell:
     cell = scenario.simulated("xy", axis=AXIS).enabled()
     cell.x.follow([(0.0, 0.0), (1.0, 10.0), (2.0, 10.0)]).wait(5)
     return cell
 
 
 def test_a_trajectory_that_begins_elsewhere_leaves_the_axis_at_standstill(scenario):
-    cell = standing_in_csp(scenario)
+    cell = at_standstill_in_csp(scenario)
     with pytest.raises(LimitError, match="does not begin at the position of the axis"):
         cell.x.follow([(0.0, 90.0), (1.0, 90.0)]).wait(2)
     cell.run(0.3)
@@ -190,8 +190,8 @@ def test_a_trajectory_that_begins_elsewhere_leaves_the_axis_at_standstill(scenar
     assert cell.where("x") == pytest.approx(10.0, abs=0.05)
 
 
-def test_a_slave_that_cannot_come_into_step_is_left_at_standstill(scenario):
-    cell = standing_in_csp(scenario)
+def test_a_slave_that_cannot_synchronise_is_left_at_standstill(scenario):
+    cell = at_standstill_in_csp(scenario)
     waits = cell.x.gear_in(cell["y"], 1.0, sync_positions=(20.0, 30.0), master_start_distance=90.0)
     cell.run(0.3)
     cell["y"].move_absolute(50.0)
@@ -203,7 +203,7 @@ def test_a_slave_that_cannot_come_into_step_is_left_at_standstill(scenario):
 
 @pytest.mark.parametrize("couple", ["gear", "cam"])
 def test_a_slave_whose_master_is_in_fault_is_left_as_it_is(scenario, couple):
-    cell = standing_in_csp(scenario)
+    cell = at_standstill_in_csp(scenario)
     cell.drive("y").fault(0x2310)
     cell.run(0.5)
     with pytest.raises(StateError, match="its master is lost"):
@@ -211,8 +211,8 @@ def test_a_slave_whose_master_is_in_fault_is_left_as_it_is(scenario, couple):
     assert cell.x.state is AxisState.STANDSTILL
 
 
-def test_a_slave_in_step_stays_so_where_another_cam_is_refused(scenario):
-    cell = standing_in_csp(scenario)
+def test_a_synchronised_slave_stays_so_if_another_cam_is_refused(scenario):
+    cell = at_standstill_in_csp(scenario)
     cell.x.gear_in(cell["y"], 1.0).wait(5)
     with pytest.raises(LimitError):
         cell.x.cam_in(cell["y"], CAM, master_offset=90.0).wait(2)

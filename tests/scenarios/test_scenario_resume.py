@@ -14,7 +14,7 @@ AXIS = "max_acceleration = 1000.0"
 END = (400.0, 200.0, -100.0)
 
 
-def on_the_way(scenario, **changes):
+def on_a_line(scenario, **changes):
     """Three axes in the middle of a line, at full speed."""
     cell = scenario.simulated("xyz", axis=AXIS, **changes)
     group = cell.machine.group("x", "y", "z")
@@ -45,7 +45,7 @@ def must_be_at_the_end(cell: Cell) -> None:
 
 @pytest.mark.parametrize("times", [1, 3])
 def test_after_a_halt_the_line_continues_to_its_end(scenario, times):
-    cell, group, _ = on_the_way(scenario)
+    cell, group, _ = on_a_line(scenario)
     for _ in range(times):
         cell.end_of(group.halt())
         assert [cell.machine[name].velocity for name in "xyz"] == pytest.approx([0.0] * 3, abs=0.5)
@@ -58,7 +58,7 @@ def test_after_a_halt_the_line_continues_to_its_end(scenario, times):
 
 
 def test_a_halt_of_one_axis_stops_all_on_the_line_and_it_continues(scenario):
-    cell, group, _ = on_the_way(scenario)
+    cell, group, _ = on_a_line(scenario)
     cell.end_of(cell.machine["y"].halt())
     cell.run(0.5)
     assert cell.end_of(group.resume()) is None
@@ -67,7 +67,7 @@ def test_a_halt_of_one_axis_stops_all_on_the_line_and_it_continues(scenario):
 
 
 def test_a_group_that_a_quick_stop_took_off_its_line_returns_to_it_before_it_resumes(scenario):
-    cell, group, _ = on_the_way(scenario)
+    cell, group, _ = on_a_line(scenario)
     cell.end_of(group.quick_stop())
     cell.end_of(group.enable())
     told = refusal_of(
@@ -80,8 +80,8 @@ def test_a_group_that_a_quick_stop_took_off_its_line_returns_to_it_before_it_res
     must_be_at_the_end(cell)
 
 
-def test_after_a_fault_the_line_continues_only_where_the_axes_are_still_on_it(scenario):
-    cell, group, _ = on_the_way(scenario)
+def test_after_a_fault_the_line_continues_only_if_the_axes_are_still_on_it(scenario):
+    cell, group, _ = on_a_line(scenario)
     cell.machine.simulated_node(2).fault(0x2310)
     cell.run(2.0)
     cell.end_of(group.reset())
@@ -98,7 +98,7 @@ def test_after_a_fault_the_line_continues_only_where_the_axes_are_still_on_it(sc
 
 
 def test_an_axis_that_was_moved_meanwhile_keeps_the_line_from_continuing(scenario):
-    cell, group, _ = on_the_way(scenario)
+    cell, group, _ = on_a_line(scenario)
     cell.end_of(group.halt())
     cell.end_of(cell.machine["z"].move_relative(-20.0))
     told = refusal_of(
@@ -111,7 +111,7 @@ def test_an_axis_that_was_moved_meanwhile_keeps_the_line_from_continuing(scenari
 
 
 def test_a_position_that_was_set_meanwhile_keeps_the_line_from_continuing(scenario):
-    cell, group, _ = on_the_way(scenario)
+    cell, group, _ = on_a_line(scenario)
     cell.end_of(group.halt())
     cell.end_of(cell.machine["x"].set_position(0.0))
     refusal_of(group.resume(), cell, "no longer at the position at which the path was interrupted")
@@ -128,8 +128,8 @@ def test_without_a_line_that_was_broken_off_there_is_nothing_to_continue_with(sc
     refusal_of(group.resume(), cell, "the line has ended")
 
 
-def test_disabled_it_is_refused_as_any_line(scenario):
-    cell, group, _ = on_the_way(scenario)
+def test_a_resume_of_a_disabled_group_is_refused_like_any_line(scenario):
+    cell, group, _ = on_a_line(scenario)
     cell.end_of(group.halt())
     cell.end_of(group.disable())
     assert "is Disabled" in str(cell.failure_of(group.resume()))

@@ -38,7 +38,7 @@ LOST = {
 
 
 class Loss:
-    """Loses the first frame of RPDO1 with a certain controlword on its way into the drive; ``lost`` holds it."""
+    """Loses the first frame of RPDO1 with a certain controlword before the drive receives it; ``lost`` holds it."""
 
     def __init__(self, line: Line, what: str) -> None:
         self.lost: list[bytes] = []
@@ -60,7 +60,7 @@ def opened(line: Line) -> Machine:
     return machine
 
 
-def test_a_standing_axis_costs_ten_frames_a_second(tmp_path):
+def test_an_axis_at_standstill_needs_ten_frames_a_second(tmp_path):
     with Line(tmp_path, bus="sync = false") as line, opened(line) as machine, Ear(line.channel) as ear:
         time.sleep(0.3)
         ear.take()
@@ -108,7 +108,7 @@ def test_without_a_repetition_a_set_point_is_lost_for_good(tmp_path, no_repetiti
             machine.close()
 
 
-def test_a_quick_stop_whose_frame_is_lost_goes_by_sdo(tmp_path, no_repetition):
+def test_a_quick_stop_whose_frame_is_lost_is_sent_by_sdo(tmp_path, no_repetition):
     what = "a quick stop"
     with Line(tmp_path, bus="sync = false") as line:
         machine = opened(line)

@@ -26,12 +26,12 @@ from kit.cell import cell_text
 from kit.probe import ENABLED, OFF, QUICK_STOP
 from kit.scenarios import other_master as others
 from kit.scenarios.bus import Line, enable, turning, until
-from kit.scenarios.other_master import Ear, OtherMaster, Says
+from kit.scenarios.other_master import Ear, OtherMaster, RepeatedFrame
 
 ALL = {**others.SIGNS, **others.MASTERS}
 QUICK = {
     "heartbeat": "100ms"
-}  # it listens for 0.2 s; where a machine then runs, it is as slow as every scenario's
+}  # it listens for 0.2 s; if a machine is opened then, it is as slow as in every scenario
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_a_second_machine_is_refused_and_the_first_ones_motion_continues_undistu
         assert min(speeds) > 59.0
         assert max(speeds) < 61.0
         line.must_be(ENABLED, "z")
-        for name in "xy":  # stood, and stand
+        for name in "xy":  # at standstill before and after
             assert line.top_speed(name, since) == 0.0
             line.must_be(ENABLED, name)
         assert [axis.error for axis in first] == [None, None, None]
@@ -93,18 +93,18 @@ def test_a_machine_that_was_closed_is_no_other_master(tmp_path):
                 line.must_be(ENABLED)
 
 
-def line_refused(line: Line, says: tuple[Says, ...]) -> list[str]:
-    """Open beside another master, which must be refused; return what was heard, without the numbers."""
+def line_refused(line: Line, says: tuple[RepeatedFrame, ...]) -> list[str]:
+    """Open beside another master, which must be refused; return the observed frames, without the numbers."""
     with OtherMaster(line.channel, says, 0.02), pytest.raises(SecondMasterError) as caught:
         line.open()
     return [text.partition(": ")[0] for text in caught.value.heard]
 
 
-# -- what is heard -------------------------------------------------------------------------------------------------------
+# -- received frames -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("who", ALL)
-def test_another_master_is_heard_and_nothing_was_sent(tmp_path, who):
+def test_another_master_is_detected_and_nothing_was_sent(tmp_path, who):
     with Line(tmp_path, "x", present="", **QUICK) as line, OtherMaster(line.channel, ALL[who]) as other:
         with Ear(line.channel) as ear, pytest.raises(SecondMasterError) as caught:
             line.open()
@@ -130,8 +130,8 @@ def test_the_drives_of_a_refused_cell_see_nothing(tmp_path):
             assert not line.was_energised(name, since)
 
 
-def test_our_own_node_id_is_a_masters_whatever_it_is(tmp_path):
-    says = (Says(0x705, "05", every=2),)
+def test_our_own_node_id_counts_as_that_of_a_master(tmp_path):
+    says = (RepeatedFrame(0x705, "05", every=2),)
     with Line(tmp_path, "x", bus="master_id = 5", **QUICK) as line:
         assert line_refused(line, says) == ["heartbeats of node 5 (705h)"]
 
@@ -166,21 +166,21 @@ def test_the_sync_of_another_device_is_no_sign_of_a_master_if_the_cell_file_allo
     bus = 'sync_producer = "external"\nsync_timeout = "1s"'  # this computer may be late
     with (
         Line(tmp_path, "x", bus=bus) as line,
-        OtherMaster(line.channel, (Says(0x80),), 0.02),
+        OtherMaster(line.channel, (RepeatedFrame(0x80),), 0.02),
         line.open() as machine,
     ):
         enable(machine["x"])
         line.must_be(ENABLED)
 
 
-def test_a_master_is_heard_next_to_the_sync_of_another_device(tmp_path):
-    bus, says = 'sync_producer = "external"', (Says(0x80), Says(0x77F, "05"))
+def test_a_master_is_detected_next_to_the_sync_of_another_device(tmp_path):
+    bus, says = 'sync_producer = "external"', (RepeatedFrame(0x80), RepeatedFrame(0x77F, "05"))
     with Line(tmp_path, "x", bus=bus, **QUICK) as line:
         assert line_refused(line, says) == ["heartbeats of node 127 (77Fh)"]
 
 
-def test_sync_at_another_cob_id_than_the_cells_is_heard_at_both(tmp_path):
-    bus, says = "sync_cob_id = 0x90", (Says(0x80), Says(0x90))
+def test_sync_at_a_cob_id_other_than_that_of_the_cell_is_detected_at_both(tmp_path):
+    bus, says = "sync_cob_id = 0x90", (RepeatedFrame(0x80), RepeatedFrame(0x90))
     with Line(tmp_path, "x", bus=bus, **QUICK) as line:
         assert line_refused(line, says) == ["SYNC (080h, 090h)"]
 
@@ -189,7 +189,7 @@ def test_sync_at_another_cob_id_than_the_cells_is_heard_at_both(tmp_path):
 
 
 def masters_in(machine: Machine) -> list[NodeEvent]:
-    """What the machine's events say of another master."""
+    """The machine's events about another master."""
     return [one for one in machine.session.node_events if one.kind is NodeEventKind.MASTER]
 
 
@@ -201,7 +201,7 @@ def test_axes_that_another_master_commands_are_stopped_and_it_is_an_event(tmp_pa
         assert masters_in(machine) == []
         with OtherMaster(line.channel, says, 0.005):
             for name in "xy":  # the fault policy stops the other one too
-                line.must_stand(name, stages=(ENABLED, QUICK_STOP, *OFF), within=1.5)
+                line.must_be_still(name, stages=(ENABLED, QUICK_STOP, *OFF), within=1.5)
             until(lambda: all(machine[name].state is AxisState.ERRORSTOP for name in names))
         for name in names:
             assert isinstance(machine[name].error, SecondMasterError)
@@ -227,7 +227,7 @@ def test_an_axis_that_holds_its_power_after_an_error_is_stopped_by_a_quick_stop_
 
 
 @pytest.mark.parametrize("what", others.ASIDE)
-def test_what_commands_no_drive_is_an_event_and_stops_nothing(tmp_path, what):
+def test_frames_of_another_master_that_command_no_drive_are_an_event_and_stop_nothing(tmp_path, what):
     says, words = others.ASIDE[what]
     with Line(tmp_path, "xy") as line, line.open() as machine:
         turning(machine, line)
@@ -243,7 +243,7 @@ def test_what_commands_no_drive_is_an_event_and_stops_nothing(tmp_path, what):
 
 
 def test_with_beside_the_commands_of_another_master_are_events_and_stop_nothing(tmp_path):
-    says = (Says(0x602, "23 81 60 00 00 10 00 00", every=20),)
+    says = (RepeatedFrame(0x602, "23 81 60 00 00 10 00 00", every=20),)
     with Line(tmp_path, "xy", bus="beside = true") as line, line.open() as machine:
         turning(machine, line)
         with OtherMaster(line.channel, says, 0.005):
@@ -253,7 +253,7 @@ def test_with_beside_the_commands_of_another_master_are_events_and_stop_nothing(
 
 
 def test_an_axis_that_another_master_has_never_seen_us_command_is_left_to_it(tmp_path):
-    says = (Says(0x201, "06 00"),)
+    says = (RepeatedFrame(0x201, "06 00"),)
     with Line(tmp_path, "xy") as line, line.open() as machine:
         enable(machine["y"])
         with OtherMaster(line.channel, says, 0.005):
@@ -321,7 +321,7 @@ def test_stop_is_never_refused(tmp_path, axisbus):
             code, told, _ = axisbus("stop", line.file)
             assert code == 0, told
             for name in "xy":
-                line.must_stand(name, stages=(5, *OFF), within=1.0)
+                line.must_be_still(name, stages=(5, *OFF), within=1.0)
         finally:
             machine._close("the scenario ends")
 
@@ -337,10 +337,10 @@ def test_commands_that_only_listen_are_not_refused(tmp_path, axisbus, command):
         assert "SYNC" in told
 
 
-# -- what is told --------------------------------------------------------------------------------------------------------
+# -- messages ------------------------------------------------------------------------------------------------------------
 
 
-def test_the_message_reports_what_was_heard_what_is_not_known_and_what_to_do(golden):
+def test_the_refusal_lists_the_received_frames_the_unknowns_and_the_remedy(golden):
     signs = MasterDetector(ExpectedMasters(frozenset({1, 2, 3}), frozenset({127})))
     for tick in range(50):
         now = 100.002 + tick * 0.004
@@ -375,12 +375,14 @@ def test_a_tool_is_reported_with_its_frames(golden):
         (0.001, 0.001, 0.1),
     ],
 )
-def test_it_listens_for_two_heartbeats_and_two_cycles_at_most_half_a_second(heartbeat, scan, seconds):
+def test_listening_for_another_master_takes_two_heartbeats_and_two_cycles_at_most_half_a_second(
+    heartbeat, scan, seconds
+):
     assert listening_time(BusConfig(heartbeat=heartbeat, scan_period=scan)) == pytest.approx(seconds)
     assert seconds <= LONGEST
 
 
-def test_ctrl_c_while_it_listens_leaves_nothing_behind(tmp_path, monkeypatch):
+def test_ctrl_c_while_listening_for_another_master_leaves_nothing_behind(tmp_path, monkeypatch):
     def interrupted(_: float) -> None:
         raise KeyboardInterrupt
 

@@ -1,8 +1,8 @@
-"""Drives that take an RPDO entry by entry: a move arrives with every mapping, because no edge of bit 4 comes before its target.
+"""Drives that take an RPDO entry by entry: a move arrives with every mapping, because no edge of bit 4 precedes its target.
 
-CiA 301 leaves the order open. The stand-in's dial ``rpdos_in_order`` makes it the worst one: entries as they are mapped, RPDOs as
-they are numbered, and the set-point is latched at the moment when bit 4 rises. The oracle is the target that the drive has then,
-and where its motor stands in the end.
+CiA 301 leaves the order open. The fault setting ``rpdos_in_order`` of the simulated drive selects the worst one: entries in the
+order of the mapping, RPDOs by number, and the set-point is latched when bit 4 rises. The oracle is the target of the drive at
+that moment, and the final position of its motor.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ TARGETS = [12.0, -7.0]
 # Slow enough that a busy computer's own delays are not taken for a silence of the drive.
 SLOW = {"period": "40ms", "heartbeat": "400ms"}
 
-# RPDO number -> what is mapped into it; the drive has four, and an empty map switches one off. None: the master lays them out.
+# RPDO number -> its mapping; the drive has four, and an empty map switches one off. None: the layout of the master.
 MAPPINGS: dict[str, dict[int, list[str]] | None] = {
     "the master's own": None,
     "the controlword last": {1: [MODE, TARGET, WORD], 2: [SPEED], 3: [], 4: []},
@@ -123,7 +123,7 @@ def edge_with_target() -> Iterator[None]:
 def test_without_the_wait_the_drive_takes_the_old_target(
     scenario: Stage, name: str, edge_with_target: None
 ) -> None:
-    """What the scenarios above are worth: the same drive, and an edge that goes with its target."""
+    """The counter-check of the scenarios above: the same drive, and an edge in the same cycle as its target."""
     cell = opened(scenario, name, "with SYNC")
     seen = edges(cell)
     move = cell.x.move_absolute(TARGETS[0], velocity=300.0, acceleration=3000.0, timeout=2.0)
@@ -142,8 +142,8 @@ def test_a_replaced_move_never_takes_the_older_target(scenario: Stage) -> None:
     assert seen == [200.0, -5.0]
 
 
-def test_the_edge_comes_exactly_one_sync_after_the_target(scenario: Stage) -> None:
-    """Not later: a set-point costs one period, and only where the mapping needs it."""
+def test_the_edge_is_sent_exactly_one_sync_after_the_target(scenario: Stage) -> None:
+    """Not later: a set-point costs one period, and only if the mapping needs it."""
     cell = opened(scenario, "the controlword first", "with SYNC")
     device, taken = cell.device(), []
     lock = threading.Lock()

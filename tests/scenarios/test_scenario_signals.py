@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM, and a program that just ends: a process of its own, real signals, and the motor of its stand-in at rest."""
+"""Ctrl-C, SIGTERM, and a program that just ends: its own process, real signals, its simulated motor at standstill."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LADDER = pytest.mark.nets("the stop ladder")
 SLOW, QUICK = (
     67.5,
     45.0,
-)  # degrees: what the ramp of a halt takes from 90 deg/s, and the most that a quick stop may
+)  # degrees: the distance of the ramp of a halt from 90 deg/s, and the largest of a quick stop
 PLACES = ("sleeping", "waiting", "awaiting", "awaiting_inside")
 TERM_PLACES = ("awaiting_inside", "waiting")
 KEYBOARD, TERMINATED = "KeyboardInterrupt()", "SystemExit(143)"
@@ -45,9 +45,9 @@ def once(played, nets, number, places=PLACES):
 
 @pytest.mark.parametrize("place", PLACES)
 @LADDER
-def test_ctrl_c_stops_the_motor_on_the_usual_ramp_wherever_the_program_is(played, nets_cut, place):
+def test_ctrl_c_stops_the_motor_on_the_usual_ramp_wherever_in_the_program_it_arrives(played, nets_cut, place):
     seen = once(played, nets_cut, SIGINT).scenes[PLACES.index(place)]
-    seen.must_stand()
+    seen.must_be_still()
     assert seen.raised == KEYBOARD
     assert seen.notes == []
 
@@ -55,14 +55,14 @@ def test_ctrl_c_stops_the_motor_on_the_usual_ramp_wherever_the_program_is(played
 @LADDER
 def test_ctrl_c_brakes_without_a_jolt(played, nets_cut):
     seen = once(played, nets_cut, SIGINT).scenes[0]
-    seen.must_stand()
+    seen.must_be_still()
     assert 0.7 * SLOW < seen.way < 1.3 * SLOW
 
 
 @pytest.mark.parametrize("place", TERM_PLACES)
-def test_sigterm_stops_the_motor_in_the_same_way(played, place):
+def test_sigterm_stops_the_motor_on_the_usual_ramp(played, place):
     seen = once(played, (), SIGTERM, TERM_PLACES).scenes[TERM_PLACES.index(place)]
-    seen.must_stand()
+    seen.must_be_still()
     assert seen.raised == TERMINATED
 
 
@@ -74,19 +74,17 @@ def test_the_exit_code_is_that_of_the_signal(played, number, code):
 
 
 @pytest.mark.parametrize("number", [SIGHUP, SIGQUIT])
-def test_what_would_end_the_program_at_once_stops_the_motor_where_the_core_is_in_it(
-    played, monkeypatch, number
-):
+def test_a_signal_that_ends_a_program_stops_the_motor_of_a_core_in_its_process(played, monkeypatch, number):
     monkeypatch.setenv("AXISBUS_PROCESS", "thread")
     ended = once(played, (), number, ("sleeping",))
-    ended.scenes[0].must_stand()
+    ended.scenes[0].must_be_still()
     assert ended.scenes[0].raised == f"SystemExit({128 + number})"
     assert ended.code == 128 + number
 
 
 @pytest.mark.parametrize("before", ["ignored", "handled"])
-def test_a_terminal_that_is_gone_is_no_affair_of_ours_where_the_program_has_a_say(tmp_path, before):
-    """As under nohup, or by a handler that reads a file again: the motor goes on, and SIGTERM stops it."""
+def test_sighup_stops_nothing_if_the_program_ignores_or_handles_it(tmp_path, before):
+    """As under nohup, or with a handler that reloads a file: the motor continues, and SIGTERM stops it."""
     text = f"""
 import signal, sys, time
 signal.signal(signal.SIGHUP, {"signal.SIG_IGN" if before == "ignored" else "lambda *_: None"})
@@ -108,7 +106,7 @@ with Machine.open({str(tmp_path / "cell.toml")!r}) as machine:
 
 
 @pytest.mark.parametrize("process", ["own", "thread"])
-def test_a_program_that_ignores_ctrl_c_is_told_so_and_sigterm_stops_its_motor(tmp_path, process):
+def test_ignored_ctrl_c_is_reported_and_sigterm_stops_the_motor(tmp_path, process):
     text = f"""
 import signal, sys, time
 from axisbus import Machine
@@ -130,7 +128,7 @@ with Machine.open({str(tmp_path / "cell.toml")!r}) as machine:
     assert ended.returncode == 143
 
 
-def test_ctrl_c_that_was_ignored_when_the_program_began_stops_its_motor_all_the_same(tmp_path):
+def test_ctrl_c_that_was_ignored_at_the_start_of_the_program_stops_its_motor(tmp_path):
     """As of a job that a shell has put into the background."""
     text = f"""
 import signal, time
@@ -158,7 +156,7 @@ TWICE = [("sleeping", (SIGINT, SIGINT)), ("leaving", (SIGINT, SIGINT)), ("sleepi
 @LADDER
 def test_a_second_signal_makes_it_a_quick_stop(played, nets_cut, scene):
     seen = played(TWICE, nets_cut, pause=0.2).scenes[scene]
-    seen.must_stand()
+    seen.must_be_still()
     assert seen.way < QUICK
     assert seen.raised == KEYBOARD
 
@@ -168,18 +166,18 @@ WHILE_STOPPING = [("leaving", (SIGINT,)), ("leaving", (SIGTERM,)), ("closing", (
 
 @pytest.mark.parametrize("scene", range(len(WHILE_STOPPING)), ids=lambda number: str(WHILE_STOPPING[number]))
 @LADDER
-def test_a_signal_while_the_machine_closes_waits_until_all_stands(played, nets_cut, scene):
+def test_a_signal_while_the_machine_closes_is_raised_after_the_stop(played, nets_cut, scene):
     seen = played(WHILE_STOPPING, nets_cut, before=0.3).scenes[scene]
-    seen.must_stand()
+    seen.must_be_still()
     assert seen.way > 0.7 * SLOW  # it is being stopped already, and one signal does not make that harder
     assert seen.raised == (KEYBOARD if WHILE_STOPPING[scene][1] == (SIGINT,) else TERMINATED)
 
 
 @LADDER
 def test_two_signals_at_once_cannot_slip_past_the_stop(played, nets_cut):
-    """The second is handled between the end of the block and the first line of what leaves it."""
+    """The second is handled between the end of the block and the first line of its exit."""
     (seen,) = played([("sleeping", (SIGINT, SIGTERM))], nets_cut).scenes
-    seen.must_stand()
+    seen.must_be_still()
     assert seen.way < QUICK
     assert seen.raised in (KEYBOARD, TERMINATED)
 
@@ -189,8 +187,8 @@ def test_two_signals_at_once_cannot_slip_past_the_stop(played, nets_cut):
     reason="the drives end with the core: at a program's exit nobody is left who could look at them; see test_scenario_processes",
 )
 @LADDER
-def test_a_program_that_ends_without_closing_the_machine_leaves_the_motor_at_rest(played, nets_cut):
+def test_a_program_that_ends_without_closing_the_machine_leaves_the_motor_at_standstill(played, nets_cut):
     ended = played([("forgetting", ())], nets_cut)
-    ended.scenes[0].must_stand()
+    ended.scenes[0].must_be_still()
     assert ended.code == 0
     assert ended.errors == ""

@@ -1,4 +1,4 @@
-"""A stop is believed only when it is seen: jams, drives that go their own way, and values that are older than the stop."""
+"""A stop counts only when standstill is seen: jams, drives that move without a command, and values older than the stop."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PP, PV, TQ, CSP = 1, 3, 4, 8  # values of 6060h (CiA 402-2 8.4.9)
 
 
 def slip(cell, mode: int) -> float:
-    """Let the drive leave its mode by itself, and not take it back; return the moment."""
+    """Let the drive leave its mode without a command, and not take it again; return the time."""
     moment = cell.moment()
     cell.drive().dials.spontaneous_mode = mode
     return moment
@@ -49,9 +49,7 @@ def going(cell, what: str, velocity: float = 60.0):
 
 
 @pytest.mark.parametrize("creep", [15.0, -15.0])
-def test_an_axis_at_rest_that_creeps_is_reported_and_stopped_where_only_its_velocity_is_known(
-    scenario, creep
-):
+def test_an_axis_at_standstill_that_creeps_is_reported_and_stopped_from_its_velocity_alone(scenario, creep):
     cell = scenario.simulated("x").enabled()
     cell.lose("position", "demand")
     cell.run(1.0)
@@ -67,7 +65,7 @@ def test_an_axis_at_rest_that_creeps_is_reported_and_stopped_where_only_its_velo
 
 @pytest.mark.parametrize("eds", [MODULE, "builtin:generic-cia402"])
 @pytest.mark.parametrize("what", ["pp", "pv", "csp"])
-def test_a_jam_in_mid_move_is_reported_at_once_and_nothing_leaps_when_it_goes(scenario, golden, eds, what):
+def test_a_jam_during_a_move_is_reported_at_once_and_its_release_causes_no_leap(scenario, golden, eds, what):
     """Once the rotor was held, the demand ran away, and it leapt with 1100 deg/s when it came free."""
     more = (
         "" if eds == MODULE else "following_error = 15.0"
@@ -79,7 +77,7 @@ def test_a_jam_in_mid_move_is_reported_at_once_and_nothing_leaps_when_it_goes(sc
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, limit=2.0)
     assert (
         cell.now - began < 0.25 + 4.0 / 60.0 + 0.6
-    )  # the lag allowed, and what the model of a velocity forgets
+    )  # the allowed lag, and the part that the model of a velocity forgets
     assert isinstance(cell.x.error, FollowingError)
     if eds == MODULE:
         golden(f"jam_{what}", cell.x.error)
@@ -96,7 +94,7 @@ def test_a_stop_on_a_jam_ends_with_nothing_that_pulls(scenario, way, what):
     """Once stop() and halt() were done at full torque, with the demand 93 deg away."""
     cell = scenario.simulated(
         "x", eds=MODULE, axis="following_error = 1000.0"
-    ).enabled()  # nobody tells it before
+    ).enabled()  # no monitoring reports it before
     going(cell, what)
     cell.jam()
     cell.run(1.5)
@@ -150,7 +148,7 @@ def test_a_quick_stop_that_holds_takes_the_power_of_an_axis_that_jams(scenario, 
     cell.must_not_leap(since=moment)
 
 
-def test_a_stop_on_a_jam_says_that_something_holds_the_axis(scenario, golden):
+def test_a_stop_on_a_jam_reports_that_something_holds_the_axis(scenario, golden):
     cell = scenario.simulated("x", eds=MODULE, axis="following_error = 1000.0").enabled()
     going(cell, "pp")
     cell.jam()
@@ -175,7 +173,7 @@ def test_a_reset_after_a_jam_leaves_nothing_that_pulls(scenario):
 
 @pytest.mark.parametrize("unseen", [("demand",), ("position", "demand")], ids=" and ".join)
 @pytest.mark.parametrize("way", ["stop", "halt"])
-def test_a_jam_at_a_velocity_that_nobody_sees_pull_ends_without_power(scenario, way, unseen):
+def test_a_jam_at_a_velocity_without_feedback_of_the_pull_ends_without_power(scenario, way, unseen):
     """Halted in profile velocity mode, a drive may brake along a position, which then pulls on whatever holds the axis."""
     cell = scenario.simulated("x", axis="following_error = 1000.0").enabled()
     cell.lose(*unseen)
@@ -190,7 +188,7 @@ def test_a_jam_at_a_velocity_that_nobody_sees_pull_ends_without_power(scenario, 
     assert cell.stage() in OFF
 
 
-def test_a_jam_of_a_jog_that_nobody_sees_pull_ends_without_power(scenario):
+def test_a_jam_of_a_jog_without_feedback_of_the_pull_ends_without_power(scenario):
     cell = scenario.simulated("x", axis="following_error = 1000.0").enabled()
     cell.lose("demand")
     for number in range(12):
@@ -224,7 +222,7 @@ def test_a_halt_on_a_drive_without_6062h_leaves_it_no_old_target(scenario):
     going(cell, "pp")
     cell.x.halt().wait(5)
     place, moment = cell.where(), cell.moment()
-    cell.drive().dials.ignore_halt = True  # what then would go on to the target that it has
+    cell.drive().dials.ignore_halt = True  # which would then continue to its target
     cell.run(3.0)
     assert cell.farthest(since=moment)[1] < place + 0.5
     assert cell.x.state is AxisState.STANDSTILL
@@ -245,10 +243,10 @@ def test_a_drive_whose_6062h_is_its_target_can_be_halted_and_does_not_trip(scena
     going(cell, "pp")
     assert cell.x.state is AxisState.DISCRETE_MOTION
     cell.x.halt().wait(5)
-    cell.must_stand(within=0.1, stages=ENABLED)
+    cell.must_be_still(within=0.1, stages=ENABLED)
 
 
-def test_a_drive_without_6062h_that_takes_no_target_under_halt_says_so(scenario):
+def test_a_drive_without_6062h_that_takes_no_target_under_halt_is_reported(scenario):
     cell = scenario.simulated("x", port={"inputs": {"demand": ValueTransport.NONE}}).enabled()
     going(cell, "pp")
     cell.drive().dials.acknowledge_delay = NEVER
@@ -293,7 +291,7 @@ def test_a_trajectory_whose_drive_leaves_csp_is_stopped_within_its_limits(scenar
     cell.run(0.6)
     cell.drive().target_velocity = round(60.0 * 100)
     moment = slip(cell, to)
-    cell.must_stand(within=1.0, stages=OFF, for_good=3.0)
+    cell.must_be_still(within=1.0, stages=OFF, for_good=3.0)
     assert cell.farthest(since=moment)[1] < 60.0
     assert isinstance(cell.x.error, ModeError)
     if to == PV:
@@ -301,7 +299,7 @@ def test_a_trajectory_whose_drive_leaves_csp_is_stopped_within_its_limits(scenar
 
 
 @pytest.mark.parametrize("to", [PP, CSP])
-def test_a_drive_that_leaves_pv_goes_back_to_no_old_target(scenario, to):
+def test_a_drive_that_leaves_pv_does_not_move_to_an_old_target(scenario, to):
     """Once 607Ah was that of 3 s and 90 deg ago, and the drive went there."""
     cell = scenario.simulated("x", eds=MODULE).enabled()
     cell.x.move_velocity(30.0)
@@ -322,11 +320,11 @@ def test_a_mode_that_the_drive_has_not_left_yet_is_no_mode_error(scenario):
     assert cell.x.state is AxisState.STANDSTILL
 
 
-# -- at rest -------------------------------------------------------------------------------------------------------------
+# -- at standstill -------------------------------------------------------------------------------------------------------
 
 
 def test_a_halted_drive_that_continues_to_its_old_target_is_stopped_and_reported(scenario, golden):
-    """Once it was said to stand while its drive went on to 150 deg."""
+    """Standstill was once reported while the drive continued to 150 deg."""
     cell = scenario.simulated("x", eds=MODULE).enabled()
     cell.x.move_relative(150.0)
     cell.run(0.6)
@@ -335,19 +333,19 @@ def test_a_halted_drive_that_continues_to_its_old_target_is_stopped_and_reported
     moment = cell.moment()
     cell.drive().dials.ignore_halt = True
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
-    cell.must_stand(within=1.0, stages=OFF)
+    cell.must_be_still(within=1.0, stages=OFF)
     assert cell.farthest(since=moment)[1] < place + 15.0
     assert isinstance(cell.x.error, UncommandedMotion)
     golden("moves_by_itself", cell.x.error)
 
 
-def test_an_axis_that_is_held_at_rest_by_something_else_is_reported(scenario):
-    """A jammed axis with a distant demand would leap when freed. A move has proven the demand, so the jam is seen at rest."""
+def test_an_axis_that_is_held_at_standstill_by_something_else_is_reported(scenario):
+    """A jammed axis with a distant demand would leap when freed. A move has proven the demand, so the jam is seen at standstill."""
     cell = scenario.simulated("x", eds=MODULE).enabled()
     cell.x.move_relative(30.0).wait(10)
     cell.run(0.5)
     cell.jam()
-    cell.drive().axis.position += 30.0 * 100  # what leads the motor
+    cell.drive().axis.position += 30.0 * 100  # the demand for the motor
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
     assert "pulls it to another position" in cell.x.error.message
     cell.run(2.0)
@@ -363,7 +361,7 @@ def test_a_disabled_axis_may_be_turned_by_hand(scenario):
     cell.run(0.1)
     assert cell.x.state is AxisState.DISABLED
     assert cell.x.error is None
-    cell.x.halt().wait(5)  # it was seen to stand since its power went: there is nothing to stop
+    cell.x.halt().wait(5)  # standstill was seen since its power was lost: there is nothing to stop
 
 
 # -- enabling ------------------------------------------------------------------------------------------------------------
@@ -386,7 +384,7 @@ def test_an_axis_that_moves_is_not_enabled(scenario, golden):
     assert not cell.was_energised(since=moment)
 
 
-def test_an_axis_that_comes_to_rest_in_time_is_enabled_then(scenario):
+def test_an_axis_that_reaches_standstill_in_time_is_enabled_then(scenario):
     cell = scenario.simulated("x")
     cell.drive().axis.motor.velocity = 3_000.0  # its own friction brakes it
     moment = cell.moment()
@@ -396,11 +394,11 @@ def test_an_axis_that_comes_to_rest_in_time_is_enabled_then(scenario):
     assert cell.stage() == ENABLED
 
 
-def test_a_moving_axis_is_caught_where_that_is_asked_for(scenario):
+def test_a_moving_axis_is_enabled_with_allow_moving(scenario):
     cell = scenario.simulated("x")
     coasting(cell, 50.0)
     cell.x.enable(allow_moving=True).wait(10)
-    cell.must_stand(within=0.1, stages=ENABLED)
+    cell.must_be_still(within=0.1, stages=ENABLED)
 
 
 def test_a_drive_that_continues_to_its_old_target_when_enabled_is_stopped(scenario, golden):
@@ -415,7 +413,7 @@ def test_a_drive_that_continues_to_its_old_target_when_enabled_is_stopped(scenar
     failed = cell.failure_of(cell.x.enable())
     assert isinstance(failed, UncommandedMotion)
     golden("moves_on_enable", failed)
-    cell.must_stand(within=2.0, stages=OFF)
+    cell.must_be_still(within=2.0, stages=OFF)
     assert cell.farthest(since=moment)[1] < 15.0
 
 
@@ -449,10 +447,10 @@ def test_a_motor_that_runs_down_without_power_is_awaited(scenario):
     cell.x.move_velocity(100.0).wait(5)
     cell.x.quick_stop().wait(10)
     assert cell.speed() == 0.0
-    cell.must_stand(within=0.1, stages=OFF)
+    cell.must_be_still(within=0.1, stages=OFF)
 
 
-# -- what is older than the stop -----------------------------------------------------------------------------------------
+# -- values older than the stop ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("timer", [0.1, 0.5])
@@ -468,7 +466,7 @@ def test_a_position_from_before_the_stop_does_not_count(scenario, timer):
     cell.run(0.15)
     cell.x.halt().wait(5)
     assert cell.speed() == 0.0
-    cell.must_stand(within=0.0, stages=ENABLED)
+    cell.must_be_still(within=0.0, stages=ENABLED)
 
 
 def silence(cell, timer: float) -> None:
@@ -488,7 +486,7 @@ def silence(cell, timer: float) -> None:
     cell.run(2 * timer)
 
 
-def test_what_less_than_a_position_saw_the_stop_is_said(scenario):
+def test_a_stop_that_was_not_seen_by_a_position_has_a_note(scenario):
     cell = scenario.simulated("x").enabled()
     cell.x.move_velocity(50.0).wait(5)
     cell.lose("position", "demand")
@@ -518,7 +516,7 @@ POLLED_DEMAND = {"inputs": {"demand": ValueTransport.SDO}, "max_age": {"demand":
 
 
 @pytest.mark.parametrize("what", ["pp", "csp"])
-def test_a_jam_on_a_bus_is_reported_and_nothing_leaps_when_it_goes(scenario, what):
+def test_a_jam_on_a_bus_is_reported_and_its_release_causes_no_leap(scenario, what):
     cell = scenario.real("x", eds=MODULE, period="20ms", heartbeat="200ms").enabled()
     going(cell, what)
     cell.jam()
@@ -538,6 +536,6 @@ def test_a_halted_drive_on_a_bus_that_continues_is_stopped(scenario):
     place, moment = cell.where(), cell.moment()
     cell.drive().dials.ignore_halt = True
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, limit=10.0)
-    cell.must_stand(within=4.0, stages=OFF)
+    cell.must_be_still(within=4.0, stages=OFF)
     assert cell.farthest(since=moment)[1] < place + 40.0
     assert isinstance(cell.x.error, UncommandedMotion), cell.x.error

@@ -40,7 +40,7 @@ def greedy(hold: float, leave: float = 0.001) -> AbstractContextManager[None]:
 
 
 def must_name_us_first(error: BaseException | None) -> None:
-    """Make sure that an error says what was our own before it says what to look at, an alarm excepted."""
+    """Make sure that an error names this program before it names the checks, an alarm excepted."""
     assert isinstance(error, AxisbusError)
     assert OWN in str(error), error
     lines = [line for line in error.remedy.splitlines() if not line.startswith("TREAT ")]
@@ -51,13 +51,13 @@ def must_name_us_first(error: BaseException | None) -> None:
 
 
 def late(cell, times: int = 3, seconds: float = 0.15) -> None:
-    """Let the scan be late some times: each for less than what counts as a suspension."""
+    """Let the scan be late several times: each delay is shorter than a suspension."""
     for _ in range(times):
         cell.faults.send_blocks = seconds
         cell.run(0.2)
 
 
-def test_a_heartbeat_that_is_missed_by_a_starved_program_is_not_said_to_be_the_nodes_end(scenario, golden):
+def test_a_heartbeat_missed_by_a_starved_program_is_not_blamed_on_the_node(scenario, golden):
     cell = scenario.simulated("x")
     cell.turning()
     late(cell)
@@ -67,10 +67,10 @@ def test_a_heartbeat_that_is_missed_by_a_starved_program_is_not_said_to_be_the_n
     must_name_us_first(cell.x.error)
     assert isinstance(cell.x.error, NodeError)
     golden("starved_heartbeat", cell.x.error)
-    cell.must_stand(within=2.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=2.0, stages=(ENABLED, *OFF))
 
 
-def test_process_data_that_a_starved_program_has_missed_is_not_said_to_be_the_nodes_silence(scenario, golden):
+def test_process_data_missed_by_a_starved_program_are_not_blamed_on_the_node(scenario, golden):
     cell = scenario.simulated("x")
     cell.turning()
     late(cell)
@@ -79,11 +79,11 @@ def test_process_data_that_a_starved_program_has_missed_is_not_said_to_be_the_no
     must_name_us_first(cell.x.error)
     assert isinstance(cell.x.error, StaleError)
     golden("starved_silence", cell.x.error)
-    cell.must_stand(within=3.0, stages=OFF)
+    cell.must_be_still(within=3.0, stages=OFF)
 
 
 @pytest.mark.parametrize("code", [0x8130, 0x8250, 0x8700])  # our heartbeat, an RPDO's deadline, SYNC
-def test_a_drive_that_missed_what_we_send_because_we_did_not_run(scenario, code):
+def test_a_drive_fault_for_missing_frames_names_the_starved_program_first(scenario, code):
     cell = scenario.simulated("x")
     cell.turning()
     late(cell)
@@ -101,7 +101,7 @@ def test_a_drives_own_fault_is_not_blamed_on_a_starved_program(scenario):
     assert OWN not in str(cell.x.error)
 
 
-def test_what_was_starved_long_ago_is_not_named(scenario):
+def test_starvation_of_long_ago_is_not_named(scenario):
     cell = scenario.simulated("x")
     cell.turning()
     late(cell)
@@ -117,7 +117,7 @@ def test_what_was_starved_long_ago_is_not_named(scenario):
 @REAL
 @pytest.mark.parametrize("hold", [0.8, 0.2], ids=["long calls", "short ones"])
 def test_a_thread_that_holds_the_interpreter_is_named_and_no_hardware(tmp_path, hold):
-    """Drives, stand-ins and master share the interpreter here: all of them come late. Calls of 0.15 s are often survived."""
+    """Drives, simulated bus and master share the interpreter here: all of them are delayed. Calls of 0.15 s are often survived."""
     with Line(tmp_path, "xy", period="10ms", heartbeat="100ms") as line:
         machine = line.open()
         try:
@@ -130,14 +130,14 @@ def test_a_thread_that_holds_the_interpreter_is_named_and_no_hardware(tmp_path, 
             failure = machine._core.scan.failure
             assert failure is None or OWN in str(failure), failure
             for name in "xy":
-                line.must_stand(name, stages=(ENABLED, *OFF))
+                line.must_be_still(name, stages=(ENABLED, *OFF))
         finally:
             machine._close("the scenario ends")
 
 
 @REAL
 def test_a_send_that_is_not_given_time_is_no_adapter_that_is_stuck(tmp_path):
-    """Another thread gives a frame to the adapter, and is not run before it comes back; the scan waits for its turn."""
+    """Another thread gives a frame to the adapter, and gets no processor time before it returns; the scan waits for its turn."""
     with Line(tmp_path, heartbeat="1s") as line:
         machine = line.open()
         try:
@@ -175,7 +175,7 @@ def test_a_callback_that_holds_the_scan_up_is_named_and_no_adapter(tmp_path):
             handle = machine["x"].move_relative(1e5, velocity=90.0)
             until(lambda: handle.active)
             machine._core.scan.observers.append(lambda *_: free.wait())
-            line.must_stand(stages=OFF)
+            line.must_be_still(stages=OFF)
             error = handle.exception()
             assert "blocked by code of the program" in error.observed
             assert "test_scenario_starved.py" in error.observed
@@ -225,7 +225,7 @@ def test_simulated_drives_that_are_given_no_time_are_named_and_no_node_is_called
         assert x.error.remedy.startswith(REMEDY)
 
 
-def test_where_a_thread_is():
+def test_the_location_of_a_thread_is_found():
     free = threading.Event()
     thread = threading.Thread(target=free.wait)
     thread.start()

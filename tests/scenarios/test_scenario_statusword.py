@@ -55,7 +55,7 @@ SEEN = [name for name in TRAVELS if "without" not in name]
 
 
 @pytest.mark.parametrize("travels", SEEN)
-def test_moves_work_however_the_statusword_travels(scenario, travels):
+def test_moves_arrive_for_every_transport_of_the_statusword(scenario, travels):
     cell = scenario.simulated("x", port=TRAVELS[travels]).enabled()
     for target in (30.0, -5.0, -5.0, -4.99):
         cell.x.move_absolute(target).wait(10)
@@ -74,7 +74,7 @@ def test_moves_work_however_the_statusword_travels(scenario, travels):
 
 @pytest.mark.parametrize("travels", TRAVELS)
 @pytest.mark.nets("the stop ladder")
-def test_a_turning_axis_is_stopped_however_the_statusword_travels(scenario, travels):
+def test_a_turning_axis_is_stopped_for_every_transport_of_the_statusword(scenario, travels):
     port = TRAVELS[travels]
     if "without" in travels:  # a drive that cannot say where it is can still be turned and stopped
         cell = scenario.simulated("x").enabled()
@@ -84,7 +84,7 @@ def test_a_turning_axis_is_stopped_however_the_statusword_travels(scenario, trav
         cell = scenario.simulated("x", port=port)
         cell.turning(50.0)
     stop = cell.x.stop()
-    cell.must_stand(within=2.5, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=2.5, stages=(ENABLED, *OFF))
     cell.end_of(stop)
 
 
@@ -101,13 +101,13 @@ def test_a_statusword_that_becomes_stale_during_a_move_causes_a_quick_stop(scena
     cell = scenario.simulated("x", port=port)
     (handle,) = cell.travelling()
     cell.hold_back("statusword")  # the drive sends everything but that
-    cell.must_stand(within=1.5, stages=OFF)
+    cell.must_be_still(within=1.5, stages=OFF)
     stale = cell.failure_of(handle)
     assert isinstance(stale, StaleError)
     golden(f"statusword_stale_{name}", stale)
 
 
-def test_a_stale_value_is_never_passed_off_as_fresh(scenario, golden):
+def test_a_stale_value_raises_an_error(scenario, golden):
     cell = scenario.simulated("x")
     cell.run(0.2)
     cell.device().dials.tpdos_stop = frozenset({1, 2, 3, 4})
@@ -129,13 +129,13 @@ def test_enabling_without_a_statusword_reports_so(scenario, golden):
 
 
 @pytest.mark.nets("the stop ladder")
-def test_a_frozen_statusword_does_not_keep_a_stop_from_happening(scenario):
-    """The drive's firmware hangs half-way: it goes on sending the word that it had."""
+def test_a_frozen_statusword_does_not_prevent_a_stop(scenario):
+    """The drive's firmware hangs partly: it keeps sending its last statusword."""
     cell = scenario.simulated("x")
     cell.turning()
     cell.drive().dials.statusword_frozen = True
     stop = cell.x.disable()
-    cell.must_stand(within=1.0, stages=(ENABLED, *OFF))
+    cell.must_be_still(within=1.0, stages=(ENABLED, *OFF))
     cell.end_of(stop)
     cell.run(0.2)
     assert cell.stage() in OFF

@@ -1,8 +1,8 @@
-"""Every way of asking for a stop × every state of the node × mode: the axis comes to standstill, or is reported as not confirmed.
+"""Every stop command × every state of the node × mode: the axis comes to standstill, or is reported as not confirmed.
 
-Each cell is judged on the plant. The motor must come to rest, because every state here leaves a path to the drive that works (RPDO
+Each cell is judged on the plant. The motor must stop, because every state here leaves a path to the drive that works (RPDO
 with SYNC, SDO, NMT stop); the drive's own watchdog is switched off, so that nothing else stops it. Success may be reported only
-when the motor is at rest. The table of ``docs/stopping.md`` says what is reported.
+when the motor is at standstill. The table of ``docs/stopping.md`` lists the reports.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Bench(Line):
         return self.devices["x"].dials
 
 
-# What moves it, by mode. Each is long enough for the whole test.
+# The motion by mode. Each is long enough for the whole test.
 MODES: dict[str, Callable[[Machine], object]] = {
     "pv": lambda machine: machine["x"].move_velocity(SPEED),
     "pp": lambda machine: machine["x"].move_relative(20_000.0, velocity=SPEED),
@@ -92,7 +92,7 @@ def _restart(bench: Bench) -> None:
         bench.devices["x"].nmt_command(NmtCommand.RESET_NODE)
 
 
-# What becomes of the node while it moves.
+# The state of the node while it moves.
 STATES: dict[str, Callable[[Bench], None]] = {
     "operational": lambda _: None,
     "pre-operational": lambda bench: bench.frame(0x000, b"\x80\x01"),

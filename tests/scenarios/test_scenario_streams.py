@@ -1,4 +1,4 @@
-"""Axes follow points that a program gives at its own pace, and come to rest on their way whatever becomes of the points."""
+"""Axes follow points that a program gives at its own pace, and stop on their path if points are missing."""
 
 from __future__ import annotations
 
@@ -62,13 +62,13 @@ def must_not_jolt(cell: Cell, names: str = "xyz") -> None:
         assert cell.hardest_change(name) < 1.3 * HARDEST
 
 
-def must_stand(cell: Cell, names: str = "xyz") -> None:
+def must_be_still(cell: Cell, names: str = "xyz") -> None:
     before = [cell.where(name) for name in names]
     cell.run(0.3)
     assert [cell.where(name) for name in names] == pytest.approx(before, abs=0.02)
 
 
-def test_axes_follow_the_points_and_rest_at_the_last(scenario):
+def test_axes_follow_the_points_and_stop_at_the_last(scenario):
     cell = opened(scenario)
     seen = []
     cell.each_cycle(lambda now, _: seen.append((now, cell.drive("x").target_position / 100)))
@@ -100,14 +100,14 @@ def test_points_may_have_times_of_their_own(scenario):
 
 
 @pytest.mark.parametrize("pause", [0.3, 2.0])
-def test_without_points_the_axes_brake_on_their_path_and_continue_when_more_points_come(scenario, pause):
+def test_without_points_the_axes_brake_on_their_path_and_continue_with_the_next_points(scenario, pause):
     cell = opened(scenario)
     points = stream(cell, buffer="50ms")
     feed(cell, points, 0.8)
     cell.must_move("x")
     cell.run(pause)
     if pause > 1.0:
-        must_stand(cell)
+        must_be_still(cell)
         assert points.buffered_seconds == 0.0
     assert points.handle.active
     feed(cell, points, 1.0)
@@ -129,7 +129,7 @@ def test_an_underrun_ends_a_stream_that_is_to_end_by_it(scenario):
     assert "s of the stream" in error.observed
     assert "buffer" in error.remedy
     cell.run(1.0)
-    must_stand(cell)
+    must_be_still(cell)
     must_be_on_the_line(cell)
     must_not_jolt(cell)
     with pytest.raises(CommandError, match="underrun"):
@@ -200,13 +200,13 @@ def test_times_continue(scenario, t):
         ({"buffer": -1.0}, "buffer"),
     ],
 )
-def test_what_a_stream_cannot_be_is_said(scenario, options, words):
+def test_invalid_options_of_a_stream_are_refused(scenario, options, words):
     cell = opened(scenario)
     with pytest.raises(ArgumentError, match=words):
         stream(cell, **options)
 
 
-def test_it_begins_where_the_axes_stand(scenario):
+def test_a_stream_begins_at_the_present_position(scenario):
     cell = opened(scenario)
     points = stream(cell)
     with pytest.raises(StateError, match="y is not at the start of the stream"):
@@ -234,11 +234,11 @@ def test_points_that_are_lost_in_transit_end_the_stream_without_a_jump(scenario)
     cell = opened(scenario)
     points = stream(cell)
     feed(cell, points, 0.8)
-    points._sent += 1  # as if one had not found its way to the core
+    points._sent += 1  # as if one had not reached the core
     with pytest.raises(StateError, match="did not arrive"):
         feed(cell, points, 1.0)
     cell.run(1.0)
-    must_stand(cell)
+    must_be_still(cell)
     must_be_on_the_line(cell)
     must_not_jolt(cell)
 
@@ -257,15 +257,15 @@ def test_cycles_that_are_late_make_it_late_and_nothing_else(scenario):
     assert cell.where("x") == pytest.approx(place((points.count - 1) * STEP)[0], abs=0.1)
 
 
-def test_one_that_gets_no_point_ends_well(scenario):
+def test_a_stream_that_gets_no_point_ends_well(scenario):
     cell = opened(scenario)
     with stream(cell) as points:
         cell.run(0.2)
     assert points.handle.done
-    must_stand(cell)
+    must_be_still(cell)
 
 
-def test_a_full_buffer_makes_the_program_wait_no_longer_than_it_says(scenario):
+def test_a_full_buffer_blocks_the_program_no_longer_than_its_timeout(scenario):
     cell = opened(scenario)
     group = cell.machine.group("xyz")
     group.set_override(0.0).wait()
@@ -287,22 +287,22 @@ def test_an_exception_in_its_block_halts_the_axes(scenario):
     with pytest.raises(ZeroDivisionError), stream(cell) as points:
         feed(cell, points, 0.8)
         points.push((1 / 0, 0.0, 0.0))
-    must_stand(cell)
+    must_be_still(cell)
     must_be_on_the_line(cell)
     assert points.handle.aborted
     with pytest.raises(Interrupted):
         points.push(place(1.0))
 
 
-def test_a_block_whose_stream_was_broken_off_waits_until_the_axes_stand(scenario):
+def test_a_with_block_whose_stream_was_interrupted_waits_for_standstill(scenario):
     cell = opened(scenario)
     with pytest.raises(Interrupted), stream(cell) as points:
         feed(cell, points, 0.8)
         cell["y"].halt()
-    must_stand(cell)
+    must_be_still(cell)
 
 
-def test_a_block_left_by_an_exception_leaves_the_axes_to_what_has_taken_them_over(scenario):
+def test_a_block_left_by_an_exception_does_not_end_motions_that_have_taken_over(scenario):
     cell = opened(scenario)
     with pytest.raises(ZeroDivisionError), stream(cell) as points:
         feed(cell, points, 0.8)
@@ -326,7 +326,7 @@ STOPS = {
 
 
 @pytest.mark.parametrize("stop", STOPS)
-def test_whatever_stops_one_stops_all(scenario, stop):
+def test_each_stop_of_one_axis_of_a_stream_stops_all(scenario, stop):
     cell = opened(scenario)
     points = stream(cell)
     feed(cell, points, 0.8)
@@ -344,13 +344,13 @@ def test_whatever_stops_one_stops_all(scenario, stop):
     cell.run(1.0)
     assert cell.end_of(handle) is None
     assert not points.handle.busy
-    must_stand(cell)
+    must_be_still(cell)
     if "halt" in stop:
         must_be_on_the_line(cell)
 
 
 @pytest.mark.parametrize(("on_fault", "ramp"), [("path", 500.0), ("each", 500.0), ("quick", 1000.0)])
-def test_a_fault_stops_the_others_as_their_group_says(scenario, on_fault, ramp):
+def test_a_fault_brakes_the_other_axes_as_on_fault_of_their_group_requires(scenario, on_fault, ramp):
     cell = opened(scenario, on_fault)
     points = stream(cell)
     feed(cell, points, 0.75)
@@ -382,5 +382,5 @@ def test_a_lost_node_stops_the_others_on_their_path(scenario):
     with pytest.raises(NodeError):
         feed(cell, points, 2.0)
     cell.run(1.5)
-    must_stand(cell, "xy")
+    must_be_still(cell, "xy")
     assert cell.where("y") == pytest.approx(0.5 * cell.where("x"), abs=0.1)

@@ -1,4 +1,4 @@
-"""Streams that are gone on with after a halt, of endless axes, and of places in a workspace."""
+"""Streams that are resumed after a halt, of endless axes, and in a workspace."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from kit.cell import SCALE, Cell
 HARDEST = 2000.0
 AXIS = f"max_acceleration = {HARDEST}"
 STEP = 0.01
-NEAR = 350.0 * math.radians(2.0 / SCALE)  # what two increments of both joints make of the tool's place
+NEAR = 350.0 * math.radians(2.0 / SCALE)  # the effect of two increments of both joints on the tool position
 ARM = Scara(200.0, 150.0)
 
 
@@ -56,7 +56,7 @@ def backwards(cell: Cell) -> float:
 
 
 def broken_off(cell: Cell, how: str) -> None:
-    """Let the axes be stopped on their way, and be ready again."""
+    """Let the axes be stopped on their path, and be ready again."""
     group = cell.machine.group("x", "y")
     if how == "halt of one":
         cell["y"].halt().wait(5)
@@ -73,7 +73,7 @@ def broken_off(cell: Cell, how: str) -> None:
 
 
 @pytest.mark.parametrize("how", ["halt", "halt of one", "stop"])
-def test_a_stream_continues_from_where_it_was_left_and_takes_points_again(scenario, how):
+def test_a_stream_continues_from_its_interruption_and_takes_points_again(scenario, how):
     cell = opened(scenario)
     group = cell.machine.group("x", "y")
     points = group.stream(period=STEP)
@@ -99,7 +99,7 @@ def test_a_stream_continues_from_where_it_was_left_and_takes_points_again(scenar
     must_not_jolt(cell)
 
 
-def test_after_a_fault_it_continues_only_from_where_the_path_was_left(scenario):
+def test_after_a_fault_a_stream_continues_only_from_the_position_of_its_interruption(scenario):
     cell = opened(scenario)
     points = cell.machine.group("x", "y").stream(period=STEP)
     feed(cell, points, 0.8)
@@ -108,7 +108,7 @@ def test_after_a_fault_it_continues_only_from_where_the_path_was_left(scenario):
         feed(cell, points, 1.0)
     broken_off(cell, "fault")
     there = cell.where("x"), cell.where("y")
-    error = cell.failure_of(points.resume())  # the drive has braked by itself, and off the way
+    error = cell.failure_of(points.resume())  # the drive has braked on its own, and off the path
     assert "x is no longer at the position at which the stream was interrupted" in error.message
     cell.run(0.3)
     assert (cell.where("x"), cell.where("y")) == pytest.approx(there, abs=0.05)
@@ -120,7 +120,7 @@ def test_after_a_fault_it_continues_only_from_where_the_path_was_left(scenario):
     assert cell.where("x") == pytest.approx(place((points.count - 1) * STEP)[0], abs=0.1)
 
 
-def test_no_point_that_was_taken_is_left_out_or_gone_to_twice(scenario):
+def test_no_accepted_point_is_left_out_or_passed_twice(scenario):
     cell = opened(scenario)
     group = cell.machine.group("x", "y")
     points = group.stream(period=STEP, buffer="100ms")
@@ -159,7 +159,7 @@ def test_a_group_continues_to_the_last_point_that_was_taken_and_takes_no_more(sc
     must_not_jolt(cell)
 
 
-def test_one_that_was_ended_before_continues_to_its_end(scenario):
+def test_a_stream_that_had_its_end_before_a_halt_continues_to_its_end(scenario):
     cell = opened(scenario)
     group = cell.machine.group("x", "y")
     points = group.stream(period=STEP, buffer="1s")
@@ -177,7 +177,7 @@ def test_one_that_was_ended_before_continues_to_its_end(scenario):
         points.push(place(0.6))
 
 
-def test_one_that_was_halted_before_it_began_continues(scenario):
+def test_a_stream_that_was_halted_before_it_began_continues(scenario):
     cell = opened(scenario)
     group = cell.machine.group("x", "y")
     points = group.stream(period=STEP, buffer="500ms")
@@ -335,7 +335,7 @@ def ring(t: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("period", [0.01, 0.1, 0.25])
-def test_the_tool_goes_through_places_of_the_workspace(scenario, period):
+def test_the_tool_passes_the_points_of_the_workspace(scenario, period):
     cell, xy = arm(scenario)
     since = cell.moment()
     with xy.stream(period=period, buffer="500ms") as points:
@@ -348,7 +348,7 @@ def test_the_tool_goes_through_places_of_the_workspace(scenario, period):
     must_not_jolt(cell)
 
 
-def test_between_two_places_on_a_line_the_tool_is_on_the_line(scenario):
+def test_between_two_positions_on_a_line_the_tool_is_on_the_line(scenario):
     cell, xy = arm(scenario)
     since = cell.moment()
     with xy.stream(period=3.0, buffer="6s") as points:
@@ -360,13 +360,13 @@ def test_between_two_places_on_a_line_the_tool_is_on_the_line(scenario):
     must_not_jolt(cell)
 
 
-def test_a_pose_out_of_reach_or_too_fast_for_a_joint_is_refused_and_the_next_may_come(scenario):
+def test_a_pose_out_of_reach_or_too_fast_for_a_joint_is_refused_and_later_ones_are_accepted(scenario):
     cell, xy = arm(scenario)
     points = xy.stream(period=STEP)
     for number in range(20):
         points.push(ring(number * STEP))
     for wrong, kind, text in (
-        ((400.0, 0.0), LimitError, "point 21 takes x beyond its velocity"),  # on the way there
+        ((400.0, 0.0), LimitError, "point 21 takes x beyond its velocity"),  # on the path to it
         ((160.0, 140.0), LimitError, "takes [xy] beyond its"),
     ):
         count = points.count
@@ -380,7 +380,7 @@ def test_a_pose_out_of_reach_or_too_fast_for_a_joint_is_refused_and_the_next_may
         xy.stream(period=STEP).push((250.0, 10.0))
 
 
-def test_a_place_out_of_reach_is_refused(scenario):
+def test_a_point_out_of_reach_is_refused(scenario):
     cell, xy = arm(scenario)
     points = xy.stream(period=5.0)
     points.push(ring(0.0))

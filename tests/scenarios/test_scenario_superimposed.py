@@ -1,4 +1,4 @@
-"""Distances laid over what leads an axis, on the plant: the sum keeps its limits, and what is below goes on displaced."""
+"""Superimposed moves on the plant: the sum keeps its limits, and the motion below continues displaced."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kit.probe import ENABLED, OFF
 AXIS = "max_acceleration = 2000.0"
 INCREMENT = 1.0 / SCALE
 CYCLE = 0.01  # seconds
-STEP = 2.0 * INCREMENT / CYCLE**2  # deg/s²: what rounding to increments makes of an acceleration
+STEP = 2.0 * INCREMENT / CYCLE**2  # deg/s²: the effect of rounding to increments on an acceleration
 
 
 def one(scenario, names: str = "x", **changes: str) -> Cell:
@@ -25,7 +25,7 @@ def one(scenario, names: str = "x", **changes: str) -> Cell:
 
 
 class Targets:
-    """What an axis was led to in each cycle, in degrees, from when this was made."""
+    """The targets of an axis in each cycle, in degrees, from its construction on."""
 
     def __init__(self, cell: Cell, name: str = "x") -> None:
         self.places: list[float] = []
@@ -51,7 +51,7 @@ class Targets:
 
 
 def going(scenario, velocity: float = 30.0, end: float = 150.0, **changes: str):
-    """A cell whose x goes on along a trajectory, and the handle of that."""
+    """A cell whose x follows a trajectory, and its handle."""
     cell = one(scenario, **changes)
     below = cell.x.follow(TrapezoidalTrajectory(0.0, end, velocity, 200.0))
     cell.run(0.5)
@@ -75,7 +75,7 @@ def test_a_distance_is_laid_over_a_trajectory_which_ends_displaced_by_it(scenari
 
 
 @pytest.mark.parametrize("distance", [25.0, -25.0, 0.004, 0.0])
-def test_any_distance_is_gone_within_an_increment(scenario, distance):
+def test_any_superimposed_distance_is_moved_within_an_increment(scenario, distance):
     cell, below = going(scenario, end=60.0)
     assert cell.end_of(cell.x.move_superimposed(distance, velocity=90.0)) is None
     assert cell.end_of(below) is None
@@ -123,7 +123,7 @@ def test_the_line_continues_beneath_and_the_other_axis_keeps_its_path(scenario):
     assert (cell.where("x"), cell.where("y")) == pytest.approx((0.0, 0.0), abs=INCREMENT)
 
 
-def test_a_line_that_waits_begins_where_the_displaced_one_has_ended(scenario):
+def test_a_buffered_line_begins_at_the_end_of_the_displaced_one(scenario):
     cell = one(scenario, "xy")
     xy = cell.machine.group("x", "y")
     lines = [
@@ -137,7 +137,7 @@ def test_a_line_that_waits_begins_where_the_displaced_one_has_ended(scenario):
     assert targets.hardest <= 2000.0 + STEP
 
 
-def test_a_slave_in_step_is_displaced_and_so_is_who_follows_it(scenario):
+def test_a_slave_and_its_own_slave_are_displaced(scenario):
     cell = one(scenario, "xyz")
     assert cell.end_of(cell["y"].gear_in(cell["x"], 1.0)) is None
     assert cell.end_of(cell["z"].gear_in(cell["y"], 2.0)) is None
@@ -192,11 +192,11 @@ def test_the_fault_of_one_axis_of_a_line_ends_the_addition_of_another(scenario, 
     assert cell.end_of(line) is not None
     assert isinstance(cell.end_of(over), Interrupted)
     cell.run(0.5)
-    cell.must_stand("x", within=0.1, stages=(*OFF, ENABLED) if on_fault == "quick" else ENABLED)
+    cell.must_be_still("x", within=0.1, stages=(*OFF, ENABLED) if on_fault == "quick" else ENABLED)
     assert on_fault == "quick" or targets.hardest <= 2000.0 + STEP
 
 
-def test_cycles_that_come_late_make_an_addition_late_and_no_jump(scenario):
+def test_late_cycles_delay_an_addition_without_a_jump(scenario):
     cell, below = going(scenario)
     targets = Targets(cell)
     over = cell.x.move_superimposed(30.0, velocity=40.0, acceleration=300.0)
@@ -223,7 +223,7 @@ def test_the_sum_is_no_faster_than_the_axis_and_the_addition_waits(scenario):
     assert targets.hardest <= 2000.0 + STEP
 
 
-def test_what_leaves_no_acceleration_is_not_laid_anything_over(scenario):
+def test_a_superimposed_move_is_refused_if_no_acceleration_is_left(scenario):
     cell = one(scenario)
     below = cell.x.follow(TrapezoidalTrajectory(0.0, 100.0, 100.0, 1990.0))
     error = cell.failure_of(cell.x.move_superimposed(10.0))
@@ -233,7 +233,7 @@ def test_what_leaves_no_acceleration_is_not_laid_anything_over(scenario):
     assert cell.where("x") == pytest.approx(100.0, abs=INCREMENT)
 
 
-def test_a_sum_that_would_leave_the_limits_is_refused_where_that_is_known_in_advance(scenario):
+def test_a_sum_that_would_exceed_the_limits_is_refused_if_it_is_known_in_advance(scenario):
     cell, below = going(scenario, end=90.0, axis=AXIS + "\nposition_limits = [-100.0, 100.0]")
     error = cell.failure_of(cell.x.move_superimposed(12.0))
     assert isinstance(error, LimitError)
@@ -243,7 +243,7 @@ def test_a_sum_that_would_leave_the_limits_is_refused_where_that_is_known_in_adv
     assert cell.where("x") == pytest.approx(99.0, abs=INCREMENT)
 
 
-def test_where_nothing_is_known_in_advance_the_addition_is_braked_within_the_limits(scenario):
+def test_an_addition_is_braked_within_the_limits_if_the_motion_is_not_known_in_advance(scenario):
     cell = one(scenario, "xy", axis=AXIS + "\nposition_limits = [-100.0, 100.0]")
     assert cell.end_of(cell["y"].gear_in(cell["x"], 1.0)) is None
     cell["x"].follow(TrapezoidalTrajectory(0.0, 60.0, 20.0, 100.0))
@@ -257,7 +257,7 @@ def test_where_nothing_is_known_in_advance_the_addition_is_braked_within_the_lim
 
 
 @pytest.mark.parametrize("below", [TrapezoidalTrajectory(0.0, 60.0, 60.0, 300.0), lambda t: 20.0 * t * t])
-def test_an_addition_is_no_jump_where_only_an_acceleration_reports_one(scenario, below):
+def test_an_addition_is_no_jump_for_an_axis_without_max_velocity(scenario, below):
     cell = scenario.simulated("x", text=cell_text("x").replace("max_velocity = 400.0\n", "")).enabled()
     handle = cell.x.follow(below, duration=1.0 if callable(below) else None)
     assert cell.end_of(cell.x.move_superimposed(5.0, velocity=50.0)) is None
@@ -302,14 +302,14 @@ def test_a_halt_of_the_addition_leaves_the_motion_below_as_it_is(scenario):
 
 
 @pytest.mark.parametrize("command", ["halt", "stop", "quick_stop", "disable"])
-def test_what_stops_the_axis_ends_both(scenario, command):
+def test_a_command_that_stops_the_axis_ends_both_motions(scenario, command):
     cell, below = going(scenario)
     over = cell.x.move_superimposed(80.0, velocity=60.0)
     cell.run(0.4)
     assert cell.end_of(getattr(cell.x, command)()) is None
     assert isinstance(below.exception(), Interrupted)
     assert isinstance(over.exception(), Interrupted)
-    cell.must_stand("x", within=0.1, stages=ENABLED if command in ("halt", "stop") else OFF)
+    cell.must_be_still("x", within=0.1, stages=ENABLED if command in ("halt", "stop") else OFF)
     assert cell.hardest_change("x") < 2100.0
 
 
@@ -336,7 +336,7 @@ def test_a_move_out_of_a_trajectory_is_displaced_under_any_override(scenario):
         assert cell.end_of(cell.x.set_override(factor)) is None
         cell.run(0.6)
         if not factor:
-            cell.must_stand("x", within=0.1, stages=ENABLED)
+            cell.must_be_still("x", within=0.1, stages=ENABLED)
     assert cell.end_of(over) is None
     assert cell.end_of(below) is None
     assert cell.where("x") == pytest.approx(75.0, abs=INCREMENT)
@@ -345,7 +345,7 @@ def test_a_move_out_of_a_trajectory_is_displaced_under_any_override(scenario):
     assert cell.where("x") == pytest.approx(80.0, abs=2.0 * INCREMENT)
 
 
-def test_a_fault_ends_both_with_what_it_was(scenario):
+def test_a_fault_ends_both_motions_with_its_reason(scenario):
     cell, below = going(scenario)
     over = cell.x.move_superimposed(80.0, velocity=60.0)
     cell.run(0.4)

@@ -70,7 +70,7 @@ class Master:
         self._program.hear("ended")
 
     def leave(self) -> list[AxisbusError | None]:
-        """Let it leave its block; return what it was told: by its command, and by leaving."""
+        """Let it leave its block; return the errors of its command and of leaving."""
         stdin = self._program.process.stdin
         assert stdin is not None
         stdin.write("go on\n")
@@ -118,7 +118,7 @@ def test_short_suspensions_make_a_trajectory_late_and_nothing_jumps(tmp_path):
 def test_after_a_long_suspension_the_axis_is_stopped_and_the_reason_named(tmp_path, nets_cut, golden):
     with master(tmp_path, nets_cut, "turning") as cell:
         cell.suspend(1.5)
-        cell.line.must_stand(stages=ENABLED)
+        cell.line.must_be_still(stages=ENABLED)
         cell.wait_for_the_end()
         told = cell.leave()
     assert [type(error) for error in told] == [StaleError]
@@ -130,7 +130,7 @@ def test_after_a_long_suspension_a_trajectory_does_not_continue_and_does_not_jum
         cell.suspend(1.5)
         cell.wait_for_the_end()
         place = cell.line.where()
-        cell.line.must_stand(stages=(ENABLED, *OFF))
+        cell.line.must_be_still(stages=(ENABLED, *OFF))
         assert abs(cell.line.where() - place) < 2.0
         assert place < 150.0  # 0.3 s at 90 deg/s and a stop
         told = cell.leave()
@@ -142,7 +142,7 @@ def test_after_a_long_suspension_a_trajectory_does_not_continue_and_does_not_jum
 def test_a_master_suspended_for_longer_than_its_heartbeat_finds_its_drive_stopped(tmp_path, nets_cut):
     with master(tmp_path, nets_cut, "turning", heartbeat="500ms") as cell:
         cell._program.send(SIGSTOP)
-        cell.line.must_stand(stages=OFF, for_good=0.1)
+        cell.line.must_be_still(stages=OFF, for_good=0.1)
         cell._program.send(SIGCONT)
         cell.wait_for_the_end()
         told = cell.leave()
@@ -152,7 +152,7 @@ def test_a_master_suspended_for_longer_than_its_heartbeat_finds_its_drive_stoppe
 
 
 @pytest.mark.nets("the drive's watchdog")
-def test_the_drive_of_a_master_that_was_killed_stops_by_itself(tmp_path, nets_cut):
+def test_the_drive_of_a_killed_master_stops(tmp_path, nets_cut):
     with master(tmp_path, nets_cut, "turning", heartbeat="500ms") as cell:
         cell.kill()
-        cell.line.must_stand(stages=OFF)
+        cell.line.must_be_still(stages=OFF)

@@ -1,4 +1,4 @@
-"""A group is at points at their times, by the polynomials of what is given; what it may not follow is refused at the call."""
+"""A group is at points at their times, by the polynomials of the given values; an invalid trajectory is refused at the call."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def group(cell: Cell):
 
 
 def targets(cell: Cell) -> list[tuple[float, float, float]]:
-    """What the drives are led to in each cycle, from now on: time, x, y."""
+    """The targets of the drives in each cycle, from now on: time, x, y."""
     seen: list[tuple[float, float, float]] = []
     cell.each_cycle(lambda now, _: seen.append((now, *(cell.drive(n).target_position / 100 for n in "xy"))))
     return seen
@@ -73,13 +73,13 @@ def test_the_curve_has_the_given_values_and_does_not_overshoot_positions():
         0.0,
         0.0,
         0.0,
-    )  # at rest at both ends, and where it turns
+    )  # at standstill at both ends, and where it turns
     full = [TrajectoryPoint(1, (10,), (3,), (4,)), TrajectoryPoint(2, (12,), (0,), (-1,))]
     (_, first, last, _) = way_of(full, (0.0,), 0.01, "it")
     assert (first.from_[0], first.to[0], last.to[0]) == ((0, 0, 0), (10, 3, 4), (12, 0, -1))
 
 
-def test_it_begins_where_the_axes_stand_where_the_first_point_is_of_now(scenario):
+def test_a_trajectory_of_absolute_time_begins_at_the_present_position(scenario):
     cell = opened(scenario)
     group(cell).follow([TrajectoryPoint(0, (0, 0)), TrajectoryPoint(0.4, (4, 2))]).wait(5)
     assert [cell.where(name) for name in "xy"] == pytest.approx([4, 2], abs=0.05)
@@ -125,7 +125,7 @@ def test_it_begins_where_the_axes_stand_where_the_first_point_is_of_now(scenario
         ),
     ],
 )
-def test_what_may_not_be_followed_is_refused_and_nothing_moves(scenario, points, kind, words):
+def test_an_invalid_trajectory_is_refused_without_a_motion(scenario, points, kind, words):
     cell = opened(scenario)
     with pytest.raises(kind, match=words):
         group(cell).follow(points)
@@ -150,7 +150,7 @@ def test_a_halt_brakes_on_the_path_and_resume_continues_to_the_end(scenario):
         assert y == pytest.approx(x / 2, abs=0.15)
 
 
-def test_another_one_while_it_runs_is_refused_and_it_continues(scenario):
+def test_another_timed_path_during_one_is_refused_and_the_first_continues(scenario):
     cell = opened(scenario)
     handle = group(cell).follow([TrajectoryPoint(1, (20, 10))])
     cell.run(0.5)

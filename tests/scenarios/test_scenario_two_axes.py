@@ -36,23 +36,23 @@ def test_a_fault_of_one_axis_stops_the_other(scenario, golden):
     cell = cell_of(scenario)
     lost, other = cell.travelling()
     cell.drive("x").fault(0x2310)
-    cell.must_stand("x", within=1.0, stages=OFF)
-    cell.must_stand("y", within=1.0, stages=ENABLED)
+    cell.must_be_still("x", within=1.0, stages=OFF)
+    cell.must_be_still("y", within=1.0, stages=ENABLED)
     assert isinstance(cell.failure_of(lost), DriveFault)
     assert isinstance(cell.failure_of(other), Stopped)
     golden("two_axes_fault", cell.failure_of(lost), cell.failure_of(other))
 
 
 @pytest.mark.nets("the stop ladder")
-def test_leaving_stops_both_before_the_node_is_let_go(scenario):
-    """The first of them stands at once; the second still brakes, and the node's NMT state is theirs together."""
+def test_closing_stops_both_axes_before_the_watch_of_their_node_ends(scenario):
+    """The first of them is at standstill at once; the second still brakes, and both share the NMT state of the node."""
     cell = cell_of(scenario)
     cell.enabled()
     cell["y"].move_velocity(90.0, deceleration=60.0).wait(5)
     cell.must_move("y")
     cell.machine.close()
     for name in "xy":
-        cell.must_stand(name, within=0.01, stages=SWITCH_ON_DISABLED)
+        cell.must_be_still(name, within=0.01, stages=SWITCH_ON_DISABLED)
     cell.run(2.0)
     assert cell.device("x").errors.register == 0
 
@@ -63,7 +63,7 @@ def test_a_lost_node_is_lost_for_both_axes(scenario, golden):
     handles = cell.travelling()
     cell.device("x").dials.dead = True
     for name in "xy":
-        cell.must_stand(name, within=1.0, stages=OFF)  # by the drive's own watchdog
+        cell.must_be_still(name, within=1.0, stages=OFF)  # by the drive's own watchdog
     golden("two_axes_lost", *map(cell.failure_of, handles))
 
 

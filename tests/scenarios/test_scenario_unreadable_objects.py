@@ -138,7 +138,7 @@ def test_a_name_that_cannot_be_read_stops_neither_boot_nor_power(put, kind):
 
 
 @each_fault
-def test_a_name_that_cannot_be_read_leaves_the_rest_of_the_identity(put, axisbus, kind, tmp_path):
+def test_an_unreadable_device_name_leaves_the_other_identity_objects(put, axisbus, kind, tmp_path):
     bus, _ = put(kind)
     found = axisbus("scan", *bus)
     assert found.code == 0
@@ -161,7 +161,7 @@ def test_a_name_that_cannot_be_read_leaves_the_rest_of_the_identity(put, axisbus
         (b"\xff" * 8, "????????"),
     ],
 )
-def test_an_eds_is_made_of_a_device_whatever_its_name_is(put, axisbus, tmp_path, text, written):
+def test_an_eds_is_made_of_a_device_with_any_name(put, axisbus, tmp_path, text, written):
     bus, _ = put(Faulty, broken=0, text=text)
     target = tmp_path / "made.eds"
     assert axisbus("eds", "from-device", *bus, "1", "-o", target).code == 0
@@ -252,7 +252,7 @@ def test_a_node_that_answers_for_no_object_is_still_an_error(put, axisbus, tmp_p
     assert not (tmp_path / "none.eds").exists()
 
 
-def test_an_answer_that_comes_too_late_is_said_to_be_late(put, axisbus):
+def test_a_late_answer_is_reported_as_late(put, axisbus):
     bus, _ = put(Late, broken=SPEED)
     code, _, err = axisbus("od", "read", *bus, "1:6081", "--type", "U32")
     assert code != 0

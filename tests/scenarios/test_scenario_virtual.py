@@ -1,4 +1,4 @@
-"""A virtual axis does what any axis does: it is led, limited, halted and stopped; and it never jumps, for what would follow it."""
+"""A virtual axis is commanded, limited, halted and stopped as any axis; and it never jumps, because other axes may follow it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def beside(scenario, axis="max_velocity = 400.0", **changes):
 # -- moves -------------------------------------------------------------------------------------------------------------
 
 
-def test_it_begins_at_0_without_power_and_moves_only_once_it_is_enabled(scenario):
+def test_a_virtual_axis_begins_at_0_without_power_and_moves_only_once_it_is_enabled(scenario):
     cell = scenario.simulated("x", more=virtual())
     v = cell["v"]
     assert (v.position, v.homed, v.state) == (0.0, True, AxisState.DISABLED)
@@ -83,7 +83,7 @@ def test_a_move_may_be_replaced_at_any_moment_and_nothing_jumps(scenario, after,
     trail.must_be_smooth()
 
 
-def test_it_turns_at_a_velocity_until_it_is_reported_otherwise(scenario):
+def test_a_virtual_axis_moves_at_a_velocity_until_the_next_command(scenario):
     cell, v, trail = alone(scenario)
     v.move_velocity(80.0).wait(5)
     start, began = v.position, cell.now
@@ -97,7 +97,7 @@ def test_it_turns_at_a_velocity_until_it_is_reported_otherwise(scenario):
     trail.must_be_smooth()
 
 
-def test_a_jog_dies_when_nobody_renews_it(scenario):
+def test_a_jog_ends_if_it_is_not_renewed(scenario):
     cell, v, trail = alone(scenario)
     for _ in range(5):
         v.jog(50.0)
@@ -108,10 +108,10 @@ def test_a_jog_dies_when_nobody_renews_it(scenario):
     trail.must_be_smooth()
 
 
-def test_it_turns_past_the_wrap_of_its_count(scenario):
+def test_a_virtual_axis_moves_past_the_wrap_of_its_count(scenario):
     cell, v, _ = alone(scenario, "max_velocity = 400.0\nscale = 5_000_000\nmodulo = 360.0")
     v.move_velocity(200.0).wait(5)
-    cell.run(4.0)  # 4e9 increments: more than INTEGER32 can tell
+    cell.run(4.0)  # 4e9 increments: more than INTEGER32 can hold
     assert v.unwrapped_position > 700.0
     v.halt().wait(5)
     here = v.unwrapped_position
@@ -138,7 +138,7 @@ def test_a_late_scan_makes_it_late_and_it_neither_jumps_nor_counts_as_held(scena
     trail.must_be_smooth()
 
 
-def test_set_position_gives_its_place_another_name_and_moves_nothing(scenario):
+def test_set_position_of_a_virtual_axis_sets_its_position_and_moves_nothing(scenario):
     _, v, trail = alone(scenario)
     v.move_absolute(30.0).wait(5)
     v.set_position(-7.5).wait(5)
@@ -179,7 +179,7 @@ def test_every_kind_of_stop_works_in_every_kind_of_motion(scenario, verb, state,
     trail.must_be_smooth()
 
 
-def test_stop_locks_it_until_it_is_released(scenario):
+def test_stop_locks_a_virtual_axis_until_it_is_released(scenario):
     cell, v, _ = alone(scenario)
     v.move_velocity(100.0).wait(5)
     with v.held_stopped(5):
@@ -191,7 +191,7 @@ def test_stop_locks_it_until_it_is_released(scenario):
 @pytest.mark.parametrize(
     ("more", "hardest"),
     [("deceleration = 2000.0", 2000.0), ("", HARDEST)],
-    ids=["as its stop says", "as its defaults say"],
+    ids=["by its stop options", "by its defaults"],
 )
 def test_a_quick_stop_has_its_own_ramp(scenario, more, hardest):
     _, v, trail = alone(scenario, stop=more)
@@ -200,7 +200,7 @@ def test_a_quick_stop_has_its_own_ramp(scenario, more, hardest):
     assert trail.hardest == pytest.approx(hardest, rel=0.02)
 
 
-def test_without_power_it_comes_to_rest_on_a_ramp_and_never_from_one_cycle_to_the_next(scenario):
+def test_a_virtual_axis_without_power_stops_on_a_ramp(scenario):
     cell, v, trail = alone(scenario, stop="deceleration = 500.0")
     v.move_velocity(100.0).wait(5)
     v.disable(coast=True).wait(5)
@@ -213,7 +213,7 @@ def test_without_power_it_comes_to_rest_on_a_ramp_and_never_from_one_cycle_to_th
     assert v.velocity == 0.0
 
 
-def test_halted_it_does_not_continue_by_itself_to_where_it_was_going(scenario):
+def test_a_halted_virtual_axis_does_not_continue_to_its_target(scenario):
     cell, v, _ = alone(scenario)
     v.move_absolute(300.0)
     cell.run(0.5)
@@ -256,7 +256,7 @@ def test_leaving_the_block_stops_it(tmp_path):
     assert (v.snapshot.velocity, v.snapshot.power_state) == (0, PowerState.SWITCH_ON_DISABLED)
 
 
-def test_a_dead_scan_leaves_nothing_of_it_to_be_rescued(scenario):
+def test_a_dead_scan_leaves_no_virtual_axis_to_be_rescued(scenario):
     cell, v, _ = beside(scenario)
     v.move_velocity(50.0).wait(5)
     cell["x"].move_velocity(50.0).wait(5)
@@ -266,7 +266,7 @@ def test_a_dead_scan_leaves_nothing_of_it_to_be_rescued(scenario):
     with pytest.raises(AxisbusError, match="scan") as told:
         cell.machine.close()
     assert "x: stopped, power is off" in str(told.value)
-    assert "v: " not in str(told.value)  # what the scan alone has moved stands with it
+    assert "v: " not in str(told.value)  # an axis of the scan alone has stopped with it
 
 
 # -- limits ------------------------------------------------------------------------------------------------------------
@@ -288,7 +288,7 @@ def test_a_motion_beyond_its_limits_is_refused_at_the_call(scenario):
         alone(scenario)[1].move_absolute(300_000.0)
 
 
-def test_at_a_velocity_it_comes_to_rest_within_its_limits(scenario):
+def test_a_virtual_axis_at_a_velocity_stops_within_its_limits(scenario):
     cell, v, trail = alone(scenario, LIMITED)
     v.move_velocity(300.0).wait(5)
     cell.until(lambda: v.state is AxisState.ERRORSTOP, 5)
@@ -310,7 +310,7 @@ def test_limits_hold_from_the_beginning_and_by_the_name_that_set_position_gives(
     assert cell.end_of(v.move_relative(-20.0)) is None
 
 
-def test_where_its_limits_do_not_hold_0_it_is_reported_where_it_is_first(scenario):
+def test_a_virtual_axis_whose_limits_exclude_0_reports_the_first_command(scenario):
     cell, v, _ = alone(scenario, "max_velocity = 400.0\nposition_limits = [50.0, 100.0]")
     assert cell.failure_of(v.move_velocity(-50.0)) is not None
     cell.run(0.5)
@@ -334,7 +334,7 @@ def test_a_trajectory_that_jumps_is_braked_before_it(scenario):
 # -- with others -------------------------------------------------------------------------------------------------------
 
 
-def test_it_goes_along_a_straight_line_with_a_drive(scenario):
+def test_a_virtual_axis_moves_along_a_straight_line_with_a_drive(scenario):
     cell, v, trail = beside(scenario)
     x, group = cell["x"], cell.machine.group("x", "v")
     places = []
@@ -380,13 +380,13 @@ def test_an_error_of_the_virtual_axis_stops_the_drive_of_its_cell(scenario):
     cell["x"].move_velocity(50.0).wait(5)
     v.move_velocity(300.0).wait(5)
     cell.until(lambda: v.state is AxisState.ERRORSTOP, 5)
-    cell.must_stand("x", within=1.0, stages=ENABLED)
+    cell.must_be_still("x", within=1.0, stages=ENABLED)
 
 
-# -- what it has not ---------------------------------------------------------------------------------------------------
+# -- missing functions -------------------------------------------------------------------------------------------------
 
 
-def test_what_only_a_drive_has_is_refused_and_the_reason_is_said(scenario):
+def test_commands_that_need_a_drive_are_refused_with_the_reason(scenario):
     _, v, _ = alone(scenario)
     with pytest.raises(ArgumentError, match=r"virtual.*no drive that could be homed"):
         v.home(35)
@@ -403,7 +403,9 @@ def test_what_only_a_drive_has_is_refused_and_the_reason_is_said(scenario):
 @pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
 @pytest.mark.parametrize("names", ["x", ""], ids=["beside a drive", "alone"])
 @pytest.mark.parametrize("process", ["own", "thread"])
-def test_on_a_bus_it_is_moved_by_the_core_wherever_that_runs(tmp_path, names, process, core_in_threads):
+def test_on_a_bus_a_virtual_axis_is_moved_by_the_core_in_every_process(
+    tmp_path, names, process, core_in_threads
+):
     path = tmp_path / "cell.toml"
     path.write_text(cell_text(names, bus=f'process = "{process}"', more=virtual()))
     with Machine.open(path) as machine:
@@ -426,7 +428,7 @@ def test_on_a_bus_it_is_moved_by_the_core_wherever_that_runs(tmp_path, names, pr
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
-def test_where_its_core_is_killed_there_is_nothing_of_it_to_be_stopped(tmp_path):
+def test_if_the_core_is_killed_a_virtual_axis_is_not_reported(tmp_path):
     path = tmp_path / "cell.toml"
     path.write_text(cell_text("x", bus='process = "own"', more=virtual()))
     machine = Machine.open(path)

@@ -1,4 +1,4 @@
-"""The odd ways out: from a callback, from two threads, by several machines, with children that were forked, during a fault."""
+"""Odd ends of a program: from a callback, from two threads, by several machines, with forked children, during a fault."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def ours() -> list[str]:
 
 
 def let_go(line: Line, name: str) -> None:
-    """Make sure that a node was let go."""
+    """Make sure that a node was released."""
     assert line.devices[name].read(0x1016, 1) == 0
     assert line.devices[name].nmt is NmtState.PRE_OPERATIONAL
 
@@ -43,7 +43,7 @@ def let_go(line: Line, name: str) -> None:
 
 
 def test_close_in_a_callback_begins_the_stop_and_the_block_waits_for_it(tmp_path):
-    """It runs in the scan's thread, which is what stops the axes."""
+    """It runs in the scan's thread, which has to stop the axes."""
     took = []
 
     def close(machine: Machine) -> None:
@@ -56,16 +56,16 @@ def test_close_in_a_callback_begins_the_stop_and_the_block_waits_for_it(tmp_path
             turning(machine, line)
             end = machine["y"].halt()
             end.add_done_callback(lambda: close(machine))
-            line.must_stand("x", stages=SWITCH_ON_DISABLED)
+            line.must_be_still("x", stages=SWITCH_ON_DISABLED)
         for name in "xy":
-            line.must_stand(name, stages=SWITCH_ON_DISABLED, within=0.1)
+            line.must_be_still(name, stages=SWITCH_ON_DISABLED, within=0.1)
             let_go(line, name)
             assert not line.devices[name].errors.entries
     assert took[0] < 0.2
     assert ours() == []
 
 
-def test_a_block_that_ends_just_after_a_callback_has_closed_waits_until_all_stands(tmp_path):
+def test_a_block_that_ends_just_after_a_close_in_a_callback_waits_for_standstill(tmp_path):
     with Line(tmp_path) as line:
         with line.open() as machine:
             turning(machine, line)
@@ -77,7 +77,7 @@ def test_a_block_that_ends_just_after_a_callback_has_closed_waits_until_all_stan
 
             machine._core.scan.observers.append(observe)
             assert closed.wait(STOP)
-        line.must_stand(stages=SWITCH_ON_DISABLED, within=0.0)
+        line.must_be_still(stages=SWITCH_ON_DISABLED, within=0.0)
         let_go(line, "x")
 
 
@@ -89,22 +89,22 @@ def test_close_in_a_callback_in_virtual_time(scenario):
     end.add_done_callback(cell.machine.close)
     cell.run(3.0)
     for name in "xy":
-        cell.must_stand(name, within=0.01, stages=SWITCH_ON_DISABLED)
-    assert not cell.scan_lives
+        cell.must_be_still(name, within=0.01, stages=SWITCH_ON_DISABLED)
+    assert not cell.scan_runs
     assert cell.device("x").nmt is NmtState.PRE_OPERATIONAL
     cell.machine.close()
 
 
-def test_what_a_close_in_a_callback_came_to_is_raised_by_the_next_close(scenario):
+def test_the_error_of_a_close_in_a_callback_is_raised_by_the_next_close(scenario):
     cell = scenario.simulated("x", stop='halt_time = "300ms"')
     cell.travelling()
     cell.drive().dials.ignore_halt = True
     cell.each_cycle(lambda *_: cell.machine.close())
     cell.run(3.0)
-    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still(within=0.01, stages=SWITCH_ON_DISABLED)
     with pytest.raises(DriveError, match="harder stop"):
         cell.machine.close()
-    cell.machine.close()  # told once
+    cell.machine.close()  # raised once
 
 
 # -- from two threads -------------------------------------------------------------------------------------------------------
@@ -117,12 +117,12 @@ def test_the_end_of_the_block_waits_for_the_close_of_another_thread(tmp_path):
             closer = threading.Thread(target=machine.close)
             closer.start()
             time.sleep(0.02)
-        line.must_stand(stages=SWITCH_ON_DISABLED, within=0.0)
+        line.must_be_still(stages=SWITCH_ON_DISABLED, within=0.0)
         let_go(line, "x")
         closer.join(STOP)
 
 
-def test_all_who_close_at_once_are_told_the_same(tmp_path):
+def test_all_threads_that_close_at_once_get_the_same_error(tmp_path):
     with Line(tmp_path, stop='halt_time = "300ms"') as line:
         machine = line.open()
         enable(machine["x"])
@@ -172,14 +172,14 @@ def test_a_handler_of_the_users_own_cannot_break_the_stop_off(scenario):
             cell.machine.close()
     finally:
         signal.signal(signal.SIGUSR1, before)
-    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still(within=0.01, stages=SWITCH_ON_DISABLED)
 
 
 # -- during a fault -----------------------------------------------------------------------------------------------------------
 
 
 def fault_while_closing(cell, code: int = 0x7305) -> None:
-    """Let the drive of x fall into fault in the third cycle of the way out."""
+    """Let the drive of x go into fault in the third cycle of closing."""
     count = []
 
     def observe(*_: object) -> None:
@@ -197,20 +197,20 @@ def test_a_fault_at_speed_while_closing_is_awaited(scenario):
     fault_while_closing(cell)
     with pytest.raises(DriveFault) as caught:
         cell.machine.close()
-    cell.must_stand(within=0.0, stages=FAULT)
+    cell.must_be_still(within=0.0, stages=FAULT)
     assert "TREAT" not in caught.value.remedy
 
 
 @pytest.mark.parametrize("cycles", [0, 1, 5, 20])
-def test_closing_in_the_midst_of_a_fault_reaction_waits_for_its_end(scenario, cycles):
+def test_closing_during_a_fault_reaction_waits_for_its_end(scenario, cycles):
     cell = scenario.simulated("x")
     cell.turning(360.0)
     cell.drive().fault(0x7305)
     cell.run(0.01 * cycles)
     cell.must_move()
-    with suppress(DriveFault):  # told to the command that it ended, or to closing
+    with suppress(DriveFault):  # raised by the command that it ended, or by closing
         cell.machine.close()
-    cell.must_stand(within=0.0, stages=FAULT)
+    cell.must_be_still(within=0.0, stages=FAULT)
 
 
 COASTS = 'fault = "coast"'
@@ -223,10 +223,10 @@ def test_a_drive_that_coasts_in_fault_while_closing_is_awaited(scenario):
     fault_while_closing(cell)
     with pytest.raises(DriveFault):
         cell.machine.close()
-    cell.must_stand(within=0.0, stages=FAULT)
+    cell.must_be_still(within=0.0, stages=FAULT)
 
 
-def test_a_drive_that_coasts_for_longer_than_its_ladder_has_is_told_as_moving(scenario, golden):
+def test_a_drive_that_coasts_for_longer_than_its_stop_sequence_is_reported_as_moving(scenario, golden):
     times = 'halt_time = "100ms"\nquick_stop_time = "100ms"\ndisable_time = "100ms"\n'
     cell = scenario.simulated("x", stop=times + COASTS)
     cell.turning(360.0)
@@ -237,7 +237,7 @@ def test_a_drive_that_coasts_for_longer_than_its_ladder_has_is_told_as_moving(sc
     golden("coasts_while_closing", caught.value)
 
 
-def test_a_drive_that_goes_on_braking_in_its_fault_reaction_is_told_as_moving(scenario):
+def test_a_drive_that_still_brakes_in_its_fault_reaction_is_reported_as_moving(scenario):
     times = 'halt_time = "100ms"\nquick_stop_time = "100ms"\ndisable_time = "100ms"\n'
     cell = scenario.simulated("x", stop=times, more="")
     cell.turning(360.0)
@@ -254,7 +254,7 @@ def test_a_drive_that_goes_on_braking_in_its_fault_reaction_is_told_as_moving(sc
 
 
 @POSIX
-def test_an_enable_that_waits_when_ctrl_c_comes_is_not_taken_after_it(scenario):
+def test_an_enable_that_waits_during_ctrl_c_is_refused(scenario):
     cell = scenario.simulated("xy")
     cell["x"].enable().wait(3)
     moment = cell.moment("y")
@@ -277,7 +277,7 @@ def test_an_enable_that_waits_when_ctrl_c_comes_is_not_taken_after_it(scenario):
 # -- after the scan's death -------------------------------------------------------------------------------------------------
 
 
-def test_after_the_scans_death_nothing_of_an_axis_is_passed_off_as_known(scenario, golden):
+def test_after_the_death_of_the_scan_every_value_of_an_axis_raises_an_error(scenario, golden):
     cell = scenario.simulated("x")
     cell.turning()
     x = cell.x
@@ -297,7 +297,7 @@ def test_after_a_good_close_an_axis_shows_how_it_was_left(scenario):
     cell = scenario.simulated("x")
     cell.turning()
     cell.machine.close()
-    cell.must_stand(within=0.0, stages=SWITCH_ON_DISABLED)
+    cell.must_be_still(within=0.0, stages=SWITCH_ON_DISABLED)
     assert cell.x.state.value == "Disabled"
     assert cell.x.error is None
     with pytest.raises(StaleError, match="closed"):

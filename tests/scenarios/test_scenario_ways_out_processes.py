@@ -1,4 +1,4 @@
-"""Ways out of a machine with signals and other processes: threads, forked children, workers, several machines."""
+"""Ends of a machine with signals and other processes: threads, forked children, workers, several machines."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and forks ar
 
 
 @POSIX
-def test_a_signal_while_another_thread_closes_ends_what_the_main_thread_does(tmp_path):
+def test_a_signal_while_another_thread_closes_interrupts_the_main_thread(tmp_path):
     """It is not kept for the end of the block, which may be far away."""
     with Line(tmp_path) as line:
         with pytest.raises(KeyboardInterrupt), line.open() as machine:
@@ -35,14 +35,14 @@ def test_a_signal_while_another_thread_closes_ends_what_the_main_thread_does(tmp
             signal.raise_signal(signal.SIGINT)
             time.sleep(20.0)
         assert time.monotonic() - began < 10.0
-        line.must_stand(stages=SWITCH_ON_DISABLED, within=0.0)
+        line.must_be_still(stages=SWITCH_ON_DISABLED, within=0.0)
         closer.join(STOP)
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
     assert not EXIT.listens
 
 
 @POSIX
-def test_a_thread_that_goes_on_commanding_after_a_signal_moves_nothing(tmp_path):
+def test_a_thread_that_commands_after_a_signal_moves_nothing(tmp_path):
     """The main thread may be long in leaving."""
     with Line(tmp_path) as line:
         over = threading.Event()
@@ -60,13 +60,13 @@ def test_a_thread_that_goes_on_commanding_after_a_signal_moves_nothing(tmp_path)
             try:
                 signal.raise_signal(signal.SIGTERM)
             finally:
-                line.must_stand(stages=SWITCH_ON_DISABLED, for_good=1.0)
+                line.must_be_still(stages=SWITCH_ON_DISABLED, for_good=1.0)
                 over.set()
                 worker.join(STOP)
 
 
 class Scene:
-    """What the processes of a scene have written down."""
+    """The output of the processes of a scene."""
 
     def __init__(self, folder, name: str) -> None:
         self._lines: list[dict] = []
@@ -86,7 +86,7 @@ class Scene:
         return REMEDY in self.errors
 
     def all(self, who: str) -> list[dict]:
-        """What one of them has written."""
+        """The output of one of them."""
         return [line for line in self._lines if line["who"] == who]
 
     def one(self, who: str) -> dict:
@@ -95,7 +95,7 @@ class Scene:
         return line
 
     def must_turn(self, speed: float, who: str = "end") -> None:
-        """Make sure that the parent's motor went on, watched."""
+        """Make sure that the parent's motor continues, monitored."""
         seen = self.one(who)
         assert abs(seen["velocity"] - speed) < 5.0, seen
         assert seen["stage"] == ENABLED
@@ -106,8 +106,8 @@ class Scene:
         assert self.all("sent") == []
 
 
-def must_stand(plant: dict) -> None:
-    """Make sure that a motor stands and is off."""
+def must_be_still(plant: dict) -> None:
+    """Make sure that a motor is at standstill and off."""
     if plant["velocity"] or plant["stage"] not in OFF:
         raise PlantMoves(str(plant))
 
@@ -115,7 +115,7 @@ def must_stand(plant: dict) -> None:
 @POSIX
 def test_a_machine_that_is_closed_leaves_the_signals_to_the_others(tmp_path):
     scene = Scene(tmp_path, "first_closed_first")
-    must_stand(scene.one("end"))
+    must_be_still(scene.one("end"))
     assert scene.code == 143
 
 
@@ -130,8 +130,8 @@ def test_after_the_last_machine_the_process_is_as_before_in_any_order(tmp_path):
 def test_a_signal_stops_all_machines(tmp_path):
     scene = Scene(tmp_path, "signal_stops_both")
     assert scene.code == 0, scene.errors
-    must_stand(scene.one("end")["first"])
-    must_stand(scene.one("end")["second"])
+    must_be_still(scene.one("end")["first"])
+    must_be_still(scene.one("end")["second"])
 
 
 @POSIX
@@ -187,9 +187,9 @@ def test_spawned_workers_and_other_programs_leave_the_machine_alone(tmp_path):
 
 
 @POSIX
-def test_a_forked_child_may_have_a_machine_of_its_own(tmp_path):
+def test_a_forked_child_may_have_its_own_machine(tmp_path):
     scene = Scene(tmp_path, "machine_in_child")
     assert scene.code == 0, scene.errors
-    must_stand(scene.one("child"))
+    must_be_still(scene.one("child"))
     scene.must_turn(90.0)
     assert scene.one("end")["code"] == 143

@@ -1,4 +1,4 @@
-"""Groups in a workspace on the plant: an arm's tool goes along lines, corners and circles, and what it cannot reach is refused."""
+"""Groups in a workspace on the plant: an arm's tool follows lines, corners and circles, and unreachable positions are refused."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from axisbus import CoreXY, Delta, Scara
 from axisbus.errors import ArgumentError, Interrupted, LimitError
 from axisbus.machine.groups import Group
 from kit.cell import SCALE, Cell
-from kit.scenarios.softly import Led, differences
+from kit.scenarios.softly import ComputedMotion, differences
 
 AXIS = "max_acceleration = 4000.0"
 ARM = Scara(200.0, 150.0)
-NEAR = 350.0 * math.radians(2.0 / SCALE)  # what two increments of both joints make of the tool's place
+NEAR = 350.0 * math.radians(2.0 / SCALE)  # the effect of two increments of both joints on the tool position
 
 
 def arm(scenario, start: tuple[float, float] = (0.0, 90.0), **changes: str) -> tuple[Cell, Group]:
@@ -91,10 +91,10 @@ def test_a_belt_moves_one_axis_by_two_motors(scenario):
 
 @pytest.mark.parametrize("what", ["line", "path", "stops", "circle"])
 @pytest.mark.parametrize("jerk", [5000.0, 40_000.0])
-def test_the_tool_goes_softly_under_an_override_and_a_halt(scenario, what, jerk):
-    """Its jerk, by what its joints are led to; on a circle that of the speed along it, so what turns is not looked at."""
+def test_the_tool_has_limited_jerk_under_an_override_and_a_halt(scenario, what, jerk):
+    """Its jerk, from the targets of its joints; on a circle only that of the speed along it, without the turning."""
     cell, xy = arm(scenario)
-    led = [Led(cell, name) for name in "xy"]
+    led = [ComputedMotion(cell, name) for name in "xy"]
     pace = {"velocity": 200.0, "acceleration": 1000.0, "jerk": jerk}
     points = [(260.0, 150.0), (260.0, 0.0)]
     if what == "line":
@@ -165,7 +165,7 @@ def test_an_impossible_path_is_refused_before_anything_moves(scenario, ask, erro
     assert cell.top_speed("x", since) == 0.0
 
 
-def test_lines_of_a_named_group_go_through_its_workspace(scenario):
+def test_lines_of_a_named_group_run_in_its_workspace(scenario):
     arm = '[groups.arm]\naxes = ["x", "y"]\n[groups.arm.kinematics]\nkind = "scara"\nupper = 200.0\nfore = 150.0\n'
     cell = scenario.simulated("xy", axis="max_acceleration = 2000.0", more=arm).enabled()
     group = cell.machine.group("arm")
@@ -177,7 +177,7 @@ def test_lines_of_a_named_group_go_through_its_workspace(scenario):
     assert plain.tool_position == pytest.approx((cell.where("x"), cell.where("y")), abs=0.1)
 
 
-def test_axes_that_make_no_place_are_reported_as_such(scenario):
+def test_axis_positions_without_a_tool_position_are_reported(scenario):
     cell = scenario.simulated("xyz", axis=AXIS).enabled()
     robot = cell.machine.group("x", "y", "z").with_kinematics(Delta(300.0, 40.0, 120.0, 100.0))
     with pytest.raises(LimitError, match="the arms do not meet"):

@@ -1,4 +1,4 @@
-"""The golden messages as a whole: none is left over, and each says what to do."""
+"""The golden messages as a whole: none is left over, and each has a remedy."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import pytest
 
 from kit.scenarios import golden as scenario_golden
 
-# What ends a command as its user wanted it, or names the reason and the remedy beside it.
+# Messages of commands that ended as the user wanted, or whose reason and remedy are given elsewhere.
 NEEDS_NO_REMEDY = {"replaced"}
 
 
 def test_no_golden_message_is_left_over(request):
-    """Only a run of all scenarios can tell; where several processes share them, ``tests/conftest.py`` asks at the end."""
+    """Only a run of all scenarios can decide; if several processes share them, ``tests/conftest.py`` asks at the end."""
     if hasattr(request.config, "workerinput"):
         assert scenario_golden.FOLDER.is_dir()
         return
@@ -21,6 +21,6 @@ def test_no_golden_message_is_left_over(request):
 
 
 @pytest.mark.parametrize("path", sorted(scenario_golden.FOLDER.glob("*.txt")), ids=lambda path: path.stem)
-def test_a_message_reports_what_to_do(path):
+def test_every_golden_message_has_a_remedy_if_it_needs_one(path):
     text = path.read_text(encoding="utf-8")
     assert ("remedy:" in text) != (path.stem in NEEDS_NO_REMEDY)

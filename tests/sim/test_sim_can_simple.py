@@ -52,10 +52,10 @@ def bench() -> Bench:
     return made
 
 
-# -- what it says by itself -------------------------------------------------------------------------------------------------------
+# -- messages sent unasked --------------------------------------------------------------------------------------------------------
 
 
-def test_it_beats_and_reports_its_position_by_the_factorys_periods(bench):
+def test_a_module_sends_its_heartbeat_and_position_with_the_periods_of_the_factory(bench):
     bench.run(1.0)
     beats = [frame.time for frame in bench.heard if frame.can_id == 0x0A1]
     estimates = [frame.time for frame in bench.heard if frame.can_id == 0x0A9]
@@ -65,7 +65,7 @@ def test_it_beats_and_reports_its_position_by_the_factorys_periods(bench):
     assert {frame.command for frame in bench.heard} == {HEARTBEAT, ESTIMATES}
 
 
-def test_other_messages_come_where_they_are_given_a_period():
+def test_other_messages_are_sent_at_their_configured_periods():
     bench = Bench(
         heartbeat_rate_ms=0, encoder_rate_ms=0, iq_rate_ms=20, bus_vi_rate_ms=50, encoder_count_rate_ms=10,
         motor_error_rate_ms=100, encoder_error_rate_ms=100, controller_error_rate_ms=100,
@@ -133,7 +133,7 @@ def test_a_request_is_a_remote_frame_or_eight_bytes_and_nothing_else(bench, comm
 
 
 @pytest.mark.parametrize(("kind", "size"), [(0, 8), (1, 4), (3, 4), (4, 4)])
-def test_get_error_wants_its_type(bench, kind, size):
+def test_get_error_needs_its_type(bench, kind, size):
     axis = bench.module.axis
     words = {0: "motor_error", 1: "encoder_error", 3: "controller_error", 4: "system_error"}
     setattr(axis, words[kind], type(getattr(axis, words[kind]))(2))
@@ -149,7 +149,7 @@ def test_the_supply_is_reported(bench):
     assert bench.floats(BUS) == (36.5, 0.0)
 
 
-def test_what_a_turning_motor_takes_is_reported(bench):
+def test_current_torque_and_power_of_a_turning_motor_are_reported(bench):
     bench.enable(2, 1)
     bench.order(VEL, 10.0, 0.0)
     bench.run(0.4)
@@ -165,7 +165,7 @@ def test_what_a_turning_motor_takes_is_reported(bench):
     assert voltage * current == pytest.approx(electrical, rel=1e-5)
 
 
-def test_the_position_is_dead_in_idle_and_the_count_alive(bench):
+def test_the_reported_position_is_0_in_idle_and_the_count_is_not(bench):
     bench.module.motor.position = 16384 * 2.25
     assert bench.floats(ESTIMATES) == (0.0, 0.0)
     shadow, in_turn = struct.unpack("<ii", bench.ask(5, COUNT))
@@ -182,7 +182,7 @@ def test_the_position_is_dead_in_idle_and_the_count_alive(bench):
 # -- states -----------------------------------------------------------------------------------------------------------------------
 
 
-def test_closed_loop_holds_the_present_position_and_idle_lets_go(bench):
+def test_closed_loop_holds_the_present_position_and_idle_switches_the_power_off(bench):
     bench.order(POS, 50.0, 0, 0)  # taken in silence, and forgotten on enabling
     assert not bench.module.energised
     bench.enable()
@@ -225,7 +225,7 @@ def test_the_emergency_stop_is_latched_until_errors_are_cleared(bench):
     assert bench.state == CLOSED_LOOP
 
 
-def test_it_may_be_asked_to_start_and_not_do_it(bench):
+def test_a_module_can_be_made_to_ignore_the_command_for_closed_loop(bench):
     bench.module.dials.wont_start = True
     bench.order(SET_STATE, CLOSED_LOOP)
     assert bench.state == IDLE
@@ -266,7 +266,7 @@ def test_the_manuals_example_of_position_control():
     bench.must_be_smooth()
 
 
-def test_a_trapezoid_goes_by_its_limits_and_says_when_it_is_done(bench):
+def test_a_trapezoid_keeps_its_limits_and_reports_its_end(bench):
     bench.order(TRAJ_VEL, 4.0)
     bench.order(TRAJ_ACCEL, 8.0, 16.0)
     bench.order(TRAJ_INERTIA, 0.001)
@@ -284,7 +284,7 @@ def test_a_trapezoid_goes_by_its_limits_and_says_when_it_is_done(bench):
     assert bench.module.parameters[CONTROLLER + "inertia"] == pytest.approx(0.001)
 
 
-def test_a_trapezoid_with_a_limit_of_0_goes_nowhere_and_is_never_done(bench):
+def test_a_trapezoid_with_a_limit_of_0_moves_nothing_and_is_never_done(bench):
     bench.order(TRAJ_ACCEL, 0.0, 1.0)
     bench.enable(3, 5)
     bench.order(POS, 6.0, 0, 0)
@@ -329,7 +329,7 @@ def test_torque_turns_the_motor_and_too_fast_is_an_error(bench):
     assert bench.send(0xA3, bytes([3, *bytes(7)]))[0].data == bytes([1, 0, 0, 0])
 
 
-def test_torque_with_its_velocity_limit_does_not_run_off(bench):
+def test_torque_mode_with_its_velocity_limit_does_not_run_away(bench):
     bench.module.usb_write(CONTROLLER + "enable_torque_mode_vel_limit", 1)
     bench.module.dials.runaway_after = None
     bench.order(LIMITS, 5.0, 20.0)
@@ -370,7 +370,7 @@ def test_gains_are_taken_and_without_them_there_is_no_force(bench):
     assert bench.module.position == pytest.approx(1.0, abs=0.01)
 
 
-def test_a_held_rotor_that_is_let_go_does_not_rush(bench):
+def test_a_held_rotor_that_is_released_does_not_exceed_its_velocity(bench):
     bench.order(LIMITS, 4.0, 20.0)
     bench.order(TRAJ_VEL, 4.0)
     bench.order(TRAJ_ACCEL, 50.0, 50.0)
@@ -443,7 +443,7 @@ def test_a_mit_frame_changes_the_mode_but_does_not_enable(bench):
     assert not bench.module.energised
 
 
-def test_mit_goes_to_its_position_at_the_output_shaft(bench):
+def test_mit_control_moves_to_its_position_at_the_output_shaft(bench):
     bench.enable(3, 9)
     position, kp, kd = round((1.0 + 12.5) * 65535 / 25), round(100 * 4095 / 500), round(2.0 * 4095 / 5)
     bits = position << 48 | 2047 << 36 | kp << 24 | kd << 12 | 2047
@@ -461,7 +461,7 @@ def test_the_frame_of_zeros_is_full_negative_torque(bench):
     bench.run(0.02)
     assert bench.floats(TORQUES)[0] == pytest.approx(
         -45 * 0.097
-    )  # of -50/8 N·m, what the current limit allows
+    )  # of -50/8 N·m, the part that the current limit allows
     assert bench.module.position < 0.0
 
 

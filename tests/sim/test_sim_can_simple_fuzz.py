@@ -1,4 +1,4 @@
-"""Whatever frames come, a simulated module raises nothing, is energised by nobody who did not ask for it, and never jumps."""
+"""For any frames, a simulated module raises nothing, is not energised without a request, and never jumps."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_no_module_is_energised_without_a_request(frames):
 
 @settings(max_examples=60)
 @given(frames=_frames, mode=_modes)
-def test_whatever_comes_in_closed_loop_nothing_raises_or_jumps(frames, mode):
+def test_random_frames_in_closed_loop_neither_raise_nor_cause_a_jump(frames, mode):
     bench = Bench(Module(5))
     bench.send(5 << 5 | SET_MODE, mode)
     bench.order(SET_STATE, CLOSED_LOOP)
@@ -49,7 +49,7 @@ def test_whatever_comes_in_closed_loop_nothing_raises_or_jumps(frames, mode):
 
 @settings(max_examples=30)
 @given(can_id=st.integers(0, 0x1FFF_FFFF), data=_lengths, remote=st.booleans())
-def test_frames_of_others_are_passed_over(can_id, data, remote):
+def test_frames_of_others_are_ignored(can_id, data, remote):
     bench = Bench(Module(5))
     if can_id >> 5 != 5:
         assert bench.send(can_id, data, remote=remote) == []

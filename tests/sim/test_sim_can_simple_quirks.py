@@ -1,4 +1,4 @@
-"""What owners saw of real modules and a master has to live with: restarts, watchdogs, runaways, endpoints, changes of protocol."""
+"""Behaviour that owners saw of real modules: restarts, watchdogs, runaways, endpoints, changes of protocol."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def error(bench: Bench) -> int:
 # -- restarts ---------------------------------------------------------------------------------------------------------------------
 
 
-def test_saving_restarts_it_silent_for_a_while_and_then_idle(bench):
+def test_after_saving_the_module_restarts_silent_for_a_while_and_then_idle(bench):
     bench.order(SET_ID, 9)
     bench.order(SAVE)
     since = bench.now
@@ -78,7 +78,7 @@ def test_unsaved_values_are_lost_and_a_restart_switches_the_power_off(bench):
     bench.must_be_smooth()
 
 
-def test_after_a_restart_the_turns_are_forgotten_and_the_branch_may_be_another(bench):
+def test_a_restart_loses_the_turns_and_may_change_the_origin(bench):
     bench.module.motor.position = 16384 * 3.25
     bench.order(REBOOT)
     bench.run(2.0)
@@ -106,7 +106,7 @@ def test_a_module_without_can_or_at_another_bit_rate_is_silent(bench):
     assert other.heard == other.send(0xA9, remote=True) == []
 
 
-# -- who notices a dead master ----------------------------------------------------------------------------------------------------
+# -- detection of a dead master ---------------------------------------------------------------------------------------------------
 
 
 def test_a_break_timeout_latches_and_closed_loop_is_then_refused_in_silence(bench):
@@ -125,7 +125,7 @@ def test_a_break_timeout_latches_and_closed_loop_is_then_refused_in_silence(benc
     bench.run(0.1)
     assert error(bench) == BUS_FAILED
     bench.order(CLEAR)
-    bench.order(SET_STATE, CLOSED_LOOP)  # armed still, and nobody feeds it
+    bench.order(SET_STATE, CLOSED_LOOP)  # still armed, and not fed
     bench.run(0.1)
     assert bench.state == IDLE
     bench.module.usb_write(BREAK, 0)
@@ -141,7 +141,7 @@ def test_a_break_timeout_is_armed_by_writing_it_also_in_idle(bench):
 
 
 @pytest.mark.parametrize(("firmware", "trips"), [("0.5.13", True), ("0.6.5", False)])
-def test_the_watchdog_latches_where_the_firmware_has_one(firmware, trips):
+def test_the_watchdog_latches_if_the_firmware_has_one(firmware, trips):
     bench = Bench(Module(5, firmware=Firmware.read(firmware), watchdog_timeout=0.2, enable_watchdog=1))
     bench.order(SET_MODE, 3, 3)
     bench.order(SET_STATE, CLOSED_LOOP)
@@ -160,11 +160,11 @@ def test_with_neither_a_dead_master_is_not_noticed(bench):
 # -- the runaway ------------------------------------------------------------------------------------------------------------------
 
 
-def test_in_passthrough_it_runs_off_when_set_points_pause_and_disarms(bench):
+def test_in_passthrough_a_module_runs_away_when_set_points_pause_and_disarms(bench):
     bench.order(LIMITS, 20.0, 40.0)
     bench.enable(3, 1)
     bench.run(2.0, 0.005)
-    assert bench.module.position == 0.0  # by itself it holds: none has come
+    assert bench.module.position == 0.0  # without a set-point it holds its position
     for _ in range(20):
         bench.order(POS, 0.5, 0, 0)
         bench.run(0.02)
@@ -201,7 +201,7 @@ def test_too_little_voltage_is_latched_beyond_its_cause(bench):
     assert not bench.module.energised
     bench.order(CLEAR)
     bench.run(0.11)
-    assert bench.beats(5)[-1][:6] == bytes.fromhex("40000000 01 89")  # its cause goes on
+    assert bench.beats(5)[-1][:6] == bytes.fromhex("40000000 01 89")  # its cause persists
     bench.module.dials.bus_voltage = 24.0
     bench.run(0.11)
     assert error(bench) == 0x40
@@ -315,7 +315,7 @@ def test_a_function_takes_its_argument_from_the_number_behind_it(bench):
 # -- protocols --------------------------------------------------------------------------------------------------------------------
 
 
-def test_it_becomes_a_canopen_drive_on_the_same_motor_and_comes_back():
+def test_a_module_becomes_a_canopen_drive_on_the_same_motor_and_changes_back():
     bench = Bench(Module(0, eds=gim_eds()))
     bench.run(0.01)
     bench.order(SET_ID, 5)
@@ -362,7 +362,7 @@ def test_the_protocol_may_be_writable_by_usb_alone(bench):
     assert read(bench, 70)[0][4] == 2
 
 
-def test_the_29_bit_protocol_only_beats_and_hears_nothing():
+def test_a_module_of_the_29_bit_protocol_only_sends_its_heartbeat_and_ignores_all_frames():
     wire = Wire([Module(1, firmware=Firmware(0, 6, 8)), Module(0, firmware=Firmware(0, 6, 9))])
     wire.run(1.0)
     assert {frame.can_id for frame in wire.heard} == {0x1920_0404}

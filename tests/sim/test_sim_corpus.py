@@ -90,7 +90,7 @@ def test_every_makers_file_makes_a_drive_that_is_enabled_and_moves():
 
 
 @pytest.mark.parametrize("file", BUILTIN, ids=lambda file: file.stem)
-def test_the_files_that_come_with_axisbus_make_drives_that_move(file):
+def test_the_built_in_files_make_drives_that_move(file):
     device = device_from_eds(eds.load(file), 5)
     device.power_on()
     write(device, 0x605A, 2)

@@ -47,7 +47,7 @@ def device() -> Device:
     return made
 
 
-def test_what_sdo_may_not_do_is_refused_with_the_standards_codes():
+def test_invalid_sdo_requests_are_refused_with_the_standards_codes():
     dictionary = Device(small()).dictionary
     assert abort_of(dictionary.upload, 0x5000, 0) == 0x0602_0000
     assert abort_of(dictionary.upload, 0x2000, 1) == 0x0609_0011
@@ -151,7 +151,7 @@ def test_stored_parameters_survive_a_reset_and_others_do_not(device):
     assert device.drive.settings.profile_velocity == 111
 
 
-def test_a_restart_brings_back_mode_and_targets_of_the_file():
+def test_a_restart_restores_mode_and_targets_of_the_file():
     device = Device(drive_eds(x6060=1), 5)
     device.power_on()
     assert device.read(0x6061) == 1
@@ -174,7 +174,7 @@ def test_restored_defaults_count_after_the_next_reset(device):
     assert device.read(0x6081) == 20_000
 
 
-def test_storing_wants_the_signature_and_a_drive_that_is_off(device):
+def test_storing_needs_the_signature_and_a_drive_that_is_off(device):
     assert abort_of(device.write, 0x1010, 1, 1) == 0x0800_0020
     assert abort_of(device.write, 0x1011, 1, 0x65766173) == 0x0800_0020
     device.drive.start_enabled(PP)
@@ -213,7 +213,7 @@ def test_a_mapping_changes_in_the_order_of_the_standard(device):
     assert (pdo.valid, pdo.cob_id, pdo.size) == (True, 0x185, 8)
 
 
-def test_what_cannot_be_mapped_is_refused(device):
+def test_an_invalid_mapping_is_refused(device):
     device.write(0x1800, 1, 0x8000_0185)
     device.write(0x1A00, 0, 0)
     assert abort_of(device.write, 0x1A00, 1, 0x50000010) == 0x0602_0000

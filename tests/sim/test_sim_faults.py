@@ -1,4 +1,4 @@
-"""Planned faults: when each begins and ends, and what it does to a drive, in virtual time."""
+"""Planned faults: the begin and end of each, and its effect on a drive, in virtual time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_fault_begins_at_its_time_and_lasts():
     assert played(Moment(begin=3.0), 2.0) == []
 
 
-def test_a_fault_comes_again_every_so_often():
+def test_a_fault_is_repeated_in_its_period():
     assert played(Moment(begin=0.1, every=0.5, lasts=0.1), 1.3) == [
         ("BEGINS", 0.1), ("ENDS", 0.2), ("BEGINS", 0.6), ("ENDS", 0.7), ("BEGINS", 1.1), ("ENDS", 1.2),
     ]  # fmt: skip
@@ -57,7 +57,7 @@ def test_a_condition_that_becomes_true_lets_a_fault_begin_once():
     assert played(when, 1.0, lambda now: now < 0.2 or now > 0.6) == [("BEGINS", 0.6)]
 
 
-def test_a_condition_lets_a_fault_begin_again_where_it_may():
+def test_a_condition_starts_a_fault_again_after_its_period():
     assert [turn for turn, _ in played(Moment(when=bool, every=0.5), 3.0, beats)] == ["BEGINS"] * 3
     assert played(Moment(when=bool, every=1.5), 3.0, beats) == [("BEGINS", 0.3), ("BEGINS", 2.3)]
 
@@ -72,7 +72,7 @@ def planned(**what) -> PlannedFault:
     return PlannedFault("it", "said", Moment(begin=0.1, lasts=0.2), 5, **what)
 
 
-def test_dials_are_turned_and_turned_back_to_what_they_were():
+def test_fault_settings_are_set_and_restored():
     one = device()
     one.dials.reboot_time = 0.3
     one.dials.sdo_aborts = {(0x6040, 0): 1}

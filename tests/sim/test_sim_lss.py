@@ -1,4 +1,4 @@
-"""The simulated drive's LSS slave: hand-written frames, canopen's master and ours against it, and what its fault settings do."""
+"""The simulated drive's LSS slave: hand-written frames, canopen's master and ours against it, and its fault settings."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_a_configured_node_takes_a_new_node_id_at_a_reset_of_communication() -> 
     assert (0x706, "00") in wire.frames
 
 
-def test_only_what_was_stored_survives_a_restart() -> None:
+def test_only_stored_settings_survive_a_restart() -> None:
     wire = Wire(node_id=5)
     wire.pass_time(0.2)
     wire.send("0400", *SELECT, "1106", "17", "1107", "0400")
@@ -131,13 +131,13 @@ def test_fast_scan_in_hand_written_frames() -> None:
     assert wire.send("5100000000800000") == []  # and fast scan no longer does
 
 
-def test_by_its_dial_fast_scan_is_answered_in_configuration_too() -> None:
+def test_a_fault_setting_lets_fast_scan_be_answered_in_configuration_too() -> None:
     wire = Wire(dials=LssDials(answers_on=True))
     assert wire.send("0401", "5100000000800000", "51001000000c0000", "51002000000c0000") == ["4f", "4f"]
     assert wire.send("5e") == ["5eff"]
 
 
-def test_fast_scan_passes_over_a_node_that_has_a_node_id() -> None:
+def test_fast_scan_ignores_a_node_that_has_a_node_id() -> None:
     wire = Wire(node_id=5)
     wire.pass_time(0.2)
     assert wire.send("5100000000800000") == []
@@ -206,7 +206,7 @@ def test_loss_is_by_chance_and_repeatable() -> None:
     assert 90 < sum(answered()) < 210  # about 0.7 · 0.7
 
 
-def test_a_dead_or_booting_node_is_deaf() -> None:
+def test_a_dead_or_booting_node_does_not_answer() -> None:
     wire = Wire(node_id=5)
     assert wire.send("4c", "0401", "5e") == []  # still booting
     wire.pass_time(0.2)

@@ -1,4 +1,4 @@
-"""The simulated drive on RS485, by bytes alone: what the manual (v2.2, 4.3) prints, and what it is made to do wrong."""
+"""The simulated drive on RS485, by bytes alone: the frames of the manual (v2.2, 4.3), and its fault settings."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_the_checksum_is_that_of_the_standard():
 
 
 @given(st.lists(st.binary(min_size=0, max_size=6), min_size=1, max_size=4), st.data())
-def test_frames_are_cut_wherever_their_bytes_come_apart(values, data):
+def test_modbus_frames_are_separated_for_any_split_of_their_bytes(values, data):
     sent = [
         bytes([1, 0x10, 0, 0x66, 0, len(value) // 2, len(value) & 0xFE]) + value[: len(value) & 0xFE]
         for value in values
@@ -55,13 +55,13 @@ def test_frames_are_cut_wherever_their_bytes_come_apart(values, data):
     assert found == sent
 
 
-def test_a_broken_frame_is_forgotten_and_silence_begins_again():
+def test_a_broken_frame_is_dropped_and_silence_begins_again():
     frames = Frames()
     good = framed(bytes.fromhex("01 04 00 01 00 01"))
     assert frames.take(good[:-1] + b"\x00", 0.0) == []
     assert frames.broken == 1
     assert frames.take(good[:3], 1.0) == []
-    assert frames.take(good, 1.1) == [good[:-2]]  # what came before the silence is no part of it
+    assert frames.take(good, 1.1) == [good[:-2]]  # the bytes before the silence are no part of it
 
 
 def test_the_example_of_velocity_control():
@@ -110,7 +110,7 @@ def test_requests_that_the_module_refuses(frame, code):
     assert line.station.module.energised is False
 
 
-def test_it_takes_its_own_address_and_the_broadcast_address_which_is_not_answered():
+def test_a_module_obeys_its_own_address_and_without_an_answer_the_broadcast_address():
     line = Line()
     assert line.ask("02 04 00 01 00 01") == ""
     assert line.ask("00 06 00 64 00 02") == ""
@@ -164,7 +164,7 @@ def test_saving_restarts_and_a_new_node_id_holds():
     assert later.ask("05 03 00 62 00 01") == "05 03 02 00 05"
 
 
-def test_without_saving_the_old_node_id_comes_back():
+def test_without_saving_the_old_node_id_is_restored():
     line = Line()
     line.ask("01 06 00 62 00 05")
     line.ask("05 06 00 7E 00 01")
@@ -193,7 +193,7 @@ def test_faults_of_the_line():
     assert checksum(data[:-2]) != data[-2:]
 
 
-def test_a_module_on_rs485_says_nothing_on_can():
+def test_a_module_on_rs485_sends_nothing_on_can():
     station = Station(module=Module(1, comm_intf_mux=1))
     station.step(0.0)
     station.step(1.0)
@@ -201,7 +201,7 @@ def test_a_module_on_rs485_says_nothing_on_can():
 
 
 @given(st.binary(max_size=300))
-def test_nothing_that_comes_raises_or_enables(data):
+def test_no_frame_raises_and_only_a_request_enables(data):
     station = Station()
     station.take(data, 0.0)
     station.take(framed(data), 1.0)

@@ -40,7 +40,7 @@ def test_velocity_bits_10_and_12_by_their_windows():
     assert abs(rig.drive.velocity) <= 1_000
 
 
-def test_a_halt_of_a_velocity_comes_to_rest_and_the_motion_continues_afterwards():
+def test_a_halt_stops_a_velocity_and_the_motion_continues_after_it():
     rig = Rig().enable(PV)
     rig.drive.target_velocity = 20_000
     rig.run(0.5)
@@ -60,7 +60,7 @@ def test_velocity_without_acceleration_does_not_get_on():
     assert rig.drive.position == 0
 
 
-def test_velocity_beyond_607f_saturates_and_says_so():
+def test_velocity_beyond_607fh_saturates_and_sets_the_limit_bit():
     rig = Rig(x607F=15_000).enable(PV)
     rig.drive.target_velocity = 50_000
     rig.run(1.0)
@@ -89,7 +89,7 @@ def test_a_limit_switch_stops_the_motion_towards_it_only():
     assert not rig.has(LIMIT)
 
 
-def test_a_motor_held_in_velocity_mode_does_not_catch_up_afterwards():
+def test_a_motor_held_in_velocity_mode_does_not_catch_up():
     rig = Rig().enable(PV)
     rig.drive.target_velocity = 10_000
     rig.run(0.5)
@@ -129,7 +129,7 @@ def test_torque_rises_on_its_slope_and_drives_the_motor():
     assert rig.until(lambda: rig.drive.torque == 200) == pytest.approx(0.2, rel=0.01)  # 1000 ‰/s
     assert rig.has(BIT_10)
     rig.run(1.0)
-    # at rest with viscous friction: v = torque · gain · time constant = 200 · 2000/s² · 0.1 s
+    # without acceleration, viscous friction: v = torque · gain · time constant = 200 · 2000/s² · 0.1 s
     assert rig.drive.velocity == pytest.approx(40_000, rel=0.01)
 
 
@@ -233,7 +233,7 @@ def test_home_on_a_limit_switch(method, switch):
     assert abs(rig.drive.velocity) <= 1
 
 
-def test_home_on_a_limit_switch_from_on_top_of_it_goes_off_first():
+def test_homing_on_a_limit_switch_from_on_top_of_it_moves_off_first():
     rig = Rig(params=MotorParams(start_position=-25_000, limit_switches=(-24_000, None))).enable(HM)
     lowest = 0
     rig.write(0x6098, 17)
@@ -355,7 +355,7 @@ def test_csp_follows_a_ramp_and_runs_straight_between_two_syncs():
     assert rig.has(BIT_12)
 
 
-def test_csp_stays_where_it_is_when_sync_stops():
+def test_a_drive_in_csp_holds_its_position_when_sync_stops():
     rig = Rig().enable(CSP)
 
     def target(number):
@@ -459,7 +459,7 @@ def test_a_mode_that_6502_does_not_have_is_refused_by_sdo():
     assert rig.read(0x6061) == PP
 
 
-def test_the_display_follows_late_or_never_as_the_dials_say():
+def test_the_mode_display_follows_late_or_never_according_to_the_fault_settings():
     rig = Rig().enable(PP)
     rig.dials.mode_delay = 0.2
     rig.write(0x6060, PV)
@@ -471,7 +471,7 @@ def test_the_display_follows_late_or_never_as_the_dials_say():
     assert rig.read(0x6061) == PV
 
 
-def test_a_drive_that_ignores_6060_during_halt_wants_it_again():
+def test_a_drive_that_ignores_6060_during_halt_needs_it_again():
     rig = Rig(x606D=0, x606E=0).enable(PV)
     rig.dials.ignore_mode_during_halt = True
     rig.drive.controlword |= HALT

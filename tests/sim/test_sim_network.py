@@ -1,4 +1,4 @@
-"""Stand-ins on python-can's virtual bus in real time: they survive foreign masters.
+"""Simulated drives on python-can's virtual bus in real time: they survive foreign masters.
 
 Every wait is for a condition with a generous deadline, so that a busy computer only makes these slower.
 """
@@ -107,7 +107,7 @@ def test_a_move_in_hand_written_frames(channel, master):
 
 @contextmanager
 def canopens_master(channel, made) -> Iterator[BaseNode402]:
-    """The node of canopen's own master for a stand-in made from an EDS, which has booted; its time-outs are ours."""
+    """The node of canopen's own master for a simulated drive made from an EDS, which has booted; its time-outs are ours."""
     with StandIns(devices=[Device(made, 5)], **options(channel)) as stand_ins:
         network = canopen.Network()
         network.NOTIFIER_CYCLE = 0.05
@@ -124,7 +124,7 @@ def canopens_master(channel, made) -> Iterator[BaseNode402]:
             network.disconnect()
 
 
-def test_canopens_own_402_master_enables_and_moves_a_stand_in(channel):
+def test_canopens_own_402_master_enables_and_moves_a_simulated_drive(channel):
     made = drive_eds(x1800_5=20)  # an event timer, so that its TPDO really is periodic
     with canopens_master(channel, made) as node:
         node.nmt.state = "OPERATIONAL"
@@ -159,7 +159,7 @@ def test_canopens_own_402_master_sees_a_quick_stop_at_standstill(channel, change
         node.on_TPDOs_update_callback = look
         node.nmt.state = "OPERATIONAL"
         node.setup_402_state_machine()
-        # What is sent on change comes as the node starts, to one who listens.
+        # A TPDO sent on change is sent when the node starts, to a listener.
         for name in ("PRE-OPERATIONAL", "OPERATIONAL"):
             node.nmt.state = name
         for name in ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED"):
@@ -169,7 +169,7 @@ def test_canopens_own_402_master_sees_a_quick_stop_at_standstill(channel, change
         wait_for(lambda: node.state == "SWITCH ON DISABLED", "its end")
 
 
-def test_a_slow_node_keeps_nobody_waiting(channel, master):
+def test_a_slow_node_delays_no_other(channel, master):
     slow, quick = Device(drive_eds(), 1), Device(drive_eds(), 2)
     slow.dials.sdo_delay = 1.0
     with StandIns(devices=[slow, quick], **options(channel)):
@@ -208,7 +208,7 @@ def test_nmt_gates_the_bus(channel, master):
         assert seen.arbitration_id == 0x705
 
 
-def test_stand_ins_that_are_given_no_time_are_behind(channel, master):
+def test_simulated_drives_without_processor_time_are_behind(channel, master):
     with StandIns(devices=[Device(drive_eds(), 5)], **options(channel)) as network:
         wait_for(lambda: not network.behind(), "they keep up")
         with network.lock:
@@ -217,7 +217,7 @@ def test_stand_ins_that_are_given_no_time_are_behind(channel, master):
         wait_for(lambda: not network.behind(), "they have caught up")
 
 
-def test_all_stand_ins_share_two_threads(channel):
+def test_all_simulated_drives_share_two_threads(channel):
     before = threading.active_count()
     with StandIns(
         devices=[Device(drive_eds(), number) for number in range(1, 9)], **options(channel)
@@ -274,7 +274,7 @@ def test_closing_twice_is_harmless_and_a_failure_is_handed_on(channel):
         broken.close()
 
 
-def test_a_module_of_another_protocol_stands_beside_the_devices(channel):
+def test_a_module_of_another_protocol_works_beside_the_devices(channel):
     module = Module(16, eds=drive_eds())
     with StandIns(devices=[Device(drive_eds(), 40)], guests=[module], **options(channel)):
         master = Master(channel)

@@ -1,4 +1,4 @@
-"""Plants that resist, and drives that do not do what their objects say: each plant parameter and dial for itself."""
+"""Plants that resist, and drives that deviate from their objects: each plant parameter and fault setting alone."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ LOADED = MotorParams(stiffness=0.5, damping=0.2, load=100.0)  # it droops by 200
 STEPS = [0.0001, 0.001, 0.007, 0.02]
 
 
-def ramp_and_rest(motor: Motor, dt: float, seconds: float = 1.4) -> list[tuple[float, float]]:
-    """Lead a motor at 20 000 increments/s for 0.7 s, then hold; return time and position at every 0.14 s."""
+def ramp_and_hold(motor: Motor, dt: float, seconds: float = 1.4) -> list[tuple[float, float]]:
+    """Move a motor at 20 000 increments/s for 0.7 s, then hold; return time and position at every 0.14 s."""
     seen, time, demand = [], 0.0, motor.seize()
     begin = demand
     for number in range(1, round(seconds / dt) + 1):
@@ -38,15 +38,15 @@ def test_a_motor_without_stiffness_is_the_usual_one():
 @pytest.mark.parametrize("dt", STEPS)
 @pytest.mark.parametrize("params", [SOFT, LOADED], ids=["free", "loaded"])
 def test_the_step_width_does_not_matter(params, dt):
-    fine = dict(ramp_and_rest(make_motor(params), 0.0005))
-    seen = ramp_and_rest(make_motor(params), dt)
+    fine = dict(ramp_and_hold(make_motor(params), 0.0005))
+    seen = ramp_and_hold(make_motor(params), dt)
     assert len(seen) >= 9
     for time, position in seen:
         assert position == pytest.approx(fine[time], abs=1.0)
 
 
 @pytest.mark.parametrize("dt", STEPS)
-def test_a_load_lets_it_droop_by_load_over_stiffness_and_stay_there(dt):
+def test_a_loaded_motor_droops_by_load_over_stiffness(dt):
     motor = make_motor(LOADED)
     demand = motor.seize()
     for _ in range(round(3.0 / dt)):
@@ -57,9 +57,9 @@ def test_a_load_lets_it_droop_by_load_over_stiffness_and_stay_there(dt):
     assert motor.error == pytest.approx(200.0)
 
 
-def test_it_rings_when_its_demand_comes_to_rest():
+def test_a_soft_motor_oscillates_when_its_demand_stops():
     motor = make_motor(SOFT)
-    ramp_and_rest(motor, 0.001, 0.7)
+    ramp_and_hold(motor, 0.001, 0.7)
     place, speeds = 14_000.0, []
     for _ in range(300):
         motor.track(place, 0.001, 3000.0)
@@ -71,7 +71,7 @@ def test_it_rings_when_its_demand_comes_to_rest():
     assert (motor.position, motor.velocity) == (pytest.approx(place), 0.0)
 
 
-def test_a_jammed_one_pulls_with_what_its_spring_gives_and_not_more_than_the_limit():
+def test_a_jammed_motor_pulls_with_the_force_of_its_spring_up_to_the_limit():
     motor = make_motor(SOFT)
     motor.seize()
     motor.blocked = True
@@ -83,7 +83,7 @@ def test_a_jammed_one_pulls_with_what_its_spring_gives_and_not_more_than_the_lim
 
 
 @pytest.mark.parametrize("dt", STEPS)
-def test_with_little_torque_it_still_comes_to_rest_where_it_should(dt):
+def test_a_motor_with_little_torque_still_stops_at_its_target(dt):
     motor = make_motor(SOFT)
     motor.seize()
     for _ in range(round(20.0 / dt)):
@@ -94,7 +94,7 @@ def test_with_little_torque_it_still_comes_to_rest_where_it_should(dt):
 
 def test_an_enabled_drive_sags_and_shows_that_demand_and_actual_differ():
     rig = Rig(params=LOADED, x6065=0xFFFF_FFFF)
-    rig.dials.blocked = True  # somebody holds it by hand
+    rig.dials.blocked = True  # it is held by hand
     rig.enable(PP)
     rig.dials.blocked = False
     rig.run(2.0)
@@ -104,12 +104,12 @@ def test_an_enabled_drive_sags_and_shows_that_demand_and_actual_differ():
     assert (rig.read(0x6062), rig.read(0x6064)) == (10_000, 9_800)
 
 
-# -- what holds a motor --------------------------------------------------------------------------------------------------
+# -- forces that hold a motor --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("dt", STEPS)
 @pytest.mark.parametrize("params", [MotorParams(), SOFT], ids=["stiff", "compliant"])
-def test_a_motor_that_sticks_lets_its_torque_grow_and_then_goes(params, dt):
+def test_a_motor_that_sticks_increases_its_torque_and_then_moves(params, dt):
     motor = make_motor(params)
     motor.sticks = 400.0
     way = motor.seize()
@@ -125,7 +125,7 @@ def test_a_motor_that_sticks_lets_its_torque_grow_and_then_goes(params, dt):
     assert motor.position == pytest.approx(way, abs=820.0)  # it may stick again, as far away as before
 
 
-def test_one_that_sticks_harder_than_its_torque_limit_never_goes():
+def test_a_motor_that_sticks_harder_than_its_torque_limit_never_moves():
     for params in (MotorParams(), SOFT):
         motor = make_motor(params)
         motor.sticks = 5000.0
@@ -151,7 +151,7 @@ def test_a_sticking_drive_does_not_slide_when_it_is_pushed():
 # -- feedback ------------------------------------------------------------------------------------------------------------
 
 
-def test_feedback_that_is_late_shows_where_the_motor_was():
+def test_delayed_feedback_shows_an_earlier_position_of_the_motor():
     rig = Rig().enable(PV)
     rig.dials.feedback_delay = 0.1
     rig.drive.target_velocity = 10_000
@@ -169,7 +169,7 @@ def test_feedback_that_is_late_shows_where_the_motor_was():
 @pytest.mark.parametrize(
     ("dial", "shown"), [("demand_frozen", 0), ("demand_is_actual", 5000), (None, 20_000)]
 )
-def test_what_6062_shows_of_a_jammed_drive(dial, shown):
+def test_the_value_of_6062h_of_a_jammed_drive(dial, shown):
     rig = Rig(x6065=0xFFFF_FFFF).enable(PP)
     if dial is not None:
         setattr(rig.dials, dial, True)
@@ -182,7 +182,7 @@ def test_what_6062_shows_of_a_jammed_drive(dial, shown):
 
 @pytest.mark.parametrize("shown", [False, True], ids=["hidden", "shown"])
 @pytest.mark.parametrize("mode", [PP, PV, CSP])
-def test_a_drive_that_creeps_moves_by_itself_while_it_is_energised(mode, shown):
+def test_a_drive_that_creeps_moves_without_a_command_while_it_is_energised(mode, shown):
     rig = Rig(x6065=0xFFFF_FFFF).enable(mode)
     rig.dials.drift_velocity, rig.dials.creep_shown = 50.0, shown
     rig.run(2.0)
@@ -199,7 +199,7 @@ def test_a_drive_that_creeps_moves_by_itself_while_it_is_energised(mode, shown):
     assert rig.drive.position == rest  # it is enabled where it is
 
 
-def test_bit_10_may_be_set_whatever_happens():
+def test_bit_10_can_be_made_to_be_set_all_the_time():
     rig = Rig().enable(PP)
     rig.dials.target_reached_always = True
     rig.present(100_000)
@@ -211,7 +211,7 @@ def test_bit_10_may_be_set_whatever_happens():
 # -- a will of its own ---------------------------------------------------------------------------------------------------
 
 
-def test_a_drive_that_slips_into_another_mode_stays_there_until_it_is_let():
+def test_a_drive_that_changes_its_mode_spontaneously_stays_there_until_the_fault_ends():
     rig = Rig().enable(PV)
     rig.drive.target_velocity = 10_000
     rig.run(1.0)
@@ -263,7 +263,7 @@ def test_a_drive_that_resumes_turns_at_its_former_velocity_until_another_is_writ
     assert rig.drive.velocity == 0
 
 
-# -- what was there already: off and moving ------------------------------------------------------------------------------
+# -- initial states: off and moving --------------------------------------------------------------------------------------
 
 
 def test_a_drive_with_little_friction_coasts_far_when_its_power_is_cut():

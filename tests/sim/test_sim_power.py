@@ -113,7 +113,7 @@ def test_fault_reset_needs_a_rising_edge_of_bit_7():
     assert stage.stage is Stage.SWITCH_ON_DISABLED
 
 
-def test_enable_operation_given_early_goes_through_switched_on_by_itself():
+def test_enable_operation_given_early_passes_switched_on():
     stage = stage_in("ready to switch on")
     stage.command(0x0F)
     stage.step(TICK, True)
@@ -146,7 +146,7 @@ def test_disabling_waits_for_the_ramp_and_is_called_off_by_enable_operation():
         (8, Effort.LIMIT),
     ],
 )
-def test_quick_stop_options_choose_the_ramp_and_where_it_ends(option, effort):
+def test_quick_stop_options_select_the_ramp_and_the_final_state(option, effort):
     stage = stage_in("operation enabled", Options(quick_stop_option=option))
     stage.command(2)
     stage.step(TICK, False)
@@ -175,7 +175,7 @@ def test_disable_voltage_cuts_a_quick_stop_ramp_short():
     assert stage.stage is Stage.SWITCH_ON_DISABLED
 
 
-def test_dials_make_it_deaf_slow_or_stubborn():
+def test_fault_settings_make_a_power_stage_ignore_delay_or_refuse_commands():
     dials = DriveFaults(ignore_quick_stop=True, ignore_disable_voltage=True)
     stage = stage_in("operation enabled", dials=dials)
     for word in (2, 0):

@@ -55,16 +55,16 @@ def test_the_handshake_in_its_phases():
     assert not rig.has(BIT_12)
     rig.word(0x1F)
     assert rig.has(BIT_12)
-    assert not rig.has(BIT_10)  # under way
+    assert not rig.has(BIT_10)  # still moving
     rig.run(0.1)
-    assert rig.has(BIT_12)  # as long as bit 4 stands
+    assert rig.has(BIT_12)  # as long as bit 4 is set
     rig.word(0x0F)
     assert not rig.has(BIT_12)
     rig.arrive()
     assert rig.drive.position == pytest.approx(50_000, abs=10)
 
 
-def test_a_standing_bit_4_is_no_second_set_point():
+def test_a_constant_bit_4_is_no_second_set_point():
     rig = Rig().enable(PP)
     rig.drive.target_position = 1000
     rig.word(0x1F)
@@ -134,7 +134,7 @@ def test_change_immediately_reverses_during_the_motion():
     assert rig.drive.position == -1_000
 
 
-def test_a_set_point_too_near_to_stop_is_run_over_and_come_back_to():
+def test_a_set_point_too_near_to_stop_is_overrun_and_then_reached():
     rig = Rig().enable(PP)
     rig.present(100_000)
     rig.run(1.0)
@@ -147,7 +147,7 @@ def test_a_set_point_too_near_to_stop_is_run_over_and_come_back_to():
     assert rig.drive.position == near
 
 
-def test_change_on_set_point_passes_the_first_at_speed():
+def test_change_on_set_point_passes_the_first_target_at_speed():
     rig = Rig().enable(PP)
     rig.present(20_000)
     rig.run(0.5)
@@ -162,7 +162,7 @@ def test_change_on_set_point_passes_the_first_at_speed():
 
 
 @pytest.mark.parametrize(("option", "expected"), [(0, 3_000), (1, None), (2, None)])
-def test_relative_counts_from_what_60f2_says(option, expected):
+def test_relative_counts_from_the_base_selected_by_60f2h(option, expected):
     rig = Rig(x60F2=option).enable(PP)
     rig.present(2_000)
     rig.run(0.1)
@@ -174,7 +174,7 @@ def test_relative_counts_from_what_60f2_says(option, expected):
     assert rig.drive.position == pytest.approx(expected if base is None else base + 1_000, abs=30)
 
 
-def test_halt_brakes_and_the_move_continues_afterwards():
+def test_halt_brakes_and_the_move_continues_after_it():
     rig = Rig().enable(PP)
     rig.present(100_000)
     rig.run(1.0)
@@ -212,7 +212,7 @@ def test_halt_option_0_lets_the_motor_coast():
     assert 0 < rig.drive.velocity < 20_000
 
 
-def test_a_target_beyond_the_software_limit_is_clamped_and_said():
+def test_a_target_beyond_the_software_limit_is_clamped_and_sets_the_limit_bit():
     rig = Rig(x607D_1=-10_000, x607D_2=15_000).enable(PP)
     rig.present(50_000)
     assert rig.has(LIMIT)
@@ -332,7 +332,7 @@ def test_the_dials_of_the_handshake():
     assert rig.drive.position == 1_000
 
 
-def test_target_reached_may_linger_or_never_come():
+def test_target_reached_may_stay_set_or_never_be_set():
     rig = Rig().enable(PP)
     rig.present(100)
     rig.arrive()
@@ -384,7 +384,7 @@ def test_positions_run_on_across_the_wrap_of_integer32():
     assert rig.drive.axis.motor.position == pytest.approx(2**31 + 1_000)
 
 
-def test_a_drive_whose_count_does_not_wrap_goes_the_long_way_round():
+def test_a_drive_whose_count_does_not_wrap_moves_in_the_long_direction():
     rig = Rig(params=MotorParams(start_position=2**31 - 1_000, wraps=False)).enable(PP)
     rig.present(-(2**31) + 1_000)
     rig.run(0.5)

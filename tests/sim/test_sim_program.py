@@ -1,4 +1,4 @@
-"""The simulated drive's boot loader: what it takes, in which order, and what it says of it (CiA 302-3, numbers typed by hand)."""
+"""The simulated drive's boot loader: accepted data, their order, and its reports (CiA 302-3, numbers typed by hand)."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_an_invalid_program_is_reported_as_error_3(device):
     assert device.read(0x1F57, 1) == 3 << 1
 
 
-def test_the_memory_takes_its_time_and_may_make_the_node_deaf(device):
+def test_clearing_the_program_memory_takes_time_and_may_stop_sdo_answers(device):
     device.dials.program.clear_time, device.dials.program.deaf = 2.0, True
     order(device, 0, 3)
     assert device.read(0x1F57, 1) == 1

@@ -90,7 +90,7 @@ def test_the_client_takes_the_block_size_that_the_server_grants_each_time():
     assert download.progress == (21, 35)
 
 
-def test_a_segment_that_was_not_confirmed_is_sent_again_with_what_follows():
+def test_an_unconfirmed_segment_is_sent_again_with_all_after_it():
     download = Download(*FILE, bytes(range(28)), TIMEOUT, SdoTransferType.BLOCK)
     download.start()
     assert len(download.receive(raw("a40021007f000000"))) == 4
@@ -101,7 +101,7 @@ def test_a_segment_that_was_not_confirmed_is_sent_again_with_what_follows():
     ]
 
 
-def test_the_client_confirms_only_what_came_in_order():
+def test_the_client_confirms_only_segments_received_in_order():
     upload = Upload(*FILE, TIMEOUT, SdoTransferType.BLOCK, block_size=4)
     assert hexed(upload.start()) == ["a400210004000000"]
     upload.receive(raw("c600210020000000"))
@@ -152,7 +152,7 @@ def test_an_invalid_block_size_is_refused(granted):
     assert caught.value.code == 0x0504_0002
 
 
-def test_a_confirmation_of_what_was_never_sent_is_refused():
+def test_a_confirmation_of_a_segment_that_was_never_sent_is_refused():
     download = Download(*FILE, NINE, TIMEOUT, SdoTransferType.BLOCK)
     download.start()
     download.receive(raw("a40021007f000000"))
@@ -181,10 +181,10 @@ def test_more_bytes_than_announced_are_an_error():
         upload.receive(raw("03" + "33" * 7))
 
 
-# -- which way
+# -- selection of the transfer type ----
 
 
-def test_many_announced_bytes_are_fetched_in_blocks():
+def test_many_announced_bytes_are_read_in_blocks():
     upload = Upload(*FILE, TIMEOUT, SdoTransferType.AUTO)
     assert hexed(upload.start()) == ["4000210000000000"]
     assert hexed(upload.receive(raw("4100210000010000"))) == ["8000210000000008", "a40021007f000000"]
@@ -216,7 +216,7 @@ def test_a_refused_or_ignored_block_is_followed_by_a_normal_transfer(answer):
         assert dialogue.block_refused == (0x0504_0001 if answer else 0x0504_0000)
 
 
-def test_a_node_without_blocks_is_asked_only_once():
+def test_block_transfer_is_tried_only_once_with_a_node_that_does_not_support_it():
     wire = SdoWire(BIG[:1000])
     wire.dials.sdo_block = False
     first = wire.upload(SdoTransferType.AUTO)
@@ -370,7 +370,9 @@ FATES = st.dictionaries(st.integers(1, 400), st.one_of(st.none(), st.floats(0.0,
     block_size=st.integers(1, 127),
     seed=st.integers(0, 3),
 )
-def test_whatever_is_lost_or_late_data_is_right_or_there_is_an_error(fates, size, way, block_size, seed):
+def test_after_lost_and_late_frames_the_data_is_right_or_there_is_an_error(
+    fates, size, way, block_size, seed
+):
     """Four transfers one after another on a wire that loses and delays; the late frames of one meet the next."""
     wire = SdoWire()
     wire.dials.sdo_block_size = block_size

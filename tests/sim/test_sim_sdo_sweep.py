@@ -23,7 +23,7 @@ FRAMES = {False: 9363 + 74 + 5, True: 9363 + 74 + 4}
 BLOCK = 128  # its segments and their confirmation
 # Places within a block, which recover alike in every block: around both of its ends, and some between.
 PLACES = frozenset({0, 1, 2, 3, 5, 17, 40, 64, 90, 111, 125, 126, 127})
-ALL_FROM = 9442 - 2 * BLOCK  # here ends what can recover in yet another way
+ALL_FROM = 9442 - 2 * BLOCK  # from here the recovery is another one
 EVERY_FRAME = os.environ.get("AXISBUS_EXAMPLES") == "fresh"
 
 sweep_of_64_kib = functools.cache(functools.partial(Sweep, BIG))
@@ -48,7 +48,7 @@ def _is_lost(number: int) -> bool:
 
 @pytest.mark.parametrize("tries", [1, 2])
 @pytest.mark.parametrize("writing", [False, True], ids=["reading", "writing"])
-def test_the_sweep_finds_what_whole_transfers_find(writing, tries):
+def test_the_sweep_finds_the_same_losses_as_whole_transfers(writing, tries):
     """The oracle of the sweep itself: with one attempt only some losses end a transfer, and it must name just those."""
     data = BIG[:3000]
     sweep = Sweep(data, writing, tries)

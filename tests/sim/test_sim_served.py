@@ -20,7 +20,7 @@ from axisbus.sim.socketcand_server import LOOPBACK, Server
 OPEN, RAW = b"< open sim >", b"< rawmode >"
 
 
-# -- what is said ----------------------------------------------------------------------------------------------------------------
+# -- messages --------------------------------------------------------------------------------------------------------------------
 
 
 def raw() -> Dialogue:
@@ -43,7 +43,7 @@ def test_a_client_opens_the_bus_asks_for_raw_mode_and_sends():
 
 
 @pytest.mark.parametrize("size", [1, 2, 7, 40])
-def test_messages_come_in_pieces(size):
+def test_messages_are_read_in_pieces(size):
     dialogue, frames, data = raw(), [], b"< send 181 2 1 2 >" * 3 + b"\r\n< send 182 1 9 >"
     for start in range(0, len(data), size):
         frames += dialogue.take(data[start : start + size])[1]
@@ -55,7 +55,7 @@ def test_messages_come_in_pieces(size):
     [b"< send 800 0 >", b"< send 181 9 1 2 3 4 5 6 7 8 9 >", b"< send 181 2 1 >", b"< send xyz 1 1 >", b"< send >",
      b"< send 181 1 100 >", b"< send 20000000 0 >", b"< send -1 0 >"],
 )  # fmt: skip
-def test_what_is_no_frame_is_refused(sent):
+def test_an_invalid_frame_is_refused(sent):
     assert raw().take(sent) == (b"< error no frame >", [])
 
 
@@ -71,13 +71,13 @@ def test_only_the_bus_that_there_is_is_opened_and_only_raw_mode_served():
     assert dialogue.take(b"< echo >")[0] == b"< echo >"
 
 
-def test_a_client_that_says_no_messages_is_mad():
+def test_a_client_of_another_protocol_is_recognised():
     dialogue = Dialogue("sim")
     dialogue.take(b"GET / HTTP/1.1\r\n" * 30)
     assert dialogue.mad
 
 
-def test_a_frame_is_told_as_the_protocol_has_it():
+def test_a_frame_is_written_as_the_protocol_defines():
     assert told(Frame(0x81, b"\x01\xab"), 12.5) == b"< frame 081 12.500000 01AB >"
     assert told(Frame(0x1ABCDEF0, b"", extended=True), 1.0) == b"< frame 1ABCDEF0 1.000000  >"
 
@@ -94,11 +94,11 @@ def server():
 
 def joined(server, **options):
     bus = open_adapter("socketcand", server.channel, None, {"host": LOOPBACK, "port": server.port, **options})
-    time.sleep(0.1)  # nothing is told for 50 ms
+    time.sleep(0.1)  # nothing is sent for 50 ms
     return bus
 
 
-def test_frames_reach_the_stand_ins_and_all_others_but_who_sent_them(server):
+def test_frames_reach_the_simulated_drives_and_all_clients_but_their_sender(server):
     one, other = joined(server), SocketCanDaemonBus(server.channel, LOOPBACK, server.port)
     time.sleep(0.1)
     try:
@@ -137,7 +137,7 @@ def test_a_frame_takes_no_longer_than_the_loopback(server):
 
 
 @pytest.mark.parametrize("at_once", [True, False], ids=["", "as on Windows"])
-def test_who_does_not_read_and_who_says_nonsense_is_let_go_and_nobody_waits(
+def test_a_client_that_does_not_read_or_sends_nonsense_is_disconnected_without_a_delay(
     server, caplog, at_once, monkeypatch
 ):
     caplog.set_level(logging.CRITICAL)
@@ -169,7 +169,7 @@ def test_who_does_not_read_and_who_says_nonsense_is_let_go_and_nobody_waits(
     good.shutdown()
 
 
-def test_one_that_sends_more_than_can_be_taken_waits_and_one_that_nobody_takes_is_let_go(server):
+def test_a_client_that_sends_too_much_waits_and_one_that_is_not_served_is_disconnected(server):
     flood = socket.create_connection((LOOPBACK, server.port))
     flood.sendall(f"< open {server.channel} >< rawmode >".encode())
     flood.settimeout(0.3)
@@ -187,7 +187,7 @@ def test_one_that_sends_more_than_can_be_taken_waits_and_one_that_nobody_takes_i
     good = joined(server)
     good.send(can.Message(arbitration_id=0x202, data=b"", is_extended_id=False))
     heard = server.bus.recv(2.0)
-    while heard.arbitration_id == 0x201:  # what was under way when the flood ended
+    while heard.arbitration_id == 0x201:  # frames in transit when the flood ended
         heard = server.bus.recv(2.0)
     assert heard.arbitration_id == 0x202
     flood.close()
@@ -207,7 +207,7 @@ def test_a_crowd_is_kept_out(server):
     joined(server).shutdown()
 
 
-def test_a_port_that_is_taken_is_told(server):
+def test_a_port_in_use_is_reported(server):
     with pytest.raises(AdapterError, match="cannot be served") as told_of:
         Server(server.port)
     assert "--port" in told_of.value.remedy
@@ -216,7 +216,7 @@ def test_a_port_that_is_taken_is_told(server):
 # -- our end ---------------------------------------------------------------------------------------------------------------------
 
 
-def test_a_message_that_comes_in_pieces_is_no_news_and_one_that_is_none_is(server, caplog):
+def test_a_message_in_pieces_is_not_logged_and_an_invalid_one_is(server, caplog):
     bus = joined(server, tcp_tune=False)
     end = getattr(bus, "_SocketCanDaemonBus__socket")  # noqa: B009  # python-can has no other name for it
     ours, theirs = socket.socketpair()
@@ -233,7 +233,7 @@ def test_a_message_that_comes_in_pieces_is_no_news_and_one_that_is_none_is(serve
     assert [record.msg.split(":")[0] for record in caplog.records] == ["Bad data"]
 
 
-def test_a_server_that_is_not_there_is_told_at_once():
+def test_a_missing_server_is_reported_at_once():
     with socket.socket() as free:
         free.bind((LOOPBACK, 0))
         port = free.getsockname()[1]
@@ -244,7 +244,7 @@ def test_a_server_that_is_not_there_is_told_at_once():
     assert "axisbus sim" in told_of.value.remedy
 
 
-def test_a_server_that_goes_away_is_told(server):
+def test_a_server_that_ends_is_reported(server):
     bus = joined(server)
     server.close()
     time.sleep(0.2)

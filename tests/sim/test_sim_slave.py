@@ -32,7 +32,7 @@ class Wire:
         return self
 
     def send(self, can_id: int, data: str, *, remote: bool = False) -> list[tuple[int, str]]:
-        """Send a frame and return what is answered at once."""
+        """Send a frame and return the immediate answers."""
         seen = len(self.log)
         self.slave.on_frame(can_id, bytes.fromhex(data), self.now, remote=remote)
         self._collect()
@@ -144,13 +144,13 @@ def test_a_quick_stop_at_standstill_is_seen_in_a_tpdo(transmission, event_timer)
     assert shown[-1] == "switch on disabled"
 
 
-def test_what_repeats_shows_it_twice():
-    """Who sends the command and then waits for the next TPDO has missed the first."""
+def test_a_repeated_tpdo_shows_it_twice():
+    """A master that sends the command and then waits for the next TPDO has missed the first."""
     for transmission, timer in ((255, 50), (1, 0), (3, 0)):
         assert quick_stopped(transmission, timer).count("quick stop active") >= 2
 
 
-def test_disable_voltage_waits_for_nobody():
+def test_disable_voltage_takes_effect_at_once():
     wire = Wire(x605A=2, x1800_2=10).start()
     for word in (*ENABLING, "0200"):
         wire.send(0x205, word + "00000000")
@@ -161,7 +161,7 @@ def test_disable_voltage_waits_for_nobody():
     assert state(wire.device.drive.statusword) == "switch on disabled"
 
 
-def test_a_tpdo_that_never_goes_out_holds_no_drive_for_ever():
+def test_a_tpdo_that_is_never_sent_delays_a_drive_for_a_limited_time():
     wire = Wire(x605A=2, x1800_2=10).start()  # no SYNC comes
     for word in (*ENABLING, "0200"):
         wire.send(0x205, word + "00000000")
@@ -253,7 +253,7 @@ def test_sdo_toggle_and_abort_end_a_transfer():
 
 
 def test_a_block_upload_of_few_bytes_is_answered_by_a_normal_one():
-    """The client says that it would rather have up to 4 bytes in a normal transfer."""
+    """The client prefers a normal transfer for up to 4 bytes."""
     assert Wire().run(0.1).sdo("a000100010040000") == "4300100092010200"
 
 
@@ -354,7 +354,7 @@ def test_an_rpdo_that_is_too_short_is_reported_and_not_obeyed():
     assert wire.device.drive.controlword == 0
 
 
-def test_no_pdo_is_heard_outside_operational():
+def test_no_pdo_is_received_outside_operational():
     wire = Wire().run(0.1)
     wire.send(0x205, "060000000000")
     wire.send(0x80, "")
@@ -362,7 +362,7 @@ def test_no_pdo_is_heard_outside_operational():
     assert state(wire.device.drive.statusword) == "switch on disabled"
 
 
-def test_a_remapped_pdo_is_heard_on_its_new_identifier():
+def test_a_remapped_pdo_is_received_on_its_new_identifier():
     wire = Wire().start()
     wire.write(0x1400, 1, 0x8000_0205, 4)
     wire.write(0x1600, 0, 0, 1)
@@ -375,7 +375,7 @@ def test_a_remapped_pdo_is_heard_on_its_new_identifier():
     assert wire.device.drive.controlword == 6
 
 
-def test_an_edge_shorter_than_a_step_is_heard():
+def test_an_edge_shorter_than_a_step_is_received():
     wire = Wire().start()
     wire.device.drive.fault(0x2310)
     wire.run(0.05)
@@ -423,12 +423,12 @@ def enabled(wire: Wire) -> Wire:
     ("option", "ends_in"),
     [(0, "operation enabled"), (1, "fault"), (2, "switch on disabled"), (3, "switch on disabled")],
 )
-def test_a_lost_master_is_answered_as_6007_says(option, ends_in):
+def test_a_lost_master_causes_the_reaction_of_6007h(option, ends_in):
     wire = enabled(Wire(x6007=option, x1016_1=0x7F_0064))  # node 127, 100 ms
     wire.run(0.3)
     assert (
         state(wire.device.drive.statusword) == "operation enabled"
-    )  # no heartbeat was ever heard: not watched yet
+    )  # no heartbeat was ever received: not watched yet
     for _ in range(5):
         wire.send(0x77F, "05")
         wire.run(0.05)
@@ -482,10 +482,10 @@ def test_life_guarding_is_a_watchdog_too():
     assert wire.of(0x85) == ["3081110000000000"]
 
 
-def test_an_rpdo_that_stops_coming_is_noticed_by_its_deadline():
+def test_a_missing_rpdo_is_noticed_by_its_deadline():
     wire = Wire(x1401_5=40, x6007=1, x1029_1=1).start()
     wire.run(0.2)
-    assert wire.of(0x85) == []  # never heard: not watched
+    assert wire.of(0x85) == []  # never received: not watched
     for _ in range(5):
         wire.send(0x305, "060000000000")
         wire.run(0.03)
@@ -549,7 +549,7 @@ def set_tpdo(wire, number, kind, **entries):
     wire.write(index, 1, cob_id | entries.get("flags", 0), 4)
 
 
-def test_a_tpdo_on_request_comes_when_it_is_asked_for_and_only_then():
+def test_a_tpdo_on_request_is_sent_only_when_it_is_requested():
     wire = served(rtr=True)
     set_tpdo(wire, 1, 253)
     wire.send(0, "0100")
@@ -559,7 +559,7 @@ def test_a_tpdo_on_request_comes_when_it_is_asked_for_and_only_then():
     assert wire.send(0x185, "", remote=True) == [(0x185, "310200000000")]
 
 
-def test_type_252_brings_what_was_sampled_at_the_last_sync():
+def test_type_252_sends_the_values_sampled_at_the_last_sync():
     wire = served(rtr=True)
     set_tpdo(wire, 1, 252)
     wire.send(0, "0100")
@@ -597,7 +597,7 @@ def test_a_device_without_remote_frames_refuses_the_types_that_need_them():
         (3, 4, [2]),  # 4, 1, 2; and 3, 4 of the next three
     ],
 )
-def test_a_sync_start_value_says_where_the_counting_begins(kind, start, sent_at):
+def test_a_sync_start_value_sets_the_begin_of_counting(kind, start, sent_at):
     wire = served()
     wire.write(0x1019, 0, 4, 1)
     set_tpdo(wire, 1, kind, start=start)
@@ -618,7 +618,7 @@ def test_a_start_value_without_a_counter_is_ignored():
 
 
 @pytest.mark.parametrize(("overflow", "right", "wrong"), [(0, "", "05"), (10, "05", "")])
-def test_a_sync_of_another_length_than_1019_says_is_reported_once(overflow, right, wrong):
+def test_a_sync_of_another_length_than_1019h_is_reported_once(overflow, right, wrong):
     wire = served()
     wire.write(0x1019, 0, overflow, 1)
     wire.send(0, "0100")
@@ -627,7 +627,7 @@ def test_a_sync_of_another_length_than_1019_says_is_reported_once(overflow, righ
     assert 0x85 not in [can for can, _ in wire.send(0x80, wrong)]
 
 
-def test_a_node_sends_sync_when_1005_says_so():
+def test_a_node_sends_sync_if_1005h_requires_it():
     wire = served()
     wire.write(0x1006, 0, 20_000, 4)
     wire.run(0.1)
@@ -646,7 +646,7 @@ def test_a_node_sends_sync_when_1005_says_so():
     assert wire.of(0x80)[:5] == ["01", "02", "03", "01", "02"]
 
 
-def test_a_node_hears_sync_on_the_identifier_of_1005():
+def test_a_node_receives_sync_on_the_identifier_of_1005h():
     wire = served()
     set_tpdo(wire, 1, 1)
     wire.write(0x1005, 0, 0x90, 4)
@@ -656,7 +656,7 @@ def test_a_node_hears_sync_on_the_identifier_of_1005():
     assert [can for can, _ in wire.send(0x90, "")] == [0x185]
 
 
-def test_time_is_taken_where_1012_says_so():
+def test_time_is_received_if_1012h_requires_it():
     """One hour after midnight of the day 15000: 3600000 ms is 0036EE80h, 15000 is 3A98h."""
     wire = served().start()
     wire.send(0x100, "80ee3600983a")

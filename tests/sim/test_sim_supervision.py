@@ -43,7 +43,7 @@ def test_quick_stop_by_each_option(option, time, ends_in):
     rig.run(0.1)
     assert rig.state == ends_in
     if option >= 5:
-        assert rig.has(BIT_10)  # stands, energised
+        assert rig.has(BIT_10)  # at standstill, energised
         rig.word(0x000F)
         assert rig.state == "operation enabled"
 
@@ -95,7 +95,7 @@ def test_without_any_deceleration_a_ramp_still_brakes():
     assert rig.until(lambda: rig.state == "switch on disabled") < 0.1
 
 
-def test_disable_voltage_lets_it_coast_at_once_unless_ignored():
+def test_disable_voltage_lets_the_motor_coast_at_once_unless_ignored():
     rig = running()
     rig.dials.ignore_disable_voltage = True
     rig.word(0x0000)
@@ -109,7 +109,7 @@ def test_disable_voltage_lets_it_coast_at_once_unless_ignored():
 # Faults.
 
 
-def test_a_fault_brakes_as_605e_says_and_is_reset_by_an_edge():
+def test_a_fault_brakes_according_to_605eh_and_is_reset_by_an_edge():
     rig = running(x605E=2)
     rig.drive.fault(0x2310, maker_bits=0x1_0000_0002)
     assert rig.state == "fault reaction active"
@@ -175,7 +175,7 @@ def test_an_encoder_that_jumps_is_a_following_error():
     assert rig.dials.encoder_jump == 0
 
 
-def test_a_fault_on_enabling_comes_by_the_dial():
+def test_a_fault_on_enabling_is_caused_by_the_fault_setting():
     rig = Rig()
     rig.dials.fault_on_enable = 0x7122
     rig.run(0.05)
@@ -186,7 +186,7 @@ def test_a_fault_on_enabling_comes_by_the_dial():
     assert rig.read(0x603F) == 0x7122
 
 
-# What the statusword says beside the state.
+# The bits of the statusword beside the state.
 
 
 def test_the_common_bits_of_the_statusword():
@@ -254,7 +254,7 @@ def test_a_loaded_axis_sags_without_torque_and_holds_with_it():
     assert rig.drive.position < holds - 1_000
 
 
-def test_a_brake_holds_a_disabled_axis_and_closes_before_the_torque_goes():
+def test_a_brake_holds_a_disabled_axis_and_closes_before_the_torque_ends():
     rig = Rig(params=MotorParams(load=300, brake=True, brake_opens=0.05, brake_closes=0.05))
     rig.run(0.5)
     assert rig.drive.position == 0
@@ -305,7 +305,7 @@ def test_an_end_stop_holds_the_motor():
     assert rig.has(LIMIT)
 
 
-# The parts by themselves.
+# The parts alone.
 
 
 @pytest.mark.parametrize("dt", [0.0001, 0.0005, 0.002, 0.01, 0.02])
@@ -318,7 +318,7 @@ def test_coasting_is_the_same_for_every_step_width(dt):
     for _ in range(round(1.0 / dt)):
         motor.push(0.0, dt)
     assert motor.velocity == 0.0
-    # integral of (v0 + 20 000)·e^(-2t) - 20 000 until it stands, at t = ln(3)/2
+    # integral of (v0 + 20 000)·e^(-2t) - 20 000 until standstill, at t = ln(3)/2
     stop = math.log(3) / 2
     assert motor.position == pytest.approx(60_000 / 2 * (1 - math.exp(-2 * stop)) - 20_000 * stop, rel=1e-6)
 

@@ -80,7 +80,7 @@ def test_a_frame_takes_the_time_of_its_bits(bitrate: int, bit: float) -> None:
     assert not bench.ear_one.frames  # it does not hear itself
 
 
-def test_frames_of_one_sender_keep_their_order_and_the_lowest_identifier_of_all_goes_first() -> None:
+def test_frames_of_one_sender_keep_their_order_and_the_lowest_identifier_of_all_is_sent_first() -> None:
     bench = Bench()
     for can_id in (0x300, 0x700, 0x080):
         bench.one.send(can_id, b"")
@@ -92,7 +92,7 @@ def test_frames_of_one_sender_keep_their_order_and_the_lowest_identifier_of_all_
     assert [can_id for _, can_id, _ in order] == [0x300, 0x200, 0x201, 0x700, 0x080]
 
 
-def test_nothing_passes_while_nobody_waits() -> None:
+def test_virtual_time_does_not_pass_without_a_wait() -> None:
     bench = Bench()
     bench.one.send(0x123, b"")
     assert not bench.ear.frames
@@ -111,7 +111,7 @@ def test_remote_and_extended_frames_are_passed_as_messages() -> None:
     ]
 
 
-def test_a_node_boots_answers_and_is_heard_by_every_master() -> None:
+def test_a_node_boots_and_answers_and_every_master_receives_it() -> None:
     bench = Bench(node(1), node(2))
     bench.clock.sleep(0.2)
     assert sorted(bench.ear.ids) == sorted(bench.ear_one.ids) == [0x701, 0x702]  # the boot-up messages
@@ -129,7 +129,7 @@ def test_the_objects_of_a_node_are_at_hand_as_those_of_a_local_node_of_canopen()
     assert bench.wire.devices[0].drive.target_position == 1234
 
 
-def test_a_late_answer_comes_at_its_time() -> None:
+def test_a_late_answer_is_sent_at_its_time() -> None:
     device = node()
     device.dials.sdo_delay = 0.0123
     bench = Bench(device)
@@ -141,13 +141,13 @@ def test_a_late_answer_comes_at_its_time() -> None:
     assert at - began == pytest.approx(0.0123, abs=0.0004)
 
 
-def test_modules_of_another_protocol_hear_the_nodes_and_each_other() -> None:
+def test_modules_of_another_protocol_receive_the_nodes_and_each_other() -> None:
     bench = Bench(node(), guests=(Module(5), Module(6)))
     bench.clock.sleep(1.0)
     assert {0x701, 0xA1, 0xC1} <= set(bench.ear.ids)  # the boot-up message, and heartbeats of both
 
 
-def test_the_plant_is_that_of_now_when_a_wait_ends() -> None:
+def test_the_plant_is_stepped_to_the_present_time_when_a_wait_ends() -> None:
     bench = Bench(node())
     bench.clock.sleep(0.0123)
     assert bench.wire.devices[0].time == pytest.approx(0.0123)
@@ -172,7 +172,7 @@ def sent(
     return ear.frames
 
 
-def test_frames_are_lost_doubled_and_changed_as_often_as_asked_for() -> None:
+def test_frames_are_lost_doubled_and_changed_with_the_given_probability() -> None:
     assert 600 < len(sent(lambda wire: setattr(wire.faults, "loss", 0.3))) < 800
     assert 1200 < len(sent(lambda wire: setattr(wire.faults, "duplication", 0.3))) < 1400
     changed = sent(lambda wire: setattr(wire.faults, "corruption", 0.3))
@@ -208,7 +208,7 @@ def test_jitter_alone_makes_frames_late() -> None:
     assert 0.005 < max(delays) <= 0.025
 
 
-def test_a_wire_that_is_cut_carries_what_is_sent_when_it_is_whole_again() -> None:
+def test_frames_sent_while_the_wire_is_cut_are_lost() -> None:
     bench = Bench()
     bench.wire.faults.cut = True
     bench.one.send(0x100, b"")
@@ -219,7 +219,7 @@ def test_a_wire_that_is_cut_carries_what_is_sent_when_it_is_whole_again() -> Non
     assert bench.ear.ids == [0x101]
 
 
-def test_frames_withheld_from_the_nodes_are_heard_by_masters() -> None:
+def test_frames_withheld_from_the_nodes_are_received_by_masters() -> None:
     device = node()
     bench = Bench(device)
     bench.clock.sleep(0.2)
@@ -296,7 +296,7 @@ def test_a_controller_that_is_bus_off_neither_sends_nor_receives_until_it_restar
     assert [message.is_error_frame for message in bench.ear_one.messages] == [True, True]
 
 
-def test_an_adapter_that_left_is_heard_of_no_more() -> None:
+def test_the_queued_frames_of_a_closed_adapter_are_not_sent() -> None:
     bench = Bench()
     bench.one.send(0x100, b"")
     bench.one.send(0x101, b"")
@@ -328,8 +328,8 @@ def test_the_same_seeds_give_the_same_frames_in_another_process(tmp_path: Path) 
     assert ran.stdout.split() == [frames_of(tmp_path, seed) for seed in SCENARIOS]
 
 
-def test_who_is_called_with_a_frame_must_not_wait_for_another() -> None:
-    """As in the receive thread of an adapter: what runs in virtual time runs on hardware too."""
+def test_a_frame_callback_must_not_wait_for_another_frame() -> None:
+    """As in the receive thread of an adapter: a program that runs in virtual time runs on hardware too."""
     clock = VirtualClock()
     with Channel(VirtualWire(clock, [node()]).connect(), "simulated", clock=clock) as channel:
         sdo, seen = SdoClient(channel, 1), list[bool]()

@@ -31,7 +31,7 @@ def axisbus(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def put_error_frame(error_class: int, data: bytes = bytes(8)) -> None:
-    """Let the link report what a CAN controller would."""
+    """Let the link report an error frame as a CAN controller would."""
     with can.Bus(LINK, interface="socketcan") as bus:
         bus.send(can.Message(arbitration_id=error_class, data=data, **_ERROR_FRAME))
 
@@ -48,7 +48,7 @@ def test_a_cell_boots_moves_and_stops(stage):
     assert (stage.speeds(), stage.energised()) == ([0, 0], [False, False])
 
 
-def test_a_scan_shows_who_is_there(stage):
+def test_a_scan_lists_the_nodes(stage):
     done = axisbus("scan", "-i", "socketcan", "-c", LINK)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("servo drive (CiA 402)") == 2
@@ -79,7 +79,7 @@ def test_warnings_of_the_controller_are_counted_and_stop_nothing(stage):
         assert min(stage.speeds()) > 1000
 
 
-def test_bus_off_in_mid_move_ends_every_command_and_the_drives_stand(stage):
+def test_bus_off_in_mid_move_ends_every_command_and_the_drives_stop(stage):
     with pytest.raises(AxisbusError) as caught, stage.open() as machine:
         handles = stage.travelling(machine)
         put_error_frame(CAN_ERR_BUSOFF)
@@ -141,7 +141,7 @@ def test_a_controller_that_is_restarted_in_mid_move_leaves_the_cell_stopped_unti
 
 
 def _resets(axis) -> bool:
-    """Whether a reset is taken now: the last stop may still be under way."""
+    """Whether a reset is accepted now: the last stop may still run."""
     try:
         axis.reset().wait(5)
     except AxisbusError:
@@ -149,7 +149,7 @@ def _resets(axis) -> bool:
     return True
 
 
-def test_a_link_that_goes_away_in_mid_move_is_reported_and_the_drives_own_watchdog_stops_them(
+def test_a_link_that_goes_down_during_a_move_is_reported_and_the_watchdogs_of_the_drives_stop_them(
     ends, make_stage
 ):
     stage = make_stage(ends.ours, ends.theirs)
@@ -164,7 +164,7 @@ def test_a_link_that_goes_away_in_mid_move_is_reported_and_the_drives_own_watchd
 
 
 class LossyWire:
-    """Carries frames between two vcan links, and loses one in fifty each way (seeded)."""
+    """Carries frames between two vcan links, and loses one in fifty in each direction (seeded)."""
 
     def __init__(self, one: str, other: str, seed: int) -> None:
         self.lost = 0
@@ -216,7 +216,7 @@ def test_a_cell_boots_over_a_wire_that_loses_frames(second_link, make_stage):
 
 
 def test_a_frame_is_refused_only_with_a_named_error(ends):
-    """A link that goes down between two frames: the channel fails with what to do, and stays failed."""
+    """A link that goes down between two frames: the channel fails with the remedy, and stays failed."""
     with Channel.open("socketcan", ends.ours) as channel:
         ends.down(ends.ours)
         with pytest.raises(AdapterError, match=f"socketcan:{ends.ours}") as caught:

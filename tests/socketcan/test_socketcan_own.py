@@ -27,8 +27,9 @@ def core_of(machine):
 
 @pytest.fixture
 def make_stage(make_stage):
-    """Stages whose stand-ins have a core's priority, as those of a simulated cell: in a user-mode Linux all share one processor,
-    on which they would hear everything late. Processes that are made later are usual ones."""
+    """Stages whose simulated drives have a core's priority, as in a simulated cell: in a user-mode Linux all share one processor,
+    on which they would receive everything late. Processes that are made later are usual ones.
+    """
 
     def make(ours, theirs):
         made = make_stage(ours, theirs)
@@ -39,7 +40,7 @@ def make_stage(make_stage):
     schedule(os.SCHED_OTHER)
 
 
-def test_a_cell_boots_moves_and_stops_and_nobody_else_gets_its_link_meanwhile(stage):
+def test_a_cell_boots_moves_and_stops_and_its_link_is_exclusive(stage):
     with stage.open() as machine:
         assert "in a process of its own" in machine.real_time_status
         stage.travelling(machine)

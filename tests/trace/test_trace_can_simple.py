@@ -60,7 +60,7 @@ def test_a_frame_of_a_named_node(can_id, data, words):
     assert what(one) == f"CAN Simple, {words}"
 
 
-def test_mit_control_says_by_which_ranges():
+def test_mit_control_is_decoded_with_the_ranges_that_were_used():
     both = what(decoded(0x028, "01 80 00 80 08 00 00 00"))
     assert "answer position" in both
     assert " or command position" in both
@@ -68,7 +68,7 @@ def test_mit_control_says_by_which_ranges():
     assert "answer" not in what(decoded(0x028, "80 00 80 00 00 00 08 00"))
 
 
-def test_a_remote_frame_asks():
+def test_a_remote_frame_is_shown_as_a_request():
     assert what(decoded(0x034, "", remote=True)) == "CAN Simple, Get_Iq: asked for"
     assert not decoded(0x034, "", remote=True).from_node
     assert decoded(0x028, "", remote=True).trouble
@@ -97,7 +97,7 @@ def test_an_invalid_node_is_refused(text):
         nodes_of(text)
 
 
-def test_the_command_line(monkeypatch, capsys, tmp_path):
+def test_trace_and_filter_can_simple_on_the_command_line(monkeypatch, capsys, tmp_path):
     run = commands.runner(monkeypatch, capsys)
     log = tmp_path / "run.log"
     log.write_text("(1.0) can0 00C#CDCC0C4000000000\n(1.1) can0 701#05\n")
@@ -117,7 +117,7 @@ def test_the_modules_of_a_cell_need_not_be_named(tmp_path):
     assert "Heartbeat" in what(one)
 
 
-def test_who_listens_to_a_cell_sees_the_heartbeats_of_its_module(tmp_path):
+def test_a_monitor_of_a_cell_receives_the_heartbeats_of_its_module(tmp_path):
     cell = reader.load(write(tmp_path, 'interface = "sim"'))
     overview = BusMonitor(cell, load_dictionaries(cell))
     for number in range(5):

@@ -33,7 +33,7 @@ def paced(frames, size=7):
     return pace
 
 
-def test_what_follows_a_sync_is_measured_from_it():
+def test_frames_after_a_sync_are_measured_from_it():
     pace = paced([frame for number in range(100) for frame in cycle(10.0 + number * PERIOD)])
     assert (pace.cycles, pace.missing) == (99, 0)  # the last one is not over
     assert pace.off == pytest.approx([0.0] * 99, abs=1e-9)
@@ -42,7 +42,7 @@ def test_what_follows_a_sync_is_measured_from_it():
     assert pace.skew == pytest.approx([0.0002] * 99)
 
 
-def test_frames_that_are_reported_out_of_order_belong_where_they_came():
+def test_frames_reported_out_of_order_are_sorted_by_time():
     frames = [frame for number in range(300) for frame in cycle(number * PERIOD)]
     chance = random.Random(3)
     told = sorted(frames, key=lambda frame: frame.time + chance.uniform(0.0, 0.2))
@@ -59,7 +59,7 @@ def test_a_sync_that_is_missing_is_counted_and_one_that_is_late_is_off():
     assert pace.off == pytest.approx([0.0, 0.0005, -0.0005, 0.0, 0.0], abs=1e-9)
 
 
-def test_where_an_answer_is_missing_there_is_no_skew():
+def test_if_an_answer_is_missing_there_is_no_skew():
     pace = paced([*cycle(0.0), *cycle(PERIOD, tpdos=(0.0003,), rpdos=()), *cycle(2 * PERIOD)])
     assert len(pace.skew) == 1
     assert pace.last_tpdo == pytest.approx([0.0007, 0.0003])

@@ -1,4 +1,4 @@
-"""PDOs in words: by the cell's plan, by the EDS, by what the bus itself shows; and what cannot be read."""
+"""PDOs as text: by the cell's plan, by the EDS, by the traffic itself; and unreadable ones."""
 
 from __future__ import annotations
 

@@ -138,7 +138,7 @@ def test_a_wrong_crc_is_named():
     assert "CRC 0x0000" in wire(0x605, "D1 00 00 00 00 00 00 00").problem
 
 
-def test_a_block_read_in_which_a_segment_is_asked_for_again():
+def test_a_block_upload_in_which_a_segment_is_repeated_is_decoded():
     wire = Wire()
     first, second, third = _segments(CONTENT)
     crc = crc16(CONTENT).to_bytes(2, "little").hex()
@@ -147,7 +147,7 @@ def test_a_block_read_in_which_a_segment_is_asked_for_again():
     wire.says(0x605, "A3 00 00 00 00 00 00 00")
     for segment in (first, second, third):
         wire.says(0x585, segment)
-    # The reader has lost the second one: from there on it comes again, numbered from 1.
+    # The reader has lost the second one: from there on it is repeated, numbered from 1.
     assert "of 3, the rest is asked for again" in wire.says(0x605, "A2 01 7F 00 00 00 00 00")
     wire.says(0x585, "01" + second[2:])
     wire.says(0x585, "82" + third[2:])
@@ -182,7 +182,7 @@ def test_an_answer_to_another_question_is_named():
     assert wire(0x585, "4B 41 60 00 50 02 00 00").problem == ""
 
 
-def test_an_answer_that_nobody_asked_for_is_named():
+def test_an_answer_without_a_request_is_reported():
     wire = Wire()
     wire(0x605, "40 41 60 00 00 00 00 00")
     wire(0x585, "4B 41 60 00 50 02 00 00")

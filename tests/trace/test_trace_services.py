@@ -1,4 +1,4 @@
-"""Frames that explain themselves, typed by hand after CiA 301 and CiA 305: what the decoder says of each."""
+"""Frames typed by hand after CiA 301 and CiA 305: the decoder's text of each."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_an_emergency_names_code_register_and_the_makers_bytes():
     assert "manufacturer-specific data 01 02 00 00 00" in one.what
 
 
-def test_an_emergency_that_says_the_error_is_gone_is_no_trouble():
+def test_an_emergency_without_an_error_code_is_no_trouble():
     one = Wire()(0x085, "00 00 00 00 00 00 00 00")
     assert not one.trouble
 
@@ -132,7 +132,7 @@ def test_a_short_emergency_is_read_and_the_length_named():
     assert "2 bytes" in one.problem
 
 
-def test_a_heartbeat_reports_what_changed():
+def test_a_heartbeat_shows_changes_of_the_state():
     wire = Wire()
     wire(0x705, "7F")
     assert wire.says(0x705, "05") == "operational (was pre-operational)"
@@ -200,7 +200,7 @@ def test_an_error_frame_is_trouble():
     assert "transmit errors (warning)" in one.what
 
 
-def test_who_names_node_axis_and_direction():
+def test_the_column_of_the_node_names_node_axis_and_direction():
     wire = Wire(TraceContext({5: KnownNode(5, "x")}, master_id=127))
     assert who(wire(0x705, "05")) == "5 x"
     assert who(wire(0x605, "40 41 60 00 00 00 00 00")) == "> 5 x"

@@ -1,4 +1,4 @@
-"""A whole session of ours, recorded on the virtual bus and decoded; and frames that nobody should ever send."""
+"""A whole session of ours, recorded on the virtual bus and decoded; and frames that must never be sent."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
-    """The frames of a boot, an enabling, a homing, a move and the way out, with what is known of the cell."""
+    """The frames of a boot-up, an enabling, a homing, a move and closing, with the known parts of the cell."""
     path = tmp_path_factory.mktemp("trace") / "cell.toml"
     text = CELL.read_text().replace('interface = "sim"', 'interface = "virtual"\nchannel = "trace-session"')
     path.write_text(text)
@@ -62,7 +62,7 @@ def test_every_frame_is_decoded_without_complaint(session):
     }
 
 
-def test_every_pdo_is_decoded_by_what_boot_up_showed_alone(session):
+def test_every_pdo_is_decoded_by_the_mapping_in_the_recording(session):
     """Without any file: mappings are learned from the SDO transfers of the recording."""
     frames, cell = session
     with_files = _decode(frames, cell)
@@ -73,7 +73,7 @@ def test_every_pdo_is_decoded_by_what_boot_up_showed_alone(session):
             assert one.values
 
 
-def test_the_story_of_the_axis_can_be_read(session):
+def test_the_states_of_the_axis_can_be_read(session):
     frames, cell = session
     words = [
         value.words

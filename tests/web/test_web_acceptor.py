@@ -185,10 +185,10 @@ def test_a_thousand_requests_of_one_browser_keep_no_other_one_out(path, more):
         ("GET / HTTP/1.1\r\nHost: ", False),
         (REQUEST.format("/long") + "Cookie: c={}\r\n\r\n", True),
     ],
-    ids=["nothing", "half a request", "one that waits for its answer"],
+    ids=["nothing", "half a request", "waiting for its answer"],
 )
 @pytest.mark.parametrize("encrypted", [False, True])
-def test_a_connection_that_has_not_passed_the_gate_is_ended(monkeypatch, said, lives, encrypted, request):
+def test_a_connection_that_is_not_authorised_in_time_is_closed(monkeypatch, said, lives, encrypted, request):
     """Also one that says nothing where a TLS handshake is waited for."""
     monkeypatch.setattr(acceptor, "PATIENCE", 0.2)
     tls = request.getfixturevalue("certificate") if encrypted else None
@@ -214,7 +214,7 @@ def connections(*sessions: int | None, kept: bool = False) -> list[Connection]:
     return [Connection(None, session, kept) for session in sessions]
 
 
-def test_who_has_most_loses_the_oldest_and_strangers_count_as_one():
+def test_the_client_with_most_connections_loses_its_oldest_and_unknown_ones_count_as_one():
     found = connections(1, None, 2, 1, None, None, 2)
     assert one_too_many(found, 8) is None
     assert one_too_many(found, 7) is found[1]
@@ -223,7 +223,7 @@ def test_who_has_most_loses_the_oldest_and_strangers_count_as_one():
     assert one_too_many(found, 6) is found[0]
 
 
-def test_a_socket_of_a_page_is_never_ended_for_want_of_room():
+def test_the_socket_of_a_page_is_never_closed_for_lack_of_room():
     found = connections(*[1] * 200, kept=True)
     assert one_too_many(found, CONNECTIONS) is None
     assert one_too_many([*found, *connections(2)], 1).session == 2

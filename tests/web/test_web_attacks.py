@@ -1,4 +1,4 @@
-"""What may come at the server of the page: strangers, junk, floods, crowds; what they cost, and that a stop gets through."""
+"""Attacks on the server of the page: unknown clients, junk, floods, crowds; their cost, and a stop always gets through."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def link_of(page: ClientConnection) -> str:
 
 @pytest.fixture
 def moving(at: SimpleNamespace) -> Iterator[SimpleNamespace]:
-    """Axis x turns for whoever has the controls; in the end it stands."""
+    """Axis x turns for the page with the controls; at the end it is at standstill."""
     with at.operator.page() as page:
         for do in ("take", "enable"):
             send(page, do, sure=True)
@@ -97,7 +97,7 @@ def test_strangers_are_refused_on_every_path(at):
                 at.operator.page(path, **headers)
 
 
-def test_who_looks_on_moves_nothing_and_stops_by_socket_and_by_request(moving):
+def test_an_observer_moves_nothing_and_stops_by_socket_and_by_request(moving):
     with moving.looker.page() as page:
         for do in ("take", "take_over", "disable", "jog", "move_velocity", "move_relative"):
             send(page, do, values={"velocity": "-20", "distance": "5", "direction": "1"})
@@ -126,7 +126,7 @@ def test_an_observer_reads_objects_and_writes_none(at):
         assert at.looker.ask(f"/objects/{wrong}").status in (200, 422)
 
 
-def test_files_that_are_too_large_or_junk_or_of_another_page_cost_nothing_and_who_looks_on_restores_nothing(
+def test_large_invalid_or_foreign_files_cost_nothing_and_an_observer_restores_nothing(
     moving,
 ):
     with moving.looker.page() as page:
@@ -233,7 +233,7 @@ def test_a_message_that_is_too_large_closes_its_socket_alone(moving, path):
 
 
 def test_attacks_on_the_page_s_server_cost_no_cycles(moving):
-    """Fifty pages of which half never read, junk from some, objects for all: as many cycles are lost as without, but for three."""
+    """Fifty pages, half of which never read, junk from some, objects for all: at most three more cycles are lost than without."""
     machine, crowd = moving.machine, ExitStack()
     quiet = lost(machine)
     with crowd:
@@ -258,8 +258,8 @@ def test_attacks_on_the_page_s_server_cost_no_cycles(moving):
     assert crowded <= 2 * quiet + 3
 
 
-def test_a_page_is_reported_no_more_than_a_second_ahead_of_what_it_shows(moving):
-    """What would wait on its way on a network that is too slow for it would be old when it is shown."""
+def test_a_page_is_sent_at_most_a_second_more_than_it_has_shown(moving):
+    """Data queued for a network that is too slow would be old when they are shown."""
     with moving.looker.page() as page:
         now = json.loads(page.recv(2.0))["own"]["now"]
         send(page, "beat", seen=now)
@@ -272,7 +272,7 @@ def test_a_page_is_reported_no_more_than_a_second_ahead_of_what_it_shows(moving)
         assert json.loads(page.recv(5.0))["own"]["now"] > more[-1] + 0.4
 
 
-def test_one_page_too_many_is_refused_and_may_stop_all_the_same_and_keeps_no_other_browser_out(moving):
+def test_one_page_too_many_is_refused_but_can_still_stop_and_other_browsers_get_their_pages(moving):
     with ExitStack() as crowd:
         opened = 0
         for each in (moving.looker, moving.other):
@@ -287,7 +287,7 @@ def test_one_page_too_many_is_refused_and_may_stop_all_the_same_and_keeps_no_oth
         until(lambda: moving.speed() < 0.1)
 
 
-def test_ctrl_c_ends_a_machine_of_its_own_with_a_page_that_jogs(tmp_path):
+def test_ctrl_c_ends_a_server_with_its_own_machine_and_a_page_that_jogs(tmp_path):
     """Where it has opened the machine: that is stopped and gone, promptly, whatever the page holds and does not hear."""
     file = own_cell(tmp_path, "x")
     with Popen(
@@ -333,12 +333,12 @@ def moving_values(page: ClientConnection) -> dict[str, Any]:
     return axes
 
 
-def test_it_has_complained_of_nothing_but_said_that_it_joined(at):
+def test_the_server_has_printed_only_that_it_joined(at):
     assert at.served.errors.read_text("utf-8") == "joined the running machine; this command has control\n"
 
 
 def test_axes_are_halted_for_a_suspended_server_and_its_late_requests_are_ignored(moving):
-    """Stopped (SIGSTOP) while an axis turns for a page; what the page asks meanwhile waits in its socket, and is not done."""
+    """Suspended (SIGSTOP) while an axis turns for a page; its requests meanwhile wait in its socket, and are not executed."""
     moving.served.web.send_signal(signal.SIGSTOP)
     try:
         took = until(lambda: moving.speed() < 0.1)

@@ -1,4 +1,4 @@
-"""The limits of an axis as bars: what they are drawn from, where a value lies in them, and when it is near or beyond."""
+"""The limits of an axis as bars: their sources, the position of a value, and when it is near or beyond."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def bars(machine: Machine) -> dict[str, dict[str, object]]:
     return found
 
 
-# Worked out by hand: 80 % of the way from the middle of a span to its end is where "near" begins.
+# Computed by hand: "near" begins at 80 % of the distance from the middle of a span to its end.
 @pytest.mark.parametrize(
     ("bar", "value", "at", "zero", "kind"),
     [
@@ -59,7 +59,7 @@ def bars(machine: Machine) -> dict[str, dict[str, object]]:
         (PLACE, 110.2, 1.0, 0.0, "beyond"),
     ],
 )
-def test_a_value_has_its_place_and_near_and_beyond_are_words(bar, value, at, zero, kind):
+def test_a_value_has_its_position_on_the_bar_and_near_and_beyond_are_words(bar, value, at, zero, kind):
     seen = mark(bar, value)
     assert (seen.at, seen.zero) == (pytest.approx(at, abs=0.002), zero)
     assert seen.kind == kind
@@ -72,7 +72,7 @@ def test_a_value_has_its_place_and_near_and_beyond_are_words(bar, value, at, zer
     low=st.floats(-1e9, 1e9),
     wide=st.floats(1e-3, 1e9),
 )
-def test_whatever_the_value_it_is_drawn_within_the_bar(value, low, wide):
+def test_any_value_is_drawn_within_the_bar(value, low, wide):
     seen = mark(Bar("x", "X", "", (low, low + wide)), value)
     assert 0.0 <= seen.at <= 1.0
     assert low <= seen.now <= low + wide
@@ -127,7 +127,7 @@ def test_a_limit_in_increments_is_reported_no_finer_than_they_report(increments,
     assert bars_of(parameters)[-1].span == pytest.approx((-limit, limit), rel=1e-9)
 
 
-def test_limits_that_nobody_keeps_at_present_are_said_not_to_hold(tmp_path):
+def test_limits_that_do_not_apply_at_present_are_marked_so(tmp_path):
     text = cell_text("x", axis=LIMITED).replace("required = false", "required = true")
     path = tmp_path / "cell.toml"
     path.write_text(text, encoding="utf-8")

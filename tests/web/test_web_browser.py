@@ -1,4 +1,4 @@
-"""The page in a real Chromium, beside a program that has opened the machine: what it shows and does is judged on the plant."""
+"""The page in a real Chromium, beside a program that has opened the machine: display and actions are judged on the plant."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]
 
 @pytest.fixture
 def x(scene: SimpleNamespace) -> Iterator[SimpleNamespace]:
-    """The view of axis x, enabled, with the controls; in the end it stands."""
+    """The view of axis x, enabled, with the controls; at the end it is at standstill."""
     page, axis = scene.page, scene.machine["x"]
     page.usual()
     page.operate(axis)
@@ -66,7 +66,7 @@ def test_the_cell_is_shown_with_nodes_bus_and_nothing_wrong(scene):
     assert page.text("#controls") == "No page has the controls"
 
 
-def test_enable_asks_once_and_no_leaves_it_off(scene):
+def test_enable_asks_once_and_no_leaves_the_axis_off(scene):
     page, axis = scene.page, scene.machine["y"]
     page.view("axis-y")
     page.press("take")
@@ -85,7 +85,7 @@ def test_enable_asks_once_and_no_leaves_it_off(scene):
 
 
 def jogs(x: SimpleNamespace, way: str = "1") -> None:
-    """Hold a button until the axis has gone on for 0.6 s; a browser that is kept waiting lets go, and has another try."""
+    """Hold a button until the axis has moved for 0.6 s; a browser that is delayed releases it, and has another try."""
     for _ in range(5):
         x.page.hold(f"[data-jog='{way}']")
         with suppress(AssertionError):
@@ -121,7 +121,7 @@ def test_the_key_on_a_jog_button_is_a_jog_too(x):
     ],
     ids=["blur", "hidden", "another view"],
 )
-def test_a_jog_ends_when_the_page_is_no_longer_looked_at(x, happens):
+def test_a_jog_ends_when_the_page_is_hidden_or_loses_the_focus(x, happens):
     jogs(x)
     x.page.run(happens)
     assert until(lambda: x.speed() < 0.1) < 1.0
@@ -129,7 +129,7 @@ def test_a_jog_ends_when_the_page_is_no_longer_looked_at(x, happens):
     assert x.speed() < 0.1
 
 
-def test_with_its_socket_cut_a_jog_ends_within_half_a_second(x):
+def test_a_jog_whose_socket_is_cut_ends_within_half_a_second(x):
     jogs(x)
     x.page.run("sockets.filter((socket) => socket.url.endsWith('/live')).at(-1).close()")
     assert until(lambda: x.speed() < 0.1) < 0.5
@@ -137,7 +137,7 @@ def test_with_its_socket_cut_a_jog_ends_within_half_a_second(x):
     assert x.speed() < 0.1
 
 
-def test_a_page_that_hangs_ends_its_jog_and_does_not_continue_with_it_afterwards(x):
+def test_a_page_that_hangs_ends_its_jog_and_does_not_continue_it(x):
     jogs(x)
     x.page.run("setTimeout(() => { const t = performance.now(); while (performance.now() - t < 1000); })")
     assert until(lambda: x.speed() < 0.1) < 0.6  # the beginning of the hanging is not seen from here
@@ -145,7 +145,7 @@ def test_a_page_that_hangs_ends_its_jog_and_does_not_continue_with_it_afterwards
     assert x.speed() < 0.1
 
 
-def test_the_space_bar_stops_and_never_presses_what_has_the_focus(x):
+def test_the_space_bar_stops_and_never_presses_the_focused_button(x):
     x.page.type("distance", "1000")
     x.page.press("move_relative")
     until(lambda: x.speed() > FAST)
@@ -199,7 +199,7 @@ def test_a_finger_jogs_for_as_long_as_it_holds_and_opens_no_menu(x):
         driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
 
 
-def test_a_jog_that_another_has_ended_is_let_go_and_reported(x):
+def test_a_jog_that_another_program_has_ended_is_released_and_reported(x):
     jogs(x)
     x.machine["x"].halt()
     until(lambda: x.speed() < 0.1)
@@ -207,7 +207,7 @@ def test_a_jog_that_another_has_ended_is_let_go_and_reported(x):
     assert "held" not in x.page.one("[data-jog='1']").get_attribute("class")
 
 
-def test_one_press_of_the_enter_key_is_one_step_however_long_it_is(x):
+def test_one_press_of_the_enter_key_is_one_step_for_any_duration(x):
     x.page.type("distance", "1")
     x.page.run("arguments[0].focus()", x.page.one("[data-do=move_relative]"))
     before = x.axis.position
@@ -247,7 +247,7 @@ def until_text(page: Page, selector: str, text: str) -> str:
     return page.text(selector)
 
 
-def test_a_move_arrives_and_what_is_refused_is_said_in_the_words_of_the_library(x):
+def test_a_move_arrives_and_a_refusal_has_the_words_of_the_library(x):
     x.page.type("position", "10,5")
     x.page.press("move_absolute")
     until(lambda: abs(x.axis.position - 10.5) < 0.1, 20.0)
@@ -282,7 +282,7 @@ def test_a_fault_is_shown_with_its_cause_and_reset(x):
     until(lambda: x.axis.state is AxisState.STANDSTILL)
 
 
-def test_values_are_grey_within_a_second_when_the_server_says_nothing_more(scene):
+def test_values_are_grey_within_a_second_after_the_server_falls_silent(scene):
     page = scene.page
     until(lambda: not page.gone)
     os.kill(scene.web.pid, signal.SIGSTOP)
@@ -296,7 +296,7 @@ def test_values_are_grey_within_a_second_when_the_server_says_nothing_more(scene
     until(lambda: not page.gone)
 
 
-def test_a_link_opens_one_page_once_and_that_may_stop_what_another_moves(scene, x):
+def test_a_link_opens_one_page_once_which_may_stop_the_motions_of_others(scene, x):
     driver, first = x.page.driver, x.page.driver.current_window_handle
     x.page.type("velocity", "50")
     x.page.type("position", "5000")
@@ -323,7 +323,7 @@ def test_the_console_of_the_browser_stays_empty(scene):
     assert told == []
 
 
-def test_when_it_ends_the_machine_continues_and_what_it_moved_halts(scene, x):
+def test_when_the_server_ends_the_machine_continues_and_its_motions_halt(scene, x):
     x.page.type("velocity", "50")
     x.page.press("move_velocity")
     until(lambda: x.speed() > FAST)
@@ -331,4 +331,4 @@ def test_when_it_ends_the_machine_continues_and_what_it_moved_halts(scene, x):
     until(lambda: x.speed() < 0.1)
     assert scene.web.wait(10) == 143
     assert x.axis.state is AxisState.STANDSTILL
-    x.page.press = lambda _: None  # nobody hears it any more
+    x.page.press = lambda _: None  # no server receives it any more

@@ -1,4 +1,4 @@
-"""Whether everybody can use the page: axe-core looks at each view, in light and dark, wide and on a phone."""
+"""Accessibility of the page: axe-core checks each view, in light and dark, wide and on a phone."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LIMITED = "max_torque = 5.0\nposition_limits = [-1000.0, 1000.0]"
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
-    """The page with axis x in fault, so that there is something to be told everywhere."""
+    """The page with axis x in fault, so that every view has a message."""
     with served(tmp_path_factory.mktemp("web"), LIMITED) as at:
         driver = chromium()
         try:
@@ -56,7 +56,7 @@ def test_the_page_meets_the_accessibility_rules(scene, width, scheme):
         assert violations(scene.page) == [], view
 
 
-def test_what_keeps_people_out_is_found(scene):
+def test_the_search_finds_violations_of_accessibility(scene):
     page = scene.page
     page.view("cell")
     page.as_seen(1280, "light")
@@ -78,7 +78,7 @@ def test_a_question_meets_the_accessibility_rules(scene, scheme):
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_loss_is_reported_in_one_line_on_a_phone_and_covers_nothing_else(scene, scheme):
-    """What is grey says that it is not of now by that; the words and what stops are for everybody."""
+    """Grey alone marks old values; the words and the stops are for every user."""
     page = scene.page
     page.view("axis-y")
     page.as_seen(390, scheme)

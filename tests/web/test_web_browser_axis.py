@@ -42,7 +42,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]
 
 @pytest.fixture
 def x(scene: SimpleNamespace) -> Iterator[SimpleNamespace]:
-    """The view of axis x, enabled, with the controls; in the end it stands."""
+    """The view of axis x, enabled, with the controls; at the end it is at standstill."""
     page, axis = scene.page, scene.machine["x"]
     page.usual()
     page.view("axis-x")
@@ -61,7 +61,7 @@ def x(scene: SimpleNamespace) -> Iterator[SimpleNamespace]:
 
 
 def bar(page: Page, name: str) -> SimpleNamespace:
-    """What a bar shows: its attributes as a meter, its words, and where its mark is, in parts of its length."""
+    """The content of a bar: its attributes as a meter, its words, and the position of its mark, as a share of its length."""
     track = page.one(f"[data-bar={name}] .track")
     seen = page.run(
         "const [track] = arguments, [a, b] = [track, track.children[1]].map((each) => each.getBoundingClientRect());"
@@ -74,7 +74,7 @@ def bar(page: Page, name: str) -> SimpleNamespace:
     )
 
 
-def test_a_bar_reports_where_a_value_lies_within_its_limits(x):
+def test_a_bar_shows_the_position_of_a_value_within_its_limits(x):
     x.page.type("velocity", "-380")
     x.page.press("move_velocity")
     until(lambda: x.speed() > 370)
@@ -92,7 +92,7 @@ def test_a_bar_reports_where_a_value_lies_within_its_limits(x):
     assert x.page.text("[data-bar=following_error] em") == "applies while it follows position set-points"
 
 
-def test_a_torque_asks_first_and_the_space_bar_ends_it(x):
+def test_a_torque_needs_confirmation_and_the_space_bar_ends_it(x):
     x.page.type("torque", "0,3")
     x.page.type("slope", "50")
     button = x.page.one("[data-do=torque_control]")
@@ -118,7 +118,7 @@ def test_a_torque_beyond_the_limit_is_refused_in_the_words_of_the_library(x):
     assert x.speed() < 0.1
 
 
-def test_the_command_that_another_program_took_is_taken_back(scene, x):
+def test_control_that_another_program_took_is_taken_back(scene, x):
     assert not x.page.one("#command").is_displayed()
     with Machine.attach(scene.file, command=True, force=True) as other:
         until(lambda: x.page.one("#command").is_displayed())
@@ -167,7 +167,7 @@ def late(tmp_path: Path) -> Iterator[SimpleNamespace]:
                 server.end()
 
 
-def test_an_axis_that_joins_comes_onto_the_page_that_is_open(late):
+def test_an_axis_that_joins_appears_on_the_open_page(late):
     page, y = late.page, "[data-view='axis-y']"
     assert not page.driver.find_elements("css selector", "nav a[href='#axis-y']")
     page.view("axis-x")

@@ -1,4 +1,4 @@
-"""The view of configurations and the scope's MCAP files in a real Chromium, compared with what the simulated drive has."""
+"""The view of configurations and the scope's MCAP files in a real Chromium, compared with the values of the simulated drive."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]
 
 @pytest.fixture
 def at(scene: SimpleNamespace) -> SimpleNamespace:
-    """The view, of node 1, with the controls; no job is under way."""
+    """The view, of node 1, with the controls; no job is running."""
     page, dials = scene.page, scene.machine.simulated_node(1).device.dials
     page.usual()
     dials.sdo_aborts, dials.sdo_silent = {}, False
@@ -89,7 +89,7 @@ def chosen(scene: SimpleNamespace, data: bytes, name: str = "x.dcf") -> None:
 
 
 def done(page: Page, button: str) -> str:
-    """Press what begins a job, and return what came of it."""
+    """Press the button of a job, and return its result."""
     page.run("document.querySelector('#config-rows').textContent = ''")
     press(page, button)
     until(lambda: page.one("#config-end").is_enabled())
@@ -120,7 +120,7 @@ def test_a_backup_is_cancelled(at):
     assert "nothing was written" in page.text("#config-state")
 
 
-def test_a_file_is_held_against_the_node(at):
+def test_a_file_is_compared_with_the_node(at):
     page, device = at.page, at.machine.simulated_node(1).device
     backed_up(at)
     press(page, "#file-backup")
@@ -134,7 +134,7 @@ def test_a_file_is_held_against_the_node(at):
     assert "the device refuses it" in page.text("#config-rows")
 
 
-def test_what_a_restore_would_write_is_reported_and_nothing_is_written(at):
+def test_a_dry_run_of_a_restore_is_shown_and_nothing_is_written(at):
     page, device = at.page, at.machine.simulated_node(1).device
     device.write(*ACCELERATION, 4711)
     backed_up(at)
@@ -142,7 +142,7 @@ def test_what_a_restore_would_write_is_reported_and_nothing_is_written(at):
     until(lambda: "of node 1" in page.text("#file-state"))
     device.write(*ACCELERATION, 99)
     device.write(0x6081, 0, 98)
-    device.write(0x6067, 0, 97)  # what the machine goes by
+    device.write(0x6067, 0, 97)  # an object that the machine uses
     assert "3 have another value; nothing was written" in done(page, "#would-restore")
     assert page.text("#config-refusal").startswith("node 1 is operational")
     assert page.text("#config-command").startswith("axisbus config restore node-1")
@@ -150,7 +150,7 @@ def test_what_a_restore_would_write_is_reported_and_nothing_is_written(at):
     page.pictures("config")
 
 
-def test_the_settings_are_restored_after_a_yes_and_the_rest_is_left(at):
+def test_the_settings_are_restored_after_a_yes_and_others_are_left_unchanged(at):
     page, device = at.page, at.machine.simulated_node(1).device
     device.write(*ACCELERATION, 4711)
     backed_up(at)
@@ -190,7 +190,7 @@ def test_a_file_that_does_not_fit_this_node_is_refused_with_a_message(at):
     assert "was taken from another device than node 1" in page.text("#config-error")
 
 
-def test_a_file_is_sent_again_where_the_connection_was_gone_for_a_moment(at):
+def test_a_file_is_sent_again_after_a_short_loss_of_the_connection(at):
     page = at.page
     chosen(at, saved(at, "dcf").read_bytes(), "mine.dcf")
     page.run("sockets.filter((each) => each.url.endsWith('/live')).forEach((each) => each.close())")
@@ -199,7 +199,7 @@ def test_a_file_is_sent_again_where_the_connection_was_gone_for_a_moment(at):
     assert "objects compared" in done(page, "#compare")  # without the controls
 
 
-def test_a_node_that_is_lost_in_the_middle_is_said(at):
+def test_a_node_lost_during_a_backup_is_reported(at):
     page = at.page
     press(page, "#backup")
     until(lambda: float(page.run("return document.querySelector('#config-bar').value")) > 5)

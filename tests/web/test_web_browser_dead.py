@@ -1,4 +1,4 @@
-"""A core that is killed, a network that stalls or is slow, a server that is gone: the page says so, and its stop gets through."""
+"""A killed core, a network that stalls or is slow, a missing server: the page reports it, and its stop gets through."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from kit.stalling import Stalling
 pytestmark = MARKS
 
 
-def test_a_core_that_is_killed_is_reported_and_nothing_is_shown_as_of_now(tmp_path: Path) -> None:
+def test_a_core_that_is_killed_is_reported_and_no_value_is_shown_as_fresh(tmp_path: Path) -> None:
     driver = chromium()
     try:
         with pytest.raises(ScanError), served(tmp_path) as at:  # the machine cannot be closed as it should
@@ -89,7 +89,7 @@ def test_a_stop_that_a_stalled_network_swallows_is_reported_and_done_when_there_
     assert "use the emergency stop" in x.page.text("#unstopped")
     x.page.press("halt_all")
     until(lambda: "not known whether this has arrived" in x.page.text("#told"))
-    time.sleep(4.5)  # the server has given the socket up, and what is in it
+    time.sleep(4.5)  # the server has dropped the socket, with its content
     assert x.speed() > 40.0
     x.net.stalled = False
     until(lambda: x.speed() < 0.1)
@@ -97,7 +97,7 @@ def test_a_stop_that_a_stalled_network_swallows_is_reported_and_done_when_there_
     until(lambda: not x.page.gone, 10.0)
 
 
-def test_on_a_network_that_is_slow_all_the_time_nothing_is_shown_as_of_now_and_nothing_jogs(x):
+def test_on_a_permanently_slow_network_no_value_is_shown_as_fresh_and_nothing_jogs(x):
     x.net.delay = 0.6
     until(lambda: "The connection is slow" in x.page.text("#gone") and x.page.gone, 10.0)
     x.page.run("arguments[0].scrollIntoView({block: 'center'})", x.page.one("[data-jog='1']"))
@@ -110,7 +110,7 @@ def test_on_a_network_that_is_slow_all_the_time_nothing_is_shown_as_of_now_and_n
     until(lambda: "no connection" in x.page.text("#told"))
 
 
-def test_a_server_that_is_gone_is_reported_and_its_stop_is_not_confirmed(x, scene):
+def test_a_server_that_ended_is_reported_and_its_stop_is_not_confirmed(x, scene):
     scene.web.terminate()
     until(lambda: x.page.gone and "The connection is lost" in x.page.text("#gone"), 15.0)
     x.page.key(SPACE)

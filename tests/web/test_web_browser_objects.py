@@ -120,13 +120,13 @@ def enabled(page: Page, axis: Axis) -> None:
 
 
 def has(scene: SimpleNamespace, key: str) -> int:
-    """What the simulated drive itself has."""
+    """The value of the simulated drive itself."""
     node, index, sub = key.split(":")
     found: int = scene.machine.simulated_node(int(node)).device.read(int(index, 16), int(sub, 16))
     return found
 
 
-def test_objects_are_found_by_index_name_and_what_a_pdo_may_carry(at):
+def test_objects_are_found_by_index_name_and_pdo_mapping(at):
     page = at.page
     everything = sought(page, "")
     assert len(everything) > 90
@@ -200,7 +200,7 @@ def test_a_value_is_written_and_read_back_and_a_wrong_one_is_not(at):
     until(lambda: "commands of the running machine" in said(page, "1:60B2:00"))
 
 
-def test_an_energised_node_asks_and_no_writes_nothing(at):
+def test_a_write_to_an_energised_node_needs_confirmation_and_no_writes_nothing(at):
     page, x = at.page, at.machine["x"]
     enabled(page, x)
     opened(page, "6083")
@@ -279,7 +279,7 @@ def test_pdos_and_findings_are_shown(at):
     page.pictures("objects-findings")
 
 
-def test_a_verification_continues_may_be_cancelled_and_finds_what_differs(at):
+def test_a_verification_continues_may_be_cancelled_and_finds_differences(at):
     page = at.page
     at.machine.simulated_node(1).device.dials.sdo_aborts = {(0x6083, 0): abort.OBJECT_MISSING}
     press(page, page.one("[data-part=verify]"))

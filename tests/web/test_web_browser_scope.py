@@ -1,4 +1,4 @@
-"""The scope of the page in a real Chromium: what it has drawn and saved is compared with what the machine's program saw."""
+"""The scope of the page in a real Chromium: its drawings and files are compared with the values seen by the machine's program."""
 
 from __future__ import annotations
 
@@ -65,13 +65,13 @@ def chosen(page: Page, name: str, value: str) -> None:
 
 
 def saved(page: Page) -> tuple[list[str], list[list[float]]]:
-    """What "Save CSV" writes: the head and the rows."""
+    """The file of "Save CSV": the head and the rows."""
     head, *rows = csv.reader(io.StringIO(page.run("return axisbusScope.csv()")))
     return head, [[float(each) for each in row] for row in rows]
 
 
 def moved(scene: SimpleNamespace, distance: float) -> None:
-    """Let the page move the axis, and wait until it stands; the view is the scope's again then."""
+    """Let the page move the axis, and wait for standstill; then show the scope again."""
     page, begin = scene.page, scene.x.position
     page.view("axis-x")
     page.type("distance", str(distance))

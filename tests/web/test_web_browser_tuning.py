@@ -1,4 +1,4 @@
-"""Tuning in a real Chromium: trials that are asked for, seen on the plant, ended by what comes between, and what is shown."""
+"""Tuning in a real Chromium: trials with their questions, seen on the plant, ended by interruptions, and the display."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]
 
 @pytest.fixture
 def at(scene: SimpleNamespace) -> SimpleNamespace:
-    """The view of tuning, with the controls; axis x stands enabled, no gain is looked at."""
+    """The view of tuning, with the controls; axis x is at standstill and enabled, no gain is shown."""
     page, x = scene.page, scene.machine["x"]
     page.usual()
     page.take_controls()
@@ -145,7 +145,7 @@ def disturbed(page: Page, axis: Axis, words: str) -> None:
     assert abs(axis.velocity) < 0.5
 
 
-def test_no_moves_nothing_and_the_question_says_all(at):
+def test_no_moves_nothing_and_the_question_names_all_values(at):
     page, x = at.page, at.machine["x"]
     before = x.position
     fill(page, **MOVE)
@@ -159,7 +159,7 @@ def test_no_moves_nothing_and_the_question_says_all(at):
     assert rows(page) == 0
 
 
-def test_a_yes_is_to_the_step_that_the_question_says(at):
+def test_a_yes_confirms_the_step_of_the_question(at):
     page, x = at.page, at.machine["x"]
     before = x.position
     fill(page, **MOVE)
@@ -174,7 +174,7 @@ def test_a_yes_is_to_the_step_that_the_question_says(at):
     until(lambda: state(page) == "Measured.", 6.0)
 
 
-def test_nothing_is_typed_already_and_what_is_missing_is_said(at):
+def test_no_field_has_a_default_and_missing_values_are_reported(at):
     page = at.page
     fields = page.driver.find_elements(By.CSS_SELECTOR, "[data-step] input")
     for field in fields:
@@ -240,7 +240,7 @@ def test_a_gain_is_written_by_the_guarded_write_and_kept_by_the_browser(at):
 
 
 @pytest.mark.parametrize("do", ["end", "space", "halt", "hidden", "cut", "covered", "fault"])
-def test_whatever_comes_between_stops_the_plant_and_is_reported(at, do):
+def test_any_interruption_of_a_trial_stops_the_plant_and_is_reported(at, do):
     page, x = at.page, at.machine["x"]
     begun(page, x, **LONG)
     if do == "end":
@@ -290,7 +290,7 @@ def test_by_the_keyboard_alone(at):
     assert x.state is AxisState.STANDSTILL
 
 
-def test_what_files_and_drives_say_is_text(at):
+def test_texts_of_files_and_drives_are_shown_as_text(at):
     page = at.page
     page.run("document.querySelector('#tune-kind')")
     field = page.one("#gain-search")

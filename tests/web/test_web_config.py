@@ -1,4 +1,4 @@
-"""Configurations on the page, on a simulated cell in virtual time: backups, comparisons, restores that are only told."""
+"""Configurations on the page, on a simulated cell in virtual time: backups, comparisons, restores that are only reported."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def device(machine: Machine, node: int = 1) -> Any:
 
 
 def done(machine: Machine, kind: ConfigJobKind, node: int = 1, file: Dcf | None = None) -> Any:
-    """Do a job, and return its report; raises what the library does."""
+    """Run a job, and return its report; raises the errors of the library."""
     ended = Configuring().carry_out(machine, node_of(machine, node), ConfigJob(kind, 1, node, file))
     assert ended.over
     return ended.report
@@ -94,7 +94,7 @@ def edited(file: Dcf, section: str, *lines: str) -> Dcf:
 # -- backups ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_backup_is_a_dcf_of_what_the_node_has(machine):
+def test_a_backup_is_a_dcf_with_the_values_of_the_node(machine):
     device(machine).write(*ACCELERATION, 4711)
     found = done(machine, ConfigJobKind.BACKUP)
     eds = found.dcf.reading().eds
@@ -107,7 +107,7 @@ def test_a_backup_is_a_dcf_of_what_the_node_has(machine):
     assert json.loads(json.dumps(found.told()))["file"] == "node-1.dcf"
 
 
-def test_what_the_drive_refuses_is_left_out_and_said(machine):
+def test_an_object_that_the_drive_refuses_is_left_out_and_reported(machine):
     device(machine).dials.sdo_aborts[ACCELERATION] = abort.OBJECT_MISSING
     found = done(machine, ConfigJobKind.BACKUP)
     (row,) = [row for row in found.rows if row[0] == "6083h:00"]
@@ -134,14 +134,14 @@ def test_a_node_is_like_its_own_backup_and_then_is_not(machine):
 
 
 @pytest.mark.usefixtures("anywhere")
-def test_what_the_drive_refuses_to_show_is_a_difference_with_its_reason(machine):
+def test_an_object_that_cannot_be_read_is_a_difference_with_its_reason(machine):
     made = backup(machine)
     device(machine).dials.sdo_aborts[ACCELERATION] = abort.OBJECT_MISSING
     (row,) = done(machine, ConfigJobKind.COMPARE, 1, made).rows
     assert "the device refuses it" in row[3]
 
 
-# -- what a restore would write -----------------------------------------------------------------------------------------
+# -- the plan of a restore ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("anywhere")
@@ -204,14 +204,14 @@ def test_a_value_beyond_the_limits_of_the_file_is_refused(machine):
 
 
 def changed(machine: Machine) -> None:
-    """The drive has lost a setting, and what the machine goes by."""
+    """The drive has lost a setting, and an object that the machine uses."""
     device(machine).write(*ACCELERATION, 777)
     device(machine).write(*WINDOW, 4321)
     device(machine).write(*HEARTBEAT, 1234)
 
 
 @pytest.mark.usefixtures("anywhere")
-def test_the_settings_come_back_and_what_the_machine_goes_by_stays(machine):
+def test_the_settings_are_restored_and_objects_used_by_the_machine_are_kept(machine):
     made = backup(machine)
     before = device(machine).read(*ACCELERATION)
     changed(machine)
@@ -226,7 +226,7 @@ def test_the_settings_come_back_and_what_the_machine_goes_by_stays(machine):
     assert done(machine, ConfigJobKind.RESTORE, 1, made).text.startswith("0 restored")
 
 
-def test_the_dry_run_says_what_this_page_would_write_and_what_not(machine):
+def test_the_dry_run_lists_objects_that_this_page_would_write_and_would_not(machine):
     made = backup(machine)
     changed(machine)
     here = {row[0]: row[4] for row in done(machine, ConfigJobKind.WOULD_RESTORE, 1, made).rows}
@@ -268,7 +268,7 @@ def test_a_drive_that_is_energised_during_a_restore_ends_it_and_the_progress_is_
     }
 
 
-def test_no_restore_writes_what_boot_up_has_read_of_an_axis(machine, tmp_path, monkeypatch):
+def test_no_restore_writes_an_object_that_boot_up_has_read_of_an_axis(machine, tmp_path, monkeypatch):
     """Whatever the master learns of a drive as it begins, it goes by: the table names all of it."""
     asked: set[tuple[int, int]] = set()
     monkeypatch.setattr(
@@ -323,7 +323,7 @@ def test_a_name_is_one_in_this_folder_without_markup(text):
     assert name not in (".", "..")
 
 
-def test_names_keep_what_is_plain():
+def test_plain_characters_of_file_names_are_kept():
     assert named("C:\\drives\\axis x (2).dcf") == "axis x (2).dcf"
     assert named("../../etc/passwd") == "passwd"
     assert named("<img src=x onerror=alert(1)>.dcf") == "_img src_x onerror_alert(1)_.dcf"
@@ -341,14 +341,15 @@ def test_a_page_has_two_files_at_most_and_none_after_it_is_closed():
     assert files.of(1, MADE) is None
 
 
-# -- the desk -------------------------------------------------------------------------------------------------------------
+# -- the client handler ---------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
 def desk(machine: Machine) -> SimpleNamespace:
-    """A desk with an operator, who has the controls, and a looker; ``run`` lets the worker work until no job is under way, and
+    """A client handler with an operator, who has the controls, and an observer.
 
-    does something in the midst of it."""
+    ``run`` lets the worker run until there is no job, and does something in the middle of it.
+    """
     at = PageClients(machine, str)
     worker = ObjectWorker(machine, at.objects)
     operator, looker = (
@@ -385,7 +386,7 @@ def words(place: Any) -> str:
     return " ".join(f"{one.text} {one.remedy}" for one in place.told)
 
 
-def test_who_looks_on_backs_up_and_compares_and_restores_nothing(desk):
+def test_an_observer_backs_up_and_compares_and_restores_nothing(desk):
     desk.ask(desk.looker, "backup", node=1)
     desk.run()
     made = desk.job.files.of(desk.looker.seat.number, MADE)
@@ -400,7 +401,7 @@ def test_who_looks_on_backs_up_and_compares_and_restores_nothing(desk):
     assert "this is an observer page" in words(desk.looker)
 
 
-def test_who_has_the_controls_restores_after_a_yes_until_they_are_gone(desk, monkeypatch):
+def test_the_page_with_the_controls_restores_after_a_yes_until_it_gives_them_back(desk, monkeypatch):
     desk.ask(desk.operator, "backup", node=1)
     desk.run()
     number = desk.operator.seat.number
@@ -457,7 +458,7 @@ def test_a_job_of_a_page_without_controls_is_cancelled_for_the_page_with_them(de
         assert seen[0].wanted.page == 2
 
 
-def test_a_verification_of_who_has_the_controls_waits_for_no_other_page(desk, monkeypatch):
+def test_a_verification_of_the_page_with_the_controls_cancels_jobs_of_others(desk, monkeypatch):
     monkeypatch.setattr(verifying, "PACE", 0.01)
     desk.ask(desk.looker, "backup", node=1)
     desk.run(lambda: desk.ask(desk.operator, "verify", node=2))
@@ -466,7 +467,7 @@ def test_a_verification_of_who_has_the_controls_waits_for_no_other_page(desk, mo
     assert "was cancelled" in desk.job.now.error["message"]
 
 
-def test_a_job_is_cancelled_by_its_page_and_by_who_has_the_controls_alone(desk, monkeypatch):
+def test_a_job_is_cancelled_only_by_its_page_and_by_the_page_with_the_controls(desk, monkeypatch):
     monkeypatch.setattr(verifying, "PACE", 0.01)
     desk.ask(desk.operator, "backup", node=1)
     desk.ask(desk.looker, "job_end")
@@ -478,7 +479,7 @@ def test_a_job_is_cancelled_by_its_page_and_by_who_has_the_controls_alone(desk, 
     assert "was cancelled" in desk.job.now.error["message"]
 
 
-def test_a_job_ends_with_its_page_and_nothing_of_it_is_kept(desk, monkeypatch):
+def test_a_job_ends_with_its_page_and_leaves_no_file(desk, monkeypatch):
     monkeypatch.setattr(verifying, "PACE", 0.01)
     desk.ask(desk.looker, "backup", node=1)
     desk.run(lambda: desk.desk.leave(desk.looker))
@@ -486,7 +487,7 @@ def test_a_job_ends_with_its_page_and_nothing_of_it_is_kept(desk, monkeypatch):
     assert desk.job.files.of(desk.looker.seat.number, MADE) is None
 
 
-def test_a_node_that_is_lost_in_the_middle_ends_the_job_with_what_is_wrong(desk, monkeypatch):
+def test_a_node_lost_during_a_job_ends_it_with_the_error(desk, monkeypatch):
     monkeypatch.setattr(verifying, "PACE", 0.01)
     desk.ask(desk.operator, "backup", node=1)
     desk.run(lambda: setattr(device(desk.machine).dials, "sdo_silent", True))
@@ -513,7 +514,7 @@ def test_a_mistake_is_reported_and_the_next_job_continues(desk, monkeypatch):
     assert desk.job.now.report is not None
 
 
-def test_a_long_report_is_cut_and_says_how_long_it_is():
+def test_a_long_report_is_cut_and_has_its_full_length():
     rows = tuple((str(n), "") for n in range(report.MOST + 5))
     told = ConfigProgress(
         ConfigJob(ConfigJobKind.COMPARE, 1, 1), report=report.ConfigReport("", rows=rows)
@@ -591,7 +592,7 @@ def bring(desk: SimpleNamespace) -> Any:
     return bring
 
 
-def test_a_file_is_brought_in_pieces_and_reported(desk, bring):
+def test_a_file_is_uploaded_in_pieces_and_reported(desk, bring):
     data = backup(desk.machine).data
     answer = bring("page=1&name=my%20x.dcf", data[:1000], data[1000:])
     told = json.loads(answer.body)
@@ -600,7 +601,7 @@ def test_a_file_is_brought_in_pieces_and_reported(desk, bring):
     assert desk.job.files.of(1, BROUGHT) == Dcf("my x.dcf", data)
 
 
-def test_a_file_of_one_browser_that_never_comes_keeps_no_other_one_waiting(desk):
+def test_an_endless_file_of_one_browser_delays_no_other_one(desk):
     routes, data = ConfigRoutes(desk.desk), backup(desk.machine).data
 
     async def brought() -> list[int]:
@@ -632,7 +633,7 @@ def test_a_file_without_a_page_is_refused(desk, bring, query, number, status):
     assert desk.job.files.of(1, BROUGHT) is None
 
 
-def test_one_that_is_too_long_or_junk_is_not_kept(desk, bring):
+def test_a_file_that_is_too_long_or_invalid_is_not_kept(desk, bring):
     assert bring("page=1", b"x" * 1000, cut=True).status_code == 413
     assert json.loads(bring("page=1", b"junk").body)["error"]["message"].endswith("this is not an EDS or DCF")
     assert desk.job.files.of(1, BROUGHT) is None

@@ -1,4 +1,4 @@
-"""The desk, on a simulated cell in virtual time: what pages do together, judged on the plants."""
+"""The client handler, on a simulated cell in virtual time: several pages together, judged on the plants."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.web.access.tokens import Role
 from kit.cell import cell_text
 from kit.desk import Pages
 
-AT_ONCE = 0.14  # seconds in which 40 deg/s are braked, and the core has not ended a jog by itself
+AT_ONCE = 0.14  # seconds in which 40 deg/s are braked, before the core itself ends a jog
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_a_jog_has_the_direction_of_its_button_and_the_typed_or_default_speed(pa
 
 
 @pytest.mark.parametrize("do", ["move_absolute", "move_velocity", "enable", "reset"])
-def test_what_comes_more_than_a_second_late_is_not_done_and_says_so(pages, do):
+def test_a_request_more_than_a_second_late_is_refused_and_reported(pages, do):
     place = pages.operator()
     pages.enabled(place, "x")
     values = {"position": "50", "velocity": "50"}
@@ -73,8 +73,8 @@ def test_what_comes_more_than_a_second_late_is_not_done_and_says_so(pages, do):
 
 
 @pytest.mark.parametrize(("do", "old"), [("jog", 0.8), ("move_velocity", 2.0), ("enable", 2.0)])
-def test_who_looks_at_what_has_long_been_moves_nothing_and_stops(pages, do, old):
-    """A network that is slow all the time shows by the age of what the page shows as it asks."""
+def test_a_page_with_old_values_moves_nothing_and_stops(pages, do, old):
+    """A permanently slow network shows in the age of the values that the page shows at its request."""
     place = pages.operator()
     pages.enabled(place, "x")
     values = {"velocity": "50", "direction": "1"}
@@ -103,7 +103,7 @@ def test_an_invalid_time_stamp_is_refused(pages, seen):
     assert place.seen is None
 
 
-def test_a_stop_is_done_however_late_it_comes(pages):
+def test_a_stop_that_is_received_late_is_still_executed(pages):
     place = pages.operator()
     pages.enabled(place, "x")
     pages.ask(place, "move_velocity", "x", values={"velocity": "50"})
@@ -113,7 +113,7 @@ def test_a_stop_is_done_however_late_it_comes(pages):
     assert pages.speed() == pytest.approx(0.0, abs=0.1)
 
 
-def test_a_beat_that_comes_too_late_halts_at_once(pages):
+def test_a_late_beat_halts_at_once(pages):
     place = pages.operator()
     pages.enabled(place, "x")
     pages.jog(place, velocity="40")
@@ -133,7 +133,7 @@ def test_a_jog_ends_by_silence_and_late_beats_do_not_revive_it(pages):
     assert pages.speed() == pytest.approx(0.0, abs=0.1)
 
 
-def test_a_jog_ends_when_its_page_is_gone_and_the_controls_are_free(pages):
+def test_a_jog_ends_when_its_page_leaves_and_the_controls_are_free(pages):
     place, other = pages.operator(), pages.sit()
     pages.enabled(place, "x")
     pages.jog(place, velocity="40")
@@ -146,7 +146,7 @@ def test_a_jog_ends_when_its_page_is_gone_and_the_controls_are_free(pages):
 
 
 @pytest.mark.parametrize("do", ["quick_stop_all", "halt_all", "quick_stop", "halt"])
-def test_who_looks_on_stops_a_jog_and_it_needs_another_press(pages, do):
+def test_a_stop_by_an_observer_ends_a_jog_until_the_next_press(pages, do):
     place, looker = pages.operator(), pages.sit(Role.LOOKER)
     pages.enabled(place, "x")
     pages.jog(place)
@@ -182,7 +182,7 @@ def test_a_beat_does_not_replace_a_halt_of_another_program(pages, soon):
     pages.jog(place)  # another press
 
 
-def test_a_jog_of_an_axis_that_cannot_says_why_once(pages):
+def test_a_jog_of_a_disabled_axis_is_refused_once(pages):
     place = pages.operator()
     pages.press += 1
     pages.beat(place, times=20)
@@ -231,7 +231,7 @@ def test_taken_over_a_jog_ends_and_both_are_reported(pages):
     assert pages.machine["x"].state is AxisState.DISABLED
 
 
-def test_a_move_continues_when_its_page_is_gone(pages):
+def test_a_move_continues_when_its_page_leaves(pages):
     place = pages.operator()
     pages.enabled(place, "x")
     pages.ask(place, "move_absolute", "x", values={"position": "30", "velocity": "60"})
@@ -255,7 +255,7 @@ def test_step_and_velocity(pages):
     assert [kind for kind, _ in pages.told(place)] in ([], ["note"])
 
 
-def test_a_torque_needs_a_yes_turns_what_nothing_holds_and_ends_by_a_halt(pages):
+def test_a_torque_needs_a_yes_turns_a_free_axis_and_ends_by_a_halt(pages):
     place = pages.operator()
     pages.enabled(place, "x")
     values = {"torque": "1,5", "slope": "100"}
@@ -330,7 +330,7 @@ def test_an_axis_without_power_or_in_fault_is_given_no_torque(pages):
     assert pages.speed() == pytest.approx(0.0, abs=0.1)
 
 
-def test_the_command_is_taken_by_who_has_the_controls_and_says_yes(pages):
+def test_control_is_taken_only_by_a_page_with_the_controls_after_a_yes(pages):
     place, looker = pages.operator(), pages.sit(Role.LOOKER)
     pages.ask(looker, "take_command", sure=True)
     assert pages.told(looker)[0][0] == "refused"
@@ -391,7 +391,7 @@ def test_a_failure_of_one_axis_does_not_keep_a_stop_from_the_others(pages, monke
     assert pages.speed("y") == pytest.approx(0.0, abs=0.1)
 
 
-def test_links_are_for_those_who_command(pages):
+def test_links_are_only_for_operators(pages):
     operator, looker = pages.sit(), pages.sit(Role.LOOKER)
     pages.ask(operator, "link")
     pages.ask(looker, "link")
@@ -399,7 +399,7 @@ def test_links_are_for_those_who_command(pages):
     assert pages.told(looker)[0][0] == "refused"
 
 
-def test_what_ends_is_not_kept(pages):
+def test_ended_commands_are_not_stored(pages):
     place = pages.operator()
     pages.enabled(place, "x")
     for _ in range(30):

@@ -44,7 +44,7 @@ def test_a_process_that_computes_for_too_long_is_killed(monkeypatch):
 
 
 def test_a_process_that_reads_no_input_is_killed(monkeypatch):
-    """The file is longer than what a pipe holds."""
+    """The file is longer than the capacity of a pipe."""
     monkeypatch.setattr(file_process, "PATIENCE", 0.5)
     running(monkeypatch, "import time; time.sleep(1000)")
     with pytest.raises(StateError, match="could not be read"):

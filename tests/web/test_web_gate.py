@@ -1,4 +1,4 @@
-"""Who is let in: wrong and used tokens, foreign origins, rebound hosts, roles, limits, and the headers of every answer."""
+"""Access: wrong and used tokens, foreign origins, rebound hosts, roles, limits, and the headers of every answer."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_a_token_is_no_cookie_and_a_cookie_no_token():
 
 
 @pytest.mark.parametrize("method", ["HEAD", "POST", "OPTIONS"])
-def test_what_only_looks_at_a_link_does_not_use_it_up(method):
+def test_a_request_that_only_previews_a_link_does_not_consume_it(method):
     keys = PageSessions()
     token = keys.issue(Role.OPERATOR)
     assert isinstance(
@@ -117,7 +117,7 @@ def test_links_differ_and_each_has_the_role_that_it_was_made_for():
     assert judged(keys, get(cookies=(cookie,))).role is Role.LOOKER
 
 
-def test_what_nobody_uses_is_forgotten_at_a_number():
+def test_unused_links_are_limited_in_number():
     keys = PageSessions()
     first, *rest = [keys.issue(Role.LOOKER) for _ in range(65)]
     assert keys.enter(first) is LinkRefusal.UNKNOWN
@@ -172,7 +172,7 @@ class Clock:
         return self.now
 
 
-def test_a_link_that_nobody_has_used_for_an_hour_opens_nothing():
+def test_a_link_unused_for_an_hour_opens_nothing():
     clock = Clock()
     keys = PageSessions(clock=clock)
     tokens = [keys.issue(Role.LOOKER) for _ in range(2)]
@@ -202,7 +202,7 @@ def test_a_session_ends_twelve_hours_after_its_browser_was_there_last_but_for_a_
     assert judged(keys, get(cookies=(cookie,))).status == 403
 
 
-def test_a_page_that_was_open_for_a_day_comes_back():
+def test_a_page_that_was_open_for_a_day_can_be_reloaded():
     clock = Clock()
     served = Served(clock)
 
@@ -230,7 +230,7 @@ def test_a_page_that_was_open_for_a_day_comes_back():
         ("evil.example", HOST),
     ],
 )
-def test_a_host_that_is_not_ours_is_refused_whatever_else_is_right(hosts):
+def test_a_wrong_host_is_refused_with_an_otherwise_valid_request(hosts):
     keys, cookie = keys_with()
     for arrival in (get(cookies=(cookie,)), socket(cookies=(cookie,))):
         assert judged(keys, dataclasses.replace(arrival, hosts=hosts)).status == 421
@@ -249,7 +249,7 @@ def test_a_host_that_is_not_ours_is_refused_whatever_else_is_right(hosts):
         (ORIGIN, "http://evil.example"),
     ],
 )
-def test_a_socket_and_a_post_come_from_our_page_or_not_at_all(origins):
+def test_a_socket_or_post_needs_the_origin_of_our_page(origins):
     keys, cookie = keys_with()
     for arrival in (socket(cookies=(cookie,)), get("/stop", method="POST", cookies=(cookie,))):
         assert judged(keys, dataclasses.replace(arrival, origins=origins)).status == 403
@@ -294,9 +294,7 @@ def test_without_a_valid_cookie_nothing_is_served(host, origin, cookie):
         (SOCKETS_ALWAYS - 1, (SOCKETS_OF_BROWSER,) * 60, True),
     ],
 )
-def test_a_browser_has_its_share_of_sockets_whatever_the_others_have_and_no_stop_is_counted(
-    own, others, let_in
-):
+def test_a_browser_has_its_own_number_of_sockets_and_stops_are_not_counted(own, others, let_in):
     keys, cookie = keys_with(Role.LOOKER)
     found = judged(keys, socket(cookies=(cookie,)), own, *others)
     assert isinstance(found, PageSession) if let_in else found.status == 503
@@ -304,7 +302,7 @@ def test_a_browser_has_its_share_of_sockets_whatever_the_others_have_and_no_stop
     assert isinstance(judged(keys, stop, own, *others), PageSession)
 
 
-def test_a_request_that_brings_too_much_is_refused():
+def test_a_request_with_too_large_a_body_is_refused():
     keys, cookie = keys_with()
     post = get("/_nicegui/x", method="POST", origins=(ORIGIN,), cookies=(cookie,), length=FOREIGN_MESSAGE)
     assert isinstance(judged(keys, post), PageSession)
@@ -337,7 +335,7 @@ def test_in_no_time_nothing_is_given():
 
 
 class Served:
-    """An application behind a gate: it tells what reaches it."""
+    """An application behind a gate: it stores the messages that reach it."""
 
     def __init__(self, clock: Any = time.monotonic) -> None:
         self.keys = PageSessions(clock=clock)
@@ -361,7 +359,7 @@ class Served:
     def ask(
         self, kind: str = "http", path: str = "/", messages=(), method: str = "GET", **headers: str
     ) -> list[Any]:
-        """Return what is sent to who comes with these headers and messages."""
+        """Return the answer to these headers and messages."""
         sent: list[Any] = []
         ending = [{"type": f"{kind}.disconnect"}]
         coming = itertools.chain(messages, ending) if messages else iter([{"type": "http.request"}])
@@ -455,13 +453,13 @@ def test_an_oversize_message_closes_it():
     assert served.seen[1:] == [{"type": "websocket.disconnect", "code": 1009}]
 
 
-def test_our_own_socket_counts_by_itself_so_that_no_stop_is_lost():
+def test_our_own_socket_is_not_rate_limited():
     served = Served()
     assert served.ask("websocket", "/live", texts(1000), origin=ORIGIN) == []
     assert len(served.seen) == 1002
 
 
-def test_who_loads_the_page_too_often_waits_alone_and_stops_all_the_same():
+def test_a_browser_that_reloads_too_often_is_limited_alone_and_may_stop():
     served = Served()
     other = served.keys.enter(served.keys.issue(Role.LOOKER))
     found = [served.ask()[0]["status"] for _ in range(1000)]
@@ -486,7 +484,7 @@ def test_a_body_without_a_length_is_cut_off():
 
 
 @pytest.mark.parametrize("path", limits.LONGER)
-def test_a_file_may_be_longer_and_only_where_files_are_taken(path):
+def test_a_larger_body_is_allowed_only_on_the_paths_for_files(path):
     served, most = Served(), limits.most_bytes(path)
     assert FOREIGN_MESSAGE < most < 8 * 1024 * 1024
     whole = {"type": "http.request", "body": bytes(most), "more_body": True}

@@ -13,18 +13,18 @@ ONE, TWO = Seat(1, "page 1 at here", Role.OPERATOR), Seat(2, "page 2 at there", 
 LOOKER = Seat(3, "page 3", Role.LOOKER)
 
 
-def test_the_second_writer_is_refused_and_reported_who_has_them():
+def test_a_second_page_is_refused_with_the_name_of_the_first():
     lease = PageLease().taken(ONE, over=False)
     refusal = lease.taken(TWO, over=False)
     assert isinstance(refusal, Refusal)
     assert "page 1 at here has the controls" in refusal.text
 
 
-def test_who_has_them_may_take_them_again():
+def test_the_holder_may_take_them_again():
     assert PageLease(ONE).taken(ONE, over=False) == PageLease(ONE)
 
 
-def test_they_are_taken_over_by_an_act_of_its_own():
+def test_the_controls_can_be_taken_over():
     lease = PageLease().taken(ONE, over=False).taken(TWO, over=True)
     assert lease.held_by(TWO)
     assert not lease.held_by(ONE)
@@ -32,17 +32,17 @@ def test_they_are_taken_over_by_an_act_of_its_own():
 
 @pytest.mark.parametrize("lease", [PageLease(), PageLease(ONE)])
 @pytest.mark.parametrize("over", [False, True])
-def test_who_looks_on_never_has_them(lease, over):
+def test_an_observer_never_has_them(lease, over):
     assert isinstance(lease.taken(LOOKER, over=over), Refusal)
 
 
-def test_they_are_free_when_their_page_is_gone_and_only_then():
+def test_the_controls_are_free_when_their_page_leaves_and_only_then():
     assert PageLease(ONE).without(TWO) == PageLease(ONE)
     assert PageLease(ONE).without(ONE) == PageLease()
 
 
 @given(st.lists(st.tuples(st.sampled_from("tog"), st.sampled_from([ONE, TWO, LOOKER])), max_size=30))
-def test_however_they_pass_one_page_has_them_at_most_and_it_may_command(acts):
+def test_at_most_one_page_has_the_controls_and_it_may_command(acts):
     lease, model = PageLease(), None
     for act, seat in acts:
         if act == "g":

@@ -1,4 +1,4 @@
-"""Objects on the page, on a simulated cell in virtual time: what is read and written, what is refused and in which words."""
+"""Objects on the page, on a simulated cell in virtual time: reading, writing, refusals and their messages."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Nodes:
         return self.transfers.carry_out(ObjectJob(named(key), 1, TransferRequest(text, frozenset(agreed))))
 
     def has(self, key: str) -> int:
-        """What the simulated drive itself has."""
+        """The value of the simulated drive itself."""
         found = named(key)
         value: int = self.machine.simulated_node(found.node).device.read(found.index, found.subindex)
         return value
@@ -113,7 +113,7 @@ def test_a_node_that_does_not_answer_is_reported_and_known_as_silent(nodes):
     assert seen.silent
 
 
-def test_what_has_no_dictionary_is_reported():
+def test_a_node_without_a_dictionary_is_reported():
     with Machine.simulated(ROOT / "examples" / "can_simple.toml") as machine:
         seen = ObjectTransfers(machine).carry_out(ObjectJob(ObjectKey(16, 0x6064, 0), 1))
         assert (
@@ -156,8 +156,8 @@ def test_a_value_is_written_and_read_back(nodes, typed, written):
         ("1:60FE:01", "1", "only the commands of the running machine"),
     ],
 )
-def test_what_cannot_be_written_is_refused_before_anything_is_sent(nodes, key, typed, words):
-    nodes.dials.sdo_silent = True  # whoever asked the drive would be told that
+def test_an_invalid_value_is_refused_before_it_is_sent(nodes, key, typed, words):
+    nodes.dials.sdo_silent = True  # a request to the drive would show that
     seen = nodes.write(key, typed, "order", "energised")
     assert words in seen.error["message"]
     assert not seen.silent
@@ -207,7 +207,7 @@ def test_a_drive_that_refuses_or_rounds_is_reported(nodes):
     assert nodes.has("1:6083:00") != 123
 
 
-def test_what_stores_parameters_asks_first_and_only_then_is_written(nodes):
+def test_storing_parameters_needs_a_confirmation(nodes):
     first = nodes.write(STORE, SAVE)
     assert first.question is not None
     assert "stores parameters" in first.question.text
@@ -216,7 +216,7 @@ def test_what_stores_parameters_asks_first_and_only_then_is_written(nodes):
     assert (again.question, again.error) == (None, {})
 
 
-def test_an_energised_node_asks_first_and_the_answer_to_another_question_does_not_count(nodes):
+def test_a_write_to_an_energised_node_needs_confirmation_by_the_answer_to_its_own_question(nodes):
     nodes.machine["x"].enable().wait(10)
     before = nodes.has("1:6083:00")
     for agreed in ((), ("order",), ("yes",)):
@@ -229,10 +229,10 @@ def test_an_energised_node_asks_first_and_the_answer_to_another_question_does_no
     assert nodes.has("1:6083:00") == 777
 
 
-# -- what is known without the drive ---------------------------------------------------------------------------------------
+# -- known without the drive -----------------------------------------------------------------------------------------------
 
 
-def test_the_tree_has_every_entry_of_the_file_with_what_may_be_done(nodes):
+def test_the_tree_has_every_entry_of_the_file_with_its_access(nodes):
     told = book(nodes.machine, 1)
     eds = load(builtin.resolve(GENERIC, Path()))
     assert [each["index"] for each in told["objects"]] == [f"{each.index:04X}" for each in eds]
@@ -249,7 +249,7 @@ def test_the_tree_has_every_entry_of_the_file_with_what_may_be_done(nodes):
     assert json.loads(json.dumps(told)) == told
 
 
-def test_pdos_are_those_that_the_core_uses_as_the_drive_has_them_and_the_rest_of_the_file():
+def test_pdos_are_those_of_the_drive_and_the_other_ones_of_the_file():
     eds = load(builtin.resolve(GENERIC, Path()))
     mapped = (MappedObject(0x6041, 0, 16), MappedObject(0x6061, 0, 8), MappedObject(0x6064, 0, 32))
     drive = PdoConfiguration(1, 0x191, True, 1, mapped, inhibit_time=50)
@@ -289,7 +289,7 @@ def test_findings_are_those_of_eds_check(tmp_path):
     assert all(each["remedy"] for each in found["shown"])
 
 
-def test_a_book_is_made_once_however_many_ask(nodes, monkeypatch):
+def test_a_book_is_made_once_for_concurrent_requests(nodes, monkeypatch):
     made = []
     monkeypatch.setattr(dictionary, "book", lambda machine, node: made.append(node) or book(machine, node))
 
@@ -352,12 +352,12 @@ def test_a_node_that_is_lost_meanwhile_ends_it_with_an_error(nodes, quickly):
     assert "no answer" in run.now.told()["error"]["message"]
 
 
-# -- the desk ---------------------------------------------------------------------------------------------------------------
+# -- the client handler -----------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
 def desk(nodes) -> SimpleNamespace:
-    """A desk with an operator, who has the controls, and a looker; ``run`` lets the worker work for a time."""
+    """A client handler with an operator, who has the controls, and an observer; ``run`` lets the worker work for a time."""
     at = PageClients(nodes.machine, str)
     worker = ObjectWorker(nodes.machine, at.objects)
     operator, looker = (at.sit(PageSession(1, role), "here") for role in (Role.OPERATOR, Role.LOOKER))
@@ -382,7 +382,7 @@ def desk(nodes) -> SimpleNamespace:
     )
 
 
-def test_who_looks_on_reads_and_does_not_write_or_verify(desk):
+def test_an_observer_reads_and_neither_writes_nor_verifies(desk):
     desk.ask(desk.looker, "read_objects", "1:6064:00", "2:6064:00")
     desk.ask(desk.looker, "write_object", "1:6083:00", text="5")
     desk.ask(desk.looker, "verify", node=1)
@@ -394,7 +394,7 @@ def test_who_looks_on_reads_and_does_not_write_or_verify(desk):
     assert any("observer page" in one.text for one in desk.looker.told)
 
 
-def test_a_write_needs_the_controls_when_it_is_done_not_only_when_it_is_asked_for(desk):
+def test_a_write_needs_the_controls_when_it_is_done_not_only_when_it_is_requested(desk):
     other = desk.desk.sit(PageSession(2, Role.OPERATOR), "there")
     before = desk.nodes.has("1:6083:00")
     desk.ask(desk.operator, "write_object", "1:6083:00", text="5")
@@ -410,7 +410,7 @@ def test_a_write_needs_the_controls_when_it_is_done_not_only_when_it_is_asked_fo
     assert desk.told(other)[0]["note"].startswith("100000")
 
 
-def test_a_question_goes_to_who_asked_and_its_yes_writes(desk):
+def test_a_question_is_sent_to_the_requesting_page_and_its_yes_writes(desk):
     desk.ask(desk.operator, "write_object", STORE, text=SAVE)
     desk.run()
     (asked,) = desk.told(desk.operator)
@@ -420,7 +420,7 @@ def test_a_question_goes_to_who_asked_and_its_yes_writes(desk):
     assert (written["question"], written["error"]) == (None, None)
 
 
-def test_too_much_is_refused_and_said(desk):
+def test_too_many_requests_are_refused(desk):
     for _ in range(4):
         desk.ask(desk.looker, "read_objects", *["1:6064:00"] * 32)
     assert any("waiting for 64 objects" in one.text for one in desk.looker.told)

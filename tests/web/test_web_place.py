@@ -36,7 +36,7 @@ def test_loopback_addresses_are_recognised(address):
     assert is_loopback(resolved(address))
 
 
-def test_what_others_reach_is_no_loopback():
+def test_an_external_address_is_no_loopback():
     assert not is_loopback(resolved("192.0.2.1"))
 
 
@@ -46,7 +46,7 @@ def test_an_address_that_means_all_addresses_is_refused_in_any_notation(address)
         opened(address, 0, tls=False)
 
 
-def test_what_cannot_be_listened_at_is_reported():
+def test_an_address_that_cannot_be_used_is_reported():
     with (
         socket.create_server(("127.0.0.1", 0)) as taken,
         pytest.raises(StateError, match="cannot be used"),

@@ -1,4 +1,4 @@
-"""The scope's batches: every cycle once and in order, what is lost is counted, what is unknown is no number, who may ask what."""
+"""The scope's batches: every cycle once and in order, lost ones are counted, unknown values are no number, rights."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def opened(data):
 
 @pytest.fixture(scope="module")
 def seen():
-    """The images of a simulated cell while an axis moves, with the parameters and what its axis told of itself at each."""
+    """The images of a simulated cell while an axis moves, with the parameters and the values of its axis at each."""
     found, told = [], []
     with Machine.simulated(commands.CELL) as machine:
         x = machine["x"]
@@ -88,7 +88,7 @@ def test_an_unknown_value_is_no_number(seen):
     assert [math.isnan(each) for each in velocity] == [True, True]
 
 
-def test_one_that_is_slow_gets_what_is_left_and_how_many_are_not():
+def test_a_slow_reader_gets_the_remaining_cycles_and_the_number_of_lost_ones():
     cycles = ScopeBuffer(kept=10)
     for number in range(25):
         cycles.add(number / 1000, {})
@@ -100,7 +100,7 @@ def test_one_that_is_slow_gets_what_is_left_and_how_many_are_not():
     assert ScopeBuffer().since(0, 5) == ((), 0, 0)
 
 
-def test_cycles_that_come_meanwhile_are_neither_lost_nor_doubled():
+def test_cycles_added_during_a_read_are_neither_lost_nor_doubled():
     cycles, over, found, lost, at = ScopeBuffer(kept=500), threading.Event(), [], 0, 0
 
     def add():

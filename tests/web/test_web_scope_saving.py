@@ -43,7 +43,7 @@ def machine(tmp_path: Path) -> Iterator[Machine]:
 
 
 def packed(times: list[float], **values: list[float]) -> bytes:
-    """What a page sends; a point of a signal's name is an underscore here."""
+    """The message of a page; a point of a signal's name is an underscore here."""
     names = json.dumps([name.replace("_", ".", 1) for name in values]).encode()
     columns = b"".join(array("f", each).tobytes() for each in values.values())
     return struct.pack("<II", len(times), len(names)) + names + array("d", times).tobytes() + columns
@@ -72,7 +72,7 @@ def test_a_file_is_read_back_with_the_values_that_were_shown(machine, tmp_path):
     assert found.facts["drives"] == "simulated"
 
 
-def test_an_unknown_value_is_left_out_as_the_schema_of_its_channel_says(machine):
+def test_an_unknown_value_is_left_out_as_the_schema_of_its_channel_requires(machine):
     from mcap.reader import make_reader
 
     data = mcap(machine, packed([1000.0, 1000.01], x_position=[1.0, 2.0], x_velocity=[math.nan, 3.0]))
@@ -91,7 +91,7 @@ def test_the_time_of_day_is_that_of_the_samples_and_not_of_the_saving(machine, t
     assert abs(ago - timedelta(seconds=600)) < timedelta(seconds=5)
 
 
-def test_it_is_plotted_and_exported_like_a_recording(machine, tmp_path):
+def test_a_saved_scope_is_plotted_and_exported_like_a_recording(machine, tmp_path):
     from axisbus.record.export import write_csv
     from axisbus.record.plot import plot
 
@@ -194,7 +194,7 @@ def test_as_much_as_a_browser_keeps_of_ten_signals_may_be_sent():
 
 
 @pytest.mark.parametrize("there", [True, False])
-def test_without_the_package_the_button_says_what_is_needed(monkeypatch, there):
+def test_without_the_package_the_button_names_it(monkeypatch, there):
     pytest.importorskip("nicegui", reason="the page needs nicegui")
     from nicegui import Client, ui
 

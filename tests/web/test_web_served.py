@@ -1,4 +1,4 @@
-"""A program serves the page of its machine: who has the command then, and what ends the page."""
+"""A program serves the page of its machine: control meanwhile, and the ends of the page."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def host_of(link):
 
 
 def answer(link):
-    """The status with which a link is answered; 0 where nobody serves."""
+    """The status of the answer to a link; 0 without a server."""
     line = http.client.HTTPConnection(host_of(link), timeout=5)
     try:
         line.request("GET", link[link.index("/enter") :])
@@ -52,7 +52,7 @@ def test_a_page_looks_on_and_ends_with_its_machine(tmp_path):
         page = machine.serve_web()
         assert page.runs
         assert answer(page.link) == 200
-        machine["x"].enable().wait(10)  # the program still has the command
+        machine["x"].enable().wait(10)  # the program still has control
         with pytest.raises(StateError, match="could not be served") as caught:
             machine.serve_web(port=int(host_of(page.link).rpartition(":")[2]))
         assert "in use" in caught.value.observed
@@ -62,7 +62,7 @@ def test_a_page_looks_on_and_ends_with_its_machine(tmp_path):
     page.close()
 
 
-def test_a_page_that_has_the_command_gives_it_back(tmp_path):
+def test_a_page_with_control_returns_it_at_its_end(tmp_path):
     with Machine.open(own_cell(tmp_path)) as machine:
         with machine.serve_web(command=True) as page, pytest.raises(OwnershipError, match="axisbus web"):
             machine["x"].enable().wait(10)
@@ -80,7 +80,7 @@ def test_a_page_that_is_killed_changes_nothing(tmp_path):
         handle.wait(30)
 
 
-def test_a_page_ends_where_its_program_is_killed(tmp_path):
+def test_a_page_ends_if_its_program_is_killed(tmp_path):
     command = [sys.executable, "-c", PROGRAM, str(own_cell(tmp_path))]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
         link = program.stdout.readline().strip()
@@ -95,7 +95,7 @@ def listens(address):
         return line.connect_ex((address[0], int(address[1]))) == 0
 
 
-def test_a_machine_that_nobody_can_join_has_no_page(tmp_path):
+def test_a_machine_that_cannot_be_joined_has_no_page(tmp_path):
     file = tmp_path / "cell.toml"
     file.write_text(cell_text(), "utf-8")
     with Machine.simulated(file) as machine, pytest.raises(StateError, match="no page can be served"):

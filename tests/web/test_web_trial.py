@@ -1,4 +1,4 @@
-"""A trial as it is seen cycle by cycle: when it continues, what disturbs it, and its figures, against curves computed here."""
+"""A trial cycle by cycle: its steps, its disturbances, and its figures, against curves computed here."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NAN = math.nan
 STANDS, MOVES, TURNS = AxisState.STANDSTILL, AxisState.DISCRETE_MOTION, AxisState.CONTINUOUS_MOTION
 
 
-class Seen:
+class TrialBench:
     """A trial, and the cycles that it gets."""
 
     def __init__(self, step=MOVE):
@@ -27,14 +27,14 @@ class Seen:
         self.now = 0.0
 
     def cycle(self, state=STANDS, actual=0.0, target=NAN, error=NAN, after=PERIOD):
-        """One more cycle; return what is to be done."""
+        """One more cycle; return the next action."""
         self.time += after
         self.now += after
         self.trial.hear([TrialSample(self.time, state, actual, target, NAN, error)], self.now)
         return self.trial.next(self.now)
 
     def side(self, state, target, actual, seconds=1.0):
-        """A side of so many seconds; ``actual`` is a function of its time. Return what is to be done, each time."""
+        """A side of so many seconds; ``actual`` is a function of its time. Return the next action, each time."""
         return [
             self.cycle(state, actual((k + 1) * PERIOD), target) for k in range(round(seconds / PERIOD) + 1)
         ]
@@ -44,8 +44,8 @@ def rising(start, end, slowness=0.05):
     return lambda time: start + (end - start) * (1.0 - math.exp(-time / slowness))
 
 
-def test_it_goes_there_looks_comes_back_looks_and_is_over():
-    seen = Seen()
+def test_a_trial_moves_measures_returns_measures_and_ends():
+    seen = TrialBench()
     assert seen.cycle() is NextAction.GO
     assert seen.trial.phase is TrialPhase.THERE
     assert seen.side(MOVES, 10.0, rising(0.0, 10.0))[-1] is NextAction.RETURN
@@ -56,8 +56,8 @@ def test_it_goes_there_looks_comes_back_looks_and_is_over():
     assert seen.trial.next(seen.now) is NextAction.WAIT
 
 
-def test_a_velocity_goes_back_to_0_and_is_in_motion_all_the_time():
-    seen = Seen(TURN)
+def test_a_velocity_trial_returns_to_0_and_is_in_motion_all_the_time():
+    seen = TrialBench(TURN)
     assert seen.cycle() is NextAction.GO
     seen.cycle(STANDS)
     assert seen.side(TURNS, NAN, rising(0.0, 20.0))[-1] is NextAction.RETURN
@@ -68,15 +68,15 @@ def test_a_velocity_goes_back_to_0_and_is_in_motion_all_the_time():
 
 
 @pytest.mark.parametrize("state", [each for each in AxisState if each is not STANDS])
-def test_it_begins_with_nothing_that_does_not_stand(state):
-    seen = Seen()
+def test_a_trial_begins_only_at_standstill(state):
+    seen = TrialBench()
     assert seen.cycle(state) is NextAction.WAIT
     assert state.value in seen.trial.why
 
 
 @pytest.mark.parametrize("state", [each for each in AxisState if each not in (STANDS, MOVES)])
-def test_another_state_disturbs_it_and_it_does_not_go_back(state):
-    seen = Seen()
+def test_another_axis_state_disturbs_a_trial_which_then_does_not_return(state):
+    seen = TrialBench()
     seen.cycle()
     seen.cycle(MOVES, target=10.0)
     assert seen.cycle(state, 1.0, 10.0) is NextAction.WAIT
@@ -85,7 +85,7 @@ def test_another_state_disturbs_it_and_it_does_not_go_back(state):
 
 
 def test_a_second_motion_disturbs_it():
-    seen = Seen()
+    seen = TrialBench()
     seen.cycle()
     seen.cycle(MOVES, 5.0, target=10.0)
     seen.cycle(STANDS, 10.0, 10.0)
@@ -93,8 +93,8 @@ def test_a_second_motion_disturbs_it():
     assert "moved again" in seen.trial.why
 
 
-def test_a_turning_axis_that_comes_to_rest_disturbs_it():
-    seen = Seen(TURN)
+def test_a_turning_axis_that_stops_ends_the_trial():
+    seen = TrialBench(TURN)
     seen.cycle()
     seen.cycle(TURNS, 5.0)
     seen.cycle(STANDS)
@@ -102,8 +102,8 @@ def test_a_turning_axis_that_comes_to_rest_disturbs_it():
 
 
 @pytest.mark.parametrize(("after", "gap"), [(3 * PERIOD, False), (4 * PERIOD, True), (1.0, True)])
-def test_missing_cycles_disturb_it(after, gap):
-    seen = Seen()
+def test_missing_cycles_disturb_a_trial(after, gap):
+    seen = TrialBench()
     seen.cycle()
     seen.cycle(MOVES, target=10.0)
     seen.cycle(MOVES, target=10.0, after=after)
@@ -111,15 +111,15 @@ def test_missing_cycles_disturb_it(after, gap):
 
 
 def test_an_unknown_position_disturbs_it():
-    seen = Seen()
+    seen = TrialBench()
     seen.cycle()
     seen.cycle(MOVES, NAN, 10.0)
     assert "not known" in seen.trial.why
 
 
 def test_the_time_until_the_drive_begins_is_not_the_axis_s():
-    """The state tells that the command is taken; the demand, or the axis, that it goes."""
-    seen = Seen()
+    """The state shows that the command is taken; the demand, or the axis, shows the motion."""
+    seen = TrialBench()
     seen.cycle()
     for _ in range(20):
         seen.cycle(MOVES, 0.1, 10.0)
@@ -129,7 +129,7 @@ def test_the_time_until_the_drive_begins_is_not_the_axis_s():
 
 
 def test_a_demand_that_moves_begins_it():
-    seen = Seen()
+    seen = TrialBench()
     for state, demand in ((STANDS, 3.0), (MOVES, 3.0), (MOVES, 3.01)):
         seen.time += PERIOD
         seen.trial.hear([TrialSample(seen.time, state, 3.0, 13.0, demand, 0.0)], 0.0)
@@ -139,7 +139,7 @@ def test_a_demand_that_moves_begins_it():
 
 @pytest.mark.parametrize("begun", [False, True])
 def test_silence_of_the_core_disturbs_it(begun):
-    seen = Seen()
+    seen = TrialBench()
     if begun:
         seen.cycle()
     assert seen.trial.next(seen.now + DEAF - 0.01) is (NextAction.WAIT)
@@ -148,7 +148,7 @@ def test_silence_of_the_core_disturbs_it(begun):
 
 
 def test_an_axis_that_does_not_begin_disturbs_it():
-    seen = Seen()
+    seen = TrialBench()
     seen.cycle()
     seen.side(STANDS, NAN, lambda _: 0.0, START - 0.1)
     assert seen.trial.why == ""
@@ -157,15 +157,15 @@ def test_an_axis_that_does_not_begin_disturbs_it():
 
 
 def test_the_first_reason_is_the_one_that_is_reported():
-    trial = Seen().trial
+    trial = TrialBench().trial
     trial.disturb("one")
     trial.disturb("two")
     assert trial.why == "one"
 
 
-def test_one_that_rings_comes_back_by_its_new_target_and_is_measured():
-    """The drive never says that it has arrived: the axis is in motion all the time."""
-    seen = Seen()
+def test_an_axis_that_rings_returns_by_its_new_target_and_is_measured():
+    """The drive never reports its arrival: the axis is in motion all the time."""
+    seen = TrialBench()
     seen.cycle()
     assert seen.side(MOVES, 10.0, lambda time: 10.0 + math.sin(60 * time))[-1] is NextAction.RETURN
     assert seen.cycle(MOVES, 10.0, 10.0) is NextAction.WAIT
@@ -178,7 +178,7 @@ def test_one_that_rings_comes_back_by_its_new_target_and_is_measured():
 
 
 def test_the_figures_are_those_of_the_curve():
-    seen = Seen()
+    seen = TrialBench()
     seen.cycle()
     decay, swing = 8.0, 30.0
     seen.side(MOVES, 10.0, lambda time: 10.0 * (1.0 - math.exp(-decay * time) * math.cos(swing * time)))
@@ -192,7 +192,7 @@ def test_the_figures_are_those_of_the_curve():
 
 
 def test_the_highest_following_error_is_a_magnitude():
-    seen = Seen()
+    seen = TrialBench()
     seen.cycle()
     for error in (0.1, -0.7, NAN, 0.3, *[0.0] * 30):
         seen.cycle(MOVES, 10.0, 10.0, error)
@@ -202,7 +202,7 @@ def test_the_highest_following_error_is_a_magnitude():
 
 
 def test_of_too_little_there_are_no_figures():
-    seen = Seen()
+    seen = TrialBench()
     seen.cycle()
     found = told(MOVE, TrialPhase.THERE, seen.trial.sides[TrialPhase.THERE], ("deg", "deg"))
     assert set(found.values()) == {"unknown"}

@@ -1,4 +1,4 @@
-"""Trials at the desk, on a simulated cell in virtual time: who may, what is asked, and that every end of one stops the plant."""
+"""Trials at the client handler, on a simulated cell in virtual time: rights, questions, and every end of one stops the plant."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Tuning(Pages):
         assert abs(self.speed()) > 15.0
 
     def ended(self, place: PageClient, why: str) -> None:
-        """It is over and the plant stands, and goes on standing."""
+        """It is over and the plant is at standstill, and stays so."""
         self.pass_(0.3)
         self.hear(place)
         assert self.last["phase"] == "over"
@@ -99,7 +99,7 @@ def test_limits_that_do_not_hold_before_it_is_homed_are_reported_as_such(tmp_pat
         assert "position from -100 to 100 deg, after homing" in pages.last["question"]
 
 
-def test_it_asks_first_and_says_what_moves_and_within_which_limits(pages, place):
+def test_the_question_names_the_motion_and_the_limits(pages, place):
     pages.step(place, sure=False)
     pages.go_on(place, 0.5)
     asked = pages.last["question"]
@@ -119,7 +119,7 @@ def test_it_asks_first_and_says_what_moves_and_within_which_limits(pages, place)
     assert "30 deg/s" in pages.last["question"]
 
 
-def test_a_step_of_position_goes_there_and_back_and_is_measured(pages, place):
+def test_a_position_trial_moves_forth_and_back_and_is_measured(pages, place):
     pages.step(place)
     pages.go_on(place, 1.0)
     assert pages.machine["x"].position == pytest.approx(20.0, abs=0.1)
@@ -199,7 +199,7 @@ def test_another_trial_may_follow_and_only_the_last_are_kept(pages, place):
     ],
 )
 @pytest.mark.parametrize("sure", [False, True])
-def test_what_cannot_be_is_refused_before_the_question_and_after(pages, place, changes, words, sure):
+def test_invalid_values_are_refused_before_the_question_and_after(pages, place, changes, words, sure):
     pages.step(place, sure=sure, **changes)
     pages.go_on(place, 0.3)
     (told,) = pages.told(place)
@@ -218,7 +218,7 @@ def test_an_invalid_velocity_is_refused(pages, place, velocity, words):
     assert pages.news == []
 
 
-def test_it_needs_the_controls_an_operator_and_an_enabled_axis_at_standstill(pages):
+def test_a_trial_needs_the_controls_an_operator_and_an_enabled_axis_at_standstill(pages):
     looker, place = pages.sit(Role.LOOKER), pages.sit()
     for who, words in ((looker, "observer page"), (place, "no page has the controls")):
         pages.step(who)
@@ -240,7 +240,7 @@ def test_it_needs_the_controls_an_operator_and_an_enabled_axis_at_standstill(pag
     assert pages.news == []
 
 
-def test_a_yes_that_comes_too_late_moves_nothing(pages, place):
+def test_a_late_yes_moves_nothing(pages, place):
     pages.press += 1
     pages.ask(place, "beat")
     pages.ask(place, "step_position", "x", sure=True, press=1, values=MOVE, sent=pages.now - 90.0 - 0.3)
@@ -258,10 +258,10 @@ def test_two_at_a_time_are_refused_and_the_first_continues(pages, place):
     assert (pages.last["phase"], pages.last["why"]) == ("over", "")
 
 
-# -- what ends one -------------------------------------------------------------------------------------------------------------
+# -- ends of a trial -----------------------------------------------------------------------------------------------------------
 
 
-def test_it_ends_when_its_page_is_gone(pages, place):
+def test_a_trial_ends_when_its_page_leaves(pages, place):
     pages.under_way(place)
     pages.desk.leave(place)
     pages.pass_(0.3)
@@ -275,26 +275,26 @@ def test_it_ends_when_its_page_is_gone(pages, place):
     assert pages.last["why"] == ""
 
 
-def test_it_ends_by_silence_and_late_words_do_not_revive_it(pages, place):
+def test_a_trial_ends_by_silence_and_late_messages_do_not_revive_it(pages, place):
     pages.under_way(place)
     pages.go_on(place, 0.3, alive=False)
     pages.ended(place, "the server received nothing from its page")
 
 
-def test_it_ends_by_words_that_come_too_late(pages, place):
+def test_a_late_beat_ends_it(pages, place):
     pages.under_way(place)
     pages.ask(place, "trial_beat", press=pages.press, sent=pages.now - 90.0 - 0.3)
     pages.ended(place, "the server received nothing from its page")
 
 
-def test_it_ends_when_its_page_is_hidden(pages, place):
+def test_a_trial_ends_when_its_page_is_hidden(pages, place):
     pages.under_way(place)
     pages.ask(place, "trial_end")
     pages.ended(place, "its page has ended it")
 
 
 @pytest.mark.parametrize("do", ["take_over", "give_back"])
-def test_it_ends_with_the_controls(pages, place, do):
+def test_a_trial_ends_with_the_controls(pages, place, do):
     other = pages.sit()
     pages.under_way(place)
     pages.ask(other if do == "take_over" else place, do)
@@ -381,7 +381,7 @@ def test_a_trial_leaves_the_other_axis_alone_and_is_left_alone(pages, place):
     assert pages.machine["y"].position == pytest.approx(10.0, abs=0.1)
 
 
-def test_after_its_end_a_trial_is_observed_no_longer(pages, place, monkeypatch):
+def test_a_trial_is_no_longer_observed_after_its_end(pages, place, monkeypatch):
     forgotten = []
     forget = type(pages.machine.session).forget
     monkeypatch.setattr(

@@ -48,7 +48,7 @@ def test_repeated_objects_are_read_twice_a_second_once_for_all_pages():
     assert turns.news(1) == []
 
 
-def test_where_more_is_kept_than_there_is_time_for_each_has_its_turn():
+def test_if_more_objects_are_repeated_than_time_allows_each_has_its_turn():
     turns = TransferQueue()
     for page in range(10):
         turns.keep(page + 1, X[8 * page : 8 * page + 8])
@@ -57,7 +57,7 @@ def test_where_more_is_kept_than_there_is_time_for_each_has_its_turn():
     assert max(counts.values()) - min(counts.values()) <= 1
 
 
-def test_a_page_that_asks_for_much_keeps_no_other_waiting():
+def test_a_page_with_many_requests_does_not_delay_the_others():
     turns = TransferQueue()
     assert turns.ask(1, [ObjectJob(key, 1) for key in X[:60]])
     assert turns.ask(2, [ObjectJob(Y, 2)])
@@ -73,7 +73,7 @@ def test_a_page_may_wait_for_so_much_and_no_more():
     assert turns.ask(2, [ObjectJob(X[0], 2)])
 
 
-def test_of_a_node_that_does_not_answer_the_rest_is_given_up_and_what_is_kept_waits():
+def test_reads_of_a_silent_node_are_dropped_and_repeated_objects_wait():
     turns = TransferQueue()
     turns.keep(1, [X[0], Y])
     assert turns.ask(2, [ObjectJob(key, 2) for key in X[:30]])
@@ -91,7 +91,7 @@ def test_a_write_is_not_given_up_with_the_reads_of_a_silent_node():
     assert [job for _, job in done] == [ObjectJob(X[0], 1), wish]
 
 
-def test_without_the_controls_nothing_is_written_any_more_and_that_is_said():
+def test_without_the_controls_waiting_writes_are_dropped_and_reported():
     turns, wish = TransferQueue(), ObjectJob(X[5], 1, TransferRequest("1"))
     assert turns.ask(1, [wish, ObjectJob(X[1], 1)])
     turns.drop_writes(1, 7.0)
@@ -102,7 +102,7 @@ def test_without_the_controls_nothing_is_written_any_more_and_that_is_said():
     assert [job for _, job in run(turns, 7.0, 1.0)] == [ObjectJob(X[1], 1)]
 
 
-def test_a_page_that_is_gone_is_read_for_no_more():
+def test_nothing_is_read_for_a_page_that_left():
     turns = TransferQueue()
     turns.keep(1, X[:3])
     assert turns.ask(1, [ObjectJob(X[7], 1)])
@@ -129,7 +129,7 @@ def test_a_page_gets_the_reads_and_writes_of_others_for_its_objects_but_not_thei
     assert [seen.value for seen in turns.news(1)] == ["1"]
 
 
-def test_what_a_write_came_to_is_not_hidden_by_what_is_read_right_after_it():
+def test_the_result_of_a_write_is_not_hidden_by_a_read_after_it():
     turns, wish = TransferQueue(), ObjectJob(Y, 1, TransferRequest("1"))
     turns.keep(1, [Y])
     turns.done(TransferResult(wish, 5.0, "1", note="0 -> 1, read back"), 5.0)

@@ -1,4 +1,4 @@
-"""What a page asks for: messages that are none, who may ask for what, and what is said where it is refused."""
+"""The requests of a page: invalid messages, rights, and the texts of refusals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from axisbus.web.objects.transfer_queue import ObjectKey
 AXES = ("x", "y")
 ME, OTHER = Seat(1, "page 1", Role.OPERATOR), Seat(2, "page 2", Role.OPERATOR)
 LOOKER = Seat(3, "page 3", Role.LOOKER)
-# Typed off by hand: what everybody may, and what only who has the controls may; what asks first.
+# Typed by hand: the rights of every page, and of the page with the controls only; requests with a question.
 EVERYBODY = {"beat", "take", "take_over", "give_back", "link"}
 EVERYBODY |= {"quick_stop_all", "halt_all", "quick_stop", "halt", "jog_end", "read_objects", "keep_reading"}
 EVERYBODY |= {"backup", "compare", "would_restore", "job_end"}
@@ -61,7 +61,7 @@ def test_every_verb_is_of_one_kind():
 
 
 @pytest.mark.parametrize("verb", PageVerb, ids=lambda verb: verb.value)
-def test_who_may_ask_for_what(verb):
+def test_the_rights_of_each_request(verb):
     leases = (PageLease(), PageLease(ME), PageLease(OTHER))
     for seat, lease, sure in itertools.product((ME, LOOKER), leases, (False, True)):
         verdict = decide(seat, lease, PageRequest(verb, "x", WHOLE, sure), AXES)
@@ -71,7 +71,7 @@ def test_who_may_ask_for_what(verb):
         assert isinstance(verdict, PageAction if may else Refusal), (seat, lease, sure)
 
 
-def test_a_refusal_says_who_has_the_controls_and_what_to_do():
+def test_a_refusal_names_the_holder_of_the_controls_and_the_remedy():
     ask = PageRequest(PageVerb.DISABLE, "x")
     assert "page 2 has the controls" in decide(ME, PageLease(OTHER), ask, AXES).text
     assert "take them first" in decide(ME, PageLease(), ask, AXES).remedy
@@ -85,7 +85,7 @@ def test_an_axis_that_is_not_there_is_reported(verb):
 
 
 @pytest.mark.parametrize("verb", ["quick_stop_all", "halt_all"])
-def test_what_stops_all_is_for_all_axes(verb):
+def test_a_stop_of_everything_is_for_all_axes(verb):
     assert decide(LOOKER, PageLease(OTHER), PageRequest(PageVerb(verb)), AXES) == PageAction(
         PageVerb(verb), AXES
     )
@@ -106,7 +106,7 @@ def test_a_value_that_is_not_a_number_is_refused_and_never_zero(typed):
     assert "distance" in verdict.text
 
 
-def test_what_may_be_left_out_is_left_out_and_what_is_not_asked_for_is_not_taken():
+def test_empty_optional_values_are_left_out_and_unknown_ones_ignored():
     values = {"position": "1", "velocity": " ", "acceleration": "7", "jerk": "9"}
     verdict = decide(ME, PageLease(ME), PageRequest(PageVerb.MOVE_ABSOLUTE, "x", values), AXES)
     assert verdict.values == {"position": 1.0, "acceleration": 7.0}
@@ -162,12 +162,12 @@ def test_an_invalid_message_is_refused(text):
 @given(
     st.text(max_size=200) | st.dictionaries(st.text(max_size=5), st.integers() | st.text()).map(json.dumps)
 )
-def test_whatever_comes_nothing_raises(text):
+def test_no_text_raises(text):
     assert isinstance(read(text), PageRequest | Refusal)
 
 
 @pytest.mark.parametrize("more", [{}, {"sent": None}, {"values": 7}, {"press": "x", "sure": 1}])
-def test_nothing_that_comes_along_spoils_a_stop(more):
+def test_extra_keys_do_not_invalidate_a_stop(more):
     assert read(json.dumps({"do": "quick_stop", "axis": "x", **more})) == PageRequest(
         PageVerb.QUICK_STOP, "x"
     )

@@ -1,4 +1,4 @@
-"""What the page shows, on a simulated cell: values that are never passed off as fresh, and what has gone wrong with its remedy."""
+"""The content of the page, on a simulated cell: values that are never passed off as fresh, and errors with their remedy."""
 
 from __future__ import annotations
 
@@ -95,14 +95,14 @@ def test_a_silent_drive_has_no_position(machine):
     machine.simulated_node(1).device.dials.dead = True
     machine.sleep(3.0)
     x = all_axes(machine, now(machine))["x"]
-    machine.simulated_node(1).device.dials.dead = False  # it could not be seen to stand on the way out
+    machine.simulated_node(1).device.dials.dead = False  # its standstill could not be seen during closing
     machine.sleep(1.0)
     assert x["position"] == "unknown"
     assert x["position_age"] == ""
     assert x["state"] == "ErrorStop"
 
 
-def test_a_fault_is_reported_with_cause_and_remedy_before_what_was_earlier(machine):
+def test_a_fault_is_reported_with_cause_and_remedy_before_earlier_ones(machine):
     quiet = whole_cell(machine, ["bus: fine"], now(machine))
     assert quiet["incidents"] == []
     assert quiet["beside"] == ["bus: fine"]
@@ -121,7 +121,7 @@ def test_a_fault_is_reported_with_cause_and_remedy_before_what_was_earlier(machi
     json.dumps(first)
 
 
-def test_nodes_are_reported_with_identity_state_and_what_is_wrong(machine):
+def test_nodes_are_reported_with_identity_state_and_error(machine):
     one, two = whole_cell(machine, [], now(machine))["nodes"]
     assert (one["node"], two["node"]) == (1, 2)
     assert one["nmt"] == "operational"
@@ -131,7 +131,7 @@ def test_nodes_are_reported_with_identity_state_and_what_is_wrong(machine):
     assert one["wrong"] is None
 
 
-def test_a_node_whose_drive_is_in_fault_or_that_is_lost_is_said_to_be_wrong(machine):
+def test_a_node_in_fault_or_lost_is_reported_with_its_error(machine):
     def wrong() -> list[dict[str, str] | None]:
         return [each["wrong"] for each in whole_cell(machine, [], now(machine))["nodes"]]
 

@@ -105,7 +105,7 @@ def test_an_image_stored_as_bytes_is_unchanged():
 
 
 def test_a_torn_image_is_not_taken():
-    """The writer has gone round all slots while the reader was between its two looks: what is read last is kept."""
+    """The writer has filled all slots while the reader was between its two looks: the last valid image is kept."""
     memory = mmap.mmap(-1, image.size_of(1))
     writer, reader = ImageWriter(memory, ("x",)), ImageReader(memory, ("x",), {}.get)
     writer.write(7.5, {"x": axis(1)}, {})

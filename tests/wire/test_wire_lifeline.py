@@ -1,4 +1,4 @@
-"""What a rescue finds in shared memory is the last frame that was sent, with a quick stop in the place of the controlword."""
+"""A rescue finds the last sent frame in shared memory, with a quick stop in the place of the controlword."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def made(*held: RescueRpdo, axes: int = 4) -> tuple[mmap.mmap, LifelineWriter]:
     return memory, writer
 
 
-def test_nothing_is_stopped_that_was_not_commanded():
+def test_a_node_that_was_not_commanded_is_not_stopped():
     memory, _ = made(RescueRpdo(0, 0x201), RescueRpdo(1, 0x202))
     assert rescue_memory.found(memory, AT) == rescue_memory.RescueTargets((), ())
     assert rescue_memory.stage_of(memory, AT) is CoreStage.RUNNING
@@ -38,7 +38,7 @@ def test_the_last_frame_counts_and_every_other_bit_of_it_stays():
     )
 
 
-def test_an_axis_without_a_controlword_by_pdo_is_found_all_the_same():
+def test_an_axis_without_a_controlword_by_pdo_is_listed_for_the_rescue():
     memory, writer = made(RescueRpdo(2))
     writer.touched(2)
     assert rescue_memory.found(memory, AT) == rescue_memory.RescueTargets((2,), ())
@@ -53,7 +53,7 @@ def test_an_axis_with_two_such_frames_is_stopped_by_both():
     assert found.frames == ((0x201, QUICK_STOP), (0x301, b"\x01\x02\x03\x04" + QUICK_STOP))
 
 
-def test_what_comes_later_is_entered_behind():
+def test_nodes_that_are_added_later_are_entered_at_the_end():
     memory, writer = made(RescueRpdo(0, 0x201))
     writer.enter([RescueRpdo(3, 0x204)])
     writer.stage(CoreStage.LEAVING)

@@ -1,4 +1,4 @@
-"""Messages over a socket arrive whole and in order, whatever their size, and nobody who sends waits for anybody."""
+"""Messages over a socket arrive whole and in order, whatever their size, and no sender waits."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_nonsense_ends_the_messages():
         assert list(stream.messages()) == []
 
 
-def test_who_sends_does_not_wait_for_one_who_reads_nothing():
+def test_a_sender_does_not_wait_for_a_reader_that_reads_nothing():
     with line() as (stream, _):
         began = time.monotonic()
         for _ in range(200):
@@ -113,7 +113,7 @@ def test_a_signal_handler_may_send_while_the_same_thread_sends():
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="POSIX")
-def test_a_forked_child_that_lets_go_takes_nothing_from_its_parent():
+def test_a_forked_child_that_disowns_its_streams_does_not_close_those_of_its_parent():
     with both() as (near, far):
         if (child := os.fork()) == 0:
             near.disown()

@@ -209,7 +209,7 @@ def test_every_error_arrives_as_the_same_with_its_fields_and_notes(name):
     assert str(found) == str(error)
 
 
-def test_what_caused_an_error_arrives_as_the_text_of_its_traceback():
+def test_the_cause_of_an_error_arrives_as_the_text_of_its_traceback():
     try:
         try:
             raise ValueError("of a library")

@@ -1,1 +1,1 @@
-"""What the benchmarks of the cycle are made of: a line to drives in another process, and who drives them."""
+"""Parts of the benchmarks of the cycle: a line to drives in another process, and the masters that control them."""

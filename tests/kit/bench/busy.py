@@ -103,7 +103,7 @@ def ours(load: Callable[[float], None], seconds: float, file: str) -> dict[str, 
 
 
 def theirs(load: Callable[[float], None], seconds: float) -> dict[str, float]:
-    """``canopen``'s SyncProducer on a line that somebody else empties."""
+    """``canopen``'s SyncProducer on a line that another process reads."""
     import canopen
 
     from axisbus.bus.link.socketpair import cable
@@ -157,8 +157,8 @@ def control(load: Callable[[float], None], seconds: float) -> dict[str, float]:
     return found
 
 
-class draining:  # noqa: N801  # it reads as what it does
-    """Another process reads what comes on a line."""
+class draining:  # noqa: N801  # it reads as a verb in a with statement
+    """Another process reads the frames of a line."""
 
     def __init__(self, end: socket.socket) -> None:
         code = "import socket, sys\nline = socket.socket(fileno=int(sys.argv[1]))\nwhile line.recv(16): pass"
@@ -176,7 +176,7 @@ class draining:  # noqa: N801  # it reads as what it does
 
 
 def main(side: str, load: str, seconds: str, file: str = "") -> None:
-    """Print what one side has come to."""
+    """Print the result of one side."""
     work, time_of_it = LOADS[load], float(seconds)
     if side in ("own", "thread"):
         os.environ["AXISBUS_PROCESS"] = side

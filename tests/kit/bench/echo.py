@@ -1,4 +1,4 @@
-"""Drives that answer at once, each in a few lines: they are where they are told to be. Run as a process with a socket to serve.
+"""Drives that answer at once, each in a few lines: their position is the last target. Run as a process with a socket to serve.
 
 Their TPDO 1 holds statusword, mode and position; or, ``split``, TPDO 1 to 3 hold one of them each. At every 50th SYNC one of them
 sends an EMCY, a warning.
@@ -17,14 +17,14 @@ TPDOS = (0x180, 0x280, 0x380)
 _BEAT = 25  # SYNCs between two heartbeats of a node
 EVENT = 50  # SYNCs between two EMCYs of the cell
 _EMCY = bytes.fromhex("1042090000000000")  # 4210h, the temperature of the device
-# What a drive shows for the lower bits of its controlword, and whether it is enabled then.
+# The statusword of a drive for the lower bits of its controlword, and whether it is enabled then.
 _SHOWN = {0x0: 0x0250, 0x6: 0x0231, 0x7: 0x0233, 0xF: 0x1637, 0x2: 0x0217}
 _SIZES = {0x6040: 2, 0x6041: 2, 0x6060: 1, 0x6061: 1, 0x6071: 2, 0x6077: 2}
 _UPLOADED = {1: 0x4F, 2: 0x4B, 4: 0x43}
 
 
 class Drive:
-    """One drive: statusword, mode and position follow what its RPDO says."""
+    """One drive: statusword, mode and position follow its RPDO."""
 
     def __init__(self, node_id: int) -> None:
         self.node_id = node_id
@@ -46,7 +46,7 @@ class Drive:
         ]
 
     def answer(self, request: bytes) -> bytes:
-        """An SDO: every write is taken, every read is of what the drive shows, else 0."""
+        """An SDO answer: every write is accepted, a read returns a value of the drive, else 0."""
         index = request[1] | request[2] << 8
         if request[0] >> 5 == 1:
             return b"\x60" + request[1:4] + bytes(4)

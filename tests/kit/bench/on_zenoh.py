@@ -1,7 +1,7 @@
-"""A bridge to Zenoh beside a machine, and who hears it: ``python -m kit.bench.on_zenoh CELL SECONDS [junk]``, as JSON.
+"""A bridge to Zenoh beside a machine, and a subscriber: ``python -m kit.bench.on_zenoh CELL SECONDS [junk]``, as JSON.
 
-It prints the CPU seconds of the bridge, how many states came, and how long none of an axis did. ``junk``: queries of nonsense come
-as fast as they are answered, too.
+It prints the CPU seconds of the bridge, the number of received states, and the longest gap of an axis. ``junk``: random queries
+are sent as fast as they are answered, too.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from kit.bench.scopes import spent
 from kit.zenoh_cell import KEYS, BridgeProcess, Client
 
 
-def ask_nonsense(client: Client, until: float) -> int:
+def send_nonsense(client: Client, until: float) -> int:
     """Ask it without end, and return how often."""
     asked = 0
     while time.monotonic() < until:
@@ -29,7 +29,7 @@ def ask_nonsense(client: Client, until: float) -> int:
 
 
 def main(cell: str, seconds: str, *junk: str) -> None:
-    """Listen, and print what came."""
+    """Listen, and print the counts."""
     states: dict[str, list[float]] = {}
 
     def hear(sample: Any) -> None:
@@ -42,7 +42,7 @@ def main(cell: str, seconds: str, *junk: str) -> None:
             client.session.declare_subscriber(KEYS.events, lambda _: None)
             began, end = spent(bridge.process.pid), time.monotonic() + float(seconds)
             asked: list[int] = []
-            thread = threading.Thread(target=lambda: asked.append(ask_nonsense(client, end)))
+            thread = threading.Thread(target=lambda: asked.append(send_nonsense(client, end)))
             if junk:
                 thread.start()
             time.sleep(max(0.0, end - time.monotonic()))

@@ -82,7 +82,7 @@ class Cell:
         self.scan.run()
 
     def follow(self, speed: float) -> None:
-        """Enable every axis and set it on its way, at ``speed`` in deg/s for a long time."""
+        """Enable every axis and start a long motion at ``speed`` in deg/s."""
         while len(self.scan.snapshots) < len(self.axes) or None in [
             one.statusword for one in self.scan.snapshots.values()
         ]:
@@ -94,7 +94,7 @@ class Cell:
         ]
 
     def command(self) -> None:
-        """Give one axis after the other a command that leaves it on its way."""
+        """Give one axis after the other a command that leaves it in motion."""
         name = next(self._turns)
         self.commands.append(self.axes[name].enable())
 

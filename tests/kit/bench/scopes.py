@@ -1,4 +1,4 @@
-"""Four scopes of ten signals beside a machine: ``python -m kit.bench.scopes CELL SECONDS`` prints what the server took, as JSON."""
+"""Four scopes of ten signals of a machine: ``python -m kit.bench.scopes CELL SECONDS`` prints the cost of the server as JSON."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COLUMNS = ("position", "velocity", "target", "demand", "following_error")
 
 
 class Scope:
-    """One scope that takes all that comes; counts the samples that came, and those that were lost on the way."""
+    """One scope that receives everything; counts the received samples, and the lost ones."""
 
     def __init__(self, socket: ClientConnection, signals: list[str]) -> None:
         self.samples = self.lost = 0
@@ -40,7 +40,7 @@ class Scope:
 
 
 def main(cell: str, seconds: str) -> None:
-    """Print CPU seconds of the server, and what the scopes got."""
+    """Print the CPU seconds of the server, and the counts of the scopes."""
     axes = list(reader.load(cell).axes)
     signals = [f"{axis}.{column}" for column in COLUMNS for axis in axes][:SIGNALS]
     command = [sys.executable, "-u", "-m", "axisbus", "web", cell, "--look", "--port", "0"]

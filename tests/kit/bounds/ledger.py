@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from kit.cell import Cell
 
 VELOCITY, ACCELERATION, JERK = LIMITS = "max_velocity", "max_acceleration", "jerk of a way"
-MOST = 1.0 + 1e-9  # of a limit, with what the arithmetic may be off
+MOST = 1.0 + 1e-9  # of a limit, with the rounding error of the arithmetic
 
 
 @dataclass
@@ -22,7 +22,7 @@ class Worst:
         self.shares[limit] = max(self.shares[limit], (share, where))
 
     def join(self, other: Worst) -> None:
-        """Take what another play has seen."""
+        """Add the observations of another play."""
         for limit, seen in other.shares.items():
             self.see(limit, *seen)
         self.cycles += other.cycles
@@ -39,9 +39,9 @@ class _Seen:
 
 @dataclass
 class Ledger:
-    """Looks at each cycle of a cell; ``jerk`` (unit/s³) is that of the way under way, None where none is asked for.
+    """Looks at each cycle of a cell; ``jerk`` (unit/s³) is that of the running motion, None without a limit.
 
-    An axis that nothing leads stands: its velocity and acceleration begin at 0.
+    An axis without a motion is at standstill: its velocity and acceleration begin at 0.
     """
 
     cell: Cell

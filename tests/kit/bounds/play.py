@@ -1,4 +1,4 @@
-"""One random play of three axes: ways, blended and soft moves, streams, trajectories, gears, replans, overrides, halts, resumes."""
+"""One random play of three axes: paths, blended and soft moves, streams, trajectories, gears, replans, overrides, halts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ REACH = 120.0  # degrees
 
 @dataclass
 class Play:
-    """What was asked for in one play, and what came of it."""
+    """The commands of one play, and their results."""
 
     asked: Counter[str] = field(default_factory=Counter)
     done: Counter[str] = field(default_factory=Counter)  # to their end
@@ -36,7 +36,7 @@ class Play:
     worst: Worst = field(default_factory=Worst)
 
     def join(self, other: Play) -> None:
-        """Take what another play has seen."""
+        """Add the observations of another play."""
         self.asked += other.asked
         self.done += other.done
         self.broken_off += other.broken_off
@@ -45,7 +45,7 @@ class Play:
 
 @dataclass
 class Walk:
-    """A stream, and how its random walk continues: where and how fast it is, a step apart in time."""
+    """A stream, and the state of its random walk: position and velocity, a step apart in time."""
 
     points: PointStream
     step: float
@@ -54,7 +54,7 @@ class Walk:
 
 
 class Sheared:
-    """Kinematics of a program: what x does depends on y, and what y does on z, by curves."""
+    """Kinematics of a program: the motion of x depends on y, and that of y on z, by curves."""
 
     def forward(self, joints: Sequence[float]) -> tuple[float, ...]:
         """Return the place."""
@@ -111,7 +111,7 @@ class Player:
                 for call in (axis.reset, axis.enable):
                     self.cell.end_of(call())
 
-    # -- what is asked for ------------------------------------------------------------------------------------------------
+    # -- commands ---------------------------------------------------------------------------------------------------------
 
     def _point(self) -> list[float]:
         return [self.random.uniform(-REACH, REACH) for _ in self.group]
@@ -123,15 +123,15 @@ class Player:
         }
 
     def _rest(self, share: float) -> None:
-        """In so many cases of one let all come to rest: a way begins there."""
+        """In a part of the cases let all axes stop: a path begins there."""
         if self.random.random() < share:
             self.cell.end_of(self.group.halt())
             self.cell.run(0.1)
 
     def _smooth(self) -> Handle:
-        """A line, a path or a circle with a limit of jerk, from rest to where it ends; it may be overridden and halted.
+        """A line, a path or a circle with a limit of jerk, from standstill to its end; it may be overridden and halted.
 
-        On a circle the jerk is that of the speed along it, and what turns comes on top: it is not watched for it.
+        On a circle the jerk is that of the speed along it, and the turning is added: its jerk is not checked.
         """
         random, jerk, pace = self.random, self.random.choice([2000.0, 20000.0, 300000.0]), self._pace()
         self._rest(1.0)
@@ -191,7 +191,7 @@ class Player:
         return handle
 
     def _turn(self, axis: Axis, jerk: float) -> Handle:
-        """A velocity that does not lead to the position limits, where the axis would be stopped as hard as that takes."""
+        """A velocity that does not reach the position limits, where the axis would be stopped as hard as necessary."""
         random = self.random
         inwards = -math.copysign(1.0, axis.position)
         if abs(axis.position) < 60.0 and random.random() < 0.3:
@@ -299,7 +299,7 @@ class Player:
         """Points of a random walk that keeps some of its speed, given in time, late, or not at all any more."""
         return self._streamed(self.group, tuple(axis.commanded_position for axis in self.group))
 
-    def _stream_of_places(self) -> Handle:
+    def _workspace_stream(self) -> Handle:
         """The same through places of a workspace."""
         belt = CoreXY()
         return self._streamed(
@@ -342,7 +342,7 @@ class Player:
         self.walk.points.resume()
         return self._walk_on(self.walk)
 
-    def _own_way(self) -> Handle:
+    def _own_kinematics_path(self) -> Handle:
         """A path by kinematics of the program's own."""
         self._rest(0.8)
         points = [self._point() for _ in range(self.random.randint(1, 4))]
@@ -358,7 +358,7 @@ class Player:
         )
 
     def _laid_over(self) -> Handle:
-        """A trajectory with distances laid over it, and overrides meanwhile: none of it is refused on the way."""
+        """A trajectory with superimposed distances, and overrides meanwhile: none of it is refused during the motion."""
         self._rest(1.0)
         random, axis = self.random, self.cell[self.random.choice("xyz")]
         self.cell.end_of(axis.set_override(1.0))
@@ -375,7 +375,7 @@ class Player:
         return handle
 
     def _replan(self) -> Handle:
-        """A move out of whatever leads the axis; one that stands is not moved by its drive."""
+        """A move that takes over from any motion; an axis at standstill is not moved by its drive."""
         axis = self.cell[self.random.choice("xyz")]
         if self.cell.core(axis.name).leading_path is None:
             return self._trajectory()
@@ -411,9 +411,9 @@ ORDER: dict[str, Callable[[Player], Handle]] = {
     "moves blended with jerk": Player._softly_blended,
     "circle": Player._circle,
     "stream": Player._stream,
-    "stream of places": Player._stream_of_places,
+    "stream of places": Player._workspace_stream,
     "stream gone on with": Player._resumed_stream,
-    "path of own kinematics": Player._own_way,
+    "path of own kinematics": Player._own_kinematics_path,
     "trajectory": Player._trajectory,
     "trajectory with more laid over": Player._laid_over,
     "replan": Player._replan,
@@ -448,7 +448,7 @@ ORDERS = [
 
 
 def played(seed: int, steps: int, folder: Path) -> Play:
-    """Return what came of one play of so many commands."""
+    """Return the result of one play of so many commands."""
     with Stage(folder) as stage:
         player = Player(stage.simulated("xyz", eds=MODULE, axis=AXIS), seed)
         for _ in range(steps):

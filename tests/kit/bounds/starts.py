@@ -27,7 +27,7 @@ class Starts(NamedTuple):
 
 
 def starts(seed: int, count: int, folder: Path) -> Starts:
-    """Return what came of so many starts of three axes, in ways that their drives plan and that the master controls."""
+    """Return the result of so many starts of three axes, in motions planned by their drives or by the master."""
     chance = random.Random(seed)
     with Stage(folder) as stage:
         cell = stage.simulated("xyz", axis=_AXIS).enabled()
@@ -72,7 +72,7 @@ _WAYS: tuple[Callable[[Group, list[float]], Handle], ...] = (_direct, _linear, _
 
 
 def _apart(cell: Cell, before: dict[str, float]) -> int:
-    """SYNCs from the first axis that its drive leads away from where it stood to the last one."""
+    """SYNCs from the first axis that moves away from its position to the last one."""
     times = [_set_off(cell, name, moment) for name, moment in before.items()]
     return round((max(times) - min(times)) / PERIOD)
 

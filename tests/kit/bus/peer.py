@@ -15,11 +15,11 @@ Handler = Callable[[int, bytes, bool], Iterable[Frame]]
 
 
 class FakeBus(can.BusABC):
-    """A bus in memory: what is sent goes to ``peers`` at once, what they answer can be received.
+    """A bus in memory: sent frames go to ``peers`` at once, and their answers can be received.
 
-    Dials: ``refuse`` holds exceptions, one for each of the next sends; ``full`` refuses all; ``stuck`` is an event that the sends
-    of threads whose name begins with "stuck" wait for; an exception given to ``fail_receiving`` comes out of ``recv``; ``says`` is
-    what the driver says of the controller (or raises).
+    Fault settings: ``refuse``: exceptions, one for each of the next sends; ``full`` refuses all; ``stuck``: an event that sends
+    of threads whose name begins with "stuck" wait for; an exception given to ``fail_receiving`` is raised by ``recv``; ``says`` is
+    the driver's state of the controller (or raises).
     """
 
     def __init__(self) -> None:
@@ -90,7 +90,7 @@ class FakeBus(can.BusABC):
 
 
 def eventually(condition: Callable[[], object], seconds: float = 5.0) -> None:
-    """Wait for what another thread is about to do; generous, because the machine may be busy."""
+    """Wait for an action of another thread; generous, because the computer may be busy."""
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "did not happen in time"
@@ -98,9 +98,9 @@ def eventually(condition: Callable[[], object], seconds: float = 5.0) -> None:
 
 
 class Slave:
-    """A CANopen slave: SDO server (expedited and segmented), the PDO parameter rules, NMT. Typed off CiA 301, not off the library.
+    """A CANopen slave: SDO server (expedited and segmented), the PDO parameter rules, NMT. By CiA 301, not from the library.
 
-    Dials: ``ignore`` requests get no answer; with ``hold`` answers wait until ``release``; ``abort_on`` maps (index, subindex) to
+    Settings: ``ignore`` requests get no answer; with ``hold`` they wait until ``release``; ``abort_on`` maps (index, subindex) to
     the abort code of a write; ``flip_toggle`` spoils the toggle bit of that many segments; ``fixed_mapping`` refuses any change of
     a map, ``fixed_communication`` any of the communication parameters.
     """

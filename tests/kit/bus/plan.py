@@ -1,4 +1,4 @@
-"""PDO configurations of drives as text, for the tests of the planner and of what it plans."""
+"""PDO configurations of drives as text, for the tests of the planner and of its plans."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def tpdo(
     )
 
 
-# What CiA 402-3 proposes as default mapping: the controlword in every RPDO.
+# The default mapping proposed by CiA 402-3: the controlword in every RPDO.
 GENERIC = DevicePdos(
     (
         rpdo(1, "6040/16"),

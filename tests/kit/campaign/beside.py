@@ -1,6 +1,6 @@
-"""Rules of a module that speaks CAN Simple beside the axes of a scene: energised only when asked, and at rest and off in the end.
+"""Rules of a CAN Simple module beside the axes of a scene: energised only when commanded, and at standstill and off in the end.
 
-It is given commands and mishaps of its own, by the numbers of what happens to the others, and judged by its own shaft.
+It gets commands and faults of its own, derived from the numbers of the other axes, and is judged by its own shaft.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ ORDERS: tuple[Order, ...] = (
     lambda axis, _: axis.reset(),
 )
 _RESET = ORDERS[-1]
-# Dials with what they are turned to; the first ones end what the others began.
+# Fault settings with their values; the first ones end the faults of the others.
 DIALS: tuple[Mapping[str, object], ...] = (
     {"motor_error": 0, "dead": False, "heartbeat_stops": False, "estimates_stop": False, "blocked": False},
     {"motor_error": 0, "dead": False, "heartbeat_stops": False, "estimates_stop": False, "blocked": False},
@@ -71,7 +71,7 @@ DIALS: tuple[Mapping[str, object], ...] = (
 
 
 class Beside:
-    """Holds the module, what was asked of it, and what did not hold."""
+    """Holds the module, its commands, and the violations."""
 
     def __init__(self, cell: Cell) -> None:
         """The cell has ``TOML`` in it."""
@@ -86,9 +86,9 @@ class Beside:
         cell.each_cycle(lambda now, _: self._look(now))
 
     def happen(self, value: float) -> None:
-        """Give it a command, or a mishap, by a number from -1 to 1."""
+        """Give it a command, or a fault, by a number from -1 to 1."""
         number = round(abs(value) * 100)
-        if not number:  # what brings the others back into service
+        if not number:  # the event that brings the others back into service
             self._turn(DIALS[0])
             for order in (_RESET, *ORDERS[:1], *ORDERS[4:6]):
                 self._give(order, self._chance.uniform(-1.0, 1.0))
@@ -116,14 +116,14 @@ class Beside:
         self._enables.append((handle, None))
 
     def is_out_of_reach(self, text: str) -> bool:
-        """Whether the master says that it may move or be energised still, or cannot hear that it does."""
+        """Whether the master reports that it may move or still be energised, or cannot receive whether it does."""
         error = self._axis.error
         lines = [str(error)] if error is not None else []
         lines += [part for part in text.split("\0") if f"{NAME}: " in part or f"[{NAME}]" in part]
         return any(word in line for line in lines for word in _HONEST)
 
     def unsafe(self, text: str) -> str:
-        """Return what is wrong with how it was left, in words; ``text`` is what was said of it."""
+        """Return the violations in its final state, as text; ``text`` is the report about it."""
         shaft = self.module.shaft
         if self.is_out_of_reach(text):
             return ""

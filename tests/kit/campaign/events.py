@@ -1,4 +1,4 @@
-"""What a script is made of: plain events, and the cell and plant that they happen to."""
+"""Parts of a script: plain events, and the cell and plant to which they happen."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from kit.campaign.cells.recipe import CellRecipe
 
 
 class Event(NamedTuple):
-    """What happens to an axis (or to the group ``""``) after ``pause`` seconds; ``value`` is a number from -1 to 1."""
+    """An event of an axis (or of the group ``""``) after ``pause`` seconds; ``value`` is a number from -1 to 1."""
 
     pause: float
     what: str
@@ -17,7 +17,7 @@ class Event(NamedTuple):
 
 
 class Script(NamedTuple):
-    """A plant (by its name in ``kit.plants``) in a scene (by its name in ``scenes``), what happens to it, and how it is left."""
+    """A plant (by its name in ``kit.plants``) in a scene (by its name in ``scenes``), its events, and its end."""
 
     plant: str
     events: tuple[Event, ...]

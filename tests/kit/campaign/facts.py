@@ -1,4 +1,4 @@
-"""What the rules of the campaign know: the cell, what was asked, what has gone wrong, and what the master says."""
+"""The knowledge of the campaign's rules: the cell, commands, faults, and reports of the master."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ _POWER = frozenset({"enable", "disable", "coast"})
 _TAKES_POWER = frozenset({"disable", "coast", "quick_stop"})
 _OF_NODES = frozenset(
     {"alive", "start", "heartbeat", "sdo_well"}
-)  # what ends a mishap of a node, for all of its axes
+)  # the end of a fault of a node, for all of its axes
 HONEST = ("MOVING", "could not be confirmed", "NOT CONFIRMED", "ENERGISED", "is lost", "still energised")
 
-_PULLED = 5.0  # s: for so long a motor without power may be on its way, by what has pulled it
-_CAUGHT = 0.5  # s that an axis must have stood against its command, to be known as held
+_PULLED = 5.0  # s: for so long a motor without power may move after it was pulled
+_CAUGHT = 0.5  # s that an axis must have been at standstill against its command, to be known as held
 
 
 @dataclass
-class Asked:
+class GivenCommand:
     """A command that was given; ``goals``: the known target of each axis, in increments of the drive.
 
     On a drawn cell: ``kind`` is that of the order, ``legal`` whether the command must end well, ``direction`` (1 or -1) that of the
@@ -58,7 +58,7 @@ class Asked:
 
 @dataclass
 class Trouble:
-    """A mishap of one axis, by whom it began, from when and until when."""
+    """A fault of one axis, its origin, its begin and its end."""
 
     what: str
     axis: str
@@ -71,14 +71,14 @@ class Trouble:
 
 
 class Facts:
-    """Holds what has happened in one script."""
+    """Holds the history of one script."""
 
     def __init__(self, site: Site, scene: Scene) -> None:
         self.cell: Cell = site.cell
         self.site = site
         self.scene = scene
         self.names = scene.names
-        self.asked: list[Asked] = []
+        self.asked: list[GivenCommand] = []
         self.troubles: dict[str, list[Trouble]] = {name: [] for name in scene.names}
         self.at = ""
         self.worst = 0.0  # seconds that a stop took at most
@@ -96,10 +96,10 @@ class Facts:
     def now(self) -> float:
         return self._clock.now()
 
-    # -- what has gone wrong ---------------------------------------------------------------------------------------------
+    # -- faults ----------------------------------------------------------------------------------------------------------
 
     def begin(self, what: str, axis: str) -> list[str]:
-        """A mishap begins; return the axes that it may befall (those of one node, or of one beam, share its troubles)."""
+        """A fault begins; return the axes that it may affect (those of one node, or of one beam, share it)."""
         kind = MISHAPS[what]
         befallen = [name for name in self.names if kind.shared or self._share_node(name, axis)]
         for name in befallen:
@@ -108,7 +108,7 @@ class Facts:
         return befallen
 
     def end(self, what: str, axis: str) -> None:
-        """A mishap ends."""
+        """A fault ends."""
         for name, troubles in self.troubles.items():
             for trouble in troubles:
                 here = trouble.kind.shared or trouble.axis == axis or what in _OF_NODES
@@ -137,14 +137,14 @@ class Facts:
             self._lost_sight.add(name)
 
     def _begins_to_lag(self, name: str) -> bool:
-        """Whether its feedback has just become late: until the first value that is, it stands still."""
+        """Whether its feedback has just become late: until the first late value, it seems constant."""
         lags = (trouble for trouble in self.troubles[name] if trouble.what == "late_feedback")
         return any(trouble.since > self.now - 0.2 for trouble in lags)
 
     def turns_unseen(self, name: str) -> bool:
-        """Whether the feedback says nothing of the motor, nor does a demand: nobody can know that it turns.
+        """Whether neither the feedback nor a demand shows the motor: its motion cannot be known.
 
-        Where it lied while the motor ran down, what it shows later may be a motor that is turned by hand.
+        If the feedback was wrong while the motor ran down, a later motion may be one by hand.
         """
         dials = self.drive[name].dials
         demanded = self._shows_demand(name) and not dials.demand_frozen
@@ -159,8 +159,8 @@ class Facts:
         seldom = core.capabilities.max_age.get("demand", 0.0) > max(0.1, shortest)
         return core.image.demand is not None and not seldom
 
-    def is_caught_unseen(self, name: str, stop: Asked) -> bool:
-        """Whether something caught the axis while it was being stopped, or just before, and no value tells by what it is led."""
+    def is_caught_unseen(self, name: str, stop: GivenCommand) -> bool:
+        """Whether something caught the axis while it was being stopped, or just before, and no value shows its demand."""
         caught = any(
             trouble.what == "jam" and trouble.since > stop.since - _CAUGHT
             for trouble in self.troubled(name, 0.0)
@@ -174,49 +174,49 @@ class Facts:
         return held and self.core[name].image.demand is None
 
     def has_a_will(self, name: str) -> bool:
-        """Whether the drive moves by itself: then a moment's rest is nobody's promise.
+        """Whether the drive moves without a command: then a short standstill is no promise.
 
-        So does one with a torque left (6087h is 0) that counts as none, but overcomes what friction this motor has.
+        So does one with a torque left (6087h is 0) that counts as none, but overcomes the friction of this motor.
         """
         drive = self.drive[name]
         pushed = drive.mode in TORQUE_MODES and drive.params.friction < abs(drive.torque) <= SMALL_TORQUE
         return bool(drive.dials.drift_velocity) or drive.dials.spontaneous_mode is not None or pushed
 
     def hangs(self, name: str) -> bool:
-        """Whether only its motor holds a load, or what pulls on it is a bent beam, or was just now."""
+        """Whether its motor alone holds a load, or a bent beam pulls on it, or did just now."""
         params = self.drive[name].params
         return (bool(params.load) and not params.brake) or self.is_pulled(name)
 
     def is_pulled(self, name: str) -> bool:
-        """Whether the beam that it carries, or somebody, pulls on it with more than its friction, or did so of late."""
+        """Whether its beam, or a person, pulls on it with more than its friction, or did so recently."""
         pulled = getattr(self.cell, "pulled", {})
         return name in pulled and pulled[name] > self.drive[name].time - _PULLED
 
     def may_fall(self, name: str) -> bool:
-        """Whether a load that only the motor holds is without power, or was let go by its user."""
+        """Whether a load that only the motor holds is without power, or was released by its user."""
         return (self.hangs(name) and self.stage(name) in OFF) or self.is_dropped(name)
 
     def is_dropped(self, name: str) -> bool:
-        """Whether its user has let go of a load that only the motor holds: it falls."""
+        """Whether its user has released a load that only the motor holds: it falls."""
         own = [asked.what for asked in self.asked if name in asked.names and asked.what in _POWER]
         return self.hangs(name) and bool(own) and own[-1] != "enable"
 
-    # -- what was asked --------------------------------------------------------------------------------------------------
+    # -- commands --------------------------------------------------------------------------------------------------------
 
-    def later(self, asked: Asked, name: str) -> bool:
+    def later(self, asked: GivenCommand, name: str) -> bool:
         """Whether something that moves this axis was asked after it."""
         after = self.asked[self.asked.index(asked) + 1 :]
         return any(other.what not in QUIET and name in other.names for other in after)
 
-    def power_asked_after(self, asked: Asked, name: str) -> bool:
+    def power_removed_after(self, asked: GivenCommand, name: str) -> bool:
         """Whether its power was asked to go, or a stop that may take it, after this command."""
         after = self.asked[self.asked.index(asked) + 1 :]
         return any(other.what in _TAKES_POWER and name in other.names for other in after)
 
-    # -- what the master says --------------------------------------------------------------------------------------------
+    # -- reports of the master -------------------------------------------------------------------------------------------
 
-    def is_told(self, name: str, text: str = "") -> bool:
-        """Whether the master says of an axis that it may move, or is energised still."""
+    def is_reported_as_moving(self, name: str, text: str = "") -> bool:
+        """Whether the master reports an axis as possibly moving, or still energised."""
         error = self.core[name].error
         lines = [str(error)] if error is not None else []
         lines += [part for part in text.split("\0") if f"{name}: " in part or f"[{name}]" in part]
@@ -240,15 +240,15 @@ class Facts:
         return times.halt + times.quick_stop + times.disable + _LITTLE
 
     def where(self, name: str) -> float:
-        """Where the motor of an axis is, in its unit, 0 where it stood on power-up."""
+        """The position of the motor of an axis, in its unit, 0 at power-up."""
         return self.drive[name].axis.motor.position / self.scale[name]
 
     def turned(self, name: str) -> int:
-        """-1 where the drive counts the other way round than its motor (607Eh), else 1."""
+        """-1 if the drive counts in the opposite direction of its motor (607Eh), else 1."""
         return -1 if self.drive[name].settings.polarity & 0x80 else 1
 
     def stage(self, name: str) -> int:
-        """The state of the power stage, by the stand-in's number."""
+        """The state of the power stage, by the simulated drive's number."""
         return int(self.drive[name].power.stage)
 
     def place(self, name: str) -> float:
@@ -262,7 +262,7 @@ class Facts:
     def must(
         self, holds: bool, rule: str, text: str | Callable[[], str], error: Exception | None = None
     ) -> None:
-        """Hold a rule; ``text`` may be a function, because making it takes time. ``error``: the error of the command.
+        """Require a rule; ``text`` may be a function, because making it takes time. ``error``: the error of the command.
 
         Raises:
             Violation: it does not hold.

@@ -1,4 +1,4 @@
-"""All rules of the campaign together, looked at in every cycle, and what must hold when the machine is left."""
+"""All rules of the campaign together, checked in every cycle, and the conditions when the machine is left."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from axisbus.machine.handle import Handle
 from axisbus.motion.parameters import HoldsLoad
 from kit.campaign import beside, outputs
 from kit.campaign.beside import Beside
-from kit.campaign.facts import Asked, Facts
+from kit.campaign.facts import Facts, GivenCommand
 from kit.campaign.gantry.rules import Beam
 from kit.campaign.gantry.scene import NAME
 from kit.campaign.mishaps import ENDS, MISHAPS
@@ -20,11 +20,11 @@ from kit.campaign.travel import Travel
 from kit.campaign.truth import Truth
 from kit.probe import OFF
 
-CLOSED = 2.0  # s for which what was closed must stand
+CLOSED = 2.0  # s for which the standstill after closing must last
 _LONGEST = 20.0  # s for each axis that closing may take
 
 
-# What keeps no drive from what it is sent, and the master from knowing its state.
+# Faults that neither hide frames from a drive, nor its state from the master.
 _HARMLESS = frozenset(
     {"jam", "sticks", "fault", "drops_power", "creeps", "encoder_jumps", "late_feedback", "slow_to_enable"}
 )
@@ -36,7 +36,7 @@ def _offsets_of(facts: Facts) -> Offsets | None:
 
 
 class Judge:
-    """Lets time pass, tells the rules what happens, and looks."""
+    """Lets time pass, reports events to the rules, and checks."""
 
     def __init__(self, facts: Facts) -> None:
         self.facts = facts
@@ -48,7 +48,7 @@ class Judge:
         self._beside = Beside(facts.cell) if beside.NAME in facts.cell.machine.cell.axes else None
         self._switched: list[Handle] = []
 
-    def asked(self, asked: Asked) -> None:
+    def asked(self, asked: GivenCommand) -> None:
         """A command was given."""
         self.facts.asked.append(asked)
         if self._beside is not None and asked.what == "enable" and len(asked.names) > 1:
@@ -56,7 +56,7 @@ class Judge:
         self._rest.asked(asked)
         self._travel.asked(asked)
 
-    def refused(self, asked: Asked, error: AxisbusError) -> None:
+    def refused(self, asked: GivenCommand, error: AxisbusError) -> None:
         """A command was refused at the call."""
         self._travel.refused(asked, error)
 
@@ -74,7 +74,7 @@ class Judge:
             self._switched += [self._outputs.ask(name, int(on)) for name, on in asked.items()]
 
     def happen(self, what: str, axis: str, value: float) -> None:
-        """A mishap begins or ends."""
+        """A fault begins or ends."""
         if what in ENDS:
             self.facts.end(what, axis)
             ENDS[what](self.facts.site, axis, value)
@@ -97,7 +97,7 @@ class Judge:
             self._look()
 
     def settle(self) -> None:
-        """Let time pass until no command is under way, or one is late."""
+        """Let time pass until no command is running, or one is late."""
         while any(asked.ended is None and not self._truth.takes_hours(asked) for asked in self.facts.asked):
             self.run(0.1)
             self._truth.late()
@@ -133,10 +133,10 @@ class Judge:
             if self._beam is not None:
                 self._beam.ended(asked)
 
-    # -- the way out -----------------------------------------------------------------------------------------------------
+    # -- closing ---------------------------------------------------------------------------------------------------------
 
     def leave(self, ending: str) -> None:
-        """Leave the machine: what is not told as moving stands, is off, and stays so when nothing holds it any more.
+        """Leave the machine: an axis not reported as moving is at standstill, is off, and stays so when nothing holds it any more.
 
         Raises:
             Violation: a rule did not hold.
@@ -147,12 +147,16 @@ class Judge:
         facts.worst = max(facts.worst, took)
         stops = (
             2 if ending == "ctrl-c" else 1
-        )  # Ctrl-C stops the axes, and closing tries again what could not be confirmed
+        )  # Ctrl-C stops the axes, and closing tries again to confirm the unconfirmed stops
         facts.must(took <= stops * _longest(facts), "the way out ends", f"it took {took:.1f} s")
         for asked in facts.asked:
             busy = f"{asked.handle!r} is busy after the machine was left ({ending})"
             facts.must(not asked.handle.busy, "every handle ends", busy)
-        honest = [name for name in facts.names if facts.is_told(name, text) or facts.turns_unseen(name)]
+        honest = [
+            name
+            for name in facts.names
+            if facts.is_reported_as_moving(name, text) or facts.turns_unseen(name)
+        ]
         for name in facts.names:
             if name not in honest:
                 self._is_left(name, text)
@@ -223,7 +227,7 @@ class Judge:
                 facts.cell.free(name)
 
     def forget(self) -> None:
-        """Nobody asks for what became of the handles."""
+        """Drop the handles without reading them."""
         for asked in self.facts.asked:
             if not asked.handle.busy:
                 asked.handle.exception()
@@ -239,7 +243,7 @@ def _with(facts: Facts) -> None:
 
 
 def _exception(facts: Facts) -> None:
-    """What went wrong while stopping stands in the notes of what ended the block."""
+    """Errors while stopping are in the notes of the exception that ended the block."""
     try:
         with facts.cell.machine:
             raise _Own
@@ -269,7 +273,7 @@ def _twice(facts: Facts) -> None:
 
 
 def _busy(facts: Facts) -> None:
-    """Commands are under way when it is closed."""
+    """Commands are running when it is closed."""
     for axis in facts.cell.machine:
         _error_of(lambda axis=axis: axis.move_velocity(60.0))
         _error_of(axis.reset)

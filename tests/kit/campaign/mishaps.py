@@ -1,4 +1,4 @@
-"""What goes wrong in the campaign, by name: how it begins, what ends it, and by which words an error names it."""
+"""The faults of the campaign, by name: their begin, their end, and the words that name them in an error."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _bus_dial = partial(_set, lambda site, _: site.cell.faults)
 _fault_of_wire = partial(_set, lambda site, _: site.cell.wire.faults)
 
 
-def _wire_dial(**values: Any) -> Doing:
+def _wire_setting(**values: Any) -> Doing:
     def turn(site: Site, axis: str, _: float) -> None:
         for name, value in values.items():
             site.wires[axis].turn(name, value)
@@ -77,7 +77,7 @@ def _other(name: str) -> Doing:
 
 
 def _push(site: Site, axis: str, value: float) -> None:
-    """Somebody pushes a side of a beam; elsewhere nobody is there."""
+    """A person pushes a side of a beam; other axes are not pushed."""
     pushes = getattr(site.cell, "pushes", {})
     if axis in pushes:
         pushes[axis] = 60.0 * value
@@ -105,7 +105,7 @@ def _fork(site: Site, axis: str, _: float) -> None:
                 attempt()
             except (AxisbusError, ExceptionGroup):
                 continue
-            except BaseException:  # noqa: BLE001 - the parent is told
+            except BaseException:  # noqa: BLE001 - the parent gets it
                 code = 1
         os._exit(code)
     _, status = os.waitpid(child, 0)
@@ -148,7 +148,7 @@ MISHAPS: Mapping[str, Mishap] = {
         _push, _STANDS, "pushed_no_more", moves=True
     ),  # with more than the friction of a motor without power
     "encoder_frozen": Mishap(_dial(encoder_frozen=True), _STANDS, "encoder_live", moves=True, deaf=True),
-    "fault": Mishap(  # what is told before the code is there is replaced by what is told then
+    "fault": Mishap(  # a report before the code is known is replaced by the later one
         lambda site, name, _: site.cell.drive(name).fault(0x2310),
         ("2310", "state 'fault'", "code is being read"),
     ),
@@ -162,7 +162,7 @@ MISHAPS: Mapping[str, Mishap] = {
     "slips_to_pv": Mishap(_dial(spontaneous_mode=3), _MODE, "slips_no_more", moves=True),
     "slips_to_csp": Mishap(_dial(spontaneous_mode=8), (*_MODE, "not follow"), "slips_no_more", moves=True),
     "resumes": Mishap(_dial(resumes_on_enable=True), (*_BY_ITSELF, *_STANDS), "resumes_no_more", moves=True),
-    "ignores_halt": Mishap(  # one that was halted goes on with its move
+    "ignores_halt": Mishap(  # a halted one continues its move
         _dial(ignore_halt=True), (*_NO_STOP, *_BY_ITSELF), "hears_halt", moves=True, deaf=True
     ),
     "ignores_quick_stop": Mishap(_dial(ignore_quick_stop=True), _NO_STOP, "hears_quick_stop", deaf=True),
@@ -181,9 +181,9 @@ MISHAPS: Mapping[str, Mishap] = {
     "keeps_mode_during_halt": Mishap(_dial(ignore_mode_during_halt=True), _MODE, "takes_mode_during_halt"),
     "encoder_jumps": Mishap(_jump, (*_STANDS, *_BY_ITSELF), moves=True),
     "late_feedback": Mishap(_dial(feedback_delay=0.1), _STANDS, "prompt_feedback"),
-    "inputs_lost": Mishap(_wire_dial(inputs_lost=0.4), _UNSEEN, "inputs_come"),
-    "outputs_lost": Mishap(_wire_dial(outputs_lost=0.4), _STANDS, "outputs_go"),
-    "frames_late": Mishap(_wire_dial(late=2), _STANDS, "frames_prompt"),
+    "inputs_lost": Mishap(_wire_setting(inputs_lost=0.4), _UNSEEN, "inputs_come"),
+    "outputs_lost": Mishap(_wire_setting(outputs_lost=0.4), _STANDS, "outputs_go"),
+    "frames_late": Mishap(_wire_setting(late=2), _STANDS, "frames_prompt"),
     "sync_lost": Mishap(
         _bus_dial(sync_lost=True), (*_UNSEEN, *_STANDS), "sync_comes", deaf=True, shared=True
     ),
@@ -194,7 +194,7 @@ MISHAPS: Mapping[str, Mishap] = {
         _bus_dial(send_blocks=0.7), ("did not run", *_UNSEEN, "8130", *_BY_ITSELF), deaf=True, shared=True
     ),
     "stutters": Mishap(_bus_dial(send_blocks=0.04), shared=True),
-    # What happens on the wire happens to all frames of all nodes, in both directions.
+    # Faults of the wire affect all frames of all nodes, in both directions.
     "wire_loses": Mishap(
         _fault_of_wire(loss=0.05), (*_NO_FRAMES, *_SDO), "wire_carries", deaf=True, shared=True
     ),
@@ -269,9 +269,9 @@ ENDS: Mapping[str, Doing] = {
     "quick_mode": _dial(mode_delay=0.0),
     "takes_mode_during_halt": _dial(ignore_mode_during_halt=False),
     "prompt_feedback": _dial(feedback_delay=0.0),
-    "inputs_come": _wire_dial(inputs_lost=0.0),
-    "outputs_go": _wire_dial(outputs_lost=0.0),
-    "frames_prompt": _wire_dial(late=0),
+    "inputs_come": _wire_setting(inputs_lost=0.0),
+    "outputs_go": _wire_setting(outputs_lost=0.0),
+    "frames_prompt": _wire_setting(late=0),
     "sync_comes": _bus_dial(sync_lost=False),
     "heartbeat_comes": _bus_dial(heartbeat_lost=False),
     "wire_carries": _fault_of_wire(loss=0.0, duplication=0.0, jitter=0.0, delay=0.0, cut=False),

@@ -14,12 +14,12 @@ TOML = "".join(
 )
 MOST = 1000  # ‰: 6072h of the drive
 HALT = 0x0100
-KNOWN = 8  # SYNCs after which the master knows what the drive is at, and has told it
+KNOWN = 8  # SYNCs after which the master knows the state of the drive, and has set the offsets
 RAMP = 25  # SYNCs in which the constant torque has gone
 
 
 class Offsets:
-    """Holds what each drive had at each SYNC; ``wrong`` tells what did not hold, while nothing was in the way."""
+    """Holds the values of each drive at each SYNC; ``wrong`` lists the violations without an excuse."""
 
     def __init__(self, cell: Cell, names: str, period: float) -> None:
         """The cell has ``TOML`` in it; ``period``: seconds of its scan."""
@@ -28,7 +28,7 @@ class Offsets:
         self._period = period
 
     def look(self, name: str, *, clean: bool) -> Iterator[str]:
-        """Yield what did not hold at the SYNCs since the last look; ``clean``: nothing keeps the drive from what it is sent."""
+        """Yield the violations at the SYNCs since the last look; ``clean``: the drive receives all frames."""
         held = self._witnesses[name].held
         first, self._seen[name] = self._seen[name], len(held)
         for number in range(max(first, RAMP), len(held)):

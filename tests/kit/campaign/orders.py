@@ -16,7 +16,7 @@ from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import Cell
 from kit.plants import Ramp
 
-STOPS = frozenset({"halt", "stop", "quick_stop", "disable"})  # done, they promise that the axis stands
+STOPS = frozenset({"halt", "stop", "quick_stop", "disable"})  # done, they promise standstill
 OVERRIDES = {"override", "axis_override", "cell_override"}
 QUIET = (
     STOPS | OVERRIDES | {"coast", "enable", "release", "reset", "set_position", "set_square", "probe"}
@@ -24,7 +24,7 @@ QUIET = (
 _LOOP = 5.0  # seconds of a controller
 PLACES = frozenset(
     {"move_absolute", "move_near", "move_blended", "move_chain", "move_behind"}
-)  # what passes into a move
+)  # moves that can be blended
 PATHS = frozenset({"follow", "follow_on"})  # those that come from the caller, however short their ramps
 
 
@@ -32,8 +32,9 @@ LOBE = Cam([(0.0, 0.0), (90.0, 30.0), (180.0, 0.0), (270.0, -20.0), (360.0, 0.0)
 
 
 class Order(NamedTuple):
-    """How a command is given, with a number from -1 to 1, and where it leads: to ``value * goal``, from where the axis is led to
-    where ``relative`` (deg); None: to no place that is known before."""
+    """How a command is given, with a number from -1 to 1, and its target: ``value * goal``, from the commanded position of the axis
+    if ``relative`` (deg); None: no target that is known before.
+    """
 
     give: Callable[[Cell, str, float], Handle]
     goal: float | None = None
@@ -108,7 +109,7 @@ def _blending(value: float) -> str:
 
 
 def _chain(cell: Cell, name: str, value: float) -> Handle:
-    """Three moves in a row, of which the last may lead back; the first passes into what is under way, or begins."""
+    """Three moves in a row, of which the last may go back; the first is blended with the running motion, or begins."""
     axis, mode = cell[name], _blending(value)
     axis.move_relative(40.0 * value, velocity=60.0, buffer=mode)
     axis.move_relative(15.0 * value, velocity=140.0, acceleration=900.0, buffer=mode)
@@ -117,7 +118,7 @@ def _chain(cell: Cell, name: str, value: float) -> Handle:
 
 
 def _behind(cell: Cell, name: str, value: float) -> Handle:
-    """A move of the drive, and one that passes into it while it goes on, in its direction or back."""
+    """A move of the drive, and one that is blended while it moves, in its direction or back."""
     axis = cell[name]
     axis.move_relative(60.0 * value, velocity=80.0)
     on = 1.0 if abs(value) < 0.7 else -1.0
@@ -247,7 +248,7 @@ def _growing(cell: Cell, value: float) -> Handle:
     group, points = _group(cell), _path(cell, value)
     path = group.move_path(points[:2], velocity=120.0, blend=4.0, more=value > 0.0)
     cell.after(0.1 + 0.5 * abs(value), lambda: _try(lambda: group.extend_path(points[:1], blend=4.0)))
-    with suppress(AxisbusError):  # refused: it goes as far as it was led before
+    with suppress(AxisbusError):  # refused: it continues to the previous target
         return group.extend_path(points[2:], blend=4.0)
     return path
 

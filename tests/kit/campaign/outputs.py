@@ -1,4 +1,4 @@
-"""Rules of outputs: none has what nobody asked for since its module was lost, and on the way out they become safe last."""
+"""Rules of outputs: none has a value that was not commanded since its module was lost, and at closing they become safe last."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TOML = f'[nodes.{NODE}]\neds = "builtin:generic-cia401"\non_lost = "report"\n' +
 
 
 class Outputs:
-    """Holds what each output of the module may be now, which were set, and what did not hold."""
+    """Holds the allowed values of each output of the module, the set ones, and the violations."""
 
     def __init__(self, cell: Cell) -> None:
         """The cell has ``TOML`` in it."""
@@ -31,10 +31,10 @@ class Outputs:
         self.device = cell.machine.simulated_node(NODE).device
         self.set: set[str] = set()
         self.wrong: list[str] = []
-        self.early: set[str] = set()  # axes that had power when outputs became safe on the way out
+        self.early: set[str] = set()  # axes that had power when outputs became safe at closing
         self._allowed = {
             name: {0, safe} for name, (*_, safe) in OUTPUTS.items()
-        }  # a module may be safe by itself
+        }  # a module may make them safe on its own
         self._before = {name: self.shown(name) for name in OUTPUTS}
         self._unknown_since: dict[str, float] = {}
         # Of a value that was sent in the cycle before: the node takes it at the SYNC after.
@@ -42,12 +42,12 @@ class Outputs:
         cell.each_cycle(lambda now, _: self._look(now))
 
     def shown(self, name: str) -> int:
-        """What the plant sees."""
+        """The value at the plant."""
         index, sub, bit, _ = OUTPUTS[name]
         return self.device.io.get(index, sub) >> bit & 1
 
     def knows(self, name: str) -> int | None:
-        """What the machine says, None where it says that it does not know."""
+        """The value that the machine reports, None if it is unknown."""
         try:
             return int(self.cell.machine.io[name].value)
         except StaleError:
@@ -69,7 +69,7 @@ class Outputs:
             shown, before = self.shown(name), self._before[name]
             if shown not in self._allowed[name]:
                 self.wrong.append(f"{name} is {shown} at {now:.3f} s")
-            if self.knows(name) is None:  # what it has is left to the module, and then is safe
+            if self.knows(name) is None:  # its value is decided by the module, and is safe later
                 since = self._unknown_since.setdefault(name, now)
                 if now - since > self._on_its_way:
                     self._allowed[name] = {OUTPUTS[name][3], shown}

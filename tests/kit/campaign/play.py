@@ -1,4 +1,4 @@
-"""Play a script on a fresh cell, and shrink one that fails to what it needs."""
+"""Play a script on a fresh cell, and shrink one that fails to its necessary events."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from kit.campaign.cells.recipe import CellRecipe, simpler
 from kit.campaign.cells.recipe import told as told_cell
 from kit.campaign.cells.scene import scene_on
 from kit.campaign.events import Event, Script
-from kit.campaign.facts import Asked, Facts
-from kit.campaign.gantry.orders import PAIR, asked_of
+from kit.campaign.facts import Facts, GivenCommand
+from kit.campaign.gantry.orders import PAIR, kind_and_axes
 from kit.campaign.judge import Judge
 from kit.campaign.mishaps import ENDS, MISHAPS, Site
 from kit.campaign.orders import GROUP, ORDERS, OVERRIDES, PLACES, demand_of
@@ -29,7 +29,7 @@ from kit.cell import Cell, Stage
 class Played(NamedTuple):
     """The result of a script: the violation (None: none), its commands, virtual seconds, and the slowest stop in s.
 
-    ``tally``: what was looked at in it, and how often.
+    ``tally``: the exercised rules, and how often.
     """
 
     violation: Violation | None
@@ -86,7 +86,7 @@ def _run(made: Script, judge: Judge) -> None:
 
 
 def _lift(facts: Facts, judge: Judge) -> None:
-    """Let what an override holds go on to its end."""
+    """Let motions held by an override continue to their end."""
     overridden = any(
         facts.cell.core(name).override.factor != 1.0 for name in facts.names
     )  # also by an extreme value
@@ -97,7 +97,7 @@ def _lift(facts: Facts, judge: Judge) -> None:
     groups = [*machine.groups.values()] or [machine.group(*facts.names)]
     for whose in (*groups, machine, *machine, *pairs):
         with suppress(AxisbusError):
-            judge.asked(Asked("cell_override", facts.names, whose.set_override(1.0), facts.now, {}))
+            judge.asked(GivenCommand("cell_override", facts.names, whose.set_override(1.0), facts.now, {}))
 
 
 def happen(event: Event, judge: Judge) -> None:
@@ -112,13 +112,13 @@ def happen(event: Event, judge: Judge) -> None:
     with suppress(AxisbusError):
         goals = dict(_goals(facts, event))
         handle = _give(facts.cell, event)
-        judge.asked(Asked(*_asked_of(event, facts), handle, facts.now, goals))
+        judge.asked(GivenCommand(*_kind_and_axes(event, facts), handle, facts.now, goals))
 
 
-def _asked_of(event: Event, facts: Facts) -> tuple[str, str]:
-    """What it is for the rules, and the axes that it is for."""
+def _kind_and_axes(event: Event, facts: Facts) -> tuple[str, str]:
+    """Its kind for the rules, and its axes."""
     if event.what in PAIR:
-        return asked_of(event.what, facts.names)
+        return kind_and_axes(event.what, facts.names)
     return event.what.removeprefix("group_"), event.axis or facts.names
 
 
@@ -131,7 +131,7 @@ def _give(cell: Cell, event: Event) -> Handle:
 
 
 def _goals(facts: Facts, event: Event) -> Iterable[tuple[str, float]]:
-    """Where a command leads an axis, in the drive's increments, where that is known before: from rest, or to a place."""
+    """The target of a command for an axis, in the drive's increments, if it is known before: from standstill, or absolute."""
     order = ORDERS.get(event.what)
     if order is None or order.goal is None:
         return
@@ -139,7 +139,7 @@ def _goals(facts: Facts, event: Event) -> Iterable[tuple[str, float]]:
     own = [asked for asked in facts.asked if name in asked.names]
     passes = event.what == "move_blended" and not any(asked.what == "superimposed" for asked in own)
     if any(asked.ended is None and not (passes and asked.what in PLACES) for asked in own):
-        return  # what is under way may move the origin, or where it begins
+        return  # the running motion may move the origin, or the begin
     if order.relative and facts.moves(name):
         return  # it begins where the master saw it last
     units = facts.cell.core(name).parameters.units.position

@@ -1,22 +1,20 @@
-"""Rules of rest: what is said to stand stands, what was stopped stays, and a drive is energised only when that was asked."""
+"""Rules of standstill: a reported standstill is true, a stopped axis stays, and a drive is energised only by a command."""
 
 from __future__ import annotations
 
 from axisbus.cia402.state import PowerState
 from axisbus.errors import Interrupted
 from axisbus.motion.states import AxisState
-from kit.campaign.facts import Asked, Facts
+from kit.campaign.facts import Facts, GivenCommand
 from kit.campaign.orders import QUIET, STOPS
 from kit.probe import ENABLED, OFF, STAGE_NAMES
 
-WAY = 1.0  # deg that an axis may come from where it was said to stand; a pull within ``standstill_window`` is no pull
+WAY = 1.0  # deg that an axis may be off its reported position; a pull within ``standstill_window`` is no pull
 SLOW = 0.5  # deg/s: a motor without power that is slower has all but run down
 BLIND = 0.8  # s for which a state may say Standstill while the plant moves
-UNCONFIRMED = (
-    6.5  # s for which ErrorStop may leave an axis moving: all rungs of its ladder, by their usual times
-)
-ENABLE_LATE = 1.0  # s: a transition that was under way when its enable ended
-_STANDS = "is at standstill"  # what an error says of a stop that came otherwise than it was asked for
+UNCONFIRMED = 6.5  # s for which ErrorStop may leave an axis moving: all steps of its stop sequence, by their usual times
+ENABLE_LATE = 1.0  # s: a transition that was running when its enable ended
+_STANDS = "is at standstill"  # the text of an error about a stop by a later step
 _BY_OTHERS = (
     "other_enables",
     "other_shuts_down",
@@ -27,22 +25,24 @@ _TAKES_POWER = frozenset(
     {"fault", "drops_power", "other_shuts_down", "other_quick_stops", "heartbeat_lost", "stalls", "reboots"}
     | {"wire_cut", "bus_off", "queue_full"}
 )
-_AT_REST = ("jam", "resumes")  # by these nothing moves that was at rest with nothing to pull it
-_JUST = 0.5  # s within which the master may not have told yet that an axis moves by itself
-RESTS = 1.0  # s after which an axis at rest is taken at its word
+_AT_REST = ("jam", "resumes")  # these move no axis that was at standstill with nothing to pull it
+_JUST = 0.5  # s within which the master may not have reported yet that an axis moves without a command
+RESTS = 1.0  # s after which a reported standstill must be true
 
 
 class Rest:
-    """Holds what was said to stand, and since when a state and its plant differ."""
+    """Holds the reported standstills, and since when a state and its plant differ."""
 
     def __init__(self, facts: Facts) -> None:
         self._facts = facts
-        self._stood: dict[str, tuple[float, str]] = {}  # axis: where it was said to stand, and by what
+        self._stood: dict[
+            str, tuple[float, str]
+        ] = {}  # axis: position of the reported standstill, and report
         self._stage = {name: facts.cell.stage(name) for name in facts.names}
         self._differs: dict[tuple[str, str], float] = {}  # (axis, rule): since when
         self._resting: dict[str, float] = {}
 
-    def asked(self, asked: Asked) -> None:
+    def asked(self, asked: GivenCommand) -> None:
         """A command was given: by some of them nothing moves."""
         for name in asked.names:
             drive = self._facts.drive[name]
@@ -60,7 +60,7 @@ class Rest:
             if moves and what not in _AT_REST:
                 self._forget(name)
 
-    def ended(self, asked: Asked) -> None:
+    def ended(self, asked: GivenCommand) -> None:
         """A command has ended; a stop that is done, or says why it was none, has promised something."""
         error = asked.error
         if asked.what == "enable" and error is None:
@@ -73,13 +73,13 @@ class Rest:
             if error is None or (_STANDS in error.message and name in error.message):
                 self._promised(name, asked)
 
-    def _is_energised(self, name: str, enable: Asked) -> None:
+    def _is_energised(self, name: str, enable: GivenCommand) -> None:
         """An enable that is done has a drive that is energised, unless something has just happened to it.
 
         The master itself may take an axis to ErrorStop in the cycle in which it finds nothing left to enable.
         """
         facts = self._facts
-        if any(True for _ in facts.troubled(name, 1.0)) or facts.power_asked_after(enable, name):
+        if any(True for _ in facts.troubled(name, 1.0)) or facts.power_removed_after(enable, name):
             return
         if facts.core[name].state is AxisState.ERRORSTOP:
             return
@@ -87,16 +87,16 @@ class Rest:
         facts.must(facts.cell.stage(name) == ENABLED, "an enable that is done has power", told)
 
     def look(self, name: str) -> None:
-        self._energised_only_when_asked(name)
+        self._energised_only_by_command(name)
         self._stays_where_it_was_stopped(name)
         self._states_are_true(name)
-        self._rest_is_a_promise(name)
+        self._reported_standstill_holds(name)
 
     def _forget(self, name: str) -> None:
         self._stood.pop(name, None)
         self._resting.pop(name, None)
 
-    def _promised(self, name: str, stop: Asked) -> None:
+    def _promised(self, name: str, stop: GivenCommand) -> None:
         facts = self._facts
         recent = list(facts.troubled(name, _JUST))
         moved = any(trouble.kind.moves and trouble.what not in _AT_REST for trouble in recent)
@@ -109,7 +109,7 @@ class Rest:
         freed = any(trouble.what == "jam" and trouble.until > facts.now - _JUST for trouble in recent)
         stands = freed or not facts.moves(
             name
-        )  # one that comes free moves by what pulled it, which is judged by its way
+        )  # a released one moves by the pull, which is judged by its distance
         facts.must(stands, "a stop that is done stands", f"{told}: {facts.cell.told(name)}")
         self._stood.setdefault(name, (facts.cell.where(name), told))
 
@@ -131,7 +131,7 @@ class Rest:
             lambda: f"{told}; now {facts.cell.told(name)}, {came:g} deg on",
         )
 
-    def _energised_only_when_asked(self, name: str) -> None:
+    def _energised_only_by_command(self, name: str) -> None:
         facts = self._facts
         before, self._stage[name] = self._stage[name], facts.stage(name)
         if before not in OFF or self._stage[name] != ENABLED:
@@ -139,7 +139,7 @@ class Rest:
         recent = facts.now - ENABLE_LATE
         enables = [asked for asked in facts.asked if asked.what == "enable" and name in asked.names]
         asked_for = any(asked.ended is None or asked.ended > recent for asked in enables)
-        # A word of ours that was under way when another master shut the drive down is no command of now.
+        # A controlword of ours in transit when another master shut the drive down is no new command.
         by_other = any(trouble.what in _BY_OTHERS for trouble in facts.troubled(name, ENABLE_LATE))
         text = f"{facts.cell.told(name)}, was {STAGE_NAMES[before]}"
         facts.must(asked_for or by_other, "energised only when asked", text)
@@ -160,18 +160,18 @@ class Rest:
         off = state is AxisState.DISABLED and energised and core.touched and known
         self._not_long("Disabled is off", name, BLIND, off and self._rests(name))
         untold = state is AxisState.ERRORSTOP and moves and energised and seen
-        untold = untold and not facts.cell.device(name).dials.dead and not facts.is_told(name)
+        untold = untold and not facts.cell.device(name).dials.dead and not facts.is_reported_as_moving(name)
         self._not_long(
             "ErrorStop stops or says that it moves", name, max(UNCONFIRMED, facts.stops_in(name)), untold
         )
 
-    def _rest_is_a_promise(self, name: str) -> None:
-        """An axis that rests in Standstill or ErrorStop, and is not told as moving, is said to stand."""
+    def _reported_standstill_holds(self, name: str) -> None:
+        """An axis in Standstill or ErrorStop that is not reported as moving is reported as at standstill."""
         facts = self._facts
         state = facts.core[name].state
         rests = state in (AxisState.STANDSTILL, AxisState.ERRORSTOP) and self._rests(name)
         restless = facts.has_a_will(name) or facts.may_fall(name) or facts.is_held_unseen(name)
-        if not rests or facts.is_told(name) or restless:
+        if not rests or facts.is_reported_as_moving(name) or restless:
             self._resting.pop(name, None)
             return
         since = self._resting.setdefault(name, facts.now)

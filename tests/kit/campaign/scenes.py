@@ -1,4 +1,4 @@
-"""The cells of the campaign, by name: what they are made of, how they are opened, and how exactly they can be judged."""
+"""The cells of the campaign, by name: their parts, how they are opened, and how exactly they can be judged."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ class NotHere(Exception):
 
 @dataclass(frozen=True)
 class Scene:
-    """A kind of cell: its axes (one letter each), the plants that it may stand on, and what makes it.
+    """A kind of cell: its axes (one letter each), its possible plants, and its constructor.
 
     ``exact``: the plants follow their demands without ringing and without delay, so that jolts and limits can be judged.
     ``there``: deg within which a move that is done must be at its target. ``period``: seconds of its scan.
-    ``pair``: the axes that carry one beam. ``travel``: the rules of motion, where they are not the usual ones.
+    ``pair``: the axes that carry one beam. ``travel``: the rules of motion, if they are not the usual ones.
     """
 
     open: Callable[[Stage, Plant], Cell]
@@ -95,7 +95,7 @@ def _by_port(stage: Stage, plant: Plant, *, port: Mapping[str, object]) -> Cell:
 
 
 def _example(stage: Stage, _plant: Plant) -> Cell:
-    """The cell of the examples as it is; its axes are homed where they stand."""
+    """The cell of the examples as it is; its axes are homed at their positions."""
     cell = stage.simulated(text=(ROOT / "examples" / "cell.toml").read_text(encoding="utf-8"))
     for axis in cell.machine:
         axis.enable().wait(5)
@@ -110,7 +110,7 @@ def _two_axes(stage: Stage, plant: Plant) -> Cell:
 
 
 def _of_maker(stage: Stage, _plant: Plant, *, file: str) -> Cell:
-    """Two drives of a maker's file, told only what the file has the objects for."""
+    """Two drives of a maker's file, written only with objects of the file."""
     path = next((path for path in corpus_files() if path.name == file), None)
     if path is None:
         raise NotHere(f"{file} is not here")
@@ -119,7 +119,7 @@ def _of_maker(stage: Stage, _plant: Plant, *, file: str) -> Cell:
     except ConfigError as error:
         raise NotHere(f"{file} is no drive for this cell: {error.message}") from error
     for axis in cell.machine:
-        with suppress(SdoAbort):  # the file's own window may be narrower than what our motor lags behind
+        with suppress(SdoAbort):  # the file's own window may be smaller than the lag of our motor
             cell.device(axis.name).write(0x6065, 0, 0xFFFF_FFFF)
         try:
             axis.enable().wait(5)
@@ -148,7 +148,7 @@ def plant_of(name: str) -> Plant:
     return _MORE.get(name) or PLANTS[name]
 
 
-_PAIR_PLANTS = ("stiff", "stiff", "lagging")  # a bent beam turns what coasts for long
+_PAIR_PLANTS = ("stiff", "stiff", "lagging")  # a bent beam turns a motor that coasts for long
 _PAIRS: Mapping[str, Scene] = {
     "gantry": Scene(open_pair, plants=_PAIR_PLANTS, pair=AXES, weight=0),
     "gantry-homed": Scene(partial(open_pair, homes=True), plants=_PAIR_PLANTS, pair=AXES, weight=0),

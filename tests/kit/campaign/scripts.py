@@ -20,14 +20,14 @@ _IN_TURN = {
     "usual": ("outputs", "usual", "feed-forward", "outputs", "module"),
     "ranged": ("ranged", "ranged", "interpolated"),
 }
-# What brings an axis back into service, whatever was the matter with it: pauses and events.
-_ENDS = tuple(end for end in ENDS if end != "pushed_no_more")  # nobody pushes an axis that carries no beam
+# The events that bring an axis back into service, whatever the fault: pauses and events.
+_ENDS = tuple(end for end in ENDS if end != "pushed_no_more")  # an axis without a beam is not pushed
 _RECOVERY = (*((0.0, end) for end in _ENDS), (1.0, "release"), (0.1, "reset"), (0.5, "enable"), (0.5, "halt"))
 _MISHAPS = (*(what for what in MISHAPS if what != "pushed"), *["jam"] * 6)
 
 
 def script(seed: int, episodes: int = 3) -> Script:
-    """Return what happens in the campaign of a seed; every axis is enabled at its beginning."""
+    """Return the events of the campaign for a seed; every axis is enabled at its beginning."""
     chance = random.Random(seed)
     if seed % _PAIRS == _PAIRS - 1:
         return _of_pair(chance, episodes)

@@ -1,4 +1,4 @@
-"""Rules of motion: a move that is done is there, no command leads beyond a limit, and nothing jolts."""
+"""Rules of motion: a move that is done is at its target, no command exceeds a limit, and nothing jolts."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import pairwise
 from axisbus.errors import AxisbusError
 from axisbus.motion.states import AxisState
 from axisbus.sim.power import Effort
-from kit.campaign.facts import TORQUE_MODES, Asked, Facts, Trouble
+from kit.campaign.facts import TORQUE_MODES, Facts, GivenCommand, Trouble
 from kit.campaign.orders import OVERRIDES, PATHS
 from kit.probe import ENABLED, OFF, PlantSample
 
@@ -16,19 +16,19 @@ _LATE = frozenset(
     {"frames_late", "late_feedback", "inputs_lost", "outputs_lost", "stutters", "demand_stuck"}
     | {"wire_loses", "wire_jitters", "wire_delays", "wire_slows"}
 )
-# Another master leads the axis: its motion goes on for as long as that may take.
+# Another master controls the axis: its motion continues for as long as that may take.
 _FOREIGN = frozenset({"other_sets_point", "other_takes_velocity"})
 # It stops the axis: the motor brakes as hard as it can, and swings.
 _STOPPED = frozenset({"other_shuts_down", "other_quick_stops"})
 _WINDOW = 20.0  # increments within which a place is reached
-_OVERSPEED = 1.1  # what the master takes for noise
-_CYCLES = 5.0  # scan periods in which a guard can do nothing: the way back, its look, the SYNC after it, the drive's own step
+_OVERSPEED = 1.1  # the ratio that the master takes for noise
+_CYCLES = 5.0  # scan periods in which a guard can do nothing: the feedback, its look, the SYNC after it, the drive's own step
 _ON_SLOW_RAMP = (1, 5)  # 605Ah: a quick stop on the slow-down ramp
-_ROUNDING = 0.5  # deg: windows, and what a drive's own profile rounds
+_ROUNDING = 0.5  # deg: windows, and the rounding of a drive's own profile
 _CALM = 2.0  # s after a trouble for which nothing is judged by its smoothness, or by where it went
 _SWINGS = 0.5  # s within which an axis that swings is fast again
 _SEIZED = 0.1  # s for which the demand shows how a motor was pushed
-_SPACING = 0.0039  # s between two positions of which a speed is made
+_SPACING = 0.0039  # s between two positions for a speed
 _QUANTUM = 2.0  # increments by which the difference of two positions may be off by rounding
 
 
@@ -43,17 +43,17 @@ class Travel:
         self._origin: dict[str, float] = {}
         self._astray: dict[
             str, float
-        ] = {}  # may be as fast as a drive that led itself, or swings; and when it was last too fast
+        ] = {}  # the allowed speed of a drive that moved without our command, or swings; and when it was last too fast
         self._foreign: set[str] = set()  # on the way to where another master has sent it
-        # When the motor was not where the demand had it last: in a torque mode, or led away by a drive that creeps.
+        # When the motor was last not at the demand: in a torque mode, or moved away by a drive that creeps.
         self._pushed = dict.fromkeys(facts.names, facts.now)
         self._crept = dict.fromkeys(
             facts.names, -math.inf
         )  # when a drive last held its motor beside its demand
-        self._mode: dict[str, tuple[int, float]] = {}  # what mode the drive shows, and since when
+        self._mode: dict[str, tuple[int, float]] = {}  # the displayed mode of the drive, and since when
 
-    def ended(self, asked: Asked) -> None:
-        """A move that is done is where it was to go, and stands."""
+    def ended(self, asked: GivenCommand) -> None:
+        """A move that is done is at its target, and at standstill."""
         if asked.error is not None:
             return
         facts = self._facts
@@ -79,7 +79,7 @@ class Travel:
         samples = self._facts.cell.record(name).since(self._seen[name])
         exact = self._facts.scene.exact
         calm = exact and not any(True for _ in self._facts.troubled(name, _CALM))
-        if exact and not self._is_led_astray(name):
+        if exact and not self._is_moved_by_others(name):
             self._inside_limits(name)
             self._not_too_fast(name)
         else:
@@ -95,35 +95,35 @@ class Travel:
         """Note that no promise holds for the position of the axis now."""
         self._outside.pop(name, None)
 
-    def asked(self, asked: Asked) -> None:
+    def asked(self, asked: GivenCommand) -> None:
         """A command was given."""
 
-    def refused(self, asked: Asked, error: AxisbusError) -> None:
+    def refused(self, asked: GivenCommand, error: AxisbusError) -> None:
         """A command was refused at the call."""
 
-    def _is_led_astray(self, name: str) -> bool:
+    def _is_moved_by_others(self, name: str) -> bool:
         troubles = list(self._facts.troubled(name, _CALM))
         if any(trouble.what in _FOREIGN for trouble in troubles):
             self._foreign.add(name)
         elif not self._facts.moves(name):
             self._foreign.discard(name)
-        return name in self._foreign or any(map(self._leads_astray, troubles))
+        return name in self._foreign or any(map(self._may_move_it, troubles))
 
-    def _leads_astray(self, trouble: Trouble) -> bool:
+    def _may_move_it(self, trouble: Trouble) -> bool:
         return trouble.kind.moves or trouble.kind.deaf or trouble.what in _LATE | _STOPPED
 
     # -- limits ----------------------------------------------------------------------------------------------------------
 
     def _inside_limits(self, name: str) -> None:
-        """By a command alone nobody gets farther beyond a limit than the axis comes before a stop can act (``reaction``)."""
+        """A command alone takes no axis farther beyond a limit than it moves before a stop can act (``reaction``)."""
         facts = self._facts
         core = facts.core[name]
         limits = core.parameters.limits.position
-        homes = core.state is AxisState.HOMING  # the drive counts anew before its master knows
+        homes = core.state is AxisState.HOMING  # the drive restarts its count before its master knows
         if limits is None or not core.bounded or homes or facts.stage(name) in OFF:
             self._outside.pop(name, None)
             return
-        if self._origin.get(name) != facts.origin(name):  # another name for where it stands is no motion
+        if self._origin.get(name) != facts.origin(name):  # a new origin is no motion
             self._origin[name] = facts.origin(name)
             self._outside.pop(name, None)
         units = core.parameters.units.position
@@ -139,7 +139,7 @@ class Travel:
             facts.must(beyond <= self.reaction(name), "never beyond a limit", text)
 
     def _not_too_fast(self, name: str) -> None:
-        """Nor is it faster than max_velocity by more than what a torque adds before it is seen (see ``reaction``).
+        """Nor is it faster than max_velocity by more than the addition of a torque before it is seen (see ``reaction``).
 
         A drive that has crept away from its demand takes that back as fast as it can.
         """
@@ -164,7 +164,7 @@ class Travel:
         return self._facts.core[name].parameters.limits.velocity
 
     def _blind_speed(self, name: str) -> float:
-        """What an unknown torque adds to the speed, in deg/s, before a stop can act; a drive may leave the one it had gradually."""
+        """The addition of an unknown torque to the speed, in deg/s, before a stop acts; a drive may change its torque gradually."""
         drive, facts = self._facts.drive[name], self._facts
         if drive.mode_display not in TORQUE_MODES and drive.mode not in TORQUE_MODES:
             return 0.0
@@ -175,13 +175,13 @@ class Travel:
     def reaction(self, name: str) -> float:
         """Degrees that an axis may be beyond a limit by a command.
 
-        Derivation. In each cycle the guard stops what would not come to rest before the limit with the deceleration of its stop.
-        It cannot know of what happens in the ``T`` = 5 scan periods between a position's sampling and the drive's obeying. A motion
-        that is led is known ahead, speed and acceleration: nothing remains but rounding, and the lag of the motor, which trails
-        behind a demand that stops before the limit. Under torque the acceleration is not known before it is seen: from rest,
-        ``a T²/2`` until the stop acts, at the speed ``a T``, which takes ``(a T)² / 2 d`` to brake with the deceleration ``d``
-        of the quick stop. ``a`` is the torque that is commanded, less friction, times what one torque accelerates. A quick stop on
-        the slow-down ramp (605Ah) has the deceleration 6084h, any other 6085h.
+        Derivation. In each cycle the guard stops an axis that would not stop before the limit with the deceleration of its
+        stop. It cannot know the motion during the ``T`` = 5 scan periods between the sampling of a position and the reaction of
+        the drive. The speed and acceleration of a motion streamed by the master are known in advance: only rounding remains,
+        and the lag of the motor behind a demand that stops before the limit. Under torque the acceleration is unknown until it
+        is measured: from standstill, ``a T²/2`` until the stop acts, at the speed ``a T``, which takes ``(a T)² / 2 d`` to
+        brake with the deceleration ``d`` of the quick stop. ``a`` is the commanded torque, less friction, times the
+        acceleration per torque. A quick stop on the slow-down ramp (605Ah) has the deceleration 6084h, any other 6085h.
         """
         drive, facts = self._facts.drive[name], self._facts
         speed, time = self._blind_speed(name), _CYCLES * facts.scene.period
@@ -194,10 +194,10 @@ class Travel:
     # -- jolts -----------------------------------------------------------------------------------------------------------
 
     def _smooth(self, name: str, samples: list[PlantSample]) -> None:
-        """The demand of an enabled drive changes its speed by no more than the hardest ramp that anybody has set.
+        """The demand of an enabled drive changes its speed by no more than the hardest commanded ramp.
 
-        In another mode the drive takes its demand over from the motor, which may have been beside it: then the motor tells. One
-        that has led its motor away by itself, and was seen to stand, takes that back as hard as it can.
+        In another mode the drive sets its demand to the motor, which may have differed: then the motor is judged. A drive
+        that moved its motor away without a command, and was seen at standstill, takes that back as hard as it can.
         """
         drive = self._facts.cell.drive(name)
         if self._facts.now - self._pushed[name] < _SEIZED:
@@ -215,7 +215,7 @@ class Travel:
             self._facts.must(False, "no jolt", text)
 
     def _jolts(self, name: str, samples: list[PlantSample], of: str, allowed: float) -> list[float]:
-        """The accelerations beyond what is allowed, in deg/s²."""
+        """The accelerations beyond the allowed ones, in deg/s²."""
         found = []
         for before, after in pairwise(_speeds(samples, of)):
             change = abs(after[0] - before[0]) / min(before[1], after[1])

@@ -1,29 +1,29 @@
-"""Rules of truth: nothing stale passes as fresh, every command ends in time, and an error names what has happened."""
+"""Rules of truth: nothing stale passes as fresh, every command ends in time, and an error names the cause."""
 
 from __future__ import annotations
 
 from axisbus.errors import AxisbusError, CommandError, Interrupted, LimitError, StateError
 from kit.campaign import beside
-from kit.campaign.facts import Asked, Facts, Trouble
+from kit.campaign.facts import Facts, GivenCommand, Trouble
 from kit.campaign.gantry.rules import has_bent
 from kit.campaign.orders import OVERRIDES
 
-_LATEST = 20.0  # s after which no command may be under way
+_LATEST = 20.0  # s after which no command may be running
 _LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
-_STEP = 10.0  # increments by which it has gone on, however slowly
+_STEP = 10.0  # increments of progress, however slow
 _FAR = 2**28  # increments: hours at any speed
 _HALF_COUNT = 2**31  # increments: half the span of INTEGER32
 _FARTHEST = 600.0  # s, the same where it moves: a drive that leapt to an old target may be tens of thousands of degrees away
-_ARRIVES = 3.0  # s that a command may take when its axes have come to rest
-_BLIND_FOR = 6.0  # s for which a node may be silent after what made it so
+_ARRIVES = 3.0  # s that a command may take when its axes have stopped
+_BLIND_FOR = 6.0  # s for which a node may be silent after the cause
 _READS = 2.0  # s in which an error may say that its code is being read: a stalled drive answers late
 _NEAR = 1.5  # deg by which a position that is shown may be off
 _COUNTS = 1.5  # increments, the same: of a coarse encoder
-_USUAL_AGE = 1.2  # s: what is sent on change only, or polled, counts so long
-_REFUSED = (CommandError, StateError, LimitError)  # what was asked cannot be done; nothing has gone wrong
+_USUAL_AGE = 1.2  # s: the age of a value that is sent on change only, or polled
+_REFUSED = (CommandError, StateError, LimitError)  # the command cannot be executed; no fault
 _TOO_LATE = "come too late"  # of process data that the master takes for delayed
 _COUNTED = range(1, 241)  # transmission types of a TPDO that answers SYNC
-# What the master says of a command of its own user, without any mishap.
+# Errors of a command by its own user, without any fault.
 _OWN = (
     "limit",
     "torque",
@@ -50,7 +50,7 @@ class Truth:
         self._moved: dict[str, float] = {}  # when it was seen moving last
         self._places: dict[str, float] = {}  # where it was then: it may creep
         self._locked: dict[str, float] = {}  # since when an axis has had the error that it has
-        self._late_until: dict[str, float] = {}  # feedback that was delayed shows what it had
+        self._late_until: dict[str, float] = {}  # delayed feedback shows older values
 
     def look(self, name: str) -> None:
         place = self._facts.place(name)
@@ -77,18 +77,18 @@ class Truth:
             self._facts.must(not late, "every handle ends", f"{asked.handle!r} is busy after {limit:g} s")
 
     def _is_slowed(self) -> bool:
-        """Whether an override holds what moves, or makes it slower."""
+        """Whether an override holds the motion, or makes it slower."""
         return any(self._facts.cell.core(name).override.factor < 1.0 for name in self._facts.names)
 
-    def takes_hours(self, asked: Asked) -> bool:
+    def takes_hours(self, asked: GivenCommand) -> bool:
         """Whether it goes to the other end of the drive's count, at any speed, or back from where that is called a place nearby."""
         far = (abs(goal - self._facts.place(name)) > _FAR for name, goal in asked.goals.items())
         return asked.kind == "extreme" or any(far)
 
-    def _has_far_to_go(self, asked: Asked) -> bool:
-        """Whether it leads an axis that has counted far away meanwhile, and moves, or has only just come there.
+    def _has_far_to_go(self, asked: GivenCommand) -> bool:
+        """Whether it commands an axis whose count has run far away meanwhile, and moves, or has only just arrived.
 
-        Where the drive does not say that it has come there, the time for that whole way must be over.
+        If the drive does not report the arrival, the time for that whole distance must be over.
         """
         if self.takes_hours(asked):
             return True
@@ -99,7 +99,7 @@ class Truth:
             for name in asked.names
         )
 
-    def ended(self, asked: Asked) -> None:
+    def ended(self, asked: GivenCommand) -> None:
         """A command that failed says why, and that has happened."""
         error = asked.error
         if error is None or isinstance(error, (Interrupted, *_REFUSED)):
@@ -123,11 +123,11 @@ class Truth:
         away = facts.turned(name) * off / facts.scale[name]
         here = facts.where(name) - away
         near = max(_NEAR, _COUNTS / abs(facts.scale[name]))
-        if abs(here - facts.where(name)) < near or self._counts_anew(name):
+        if abs(here - facts.where(name)) < near or self._restarts_count(name):
             return
         if facts.drive[name].dials.feedback_delay > 0.0:
             self._late_until[name] = facts.now + 0.3
-        blocked = facts.now - facts.core[name].image.now  # what was true when its cycle began
+        blocked = facts.now - facts.core[name].image.now  # the state when its cycle began
         lies = any(trouble.what in _LIES for trouble in facts.troubled(name, 0.3 + blocked))
         if lies or self._late_until.get(name, 0.0) > facts.now:
             return
@@ -140,7 +140,7 @@ class Truth:
         told = f"shown at {here:g} deg (of its plant), which was between {low:g} and {high:g} for {age:g} s"
         facts.must(low <= here <= high, "nothing stale is shown", told)
 
-    def _counts_anew(self, name: str) -> bool:
+    def _restarts_count(self, name: str) -> bool:
         """Whether homing, or a restart, has just given the place another number."""
         if any(trouble.what == "reboots" for trouble in self._facts.troubled(name, 2.0)):
             return True
@@ -175,9 +175,7 @@ class Truth:
         text = str(error)
         troubles = self._troubles(name)
         if text.startswith(f"{beside.NAME}: ") and name != beside.NAME:
-            return (
-                True  # the module beside them has stopped its group: what befell it is its own rules' matter
-            )
+            return True  # the module beside them has stopped its group: its faults belong to its own rules
         if any(word in text for trouble in troubles for word in trouble.kind.says):
             return True
         if _TOO_LATE in text and not self._are_tpdos_counted(name):
@@ -196,7 +194,7 @@ class Truth:
         return all(pdo.target.transmission_type in _COUNTED for pdo in tpdos)
 
     def _troubles(self, name: str) -> list[Trouble]:
-        """What has happened of late, or led to the error in which the axis is still."""
+        """The recent faults, and those that led to the present error of the axis."""
         now = self._facts.now
         return list(
             self._facts.troubled(name, self._facts.remembers(name) + now - self._locked.get(name, now))

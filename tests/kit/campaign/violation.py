@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class Violation(Exception):
-    """A rule that did not hold; ``rule`` is its name, ``kind`` that with what error it was, if there was one."""
+    """A rule that did not hold; ``rule`` is its name, ``kind`` that with its error, if there was one."""
 
     def __init__(self, rule: str, text: str, error: Exception | None = None) -> None:
         super().__init__(rule, text, error)

@@ -1,4 +1,4 @@
-"""PDOs of one axis that are lost, or come late, in both directions; and another master on the same bus."""
+"""PDOs of one axis that are lost, or late, in both directions; and another master on the same bus."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LATER, _EACH, _LATEST = (
 
 
 class Wire:
-    """The PDOs of one axis on the wire. Its fields are dials.
+    """The PDOs of one axis on the wire. Its fields are fault settings.
 
     ``inputs_lost``, ``outputs_lost``: the share of frames that never arrive. ``late``: cycles by which both come later.
     """
@@ -32,7 +32,7 @@ class Wire:
         self._period = period
 
     def turn(self, dial: str, value: float) -> None:
-        """Turn a dial."""
+        """Change a fault setting."""
         whose = {
             "inputs_lost": self._inputs,
             "outputs_lost": self._outputs,
@@ -46,7 +46,7 @@ class Wire:
         self._by_id.update(self._inputs | self._outputs)
 
 
-# -- another master: what it does to a drive ------------------------------------------------------------------------------
+# -- another master: its effects on a drive -------------------------------------------------------------------------------
 
 
 def _words(cell: Cell, name: str, *words: int) -> None:

@@ -1,1 +1,1 @@
-"""What the tests of an axis over CAN Simple share: modules in virtual time under the scan, and a look at their plants."""
+"""Shared code of the tests of an axis over CAN Simple: modules in virtual time under the scan, and a look at their plants."""

@@ -1,7 +1,7 @@
-"""A program whose cell has a module: its axes turn, until something happens to one of its processes.
+"""A program whose cell has a module: its axes turn, until one of its processes is killed or suspended.
 
-``python -m kit.can_simple.driver FOLDER SCENE``: it prints ``ready PROGRAM WARDEN CORE`` (process IDs, 0 where the core is a thread
-of the program) when all axes turn; the module by a velocity, which continues when nobody says anything any more.
+``python -m kit.can_simple.driver FOLDER SCENE``: it prints ``ready PROGRAM WARDEN CORE`` (process IDs, 0 if the core is a thread
+of the program) when all axes turn; the module at a velocity, which continues without a master.
 """
 
 from __future__ import annotations

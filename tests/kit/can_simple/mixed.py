@@ -113,7 +113,7 @@ class Plants:
         return min(map(abs, self.speeds)) > 0.15
 
     def rest(self, seconds: float, speeds: Callable[[], list[float]] | None = None) -> bool:
-        """Whether all come to rest within this time, and stay there for 0.3 s."""
+        """Whether all stop within this time, and stay so for 0.3 s."""
         return stay(lambda: max(map(abs, (speeds or (lambda: self.speeds))())) < RESTS, seconds)
 
 
@@ -140,7 +140,7 @@ def served(folder: Path, process: str = "own", stop: str = 'quick_stop = "ramp"'
 
 
 class Doomed:
-    """A program whose axes turn on a served bus, with its core and warden (0: it has none); all are killed at the end."""
+    """A program whose axes turn on a served bus, with its core and watchdog process (0: it has none); all are killed at the end."""
 
     def __init__(self, folder: Path, scene: str, cut: str = "") -> None:
         path = os.pathsep.join([str(CUTTING), str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])])
@@ -166,7 +166,7 @@ class Doomed:
 
     @property
     def errors(self) -> str:
-        """What it has printed as errors."""
+        """Its error output."""
         return self._errors.read_text()
 
     def strike(self, who: str, number: int) -> None:

@@ -1,4 +1,4 @@
-"""A scan over simulated modules that speak CAN Simple, beside CANopen stand-ins, in virtual time, with a look at what was sent."""
+"""A scan over simulated CAN Simple modules, beside simulated CANopen drives, in virtual time, with a look at the sent frames."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _known(port: ModulePort, mode: ModeOfOperation) -> bool:
 
 @dataclass
 class Sent:
-    """A frame of the master: when, and what."""
+    """A frame of the master, with its time."""
 
     time: float
     can_id: int
@@ -141,7 +141,7 @@ class ModuleCycle(DirectCycle):
 
 @dataclass
 class Rig:
-    """The scan and what hangs on it; the first module is ``module``, its axis ``axis``."""
+    """The scan and its modules; the first module is ``module``, its axis ``axis``."""
 
     scan: Scan
     cycle: ModuleCycle
@@ -172,7 +172,7 @@ class Rig:
 
     @property
     def degrees(self) -> float:
-        """Where the first module's output truly is, from where its rotor stood when it was made."""
+        """The true position of the first module's output, relative to its rotor at construction."""
         return self.module.position * 45.0
 
     def run(self, seconds: float) -> None:
@@ -202,7 +202,7 @@ class Rig:
         return self
 
     def must_be_smooth(self, hardest: float, since: float = 0.0) -> None:
-        """No plant of a module was faster than its way, or changed its velocity harder than ``hardest`` turns/s²."""
+        """No plant of a module exceeded its velocity, or changed it harder than ``hardest`` turns/s²."""
         for plant in self.cycle.plants:
             for (t, x, v), (t2, x2, v2) in pairwise(each for each in plant if each[0] >= since):
                 dt = t2 - t
@@ -217,7 +217,7 @@ class Rig:
 
 
 def judge(rig: Rig) -> None:
-    """What must hold of all that a master has sent to a module, by numbers of the test's own (manual v2.2, 4.1.2)."""
+    """Check the invariants of all frames of a master to a module, by numbers of the test's own (manual v2.2, 4.1.2)."""
     allowed = {0x02, 0x03, 0x07, 0x09, 0x0A, 0x0B, 0x0C, 0x0D, 0x0E, 0x0F, 0x11, 0x12, 0x14, 0x18}
     asked_for_idle = 0.0
     for each in rig.cycle.sent:

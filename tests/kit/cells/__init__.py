@@ -1,4 +1,4 @@
-"""The clean cell of this folder with chosen defects, and what checking it finds."""
+"""The clean cell of this folder with chosen defects, and the findings of its check."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def serious(path: Path) -> list[CellProblem]:
 
 
 def only(path: Path, severity: str, marker: str) -> CellProblem:
-    """Return the only error or warning; it must have this severity and stand at the line that holds ``marker``."""
+    """Return the only error or warning; it must have this severity and the line that holds ``marker``."""
     found = serious(path)
     assert len(found) == 1, "\n".join(map(str, found)) or "nothing was found"
     assert found[0].severity.value == severity, found[0]

@@ -1,4 +1,4 @@
-"""The smallest cell file, and slips in the clean one: what is replaced by what, and what is reported in which line."""
+"""The smallest cell file, and mistakes in the clean one: the replaced text, the new one, and the report with its line."""
 
 from __future__ import annotations
 

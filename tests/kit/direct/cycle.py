@@ -1,12 +1,13 @@
-"""The seam of ``cia402.port`` over arithmetic: simulated drives in virtual time, without frames, threads or a clock.
+"""The interface ``cia402.port`` over arithmetic: simulated drives in virtual time, without frames, threads or a clock.
 
 Theory of operation
 -------------------
-``DirectCycle.wait_until`` is the only thing that lets time pass: plants, watchdogs and SDO transfers advance in it, so the machine
-moves on whether or not the scan still asks. What a port is given takes effect as its values travel: event-driven ones at
-``commit``, synchronous ones at ``sync``, which samples the inputs first (an answer to a command is seen one SYNC later), values by
-SDO when their transfer has been served. What was sampled is on its way until time passes: who reads right after SYNC reads what
-was sampled at the one before, as on a wire. Every value that was ``NONE`` is never seen and never sent.
+
+Time passes only in ``DirectCycle.wait_until``: plants, watchdogs and SDO transfers advance in it, so the machine moves on even
+if the scan no longer asks. Outputs take effect according to their transport: event-driven values at ``commit``; synchronous
+values at ``sync``, which samples the inputs first (an answer to a command is seen one SYNC later); values by SDO when their
+transfer has been served. Sampled inputs are in transit until time passes: a read right after SYNC returns the sample of the
+previous SYNC, as on a wire. A value with the transport ``NONE`` is never received and never sent.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.errors import AdapterError
 from axisbus.sim.device import Device
-from kit.direct.dials import CycleDials
+from kit.direct.dials import CycleFaultSettings
 from kit.direct.io import DirectIoPort
 from kit.direct.port import DirectPort
 
-__all__ = ["CycleDials", "DirectCycle", "DirectPort"]
+__all__ = ["CycleFaultSettings", "DirectCycle", "DirectPort"]
 
 _LONGEST_STEP = 0.01  # s
 
@@ -39,7 +40,7 @@ class DirectCycle:
         master_id: int = 127,
         heartbeat: float = 0.1,
         operational: bool = True,
-        dials: CycleDials | None = None,
+        dials: CycleFaultSettings | None = None,
         devices: Sequence[Device] = (),
         io: Sequence[DirectIoPort] = (),
     ) -> None:
@@ -52,7 +53,7 @@ class DirectCycle:
         """
         self.ports = list(ports)
         self.io = list(io)
-        self.dials = dials or CycleDials()
+        self.dials = dials or CycleFaultSettings()
         self.devices: list[Device] = list(devices)
         self.listeners: list[Listener] = []
         for port in self.ports:
@@ -82,25 +83,25 @@ class DirectCycle:
         return self._now
 
     def wait_until(self, t: float) -> None:
-        """Let the plant run until ``t``; returns at once where ``t`` has passed.
+        """Let the plant run until ``t``; returns at once if ``t`` has passed.
 
         Raises:
-            Exception: what the dial ``wait`` holds.
+            Exception: the one in the fault setting ``wait``.
         """
         if self.dials.wait is not None:
             raise self.dials.wait
         self._advance(t + self.dials.wait_late)
 
     def receive(self) -> bool:
-        """Nothing to do: what was sampled is received as time passes; nobody is behind."""
+        """Nothing to do: samples are received as time passes; no peer is behind."""
         return False
 
     def commit(self) -> None:
-        """Send what the ports were given.
+        """Send the outputs of the ports.
 
         Raises:
             AdapterError: the bus is closed.
-            Exception: what the dial ``commit`` holds.
+            Exception: the one in the fault setting ``commit``.
         """
         self._check_open()
         if self.dials.commit is not None:
@@ -118,7 +119,7 @@ class DirectCycle:
 
         Raises:
             AdapterError: the bus is closed.
-            Exception: what the dial ``sync`` holds.
+            Exception: the one in the fault setting ``sync``.
         """
         self._check_open()
         if self.dials.sync is not None:
@@ -142,7 +143,7 @@ class DirectCycle:
 
         Raises:
             AdapterError: the bus is closed.
-            Exception: what the dial ``heartbeat`` holds.
+            Exception: the one in the fault setting ``heartbeat``.
         """
         self._check_open()
         if self.dials.heartbeat is not None:
@@ -201,9 +202,9 @@ class DirectCycle:
                 self._now = t
             for device in self.devices:
                 device.step(dt)
-            self._tell_ports()
+            self._inform_ports()
 
-    def _tell_ports(self) -> None:
+    def _inform_ports(self) -> None:
         now = self._now
         messages = {device.node_id: device.errors.take_emcy(now) for device in self.devices}
         for port in self.ports:

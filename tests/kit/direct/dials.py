@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(slots=True)
-class CycleDials:
+class CycleFaultSettings:
     """Faults of the bus as a whole; may be changed at any time.
 
     read, write, commit, sync, heartbeat, wait: an exception that the call of this name raises

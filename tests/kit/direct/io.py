@@ -15,7 +15,7 @@ _SYNC_AGE = 0.1  # seconds
 
 
 class DirectIoPort:
-    """Holds samples, what waits for SYNC, and what the node's heartbeats have said."""
+    """Holds samples, outputs that wait for SYNC, and the heartbeat state of the node."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class DirectIoPort:
         self._boot_ups = self.device.boot_ups
         self.found = tuple(self.device.dictionary.get_int(*address) for address in self.outputs)
         self.alone = tuple(map(self.device.io.alone, self.outputs, self.found))
-        self.hear_state(now)
+        self.receive_state(now)
 
     def read(self, now: float) -> IoInputs:
         """Return the newest values."""
@@ -65,7 +65,7 @@ class DirectIoPort:
         """Take the values for this cycle; nothing happens before the commit."""
         self._pending = words
 
-    # What the cycle calls.
+    # Calls of the cycle.
 
     def commit(self) -> None:
         """Let outputs take effect, or wait for SYNC."""
@@ -86,7 +86,7 @@ class DirectIoPort:
         self._apply(latched)
 
     def advance(self, now: float) -> None:
-        """Time has passed until ``now``: heartbeats, and what was sampled or has changed."""
+        """Time has passed until ``now``: send heartbeats, and changed or sampled values."""
         for place, sample in enumerate(self._under_way):
             self._samples[place] = sample
         self._under_way = []
@@ -95,26 +95,26 @@ class DirectIoPort:
         if now >= self._next_beat - 1e-9 and self.device.nmt is not NmtState.INITIALISING:
             self._next_beat = now + self._heartbeat
             if not self.device.dials.heartbeat_stops:
-                self.hear_state(now)
+                self.receive_state(now)
         if not self._sync:
             for place, sample in enumerate(self._now(now)):
                 before = self._samples[place]
                 if before is None or before.value != sample.value:
                     self._samples[place] = sample
 
-    def hear_state(self, now: float) -> None:
+    def receive_state(self, now: float) -> None:
         self._last_beat, self._state = now, self.device.nmt
 
     @property
-    def _talks(self) -> bool:
+    def _sends(self) -> bool:
         return self.device.operational and not self.device.dials.dead
 
     def _now(self, now: float) -> list[Sample]:
         get = self.device.dictionary.get_int
-        return [Sample(get(*address), now) for address in self.inputs] if self._talks else []
+        return [Sample(get(*address), now) for address in self.inputs] if self._sends else []
 
     def _apply(self, words: tuple[int | None, ...]) -> None:
-        if self._talks:
+        if self._sends:
             for (index, subindex), word in zip(self.outputs, words, strict=False):
                 if word is not None:
                     self.device.dictionary.write_mapped(index << 8 | subindex, word)

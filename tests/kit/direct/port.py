@@ -20,7 +20,7 @@ from axisbus.errors import SdoTimeout
 from axisbus.sim.control_bits import CW_ENABLE_VOLTAGE, CW_FAULT_RESET, CW_QUICK_STOP_LOW
 from axisbus.sim.device import Device
 from axisbus.sim.settings import AXIS_SPAN
-from kit.direct.dials import CycleDials
+from kit.direct.dials import CycleFaultSettings
 from kit.direct.sdo import SdoQueue, shifted
 
 # Looked at in every cycle.
@@ -41,7 +41,7 @@ _MAX_AGE = {
 
 
 class DirectPort:
-    """One axis of a device; holds the samples, what is to be sent, and the SDO queue."""
+    """One axis of a device; holds the samples, the pending outputs, and the SDO queue."""
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class DirectPort:
         node_heartbeat: float = 0.1,
         remappable: bool = True,
         controlword_first: bool = False,
-        dials: CycleDials | None = None,
+        dials: CycleFaultSettings | None = None,
     ) -> None:
         """Offer axis ``axis`` (from 0) of ``device``.
 
@@ -70,7 +70,7 @@ class DirectPort:
         """
         self.device = device
         self.drive = device.drives[axis]
-        self.dials = dials or CycleDials()
+        self.dials = dials or CycleFaultSettings()
         self._offset = axis * AXIS_SPAN
         self._event_timer = event_timer
         self._sdo_poll = sdo_poll
@@ -86,7 +86,7 @@ class DirectPort:
         self._next_poll = self._next_beat = 0.0
         self._last_beat = -1e9
         self._reported, self._nmt = NmtState.UNKNOWN, int(NmtState.UNKNOWN)
-        self._boot_ups = device.boot_ups  # so many were heard, or could not be
+        self._boot_ups = device.boot_ups  # so many were received, or lost
         self._in_service = False
         self._rebooted = False  # since it was operational: its configuration is gone, as on a bus
         taken = self._sources(OUTPUT_OBJECTS, outputs)
@@ -124,19 +124,19 @@ class DirectPort:
         return [number for number, name in enumerate(_INPUTS) if self.capabilities.inputs[name] is source]
 
     def _silent_positions(self) -> list[int]:
-        """A position that is sent on change only is polled as well, as the bus does: silence does not say that it stands."""
+        """A position that is sent on change only is polled as well, as on a bus: silence does not prove standstill."""
         silent = (
             self.capabilities.inputs["position"] is ValueTransport.EVENT_PDO and self._event_timer is None
         )
         return [_INPUTS.index("position")] if silent else []
 
-    # What motion calls.
+    # Calls of motion.
 
     def read(self, now: float) -> Inputs:
         """Return the newest values.
 
         Raises:
-            Exception: what the dial ``read`` holds.
+            Exception: the one in the fault setting ``read``.
         """
         if self.dials.read is not None:
             raise self.dials.read
@@ -165,7 +165,7 @@ class DirectPort:
         """Take the values for this cycle; nothing happens before the commit.
 
         Raises:
-            Exception: what the dial ``write`` holds.
+            Exception: the one in the fault setting ``write``.
         """
         if self.dials.write is not None:
             raise self.dials.write
@@ -203,7 +203,7 @@ class DirectPort:
                 observed=f"NMT state {self.device.nmt.text}",
             )
 
-    # What the cycle calls.
+    # Calls of the cycle.
 
     def commit(self, now: float) -> None:
         """Let event-driven outputs take effect, hold synchronous ones for SYNC, queue SDO and NMT."""
@@ -232,7 +232,7 @@ class DirectPort:
             self.device.nmt_command(NmtCommand.STOP)
 
     def _only_stop(self, pending: Outputs) -> Outputs:
-        """What a node that has sent a boot-up message still gets, as on a bus: what stops it, and questions."""
+        """The outputs that a node still gets after a boot-up message, as on a bus: stops, and requests."""
         refused = [
             request
             for request in pending.sdo
@@ -275,7 +275,7 @@ class DirectPort:
         if now >= self._next_beat - 1e-9 and device.nmt is not _INITIALISING:
             self._next_beat = now + self._node_heartbeat
             if not device.dials.heartbeat_stops:
-                self.hear_state(now)
+                self.receive_state(now)
         if self._events:
             self._watch_events(now)
         if self._polled and now >= self._next_poll and device.answers_sdo:
@@ -289,17 +289,17 @@ class DirectPort:
 
     def know_state(self, now: float) -> None:
         """The node's NMT state is known at once, as after a boot-up that was watched."""
-        self.hear_state(now)
+        self.receive_state(now)
         self._boot_ups = self.device.boot_ups
         self._next_beat = now + self._node_heartbeat
 
-    def hear_state(self, now: float) -> None:
+    def receive_state(self, now: float) -> None:
         """A heartbeat came."""
         self._last_beat, self._reported, self._nmt = now, self.device.nmt, int(self.device.nmt)
         self._in_service = self._in_service or self._reported is _OPERATIONAL
 
     def quick_stop(self) -> None:
-        """Send the last controlword once more as a quick stop, where one was ever sent."""
+        """Send the last controlword once more as a quick stop, if one was ever sent."""
         word = self._last_controlword
         if word is not None:
             self._latched.update(dict.fromkeys(self._offsets, 0))

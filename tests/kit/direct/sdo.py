@@ -20,7 +20,7 @@ def shifted(index: int, offset: int) -> int:
 
 
 class _Transfer(NamedTuple):
-    id: int | None  # None: the port's own, nobody waits for a reply
+    id: int | None  # None: the port's own, without a reply
     target: int
     subindex: int
     value: int | None
@@ -28,7 +28,7 @@ class _Transfer(NamedTuple):
 
 
 class SdoQueue:
-    """Requests in the order they came, the one under way, and the replies that nobody has taken yet."""
+    """Requests in the order of receipt, the running one, and the replies not yet taken."""
 
     def __init__(self, device: Device, offset: int, time: float, timeout: float) -> None:
         """``time`` is how long a transfer takes, ``timeout`` how long is waited for an answer, in s."""
@@ -42,7 +42,7 @@ class SdoQueue:
         self._replies: list[SdoReply] = []
 
     def add(self, requests: Iterable[SdoRequest], now: float) -> None:
-        """Queue what motion asks for."""
+        """Queue a request of motion."""
         for id_, index, subindex, value in requests:
             self._queue.append(_Transfer(id_, shifted(index, self._offset), subindex, value, now))
 
@@ -55,7 +55,7 @@ class SdoQueue:
             self._queue.append(transfer)
 
     def refuse(self, requests: Iterable[SdoRequest]) -> None:
-        """Answer at once that nobody answers."""
+        """Answer at once with a time-out."""
         self._replies.extend(SdoReply(request.id, None, TIMED_OUT) for request in requests)
 
     def cancel(self, ids: Iterable[int]) -> None:
@@ -71,7 +71,7 @@ class SdoQueue:
         return replies
 
     def serve(self, now: float) -> None:
-        """Serve what is due at ``now``."""
+        """Serve the requests that are due at ``now``."""
         if self._late:
             self._finish_late(now)
         while self._queue:

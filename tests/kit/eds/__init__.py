@@ -1,1 +1,1 @@
-"""What the tests of EDS files share: texts, samples, planted defects and the cases of the rules."""
+"""Shared code of the tests of EDS files: texts, samples, planted defects and the cases of the rules."""

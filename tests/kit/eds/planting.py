@@ -31,7 +31,7 @@ BITS = {1: 1, 2: 8, 3: 16, 4: 32, 5: 8, 6: 16, 7: 32}
 
 @dataclass
 class Plant:
-    """A changed text: its lines, where each of the old lines is now, the lines on which a report is right, and the rules."""
+    """A changed text: its lines, the new number of each old line, the lines on which a report is right, and the rules."""
 
     lines: list[str]
     moved: dict[int, int]
@@ -194,7 +194,7 @@ def unlisted(text: Text, name: str) -> dict[int, str | None]:
 
 
 def long_pdo(rng: random.Random, text: Text) -> Plant | None:
-    """Map three values of 32 bits, the third of which is too much."""
+    """Map three values of 32 bits, one more than fits."""
     fitting = [name for name in text.mappings() if name[1] == "a" and f"{name}sub3" in text.heads]
     if not fitting or text.value("6064", "pdomapping") != "1":
         return None
@@ -318,7 +318,7 @@ def wrong_access(rng: random.Random, text: Text) -> Plant | None:
 
 
 def bad_mapping(rng: random.Random, text: Text) -> Plant | None:
-    """Map what cannot be: an object that is not there, one that is not mappable, or with the wrong number of bits."""
+    """Make an invalid mapping: a missing object, one that is not mappable, or with the wrong number of bits."""
     used = [name for mapping in text.mappings() for name in text.used(mapping)]
     used = [name for name in used if text.number(name, "defaultvalue")]
     if not used:

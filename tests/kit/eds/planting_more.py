@@ -1,6 +1,6 @@
 """More kinds of planted defects: of numbers, names, keys, identifiers, modes, mappings and of the text itself.
 
-Most are rows of a table: where, which key, what is written there, and the rules of which one is to speak.
+Most are rows of a table: the location, the key, the written text, and the rules of which one has to report it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Names = Callable[[Text], Sequence[str]]
 
 
 class Row(NamedTuple):
-    """One kind: the sections where it can be, the key that gets one of the texts, and the rules that tell of it."""
+    """One kind: the possible sections, the key that gets one of the texts, and the rules that report it."""
 
     names: Names
     key: str
@@ -377,7 +377,7 @@ def shared_sub_name(rng: random.Random, text: Text) -> Plant | None:
 
 
 def key_of_a_sub_index(rng: random.Random, text: Text) -> Plant | None:
-    """Give a RECORD or ARRAY what belongs to its sub-indices."""
+    """Give a RECORD or ARRAY a key of its sub-indices."""
     name = rng.choice(records(text))
     line, rule = rng.choice(
         [
@@ -432,7 +432,7 @@ def wrong_bit_rate(rng: random.Random, text: Text) -> Plant | None:
 def bit_rate_in_other_letters(rng: random.Random, text: Text) -> Plant | None:
     rates = [number for key, (number, _) in text.entries["deviceinfo"].items() if key.startswith("baudrate_")]
     if not all(text.lines[number - 1].startswith("BaudRate_") for number in rates):
-        return None  # the first is told
+        return None  # the first is reported
     number = text.entries["deviceinfo"][f"baudrate_{rng.choice([10, 20, 50, 125, 250, 500])}"][0]
     return _changed(text, number, text.lines[number - 1].replace("BaudRate", "Baudrate"), "D012", "Baudrate_")
 
@@ -450,7 +450,7 @@ def other_element(rng: random.Random, text: Text) -> Plant | None:
 
 
 def cut_off(rng: random.Random, text: Text) -> Plant | None:
-    """End the file behind one of its lines, or in one, where most objects are described."""
+    """End the file behind one of its lines, or in one, in the part with most objects."""
     end = rng.randint(len(text.lines) * 2 // 3, len(text.lines) - 40)
     if min(text.heads[name] for name in text.objects()) > end or not text.lines[end - 1].strip():
         return None

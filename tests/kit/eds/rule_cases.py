@@ -1,4 +1,4 @@
-"""For each rule the smallest change that breaks it, where that is to be reported, and the nearest thing that does not."""
+"""For each rule the smallest change that breaks it, the line of its report, and the nearest change that does not."""
 
 from __future__ import annotations
 

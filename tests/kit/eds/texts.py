@@ -42,7 +42,7 @@ def only(eds: Eds) -> EdsFinding:
 
 
 def rules(eds: Eds) -> list[str]:
-    """Return the ids of what was found."""
+    """Return the ids of the findings."""
     return [finding.rule for finding in eds.findings]
 
 

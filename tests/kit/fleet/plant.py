@@ -8,18 +8,18 @@ from contextlib import suppress
 import zenoh
 
 from axisbus.fleet.network import ZenohNetwork, opened
-from kit.fleet.stand_in import StandInCell
+from kit.fleet.stand_in import FakeCell
 
 
 def free_endpoint():
-    """An endpoint that nobody has now."""
+    """A free endpoint."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{taken.getsockname()[1]}"
 
 
 class Plant:
-    """Stand-ins for cells, each with a session of its own that listens at an endpoint."""
+    """Fake cells, each with a session of its own that listens at an endpoint."""
 
     def __init__(self, name="hall"):
         self.name = name
@@ -29,7 +29,7 @@ class Plant:
     def cell(self, name, axes=("x",), *, endpoint=None, **more):
         endpoint = endpoint or free_endpoint()
         session = opened(ZenohNetwork(listen=(endpoint,)))
-        cell = StandInCell(session, self.name, name, axes, **more)
+        cell = FakeCell(session, self.name, name, axes, **more)
         self.endpoints.append(endpoint)
         self._ends += [session.close, cell.end]
         cell.cut = session.close

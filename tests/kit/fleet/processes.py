@@ -32,7 +32,7 @@ class ProcessCell:
     def __init__(
         self, folder: Path, name: str, plant: str = "hall", axes: str = "xy", text: str = ""
     ) -> None:
-        """``text``: of its cell file, where it is another than usual."""
+        """``text``: of its cell file, if it is not the usual one."""
         folder = folder / name
         folder.mkdir()
         self.name, self.plant = name, plant
@@ -56,7 +56,7 @@ class ProcessCell:
 
     def _begin(self, *words, until):
         self._logs += 1
-        log = self.file.with_name(f"{self._logs}.log")  # a pipe that nobody reads would hold it up
+        log = self.file.with_name(f"{self._logs}.log")  # a pipe that is not read would block it
         with log.open("w") as out:
             program = subprocess.Popen(
                 [sys.executable, "-u", "-m", "axisbus", *words],

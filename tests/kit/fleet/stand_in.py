@@ -1,4 +1,4 @@
-"""A stand-in for a cell and its bridge: it keeps to the protocol with rules of its own, and can be made to lose what it hears."""
+"""A fake cell with its bridge: it follows the protocol with code of its own, and can be set to lose messages."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ VERBS = {
 }  # fmt: skip
 
 
-class StandInCell:
+class FakeCell:
     """A cell of axes that are where they are commanded to be at once; ``moved`` counts how often each was moved."""
 
     def __init__(
@@ -40,7 +40,7 @@ class StandInCell:
         self.jogs = []
         self.given = []
         self.asked = Counter()  # by id
-        self.deaf = 0  # so many commands are not heard
+        self.deaf = 0  # so many commands are lost
         self.dumb = 0  # so many are done, and not answered
         self.overtaken = 0  # so many come too late
         self.runs = 0  # so many answers are that it runs
@@ -75,7 +75,7 @@ class StandInCell:
         self._thread = threading.Thread(target=self._publish, daemon=True)
         self._thread.start()
 
-    # -- what a test does to it ----------------------------------------------------------------------------------------
+    # -- actions of a test ---------------------------------------------------------------------------------------------
 
     def appear(self):
         liveliness = self._session.liveliness()
@@ -123,7 +123,7 @@ class StandInCell:
         payload = message if isinstance(message, bytes) else msgspec.json.encode(message)
         self._session.put(key, payload)
 
-    # -- what it does by itself ----------------------------------------------------------------------------------------
+    # -- its own actions -----------------------------------------------------------------------------------------------
 
     def _publish(self):
         while not self._ended.wait(1.0 / self.rate):

@@ -1,1 +1,1 @@
-"""A simulated pair of axes that carry one beam, and what its plants say of it."""
+"""A simulated pair of axes that carry one beam, and observations of its plants."""

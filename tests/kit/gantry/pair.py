@@ -1,4 +1,4 @@
-"""Cells with a pair ``b`` of the axes x and y, tied by a beam; what the beam did is told by the motors alone."""
+"""Cells with a pair ``b`` of the axes x and y, tied by a beam; the motion of the beam is known from the motors alone."""
 
 from __future__ import annotations
 

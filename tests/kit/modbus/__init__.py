@@ -1,1 +1,1 @@
-"""What tests of Modbus share: a wire in virtual time, and modules on it."""
+"""Shared code of the tests of Modbus: a wire in virtual time, and modules on it."""

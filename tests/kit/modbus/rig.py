@@ -1,4 +1,4 @@
-"""A module that is moved over a wire in virtual time: what it was told, what it truly did, and how it was left."""
+"""A module that is moved over a wire in virtual time: its commands, its true motion, and its final state."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
 from axisbus.sim.modbus.station import LineDials, Station
 from kit.modbus.virtual_wire import VirtualWire
 
-RAMP = 20.0  # turns/s² of the module's own ramp, which no register tells
+RAMP = 20.0  # turns/s² of the module's own ramp, which no register contains
 _SETTINGS = {"axis0.controller.config.vel_ramp_rate": RAMP, "axis0.controller.config.torque_ramp_rate": 1.0}
 
 
 class Rig:
-    """One station with a quick ramp, its wire, and an axis that tells into ``said``."""
+    """One station with a quick ramp, its wire, and an axis that reports into ``said``."""
 
     def __init__(self, turns: float = 0.0, **dials: object) -> None:
         self.station = Station(dials=LineDials(**dials))
@@ -41,7 +41,7 @@ class Rig:
 
     @property
     def written(self) -> list[str]:
-        """What was written, in hex, without the address."""
+        """The writes, in hex, without the address."""
         return [frame[1:].hex(" ").upper() for frame in self.station.frames if frame[1] in (0x06, 0x10)]
 
     def rest(self, seconds: float = 0.5) -> None:

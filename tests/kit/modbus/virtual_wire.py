@@ -15,10 +15,10 @@ _STEP = 0.001
 
 
 class VirtualWire:
-    """Carries bytes between a client and stations; holds the time, and what was lost or done at each request.
+    """Carries bytes between a client and stations; holds the time, and the losses and actions at each request.
 
-    ``before``: called with each request before it is sent, and may raise or turn dials. ``broken``: neither direction carries.
-    ``mute``: answers do not come back.
+    ``before``: called with each request before it is sent; may raise or change settings. ``broken``: neither direction carries.
+    ``mute``: answers do not return.
     """
 
     def __init__(self, *stations: Station, timeout: float = 0.2) -> None:
@@ -75,7 +75,7 @@ class VirtualWire:
 
 
 def _reply(data: bytes, device: int) -> Reply | None:
-    """The first frame as a value, by the rules of Modbus; None where there is none that is right."""
+    """The first frame as a value, by the rules of Modbus; None without a correct one."""
     if len(data) < 5 or data[0] != device:
         return None
     function = data[1]

@@ -1,4 +1,4 @@
-"""Random lives of one axis on a stand-in: commands, mishaps of the drive and of the wire, late cycles; the same for each seed."""
+"""Random plays of one axis on a simulated drive: commands, faults of drive and wire, late cycles; the same for each seed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from kit.direct.cycle import DirectCycle, DirectPort
 from kit.motion.rig import GENERIC, PERIOD, SCALE, dictionary_of, parameters
 
 EVERY = 30  # cycles between two commands, on average
-MISHAP = 150  # and between two mishaps
+MISHAP = 150  # and between two faults
 SAMPLES = ("statusword", "mode", "position", "velocity", "torque", "demand")
 PORTS = (
     {},
@@ -133,7 +133,7 @@ class Play:
         return self._mishap
 
     def _spoilt(self, inputs: Inputs) -> Inputs:
-        """What comes of the inputs by the mishap of now."""
+        """The inputs after the present fault."""
         old, what = self._before or inputs, self._mishap
         if what in SAMPLES:  # one that stays away
             return inputs._replace(**{what: getattr(old, what)})

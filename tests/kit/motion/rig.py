@@ -25,7 +25,7 @@ from kit.direct.waiting import PumpWaiter
 GENERIC = Path(__file__).parents[3] / "eds" / "generic-cia402.eds"
 SCALE = 1000.0  # increments per degree
 PERIOD = 0.01
-BLIND = 10**9  # a following error that nobody would notice, for what comes after it
+BLIND = 10**9  # a following error that is never noticed, for the monitoring after it
 MODE = ModeOfOperation
 
 

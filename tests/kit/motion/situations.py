@@ -157,7 +157,7 @@ def _found_enabled() -> Rig:
 
 
 def _held() -> Rig:
-    """In quick stop active, where its option code leaves it."""
+    """In quick stop active, if its option code leaves it there."""
     r = rig(quick_stop_holds=True)
     r.device.write(0x605A, 0, 6)
     r.enabled()

@@ -1,4 +1,4 @@
-"""One axis without a scan: what a drive says cycle by cycle, on a clock whose times add up exactly."""
+"""One axis without a scan: the inputs from a drive cycle by cycle, on a clock whose times add up exactly."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TIMING = DriveTimeouts(settle=0.125, standstill_time=0.0625)
 
 
 class Drive:
-    """What a drive says, cycle by cycle: the image and the order of an axis without a scan."""
+    """The inputs from a drive, cycle by cycle: the image and the order of an axis without a scan."""
 
     def __init__(
         self, by_event: bool = False, ages: dict | None = None, start: float = 10.0, **changes

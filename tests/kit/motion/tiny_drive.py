@@ -41,7 +41,7 @@ def state_of(word: int | None) -> str:
 
 
 def asked(word: int) -> str:
-    """The command that a controlword is (table 27), bit 7 aside."""
+    """The command of a controlword (table 27), bit 7 aside."""
     if not word & 0b0010:
         return "disable voltage"
     if not word & 0b0100:
@@ -75,7 +75,7 @@ class TinyDrive:
     """One axis; ``transitions`` holds every transition that it took."""
 
     def __init__(self, *, holds: bool, mode: int, position: int, stale: tuple[int, int, int]) -> None:
-        """``holds``: it stays in quick stop active; ``stale``: what 607Ah, 60FFh and 6071h held before anybody came."""
+        """``holds``: it stays in quick stop active; ``stale``: the values of 607Ah, 60FFh and 6071h before the first master."""
         self.holds = holds
         self.state = "disabled"
         self.transitions: list[int] = []
@@ -98,7 +98,7 @@ class TinyDrive:
         self._homing: int | None = None
         self._home_found = False
 
-    # What comes from the master.
+    # Frames of the master.
 
     def take(self, outputs: Outputs) -> None:
         """One cycle's outputs arrive: targets and mode first, then the controlword."""
@@ -163,7 +163,7 @@ class TinyDrive:
         self._rest()
         self._reached = True
 
-    # What happens to it.
+    # Events.
 
     def fail(self) -> None:
         """A fault."""

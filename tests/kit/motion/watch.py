@@ -1,4 +1,4 @@
-"""A witness beside the rig: what the plant did and what was sent to it, cycle by cycle."""
+"""A witness beside the rig: the motion of the plant and the outputs to it, cycle by cycle."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 from axisbus.cia402.port import Outputs
 from kit.motion.rig import PERIOD, Rig
 
-# Transitions by what is seen before and after, typed from the figure of CiA 402-2 7.2; S: the stand-in's numbers of its states.
+# Transitions by the states before and after, from the figure of CiA 402-2 7.2; S: the simulated drive's numbers of its states.
 NOT_READY, DISABLED, READY, SWITCHED_ON, ENABLED, QUICK_STOP, REACTION, FAULT = range(8)
 TRANSITION = {
     (NOT_READY, DISABLED): [1],
@@ -45,7 +45,7 @@ class Row(NamedTuple):
 
 
 class Sent(NamedTuple):
-    """What was given to the port in the cycle at ``t``."""
+    """The outputs to the port in the cycle at ``t``."""
 
     t: float
     outputs: Outputs
@@ -94,7 +94,7 @@ class Watch:
         self._note()
         return self
 
-    # What the plant did.
+    # The motion of the plant.
 
     @property
     def transitions(self) -> list[int]:
@@ -141,7 +141,7 @@ class Watch:
         """When the power stage came into a state."""
         return [b.t for a, b in pairwise(self.rows) if b.stage == stage and a.stage != stage]
 
-    # What was sent.
+    # The sent outputs.
 
     @property
     def words(self) -> list[int]:

@@ -16,7 +16,7 @@ NEVER = 1e9
 
 
 class Wire:
-    """Feeds one trajectory; an answer to what is asked when the axis is at ``t`` of it takes ``delay(t)`` seconds."""
+    """Feeds one trajectory; the answer to a request at the time ``t`` of the axis takes ``delay(t)`` seconds."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class Wire:
         rig.cycle.wait_until = fed_wait
 
     def follow(self) -> Handle:
-        """Let the axis follow what comes."""
+        """Let the axis follow the stream."""
         return self.rig.axes[self.name]._submit("follow", c.FollowTrajectory(self.stream))
 
     def _turn(self, now: float) -> None:

@@ -1,6 +1,6 @@
-"""Clients that do not behave: ``python -m kit.opcua.attacking URL SECONDS`` does what they do, again and again, for so long.
+"""Misbehaving clients: ``python -m kit.opcua.attacking URL SECONDS`` repeats their actions for so long.
 
-Junk, a crowd that says nothing, and greetings without end whose answers nobody reads.
+Junk, silent connections, and endless greetings whose answers are not read.
 """
 
 from __future__ import annotations

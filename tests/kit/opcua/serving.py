@@ -1,4 +1,4 @@
-"""An OPC UA server on loopback, and what its tests ask of it."""
+"""An OPC UA server on loopback, and requests of its tests."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from asyncua.ua.uaerrors import UaStatusCodeError
 from axisbus.cell import reader
 from axisbus.gateway.opcua.server import OpcUaServer
 from axisbus.web import address as page_address
-from kit.opcua.visiting import Visit, Who, visit
+from kit.opcua.visiting import ClientIdentity, Visit, visit
 
 X, Y = "/Axes/x", "/Axes/y"
 
@@ -21,7 +21,7 @@ X, Y = "/Axes/x", "/Axes/y"
 POSITION = f"{X}/PositionActualValue"
 
 
-ANNA = Who("anna", "right")
+ANNA = ClientIdentity("anna", "right")
 
 
 def until(seen, within=10.0):

@@ -1,4 +1,4 @@
-"""Subscribes to all of a cell: ``python -m kit.opcua.subscribing URL CELL SECONDS`` counts what comes, and what is good."""
+"""Subscribes to all of a cell: ``python -m kit.opcua.subscribing URL CELL SECONDS`` counts all notifications, and the good ones."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from kit.opcua.visiting import Visit, visit
 
 
 class Counting:
-    """Counts what comes, and what of it was good."""
+    """Counts notifications, and the good ones."""
 
     def __init__(self) -> None:
         self.changes = self.good = 0

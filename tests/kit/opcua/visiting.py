@@ -25,7 +25,7 @@ logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)
 
 
 @dataclass(frozen=True)
-class Papers:
+class KeyPair:
     """A certificate and its key, as files."""
 
     certificate: Path
@@ -34,12 +34,12 @@ class Papers:
 
 
 @dataclass(frozen=True)
-class Who:
-    """Who visits: by name and password, and with which papers, to a server that shows which certificate."""
+class ClientIdentity:
+    """The identity of a client: name and password, its certificate, and the expected certificate of the server."""
 
     name: str = ""
     password: str = ""
-    papers: Papers | None = None
+    key_pair: KeyPair | None = None
     server: Path | None = None
 
 
@@ -59,23 +59,23 @@ class Visit:
         return None if found.Value is None else found.Value.Value, found.StatusCode.name
 
     async def call(self, path: str, method: str) -> Any:
-        """What a method returns; a bad status is raised."""
+        """The result of a method; a bad status is raised."""
         return await self.node(path).call_method(f"{self.index}:{method}")
 
 
-async def come_in(url: str, who: Who, timeout: float = 10.0) -> Client:
+async def connected_client(url: str, who: ClientIdentity, timeout: float = 10.0) -> Client:
     """Return a client that has come in."""
     client = Client(url, timeout=timeout)
     client.session_timeout = 60_000
     if who.name:
         client.set_user(who.name)
         client.set_password(who.password)
-    if who.papers is not None:
-        client.application_uri = who.papers.uri
+    if who.key_pair is not None:
+        client.application_uri = who.key_pair.uri
         await client.set_security(
             SecurityPolicyBasic256Sha256,
-            who.papers.certificate,
-            who.papers.key,
+            who.key_pair.certificate,
+            who.key_pair.key,
             server_certificate=who.server,
         )
     await client.connect()
@@ -85,13 +85,13 @@ async def come_in(url: str, who: Who, timeout: float = 10.0) -> Client:
 def visit(
     url: str,
     do: Callable[[Visit], Awaitable[T]],
-    who: Who = Who(),  # nobody
+    who: ClientIdentity = ClientIdentity(),  # anonymous
     cell: str = "cell",
 ) -> T:
-    """Come in, do something, and go; return what that came to."""
+    """Connect, do something, and disconnect; return the result."""
 
     async def main() -> T:
-        client = await come_in(url, who)
+        client = await connected_client(url, who)
         try:
             index = await client.get_namespace_index(URI)
             return await do(Visit(client, index, cell))
@@ -103,7 +103,7 @@ def visit(
         return asyncio.run(main())
 
 
-def papers(folder: Path, name: str, *, server: bool = False, days: int = 10, names: bool = True) -> Papers:
+def key_pair(folder: Path, name: str, *, server: bool = False, days: int = 10, names: bool = True) -> KeyPair:
     """Make a certificate that has signed itself, and its key; without ``names`` it has no application URI."""
     key = rsa.generate_private_key(public_exponent=65537, key_size=2048)
     uri = f"urn:{name}:axisbus-test"
@@ -127,7 +127,7 @@ def papers(folder: Path, name: str, *, server: bool = False, days: int = 10, nam
         .add_extension(x509.ExtendedKeyUsage([use]), critical=False)
         .sign(key, hashes.SHA256())
     )
-    found = Papers(folder / f"{name}.pem", folder / f"{name}-key.pem", uri)
+    found = KeyPair(folder / f"{name}.pem", folder / f"{name}-key.pem", uri)
     found.certificate.write_bytes(made.public_bytes(serialization.Encoding.PEM))
     found.key.write_bytes(
         key.private_bytes(

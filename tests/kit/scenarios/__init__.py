@@ -1,1 +1,1 @@
-"""What scenarios share: a line of simulated drives, programs of their own, nets that can be cut, and golden messages."""
+"""Shared code of the scenarios: a line of simulated drives, programs of their own, removable safety nets, and golden messages."""

@@ -1,6 +1,6 @@
-"""The stage of the scenarios that need a bus: stand-ins in real time on a virtual channel, and the same look at their motors.
+"""The stage of the scenarios that need a bus: simulated drives in real time on a virtual channel, and the same check of motors.
 
-Deadlines are generous, because the computer may be busy; what is asserted is the plant, and in which order things were.
+Deadlines are generous, because the computer may be busy; the assertions are about the plant, and about the order of events.
 """
 
 from __future__ import annotations
@@ -83,10 +83,10 @@ class Line(RealTime, PlantProbe):
 
     @property
     def lock(self) -> AbstractContextManager[object]:
-        """What keeps the plants from moving meanwhile."""
+        """The lock that stops the plants meanwhile."""
         return self.stand_ins.lock
 
-    def must_stand(
+    def must_be_still(
         self,
         name: str = "x",
         *,
@@ -96,7 +96,7 @@ class Line(RealTime, PlantProbe):
         wander: float = 0.05,
     ) -> float:
         """As every probe's, with a computer's patience."""
-        return super().must_stand(
+        return super().must_be_still(
             name, within=patience(within), stages=stages, for_good=for_good, wander=wander
         )
 

@@ -1,7 +1,7 @@
-"""A program of its own that is in the middle of something when a signal comes; it writes down how it left its motor.
+"""A program of its own that gets a signal in the middle of an action; it writes down the final state of its motor.
 
 ``python -m kit.scenarios.child FOLDER NETS SCENE...``: the cell file is FOLDER/cell.toml, NETS are the nets to cut (joined by
-``;``), each SCENE is one of ``SCENES``. It prints ``ready`` when a scene is under way, and appends a line of JSON to
+``;``), each SCENE is one of ``SCENES``. It prints ``ready`` when a scene is running, and appends a line of JSON to
 FOLDER/seen.jsonl when the machine is closed. The exception of the last scene is not caught.
 """
 
@@ -29,7 +29,7 @@ SPEED, BRAKING = 90.0, 60.0  # deg/s and deg/s²: a halt takes 1.5 s and 67 deg
 
 
 class Scene:
-    """One machine on its way through a scene; holds where the motor was when the way out began."""
+    """One machine in a scene; holds the position of the motor when closing began."""
 
     def __init__(self, folder: Path, name: str) -> None:
         self.name = name
@@ -50,7 +50,7 @@ class Scene:
         self._from = self._where
 
     def write_down(self, error: BaseException | None) -> None:
-        """Append what became of the motor."""
+        """Append the final state of the motor."""
         assert self._drive is not None
         seen = {
             "scene": self.name,
@@ -70,7 +70,7 @@ class Scene:
 
 
 def ready() -> None:
-    """Tell that the signal may come."""
+    """Report that the signal may be sent."""
     print("ready", flush=True)
 
 
@@ -124,7 +124,7 @@ def awaiting_inside(scene: Scene) -> None:
 
 
 def leaving(scene: Scene) -> None:
-    """The block has ended by itself, and the signal comes while the motor still brakes."""
+    """The block has ended, and the signal is received while the motor still brakes."""
     with scene.open():
         scene.leaves()
         ready()
@@ -139,7 +139,7 @@ def closing(scene: Scene) -> None:
 
 
 def forgetting(scene: Scene) -> None:
-    """The program ends, and nobody has closed the machine."""
+    """The program ends without closing the machine."""
     atexit.register(scene.write_down, None)  # registered before the machine's own, so called after it
     machine = scene.open()
     scene.leaves()

@@ -1,7 +1,7 @@
-"""A program with a core of its own whose axes turn, until something happens to one of its processes.
+"""A program with a core of its own whose axes turn, until one of its processes is killed or suspended.
 
 ``python -m kit.scenarios.doomed FOLDER SCENE``: the cell file is FOLDER/cell.toml. It prints ``ready PROGRAM WARDEN CORE`` (process
-IDs) when they turn, and appends to FOLDER/told.txt what it was told afterwards.
+IDs) when they turn, and appends its errors to FOLDER/told.txt afterwards.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LONG = 30.0
 
 
 def turning(folder: Path) -> tuple[Machine, Handle]:
-    """Open the machine and let its axes turn for long; return it with what the first one was told."""
+    """Open the machine and let its axes turn for long; return it with the handle of the first one."""
     machine = Machine.open(folder / "cell.toml")
     for enabled in [axis.enable() for axis in machine]:
         enabled.wait(20)
@@ -33,7 +33,7 @@ def turning(folder: Path) -> tuple[Machine, Handle]:
 
 
 def ready(machine: Machine) -> None:
-    """Tell who is who."""
+    """Print the process IDs."""
     owner = machine._core
     assert isinstance(owner, RemoteCore)
     print("ready", os.getpid(), owner._process._warden.pid, owner.process, flush=True)
@@ -116,7 +116,7 @@ def forking(folder: Path) -> None:
 
 
 def hoarding(folder: Path) -> None:
-    """The same, with a worker that goes round what a forked child does: its copies of the connection stay open."""
+    """The same, with a worker that bypasses the hooks of a forked child: its copies of the connection stay open."""
     machine, _ = turning(folder)
     copies = [os.dup(machine._core._process.line.fileno())]  # type: ignore[attr-defined]
     worker = subprocess.Popen(["sleep", str(LONG)], pass_fds=copies)

@@ -1,6 +1,6 @@
-"""A program of its own in which everything goes wrong for the first time, under a watch over what its scan's threads open.
+"""A program of its own in which every error occurs for the first time, while the files opened by its scan's threads are watched.
 
-``python -m kit.scenarios.first_fault FOLDER``: prints each error as it came, then what was opened.
+``python -m kit.scenarios.first_fault FOLDER``: prints each error, then the opened files.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def node_is_lost(folder: Path) -> None:
         line.devices["x"].dials.dead = True
         told(machine)
         line.devices["x"].dials.dead = False
-        time.sleep(1.0)  # it is heard again
+        time.sleep(1.0)  # its messages are received again
 
 
 def drive_refuses(folder: Path) -> None:

@@ -14,7 +14,7 @@ from axisbus.errors import AxisbusError, added_notes
 FOLDER = Path(__file__).parents[2] / "scenarios" / "golden"
 UPDATE = "AXISBUS_UPDATE_GOLDEN"
 
-# What differs from run to run: the private channel's name, and in real time measured seconds and increments under way.
+# Differences from run to run: the private channel's name, and in real time measured seconds and increments.
 _CHANNEL = re.compile(r"axisbus-(sim|scenarios)-\d+-\d+"), r"axisbus-\1-#"
 _MEASURED = re.compile(r"\d+\.\d+|\d+(?= s\b)"), "#"
 _FRAME = re.compile(r"frame [0-9A-F]{3}h"), "frame #"  # whichever was due when the adapter failed
@@ -28,7 +28,7 @@ USED: set[str] = set()  # the names that scenarios have compared with in this ru
 
 
 class Golden:
-    """Compares errors with their files; ``folder`` is where the scenario's cell stands, which messages name."""
+    """Compares errors with their files; ``folder`` is that of the scenario's cell, which messages name."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -48,7 +48,7 @@ class Golden:
 
 
 def full_text(error: BaseException) -> str:
-    """Return what a user reads of an error: its text and notes; of a group, that of each."""
+    """Return the full text of an error: its text and notes; of a group, that of each."""
     if isinstance(error, BaseExceptionGroup):
         return "\n".join([error.message, *map(full_text, error.exceptions)])
     return str(error) if isinstance(error, AxisbusError) else "\n".join([str(error), *added_notes(error)])

@@ -1,7 +1,7 @@
 """A master in a process of its own, whose drives are in another.
 
 ``python -m kit.scenarios.master FOLDER CHANNEL SOCKET NETS MOTION``:
-it sets its axis in MOTION, prints ``moving``, waits for the end, and writes the errors that it got to FOLDER/told.pickle.
+it starts MOTION of its axis, prints ``moving``, waits for the end, and writes its errors to FOLDER/told.pickle.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def following(x: Axis) -> Handle:
 
 
 def turning(x: Axis) -> Handle:
-    """Go to a position that is far away, which the drive does by itself."""
+    """Move to a position that is far away, planned by the drive."""
     return x.move_relative(1e5, velocity=SPEED)
 
 
@@ -46,7 +46,7 @@ def _end_of(handle: Handle) -> AxisbusError | None:
 
 
 def main() -> None:
-    """Move, wait, and tell."""
+    """Move, wait, and report."""
     folder, channel, end, nets, motion = sys.argv[1:]
     bridge = Bridge(channel, socket.socket(fileno=int(end)))
     told: list[AxisbusError | None] = []

@@ -15,7 +15,7 @@ from axisbus.motion.stop.shutdown_stop import AxisLeaving
 from axisbus.motion.stop.stop_sequence import StopSequence
 
 
-def _says_it_stands(ladder: StopSequence, *_: object) -> bool:
+def _reports_standstill(ladder: StopSequence, *_: object) -> bool:
     ladder.confirmed = True
     return True
 
@@ -29,10 +29,10 @@ _RESCUE = (
     (NodeStop, "_order_at_once", _nothing),
     (NodeStop, "_stop_node", _nothing),
 )
-# Net: what is replaced (owner, attribute, replacement).
+# Net: its replacement (owner, attribute, replacement).
 NETS: dict[str, tuple[tuple[type, str, object], ...]] = {
     "the stop ladder": (
-        (StopSequence, "step", _says_it_stands),
+        (StopSequence, "step", _reports_standstill),
         (AxisLeaving, "_seen_at_rest", True),
     ),
     "the quick stop of a dead scan": (

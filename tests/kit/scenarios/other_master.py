@@ -1,4 +1,4 @@
-"""Masters of other people on a virtual channel: the frames that they send, over and over, and an ear that hears everybody's."""
+"""Other masters on a virtual channel: the frames that they send repeatedly, and a frame listener for all frames."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from kit.talker import Talker
 TICK = 0.01  # seconds between two rounds
 
 
-class Says(NamedTuple):
+class RepeatedFrame(NamedTuple):
     """One frame and how often it comes: every so many rounds."""
 
     can_id: int
@@ -22,85 +22,105 @@ class Says(NamedTuple):
     extended: bool = False
 
 
-# One sign each; what a master of this kind cannot hide.
-SIGNS: dict[str, tuple[Says, ...]] = {
-    "a heartbeat of 127": (Says(0x77F, "05", every=5),),
-    "SYNC": (Says(0x80),),
-    "SDO requests": (Says(0x601, "40 41 60 00 00 00 00 00", every=3),),
-    "SDO requests to a node of no cell": (Says(0x605, "40 00 10 00 00 00 00 00", every=3),),
-    "an NMT command": (Says(0x000, "01 05", every=5),),
-    "RPDOs": (Says(0x201, "0F 00", every=2),),
-    "node guarding": (Says(0x701, remote=True, every=5),),
-    "LSS": (Says(0x7E5, "04 01 00 00 00 00 00 00", every=5),),
+# One sign each, which a master of this kind cannot avoid.
+SIGNS: dict[str, tuple[RepeatedFrame, ...]] = {
+    "a heartbeat of 127": (RepeatedFrame(0x77F, "05", every=5),),
+    "SYNC": (RepeatedFrame(0x80),),
+    "SDO requests": (RepeatedFrame(0x601, "40 41 60 00 00 00 00 00", every=3),),
+    "SDO requests to a node of no cell": (RepeatedFrame(0x605, "40 00 10 00 00 00 00 00", every=3),),
+    "an NMT command": (RepeatedFrame(0x000, "01 05", every=5),),
+    "RPDOs": (RepeatedFrame(0x201, "0F 00", every=2),),
+    "node guarding": (RepeatedFrame(0x701, remote=True, every=5),),
+    "LSS": (RepeatedFrame(0x7E5, "04 01 00 00 00 00 00 00", every=5),),
 }
 # Whole masters, as their default settings make them.
-MASTERS: dict[str, tuple[Says, ...]] = {
-    "lely": (Says(0x000, "01 00", every=10), Says(0x701, "05", every=5), Says(0x80)),
-    "ros2_canopen": (Says(0x80), Says(0x201, "0F 00 00 00 00 00"), Says(0x602, "40 64 60 00 00 00 00 00")),
-    "a script on canopen": (Says(0x601, "2B 40 60 00 06 00 00 00", every=4),),
-    "CODESYS": (Says(0x77F, "05", every=10), Says(0x80), Says(0x702, remote=True, every=10)),
+MASTERS: dict[str, tuple[RepeatedFrame, ...]] = {
+    "lely": (
+        RepeatedFrame(0x000, "01 00", every=10),
+        RepeatedFrame(0x701, "05", every=5),
+        RepeatedFrame(0x80),
+    ),
+    "ros2_canopen": (
+        RepeatedFrame(0x80),
+        RepeatedFrame(0x201, "0F 00 00 00 00 00"),
+        RepeatedFrame(0x602, "40 64 60 00 00 00 00 00"),
+    ),
+    "a script on canopen": (RepeatedFrame(0x601, "2B 40 60 00 06 00 00 00", every=4),),
+    "CODESYS": (
+        RepeatedFrame(0x77F, "05", every=10),
+        RepeatedFrame(0x80),
+        RepeatedFrame(0x702, remote=True, every=10),
+    ),
 }
-# What commands the cell's drives in operation: whom, and how the event names it.
-COMMANDS: dict[str, tuple[tuple[Says, ...], str, str]] = {
-    "200 RPDOs per second": ((Says(0x201, "0F 00"),), "x", "RPDOs to node 1 (201h)"),
-    "an RPDO that does not fit": ((Says(0x301, "0F", every=5),), "x", "RPDOs to node 1 (301h)"),
+# Commands to the cell's drives in operation: the commanded drives, and the name in the event.
+COMMANDS: dict[str, tuple[tuple[RepeatedFrame, ...], str, str]] = {
+    "200 RPDOs per second": ((RepeatedFrame(0x201, "0F 00"),), "x", "RPDOs to node 1 (201h)"),
+    "an RPDO that does not fit": ((RepeatedFrame(0x301, "0F", every=5),), "x", "RPDOs to node 1 (301h)"),
     "a controlword by SDO": (
-        (Says(0x601, "2B 40 60 00 0F 00 00 00", every=9),),
+        (RepeatedFrame(0x601, "2B 40 60 00 0F 00 00 00", every=9),),
         "x",
         "SDO requests that write to node 1 (601h)",
     ),
     "a target by SDO": (
-        (Says(0x602, "23 7A 60 00 00 10 00 00", every=9),),
+        (RepeatedFrame(0x602, "23 7A 60 00 00 10 00 00", every=9),),
         "y",
         "SDO requests that write to node 2 (602h)",
     ),
     "a heartbeat time by SDO": (
-        (Says(0x602, "2B 17 10 00 00 00 00 00", every=9),),
+        (RepeatedFrame(0x602, "2B 17 10 00 00 00 00 00", every=9),),
         "y",
         "SDO requests that write to node 2 (602h)",
     ),
-    "SYNC": ((Says(0x80, every=7),), "xy", "SYNC (080h)"),
-    "NMT start of all": ((Says(0x000, "01 00", every=9),), "xy", "NMT commands to all nodes (000h)"),
-    "NMT start of one": ((Says(0x000, "01 02", every=9),), "y", "NMT commands to node 2 (000h)"),
+    "SYNC": ((RepeatedFrame(0x80, every=7),), "xy", "SYNC (080h)"),
+    "NMT start of all": ((RepeatedFrame(0x000, "01 00", every=9),), "xy", "NMT commands to all nodes (000h)"),
+    "NMT start of one": ((RepeatedFrame(0x000, "01 02", every=9),), "y", "NMT commands to node 2 (000h)"),
 }
-# What is of a master and commands none of the cell's drives.
-ASIDE: dict[str, tuple[tuple[Says, ...], str]] = {
+# Frames of a master that command none of the cell's drives.
+ASIDE: dict[str, tuple[tuple[RepeatedFrame, ...], str]] = {
     "reading by SDO": (
-        (Says(0x601, "40 41 60 00 00 00 00 00", every=3),),
+        (RepeatedFrame(0x601, "40 41 60 00 00 00 00 00", every=3),),
         "SDO requests to node 1 (601h)",
     ),
     "an object of the maker's": (
-        (Says(0x601, "2B 00 20 00 0F 00 00 00", every=9),),
+        (RepeatedFrame(0x601, "2B 00 20 00 0F 00 00 00", every=9),),
         "SDO requests to node 1 (601h)",
     ),
-    "a heartbeat of 127": ((Says(0x77F, "05", every=5),), "heartbeats of node 127 (77Fh)"),
-    "NMT of a node of no cell": ((Says(0x000, "01 32", every=9),), "NMT commands (000h)"),
-    "LSS": ((Says(0x7E5, "5E 00 00 00 00 00 00 00", every=9),), "LSS requests (7E5h)"),
+    "a heartbeat of 127": ((RepeatedFrame(0x77F, "05", every=5),), "heartbeats of node 127 (77Fh)"),
+    "NMT of a node of no cell": ((RepeatedFrame(0x000, "01 32", every=9),), "NMT commands (000h)"),
+    "LSS": ((RepeatedFrame(0x7E5, "5E 00 00 00 00 00 00 00", every=9),), "LSS requests (7E5h)"),
     "an SDO to a node of no cell": (
-        (Says(0x632, "2B 40 60 00 0F 00 00 00", every=9),),
+        (RepeatedFrame(0x632, "2B 40 60 00 0F 00 00 00", every=9),),
         "SDO requests to node 50 (632h)",
     ),
 }
-# What devices and tools that only listen put on a bus.
-HARMLESS: dict[str, tuple[Says, ...]] = {
-    "heartbeats of another slave": (Says(0x732, "05", every=5),),
-    "its boot-up messages": (Says(0x732, "00", every=5),),
-    "boot-up messages of 127": (Says(0x77F, "00", every=5),),
-    "EMCY": (Says(0x081, "00 00 00 00 00 00 00 00", every=5), Says(0xB2, "10 81 11 00 00 00 00 00", every=5)),
-    "TPDOs": (Says(0x1B2, "37 06"), Says(0x2B2, "00"), Says(0x3B2, "00"), Says(0x4B2, "00")),
-    "PDOs between other slaves": (Says(0x232, "37 06"),),
-    "TIME": (Says(0x100, "00 00 00 00 98 3A", every=5),),
-    "an SDO response": (Says(0x5B2, "80 00 10 00 00 00 02 06", every=5),),
-    "LSS answers": (Says(0x7E4, "50 00 00 00 00 00 00 00", every=5),),
-    "frames of 29 bits": (Says(0x80, extended=True), Says(0x1000077F, "05", extended=True)),
-    "a remote frame for a TPDO": (Says(0x1B2, remote=True, every=5),),
+# Frames of devices and tools that only listen.
+HARMLESS: dict[str, tuple[RepeatedFrame, ...]] = {
+    "heartbeats of another slave": (RepeatedFrame(0x732, "05", every=5),),
+    "its boot-up messages": (RepeatedFrame(0x732, "00", every=5),),
+    "boot-up messages of 127": (RepeatedFrame(0x77F, "00", every=5),),
+    "EMCY": (
+        RepeatedFrame(0x081, "00 00 00 00 00 00 00 00", every=5),
+        RepeatedFrame(0xB2, "10 81 11 00 00 00 00 00", every=5),
+    ),
+    "TPDOs": (
+        RepeatedFrame(0x1B2, "37 06"),
+        RepeatedFrame(0x2B2, "00"),
+        RepeatedFrame(0x3B2, "00"),
+        RepeatedFrame(0x4B2, "00"),
+    ),
+    "PDOs between other slaves": (RepeatedFrame(0x232, "37 06"),),
+    "TIME": (RepeatedFrame(0x100, "00 00 00 00 98 3A", every=5),),
+    "an SDO response": (RepeatedFrame(0x5B2, "80 00 10 00 00 00 02 06", every=5),),
+    "LSS answers": (RepeatedFrame(0x7E4, "50 00 00 00 00 00 00 00", every=5),),
+    "frames of 29 bits": (RepeatedFrame(0x80, extended=True), RepeatedFrame(0x1000077F, "05", extended=True)),
+    "a remote frame for a TPDO": (RepeatedFrame(0x1B2, remote=True, every=5),),
 }
 
 
 class OtherMaster(Talker):
-    """Says something over and over on a channel while its block lasts; ``counted`` is how many frames went out."""
+    """Sends frames repeatedly on a channel while its block lasts; ``counted`` is how many frames went out."""
 
-    def __init__(self, channel: str, says: tuple[Says, ...], tick: float = TICK) -> None:
+    def __init__(self, channel: str, says: tuple[RepeatedFrame, ...], tick: float = TICK) -> None:
         super().__init__(channel)
         self.counted = 0
         self._says = says
@@ -116,7 +136,7 @@ class OtherMaster(Talker):
             rounds += 1
 
 
-def _message(one: Says) -> can.Message:
+def _message(one: RepeatedFrame) -> can.Message:
     return can.Message(
         arbitration_id=one.can_id,
         data=None if one.remote else bytes.fromhex(one.data),
@@ -126,7 +146,7 @@ def _message(one: Says) -> can.Message:
 
 
 class Ear:
-    """Hears every frame on a channel while its block lasts; ``ids`` are the COB-IDs that somebody has used."""
+    """Receives every frame on a channel while its block lasts; ``ids`` are the used COB-IDs."""
 
     def __init__(self, channel: str) -> None:
         self._bus = can.Bus(interface="virtual", channel=channel)
@@ -140,11 +160,11 @@ class Ear:
         self._bus.shutdown()
 
     def take(self) -> None:
-        """Take what has come."""
+        """Take the received frames."""
         while (message := self._bus.recv(0)) is not None:
             self.heard.append(message)
 
     @property
     def ids(self) -> set[int]:
-        """The COB-IDs of what was taken."""
+        """The COB-IDs of the taken frames."""
         return {message.arbitration_id for message in self.heard}

@@ -1,4 +1,4 @@
-"""A cell whose core has a process of its own, and its axes under way for as long as a scenario takes."""
+"""A cell whose core has a process of its own, and its axes in motion for as long as a scenario takes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def enabled(axis: Axis) -> Axis:
 
 
 def recover(file: Path, machine: Machine) -> None:
-    """Reset what is in ErrorStop of a machine whose command nobody has, by a program that joins it for that."""
+    """Reset the axes in ErrorStop of a machine without a program in control, by a program that joins it for that."""
     if any(axis.state is AxisState.ERRORSTOP for axis in machine):
         with Machine.attach(file, command=True) as joined:
             for axis in joined:

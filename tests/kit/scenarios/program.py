@@ -1,4 +1,4 @@
-"""A program in a process of its own (a module of this package), the signals that it gets, and what it wrote down."""
+"""A program in a process of its own (a module of this package), the signals to it, and its records."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ LONGEST = 120.0  # seconds after which a program that hangs is killed; it needs 
 
 
 @dataclass(frozen=True)
-class Seen:
-    """How a scene ended, as the program wrote it down: velocity in deg/s, the way in degrees since leaving began."""
+class FinalState:
+    """The end of a scene, as the program wrote it down: velocity in deg/s, the distance in degrees since closing began."""
 
     scene: str
     raised: str
@@ -30,11 +30,11 @@ class Seen:
     stage: int
     way: float
 
-    def must_stand(self) -> None:
-        """Make sure that the motor stood and was off when the machine was closed.
+    def must_be_still(self) -> None:
+        """Make sure that the motor was at standstill and off when the machine was closed.
 
         Raises:
-            PlantMoves: it did not.
+            PlantMoves: it was not.
         """
         if self.velocity or self.stage not in OFF:
             raise PlantMoves(f"{self.scene}: {self.velocity:g} deg/s, {STAGE_NAMES[self.stage]}")
@@ -44,13 +44,13 @@ class Seen:
 class Ended:
     """A program that has ended."""
 
-    scenes: list[Seen]
+    scenes: list[FinalState]
     code: int
     errors: str
 
 
 class Program:
-    """A program of this package under way, by its module's name; kills it at the end whatever happened."""
+    """A running program of this package, by its module's name; it is killed at the end in any case."""
 
     def __init__(
         self, program: str, *arguments: str, stdin: int | None = None, pass_fds: Sequence[int] = ()
@@ -89,7 +89,7 @@ class Program:
             os.kill(self.process.pid, number)
 
     def end(self) -> tuple[int, str]:
-        """Wait for its end; return its exit code and what it printed as errors."""
+        """Wait for its end; return its exit code and its error output."""
         _, errors = self.process.communicate()
         return self.process.returncode, errors
 
@@ -114,7 +114,7 @@ def play(
         code, errors = program.end()
     seen = folder / "seen.jsonl"
     assert seen.exists(), errors
-    return Ended([Seen(**json.loads(line)) for line in seen.read_text().splitlines()], code, errors)
+    return Ended([FinalState(**json.loads(line)) for line in seen.read_text().splitlines()], code, errors)
 
 
 def _in_time(scene: str, numbers: tuple[int, ...], nets: Sequence[str]) -> tuple[int, ...]:

@@ -1,4 +1,4 @@
-"""Cells whose moves have a limit of jerk, and the differences of the places that their axes are led to."""
+"""Cells whose moves have a limit of jerk, and the differences of the commanded positions of their axes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ JERK = 5000.0  # deg/s³
 
 
 class Demand:
-    """Where a drive leads its axis (degrees), cycle by cycle."""
+    """The demand of a drive (degrees), cycle by cycle."""
 
     def __init__(self, cell: Cell, name: str = "x") -> None:
         self.rows: list[list[float]] = [[]]
@@ -28,7 +28,7 @@ class Demand:
         self.rows = [[]]
 
 
-class Led(Demand):
+class ComputedMotion(Demand):
     """Where the master controls an axis, as it was computed; each time that it begins again makes a row."""
 
     def __init__(self, cell: Cell, name: str = "x") -> None:

@@ -1,7 +1,7 @@
-"""A program of its own with machines that are left in odd ways: several of them, forked children, worker processes.
+"""A program of its own with machines that end in odd ways: several of them, forked children, worker processes.
 
 ``python -m kit.scenarios.ways FOLDER SCENE``: the cell file is FOLDER/cell.toml. It appends lines of JSON to FOLDER/seen.jsonl:
-what each process has seen, with its ``who``.
+the observations of each process, with its ``who``.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def watch_sends(machine: Machine) -> None:
 
 
 def tried(what: Callable[[], object]) -> str:
-    """Try what a child must not do; return what came of it."""
+    """Try a forbidden action of a child; return its result."""
     try:
         what()
     except Exception as error:  # noqa: BLE001
@@ -133,7 +133,7 @@ def signal_stops_both() -> None:
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(LONG)
     except KeyboardInterrupt:
-        time.sleep(2.0)  # the program goes on: the first is stopped although nobody closes it
+        time.sleep(2.0)  # the program continues: the first is stopped although it is not closed
         note("end", first=plant(first), second=plant(second))
     first.close()
 

@@ -1,1 +1,1 @@
-"""What the tests of the simulated drive share: its EDS texts, a rig around it, and a wire for SDO frames."""
+"""Shared code of the tests of the simulated drive: its EDS texts, a rig around it, and a wire for SDO frames."""

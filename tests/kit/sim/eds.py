@@ -69,7 +69,7 @@ DRIVE: list[Row] = [
     (0x60FF, 0, I32, "rw", 0),
     (0x6502, 0, U32, "ro", 0x3AD),  # pp pv tq hm csp csv cst
 ]
-# The communication profile: identity, heartbeat both ways, storing, two PDOs each way.
+# The communication profile: identity, heartbeat in both directions, storing, two PDOs in each direction.
 NODE: list[Row] = [
     (0x1000, 0, U32, "ro", 0x00020192),
     (0x1001, 0, U8, "ro", 0),

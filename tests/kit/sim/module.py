@@ -30,7 +30,7 @@ def gim_eds():
 
 
 class Heard(NamedTuple):
-    """A frame that the modules have sent: when, and what."""
+    """A frame of the modules, with its time."""
 
     time: float
     can_id: int
@@ -55,7 +55,7 @@ class Plant(NamedTuple):
 
 
 class Wire:
-    """Modules in virtual time; holds what they sent and what their plants did."""
+    """Modules in virtual time; holds their frames and the motions of their plants."""
 
     def __init__(self, modules: Sequence[Module]) -> None:
         self.modules = list(modules)
@@ -73,7 +73,7 @@ class Wire:
             self._collect()
 
     def send(self, can_id: int, data: bytes = b"", *, remote: bool = False) -> list[Heard]:
-        """Send a frame to all; return what they answer at once."""
+        """Send a frame to all; return their immediate answers."""
         before = len(self.heard)
         for module in self.modules:
             module.on_frame(can_id, data, self.now, remote=remote)
@@ -128,7 +128,7 @@ class Bench(Wire):
 
     @property
     def state(self) -> int:
-        """The state that the last heartbeat told."""
+        """The state in the last heartbeat."""
         self.run(0.1)
         return self.beats(self.node)[-1][4]
 

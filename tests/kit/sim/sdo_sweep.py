@@ -2,12 +2,12 @@
 
 Theory of operation
 -------------------
-Wire, session and server are deterministic: what follows depends on nothing but their state. So one undisturbed transfer is run,
-and the state before each of its steps is kept. For a lost frame the step that sends it is done again on a copy, without that frame,
-and the copy runs on until it is in a state from which a transfer has already been seen to end well, with the right data (all
-that has come and all that is under way is part of the state); else it runs to its end, and the states on its way are remembered.
-From the end backwards that is about two blocks for each lost frame. Nothing is assumed about how the protocol recovers: where no
-state is met again, the whole rest of the transfer is run.
+Wire, session and server are deterministic: everything that follows depends on their state alone. So one undisturbed transfer is
+run, and the state before each of its steps is stored. For a lost frame, the step that sends it is repeated on a copy, without
+that frame. The copy runs until it is in a state from which a transfer has already ended well, with the right data (all received
+data and all frames in transit are part of the state); otherwise it runs to its end, and its states are stored. From the end
+backwards that is about two blocks for each lost frame. Nothing is assumed about the recovery of the protocol: if no known state
+is reached, the whole rest of the transfer is run.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from kit.sim.sdo_wire import FILE, TIMEOUT, SdoWire
 
 _OLD = b"old"
 _MOVING = ("session", "server", "_to_server", "_to_client", "_late", "now", "heard", "content")
-# Decides nothing: what is kept for a diagnosis, what never changes here, and times, which count from now (see ``_state``).
+# No part of the state: diagnosis, constants, and times, which count from now (see ``_state``).
 _NO_STATE = frozenset({"strays", "_dictionary", "_dials", "_heard"})
 
 
@@ -107,7 +107,7 @@ class Sweep:
         return steps
 
     def _at_client(self, before: int) -> bool:
-        """Whether it was the client who has just sent (a block, or the confirmation of one): often enough to compare states."""
+        """Whether the client has just sent (a block, or the confirmation of one): often enough to compare states."""
         return len(self._wire.frames) > before and not self._wire.pipes[1]
 
     def _require_right(self, what: str) -> None:
@@ -118,7 +118,7 @@ class Sweep:
         assert self._request.data is not None or session.data == self._data, what
 
     def _state(self) -> bytes:
-        """Return a digest of everything that decides what follows; no frame is lost any more by then."""
+        """Return a digest of the complete state; no frame is lost any more by then."""
         wire = self._wire
         waits = [wire.now - wire.heard, wire.now - wire.server._heard]
         pipes = [[(max(0.0, round(due - wire.now, 9)), frame) for due, frame in pipe] for pipe in wire.pipes]
@@ -149,7 +149,7 @@ def _plain(value: Any) -> Any:
     return type(value).__name__, tuple((name, _plain(each)) for name, each in kept)
 
 
-# -- copies, in which dictionary and dials stay the wire's own ----------------------------------------------------------
+# -- copies, in which dictionary and settings stay the wire's own ----------------------------------------------------------
 
 
 class _Pickler(pickle.Pickler):

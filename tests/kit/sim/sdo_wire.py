@@ -18,9 +18,9 @@ TIMEOUT = 0.5
 
 
 class SdoWire:
-    """One server with a domain 2100h. ``fate(number, frame)`` is the seconds that a frame takes, None where it gets lost.
+    """One server with a domain 2100h. ``fate(number, frame)`` is the seconds that a frame takes, None if it gets lost.
 
-    Frames of both directions are counted from 1; each direction keeps its order. Frames that are under way when a session ends are
+    Frames of both directions are counted from 1; each direction keeps its order. Frames in transit when a session ends are
     still there for the next one.
     """
 
@@ -38,14 +38,14 @@ class SdoWire:
         self.frames: list[tuple[str, bytes]] = []
         self.now = 0.0
         self.session: SdoSession
-        self.heard = 0.0  # when the session was last told of the time
+        self.heard = 0.0  # when the session last got the time
         self._to_server: deque[tuple[float, bytes]] = deque()
         self._to_client: deque[tuple[float, bytes]] = deque()
         self._late: tuple[int, int] | None = None
 
     @property
     def pipes(self) -> tuple[deque[tuple[float, bytes]], deque[tuple[float, bytes]]]:
-        """What is under way, with the time at which it is due: to the server, to the client."""
+        """The frames in transit, with their due times: to the server, to the client."""
         return self._to_server, self._to_client
 
     @property
@@ -95,7 +95,7 @@ class SdoWire:
         self._late = session.late
 
     def settle(self) -> None:
-        """Let the server have all that is under way to it."""
+        """Deliver all frames in transit to the server."""
         while self._to_server:
             self._serve()
 

@@ -1,4 +1,4 @@
-"""What a drive holds at each SYNC: targets and offsets as the master sent them, whatever the master says of them."""
+"""The values of a drive at each SYNC: targets and offsets as the master sent them, whatever its reports."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ CSP, CSV = 8, 9
 
 
 class Held(NamedTuple):
-    """What a drive holds when a SYNC has come: seconds of its clock, stage, mode, controlword, targets and offsets, raw."""
+    """The values of a drive after a SYNC: seconds of its clock, stage, mode, controlword, targets and offsets, raw."""
 
     time: float
     stage: int
@@ -24,7 +24,7 @@ class Held(NamedTuple):
 
 
 class Witness:
-    """Notes what one drive holds at each SYNC."""
+    """Notes the values of one drive at each SYNC."""
 
     def __init__(self, drive: Drive) -> None:
         self.held: list[Held] = []

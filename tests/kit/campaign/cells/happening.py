@@ -1,4 +1,4 @@
-"""What happens to a drawn cell: a command is given, axes are brought back into service, a motor is pushed."""
+"""Events of a drawn cell: a command is given, axes are brought back into service, a motor is pushed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from axisbus.motion.states import AxisState
 from kit.campaign.cells.opening import PAIR, DrawnCell
 from kit.campaign.cells.orders import GANTRY, GROUP, ORDERS, Args, GroupArgs
 from kit.campaign.events import Event
-from kit.campaign.facts import Asked, Facts
+from kit.campaign.facts import Facts, GivenCommand
 from kit.campaign.judge import Judge
 from kit.campaign.mishaps import ENDS, MISHAPS
 from kit.campaign.violation import Violation
@@ -23,7 +23,7 @@ _PLACES = frozenset(
     {"move_absolute", "move_led", "move_waiting"}
 )  # absolute moves reach their target from any motion
 _NUDGES = (1, 2, 3, 5, 20)  # increments
-_MODULE_IS_WELL = 7  # every number that it divides is a mishap of the module beside the axes
+_MODULE_IS_WELL = 7  # every number that it divides is a fault of the module beside the axes
 
 
 def happen(event: Event, judge: Judge) -> None:
@@ -84,9 +84,9 @@ def _command(judge: Judge, event: Event) -> None:
     judge.asked(asked)
 
 
-def _asked(facts: Facts, what: str, names: str, kind: str) -> Asked:
+def _asked(facts: Facts, what: str, names: str, kind: str) -> GivenCommand:
     """A command that is about to be given: whether it must end well is decided by how its axes are now."""
-    asked = Asked(what, names, None, facts.now, kind=kind)  # type: ignore[arg-type]
+    asked = GivenCommand(what, names, None, facts.now, kind=kind)  # type: ignore[arg-type]
     asked.starts = {name: facts.where(name) for name in names}
     asked.legal = all(_is_ready(facts, name, kind) for name in names) and is_healthy(facts)
     if what == "home":
@@ -100,7 +100,7 @@ def is_healthy(facts: Facts, within: float = QUIET) -> bool:
 
 
 def _is_ready(facts: Facts, name: str, kind: str) -> bool:
-    """Whether an axis is in service, at rest, and has nothing to do; a stop must end well whatever it does."""
+    """Whether an axis is in service, at standstill, and has no command; a stop must end well whatever it does."""
     core = facts.core[name]
     if core.error is not None or facts.stage(name) != ENABLED:
         return False
@@ -123,11 +123,11 @@ def _may_recount(facts: Facts, name: str) -> bool:
     )
 
 
-def _called(judge: Judge, asked: Asked, give: Callable[[], Handle]) -> Handle | None:
-    """Give the command; None where it is refused at the call.
+def _called(judge: Judge, asked: GivenCommand, give: Callable[[], Handle]) -> Handle | None:
+    """Give the command; None if it is refused at the call.
 
     Raises:
-        Violation: something else is raised.
+        Violation: another exception is raised.
     """
     facts = judge.facts
     counts = asked.kind != "extreme"  # those are to be refused
@@ -167,7 +167,7 @@ def serve(judge: Judge) -> None:
     judge.run(0.2)
 
 
-def _step(judge: Judge, step: str, names: str) -> Asked | None:
+def _step(judge: Judge, step: str, names: str) -> GivenCommand | None:
     """Give an axis the next command that it needs to be in service, if any."""
     facts, core = judge.facts, judge.facts.core[names[0]]
     needed = {
@@ -178,7 +178,7 @@ def _step(judge: Judge, step: str, names: str) -> Asked | None:
     if not needed[step]:
         return None
     whose = facts.cell.machine.gantry(PAIR) if names == "ab" else facts.cell[names]
-    asked = Asked(step, names, None, facts.now, kind="power")  # type: ignore[arg-type]
+    asked = GivenCommand(step, names, None, facts.now, kind="power")  # type: ignore[arg-type]
     try:
         asked.handle = getattr(whose, step)()
     except AxisbusError:
@@ -187,7 +187,7 @@ def _step(judge: Judge, step: str, names: str) -> Asked | None:
     return asked
 
 
-def _wait(judge: Judge, given: list[Asked]) -> None:
+def _wait(judge: Judge, given: list[GivenCommand]) -> None:
     end = judge.facts.now + _FOR_SERVICE
     while any(asked.ended is None for asked in given) and judge.facts.now < end:
         judge.run(0.05)
@@ -205,7 +205,7 @@ def _nudge(judge: Judge, event: Event) -> None:
         edges = args.recipe.edges
         if edges is None or facts.core[name].error is not None or facts.moves(name) or not is_healthy(facts):
             continue
-        asked = Asked("disable", name, cell[name].disable(), facts.now, kind="stop")
+        asked = GivenCommand("disable", name, cell[name].disable(), facts.now, kind="stop")
         judge.asked(asked)
         _wait(judge, [asked])
         if facts.stage(name) not in OFF or facts.core[name].error is not None:

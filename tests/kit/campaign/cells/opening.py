@@ -31,7 +31,7 @@ ENCODER, VIRTUAL = "belt", "clock"
 _PP = 1
 _FAR = (
     2**30
-)  # increments; drives that start farther away go the long way round to a target past the end of their count
+)  # increments; drives that start farther away take the long direction to a target past the end of their count
 _SOFT_BEAM = 0.02  # ‰ of rated torque per increment of the usual motor
 # A following error of the drive's own that never trips, and no limits of a maker's, which may be narrower than the cell file.
 _WIDE = ((0x6065, 0, 0xFFFF_FFFF), (0x607D, 1, 0), (0x607D, 2, 0), (0x607F, 0, 0))
@@ -221,7 +221,7 @@ def _travels(recipe: CellRecipe, devices: Mapping[int, Device], node: int, _axis
 
 
 def _misbehave(cell: DrawnCell, recipe: CellRecipe, name: str) -> None:
-    """Let 6062h show what this drive shows, and let the drive itself limit nothing that the cell file allows."""
+    """Let 6062h show the configured value, and let the drive itself limit nothing that the cell file allows."""
     axis, drive = recipe.axis(name), cell.drive(name)
     for index, sub, value in _WIDE:
         with suppress(SdoAbort):

@@ -42,8 +42,8 @@ HUGE: Sequence[float] = (
 class Args:
     """The numbers of one command of one axis, drawn from its value; notes the goal of the command.
 
-    ``goal``: the position in units at which the axis is then, None if unknown. ``direction``: that of the motion,
-    in units, 0 where it may be either. ``outside``: a number of it is beyond a limit, so that it has to be refused or to stop
+    ``goal``: the final position of the axis in units, None if unknown. ``direction``: that of the motion,
+    in units, 0 if it may be either. ``outside``: a number of it is beyond a limit, so that it has to be refused or to stop
     there. ``extreme``: it has a number that no machine has.
     """
 
@@ -235,7 +235,7 @@ def _additive(args: Args) -> Handle:
 
 
 def _follow(args: Args) -> Handle:
-    """A trapezoid from where the axis is led to, gentler than the limits."""
+    """A trapezoid from the commanded position of the axis, gentler than the limits."""
     recipe, start = args.recipe, args.led
     target = args.inside(args.chance.random())
     args.direction = math.copysign(1.0, target - start)
@@ -501,7 +501,7 @@ def _direct(args: GroupArgs) -> Handle:
 
 
 def _stream(args: GroupArgs) -> Handle:
-    """A sine from where the axes are led to, gentler than the limits: ended, or left to run out."""
+    """A sine from the commanded positions of the axes, gentler than the limits: ended, or left to run out."""
     starts = args.group.tool_position if args.cell.recipe.kinematics else [one.led for one in args.args]
     sizes = (
         [5.0] * len(starts)
@@ -513,7 +513,9 @@ def _stream(args: GroupArgs) -> Handle:
         args.outside = any(one.is_beyond(end) for one, end in zip(args.args, ends, strict=True))
     step = max(0.02, args.cell.recipe.period / 1000.0)
     points = args.group.stream(period=step, buffer=0.5, on_underrun="error" if args.value < -0.5 else "hold")
-    ended = args.value >= -0.5  # who holds at its end waits for more points, or for its end
+    ended = (
+        args.value >= -0.5
+    )  # an axis that holds at the end of a stream waits for more points, or for its end
     for number in range(round(2.0 / step)):
         sway = 1.0 - math.cos(2.0 * step * number)
         try:

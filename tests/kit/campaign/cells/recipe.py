@@ -22,7 +22,7 @@ _SCALES = {
 }
 _SPEEDS = (4e3, 1e4, 4e4, 2e5)  # increments/s
 _SLOWEST = (
-    300.0  # increments/s: of an axis with fewer, a slow motion cannot be told from the noise of its encoder
+    300.0  # increments/s: with fewer, a slow motion cannot be distinguished from the noise of its encoder
 )
 _RAMP_TIMES = (0.05, 0.1, 0.25, 0.5, 1.0)  # s to max_velocity
 _SPANS = (0.3, 1.0, 1.0, 3.0)  # s at max_velocity from one limit to the other
@@ -55,14 +55,14 @@ class AxisRecipe(NamedTuple):
     """One axis. ``speed`` and ``acceleration`` are max_velocity and max_acceleration in increments per s and s².
 
     ``file``: ``generic-cia402``, ``gim6010-8`` or a file of the EDS corpus. ``without``: objects taken out of it, ``fixed``: those
-    made read-only, accelerations with such a part of max_acceleration. ``rpm``: the drive counts turns per minute by this
+    made read-only, accelerations with such a part of max_acceleration. ``rpm``: the drive has turns per minute with this
     power of ten. ``scaled``: the cell file has velocity_scale and acceleration_scale. ``ease``: default velocity and acceleration
     as shares of the maxima; ``stop``: that of the quick stop's deceleration. ``limits``: from and to, in s at max_velocity.
-    ``demand``: what 6062h shows: ``real``, ``zero`` or ``target``. ``slow``: values that come with every n-th SYNC; ``polled``:
+    ``demand``: the value of 6062h: ``real``, ``zero`` or ``target``. ``slow``: values sent with every n-th SYNC; ``polled``:
     those that are read by SDO; ``apart``: those with a TPDO of their own. ``event_timer``: that of all TPDOs in ms, which are then
-    event-driven; 0: they answer SYNC. ``written``: outputs that are written by SDO. ``word_first``: the controlword comes in an
-    RPDO before that of the target. ``start``: where the motor stands on power-up; ``homed``: whether it is homed where it stands,
-    or is where its drive says.
+    event-driven; 0: they answer SYNC. ``written``: outputs that are written by SDO. ``word_first``: the controlword is in an
+    RPDO before that of the target. ``start``: the motor's position at power-up; ``homed``: whether it is homed at its position,
+    or at the position reported by its drive.
     """
 
     file: str = GENERIC
@@ -119,7 +119,7 @@ class AxisRecipe(NamedTuple):
 
 
 class CellRecipe(NamedTuple):
-    """A cell. ``group``: how many of its axes are a group (0: none), ``on_fault``: its policy; ``beside``: what else is on the bus.
+    """A cell. ``group``: number of axes in a group (0: none), ``on_fault``: its policy; ``beside``: other devices on the bus.
 
     ``kinematics``: kind of workspace of the group; ``gantry``: the first two axes, alike, carry a beam.
     """
@@ -252,7 +252,7 @@ def _motor(chance: random.Random, axis: AxisRecipe) -> AxisRecipe:
 
 
 def _values(chance: random.Random, axis: AxisRecipe) -> AxisRecipe:
-    """How the values of the drive travel, and what 6062h is good for."""
+    """The transport of the values of the drive, and the behaviour of 6062h."""
     if 0x6062 not in axis.without and chance.random() < 0.25:
         axis = axis._replace(demand=chance.choice(("zero", "target")))
     if axis.file not in (GENERIC, GIM) and chance.random() < 0.7:

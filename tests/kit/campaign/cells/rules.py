@@ -24,12 +24,12 @@ from kit.campaign.cells import promises
 from kit.campaign.cells.files import BUILTIN, model_of
 from kit.campaign.cells.opening import DrawnCell, is_slow, velocity_unit
 from kit.campaign.cells.recipe import NORM
-from kit.campaign.facts import MOVES, TORQUE_MODES, Asked, Facts
+from kit.campaign.facts import MOVES, TORQUE_MODES, Facts, GivenCommand
 from kit.campaign.orders import OVERRIDES
 from kit.campaign.travel import Travel
 from kit.probe import ENABLED, OFF, QUICK_STOP, REACTION
 
-_BEYOND = 0.5  # norm degrees beyond a limit: what roundings and windows may add up to
+_BEYOND = 0.5  # norm degrees beyond a limit: the sum of roundings and windows
 _WINDOW = 25.0  # increments, the same
 _NEAR = 0.02  # of the span: a limit has been approached
 _BACK = 2.0  # norm degrees that a motor may move in the wrong direction at first
@@ -41,7 +41,7 @@ _CSP = 8
 _BY_VELOCITY = (3, 9)  # pv, csv
 _SHORT_LAG = 0.02  # s
 _SAMPLES = 6  # of a value that are enough to judge it
-_SELDOM = 1.0  # s between two samples of a value that tells no maximum age
+_SELDOM = 1.0  # s between two samples of a value without a maximum age
 _SLOPE = 1.01  # of max_acceleration
 _ROUNDING = 3.0  # increments that the second difference of positions may be off
 _COUNTED = 10.0  # s for which an axis may turn on before it comes to the end of its count
@@ -111,20 +111,20 @@ class Physics(Travel):
         self._turned_to: dict[str, tuple[int, bool]] = {}  # the drive's mode, and whether it came in motion
         self._enabled_speed: dict[str, float] = {}  # in csp, in norm degrees per s, when it was last enabled
         self._rolled: dict[str, float] = {}  # when the motor moved last, by the time of the cycle
-        self._led: dict[tuple[str, int], float] = {}  # for how long a demand has led the axis in a mode
+        self._led: dict[tuple[str, int], float] = {}  # seconds of a valid demand of the axis, by its mode
         self._targets: dict[str, deque[tuple[float, int]]] = {
             name: deque(maxlen=_SETTLED) for name in facts.names
         }
         self._off: dict[
-            str, tuple[float, Asked]
+            str, tuple[float, GivenCommand]
         ] = {}  # since when (by the plant's clock) a stop has kept it without power
         self._refusals: list[tuple[float, str, float, str]] = []
         self._failed: dict[str, float] = {}  # since when it has been in ErrorStop
-        self._faults: list[tuple[float, str, str]] = []  # when, who failed, who shares it
+        self._faults: list[tuple[float, str, str]] = []  # time, failed axis, axis of the same group
         self._errors: dict[str, int] = {}
         self._blind: dict[str, tuple[float, float]] = {}  # the speed that a torque adds, and since when
         self._was_reset: dict[str, float] = {}
-        self._watched: list[Asked] = []
+        self._watched: list[GivenCommand] = []
         for name in facts.names:
             facts.tally["axes"] += 1
             for text in self._promised[name].printed:
@@ -132,9 +132,9 @@ class Physics(Travel):
             lacks = promises.missing(cell, name, cell.recipe.axis(name))
             facts.must(not lacks, "every possible promise is made", f"{name}: {'; '.join(lacks)}")
 
-    # -- what happens ----------------------------------------------------------------------------------------------------
+    # -- events ----------------------------------------------------------------------------------------------------------
 
-    def asked(self, asked: Asked) -> None:
+    def asked(self, asked: GivenCommand) -> None:
         """A command was given."""
         if asked.what == "enable":
             for name in asked.names:
@@ -145,7 +145,7 @@ class Physics(Travel):
             if asked.what == "reset":
                 self._was_reset[name] = self._facts.now
 
-    def refused(self, asked: Asked, error: AxisbusError) -> None:
+    def refused(self, asked: GivenCommand, error: AxisbusError) -> None:
         """Note that a command was rejected at the call."""
         if not asked.legal or asked.kind == "extreme":
             return
@@ -160,7 +160,7 @@ class Physics(Travel):
         group = recipe.names[: recipe.group]
         self._faults.append((self._facts.now, name, group if name in group else recipe.names))
 
-    def ended(self, asked: Asked) -> None:
+    def ended(self, asked: GivenCommand) -> None:
         """A command has ended."""
         super().ended(asked)
         error, facts = asked.error, self._facts
@@ -177,17 +177,17 @@ class Physics(Travel):
         self._ends_well(asked, error)
         self._time_out_halts(asked, error)
 
-    def _mode_of(self, asked: Asked) -> str:
+    def _mode_of(self, asked: GivenCommand) -> str:
         mode = self._facts.drive[asked.names[0]].mode_display
         return ModeOfOperation(mode).name.lower() if mode in ModeOfOperation._value2member_map_ else str(mode)
 
-    def _enabled_since(self, asked: Asked, name: str) -> bool:
+    def _enabled_since(self, asked: GivenCommand, name: str) -> bool:
         later = self._facts.asked[self._facts.asked.index(asked) + 1 :]
         return any(other.what == "enable" and name in other.names for other in later)
 
     # -- ends ------------------------------------------------------------------------------------------------------------
 
-    def _ends_well(self, asked: Asked, error: AxisbusError | None) -> None:
+    def _ends_well(self, asked: GivenCommand, error: AxisbusError | None) -> None:
         """Check that a legal command ends without an error on healthy axes that got no other command."""
         facts = self._facts
         if not asked.legal or asked.kind in (
@@ -237,7 +237,7 @@ class Physics(Travel):
             if name in self._was_reset and asked.since - self._was_reset[name] < 5.0:
                 facts.must(error is None, "usable after a reset", text, error)
 
-    def _turns_back(self, asked: Asked, error: AxisbusError | None) -> None:
+    def _turns_back(self, asked: GivenCommand, error: AxisbusError | None) -> None:
         """Check that a velocity command from beyond a limit, or from near it, back into the limits is not ended by that limit."""
         name, facts = asked.names[0], self._facts
         axis = self._cell.recipe.axis(name)
@@ -258,10 +258,10 @@ class Physics(Travel):
             text = f"{asked.handle.name} ended by {error}"
             facts.must(not stopped, "back from beyond a limit", text, error if stopped else None)
 
-    def _leaves_count(self, asked: Asked, name: str) -> bool:
-        """Whether the goal is beyond what 607Ah holds, of an axis that has no modulo; or it turns on near that end of its count.
+    def _leaves_count(self, asked: GivenCommand, name: str) -> bool:
+        """Whether the goal is beyond the range of 607Ah, of an axis without a modulo; or it turns on near that end of its count.
 
-        An axis that has turned on past the end of its count has another one, in which its earlier places are not.
+        An axis that has turned on past the end of its count has another one, in which its earlier positions do not exist.
         """
         goal, axis = asked.goals.get(name), self._cell.recipe.axis(name)
         if axis.endless:
@@ -273,7 +273,7 @@ class Physics(Travel):
         return any((goal + 2**31) // 2**32 != (place + off + 2**31) // 2**32 for off in (-_WINDOW, _WINDOW))
 
     def _is_too_much(self, name: str, error: DriveError) -> bool:
-        """Whether the drive refuses a velocity or ramp that is beyond what a maker's file allows for its object."""
+        """Whether the drive refuses a velocity or ramp beyond the limits of a maker's file for its object."""
         axis = self._cell.recipe.axis(name)
         if axis.file in BUILTIN or _TOO_HIGH not in str(error):
             return False
@@ -300,7 +300,7 @@ class Physics(Travel):
     def _crawls(self, name: str, error: DriveError) -> bool:
         """Whether a move was so slow that the master cannot know that nothing holds it: by an extreme override, or where it turned.
 
-        Without a demand that has been seen to lead the axis, it then takes the power as a precaution.
+        Without a demand that was seen to be valid, it then removes the power as a precaution.
         """
         drive, image = self._facts.drive[name], self._facts.core[name].image
         if _BLOCKED not in error.message or image.demand is not None or drive.mode_display != _PP:
@@ -311,10 +311,10 @@ class Physics(Travel):
         return turned or drive.axis.speed(drive.settings.profile_velocity) < self._facts.unseen_speed(name)
 
     def _is_limited_by_drive(self, name: str) -> bool:
-        """Whether the drive limits the axis by 6080h to less than max_velocity, which nobody has told the master.
+        """Whether the drive limits the axis by 6080h to less than max_velocity, which is unknown to the master.
 
         Without a scale max_velocity is a number in the drive's own unit, here revolutions per minute: it may be more than the
-        drive has. The master then says that the velocity was not reached. With a scale the recipe's max_velocity is below 6080h.
+        drive has. The master then reports that the velocity was not reached. With a scale the recipe's max_velocity is below 6080h.
         """
         axis = self._cell.recipe.axis(name)
         if axis.counted:
@@ -322,7 +322,7 @@ class Physics(Travel):
         return self._facts.drive[name].axis.speed_limit < axis.speed / velocity_unit(axis)
 
     def _has_crept(self, name: str) -> bool:
-        """Whether the motor has left the demand (6062h) that its drive keeps on in csv: what it crept stays between them."""
+        """Whether the motor has left the demand (6062h) that its drive continues in csv: the distance of creeping stays."""
         return any(trouble.what == "creeps" for trouble in self._facts.troubled(name, math.inf))
 
     def _has_all_modes(self, name: str) -> bool:
@@ -330,7 +330,7 @@ class Physics(Travel):
         axis = self._cell.recipe.axis(name)
         return axis.file in BUILTIN and not axis.modes and not axis.written
 
-    def _disturbed(self, asked: Asked) -> bool:
+    def _disturbed(self, asked: GivenCommand) -> bool:
         """Whether something went wrong meanwhile, or another command was given to one of its axes."""
         facts = self._facts
         later = facts.asked[facts.asked.index(asked) + 1 :]
@@ -346,7 +346,7 @@ class Physics(Travel):
         span = facts.now - asked.since + 0.1
         return before or any(True for name in facts.names for _ in facts.troubled(name, span))
 
-    def _was_beyond(self, asked: Asked, name: str) -> bool:
+    def _was_beyond(self, asked: GivenCommand, name: str) -> bool:
         axis = self._cell.recipe.axis(name)
         if axis.edges is None or name not in asked.goals:
             return False
@@ -364,7 +364,7 @@ class Physics(Travel):
         turned = -1.0 if self._facts.drive[name].settings.polarity & 0x80 else 1.0
         return turned * axis.increments / self._cell.factor(name)
 
-    def _time_out_halts(self, asked: Asked, error: AxisbusError | None) -> None:
+    def _time_out_halts(self, asked: GivenCommand, error: AxisbusError | None) -> None:
         if not isinstance(error, MotionTimeout) or self._disturbed(asked):
             return
         facts = self._facts
@@ -386,7 +386,7 @@ class Physics(Travel):
         self._no_false_error(name)
         self._is_stopped(name)
         if self._watched:
-            self._right_way(name)
+            self._right_direction(name)
         if self._refusals:
             self._moved_nothing()
         if self._faults:
@@ -427,7 +427,7 @@ class Physics(Travel):
         )
         text = f"{facts.cell.told(name)}, {beyond:g} norm deg beyond {edges}, {allowed:g} before"
         facts.must(beyond <= allowed + tolerance, "never beyond a limit", text)
-        if unseen:  # from where it has come to rest so, it may come back
+        if unseen:  # from a position reached like this, it may return
             self._allowed_beyond[name] = max(allowed, beyond)
 
     def _by_its_own_ramp(self, name: str) -> bool:
@@ -445,7 +445,7 @@ class Physics(Travel):
     def _step_of_set_points(self, name: str) -> float:
         """Return by how many norm degrees a fault reaction may go beyond the end of a path that brakes as hard as it does.
 
-        Derivation. From set-point to set-point the drive moves evenly, and its velocity falls in steps. A path that brakes evenly
+        Derivation. Between two set-points the drive moves at a constant velocity, which falls in steps. A path that brakes evenly
         with ``d`` has ``v²/2d`` left at a set-point, where ``v`` is its own velocity. The drive has the mean velocity of the period
         ``T`` before that, which is ``v + dT/2``. The drive's own reaction begins with it, and needs ``vT/2 + dT²/8`` more: less
         than half of that velocity times ``T``. No command of the master can change this.
@@ -456,21 +456,21 @@ class Physics(Travel):
     def _unseen_lag(self, name: str) -> float:
         """Return by how many norm degrees an invisible demand may be ahead: the lag of the motor at max_velocity.
 
-        Derivation. Without a 6062h that shows the demand, the lag is known from a ramp that begins at rest. In a velocity mode that
+        Derivation. Without a 6062h that shows the demand, the lag is known by a ramp from standstill. In a velocity mode that
         begins in motion the demand's velocity at that moment is unknown, so that a lag and an earlier beginning look alike. A 6062h
-        that was never seen where the axis stood proves nothing there either. Under torque nothing shows a lag; a short one is
-        reckoned with.
+        that was only seen at standstill proves nothing either. Under torque nothing shows a lag; a short one is
+        assumed.
         """
         axis, mode = self._cell.recipe.axis(name), int(self._facts.drive[name].mode_display)
         if self._turned_to.get(name, (None, False))[0] != mode:
-            self._turned_to[name] = mode, not self._has_stood(name)
+            self._turned_to[name] = mode, not self._has_been_at_standstill(name)
         if mode in TORQUE_MODES:
             return NORM * max(0.0, axis.lag - _SHORT_LAG)
         in_motion = mode in _BY_VELOCITY and self._turned_to[name][1]
         return NORM * axis.lag if in_motion and not self._is_led(name, mode) else 0.0
 
     def _see_motion(self, name: str) -> None:
-        """Note how fast it was while it was enabled, when the motor moved, and for how long a demand that is one has led it."""
+        """Note how fast it was while it was enabled, when the motor moved, and for how long a valid demand has controlled it."""
         facts, drive = self._facts, self._facts.drive[name]
         if facts.stage(name) == ENABLED:
             speed = abs(drive.axis.motor.velocity / facts.scale[name])
@@ -484,14 +484,14 @@ class Physics(Travel):
             key = name, int(drive.mode_display)
             self._led[key] = self._led.get(key, 0.0) + self._period
 
-    def _has_stood(self, name: str) -> bool:
-        """Whether the motor has stood for so long that the positions that come can have shown it."""
+    def _has_been_at_standstill(self, name: str) -> bool:
+        """Whether the motor was at standstill for so long that received positions can have shown it."""
         core = self._facts.core[name]
         shows = core.parameters.timing.standstill_time + core.capabilities.max_age.get("position", 0.1)
         return self._facts.now - self._rolled.get(name, -math.inf) > shows + _SAMPLES * self._period
 
     def _is_led(self, name: str, mode: int) -> bool:
-        """Whether its demand has led it for so long, in pp or in this mode, that some samples of it must have shown that."""
+        """Whether its demand has controlled it for so long, in pp or in this mode, that some samples of it must have shown that."""
         apart = min(_SELDOM, self._facts.core[name].capabilities.max_age.get("demand", 0.1))
         longest = max(self._led.get((name, each), 0.0) for each in (_PP, mode))
         return longest > _SAMPLES * (apart + self._period)
@@ -585,7 +585,7 @@ class Physics(Travel):
             facts.must(not false, "no false error", f"{type(error).__name__}: {error}", error)
 
     def _is_stopped(self, name: str) -> None:
-        """Check that an axis in ErrorStop comes to rest if its drive hears, whatever the master knows about its node."""
+        """Check that an axis in ErrorStop stops if its drive receives frames, whatever the master knows about its node."""
         facts = self._facts
         if facts.core[name].state is not AxisState.ERRORSTOP or not facts.moves(name):
             stopped = self._failed.pop(name, None) is not None
@@ -601,12 +601,12 @@ class Physics(Travel):
         facts.must(not powered, "a drive that hears is stopped", text, facts.core[name].error)
 
     def _may_be_so(self, name: str, error: AxisbusError) -> bool:
-        """Whether an error of a healthy axis is the truth about what its drive, or its cell file, does not say."""
+        """Whether an error of a healthy axis is justified by missing information of its drive, or its cell file."""
         if isinstance(error, ModeError):
             return not self._has_all_modes(name)
         if isinstance(error, StaleError):
             return "never received" in str(error)  # a maker's file whose 6064h cannot be mapped
-        # The acceleration of the cell file is more than the maker's file permits, and the drive has said so; or it may be blocked.
+        # The acceleration exceeds the limit in the maker's file, and the drive has reported it; or it may be blocked.
         if isinstance(error, DriveError) and (self._is_too_much(name, error) or self._crawls(name, error)):
             return True
         # How it brakes is not known, so that a quick stop past its last target may be a pull.
@@ -627,7 +627,7 @@ class Physics(Travel):
             asked.ended is None or asked.ended > self._facts.now - 2.0 for asked in own
         )
 
-    def _right_way(self, name: str) -> None:
+    def _right_direction(self, name: str) -> None:
         """Check that a motor starts from standstill in the direction of its command."""
         for asked in list(self._watched):
             if (
@@ -648,7 +648,7 @@ class Physics(Travel):
         return 1.0 if self._unit(name) > 0.0 else -1.0
 
     def _moved_nothing(self) -> None:
-        """A command that was refused at the call, on an axis at rest, moves nothing."""
+        """A command that was refused at the call, on an axis at standstill, moves nothing."""
         facts = self._facts
         for refusal in list(self._refusals):
             at, name, place, text = refusal
@@ -670,7 +670,7 @@ class Physics(Travel):
         return max(cell.speeds(name, moment)[:25], default=0.0) > MOVES
 
     def _others_stop(self) -> None:
-        """Axes that share a group (or, without one, a cell) with a drive in fault come to rest."""
+        """Axes of the same group (or, without one, cell) as a drive in fault stop."""
         facts = self._facts
         for fault in list(self._faults):
             at, failed, mates = fault

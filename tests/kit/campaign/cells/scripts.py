@@ -34,7 +34,7 @@ _AT_ONCE = (150.0, 500.0)  # axis cycles per second up to which there are three 
 
 
 def script(seed: int, usual: Collection[str] = ()) -> Script:
-    """Return the cell of a seed, and what happens to it; ``usual``: fields of its axes that are to be as they usually are."""
+    """Return the cell of a seed, and its events; ``usual``: fields of its axes that keep their usual values."""
     chance = random.Random(seed)
     cell = with_usual(draw(chance), usual)
     load = len(cell.axes) * 1000.0 / cell.period
@@ -65,7 +65,7 @@ def _episode(chance: random.Random, cell: CellRecipe, number: int) -> Iterator[E
         for event in _some(chance, actor, orders.ALONG, shared, paired, 1, 2):
             yield event
             if event.what.endswith("override") and event.value < orders.HOLDS and chance.random() < 0.7:
-                yield event._replace(pause=2.5, value=-event.value)  # it is held for a while, and goes on
+                yield event._replace(pause=2.5, value=-event.value)  # it is held for a while, and continues
     if chance.random() < _TROUBLED:
         what = chance.choice(_MISHAPS)
         axis = actor if actor in cell.names else chance.choice(cell.names)

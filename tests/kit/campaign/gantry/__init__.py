@@ -1,1 +1,1 @@
-"""Scenes with two axes that carry one beam: their commands, their mishaps, and what such a pair promises."""
+"""Scenes with two axes that carry one beam: their commands, their faults, and the promises of such a pair."""

@@ -11,7 +11,7 @@ from kit.campaign.gantry.scene import AXES, NAME
 from kit.cell import Cell
 
 WIDE = 40.0  # deg: of an enable with a wider bound
-GOAL = 150.0  # deg: where move_absolute leads the beam, times its number
+GOAL = 150.0  # deg: the goal of move_absolute for the beam, times its number
 Give = Callable[[Cell, float], Handle]
 
 
@@ -88,7 +88,7 @@ MOTIONS = (
     *("pair_override", "pair_home", "pair_home", "pair_square", "pair_group_line", "pair_group_line"),
 )
 STOPS = ("pair_halt", "pair_halt", "pair_stop", "pair_quick_stop", "pair_disable", "pair_group_halt")
-# What an axis of the pair is not let do alone, and what stops both.
+# Commands that an axis of the pair refuses alone, and commands that stop both.
 ALONE = (
     *("move_relative", "move_absolute", "move_velocity", "jog", "torque", "cyclic_velocity", "home", "gear"),
     *(
@@ -107,8 +107,8 @@ ALONE = (
 )
 
 
-def asked_of(what: str, names: str) -> tuple[str, str]:
-    """Return what a command of a pair is for the rules, and the axes that it is for; ``names``: all."""
+def kind_and_axes(what: str, names: str) -> tuple[str, str]:
+    """Return the kind of a command of a pair for the rules, and its axes; ``names``: all."""
     plain = what.removeprefix("pair_")
     together = plain.startswith("group_") and plain != "group_enable"
     return plain.removeprefix("group_"), names if together else AXES

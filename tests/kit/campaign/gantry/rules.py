@@ -1,25 +1,26 @@
-"""What a pair promises: neither side is driven alone or told to go elsewhere, and a beam that is bent, or loses a side, is stopped.
+"""The promises of a pair: neither side moves alone, and a beam that is bent, or loses a side, is stopped.
 
 Theory of operation
 -------------------
-The oracle is the motors: the beam is bent by what they differ from ``square``, which is how they differed when the cell was
-opened, when the switches were found, or when the user said so. Where a drive counts anew and nobody has confirmed the place since,
-nobody knows, and nothing is judged by it. Feedback that lies, frames that do not come and drives that hear nothing excuse what
-must be seen, or heard, to be kept; what a mishap of one side does to the other is no excuse.
+
+The oracle is the motors. The bend of the beam is the deviation of their difference from ``square``. ``square`` is that
+difference when the cell was opened, when the switches were found, or when the user defined it. If a drive restarts its count
+and the position has not been confirmed since, the bend is unknown and is not judged. Wrong feedback, missing frames and drives
+that receive nothing excuse the rules that need them. The effect of a fault of one side on the other side is no excuse.
 """
 
 from __future__ import annotations
 
 from axisbus.errors import SkewError
 from axisbus.motion.states import MOVING, AxisState
-from kit.campaign.facts import Asked, Facts
+from kit.campaign.facts import Facts, GivenCommand
 from kit.campaign.gantry.scene import AXES, SQUARE_AT_SWITCHES, PairCell
 from kit.campaign.orders import OVERRIDES, STOPS
 from kit.gantry.pair import MAX_SKEW
 from kit.probe import ENABLED, OFF
 
 _ALLOWED_ALONE = STOPS | OVERRIDES | {"coast", "release", "reset", "probe", "axis_override"}  # of one side
-# What keeps the master from seeing a side, or shows it elsewhere.
+# Faults that hide a side from the master, or show it elsewhere.
 _UNSEEN = frozenset(
     {
         "encoder_frozen",
@@ -51,22 +52,22 @@ _FORGETS = frozenset(
 _RESTARTS = frozenset({"reboots"})
 _ELSEWHERE = frozenset(
     {"encoder_jumps", "encoder_frozen"}
-)  # by these a drive tells another place than its motor's
-# By these a side goes where nobody of us has sent it, or not.
+)  # with these a drive reports another position than its motor's
+# With these a side moves without our command, or does not move.
 _STRAYS = frozenset({"slips_to_pp", "slips_to_pv", "slips_to_csp", "resumes", "creeps", "ignores_halt"})
-_SEEN_LATE = 6  # cycles from a bend to both being told of it
+_SEEN_LATE = 6  # cycles from a bend to the stop commands to both
 _BRAKES_LATE = 6  # cycles from a bend, or a failure, to the first deceleration of the plant
 _BRAKED = 950.0  # deg/s²: max_acceleration and each drive's own ramp are 1000
 _STOPPED_STATES = (AxisState.ERRORSTOP, AxisState.DISABLED)
 _AT_REST = (AxisState.DISABLED, AxisState.STANDSTILL)
 _TOGETHER = 0.03  # s within which both are energised
 _ROUNDING = 0.3  # deg
-_CALM = 2.0  # s after a mishap
+_CALM = 2.0  # s after a fault
 _STOPPED = 1.5  # s in which one side stops when the other has failed
 
 
 class Beam:
-    """Holds what is square, since when it is bent, and how far the two set-points may differ."""
+    """Holds the square difference, the begin of a bend, and the allowed difference of both set-points."""
 
     def __init__(self, facts: Facts) -> None:
         cell = facts.cell
@@ -81,7 +82,7 @@ class Beam:
             0.0  # deg/s: how fast the beam was when it was bent, and deg: beyond which it counted as bent
         )
         self._bound, self._inside_at = MAX_SKEW, 0.0
-        self._off: list[Asked] = []  # one side was disabled
+        self._off: list[GivenCommand] = []  # one side was disabled
         self._alone_since: dict[str, float] = {}
         self._failed_since: dict[str, float] = {}
         self._stage = {name: facts.stage(name) for name in AXES}
@@ -98,7 +99,7 @@ class Beam:
         """How far the beam is out of square, by the motors."""
         return None if self.square is None else self._apart - self.square
 
-    def ended(self, asked: Asked) -> None:
+    def ended(self, asked: GivenCommand) -> None:
         """A command has ended."""
         self._refused_alone(asked)
         if asked.what == "disable" and asked.names in tuple(AXES) and asked.error is None:
@@ -108,7 +109,7 @@ class Beam:
         if asked.what == "home":
             self._is_homed(asked)
         elif asked.what == "set_square":
-            # While a drive tells another place than its motor's, nobody knows what is square once it tells its own again.
+            # While a drive reports another position than its motor's, the square difference is unknown when it ends.
             self.square = None if self._troubled_by(_ELSEWHERE, 0.5) else self._apart
         elif asked.what.startswith("move_") and asked.what != "move_velocity" and not self._troubled(_CALM):
             self._is_square(asked)
@@ -124,7 +125,7 @@ class Beam:
         self._one_fails_both_stop()
         self._energised_together()
         self._disabled_together()
-        self._led_as_one()
+        self._commanded_as_one()
 
     def _look_for_switches(self) -> None:
         """A homing has counted from both switches, whatever becomes of it afterwards."""
@@ -135,8 +136,8 @@ class Beam:
 
     # -- neither alone ---------------------------------------------------------------------------------------------------
 
-    def _refused_alone(self, asked: Asked) -> None:
-        """What would move, or energise, one side is refused."""
+    def _refused_alone(self, asked: GivenCommand) -> None:
+        """A command that would move, or energise, one side is refused."""
         if asked.names not in tuple(AXES) or asked.what in _ALLOWED_ALONE:
             return
         told = f"{asked.handle.name} ended well"
@@ -158,7 +159,7 @@ class Beam:
                 )
 
     def _disabled_together(self) -> None:
-        """What disables one side disables the other."""
+        """A command that disables one side disables the other."""
         facts = self._facts
         for asked in [each for each in self._off if facts.now - (each.ended or 0.0) > _STOPPED]:
             self._off.remove(asked)
@@ -169,8 +170,8 @@ class Beam:
                     not on, "what disables one disables both", f"{asked.handle.name} was done: {on} has power"
                 )
 
-    def _led_as_one(self) -> None:
-        """The set-points of both differ by no more than they did at rest, unless the beam is being made square."""
+    def _commanded_as_one(self) -> None:
+        """The set-points of both differ by no more than they did at standstill, unless the beam is being made square."""
         cell = self._cell
         samples = [cell.record(name).sample for name in AXES]
         led = all(sample.stage == ENABLED for sample in samples) and all(
@@ -210,7 +211,7 @@ class Beam:
         facts.must(not late, "a bent beam is stopped", told)
 
     def _is_not_bent_more(self) -> None:
-        """It is bent no farther than the bound, the way until it is seen, and that which braking takes."""
+        """It is bent no farther than the bound, the distance until it is seen, and the braking distance."""
         facts, skew = self._facts, self.skew
         hindered = self._troubled_by(_UNSEEN | _STRAYS | {"pushed", "sticks"}, _CALM) or self._deaf()
         powered = all(facts.stage(name) == ENABLED for name in AXES)
@@ -226,11 +227,11 @@ class Beam:
             self._fastest = max(self._fastest, speed)  # until it is braked it may get faster
         if not self._fastest:
             return  # it was so when this began to count
-        allowed = self._bound + _ROUNDING + self._way_of_stopping(self._fastest)
+        allowed = self._bound + _ROUNDING + self._stopping_distance(self._fastest)
         told = f"{skew:g} deg where {allowed:g} are allowed after {self._fastest:g} deg/s"
         facts.must(abs(skew) <= allowed, "bent no farther than stopping takes", told)
 
-    def _way_of_stopping(self, speed: float) -> float:
+    def _stopping_distance(self, speed: float) -> float:
         return speed * (_BRAKES_LATE * self._facts.scene.period + self._lag()) + speed * speed / (2 * _BRAKED)
 
     def _lag(self) -> float:
@@ -254,14 +255,14 @@ class Beam:
             facts.must(rests, "one that fails stops the other", f"{told}, {facts.core[other].state}")
 
     def _strays(self, name: str) -> bool:
-        """Whether the axis cannot be stopped in time, or moves by itself: that is judged by its own rules."""
+        """Whether the axis cannot be stopped in time, or moves without a command: that is judged by its own rules."""
         troubles = self._facts.troubled(name, _CALM + _STOPPED)
         own = [trouble for trouble in troubles if trouble.kind.shared or trouble.axis == name]
         return any(t.kind.deaf or t.kind.moves or t.what in _UNSEEN | {"outputs_lost"} for t in own)
 
-    # -- what is said ----------------------------------------------------------------------------------------------------
+    # -- reports ---------------------------------------------------------------------------------------------------------
 
-    def _is_homed(self, asked: Asked) -> None:
+    def _is_homed(self, asked: GivenCommand) -> None:
         """Each place is that which its switch has; nothing else may have moved the count."""
         if self._troubled(_CALM):
             return
@@ -274,13 +275,13 @@ class Beam:
             self._facts.must(abs(shown - true) <= _ROUNDING, "homed counts from the switch", told)
         self._is_square(asked)
 
-    def _is_square(self, asked: Asked) -> None:
+    def _is_square(self, asked: GivenCommand) -> None:
         if self._facts.later(asked, "x") or self.skew is None:
             return
         told = f"{asked.handle.name} is done, and the beam is {self.skew:g} deg out of square"
         self._facts.must(abs(self.skew) <= 1.0, "done means square", told)
 
-    # -- what is the matter ----------------------------------------------------------------------------------------------
+    # -- causes ----------------------------------------------------------------------------------------------------------
 
     def _confirmed(self) -> bool:
         return self._absolute or all(self._facts.core[name].homed for name in AXES)

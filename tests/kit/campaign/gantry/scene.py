@@ -21,9 +21,9 @@ _LIMITS = "position_limits = [-300.0, 300.0]"
 
 
 class PairCell(Cell):
-    """A cell with the pair; ``pushes``: the force of somebody on the motor of each side, ‰ of rated torque upwards.
+    """A cell with the pair; ``pushes``: an external force on the motor of each side, ‰ of rated torque upwards.
 
-    ``pulled``: when (by the plant's clock) each motor was pulled with more than its friction last, by those or by the beam.
+    ``pulled``: when (by the plant's clock) each motor was pulled last with more than its friction, by these forces or by the beam.
     """
 
     def __init__(self, machine: Machine, stiff: float) -> None:
@@ -56,7 +56,7 @@ def open_pair(
     homes: bool = False,
     bus: str = "",
 ) -> PairCell:
-    """Open the cell with all axes enabled as they stand; ``homes``: the pair must be homed before it knows where it is.
+    """Open the cell with all axes enabled at their positions; ``homes``: the pair must be homed before its position is known.
 
     ``bus``: lines of its table.
     """

@@ -1,4 +1,4 @@
-"""What happens to a cell with a pair: it is brought into service, moves, something goes wrong with one side, and it is stopped."""
+"""Events of a cell with a pair: it is brought into service, moves, one side fails, and it is stopped."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def episode(chance: random.Random, names: str) -> list[Event]:
 
 
 def _recovery(chance: random.Random) -> list[Event]:
-    """What brings a pair back into service; one that may be bent is let go of, and made square."""
+    """The recovery of a pair; one that may be bent is disabled, and made square."""
     ends = [Event(0.0, end, name) for end in ENDS for name in AXES]
     if chance.random() < 0.5:
         return [*ends, *_told((1.0, "release"), (0.1, "reset"), (0.5, "enable"), (0.5, "halt"))]

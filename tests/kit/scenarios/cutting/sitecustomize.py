@@ -1,4 +1,4 @@
-"""Cuts safety nets in every process that a program starts: Python imports this by itself, where its folder is on the path.
+"""Removes safety nets in every process that a program starts: Python imports this automatically, if its folder is on the path.
 
 ``AXISBUS_CUT`` names them (joined by ``;``), each of ``NETS``.
 """
