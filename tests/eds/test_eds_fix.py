@@ -9,7 +9,7 @@ from collections import Counter
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from axisbus.eds import Eds, check, fix_diff, writer
@@ -346,8 +346,9 @@ LINES = st.sampled_from(
 
 
 @settings(max_examples=200, deadline=None)
+@example(["[OptionalObjects]", "# c"], "\n")  # what seems truncated is a comment after the first fix
 @given(st.lists(LINES, max_size=20), st.sampled_from(["\n", "\r\n", "\r"]))
-def test_whatever_the_lines_mending_twice_is_mending_once(lines: list[str], newline: str) -> None:
+def test_fixing_a_file_twice_changes_no_more_than_fixing_it_once(lines: list[str], newline: str) -> None:
     before = reader.read((HEAD + "\n".join(lines)).replace("\n", newline).encode(), "x.eds")
     done = fix(before)
     again = reader.read(writer.dumps(done.reading), "x.eds")

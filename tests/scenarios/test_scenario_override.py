@@ -314,6 +314,22 @@ def test_the_override_of_the_cell_applies_to_an_axis_after_gear_out(scenario):
     assert y.velocity == pytest.approx(0.0, abs=0.5)
 
 
+def test_an_axis_with_an_override_slows_down_gradually_after_gear_out(scenario):
+    """The override does not apply to a slave. After gear_out it does, and the axis has the velocity of its master until then."""
+    cell = scenario.simulated("xy").enabled()
+    x, y = cell["x"], cell["y"]
+    cell.end_of(x.move_velocity(100.0))
+    cell.end_of(y.gear_in(x, 1.0))
+    y.set_override(0.3).wait()
+    cell.run(0.3)
+    assert y.velocity == pytest.approx(100.0, abs=2.0)
+    assert cell.end_of(y.gear_out()) is None
+    cell.run(0.8)
+    assert y.velocity == pytest.approx(30.0, abs=1.0)
+    assert y.error is None
+    assert cell.hardest_change("y") < 600.0
+
+
 def test_a_virtual_axis_is_overridden_as_any_other(scenario):
     cell = scenario.simulated(text=cell_text("", more=virtual("max_velocity = 400.0")))
     v = cell["v"]

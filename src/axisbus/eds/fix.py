@@ -55,15 +55,13 @@ def fix(reading: EdsParseResult) -> Fixed:
     """
     reading, done = _whole(reading)
     bench = FixContext(reading)
-    stages = (
-        STAGES[:1] if _ends_early(reading) else STAGES
-    )  # if the file is truncated, its counts are not wrong
     origins = tuple(range(1, len(reading.document.lines) + 1))
     for _ in range(_MAX_ROUNDS):
         before = len(done)
-        for stage in stages:
-            bench, more, origins = _stage(bench, stage, origins)
-            done += more
+        bench, done, origins = _stage(bench, STAGES[0], origins, done)
+        if not _ends_early(bench.reading):  # the counts of a truncated file are not wrong
+            for stage in STAGES[1:]:
+                bench, done, origins = _stage(bench, stage, origins, done)
         if len(done) == before:
             break
     return Fixed(bench.reading, tuple(sorted(done, key=lambda mended: mended.line)), origins)
@@ -87,9 +85,10 @@ def _whole(reading: EdsParseResult) -> tuple[EdsParseResult, list[Fix]]:
 
 
 def _stage(
-    bench: FixContext, stage: Mapping[str, Mend], origins: tuple[int, ...]
+    bench: FixContext, stage: Mapping[str, Mend], origins: tuple[int, ...], before: list[Fix]
 ) -> tuple[FixContext, list[Fix], tuple[int, ...]]:
-    done: list[Fix] = []
+    """Run one stage to its end; return the fixed file, the fixes with those ``before``, and the original lines."""
+    done = [*before]
     for _ in range(_MAX_ROUNDS):
         chosen = _chosen(bench, stage.values())
         if not chosen:

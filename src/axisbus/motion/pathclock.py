@@ -53,6 +53,7 @@ class PathClock:
         "_period",
         "_ramp",
         "_speed",
+        "_start",
         "_way",
         "braking",
         "rate",
@@ -69,7 +70,7 @@ class PathClock:
         self._way: Way | None = None
         self._ramp: float | None = None
         self._deceleration = 0.0
-        self._speed = 0.0
+        self._speed = self._start = 0.0
 
     @property
     def is_even(self) -> bool:
@@ -80,6 +81,10 @@ class PathClock:
     def fastest(self) -> float:
         """The highest rate without a new request: the present one or the one to approach."""
         return max(self.rate, self._factor)
+
+    def start_at(self, velocity: float) -> None:
+        """Note the velocity before the first cycle, for a path that continues another one; without this it begins at rest."""
+        self._start = velocity
 
     def aim(self, factor: float, way: Way, ramp: float | None) -> None:
         """Let the rate of time approach ``factor``; the velocity changes by ``ramp`` per s² at most (None: change only at rest)."""
@@ -110,8 +115,7 @@ class PathClock:
         if self._deceleration:
             return
         self._way, self._deceleration, self.braking = way, deceleration, True
-        if self._period:
-            self._speed = abs(way(self.t) - way(self._last)) / self._period
+        self._speed = abs(self._velocity(way))
         if not self._speed:
             self.rate = 0.0
 
@@ -130,7 +134,7 @@ class PathClock:
         if rate == factor or way is None:
             return rate
         here = way(self.t)
-        now = (here - way(self._last)) / (self._period or period)
+        now = self._velocity(way)
         kept, asked = ((way(self.t + each * period) - here) / period for each in (rate, factor))
         change = 0.0 if self._ramp is None else self._ramp * period
         if abs(asked - now) <= change or asked == kept:
@@ -143,6 +147,10 @@ class PathClock:
             return abs((way(self.t + (rate + share * (factor - rate)) * period) - here) / period - kept)
 
         return rate + _share(gained, abs(asked - kept), abs(bound - kept)) * (factor - rate)
+
+    def _velocity(self, way: Way) -> float:
+        """Return the velocity of the last cycle."""
+        return (way(self.t) - way(self._last)) / self._period if self._period else self._start
 
     def _slow_down(self, way: Way, period: float) -> None:
         self._speed = max(0.0, self._speed - self._deceleration * period)

@@ -183,7 +183,7 @@ MISHAPS: Mapping[str, Mishap] = {
     "late_feedback": Mishap(_dial(feedback_delay=0.1), _STANDS, "prompt_feedback"),
     "inputs_lost": Mishap(_wire_setting(inputs_lost=0.4), _UNSEEN, "inputs_come"),
     "outputs_lost": Mishap(_wire_setting(outputs_lost=0.4), _STANDS, "outputs_go"),
-    "frames_late": Mishap(_wire_setting(late=2), _STANDS, "frames_prompt"),
+    "frames_late": Mishap(_wire_setting(late=2), (*_UNSEEN, *_STANDS), "frames_prompt"),
     "sync_lost": Mishap(
         _bus_dial(sync_lost=True), (*_UNSEEN, *_STANDS), "sync_comes", deaf=True, shared=True
     ),
@@ -203,7 +203,7 @@ MISHAPS: Mapping[str, Mishap] = {
         _fault_of_wire(jitter=0.004), (*_STANDS, "come too late"), "wire_carries", shared=True
     ),
     "wire_delays": Mishap(
-        _fault_of_wire(delay=0.03), (*_STANDS, "come too late"), "wire_carries", shared=True
+        _fault_of_wire(delay=0.03), (*_UNSEEN, *_STANDS, "come too late"), "wire_carries", shared=True
     ),
     "wire_slows": Mishap(
         lambda site, _axis, _: let_link_slow_down(site.cell),

@@ -272,6 +272,8 @@ class Follow(Activity):
         self._prepared = self._running = True
         self._known_way = None
         self._last, self._step = before._last, before._step
+        if self._step is not None:
+            self._time.start_at(self._step.velocity)
         self._edges, self._count, self._limits = before._edges, before._count, before._limits
         self._comes_back = before._comes_back
         self._origin = before._origin

@@ -47,6 +47,7 @@ _ROUNDING = 3.0  # increments that the second difference of positions may be off
 _COUNTED = 10.0  # s for which an axis may turn on before it comes to the end of its count
 _ACTS = 6.0  # periods until a stop acts, from when the master has to think of it
 _LAG_UNKNOWN = 0.02  # s, which the master reckons with where it does not know the lag
+_END = 11  # increments from the end of a count, to which the master moves no axis
 _SETTLED = 4  # cycles in csp before its targets are looked at
 _TURNED = 0.5  # s from when a motor has turned round until a stop right after that has ended
 _REFUSED = (CommandError, StateError)
@@ -269,6 +270,8 @@ class Physics(Travel):
         if goal is None:
             room = 2**31 - abs(self._facts.place(name))
             return asked.kind == "turn" and room < _COUNTED * axis.speed
+        if 2**31 - abs((goal + 2**31) % 2**32 - 2**31) <= _END:
+            return True
         place = self._facts.place(name)  # the encoder may be noisy at the end of its count
         return any((goal + 2**31) // 2**32 != (place + off + 2**31) // 2**32 for off in (-_WINDOW, _WINDOW))
 
