@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems tell Python not to write bytecode. Then each of the many processes that the tests start would compile all modules.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help dist demo quick test test-real test-web test-socketcan check bench scenarios bench-cycle bench-core bench-guests bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
+.PHONY: help dist matrix demo quick test test-real test-web test-socketcan check bench scenarios bench-cycle bench-core bench-guests bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
 
 help:                     ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1\t/p' Makefile | expand -t 16
@@ -86,6 +86,9 @@ mutants: $(READY)         ## insert small errors into the source: tests must not
 
 dist: $(READY)            ## build wheel and sdist into dist/, check them, and try the wheel with each Python of this computer
 	$(BIN)/python tests/dist.py
+
+matrix: $(READY)          ## try each Python of this computer, the lowest versions of the dependencies, and each extra alone
+	$(BIN)/nox -s smoke lowest extra
 
 format: $(READY)          ## format the sources
 	$(BIN)/ruff check --fix src tests examples docs/site

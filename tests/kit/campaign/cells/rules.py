@@ -48,6 +48,7 @@ _COUNTED = 10.0  # s for which an axis may turn on before it comes to the end of
 _ACTS = 6.0  # periods until a stop acts, from when the master has to think of it
 _LAG_UNKNOWN = 0.02  # s, which the master reckons with where it does not know the lag
 _END = 11  # increments from the end of a count, to which the master moves no axis
+_CREEPS = 0.005  # of max_velocity: a motion that has just begun when another mode is taken
 _SETTLED = 4  # cycles in csp before its targets are looked at
 _TURNED = 0.5  # s from when a motor has turned round until a stop right after that has ended
 _REFUSED = (CommandError, StateError)
@@ -466,7 +467,8 @@ class Physics(Travel):
         """
         axis, mode = self._cell.recipe.axis(name), int(self._facts.drive[name].mode_display)
         if self._turned_to.get(name, (None, False))[0] != mode:
-            self._turned_to[name] = mode, not self._has_been_at_standstill(name)
+            creeps = abs(self._facts.drive[name].axis.motor.velocity) > _CREEPS * axis.speed
+            self._turned_to[name] = mode, creeps or not self._has_been_at_standstill(name)
         if mode in TORQUE_MODES:
             return NORM * max(0.0, axis.lag - _SHORT_LAG)
         in_motion = mode in _BY_VELOCITY and self._turned_to[name][1]
@@ -482,7 +484,8 @@ class Physics(Travel):
             return
         self._rolled[name] = facts.now
         follows = facts.stage(name) == ENABLED and drive.mode == drive.mode_display
-        shows = self._cell.recipe.axis(name).demand == "real" and not drive.dials.demand_frozen
+        has_demand = facts.core[name].parameters.has(0x6062)
+        shows = has_demand and self._cell.recipe.axis(name).demand == "real" and not drive.dials.demand_frozen
         if follows and shows:
             key = name, int(drive.mode_display)
             self._led[key] = self._led.get(key, 0.0) + self._period
