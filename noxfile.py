@@ -108,4 +108,4 @@ def serves(command: list[str], folder: Path, text: str) -> bool:
     there = any(text in line for line in running.stdout)
     running.send_signal(signal.SIGINT)
     running.stdout.read()
-    return there and running.wait(30) == 0
+    return there and running.wait(30) in (0, 130)  # 130: ended by Ctrl-C
