@@ -675,14 +675,20 @@ class Physics(Travel):
         moment = cell.moment(name) - (self._facts.now - since)
         return max(cell.speeds(name, moment)[:25], default=0.0) > MOVES
 
+    def _weakest_braking(self, name: str) -> float:
+        """Return the lowest deceleration of a halt (increments per s²): default, quick stop, or that of the last command."""
+        axis = self._cell.recipe.axis(name)
+        last = self._facts.drive[name].axis.deceleration or math.inf
+        return min(min(axis.ease[1], axis.stop) * axis.acceleration, last)
+
     def _others_stop(self) -> None:
         """Axes of the same group (or, without one, cell) as a drive in fault stop."""
         facts = self._facts
         for fault in list(self._faults):
             at, failed, mates = fault
             slowest = max(
-                axis.speed / axis.acceleration / min(axis.ease[1], axis.stop, 1.0) * _slowness(axis.fixed)
-                for axis in self._cell.recipe.axes
+                axis.speed / min(self._weakest_braking(name), axis.acceleration) * _slowness(axis.fixed)
+                for name, axis in zip(facts.names, self._cell.recipe.axes, strict=True)
             )
             if facts.now - at < _SHARED + 1.2 * slowest:
                 continue
