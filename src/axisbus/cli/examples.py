@@ -15,7 +15,7 @@ from axisbus.wording import counted
 
 # In an installed package the files are in the package's folder; in a checkout, in the top folder.
 _FOLDERS = (Path(__file__).parents[1] / "example_files", Path(__file__).parents[3] / "examples")
-_SUMMARIZED = {".py", ".toml", ".ipynb"}
+_SUMMARIZED = {".py", ".toml", ".ipynb", ".service", ".network", ".rules"}
 
 
 def folder() -> Path:
