@@ -92,13 +92,13 @@ def command(
 
 def _versions() -> ReportItem:
     """Return the versions of axisbus, of Python, of the system, and of the installed packages that axisbus can use."""
-    names = {re.split(r"[^\w.-]", text, maxsplit=1)[0] for text in metadata.requires("axisbus") or ()}
+    needed: list[str] = []
+    with suppress(metadata.PackageNotFoundError):  # it runs from a folder of sources
+        needed = metadata.requires("axisbus") or []
     packages: dict[str, str] = {}
-    for name in sorted(names):
-        try:
+    for name in sorted({re.split(r"[^\w.-]", text, maxsplit=1)[0] for text in needed}):
+        with suppress(metadata.PackageNotFoundError):  # an extra that is not installed
             packages[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
     found = {
         "axisbus": __version__,
         "python": platform.python_version(),
