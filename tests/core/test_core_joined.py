@@ -17,7 +17,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.record.recorder import Recorder
 from kit.core_in_threads import core_in_threads
-from kit.scenarios.own import enabled, own_cell, turns, under_way
+from kit.scenarios.own import own_cell, turns, under_way
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
@@ -34,16 +34,6 @@ def file(tmp_path_factory):
 def opened(file):
     with core_in_threads(), Machine.open(file) as machine:
         yield machine
-
-
-@pytest.fixture
-def machine(opened):
-    """The machine of the program that opened it, with its axes enabled and at standstill."""
-    for axis in opened:
-        enabled(axis)
-    yield opened
-    for axis in opened:
-        axis.halt().wait(10)
 
 
 def test_a_client_sees_the_values_of_the_owner_and_its_leaving_changes_nothing(machine, file):

@@ -16,7 +16,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.attacks import ATTACKS
 from kit.crowd import Crowd
-from kit.scenarios.own import enabled, own_cell, turns, under_way
+from kit.scenarios.own import own_cell, turns, under_way
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
@@ -36,16 +36,6 @@ def file(tmp_path_factory):
 def opened(file):
     with Machine.open(file) as machine:
         yield machine
-
-
-@pytest.fixture
-def machine(opened):
-    """The machine of the program that opened it, with its axes enabled and at standstill."""
-    for axis in opened:
-        enabled(axis)
-    yield opened
-    for axis in opened:
-        axis.halt().wait(10)
 
 
 def test_control_of_a_program_that_dies_returns_to_its_previous_owner(machine, file):

@@ -17,7 +17,8 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import SCALE
-from kit.scenarios.own import enabled, own_cell
+from kit.scenarios.bus import until
+from kit.scenarios.own import own_cell
 from kit.stopped import STOPPED
 
 pytestmark = [
@@ -25,13 +26,6 @@ pytestmark = [
     pytest.mark.timeout(120),
 ]
 MORE = '\n[groups.xy]\naxes = ["x", "y"]\n'
-
-
-def until(done, seconds=10.0):
-    end = time.monotonic() + seconds
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 @pytest.fixture(scope="module")
@@ -43,16 +37,6 @@ def file(tmp_path_factory):
 def opened(file):
     with Machine.open(file) as machine:
         yield machine
-
-
-@pytest.fixture
-def machine(opened):
-    """The machine, with its axes enabled and at standstill."""
-    for axis in opened:
-        enabled(axis)
-    yield opened
-    for axis in opened:
-        axis.halt().wait(10)
 
 
 def test_a_move_ends_at_its_target_and_later_values_are_from_after_the_move(machine):
@@ -102,7 +86,7 @@ def test_a_trajectory_that_fails_ends_with_its_own_error_and_the_axis_stops(mach
     with pytest.raises(ArgumentError, match="returned no position at 3") as caught:
         x.follow(Failing()).wait(20)
     assert "a mistake of its own" in caught.value.observed
-    until(lambda: machine.simulated_node(1).drive().axis.motor.velocity == 0.0)
+    until(lambda: machine.simulated_node(1).drive().axis.motor.velocity == 0.0, 10.0)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="POSIX")
@@ -128,7 +112,7 @@ def test_a_closed_machine_is_at_standstill_and_refuses_commands(file):
         handle = x.move_velocity(50.0)
         handle.wait(10)
         motion = x.move_relative(1e6, velocity=50.0)
-        until(lambda: motion.active)
+        until(lambda: motion.active, 10.0)
         stand_in = machine.simulated_node(1)
     with pytest.raises(Stopped):
         motion.wait(1)

@@ -16,20 +16,14 @@ from axisbus.motion.states import AxisState
 from axisbus.record.recorder import Recorder
 from kit.cell import cell_text
 from kit.core_in_threads import core_in_threads
-from kit.scenarios.own import enabled, own_cell
+from kit.scenarios.bus import until
+from kit.scenarios.own import own_cell
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
     pytest.mark.timeout(120),
 ]
 MORE = '\n[groups.xy]\naxes = ["x", "y"]\n'
-
-
-def until(done, seconds=10.0):
-    end = time.monotonic() + seconds
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 @pytest.fixture(scope="module")
@@ -41,16 +35,6 @@ def file(tmp_path_factory):
 def opened(file):
     with core_in_threads(), Machine.open(file) as machine:
         yield machine
-
-
-@pytest.fixture
-def machine(opened):
-    """The machine, with its axes enabled and at standstill."""
-    for axis in opened:
-        enabled(axis)
-    yield opened
-    for axis in opened:
-        axis.halt().wait(10)
 
 
 def test_groups_and_several_handles_at_once(machine):
@@ -76,8 +60,8 @@ def test_a_jog_that_is_given_again_and_again_is_one_motion_and_all_its_handles_e
     for _ in range(40):
         handles.append(machine["x"].jog(20.0))
         time.sleep(0.01)
-    until(lambda: not any(handle.busy for handle in handles))
-    until(lambda: machine["x"].state is AxisState.STANDSTILL)
+    until(lambda: not any(handle.busy for handle in handles), 10.0)
+    until(lambda: machine["x"].state is AxisState.STANDSTILL, 10.0)
 
 
 def test_objects_nmt_and_error_history_are_the_nodes_own(machine):
@@ -99,10 +83,10 @@ def test_objects_nmt_and_error_history_are_the_nodes_own(machine):
 def test_a_fault_is_reported_with_its_code_and_its_emergencies(machine):
     x, heard = machine["x"], []
     machine.simulated_node(1).fault(0x4310)
-    until(lambda: x.state is AxisState.ERRORSTOP and x.error is not None and "4310" in str(x.error))
+    until(lambda: x.state is AxisState.ERRORSTOP and x.error is not None and "4310" in str(x.error), 10.0)
     assert isinstance(x.error, DriveFault)
     assert x.error.code == 0x4310
-    until(lambda: len(machine.node(1).emcy) > 0)
+    until(lambda: len(machine.node(1).emcy) > 0, 10.0)
     assert machine.node(1).emcy[-1].code == 0x4310
     assert any("4310" in line for line in machine.node(1).format_incident(machine.node(1).incidents[-1]))
     machine.node(1).on_event(heard.append)
@@ -113,7 +97,7 @@ def test_callbacks_run_in_a_thread_of_this_program(machine):
     handle = machine["x"].move_relative(1.0)
     handle.add_done_callback(lambda: threads.append(threading.current_thread().name))
     handle.wait(10)
-    until(lambda: bool(threads))
+    until(lambda: bool(threads), 10.0)
     assert threads == ["axisbus events"]
 
 
@@ -165,7 +149,7 @@ def test_a_callback_may_close_the_machine(file):
         handle = machine["x"].move_relative(1.0)
         handle.add_done_callback(machine.close)
         handle.wait(10)
-        until(lambda: machine.session.ended)
+        until(lambda: machine.session.ended, 10.0)
     assert machine.simulated_node(1).drive().statusword & 0x6F != 0x27
 
 
@@ -185,7 +169,7 @@ def test_events_of_a_node_are_reported_in_a_thread_of_this_program(file):
         heard = []
         machine.node(2).on_event(lambda event: heard.append((event.node, threading.current_thread().name)))
         machine.node(2).command(NmtCommand.ENTER_PRE_OPERATIONAL)
-        until(lambda: bool(heard))
+        until(lambda: bool(heard), 10.0)
         assert heard[0] == (2, "axisbus events")
         assert machine.node(2).nmt is NmtState.PRE_OPERATIONAL
         assert [event.node for event in machine.node(2).events] == [2]
