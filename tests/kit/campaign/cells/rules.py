@@ -48,6 +48,7 @@ _COUNTED = 10.0  # s for which an axis may turn on before it comes to the end of
 _ACTS = 6.0  # periods until a stop acts, from when the master has to think of it
 _LAG_UNKNOWN = 0.02  # s, which the master reckons with where it does not know the lag
 _END = 11  # increments from the end of a count, to which the master moves no axis
+_BRAKED = 0.3  # of its speed, which a drive that is stopped must have lost by then
 _CREEPS = 0.005  # of max_velocity: a motion that has just begun when another mode is taken
 _SETTLED = 4  # cycles in csp before its targets are looked at
 _TURNED = 0.5  # s from when a motor has turned round until a stop right after that has ended
@@ -121,7 +122,9 @@ class Physics(Travel):
             str, tuple[float, GivenCommand]
         ] = {}  # since when (by the plant's clock) a stop has kept it without power
         self._refusals: list[tuple[float, str, float, str]] = []
-        self._failed: dict[str, float] = {}  # since when it has been in ErrorStop
+        self._failed: dict[
+            str, tuple[float, float]
+        ] = {}  # since when it has been in ErrorStop, and how fast it was
         self._faults: list[tuple[float, str, str]] = []  # time, failed axis, axis of the same group
         self._errors: dict[str, int] = {}
         self._blind: dict[str, tuple[float, float]] = {}  # the speed that a torque adds, and since when
@@ -443,8 +446,10 @@ class Physics(Travel):
             and facts.now - one.since < facts.stops_in(name)
             for one in facts.asked
         )
+        # A drive whose node counts as lost cannot be braked in another manner.
+        lost = any(t.what == "second_device" for t in facts.troubled(name, facts.stops_in(name)))
         weak = drive.axis.braking(drive.power.effort) < self._cell.recipe.axis(name).acceleration
-        return facts.stage(name) == QUICK_STOP and asked and weak
+        return facts.stage(name) == QUICK_STOP and (asked or lost) and weak
 
     def _step_of_set_points(self, name: str) -> float:
         """Return by how many norm degrees a fault reaction may go beyond the end of a path that brakes as hard as it does.
@@ -597,10 +602,17 @@ class Physics(Travel):
             stopped = self._failed.pop(name, None) is not None
             facts.tally["rule: a drive that hears is stopped"] += stopped
             return
-        since = self._failed.setdefault(name, facts.now)
+        speed = abs(facts.drive[name].axis.motor.velocity)
+        since, first = self._failed.setdefault(name, (facts.now, speed))
         for_long = facts.now - since
         hindered = any(t.kind.deaf or t.kind.moves for t in facts.troubled(name, for_long + _SHARED))
-        if hindered or facts.is_pulled(name) or for_long < facts.stops_in(name) + _SHARED:
+        if hindered or facts.is_pulled(name):
+            return
+        # Half of what its weakest ramp brakes meanwhile: this shows long before the times of its stop have passed.
+        axis = self._cell.recipe.axis(name)
+        braked = 0.5 * self._weakest_braking(name) / _slowness(axis.fixed) * (for_long - _SHARED)
+        brakes = braked < _BRAKED * first or speed < first - min(braked, 0.5 * first)
+        if (brakes or axis.file not in BUILTIN) and for_long < facts.stops_in(name) + _SHARED:
             return
         powered = facts.stage(name) == ENABLED
         text = f"in ErrorStop for {for_long:.1f} s, and {facts.cell.told(name)}"

@@ -29,6 +29,8 @@ _MISHAPS = (
     * 2,
     *["second_device"] * 3,
 )
+# What goes wrong with the link, and shows only in the stop of an axis that turns freely.
+_SHOWN_BY_MOTION = frozenset({"second_device", "wire_slows"})
 _TROUBLED = 0.3  # share of episodes in which something goes wrong
 _AT_ONCE = (150.0, 500.0)  # axis cycles per second up to which there are three episodes, and two
 
@@ -69,7 +71,12 @@ def _episode(chance: random.Random, cell: CellRecipe, number: int) -> Iterator[E
     if chance.random() < _TROUBLED:
         what = chance.choice(_MISHAPS)
         axis = actor if actor in cell.names else chance.choice(cell.names)
-        yield Event(chance.choice(_PAUSES), what, axis, _value(chance))
+        shown = what in _SHOWN_BY_MOTION and axis in singles
+        if shown:
+            yield Event(0.1, "move_velocity", axis, _value(chance))
+        yield Event(0.5 if shown else chance.choice(_PAUSES), what, axis, _value(chance))
+        if shown:
+            yield Event(chance.choice((1.0, 5.0)), "probe", axis, _value(chance))  # it has time to brake
         if MISHAPS[what].ends and chance.random() < 0.5:
             yield Event(chance.choice(_PAUSES), MISHAPS[what].ends, axis, _value(chance))
     yield from _some(chance, actor, orders.STOPS, orders.GROUP_STOPS, orders.PAIR_STOPS, 0, 2)
