@@ -207,7 +207,7 @@ MISHAPS: Mapping[str, Mishap] = {
     ),
     "wire_slows": Mishap(
         lambda site, _axis, _: let_link_slow_down(site.cell),
-        (*_STANDS, *_SDO, "come too late"),
+        (*_UNSEEN, *_STANDS, *_SDO, "come too late"),
         "wire_carries",
         deaf=True,
         shared=True,
