@@ -250,7 +250,7 @@ class _Opcua:
         from axisbus.gateway.opcua import connection, server, session, users
         from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
         from axisbus.web import address
-        from kit.opcua.visiting import Who, visit
+        from kit.opcua.visiting import ClientIdentity, visit
 
         made: list[Any] = []
         recorded: list[list[bytes]] = []
@@ -288,7 +288,7 @@ class _Opcua:
             stack.callback(self._server.close)
             (self._listener,) = made
             self._channels = self._listener.iserver._channel_id_counter
-            visit(self._server.url, _look, Who("anna", "right"))
+            visit(self._server.url, _look, ClientIdentity("anna", "right"))
             self.recorded = [list(one) for one in recorded if one]
             self._failed: list[str] = []
             self._server._loop.call_soon_threadsafe(
