@@ -18,7 +18,7 @@ import pytest
 
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
-from axisbus.eds import builtin, load
+from axisbus.eds import load
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
 
@@ -57,7 +57,7 @@ def runner(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) 
 @contextmanager
 def drives(*node_ids: int) -> Iterator[tuple[StandIns, str]]:
     """Generic drives on a private channel; yields them and the channel's name."""
-    eds = load(builtin.resolve(GENERIC, Path()))
+    eds = load(GENERIC)
     name = next(_channels)
     with StandIns(name, [device_from_eds(eds, node_id, seed=node_id) for node_id in node_ids]) as stand_ins:
         yield stand_ins, name

@@ -40,7 +40,7 @@ from axisbus.drives.gim6010.modbus import requests as modbus
 from axisbus.drives.gim6010.modbus.registers import named as modbus_named
 from axisbus.drives.gim6010.modbus.requests import ModbusTimeout, fits
 from axisbus.drives.gim6010.modbus.serial_wire import SerialWire, libraries
-from axisbus.eds import builtin, load
+from axisbus.eds import load
 from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.errors import LssError, SdoError
 from axisbus.machine.bus_monitor import BusMonitor
@@ -129,7 +129,7 @@ _SILENCES = 60
 
 def _sdo_answers() -> Conversations:
     """Return the answers to each request, behind the number of the request; the last two are typed from CiA 301 7.2.4.3."""
-    device = Slave(device_from_eds(load(builtin.resolve("builtin:gim6010-8", Path())), ID, seed=1))
+    device = Slave(device_from_eds(load("builtin:gim6010-8"), ID, seed=1))
     now = _booted(device)
     conversations = []
     for number, request in enumerate(_REQUESTS[:4]):
@@ -237,7 +237,7 @@ _TO_DRIVE: Conversations = [
         on_bus(0x605, "230010000000"),
     ],
 ]
-_DRIVE = load(builtin.resolve("builtin:generic-cia402", Path()))
+_DRIVE = load("builtin:generic-cia402")
 
 
 def _drive(frames: Sequence[bytes]) -> None:

@@ -20,7 +20,7 @@ from axisbus.cli.shared.options import PATH, Seconds, port_option
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.core.sim_faults_file import load_faults
 from axisbus.core.sim_server import Served
-from axisbus.eds.builtin import PREFIX, resolve
+from axisbus.eds.builtin import PREFIX
 from axisbus.eds.io.reader import load
 from axisbus.errors import UserError
 from axisbus.sim.can_simple.constants import MOST_NODE_ID
@@ -67,7 +67,7 @@ class CanSimple(click.ParamType):  # type: ignore[type-arg,unused-ignore]
 
 def modules(wanted: Sequence[Wanted]) -> list[Module]:
     """Create the modules; blocks to read their EDS for CANopen."""
-    eds = load(resolve(_EDS, Path())) if wanted else None
+    eds = load(_EDS) if wanted else None
     return [
         Module(node_id, firmware=firmware, eds=eds, serial=number)
         for number, (node_id, firmware) in enumerate(wanted, 1)

@@ -43,8 +43,7 @@ def collect(folders: Iterable[Path]) -> tuple[list[CandidateFile], list[str]]:
         UserError: a path is neither a folder nor a file, or holds too many files.
     """
     found = [
-        CandidateFile(f"{builtin.PREFIX}{name}", load(builtin.resolve(builtin.PREFIX + name, Path())))
-        for name in builtin.names()
+        CandidateFile(f"{builtin.PREFIX}{name}", load(builtin.PREFIX + name)) for name in builtin.names()
     ]
     problems: list[str] = []
     for path in _files(folders):

@@ -17,7 +17,7 @@ EVERY_TENTH = [*BUILTIN, *CORPUS[::10]]
 
 
 def builtin(name: str) -> Eds:
-    return load(resolve(f"builtin:{name}", Path()))
+    return load(f"builtin:{name}")
 
 
 def mapped(index: str, *entries: str, count: str = "") -> str:

@@ -16,7 +16,6 @@ from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.options import PATH, bus_options
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
-from axisbus.eds.builtin import resolve
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
@@ -53,7 +52,7 @@ def verify_command(
     from axisbus.bus.node.node import CanopenNode
     from axisbus.bus.node.verify import verify
 
-    dictionary = eds.load(resolve(file, Path()))
+    dictionary = eds.load(file)
     with ExitStack() as stack:
         bus = open_bus(stack, cell, interface, channel, bitrate, option)
         device = stack.enter_context(CanopenNode(bus, node, dictionary))

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import click
 
 from axisbus.cli.shared.common import echo, say_next
-from axisbus.eds import Eds, builtin, load
+from axisbus.eds import Eds, load
 from axisbus.errors import EdsError
 from axisbus.wording import counted, printable
 
@@ -51,7 +51,7 @@ def open_eds(file: str) -> Eds:
     Raises:
         EdsError: the file cannot be read, is not an EDS, or has more entries than a report can list.
     """
-    eds = load(builtin.resolve(file, Path()))
+    eds = load(file)
     there = sum(len(entry.subs) for entry in eds)
     if there > MAX_ENTRIES:
         raise EdsError(

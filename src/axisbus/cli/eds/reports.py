@@ -56,7 +56,7 @@ def list_command(as_json: bool) -> int:
 
 def _row(name: str) -> dict[str, str]:
     spec = f"{builtin.PREFIX}{name}"
-    info = eds_files.load(builtin.resolve(spec, Path())).info.get("deviceinfo", {})
+    info = eds_files.load(spec).info.get("deviceinfo", {})
     return {"name": spec, "device": info.get("productname", ""), "vendor": info.get("vendorname", "")}
 
 

@@ -14,7 +14,7 @@ import click
 from axisbus.cell.model import SIMULATED
 from axisbus.cli.shared.buses import require_rate, simulated, with_options
 from axisbus.cli.shared.options import PATH, Decorated, parse_options
-from axisbus.eds import Eds, builtin, load
+from axisbus.eds import Eds, load
 from axisbus.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -193,4 +193,4 @@ def eds_of(text: str) -> tuple[int, Eds]:
             f"--eds {text} does not name a node and a file",
             remedy="write --eds 5=drive.eds, with the node ID before the =",
         )
-    return int(number), load(builtin.resolve(file, Path()))
+    return int(number), load(file)

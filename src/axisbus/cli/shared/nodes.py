@@ -50,7 +50,7 @@ class NodeFiles:
         """
         numbered = dict(eds_of(text) for text in eds if "=" in text)
         plain = [text for text in eds if "=" not in text]
-        every = load(builtin.resolve(plain[-1], Path())) if plain else None
+        every = load(plain[-1]) if plain else None
         return cls(reader.load(cell) if cell is not None else None, numbered, every)
 
     def address(self, text: str) -> Address:
