@@ -100,4 +100,4 @@ $(READY): pyproject.toml
 	touch $(READY)
 
 clean:                    ## delete the virtual environment and all that was built
-	rm -rf $(VENV) build dist demo-output .mutants-map .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build dist demo-output .mutants-map .nox .grimp_cache .pytest_cache .mypy_cache .ruff_cache .hypothesis
