@@ -1,4 +1,4 @@
-"""``axisbus report``: what is in the archive, what is replaced in it, and what is refused."""
+"""``axisbus report``: the contents of the archive, the replaced names and numbers, and refused files."""
 
 from __future__ import annotations
 

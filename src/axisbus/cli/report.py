@@ -109,7 +109,7 @@ def _versions() -> ReportItem:
 
 
 def _of_cell(path: Path, without_eds: bool) -> Iterable[ReportItem]:
-    """Yield the cell file, its findings, the files that it names, and what was stored; of a faulty cell file what is known."""
+    """Yield the cell file, its findings, its EDS and DCF files, the journal and the faults; less if the cell file is faulty."""
     yield _read(path, "cell.toml")
     yield ReportItem("check.txt", "\n".join(map(str, check(path))).encode())
     cell, _ = reader.read(path)
