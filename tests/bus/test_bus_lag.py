@@ -346,6 +346,27 @@ def test_a_node_without_a_count_is_polled_and_its_values_are_as_old_as_its_answe
     assert seen[1] == pytest.approx(10.0 - LONGEST - 0.096)
 
 
+def test_the_second_request_follows_a_slow_answer_without_a_pause() -> None:
+    """A delay that grows passes for fresh until the second slow answer, so this must not wait for half a second."""
+    trips, slot, worker, asked = RoundTrips(), SimpleNamespace(frames=1, latest=(b"", 10.0)), Worker(), []
+    lags = Lags([(slot, 0, 0.35)], 0.01, SyncTimes(), trips)
+    for number in range(100):
+        now = 10.0 + 0.01 * number
+        lags.look(now, True)
+        if lags.look_by <= now:
+            lags.ask(now, True, worker)
+        if worker.jobs and now >= 10.0 + 0.1 * (
+            len(asked) + 1
+        ):  # each answer takes longer than the one before
+            asked.append(now)
+            trips.note(asked[-1] - 0.1, now)
+            worker.jobs.pop().done(0, None)
+        if lags.late:
+            break
+    assert len(asked) == 2
+    assert now < 10.0 + ASK_PERIOD
+
+
 def test_round_trips_exclude_the_allowed_processing_time_of_the_node() -> None:
     trips = RoundTrips()
     assert (trips.delay(), trips.shortest_delay, trips.own_time) == (0.0, 0.0, ALLOWED)

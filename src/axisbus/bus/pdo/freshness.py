@@ -110,14 +110,14 @@ def pdo_age(pdo: PlannedPdo, scan_period: float) -> float:
 # between frames count as lost frames for as long as the SDO client tries.
 #
 # If TPDOs are not counted (event-driven, or with the SYNC of another device), the master sends a request twice a second, and two
-# slow answers in succession count as the delay (``LinkLag``).
+# slow answers in succession count as the delay (``LinkLag``). After the first slow answer the next request follows at once.
 
 
 GRACE = 0.25  # seconds
 LONGEST_ANSWER = 1.6  # seconds that the SDO client may take, with all its attempts
 _KNOWN = 0.9  # of the maximum age: within the grace, values are at most this old
 ASK_PERIOD = 0.5  # seconds between two requests if TPDOs are not counted
-ASK_PAUSE = 0.1  # seconds between two requests if the count is in doubt
+ASK_PAUSE = 0.1  # seconds between two requests if the count, or the delay of the link, is in doubt
 JITTER = 0.01  # seconds by which a busy computer may receive a frame late in every cycle
 LEAST = 0.03  # seconds; shorter delays of a link whose TPDOs are not counted are ignored
 LONGEST = 0.25  # seconds of delay on such a link after which values without a maximum age are unknown
@@ -251,6 +251,12 @@ class LinkLag:
         self._delays = (0.0, 0.0)
         self._used = -math.inf
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether the newest answer was slow, and the one before was not."""
+        before, newest = self._delays
+        return newest > LEAST >= before
+
     def step(self, trips: RoundTrips) -> float:
         """Return the delay in seconds that two answers in succession show, 0 if it is below ``LEAST``."""
         if trips.newest[1] > self._used:
@@ -277,6 +283,7 @@ class Lags:
         )
         self._link = LinkLag() if None in self.counts else None
         self._asking = False
+        self._asked = -math.inf
         self._due = -math.inf
 
     @property
@@ -305,10 +312,13 @@ class Lags:
         """Send a request to the node if one is due; does not block. The round trips get its answer."""
         if not operational or self._asking or now < self._due:
             return
-        if self._link is not None or any(one is not None and one.doubtful for one in self.counts):
-            self._asking = True
-            self._due = now + (ASK_PAUSE if self._link is None else ASK_PERIOD)
+        doubtful = any(one is not None and one.doubtful for one in (*self.counts, self._link))
+        if doubtful or (self._link is not None and now - self._asked >= ASK_PERIOD):
+            self._asking, self._asked = True, now
+            self._due = now + ASK_PAUSE
             worker.submit(SdoJob((self, "lag"), ERROR_REGISTER, 0, None, self._ended))
+        elif self._link is not None:
+            self._due = self._asked + ASK_PERIOD
 
     def _ended(self, _value: int | None, _abort: int | None) -> None:
         self._asking = False
