@@ -16,7 +16,8 @@ from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import motor_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.fault_injection import NEVER
-from kit.cell import MODULE
+from axisbus.testing import simulate
+from kit.cell import MODULE, cell_text
 from kit.probe import ENABLED, OFF, QUICK_STOP, SWITCH_ON_DISABLED
 
 FILE = Path(__file__).parents[2] / "eds" / "generic-cia402.eds"
@@ -539,3 +540,21 @@ def test_a_halted_drive_on_a_bus_that_continues_is_stopped(scenario):
     cell.must_be_still(within=4.0, stages=OFF)
     assert cell.farthest(since=moment)[1] < place + 40.0
     assert isinstance(cell.x.error, UncommandedMotion), cell.x.error
+
+
+@pytest.mark.parametrize("cycles", range(-2, 8))
+def test_a_halt_at_the_turning_point_of_a_move_ends_well(tmp_path, cycles):
+    """The axis stands for a moment in the middle of a motion, as if something held it, and no demand value shows the opposite."""
+    text = cell_text("x", axis='demand = "ignore"').replace("acceleration = 500.0", "acceleration = 15.0")
+    (tmp_path / "cell.toml").write_text(text, encoding="utf-8")
+    with simulate(tmp_path / "cell.toml") as simulation:
+        x, drive = simulation.machine["x"], simulation.drive("x")
+        x.enable().wait(5)
+        x.move_absolute(300.0, velocity=10.0)
+        simulation.machine.sleep(2.0)
+        x.move_absolute(-300.0, velocity=10.0)
+        simulation.machine.sleep(0.3)
+        while drive.axis.motor.velocity > -15.0 * 0.01 * cycles * 100:
+            simulation.machine.sleep(0.01)
+        assert x.halt().wait(10).error is None
+        assert x.state is AxisState.STANDSTILL

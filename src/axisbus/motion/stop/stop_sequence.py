@@ -188,7 +188,10 @@ class StopSequence:
             return True
         led = image.led
         began = led.searching_since if image.mode == ModeOfOperation.HOMING else led.set_point_at
-        return image.standstill and image.now > began + _STARTS and is_blind(image, self._parameters)
+        since = max(
+            began, image.still.rested_since
+        )  # a motion that reverses stands for a moment at its turning point
+        return image.standstill and image.now > since + _STARTS and is_blind(image, self._parameters)
 
     def _begin_rung(self, image: AxisImage) -> None:
         self._deadline = image.now + self._time(self.rung)
