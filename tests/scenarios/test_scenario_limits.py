@@ -17,6 +17,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.device import Device
+from axisbus.testing import simulate
 from kit.cell import Cell, cell_text
 from kit.probe import ENABLED, OFF
 
@@ -496,3 +497,23 @@ def test_an_axis_that_the_master_turns_has_its_limits_turned_in_the_drive(scenar
     cell.run(0.3)
     assert cell.where() == pytest.approx(90.0, abs=0.02)
     assert cell.drive().position == -9000
+
+
+@pytest.mark.parametrize("pause", [0.0, 0.025, 0.05])
+def test_an_axis_that_has_just_arrived_at_its_limit_may_move_away_at_once(tmp_path, pause):
+    """Its last increments towards the limit are still among the newest positions, and the new command leads away."""
+    axis = "position_limits = [0.0, 40.0]\nvelocity_scale = 100.0"
+    text = cell_text("x", period="25ms", axis=axis).replace(
+        "acceleration = 500.0", "acceleration = 400.0\njerk = 4000.0"
+    )
+    (tmp_path / "cell.toml").write_text(text, encoding="utf-8")
+    with simulate(tmp_path / "cell.toml") as simulation:
+        x = simulation.machine["x"]
+        x.enable().wait(5)
+        for start in (39.2, 39.1, 39.0, 38.5):
+            x.move_absolute(start, velocity=40.0).wait(10)
+            x.move_absolute(40.0, velocity=40.0).wait(10)
+            simulation.machine.sleep(pause)
+            x.move_velocity(-20.0).wait(5)
+            x.halt().wait(5)
+        assert x.error is None

@@ -348,10 +348,14 @@ class LimitMonitor:
         return None
 
     def _may_be_noise(self, track: VelocityEstimator, direction: int, course: CommandedMotion) -> bool:
-        """Whether no command moves the axis in ``direction``, and it has moved there by no more than the noise of its position."""
-        if course.speed is not None and course.speed * direction > 0:
+        """Whether no command moves the axis in ``direction``, and it has moved there by no more than the noise of its position.
+
+        The same if a command moves it in the other direction, and its newest positions are equal: it has just come to rest.
+        """
+        goal = 0.0 if course.speed is None else course.speed * direction
+        if goal > 0:
             return False
-        return _only_wanders(track, direction)
+        return _only_wanders(track, direction) or (goal < 0 and not track.motion[0])
 
     def _outside(
         self, image: AxisImage, position: float, direction: int, window: float = 0.0
