@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems tell Python not to write bytecode. Then each of the many processes that the tests start would compile all modules.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help dist matrix demo quick test test-real test-web test-socketcan check bench scenarios bench-cycle bench-core bench-guests bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
+.PHONY: help dist matrix demo quick test test-real test-web test-socketcan check bench scenarios bench-cycle bench-core bench-clients bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
 
 help:                     ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1\t/p' Makefile | expand -t 16
@@ -56,8 +56,8 @@ bench-cycle: $(READY)     ## measure the CPU time of a cycle over a socket, agai
 bench-core: $(READY)      ## measure a core process: SYNC beside busy programs, full buses, opening; minutes, needs cc
 	PYTHONPATH=tests $(BIN)/python tests/bench_core.py
 
-bench-guests: $(READY)    ## measure the cost of recordings, monitors and attacks for the cycle of a core; about twenty minutes
-	PYTHONPATH=tests $(BIN)/python tests/bench_guests.py
+bench-clients: $(READY)   ## measure the cost of recordings, monitors and attacks for the cycle of a core; about twenty minutes
+	PYTHONPATH=tests $(BIN)/python tests/bench_clients.py
 
 bench-fleet: $(READY)     ## measure the cost of a fleet: 100 cells played by a test program, and up to 20 simulated cells in processes; minutes
 	PYTHONPATH=tests $(BIN)/python tests/bench_fleet.py

@@ -44,7 +44,7 @@ from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns
-from kit.bus.on_each import on_each
+from kit.bus.node_threads import on_each
 from kit.corpus import CORPUS
 from kit.motion.rig import PERIOD, rig
 

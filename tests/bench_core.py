@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from kit.bench.busy import LOADS
+from kit.bench.busy_program import LOADS
 
 ROOT = Path(__file__).parents[1]
 CELL = ROOT / "examples" / "cell.toml"
@@ -53,8 +53,8 @@ def row(what: str, figure: str, baseline: str, promise: bool | None = None) -> N
 
 
 def busy(side: str, load: str, seconds: float) -> Late:
-    """One run of ``kit.bench.busy``; a program that could not keep its machine counts as lost altogether."""
-    command = [sys.executable, "-m", "kit.bench.busy", side, load, str(seconds), str(CELL)]
+    """One run of ``kit.bench.busy_program``; a program that could not keep its machine counts as lost altogether."""
+    command = [sys.executable, "-m", "kit.bench.busy_program", side, load, str(seconds), str(CELL)]
     done = subprocess.run(command, cwd=ROOT / "tests", capture_output=True, text=True, check=False)
     if done.returncode:
         if side == "own" or side == "control":

@@ -34,11 +34,11 @@ from can.interfaces.socketcan import socketcan
 
 from axisbus.bus.link.raw_sockets import CyclicSocket
 from axisbus.core.realtime_setup import keep_awake, permitted, take_priority
-from kit.again import again
-from kit.bench import echo
+from kit.bench import echo_drives
+from kit.repeating_thread import again
 
 if TYPE_CHECKING:  # not in the process of the other side
-    from kit.bench.ours import Cell
+    from kit.bench.axes_on_echo_drives import Cell
 
 ROOT = Path(__file__).parents[1]
 EDS = str(ROOT / "eds" / "generic-cia402.eds")
@@ -59,7 +59,13 @@ def drives(
     far = [pair[1] for pair in pairs]
     numbers = [str(end.fileno()) for end in (far[0], far[-1])]
     process = subprocess.Popen(
-        [sys.executable, str(Path(echo.__file__)), *numbers, str(count), *(["split"] if split else [])],
+        [
+            sys.executable,
+            str(Path(echo_drives.__file__)),
+            *numbers,
+            str(count),
+            *(["split"] if split else []),
+        ],
         pass_fds=[end.fileno() for end in far],
     )
     for end in far:
@@ -124,7 +130,7 @@ def pace(period: float, cycles: int, work: Callable[[], None]) -> float:
 def asking(ask: Callable[[], Any], period: float) -> Iterator[None]:
     """Have an object read by SDO every 50 cycles, in another thread, while the block runs; raises where none was."""
     asked: list[Any] = []
-    with again(lambda: asked.append(ask()), echo.EVENT * period):
+    with again(lambda: asked.append(ask()), echo_drives.EVENT * period):
         yield
     assert asked
 
@@ -185,10 +191,10 @@ def _network(bus: can.BusABC, count: int, tpdos: list[tuple[int, ...]]) -> tuple
     nodes = []
     for node_id in range(1, count + 1):
         node = network.add_node(canopen.RemoteNode(node_id, EDS))
-        _map(node.rpdo[1], RPDO_NAMES, echo.RPDO + node_id)
+        _map(node.rpdo[1], RPDO_NAMES, echo_drives.RPDO + node_id)
         for number, names in enumerate(tpdos):
             tpdo = node.tpdo[number + 1]
-            _map(tpdo, names, echo.TPDOS[number] + node_id)
+            _map(tpdo, names, echo_drives.TPDOS[number] + node_id)
             network.subscribe(tpdo.cob_id, tpdo.on_message)
         nodes.append(node)
     return network, nodes
@@ -210,15 +216,15 @@ def floor(bus: can.BusABC, _: CyclicSocket | None, count: int, period: float, cy
     read, write = struct.Struct("<Hbi"), struct.Struct("<ibH")
 
     def work() -> None:
-        line.send(echo.FRAME.pack(0x80, 0, b""))
+        line.send(echo_drives.FRAME.pack(0x80, 0, b""))
         with suppress(BlockingIOError):
             while True:
-                can_id, _, data = echo.FRAME.unpack(line.recv(echo.FRAME.size))
-                if can_id & 0x780 == echo.TPDO:
+                can_id, _, data = echo_drives.FRAME.unpack(line.recv(echo_drives.FRAME.size))
+                if can_id & 0x780 == echo_drives.TPDO:
                     seen[can_id & 0x7F] = read.unpack_from(data)
         goal[0] += step
         for node_id in seen:
-            line.send(echo.FRAME.pack(echo.RPDO + node_id, 7, write.pack(int(goal[0]), 8, 0xF)))
+            line.send(echo_drives.FRAME.pack(echo_drives.RPDO + node_id, 7, write.pack(int(goal[0]), 8, 0xF)))
 
     pace(period, 50, work)
     cost = pace(period, cycles, work)
@@ -245,7 +251,7 @@ def core(
 def _cell(bus: can.BusABC, cyclic: CyclicSocket | None, count: int, period: float) -> Cell:
     from axisbus.core.process.publisher import Publisher
     from axisbus.ipc.image import size_of
-    from kit.bench.ours import Cell
+    from kit.bench.axes_on_echo_drives import Cell
 
     cell = Cell(bus, cyclic, count, period)
     stream = SimpleNamespace(send=lambda _: None, waiting=0)

@@ -18,8 +18,8 @@ from pathlib import Path
 
 from axisbus import Fleet
 from kit.cell import cell_text
-from kit.fleet.plant import free_endpoint
 from kit.fleet.processes import ProcessCell, tree
+from kit.fleet.zenoh_network import free_endpoint
 
 CELLS, AXES = 100, ("x", "y", "z")
 RATES = (10.0, 25.0, 50.0, 100.0)
@@ -30,7 +30,7 @@ ROOT = Path(__file__).parents[1]
 STAND_INS = """
 import sys, threading
 from axisbus.fleet.network import ZenohNetwork, opened
-from kit.fleet.stand_in import FakeCell
+from kit.fleet.fake_cell import FakeCell
 endpoint, first, count, rate = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4])
 session = opened(ZenohNetwork(listen=(endpoint,)))
 cells = [FakeCell(session, "bench", f"cell{n}", ("x", "y", "z"), rate=rate) for n in range(first, first + count)]

@@ -18,9 +18,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from kit.bounds.ledger import MOST
-from kit.bounds.play import ORDER, Play, played
-from kit.bounds.starts import Starts, starts
+from kit.bounds.group_starts import Starts, starts
+from kit.bounds.highest_shares import MOST
+from kit.bounds.random_motion import ORDER, Play, played
 
 STEPS = 25  # commands of a play
 

@@ -31,8 +31,8 @@ from kit.campaign.cells.recipe import CellRecipe
 from kit.campaign.cells.rules import RULES
 from kit.campaign.events import Script
 from kit.campaign.mutants import MUTANTS, mutated
-from kit.campaign.play import Played, run, shrink, told
 from kit.campaign.scenes import NotHere
+from kit.campaign.script_replay import Played, run, shrink, told
 from kit.campaign.scripts import script
 
 MOST_SHRUNK = 20  # failures that are shrunk; of the rest the seed is printed

@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
-from kit import undisturbed
+from kit import scan_file_access
 from kit.scenarios import golden as scenario_golden
 from kit.slow import is_real_time, is_slow, is_virtual_time, shares_virtual_time
 
@@ -61,7 +61,7 @@ for _number in ("SIGHUP", "SIGQUIT"):
         signal.signal(getattr(signal, _number), signal.SIG_DFL)
 
 QUICK = "not slow"  # the choice of ``make quick``
-undisturbed.begin()
+scan_file_access.begin()
 _shared: dict[Path, ExitStack] = {}  # of the file whose tests run now, if they share their virtual time
 _failed: set[str] = set()
 _used: set[str] = set()
@@ -151,7 +151,7 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, Any, Any]:
     """Fail a test in which a scan waited for a disk, and the last one of a file that leaves a machine open for the next."""
-    found = undisturbed.taken()
+    found = scan_file_access.taken()
     result = yield
     assert not found, f"a running scan opens nothing: {found}"
     way_out = sys.modules.get("axisbus.machine.signal_shutdown")

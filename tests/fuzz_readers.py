@@ -2,9 +2,9 @@
 
 ``python tests/fuzz_readers.py [--inputs 100000] [--reader NAME] [--seed N] [--seconds S]``: a reader gets so many mutations of
 valid inputs, or as many as fit into the seconds. A reader raises only the errors in ``kit.readers``. Their messages must name the
-file, line, object or frame. Its time and memory are limited by ``kit.fuzzing.Limits``. The valid inputs must be accepted before,
-during and after the run. A finding is printed with the number of its input; ``-o`` keeps the input. The exit code is 1 if there are
-findings.
+file, line, object or frame. Its time and memory are limited by ``kit.reader_limits.Limits``. The valid inputs must be accepted
+before, during and after the run. A finding is printed with the number of its input; ``-o`` keeps the input. The exit code is 1 if
+there are findings.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import warnings
 from collections import Counter
 from pathlib import Path
 
-from kit.fuzzing import FEW, Reader, fuzzed, inputs
+from kit.reader_limits import FEW, Reader, fuzzed, inputs
 from kit.readers import READERS
 
 MOST_SHOWN = 10  # findings of a reader, each of another kind

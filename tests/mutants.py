@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from mutation import choosing, equivalent, linemap
-from mutation.cold import OPTIONS
+from mutation import equivalent, linemap, selection
+from mutation.fresh_imports import OPTIONS
 from mutation.mutant import Mutant
 from mutation.report import Report
 from mutation.trial import Trial
@@ -41,7 +41,7 @@ MAP = ROOT / ".mutants-map" / "map.json"
 EQUIVALENT = ROOT / "tests" / "mutation" / "equivalent.toml"
 NOT_FOR_THESE = {"eds", "sim", "socketcan", "mutation"}  # folders whose tests do not concern the tried code
 # Minutes of matrices and of processes that are killed: they come last for every line, and never within the time of a mutant.
-TOO_LONG = {"test_scenario_plants.py", "test_scenario_killed.py", "test_scenario_zz_golden.py"}
+TOO_LONG = {"test_scenario_plants.py", "test_scenario_killed_config.py", "test_scenario_zz_golden.py"}
 ENOUGH_KILLED = 0.9
 
 
@@ -53,7 +53,11 @@ def main() -> int:
     print(f"{len(chosen)} mutants, seed {asked.seed}, {asked.jobs} at a time", flush=True)
     report = Report(ROOT, len(chosen), os.fdopen(os.dup(1), "w"))
     files = sorted(
-        {test.split("::")[0] for mutant in chosen for test in choosing.tests_for(mutant, known, asked.enough)}
+        {
+            test.split("::")[0]
+            for mutant in chosen
+            for test in selection.tests_for(mutant, known, asked.enough)
+        }
     )
     trial = Trial(ROOT, chosen, known, report.tell, jobs=asked.jobs, enough=asked.enough)
     os.chdir(ROOT)
@@ -76,26 +80,29 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--kind", help="only those of one kind")
     parser.add_argument("--jobs", type=int, default=2, help="how many at a time (%(default)s)")
     parser.add_argument(
-        "--enough", type=float, default=choosing.ENOUGH, help="seconds of tests for each mutant (%(default)s)"
+        "--enough",
+        type=float,
+        default=selection.ENOUGH,
+        help="seconds of tests for each mutant (%(default)s)",
     )
     parser.add_argument("--fresh", action="store_true", help="measure anew which tests execute which lines")
     return parser.parse_args()
 
 
 def _chosen(asked: argparse.Namespace) -> list[Mutant]:
-    found = list(choosing.every(ROOT, TRIED))
+    found = list(selection.every(ROOT, TRIED))
     texts = {mutant.file: (ROOT / mutant.file).read_text() for mutant in found}
     entries = equivalent.load(EQUIVALENT)
     for entry in equivalent.stale(entries, found, texts):
         raise SystemExit(
             f"{EQUIVALENT}: no mutant of {entry.file} changes {entry.line!r} by {entry.change!r}: take the entry out"
         )
-    found = choosing.without(found, entries, texts)
+    found = selection.without(found, entries, texts)
     if asked.only:
-        found = choosing.select(found, asked.only)
+        found = selection.select(found, asked.only)
     if asked.kind:
         found = [mutant for mutant in found if mutant.kind == asked.kind]
-    return choosing.draw(found, asked.count or len(found), asked.seed)
+    return selection.draw(found, asked.count or len(found), asked.seed)
 
 
 def _test_files() -> list[Path]:

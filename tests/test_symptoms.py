@@ -26,7 +26,7 @@ from axisbus.ipc.errors import from_fields, to_fields
 from axisbus.motion.stop.diagnosis import remedy
 from axisbus.symptoms import lookup
 from axisbus.symptoms.lookup import FAMILIES, SYMPTOMS, page_of
-from kit import commands
+from kit import command_line
 from kit.pages import ROOT
 
 CLASSES = {name: each for name, each in vars(errors).items() if inspect.isclass(each)}
@@ -55,7 +55,7 @@ def abort_of(code):
 
 @pytest.fixture
 def axisbus(monkeypatch, capsys):
-    return commands.runner(monkeypatch, capsys)
+    return command_line.runner(monkeypatch, capsys)
 
 
 # -- the tables ----------------------------------------------------------------------------------------------------------------
@@ -285,7 +285,7 @@ def test_on_a_terminal_the_page_is_laid_out(monkeypatch, capsys):
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.delenv("NO_COLOR", raising=False)
-    out = commands.runner(monkeypatch, capsys)("explain", "node-lost").out
+    out = command_line.runner(monkeypatch, capsys)("explain", "node-lost").out
     assert "# A node is lost" not in out
     assert "A node is lost" in out
     assert "axisbus scan CELL" in out

@@ -13,7 +13,7 @@ from pathlib import Path
 import can
 import pytest
 
-from kit.scenarios.bus import Line, turning
+from kit.scenarios.simulated_bus import Line, turning
 from kit.virtual_time import Deadlock, virtual_time
 
 HOUR = 3600.0

@@ -9,7 +9,7 @@ import pytest
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.node import CanopenNode
-from kit.bus.peer import FakeBus, Slave, eventually
+from kit.bus.fake_bus import FakeBus, Slave, eventually
 
 
 @pytest.fixture

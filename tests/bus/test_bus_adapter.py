@@ -16,7 +16,7 @@ import pytest
 from axisbus.bus.link import adapter, failures, listen, socketcan
 from axisbus.bus.link.socketcan import CanInterface
 from axisbus.errors import AdapterError, ArgumentError
-from kit.bus.peer import FakeBus
+from kit.bus.fake_bus import FakeBus
 
 
 def test_an_unknown_interface_gets_its_nearest_names() -> None:

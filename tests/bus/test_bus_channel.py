@@ -13,7 +13,7 @@ import pytest
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301.frame import CanFrame
 from axisbus.errors import AdapterError, BusError
-from kit.bus.peer import FakeBus, eventually
+from kit.bus.fake_bus import FakeBus, eventually
 
 
 def test_a_frame_has_its_monotonic_reception_time(channel: Channel, fake: FakeBus) -> None:

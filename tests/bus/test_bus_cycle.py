@@ -17,9 +17,9 @@ from axisbus.cia402.port import Outputs
 from axisbus.clock import SystemClock, VirtualClock
 from axisbus.errors import AdapterError, TransmitQueueFull
 from axisbus.sim.virtual_can import VirtualWire
-from kit.bus.peer import FakeBus, eventually
+from kit.bus.fake_bus import FakeBus, eventually
 from kit.bus.ports import port_of, slave_of
-from kit.clock import HandClock
+from kit.manual_clock import HandClock
 
 
 class Imprecise(HandClock):

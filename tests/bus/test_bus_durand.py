@@ -24,7 +24,7 @@ from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.pdo import MappedObject
 from axisbus.cia301.sdo import SdoTransferType
 from axisbus.errors import SdoAbort
-from kit.bus.peer import eventually
+from kit.bus.fake_bus import eventually
 
 NODE = 5
 BIG = random.Random(402).randbytes(65536)

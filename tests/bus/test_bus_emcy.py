@@ -8,7 +8,7 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.node import EmcyMonitor
 from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.incident import IncidentState
-from kit.bus.peer import FakeBus, eventually
+from kit.bus.fake_bus import FakeBus, eventually
 
 
 def test_a_message_of_three_bytes_is_read(channel: Channel, fake: FakeBus) -> None:

@@ -13,7 +13,7 @@ from axisbus.bus.pdo.rpdo import RpdoImage, arrange
 from axisbus.cia402.port import Outputs, ValueTransport
 from axisbus.ipc import rescue_memory
 from axisbus.ipc.rescue_memory import NO_WORD, LifelineWriter, RescueRpdo
-from kit.bus.plan import EMPTY, NODE, mapped, objects, rpdo
+from kit.bus.pdo_configurations import EMPTY, NODE, mapped, objects, rpdo
 
 USUAL = ("controlword", "mode", "target_position", "target_velocity", "target_torque")
 

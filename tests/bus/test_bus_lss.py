@@ -19,9 +19,9 @@ from axisbus.errors import (
     LssTimeout,
     StateError,
 )
-from kit.again import again
-from kit.bus.peer import FakeBus, Frame, Slave
+from kit.bus.fake_bus import FakeBus, Frame, Slave
 from kit.lss_line import AnswersOnSelected, HandSlave
+from kit.repeating_thread import again
 
 ADDRESS = LssAddress(0xC0B00, 8, 1, 4711)
 PATIENT = LssTiming(floor=0.05, first=0.5)  # the machine may be busy

@@ -11,7 +11,7 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.events import NodeEventKind
 from axisbus.bus.node.master_watch import AGAIN, Echoes, MasterWatch
 from axisbus.cia301.master_detection import ExpectedMasters
-from kit.bus.peer import FakeBus, eventually
+from kit.bus.fake_bus import FakeBus, eventually
 
 CAST = ExpectedMasters(frozenset({1, 5}), frozenset({127}), rpdos={0x1A5: 5}, produced=0x80)
 

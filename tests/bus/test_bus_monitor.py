@@ -12,7 +12,7 @@ from axisbus.bus.node.nmt import Confirmation, NodeMonitor
 from axisbus.cia301.dropped_frames import Drops
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import AdapterError, BusOff, NodeRefused, NodeTimeout, StateError
-from kit.clock import HandClock
+from kit.manual_clock import HandClock
 
 HEARTBEAT, NMT = 0x705, 0x000
 

@@ -15,7 +15,7 @@ from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.sdo import worker
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import AdapterError, ArgumentError, Interrupted, NodeRefused, NodeTimeout, StateError
-from kit.bus.peer import FakeBus, Frame, Slave, eventually
+from kit.bus.fake_bus import FakeBus, Frame, Slave, eventually
 
 
 def beat(fake: FakeBus, slave: Slave, node: CanopenNode) -> None:

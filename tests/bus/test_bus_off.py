@@ -21,7 +21,7 @@ from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.sync_and_time import SyncConsumer
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, BusOff
-from kit.bus.peer import FakeBus, Slave, eventually
+from kit.bus.fake_bus import FakeBus, Slave, eventually
 
 CRTL, BUSOFF, RESTARTED, CNT = 0x04, 0x40, 0x100, 0x200
 ZEROS = "00 00 00 00 00 00 00 00"

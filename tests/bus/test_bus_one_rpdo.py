@@ -14,8 +14,8 @@ from axisbus.bus.pdo.plan import PdoRequirements, Policy, make_plan
 from axisbus.bus.port import CanPort
 from axisbus.cia402.port import Outputs
 from axisbus.errors import StateError
-from kit.bus.peer import FakeBus, Slave
-from kit.bus.plan import objects, rpdo, tpdo
+from kit.bus.fake_bus import FakeBus, Slave
+from kit.bus.pdo_configurations import objects, rpdo, tpdo
 
 NODE, PERIOD, CYCLES = 5, 0.004, 400
 MAPPINGS = (

@@ -17,7 +17,7 @@ from axisbus.bus.link import claims, ownership
 from axisbus.bus.link.claims import CellFileId, ChannelClaim
 from axisbus.bus.link.ownership import Adapter
 from axisbus.errors import SecondMasterError
-from kit.foreign import STRANGER, as_user, needs_root
+from kit.other_user import STRANGER, as_user, needs_root
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the lock is one of Linux")
 NAME = f"test{os.getpid()}"

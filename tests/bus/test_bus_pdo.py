@@ -12,7 +12,7 @@ from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.pdo import MappedObject, PdoConfiguration
 from axisbus.cia402.port import ValueTransport
 from axisbus.errors import BootError
-from kit.bus.peer import FakeBus, Slave, pdo_objects
+from kit.bus.fake_bus import FakeBus, Slave, pdo_objects
 
 NODE = 5
 OFF = 1 << 31

@@ -22,9 +22,9 @@ from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.pdo import MappedObject, PdoCodec
 from axisbus.cia402.port import Outputs, ValueTransport
 from axisbus.errors import BootError
-from kit.bus.peer import FakeBus, Slave, eventually, pdo_objects
-from kit.bus.plan import objects, rpdo, tpdo
-from kit.clock import HandClock
+from kit.bus.fake_bus import FakeBus, Slave, eventually, pdo_objects
+from kit.bus.pdo_configurations import objects, rpdo, tpdo
+from kit.manual_clock import HandClock
 
 NODE = 5
 NO_RTR = 1 << 30

@@ -20,8 +20,8 @@ from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.port import Outputs, Sample, SdoReply, SdoRequest, ValueTransport
 from axisbus.errors import BootError
-from kit.bus.peer import FakeBus, Slave, eventually
-from kit.bus.plan import EMPTY, GENERIC, NO_TORQUE, objects, rpdo, tpdo
+from kit.bus.fake_bus import FakeBus, Slave, eventually
+from kit.bus.pdo_configurations import EMPTY, GENERIC, NO_TORQUE, objects, rpdo, tpdo
 
 NODE = 5
 PERIOD = 0.004

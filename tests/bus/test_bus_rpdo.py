@@ -10,7 +10,7 @@ from axisbus.bus.pdo.mapping import DevicePdos, MapEntry
 from axisbus.bus.pdo.plan import PdoRequirements, Policy, make_plan
 from axisbus.bus.pdo.rpdo import RpdoImage, arrange
 from axisbus.errors import StateError
-from kit.bus.plan import GENERIC, NO_TORQUE, mapped, objects, rpdo
+from kit.bus.pdo_configurations import GENERIC, NO_TORQUE, mapped, objects, rpdo
 
 
 def images(

@@ -13,7 +13,7 @@ import pytest
 from axisbus.bus.pdo.mapping import DevicePdos
 from axisbus.bus.pdo.plan import PdoPlan, Policy, make_plan
 from axisbus.bus.pdo.rpdo import REPEAT, Frame, RpdoImage, RpdoPace, arrange
-from kit.bus.plan import NO_TORQUE, objects, rpdo
+from kit.bus.pdo_configurations import NO_TORQUE, objects, rpdo
 
 PERIOD = 0.004
 ONE = ("6060/8 607A/32 6040/16", "60FF/32")

@@ -15,7 +15,7 @@ from axisbus.bus.sdo import client
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.bus.sdo.transfer import SdoConnection
 from axisbus.errors import AdapterError, AxisbusError, Interrupted, SdoAbort, SdoError, SdoTimeout, StateError
-from kit.bus.peer import FakeBus, Frame, Slave, eventually
+from kit.bus.fake_bus import FakeBus, Frame, Slave, eventually
 
 NODE = 5
 SHORT = 0.05  # an answer time that tests of silence can afford

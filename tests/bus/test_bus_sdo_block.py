@@ -17,7 +17,7 @@ from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
 from axisbus.errors import Interrupted, SdoError, SdoTimeout
 from axisbus.sim.device import Device
 from axisbus.sim.node.slave import Slave
-from kit.bus.peer import FakeBus, Frame
+from kit.bus.fake_bus import FakeBus, Frame
 
 NODE = 5
 FILE = 0x2100

@@ -10,7 +10,7 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.errors import AdapterError, Interrupted, SdoAbort, SdoError, SdoTimeout
-from kit.bus.peer import FakeBus, Slave, eventually
+from kit.bus.fake_bus import FakeBus, Slave, eventually
 
 SHORT = 0.05  # an answer time that tests of silence can afford
 

@@ -12,7 +12,7 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.eds.dictionary import Dictionary, merged_type
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
 from axisbus.errors import ArgumentError, LimitError
-from kit.bus.peer import FakeBus, Slave
+from kit.bus.fake_bus import FakeBus, Slave
 
 T = DataType
 

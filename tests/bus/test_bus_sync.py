@@ -16,9 +16,9 @@ from axisbus.cia301.sync import SyncWatch, fits, measured_period
 from axisbus.cia402.port import Outputs
 from axisbus.core.scan import Scan
 from axisbus.errors import SyncError
-from kit.bus.peer import FakeBus, Slave, eventually
+from kit.bus.fake_bus import FakeBus, Slave, eventually
 from kit.bus.ports import port_of, slave_of
-from kit.clock import HandClock
+from kit.manual_clock import HandClock
 
 PERIOD = 0.004
 

@@ -29,8 +29,8 @@ from axisbus.errors import SdoAbort
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns
+from kit.bus.fake_bus import eventually
 from kit.bus.master import EDS, Master
-from kit.bus.peer import eventually
 
 TSHARK = shutil.which("tshark")
 pytestmark = pytest.mark.skipif(TSHARK is None, reason="tshark is not installed (package tshark)")

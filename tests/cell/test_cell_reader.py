@@ -12,7 +12,7 @@ from axisbus.cell import reader
 from axisbus.cell.problem import CellProblem
 from axisbus.errors import ConfigError
 from kit import cells
-from kit.cells.slips import MINIMAL, SLIPS
+from kit.cells.mistakes import MINIMAL, SLIPS
 
 
 def read(text: str) -> tuple[reader.CellConfig, list[CellProblem]]:

@@ -20,7 +20,7 @@ from axisbus.cell import key_descriptions, reader, schema, value_readers
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.eds.model import Severity
 from kit import cells, pages
-from kit.cells.slips import MINIMAL, SLIPS
+from kit.cells.mistakes import MINIMAL, SLIPS
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = schema_of_cells()

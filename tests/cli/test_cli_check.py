@@ -13,17 +13,17 @@ import pytest
 
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.units import AXIS_UNITS
-from kit import commands
+from kit import command_line
 
 if sys.platform != "win32":
     import pty
 
-CLEAN = Path(commands.CELL).read_text(encoding="utf-8")
+CLEAN = Path(command_line.CELL).read_text(encoding="utf-8")
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys) -> commands.Run:
-    return commands.runner(monkeypatch, capsys)
+def axisbus(monkeypatch, capsys) -> command_line.Run:
+    return command_line.runner(monkeypatch, capsys)
 
 
 def cell(folder: Path, *changes: tuple[str, str]) -> Path:
@@ -81,13 +81,13 @@ def test_the_pages_of_errors_are_named_once_each(axisbus, tmp_path):
     )
     found = json.loads(axisbus("check", path, "--json").out)["findings"]
     assert {each["page"] for each in found if each["severity"] == "error"} == {"cell-file", "eds"}
-    assert "more:" not in axisbus("check", commands.CELL).out
+    assert "more:" not in axisbus("check", command_line.CELL).out
 
 
 def test_errors_only_of_a_sound_cell_is_quiet(axisbus):
-    code, out, _ = axisbus("check", commands.CELL, "--errors-only")
+    code, out, _ = axisbus("check", command_line.CELL, "--errors-only")
     assert code == 0
-    assert out.splitlines()[0].startswith(f"{commands.CELL}: 0 errors")
+    assert out.splitlines()[0].startswith(f"{command_line.CELL}: 0 errors")
 
 
 def test_an_unknown_unit_is_refused_with_the_list(axisbus, tmp_path):
@@ -202,22 +202,25 @@ def test_no_color_holds_for_trace_too(tmp_path):
 
 @terminal
 def test_scan_draws_a_table_on_a_terminal(axisbus):
-    drawn, plain = on_terminal("scan", commands.CELL, COLUMNS="140"), axisbus("scan", commands.CELL).out
+    drawn, plain = (
+        on_terminal("scan", command_line.CELL, COLUMNS="140"),
+        axisbus("scan", command_line.CELL).out,
+    )
     assert "vendor" in drawn.splitlines()[0]
     assert drawn.count("servo drive (CiA 402)") == plain.count("servo drive (CiA 402)") == 3
     assert "\x1b" not in plain
-    assert on_terminal("scan", commands.CELL, NO_COLOR="1") == plain
+    assert on_terminal("scan", command_line.CELL, NO_COLOR="1") == plain
 
 
 @terminal
 def test_monitor_keeps_one_table_on_a_terminal():
-    out = on_terminal("monitor", commands.CELL, "--every", "0.05", "--count", "3", COLUMNS="140")
+    out = on_terminal("monitor", command_line.CELL, "--every", "0.05", "--count", "3", COLUMNS="140")
     assert "\x1b[1A" in out  # the table is drawn over the one before
     last = out[out.rindex("position") :]
     assert last.count("switch on disabled") == 3
     assert last.index("switch on disabled") < last.index("cycle of 4 ms: ") < last.index("next: axisbus home")
     assert "next: axisbus home" in last
-    plain = on_terminal("monitor", commands.CELL, "--every", "0.05", "--count", "2", NO_COLOR="1")
+    plain = on_terminal("monitor", command_line.CELL, "--every", "0.05", "--count", "2", NO_COLOR="1")
     assert "\x1b" not in plain
     assert plain.count("switch on disabled") == 6
 
@@ -227,15 +230,17 @@ def test_monitor_keeps_one_table_on_a_terminal():
 
 def test_each_finding_of_a_clean_cell_is_printed_once(axisbus):
     """A finding of all three axes is one finding that names them."""
-    code, out, _ = axisbus("check", commands.CELL)
+    code, out, _ = axisbus("check", command_line.CELL)
     assert code == 0
-    said = [re.sub(r"^\S+: ", "", line) for line in out.splitlines() if line.startswith(f"{commands.CELL}:")]
+    said = [
+        re.sub(r"^\S+: ", "", line) for line in out.splitlines() if line.startswith(f"{command_line.CELL}:")
+    ]
     without = [
         re.sub(r"\b(axis|axes) [xyz](, [xyz])*( and [xyz])?\b( \(lines [^)]*\))?", "", each) for each in said
     ]
     assert len(set(without)) == len(without)
     assert "axes x, y and z (lines 19, 40 and 61): each can run " in out
-    found = json.loads(axisbus("check", commands.CELL, "--json").out)["findings"]
+    found = json.loads(axisbus("check", command_line.CELL, "--json").out)["findings"]
     (modes,) = (each for each in found if " can run " in each["message"])
     assert (modes["subjects"], modes["lines"]) == (["x", "y", "z"], [19, 40, 61])
 
@@ -272,7 +277,7 @@ def test_warnings_and_notes_can_be_ignored_and_errors_not(axisbus, tmp_path):
 
 
 def test_sarif_has_each_finding_at_its_own_line(axisbus):
-    log = json.loads(axisbus("check", commands.CELL, "--sarif").out)
+    log = json.loads(axisbus("check", command_line.CELL, "--sarif").out)
     (run,) = log["runs"]
     assert run["tool"]["driver"]["name"] == "axisbus check"
     rules = [each["id"] for each in run["tool"]["driver"]["rules"]]

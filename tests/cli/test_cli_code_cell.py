@@ -12,17 +12,17 @@ import pytest
 
 from axisbus.cia301.pdo import PdoCodec
 from axisbus.machine.machine import Machine
-from kit import commands
+from kit import command_line
 from kit.cell import GENERIC, MODULE, SCALE, cell_text
 from kit.pages import blocks
-from kit.twoaxes import two_axis_cell
-from kit.virtual import virtual
+from kit.two_axis_drive import two_axis_cell
+from kit.virtual_axis import virtual
 
 CC = shutil.which("cc")
 needs_compiler = pytest.mark.skipif(CC is None, reason="there is no C compiler (cc)")
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror")
 C, CPP = ("-std=c99",), ("-x", "c++")
-EXAMPLES = commands.ROOT / "examples"
+EXAMPLES = command_line.ROOT / "examples"
 CELLS = ("cell", "io", "probe", "gantry", "encoder")
 WITH_POINTS = """
 [nodes.9]
@@ -78,7 +78,7 @@ CASE = """
 
 @pytest.fixture
 def run(monkeypatch, capsys):
-    return commands.runner(monkeypatch, capsys)
+    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture
@@ -189,7 +189,7 @@ def test_the_generated_code_reads_and_makes_the_frames_that_master_and_drives_ex
 @needs_compiler
 def test_the_program_on_the_page_compiles_with_the_header_that_it_names(run, tmp_path):
     assert run("eds", "code", "--c", "--cell", EXAMPLES / "cell.toml", "-o", tmp_path / "cell.h").code == 0
-    (shown,) = blocks(commands.ROOT / "docs" / "eds-workbench.md", "c")
+    (shown,) = blocks(command_line.ROOT / "docs" / "eds-workbench.md", "c")
     prototype = "void on_frame(unsigned id, const uint8_t *data, unsigned length);\n"
     main = "int main(void) { on_frame(0u, 0, 0u); return 0; }\n"
     use = shown.replace(
@@ -222,7 +222,7 @@ def test_files_with_similar_names_have_different_prefixes(run, tmp_path):
     for name in ("a/drive.eds", "b/drive.eds", "drive_controlword.eds"):
         path = tmp_path / name
         path.parent.mkdir(exist_ok=True)
-        shutil.copy(commands.ROOT / "eds" / "generic-cia402.eds", path)
+        shutil.copy(command_line.ROOT / "eds" / "generic-cia402.eds", path)
     text = cell_text("xyz")
     for node, name in enumerate(("a/drive.eds", "b/drive.eds", "drive_controlword.eds"), 1):
         text = text.replace(f'[nodes.{node}]\neds = "{GENERIC}"', f'[nodes.{node}]\neds = "{name}"')

@@ -13,7 +13,7 @@ from axisbus.bus.link.controller import CanErrorState, ControllerEvent, ErrorCou
 from axisbus.cli.main import COMMANDS, cli
 from axisbus.cli.shared.common import run
 from axisbus.machine.machine import Machine
-from kit.commands import CELL
+from kit.command_line import CELL
 from kit.corpus import CORPUS
 
 ROOT = Path(__file__).parents[2]

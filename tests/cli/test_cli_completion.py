@@ -6,9 +6,9 @@ import pytest
 from click.shell_completion import ShellComplete
 
 from axisbus.cli.main import cli
-from kit import commands
+from kit import command_line
 
-PAIR = str(commands.ROOT / "examples" / "gantry.toml")
+PAIR = str(command_line.ROOT / "examples" / "gantry.toml")
 
 
 def offered(*words: str) -> list[str]:
@@ -24,15 +24,15 @@ def offered(*words: str) -> list[str]:
     [
         (("mo",), ["monitor", "move"]),
         (("config", "b"), ["backup"]),
-        (("home", commands.CELL, ""), ["x", "y", "z", "xyz"]),
-        (("home", commands.CELL, "x", ""), ["y", "z", "xyz"]),
-        (("reset", commands.CELL, "x"), ["x", "xyz"]),
-        (("move", commands.CELL, ""), ["x=", "y=", "z="]),
-        (("move", commands.CELL, "x=1", ""), ["y=", "z="]),
-        (("save", "--cell", commands.CELL, ""), ["1", "2", "3", "x", "y", "z"]),
-        (("nmt", "--cell", commands.CELL, "start", "a"), ["all"]),
-        (("config", "backup", "--cell", commands.CELL, "x"), ["x"]),
-        (("od", "read", "--cell", commands.CELL, "x:Statusw"), ["x:Statusword"]),
+        (("home", command_line.CELL, ""), ["x", "y", "z", "xyz"]),
+        (("home", command_line.CELL, "x", ""), ["y", "z", "xyz"]),
+        (("reset", command_line.CELL, "x"), ["x", "xyz"]),
+        (("move", command_line.CELL, ""), ["x=", "y=", "z="]),
+        (("move", command_line.CELL, "x=1", ""), ["y=", "z="]),
+        (("save", "--cell", command_line.CELL, ""), ["1", "2", "3", "x", "y", "z"]),
+        (("nmt", "--cell", command_line.CELL, "start", "a"), ["all"]),
+        (("config", "backup", "--cell", command_line.CELL, "x"), ["x"]),
+        (("od", "read", "--cell", command_line.CELL, "x:Statusw"), ["x:Statusword"]),
         (("scan", "-i", "socketc"), ["socketcan", "socketcand"]),
         (("move", "none.toml", ""), []),
         (("home", PAIR, "y"), ["y1", "y2", "y"]),
@@ -53,9 +53,9 @@ def test_completions_of_a_command_line(words, names):
         (("eds", "chekc"), "did you mean axisbus eds check?"),
         (("diff",), "did you mean axisbus eds diff or axisbus config diff or axisbus record diff?"),
         (("qqq",), "there is no command 'qqq'; axisbus -h lists all"),
-        (("move", commands.CELL, "x=1", "--velocty", "3"), "--velocity"),
+        (("move", command_line.CELL, "x=1", "--velocty", "3"), "--velocity"),
     ],
 )
 def test_a_mistyped_word_gets_a_suggestion(monkeypatch, capsys, words, meant):
-    code, _, err = commands.runner(monkeypatch, capsys)(*words)
+    code, _, err = command_line.runner(monkeypatch, capsys)(*words)
     assert (code, meant in err) == (2, True), err

@@ -15,23 +15,23 @@ from axisbus.drives.make import Make
 from axisbus.eds import load, loads
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
-from kit import commands
+from kit import command_line
 
 # Numbers by hand: objects of the generic drive that a configuration changes, with their new values.
 CHANGES = {(0x6081, 0): 123_456, (0x6083, 0): 7_654_321, (0x607D, 1): -50_000, (0x607D, 2): 50_000}
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys, tmp_path) -> commands.Run:
+def axisbus(monkeypatch, capsys, tmp_path) -> command_line.Run:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(store_parameters, "RESTART_SEEN", 0.3)
-    return commands.runner(monkeypatch, capsys)
+    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture
 def bus():
     """Nodes 5 and 6 on a bus of their own: the options that reach it, and the drives."""
-    with commands.drives(5, 6) as (stand_ins, channel):
+    with command_line.drives(5, 6) as (stand_ins, channel):
         _until(lambda: all(each.drives[0].statusword & 0x6F == 0x40 for each in stand_ins.devices))
         yield ("-i", "virtual", "-c", channel), stand_ins
 
@@ -60,7 +60,7 @@ def saved(axisbus, bus):
     options, stand_ins = bus
     factory = _held(stand_ins)
     _set(stand_ins, CHANGES)
-    assert axisbus("config", "backup", "5", *options, "--eds", commands.GENERIC, "-o", "x.dcf").code == 0
+    assert axisbus("config", "backup", "5", *options, "--eds", command_line.GENERIC, "-o", "x.dcf").code == 0
     _set(stand_ins, factory)
     return factory
 
@@ -105,7 +105,7 @@ DefaultValue=7
 
 
 def test_the_eds_that_the_drive_stores_is_taken_before_asking_object_by_object(axisbus, tmp_path):
-    text = (commands.ROOT / "eds" / "generic-cia402.eds").read_text()
+    text = (command_line.ROOT / "eds" / "generic-cia402.eds").read_text()
     text += "\n[1021]\nParameterName=Store EDS\nObjectType=0x7\nDataType=0x000A\nAccessType=ro\n"
     text += f"DefaultValue={STORED.hex()}\n"
     text += STORED.decode().partition("[2000]")[2].join(("\n[2000]", "\n"))
@@ -121,7 +121,7 @@ def test_the_eds_that_the_drive_stores_is_taken_before_asking_object_by_object(a
 def test_the_default_name_has_the_serial_number(axisbus, bus, tmp_path):
     options, stand_ins = bus
     stand_ins.devices[0].dictionary.values[0x1018 << 8 | 4] = 0x4D2
-    code, out, _ = axisbus("config", "backup", "5", *options, "--eds", commands.GENERIC, "--json")
+    code, out, _ = axisbus("config", "backup", "5", *options, "--eds", command_line.GENERIC, "--json")
     assert code == 0
     assert json.loads(out)["serial"] == 0x4D2
     assert load(tmp_path / "node-5-serial-4D2.dcf").info["devicecomissioning"]["lss_serialnumber"] == "1234"
@@ -130,7 +130,7 @@ def test_the_default_name_has_the_serial_number(axisbus, bus, tmp_path):
 def test_a_backup_that_is_there_is_not_replaced(axisbus, bus, saved, tmp_path):
     options, _ = bus
     before = (tmp_path / "x.dcf").read_bytes()
-    arguments = ("config", "backup", "6", *options, "--eds", commands.GENERIC, "-o", "x.dcf")
+    arguments = ("config", "backup", "6", *options, "--eds", command_line.GENERIC, "-o", "x.dcf")
     code, _, err = axisbus(*arguments)
     assert (code, (tmp_path / "x.dcf").read_bytes()) == (1, before)
     assert "x.dcf already exists; nothing was written" in err
@@ -140,14 +140,16 @@ def test_a_backup_that_is_there_is_not_replaced(axisbus, bus, saved, tmp_path):
 
 def test_a_folder_that_is_not_there_is_made(axisbus, bus, tmp_path):
     options, _ = bus
-    code, _, _ = axisbus("config", "backup", "5", *options, "--eds", commands.GENERIC, "-o", "new/deep/x.dcf")
+    code, _, _ = axisbus(
+        "config", "backup", "5", *options, "--eds", command_line.GENERIC, "-o", "new/deep/x.dcf"
+    )
     assert code == 0
     assert (tmp_path / "new" / "deep" / "x.dcf").is_file()
 
 
 def test_a_node_that_is_not_there_leaves_no_file(axisbus, bus, tmp_path):
     options, _ = bus
-    code, _, err = axisbus("config", "backup", "9", *options, "--eds", commands.GENERIC, "-o", "x.dcf")
+    code, _, err = axisbus("config", "backup", "9", *options, "--eds", command_line.GENERIC, "-o", "x.dcf")
     assert code == 3
     assert "got no answer" in err
     assert list(tmp_path.iterdir()) == []
@@ -168,16 +170,16 @@ def test_a_file_and_the_drive(axisbus, bus, saved):
 
 def test_a_drive_and_its_own_eds(axisbus, bus):
     options, stand_ins = bus
-    assert axisbus("config", "diff", "5", *options, "--eds", commands.GENERIC).code == 0
+    assert axisbus("config", "diff", "5", *options, "--eds", command_line.GENERIC).code == 0
     _set(stand_ins, {(0x6081, 0): 99})
-    code, out, _ = axisbus("config", "diff", "5", *options, "--eds", commands.GENERIC)
+    code, out, _ = axisbus("config", "diff", "5", *options, "--eds", command_line.GENERIC)
     assert code == 1
     assert "6081h:00 Profile velocity: generic-cia402.eds 100000, node 5 99" in out
 
 
 def test_two_files_of_different_nodes_differ_in_values_only(axisbus, bus, saved):
     options, _ = bus
-    assert axisbus("config", "backup", "6", *options, "--eds", commands.GENERIC, "-o", "y.dcf").code == 0
+    assert axisbus("config", "backup", "6", *options, "--eds", command_line.GENERIC, "-o", "y.dcf").code == 0
     code, out, _ = axisbus("config", "diff", "x.dcf", "y.dcf", "--json")
     assert code == 1
     assert {(each["index"], each["subindex"]) for each in json.loads(out)["differences"]} == set(CHANGES)
@@ -262,7 +264,7 @@ def test_pdos_are_restored_with_their_mapping(axisbus, bus):
     after = {(0x1A00, 0): 1, (0x1800, 1): 0x185}
     _set(stand_ins, tpdo1)
     _set(stand_ins, after)
-    assert axisbus("config", "backup", "5", *options, "--eds", commands.GENERIC, "-o", "x.dcf").code == 0
+    assert axisbus("config", "backup", "5", *options, "--eds", command_line.GENERIC, "-o", "x.dcf").code == 0
     wanted = {**tpdo1, **after}
     for other in (
         0x8000_0185,
@@ -334,7 +336,7 @@ def test_restore_to_a_drive_with_another_serial_number_is_refused(axisbus, bus):
     options, stand_ins = bus
     serial = stand_ins.devices[0].dictionary.values
     serial[0x1018 << 8 | 4] = 1234
-    assert axisbus("config", "backup", "5", *options, "--eds", commands.GENERIC, "-o", "x.dcf").code == 0
+    assert axisbus("config", "backup", "5", *options, "--eds", command_line.GENERIC, "-o", "x.dcf").code == 0
     serial[0x1018 << 8 | 4] = 1235
     code, _, err = axisbus("config", "restore", "x.dcf", "5", *options)
     assert code == 1
@@ -403,7 +405,7 @@ def test_a_concise_dcf_is_written_and_restored(axisbus, bus, tmp_path):
     options, stand_ins = bus
     factory = _held(stand_ins)
     _set(stand_ins, CHANGES)
-    eds = ("--eds", commands.GENERIC)
+    eds = ("--eds", command_line.GENERIC)
     assert axisbus("config", "backup", "5", *options, *eds, "--concise", "x.bin").code == 0
     data = (tmp_path / "x.bin").read_bytes()
     assert data[:4] == bytes((4, 0, 0, 0))  # four values differ from the defaults
@@ -417,7 +419,7 @@ def test_a_concise_dcf_is_written_and_restored(axisbus, bus, tmp_path):
     ("arguments", "code", "words"),
     [
         (("none.dcf", "5"), 1, "none.dcf"),
-        ((commands.GENERIC, "5"), 1, "has no parameter values, so nothing can be restored"),
+        ((command_line.GENERIC, "5"), 1, "has no parameter values, so nothing can be restored"),
         (("x.dcf", "0"), 2, "'0' is not a node"),
         (("x.dcf", "5", "--include", "6098h;0"), 2, "does not name an object"),
         (("x.dcf", "5", "--include", "5FFF:1"), 2, "gives no value for 5FFFh:01"),

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from axisbus.cli import examples
-from kit import commands
+from kit import command_line
 from kit.pages import ROOT
 
 NAMES = {path.relative_to(ROOT / "examples").as_posix() for path in examples._files()}
@@ -15,7 +15,7 @@ NAMES = {path.relative_to(ROOT / "examples").as_posix() for path in examples._fi
 
 @pytest.fixture
 def axisbus(monkeypatch, capsys):
-    return commands.runner(monkeypatch, capsys)
+    return command_line.runner(monkeypatch, capsys)
 
 
 def test_the_list_says_what_each_program_and_cell_file_shows(axisbus):

@@ -23,7 +23,7 @@ from axisbus.core import sim_server
 from axisbus.errors import AdapterError
 from axisbus.fleet import network
 from axisbus.gateway import metrics_server as metrics
-from kit import commands
+from kit import command_line
 
 CODES = {0, 1, 2, 3, 130}
 ROUNDS = int(os.environ.get("AXISBUS_CLI_FUZZ", "12"))  # of LINES command lines each
@@ -224,7 +224,7 @@ def value(chance: random.Random, each: click.Parameter) -> str:
 def files(tmp_path_factory):
     """The files named on command lines: good and bad files; each round gets a fresh copy."""
     folder = tmp_path_factory.mktemp("fuzz")
-    eds = (commands.ROOT / "eds" / "generic-cia402.eds").read_bytes()
+    eds = (command_line.ROOT / "eds" / "generic-cia402.eds").read_bytes()
     (folder / "drive.eds").write_bytes(eds)
     (folder / "late.eds").write_bytes(eds[: len(eds) // 3])
     (folder / "noise").write_bytes(random.Random(1).randbytes(500))
@@ -236,7 +236,7 @@ def files(tmp_path_factory):
     (folder / "locked").write_text("")
     (folder / "locked").chmod(0)
     (folder / "folder").mkdir()
-    text = Path(commands.CELL).read_text("utf-8")
+    text = Path(command_line.CELL).read_text("utf-8")
     (folder / "cell.toml").write_text(text, "utf-8")
     (folder / "hard.toml").write_text(text.replace('"sim"', '"virtual"\nchannel = "c"'), "utf-8")
     (folder / "broken.toml").write_text(

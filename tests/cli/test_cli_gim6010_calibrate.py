@@ -16,13 +16,13 @@ from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
 from axisbus.drives.gim6010.calibration.procedure_run import Calibration
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
-from kit import commands
-from kit.modules_on_bus import modules_on_bus
+from kit import command_line
+from kit.can_simple_bus import modules_on_bus
 
 
 @pytest.fixture
 def axisbus(monkeypatch, capsys):
-    run = commands.runner(monkeypatch, capsys)
+    run = command_line.runner(monkeypatch, capsys)
     return lambda channel, *words: run(
         "gim6010", "calibrate", *words, "-i", "virtual", "-c", channel, "--node", 5
     )

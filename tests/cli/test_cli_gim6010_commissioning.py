@@ -13,9 +13,9 @@ from axisbus.bus.link.channel import Channel
 from axisbus.errors import NodeError, StateError
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
-from kit import commands
-from kit.modules_on_bus import modules_on_bus
-from kit.sim.module import gim_eds
+from kit import command_line
+from kit.can_simple_bus import modules_on_bus
+from kit.sim.can_simple_module import gim_eds
 
 EDS = gim_eds()
 
@@ -24,7 +24,7 @@ EDS = gim_eds()
 def axisbus(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "endpoints_0.5.13.json").write_text(json.dumps(Module().json()), "utf-8")
-    return commands.runner(monkeypatch, capsys)
+    return command_line.runner(monkeypatch, capsys)
 
 
 def bus(channel, *more):

@@ -13,7 +13,7 @@ import time
 
 import pytest
 
-from kit import commands
+from kit import command_line
 from kit.modbus.on_terminal import module_on_terminal
 
 pytestmark = [
@@ -52,7 +52,7 @@ class Line:
 def line(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     with module_on_terminal(tmp_path) as terminal:
-        yield Line(commands.runner(monkeypatch, capsys), terminal)
+        yield Line(command_line.runner(monkeypatch, capsys), terminal)
 
 
 def test_state_and_errors_are_printed_and_cleared(line):
@@ -220,12 +220,14 @@ def test_ctrl_c_and_sigterm_stop_the_motor_and_end_the_program(sim, monkeypatch,
     _, err = ran.communicate(timeout=30)
     assert ran.returncode == code, err
     assert "it stood, and is in idle, without power" in err
-    out = commands.runner(monkeypatch, capsys)("gim6010", "modbus", "state", "--port", sim, "--node", "1").out
+    out = command_line.runner(monkeypatch, capsys)(
+        "gim6010", "modbus", "state", "--port", sim, "--node", "1"
+    ).out
     assert "module 1 is in idle" in out
 
 
 def test_if_the_program_is_killed_its_watchdog_process_stops_the_motor(sim, monkeypatch, capsys):
-    run = commands.runner(monkeypatch, capsys)
+    run = command_line.runner(monkeypatch, capsys)
     ran = turning(sim)
     ran.kill()
     _, err = ran.communicate(
@@ -259,7 +261,7 @@ def test_without_a_watchdog_process_nothing_is_enabled(line, monkeypatch):
 
 
 def test_modules_on_the_line_are_found(line, monkeypatch, capsys):
-    run = commands.runner(monkeypatch, capsys)
+    run = command_line.runner(monkeypatch, capsys)
     code, out, err = run("gim6010", "modbus", "find", "--port", line.path, "--highest", 3)
     assert (code, err) == (0, "")
     assert re.search(r"node 1: idle, \d+\.\d V, at 115200 bit/s", out)
@@ -272,7 +274,7 @@ def test_modules_on_the_line_are_found(line, monkeypatch, capsys):
 
 def test_an_empty_line_is_reported(line, monkeypatch, capsys):
     line.station.dials.deaf = -1
-    run = commands.runner(monkeypatch, capsys)
+    run = command_line.runner(monkeypatch, capsys)
     code, out, err = run("gim6010", "modbus", "find", "--port", line.path, "--highest", 2)
     assert (code, out) == (3, "")
     assert "2 node IDs asked at 115200 bit/s" in err

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from kit import commands
+from kit import command_line
 from kit.modbus.on_terminal import module_on_terminal
 
 pytestmark = [
@@ -46,7 +46,7 @@ def test_invalid_arguments_are_refused_before_anything_is_sent(
     monkeypatch.chdir(tmp_path)
     command, *rest = arguments
     with module_on_terminal(tmp_path) as line:
-        run = commands.runner(monkeypatch, capsys)
+        run = command_line.runner(monkeypatch, capsys)
         result = run("gim6010", "modbus", command, "--port", line.path, "--node", 1, *rest)
         assert result.code == code
         assert word in result.err
@@ -64,13 +64,13 @@ def test_invalid_arguments_are_refused_before_anything_is_sent(
     ids=str,
 )
 def test_invalid_simulated_modules_are_refused(monkeypatch, capsys, arguments, word):
-    code, _, err = commands.runner(monkeypatch, capsys)("sim", *arguments, "--for", "0.01")
+    code, _, err = command_line.runner(monkeypatch, capsys)("sim", *arguments, "--for", "0.01")
     assert code == 2
     assert word in err
 
 
 def test_modules_on_rs485_are_served_for_a_time_beside_a_cell(monkeypatch, capsys):
-    run = commands.runner(monkeypatch, capsys)
+    run = command_line.runner(monkeypatch, capsys)
     assert run("sim", "--modbus", "1", "--for", "0.01").code == 0
     code, out, _ = run("sim", "--modbus", "1", "--can-simple", "5", "--port", "0", "--for", "0.01")
     assert code == 0

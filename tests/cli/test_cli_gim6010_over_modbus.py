@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from kit import commands
+from kit import command_line
 from kit.modbus.on_terminal import LISTED, module_on_terminal
 
 pytestmark = [
@@ -49,7 +49,7 @@ class Over:
 def over(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     with module_on_terminal(tmp_path) as terminal:
-        yield Over(commands.runner(monkeypatch, capsys), terminal)
+        yield Over(command_line.runner(monkeypatch, capsys), terminal)
 
 
 def test_parameters_are_read_written_and_saved(over):
@@ -164,6 +164,6 @@ def test_a_missing_module_or_port_is_reported(over, monkeypatch, capsys):
     assert over("errors").code == 3
     code, _, err = over("params", "get", RAMP, *LIST, "--parity", "even", node=0)
     assert (code, "1 or above" in err) == (2, True)
-    run = commands.runner(monkeypatch, capsys)
+    run = command_line.runner(monkeypatch, capsys)
     code, _, err = run("gim6010", "errors", "--parity", "even", "--node", 1)
     assert (code, "--parity needs --modbus" in err) == (2, True)

@@ -8,7 +8,7 @@ import pytest
 
 from axisbus.drives.gim6010 import odrive_tree
 from axisbus.sim.can_simple.module import Module
-from kit import commands
+from kit import command_line
 from kit.usb_port import plugged_in
 
 pytestmark = pytest.mark.timeout(60)
@@ -30,7 +30,7 @@ def over(monkeypatch, capsys, tmp_path, module):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(odrive_tree, "FIND", 0.5)
     monkeypatch.setattr(odrive_tree, "ALONE", 0.05)
-    run = commands.runner(monkeypatch, capsys)
+    run = command_line.runner(monkeypatch, capsys)
     with plugged_in(monkeypatch, module):
         yield lambda *words: run("gim6010", *words, "--usb")
 
@@ -185,7 +185,7 @@ def test_incompatible_options_are_refused(over, words, why):
 
 def test_of_several_one_has_to_be_named(monkeypatch, capsys, tmp_path, module):
     monkeypatch.chdir(tmp_path)
-    run, other = commands.runner(monkeypatch, capsys), Module(0, serial=0xAB12)
+    run, other = command_line.runner(monkeypatch, capsys), Module(0, serial=0xAB12)
     with plugged_in(monkeypatch, module, other):
         code, _, err = run("gim6010", "set-id", 5, "--usb")
         assert (code, "several modules are on USB" in err, "00000000AB12" in err) == (1, True, True), err
@@ -206,7 +206,7 @@ def test_a_port_that_another_program_uses_is_reported(over, monkeypatch):
 
 
 def test_a_serial_number_is_accepted_with_usb_alone(monkeypatch, capsys):
-    run = commands.runner(monkeypatch, capsys)
+    run = command_line.runner(monkeypatch, capsys)
     code, _, err = run("gim6010", "params", "get", RAMP, "--serial", "AB")
     assert (code, "--serial needs --usb" in err) == (2, True)
 

@@ -9,8 +9,8 @@ import pytest
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module
-from kit import commands
-from kit.modules_on_bus import modules_on_bus
+from kit import command_line
+from kit.can_simple_bus import modules_on_bus
 
 LIMIT, GAIN, KT = (
     "axis0.controller.config.vel_limit",
@@ -30,7 +30,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def params(monkeypatch, capsys, folder):
-    run = commands.runner(monkeypatch, capsys)
+    run = command_line.runner(monkeypatch, capsys)
 
     def call(command, *arguments, channel="nobody", node=5, listed="endpoints_0.5.13.json"):
         bus = ("-i", "virtual", "-c", channel, "--node", node, "--list", listed)
@@ -163,7 +163,7 @@ def test_two_files_are_compared_without_a_bus(params, folder, monkeypatch, capsy
         params("backup", "-o", "one.json", channel=channel)
         params("set", f"{LIMIT}=5", channel=channel)
         params("backup", "-o", "other.json", channel=channel)
-    run = commands.runner(monkeypatch, capsys)
+    run = command_line.runner(monkeypatch, capsys)
     code, out, _ = run("gim6010", "params", "diff", "one.json", "other.json")
     assert (code, out) == (1, f"{LIMIT}: 30 -> 5\n1 setting differs\n")
     assert run("gim6010", "params", "diff", "one.json", "one.json").code == 0

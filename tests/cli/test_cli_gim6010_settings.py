@@ -8,8 +8,8 @@ import pytest
 
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
-from kit import commands
-from kit.modules_on_bus import modules_on_bus
+from kit import command_line
+from kit.can_simple_bus import modules_on_bus
 
 LIST = ("--list", "endpoints_0.5.13.json")
 OFF = ("can.config.enable_r120", "axis0.config.enable_watchdog")
@@ -19,7 +19,7 @@ OFF = ("can.config.enable_r120", "axis0.config.enable_watchdog")
 def axisbus(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "endpoints_0.5.13.json").write_text(json.dumps(Module().json()), "utf-8")
-    call = commands.runner(monkeypatch, capsys)
+    call = command_line.runner(monkeypatch, capsys)
 
     def run(channel, *words, listed=True):
         return call("gim6010", *words, "-i", "virtual", "-c", channel, "--node", 5, *(LIST if listed else ()))
@@ -158,7 +158,7 @@ def test_the_braking_resistor(axisbus):
 
 
 def test_the_result_of_pulses_is_computed_without_a_bus(monkeypatch, capsys):
-    run = commands.runner(monkeypatch, capsys)
+    run = command_line.runner(monkeypatch, capsys)
     code, out, _ = run("gim6010", "pwm", "velocity", "-8", "8")
     assert (code, "1.50 ms: 0 turns/s of the rotor" in out) == (0, True)
     assert "odrv0.config.comm_intf_mux = 3" in out

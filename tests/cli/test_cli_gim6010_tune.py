@@ -13,8 +13,8 @@ import pytest
 
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
-from kit import commands
-from kit.modules_on_bus import modules_on_bus
+from kit import command_line
+from kit.can_simple_bus import modules_on_bus
 
 POSITION = ("position", "--step", 1, "--velocity", 10, "--acceleration", 80, "--for", "0.5s")
 LIST = ("--list", "endpoints_0.5.13.json")
@@ -25,7 +25,7 @@ GAIN = "axis0.controller.config.pos_gain"
 def axisbus(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "endpoints_0.5.13.json").write_text(json.dumps(Module().json()), "utf-8")
-    run = commands.runner(monkeypatch, capsys)
+    run = command_line.runner(monkeypatch, capsys)
     return lambda channel, *words: run("gim6010", "tune", *words, "-i", "virtual", "-c", channel, "--node", 5)
 
 

@@ -12,7 +12,7 @@ import pytest
 from axisbus.eds import builtin, load
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
-from kit import commands
+from kit import command_line
 
 _channels = (f"cli-heads-{os.getpid()}-{number}" for number in itertools.count())
 KINDS = {0x0003_0191: "I/O module (CiA 401)", 0: "no standard profile"}
@@ -21,13 +21,13 @@ WRONG = re.compile("402|drive", re.IGNORECASE)
 
 @pytest.fixture
 def axisbus(monkeypatch, capsys):
-    return commands.runner(monkeypatch, capsys)
+    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture(params=KINDS, ids=["401", "none"])
 def device(request, tmp_path):
     """A device that is no drive and has no name (1008h): the words for it, its EDS, its cell, and the options of its bus."""
-    text = builtin.resolve(commands.GENERIC, Path()).read_text(encoding="ascii")
+    text = builtin.resolve(command_line.GENERIC, Path()).read_text(encoding="ascii")
     for section in (*(f"{index:04X}" for index in range(0x6000, 0x6800)), "1008"):
         text = re.sub(rf"\[{section}(?:sub[0-9A-F]+)?\]\n(?:(?!\[).*\n)*", "", text)
     text = re.sub(r"(\[1[6A]0\dsub0\]\n(?:(?!\[).*\n)*?DefaultValue=)\S+", r"\g<1>0", text)

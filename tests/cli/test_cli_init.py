@@ -21,9 +21,9 @@ from axisbus.scaffold.draft import BusFound, NodeFound, draft
 from axisbus.scaffold.match import CandidateFile, FileMatch, collect, match
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
-from kit import commands
+from kit import command_line
 
-GENERIC = (commands.ROOT / "eds" / "generic-cia402.eds").read_text()
+GENERIC = (command_line.ROOT / "eds" / "generic-cia402.eds").read_text()
 CHANNELS = (f"init-{os.getpid()}-{number}" for number in itertools.count())
 VENDOR, PRODUCT = 0x1234, 0x42
 
@@ -50,9 +50,9 @@ def two_axes(text):
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys, tmp_path) -> commands.Run:
+def axisbus(monkeypatch, capsys, tmp_path) -> command_line.Run:
     monkeypatch.chdir(tmp_path)
-    return commands.runner(monkeypatch, capsys)
+    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture
@@ -158,7 +158,7 @@ def test_missing_data_are_named_and_set_the_exit_code(axisbus, bus, tmp_path):
 
 
 def test_a_built_in_eds_is_found_by_identity(axisbus, bus, tmp_path):
-    options, _ = bus(n3=(commands.ROOT / "eds" / "gim6010-8.eds").read_text())
+    options, _ = bus(n3=(command_line.ROOT / "eds" / "gim6010-8.eds").read_text())
     code, out, _ = axisbus("init", *options, "-b", "1000000", "--json")
     assert code == 0
     assert json.loads(out)["nodes"][0]["eds"] == ["builtin:gim6010-8"]

@@ -9,16 +9,16 @@ import sys
 import pytest
 
 from axisbus.machine.machine import Machine
-from kit import commands
+from kit import command_line
 from kit.cell import cell_text
-from kit.scenarios.own import own_cell, turns, under_way
+from kit.scenarios.core_process import own_cell, turns, under_way
 
 pytestmark = [pytest.mark.timeout(120)]
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys) -> commands.Run:
-    return commands.runner(monkeypatch, capsys)
+def axisbus(monkeypatch, capsys) -> command_line.Run:
+    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture

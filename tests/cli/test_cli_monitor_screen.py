@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from axisbus.cli.monitor import live
-from kit.screen import Screen
+from kit.terminal_screen import Screen
 
 ERROR = (
     "x: the drive went into fault\n"

@@ -12,21 +12,21 @@ from click.shell_completion import ShellComplete
 from axisbus import Machine
 from axisbus.bus.node import nmt_commands
 from axisbus.cli.main import cli
-from kit import commands
+from kit import command_line
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys) -> commands.Run:
+def axisbus(monkeypatch, capsys) -> command_line.Run:
     monkeypatch.setattr(nmt_commands, "LISTEN", 0.2)
-    return commands.runner(monkeypatch, capsys)
+    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture
 def bus():
     """Node 5 on a bus of its own: the options that reach it, and the drive."""
-    with commands.drives(5) as (stand_ins, channel):
+    with command_line.drives(5) as (stand_ins, channel):
         _until(lambda: stand_ins.devices[0].drives[0].statusword & 0x6F == 0x40)
-        yield ("-i", "virtual", "-c", channel, "--eds", commands.GENERIC), stand_ins
+        yield ("-i", "virtual", "-c", channel, "--eds", command_line.GENERIC), stand_ins
 
 
 def _until(done, seconds=20.0):
@@ -72,7 +72,7 @@ def test_a_node_and_then_its_objects(axisbus, bus):
 
 
 def test_an_axis_of_the_cell_and_its_unit(axisbus):
-    code, out, _ = axisbus("od", "read", "--cell", commands.CELL, "y:Position_actual_value")
+    code, out, _ = axisbus("od", "read", "--cell", command_line.CELL, "y:Position_actual_value")
     assert (code, out.strip()) == (0, "6064h Position actual value = 0 = 0 deg")
 
 
@@ -87,12 +87,12 @@ def test_without_an_eds_by_number_with_a_type(axisbus, bus):
     ("arguments", "code", "words"),
     [
         (("5:6041",), 2, "give a cell file with --cell, or the bus with -i and -c"),
-        (("5", "--cell", commands.CELL), 2, "name an object after the node"),
-        (("q:6041", "--cell", commands.CELL), 2, "axes of the cell are x, y, z"),
-        (("x:Statuswort", "--cell", commands.CELL), 2, "did you mean 'statusword'"),
-        (("x:6041", "--cell", commands.CELL, "--type", "u17"), 2, "'u17' is not a data type"),
-        (("x:2FFF", "--cell", commands.CELL), 3, "Object does not exist"),
-        (("99:1000", "--cell", commands.CELL), 3, "got no answer"),
+        (("5", "--cell", command_line.CELL), 2, "name an object after the node"),
+        (("q:6041", "--cell", command_line.CELL), 2, "axes of the cell are x, y, z"),
+        (("x:Statuswort", "--cell", command_line.CELL), 2, "did you mean 'statusword'"),
+        (("x:6041", "--cell", command_line.CELL, "--type", "u17"), 2, "'u17' is not a data type"),
+        (("x:2FFF", "--cell", command_line.CELL), 3, "Object does not exist"),
+        (("99:1000", "--cell", command_line.CELL), 3, "got no answer"),
     ],
 )
 def test_an_unreadable_object_is_one_clear_sentence(axisbus, arguments, code, words):
@@ -144,7 +144,7 @@ def test_a_negative_number_is_a_value_and_no_option(axisbus, bus):
 
 def test_a_value_in_the_axes_unit(axisbus):
     """131072 increments are 360 degrees, so 90 degrees are 32768."""
-    code, out, _ = axisbus("od", "write", "--cell", commands.CELL, "x:607D:2", "90 deg", "--json")
+    code, out, _ = axisbus("od", "write", "--cell", command_line.CELL, "x:607D:2", "90 deg", "--json")
     found = json.loads(out)
     assert code == 0
     assert (found["value"], found["after"], found["agrees"]) == (32768, 32768, True)
@@ -219,12 +219,12 @@ def test_an_energised_drive_is_reported_and_not_written(axisbus, bus):
 
 
 def test_beside_another_master_no_controlword_is_written(axisbus, tmp_path):
-    with commands.drives(1, 2, 3) as (_, channel):
+    with command_line.drives(1, 2, 3) as (_, channel):
         path = tmp_path / "cell.toml"
         text = (
-            (commands.ROOT / "examples" / "cell.toml")
+            (command_line.ROOT / "examples" / "cell.toml")
             .read_text()
-            .replace("builtin:gim6010-8", commands.GENERIC)
+            .replace("builtin:gim6010-8", command_line.GENERIC)
         )
         path.write_text(text.replace('interface = "sim"', f'interface = "virtual"\nchannel = "{channel}"'))
         with Machine.open(path):
@@ -245,7 +245,7 @@ def _completions(arguments, incomplete):
 
 
 def test_names_and_numbers_are_completed_from_the_eds():
-    options = ["od", "read", "--cell", commands.CELL]
+    options = ["od", "read", "--cell", command_line.CELL]
     assert ("x:", "axis of node 1") in _completions(options, "")
     assert ("x:Statusword", "6041h") in _completions(options, "x:stat")
     assert ("1:6041", "Statusword") in _completions(options, "1:604")
@@ -253,7 +253,9 @@ def test_names_and_numbers_are_completed_from_the_eds():
 
 
 def test_a_shell_that_splits_at_the_colon_is_served_too():
-    assert ("Statusword", "6041h") in _completions(["od", "read", "--cell", commands.CELL, "x", ":"], "Stat")
+    assert ("Statusword", "6041h") in _completions(
+        ["od", "read", "--cell", command_line.CELL, "x", ":"], "Stat"
+    )
 
 
 def test_completion_is_silent_if_a_file_is_invalid():
@@ -304,7 +306,7 @@ def test_a_reset_is_confirmed_by_the_boot_up_message(axisbus, bus):
 
 
 def test_all_nodes_of_a_bus_by_one_command(axisbus):
-    with commands.drives(3, 4) as (_, channel):
+    with command_line.drives(3, 4) as (_, channel):
         code, out, _ = axisbus("nmt", "start", "all", "-i", "virtual", "-c", channel)
     assert code == 0
     assert "node 3: operational" in out
@@ -366,6 +368,6 @@ def test_an_energised_drive_keeps_its_bus_unless_forced(axisbus, bus):
 
 
 def test_an_unknown_command_is_misuse(axisbus):
-    code, _, err = axisbus("nmt", "halt", "5", "--cell", commands.CELL)
+    code, _, err = axisbus("nmt", "halt", "5", "--cell", command_line.CELL)
     assert code == 2
     assert "reset-communication" in err

@@ -9,18 +9,18 @@ import pytest
 
 from axisbus.bus.link.channel import Channel
 from axisbus.machine.machine import Machine
-from kit import commands
+from kit import command_line
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys) -> commands.Run:
+def axisbus(monkeypatch, capsys) -> command_line.Run:
     for opened in ((Machine, "open"), (Channel, "open")):
         monkeypatch.setattr(*opened, lambda *_, **__: pytest.fail("it was opened"))
-    return commands.runner(monkeypatch, capsys)
+    return command_line.runner(monkeypatch, capsys)
 
 
 def test_the_frames_of_a_cycle_are_printed_in_the_order_of_the_bus(axisbus):
-    code, out, _ = axisbus("plan", commands.CELL)
+    code, out, _ = axisbus("plan", command_line.CELL)
     assert code == 0
     rows = re.findall(
         r"^ +(\d+) +(\d+)  ([0-9A-F]{3})h  (\S*) +(SYNC|[TR]PDO\d|heartbeat)", out, re.MULTILINE
@@ -34,7 +34,7 @@ def test_the_frames_of_a_cycle_are_printed_in_the_order_of_the_bus(axisbus):
 
 
 def test_json_has_the_same(axisbus):
-    code, out, _ = axisbus("plan", commands.CELL, "--json")
+    code, out, _ = axisbus("plan", command_line.CELL, "--json")
     assert code == 0
     found = json.loads(out)
     assert found["fits"] is True
@@ -44,7 +44,7 @@ def test_json_has_the_same(axisbus):
 
 
 def test_an_overloaded_cycle_is_reported_and_ends_with_1(axisbus):
-    code, out, _ = axisbus("plan", commands.CELL, "-b", "125000")
+    code, out, _ = axisbus("plan", command_line.CELL, "-b", "125000")
     assert code == 1
     assert "IT DOES NOT FIT" in out
     assert re.search(r'"[\d.]+ms" with bitrate = 1_000_000', out)
@@ -53,20 +53,20 @@ def test_an_overloaded_cycle_is_reported_and_ends_with_1(axisbus):
 def test_a_picture_is_drawn(axisbus, tmp_path):
     pytest.importorskip("matplotlib")
     for name, begin in (("plan.png", b"\x89PNG"), ("plan.svg", b"<?xml")):
-        code, out, _ = axisbus("plan", commands.CELL, "-o", tmp_path / name)
+        code, out, _ = axisbus("plan", command_line.CELL, "-o", tmp_path / name)
         assert code == 0
         assert f"written: {tmp_path / name}" in out
         data = (tmp_path / name).read_bytes()
         assert data.startswith(begin)
         assert len(data) > 10_000
-    code, _, err = axisbus("plan", commands.CELL, "-o", tmp_path / "plan.png")
+    code, _, err = axisbus("plan", command_line.CELL, "-o", tmp_path / "plan.png")
     assert code == 1
     assert "already exists" in err
 
 
 @pytest.mark.parametrize("command", ["plan", "jitter"])
 def test_an_unknown_picture_format_is_refused_before_any_work(axisbus, tmp_path, command):
-    code, _, said = axisbus(command, commands.CELL, "-o", str(tmp_path / "x.bin"))
+    code, _, said = axisbus(command, command_line.CELL, "-o", str(tmp_path / "x.bin"))
     assert code == 1
     assert "x.bin is not a picture that can be drawn" in said
     assert not (tmp_path / "x.bin").exists()

@@ -8,16 +8,16 @@ import pytest
 
 from axisbus.cli import probe
 from axisbus.machine.axis import Axis
-from kit import commands
+from kit import command_line
 from kit.cell import MODULE, cell_text
 
 pytestmark = [pytest.mark.timeout(60)]
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys) -> commands.Run:
+def axisbus(monkeypatch, capsys) -> command_line.Run:
     monkeypatch.setattr(Axis, "enable", None)  # it energises nothing
-    return commands.runner(monkeypatch, capsys)
+    return command_line.runner(monkeypatch, capsys)
 
 
 def cell(folder, **changes):

@@ -13,7 +13,7 @@ import pytest
 from axisbus.core.process.launch import path_of
 from axisbus.core.process.persistence import journal
 from axisbus.version import __version__
-from kit import commands
+from kit import command_line
 
 CELL = """
 [bus]
@@ -33,7 +33,7 @@ scale = "131072/360"
 
 @pytest.fixture
 def axisbus(monkeypatch, capsys):
-    return commands.runner(monkeypatch, capsys)
+    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def cell(tmp_path, monkeypatch):
     monkeypatch.setattr(getpass, "getuser", lambda: "wanda")
     monkeypatch.setattr(socket, "gethostname", lambda: "press-7.works.example")
     monkeypatch.setattr(Path, "home", lambda: Path("/home/wanda"))
-    (tmp_path / "own.eds").write_bytes((commands.ROOT / "eds" / "generic-cia402.eds").read_bytes())
+    (tmp_path / "own.eds").write_bytes((command_line.ROOT / "eds" / "generic-cia402.eds").read_bytes())
     file = tmp_path / "cell.toml"
     file.write_text(CELL)
     return file

@@ -9,22 +9,22 @@ import pytest
 
 from axisbus.configuration import store_parameters
 from axisbus.machine.machine import Machine
-from kit import commands
+from kit import command_line
 
 NODE = 5
 STORED = 0x1010 << 8 | 1
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys, tmp_path) -> commands.Run:
+def axisbus(monkeypatch, capsys, tmp_path) -> command_line.Run:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(store_parameters, "RESTART_SEEN", 0.3)
-    return commands.runner(monkeypatch, capsys)
+    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture
 def bus():
-    with commands.drives(NODE) as (stand_ins, channel):
+    with command_line.drives(NODE) as (stand_ins, channel):
         end = time.monotonic() + 20
         while stand_ins.devices[0].drives[0].statusword & 0x6F != 0x40 and time.monotonic() < end:
             time.sleep(0.01)
@@ -35,7 +35,7 @@ def test_save_stores_the_parameters_and_the_values_are_kept(axisbus, bus):
     options, device, lock = bus
     with lock:
         device.write(0x6081, 0, 4321)
-    code, out, _ = axisbus("save", NODE, *options, "--eds", commands.GENERIC)
+    code, out, _ = axisbus("save", NODE, *options, "--eds", command_line.GENERIC)
     assert code == 0
     assert "node 5: stored by 1010h:01 (Save all parameters) in" in out
     assert "restarted" not in out
@@ -46,7 +46,7 @@ def test_save_stores_the_parameters_and_the_values_are_kept(axisbus, bus):
 def test_a_restart_is_waited_for_and_all_is_read_again(axisbus, bus):
     options, device, _ = bus
     device.dials.reboot_on_store, device.dials.reboot_time = True, 0.2
-    code, out, _ = axisbus("save", NODE, *options, "--eds", commands.GENERIC, "--json")
+    code, out, _ = axisbus("save", NODE, *options, "--eds", command_line.GENERIC, "--json")
     found = json.loads(out)
     assert (code, found["restarted"], found["lost"]) == (0, True, [])
     assert found["compared"] > 50
@@ -60,7 +60,7 @@ def test_a_value_lost_in_a_restart_is_reported(axisbus, bus):
     device.dials.reboot_on_store = True
     whole = device.dictionary.snapshot
     device.dictionary.snapshot = lambda: {key: each for key, each in whole().items() if key >> 8 != 0x6083}
-    code, out, err = axisbus("save", NODE, *options, "--eds", commands.GENERIC)
+    code, out, err = axisbus("save", NODE, *options, "--eds", command_line.GENERIC)
     assert code == 1
     assert "6083h:00" in err
     assert "was 777777" in err
@@ -127,7 +127,7 @@ def test_a_node_that_is_not_there(axisbus, bus):
 
 def test_a_simulated_cell_restarts_as_its_make_does(axisbus):
     """Of the reference module it is known that storing restarts it."""
-    code, out, _ = axisbus("save", "x", "--cell", commands.CELL)
+    code, out, _ = axisbus("save", "x", "--cell", command_line.CELL)
     assert code == 0
     assert ", restarted, and answers" in out
     assert "read again after the restart, 0 differ" in out
@@ -135,11 +135,11 @@ def test_a_simulated_cell_restarts_as_its_make_does(axisbus):
 
 def test_another_master_is_not_disturbed(axisbus, tmp_path):
     """A machine runs the node: it is refused, and the machine continues."""
-    with commands.drives(NODE) as (_, channel):
+    with command_line.drives(NODE) as (_, channel):
         cell = tmp_path / "cell.toml"
         cell.write_text(
             f'[bus]\ninterface = "virtual"\nchannel = "{channel}"\nscan_period = "10ms"\n'
-            f'[nodes.{NODE}]\neds = "{commands.GENERIC}"\n[axes.x]\nnode = {NODE}\nunit = "increments"\n'
+            f'[nodes.{NODE}]\neds = "{command_line.GENERIC}"\n[axes.x]\nnode = {NODE}\nunit = "increments"\n'
         )
         with Machine.open(cell) as machine:
             code, _, err = axisbus("save", "x", "--cell", cell)

@@ -13,7 +13,7 @@ import pytest
 from axisbus import SimulationControl
 from axisbus.cli.sim import with_bus
 from axisbus.errors import AdapterError, UserError
-from kit import commands
+from kit import command_line
 from kit.cell import cell_text
 from kit.pages import ROOT
 
@@ -21,8 +21,8 @@ pytestmark = [pytest.mark.timeout(180)]
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys) -> commands.Run:
-    return commands.runner(monkeypatch, capsys)
+def axisbus(monkeypatch, capsys) -> command_line.Run:
+    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture(scope="module")

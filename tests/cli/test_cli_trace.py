@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from kit import commands
+from kit import command_line
 
 LOG = """\
 (100.000000) can0 701#00
@@ -22,8 +22,8 @@ LOG = """\
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys) -> commands.Run:
-    return commands.runner(monkeypatch, capsys)
+def axisbus(monkeypatch, capsys) -> command_line.Run:
+    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def log(tmp_path) -> Path:
 
 
 def test_a_recording_in_words_with_the_cells_names_and_units(axisbus, log):
-    code, out, err = axisbus("trace", log, "--cell", commands.CELL)
+    code, out, err = axisbus("trace", log, "--cell", command_line.CELL)
     assert code == 0
     lines = out.splitlines()
     assert len(lines) == 8
@@ -61,7 +61,7 @@ def test_an_eds_for_one_node(axisbus, log):
 
 
 def test_trace_prints_one_json_object_per_line(axisbus, log):
-    code, out, _ = axisbus("trace", log, "--json", "--cell", commands.CELL)
+    code, out, _ = axisbus("trace", log, "--json", "--cell", command_line.CELL)
     frames = [json.loads(each) for each in out.splitlines()]
     assert code == 0
     assert [frame["kind"] for frame in frames] == ["boot-up", *["SDO"] * 4, "TPDO", "EMCY", "SYNC"]
@@ -116,7 +116,7 @@ def test_misuse_is_one_clear_sentence(axisbus, arguments, code, words):
 
 
 def test_a_live_bus_is_only_listened_to(axisbus):
-    code, out, _ = axisbus("trace", commands.CELL, "--seconds", "20", "--count", "3")
+    code, out, _ = axisbus("trace", command_line.CELL, "--seconds", "20", "--count", "3")
     assert code == 0
     assert [line.split()[-2:] for line in out.splitlines()] == [["enters", "pre-operational"]] * 3
 
@@ -125,7 +125,7 @@ def test_a_live_bus_is_only_listened_to(axisbus):
 
 
 def test_the_planned_load_of_a_cell(axisbus):
-    code, out, _ = axisbus("load", commands.CELL)
+    code, out, _ = axisbus("load", command_line.CELL)
     assert code == 0
     assert "planned at 1000 kbit/s, a cycle each 4 ms" in out
     assert "37.0% without stuff bits, 44.8% with the most there can be" in out
@@ -168,7 +168,7 @@ def test_a_full_bus_sets_the_exit_code(axisbus, log):
 
 
 def test_plan_and_measurement_side_by_side(axisbus):
-    code, out, _ = axisbus("load", commands.CELL, "--seconds", "0.3")
+    code, out, _ = axisbus("load", command_line.CELL, "--seconds", "0.3")
     assert code == 0
     assert "planned at" in out
     assert "measured at 1000 kbit/s" in out
@@ -189,7 +189,7 @@ def test_a_recording_without_times_has_no_load(axisbus):
 def test_protocol_errors_are_summed_up_at_the_end(axisbus, tmp_path):
     path = tmp_path / "odd.log"
     path.write_text("(1.0) can0 182#37\n(1.1) can0 182#37\n(1.2) can0 182#\n(1.3) can0 085#204308\n")
-    code, _, err = axisbus("trace", path, "--cell", commands.CELL, "--filter", "kind=sync")
+    code, _, err = axisbus("trace", path, "--cell", command_line.CELL, "--filter", "kind=sync")
     assert code == 0
     assert "against the protocol: 1 EMCY (node 5), 3 TPDO (node 2)" in err
 

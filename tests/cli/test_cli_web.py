@@ -11,27 +11,27 @@ import pytest
 
 from axisbus.cli import web
 from axisbus.web.access.tokens import Role
-from kit import commands
+from kit import command_line
 
 pytest.importorskip("nicegui", reason="the page needs nicegui")
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys) -> commands.Run:
+def axisbus(monkeypatch, capsys) -> command_line.Run:
     monkeypatch.setattr(web, "machine_of", lambda *_, **__: pytest.fail("the machine was opened"))
-    return commands.runner(monkeypatch, capsys)
+    return command_line.runner(monkeypatch, capsys)
 
 
 def test_without_nicegui_the_error_names_the_package_to_install(axisbus, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
-    code, _, err = axisbus("web", commands.CELL)
+    code, _, err = axisbus("web", command_line.CELL)
     assert code == 1
     assert 'pip install "axisbus[web]"' in err
 
 
 @pytest.mark.parametrize("address", ["192.0.2.1", "192.0.2.77"])
 def test_an_address_other_than_localhost_needs_tls_or_an_explicit_insecure(axisbus, address):
-    code, _, err = axisbus("web", commands.CELL, "--listen", address)
+    code, _, err = axisbus("web", command_line.CELL, "--listen", address)
     assert code == 2
     assert "--certificate and --key" in err
     assert "--insecure" in err
@@ -40,7 +40,7 @@ def test_an_address_other_than_localhost_needs_tls_or_an_explicit_insecure(axisb
 @pytest.mark.parametrize("address", ["0.0.0.0", "::"])
 @pytest.mark.parametrize("more", [(), ("--insecure",)])
 def test_listening_at_every_address_is_refused(axisbus, address, more):
-    code, _, err = axisbus("web", commands.CELL, "--listen", address, *more)
+    code, _, err = axisbus("web", command_line.CELL, "--listen", address, *more)
     assert code == 2
     assert "every address" in err
 
@@ -50,7 +50,7 @@ def test_a_certificate_without_its_key_is_refused_and_a_key_without_its_certific
     axisbus, option, tmp_path
 ):
     (tmp_path / "file").write_text("x", "utf-8")
-    code, _, err = axisbus("web", commands.CELL, option, tmp_path / "file")
+    code, _, err = axisbus("web", command_line.CELL, option, tmp_path / "file")
     assert code == 2
     assert "go together" in err
 
@@ -58,7 +58,7 @@ def test_a_certificate_without_its_key_is_refused_and_a_key_without_its_certific
 def test_an_invalid_certificate_is_refused_before_the_machine_is_opened(axisbus, tmp_path):
     (tmp_path / "file").write_text("x", "utf-8")
     code, _, err = axisbus(
-        "web", commands.CELL, "--certificate", tmp_path / "file", "--key", tmp_path / "file"
+        "web", command_line.CELL, "--certificate", tmp_path / "file", "--key", tmp_path / "file"
     )
     assert code == 1
     assert str(tmp_path / "file") in err
@@ -67,7 +67,7 @@ def test_an_invalid_certificate_is_refused_before_the_machine_is_opened(axisbus,
 def test_a_port_in_use_is_reported_before_the_machine_is_opened(axisbus):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        code, _, err = axisbus("web", commands.CELL, "--port", port)
+        code, _, err = axisbus("web", command_line.CELL, "--port", port)
     assert code == 1
     assert f"127.0.0.1:{port} cannot be used" in err
     assert "--port" in err
@@ -102,5 +102,5 @@ def test_with_look_every_page_is_one_of_an_observer(monkeypatch, options, role):
     monkeypatch.setattr("axisbus.cli.web.machine_of", lambda *_args, **_more: nullcontext())
     monkeypatch.setattr("axisbus.cli.web.BesideAxes", lambda _: SimpleNamespace(lines=[]))
     with pytest.raises(LookupError, match="enough"):
-        web.command.main([str(commands.CELL), "--port", "0", *options], standalone_mode=False)
+        web.command.main([str(command_line.CELL), "--port", "0", *options], standalone_mode=False)
     assert given == [role]

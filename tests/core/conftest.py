@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from kit.scenarios.own import enabled
+from kit.scenarios.core_process import enabled
 
 
 @pytest.fixture

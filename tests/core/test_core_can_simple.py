@@ -29,7 +29,7 @@ from axisbus.machine.groups import Group
 from axisbus.motion.axis.core import AxisCore
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.node.network import StandIns
-from kit.can_simple.mixed import AXES, MODULE
+from kit.can_simple.mixed_cell import AXES, MODULE
 from kit.can_simple.rig import OWN, SETTINGS, parameters
 
 PERIOD = 0.01

@@ -16,8 +16,8 @@ from axisbus.errors import DriveError, UserError
 from axisbus.machine.machine import Machine
 from axisbus.record.fault_file import MAGIC
 from axisbus.record.load import load
-from kit import commands
-from kit.scenarios.own import own_cell
+from kit import command_line
+from kit.scenarios.core_process import own_cell
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
@@ -96,7 +96,7 @@ def test_without_a_fault_nothing_is_stored(file, monkeypatch, capsys):
         machine["x"].enable().wait(20)
         machine["x"].move_absolute(1.0).wait(20)
     assert faults_of(str(file)) == []
-    code, out, _ = commands.runner(monkeypatch, capsys)("record", "faults", file)
+    code, out, _ = command_line.runner(monkeypatch, capsys)("record", "faults", file)
     assert (code, out) == (0, f"no fault of {file} has been stored\n")
 
 
@@ -112,7 +112,7 @@ def test_the_newest_are_kept_listed_and_drawn(file, monkeypatch, capsys, tmp_pat
     found = faults_of(str(file))
     assert len(found) == 20
     assert found[-1].name > "2026"
-    axisbus = commands.runner(monkeypatch, capsys)
+    axisbus = command_line.runner(monkeypatch, capsys)
     code, out, err = axisbus("record", "faults", file)
     assert code == 0
     assert "x in ErrorStop; node 1: 0x4310" in out

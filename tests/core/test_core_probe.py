@@ -11,7 +11,7 @@ import pytest
 from axisbus.errors import ScanError
 from axisbus.machine.machine import Machine
 from kit.cell import SCALE
-from kit.scenarios.own import own_cell
+from kit.scenarios.core_process import own_cell
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),

@@ -17,9 +17,9 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import SCALE
-from kit.scenarios.bus import until
-from kit.scenarios.own import own_cell
-from kit.stopped import STOPPED
+from kit.scenarios.core_process import own_cell
+from kit.scenarios.simulated_bus import until
+from kit.stop_report import STOPPED
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),

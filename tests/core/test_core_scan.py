@@ -20,8 +20,8 @@ from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
+from kit.motion.plant_recorder import ENABLED, Watch
 from kit.motion.rig import PERIOD, dictionary_of, parameters, rig
-from kit.motion.watch import ENABLED, Watch
 
 
 class Bench:

@@ -19,8 +19,8 @@ from axisbus.sim.can_simple import axis
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module
-from kit.play import play
-from kit.sim.module import COUNT, ESTOP, GET_ERROR, IDLE, SET_STATE, Bench
+from kit.module_dialogue import play
+from kit.sim.can_simple_module import COUNT, ESTOP, GET_ERROR, IDLE, SET_STATE, Bench
 
 FULL, MOTOR, ENCODER = 3, 4, 7  # the manual's
 STEP = 0.002

@@ -22,7 +22,7 @@ from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.motor import MotorParams
 from kit.plain_parameters import PlainParameters
-from kit.sim.module import ESTOP, IDLE, MIT, POS, SET_MODE, SET_STATE, Bench
+from kit.sim.can_simple_module import ESTOP, IDLE, MIT, POS, SET_MODE, SET_STATE, Bench
 
 MANUAL = MitRanges(12.5, 65.0, 500.0, 5.0, 50.0)
 SETTINGS = MitSettings(5, MANUAL, gear=8.0, damping=1.0, period=0.005, command_timeout=0.05)

@@ -13,9 +13,9 @@ from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch, appl
 from axisbus.errors import ArgumentError, LimitError, NodeError, StateError
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
-from kit.finding import search
+from kit.module_search import search
 from kit.plain_parameters import Cut, PlainParameters
-from kit.sim.module import Bench, gim_eds
+from kit.sim.can_simple_module import Bench, gim_eds
 
 # The test's own names, as the manual and the owners' list have them.
 R120, BAUD = "can.config.enable_r120", "can.config.baud_rate"

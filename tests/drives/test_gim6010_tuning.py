@@ -17,8 +17,8 @@ from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.motor import MotorParams
 from axisbus.step_response import Response, measure
-from kit.play import play
-from kit.sim.module import (
+from kit.module_dialogue import play
+from kit.sim.can_simple_module import (
     ESTIMATES,
     ESTOP,
     IDLE,

@@ -20,7 +20,7 @@ from axisbus import Fleet, wait
 from axisbus.errors import AxisbusError, CommandError, LimitError, OwnershipError, StaleError, Stopped
 from axisbus.fleet import zenoh_client
 from axisbus.motion.states import AxisState
-from kit import commands
+from kit import command_line
 from kit.fleet.processes import ProcessCell
 from kit.pages import ROOT, blocks
 from kit.served_page import until
@@ -68,7 +68,7 @@ def test_the_program_of_the_page_moves_axes_of_two_cells_together(plant, capsys)
 
 
 def test_fleet_list_shows_the_states_of_the_axes(plant, monkeypatch, capsys):
-    axisbus = commands.runner(monkeypatch, capsys)
+    axisbus = command_line.runner(monkeypatch, capsys)
     code, out, err = axisbus("fleet", "list", *way(plant))
     assert (code, err) == (0, "")
     assert out.count(": alive, simulated") == 2
@@ -184,7 +184,7 @@ def test_commands_that_run_at_the_end_of_the_block_are_halted_and_reported_as_st
 
 
 def test_a_stop_of_a_third_program_ends_the_commands_of_the_program_with_control(plant, monkeypatch, capsys):
-    axisbus = commands.runner(monkeypatch, capsys)
+    axisbus = command_line.runner(monkeypatch, capsys)
     with fleet_of(plant) as fleet, fleet["press"].command() as press, fleet["saw"].command() as saw:
         wait(press["x"].enable(), saw["x"].enable(), timeout=20)
         moves = [press["x"].move_relative(1000.0), saw["x"].move_relative(1000.0)]
@@ -255,7 +255,7 @@ def test_after_a_wire_is_cut_and_fixed_old_values_are_not_used_and_no_event_is_m
 
 
 def test_a_silent_cell_is_lost_within_a_second_and_returns(plant, monkeypatch, capsys):
-    saw, axisbus = plant[1], commands.runner(monkeypatch, capsys)
+    saw, axisbus = plant[1], command_line.runner(monkeypatch, capsys)
     with fleet_of(plant) as fleet:
         cell = fleet["saw"]
         saw.signal(saw.bridge, signal.SIGSTOP)  # as a cable that is pulled: no connection is closed

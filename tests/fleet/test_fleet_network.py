@@ -27,7 +27,7 @@ from axisbus.errors import (
 from axisbus.fleet import network
 from axisbus.fleet.messages import PROTOCOL
 from axisbus.motion.states import AxisState
-from kit.fleet.plant import Plant, free_endpoint
+from kit.fleet.zenoh_network import Plant, free_endpoint
 from kit.pages import ROOT
 from kit.served_page import until
 

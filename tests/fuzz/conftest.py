@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from kit.bus.peer import eventually
+from kit.bus.fake_bus import eventually
 
 HERE = Path(__file__).parent
 LONGEST = 240.0  # seconds for all examples of a test, and for those again that a failure is made smaller with

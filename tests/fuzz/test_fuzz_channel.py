@@ -32,7 +32,7 @@ from axisbus.cia301.pdo import MappedObject, PdoConfiguration
 from axisbus.cia305.dialogue import LssTiming
 from axisbus.errors import AxisbusError, EdsError, SdoError
 from kit import fuzz_frames as fuzz
-from kit.bus.peer import FakeBus, Slave
+from kit.bus.fake_bus import FakeBus, Slave
 
 ID = fuzz.NODE
 MAPPING = (MappedObject(0x6041, 0, 16), MappedObject(0x6064, 0, 32), MappedObject(0x6061, 0, 8))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from axisbus.errors import ArgumentError
-from kit import fuzzing
-from kit.framed import packed, unpacked
-from kit.fuzzing import Limits, Reader, fuzzed, inputs
+from kit import reader_limits
+from kit.frame_mutations import packed, unpacked
+from kit.reader_limits import Limits, Reader, fuzzed, inputs
 from kit.readers import READERS
 
 INPUTS = 60
@@ -63,7 +63,7 @@ def _hangs_on(_):
     ids=["nameless", "another error", "disk", "hangs", "hangs silently", "slow", "memory"],
 )
 def test_a_fault_of_a_reader_is_found(monkeypatch, tmp_path, read, finding):
-    monkeypatch.setattr(fuzzing, "HANGS", 0.3 if read in (_hangs, _hangs_on) else 20.0)
+    monkeypatch.setattr(reader_limits, "HANGS", 0.3 if read in (_hangs, _hangs_on) else 20.0)
     limits = Limits(seconds=0.005, per_kb=0.0, memory=16 << 20)
     reader = Reader(".x", lambda _: [b""], read, limits=limits)
     found = fuzzed(reader, tmp_path / "input.x", b"x", measured="memory" in finding or "MB" in finding)
@@ -79,5 +79,5 @@ def test_a_refusal_that_names_the_file_is_no_finding(tmp_path):
 def test_frames_are_lines_of_an_input_and_each_number_makes_the_same_one():
     frames = [b"", b"\0\xff", bytes(range(64))]
     assert unpacked(packed(frames)) == frames
-    made = inputs([packed(frames)], 37, fuzzing.mutated)
+    made = inputs([packed(frames)], 37, reader_limits.mutated)
     assert made(5) == made(5) != made(6)

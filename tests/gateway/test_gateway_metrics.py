@@ -29,11 +29,11 @@ from axisbus.gateway.metrics_exporter import Exporter, Growth, MetricCounters
 from axisbus.gateway.metrics_server import MetricsServer
 from axisbus.machine.machine import Machine
 from axisbus.session import LATENESS_BOUNDS
-from kit import commands
+from kit import command_line
 from kit.cell import Cell
-from kit.connections import closed
-from kit.crowd import Crowd
-from kit.scenarios.own import own_cell
+from kit.closed_connection import closed
+from kit.connection_flood import Crowd
+from kit.scenarios.core_process import own_cell
 
 DASHBOARD = Path(__file__).parents[2] / "examples" / "dashboard.json"
 
@@ -360,5 +360,5 @@ def test_the_bridge_follows_one_machine_after_the_other_and_changes_none(tmp_pat
 
 
 def test_a_missing_cell_file_is_reported(monkeypatch, capsys, tmp_path):
-    code, _, err = commands.runner(monkeypatch, capsys)("bridge", "metrics", tmp_path / "none.toml")
+    code, _, err = command_line.runner(monkeypatch, capsys)("bridge", "metrics", tmp_path / "none.toml")
     assert (code, "none.toml" in err) == (1, True)

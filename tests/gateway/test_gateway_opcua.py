@@ -36,10 +36,11 @@ from axisbus.gateway.opcua.session import GuardedSession
 from axisbus.gateway.opcua.status_code import ImageFreshness
 from axisbus.gateway.opcua.trust import TrustingFactory
 from axisbus.machine.machine import Machine
-from kit import commands
+from kit import command_line
 from kit.cell import cell_text
-from kit.connections import closed
-from kit.opcua.serving import (
+from kit.closed_connection import closed
+from kit.opcua.client import ClientIdentity, Visit, connected_client, key_pair, visit
+from kit.opcua.server import (
     ANNA,
     POSITION,
     X,
@@ -53,7 +54,6 @@ from kit.opcua.serving import (
     served,
     until,
 )
-from kit.opcua.visiting import ClientIdentity, Visit, connected_client, key_pair, visit
 
 
 @pytest.fixture(scope="module")
@@ -881,7 +881,7 @@ def test_a_trusted_certificate_of_another_client_in_the_request_is_refused(secur
 
 @pytest.fixture
 def run(monkeypatch, capsys):
-    return commands.runner(monkeypatch, capsys)
+    return command_line.runner(monkeypatch, capsys)
 
 
 def test_a_port_in_use_is_reported_with_the_option(run, server, file):

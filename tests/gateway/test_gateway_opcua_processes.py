@@ -19,8 +19,9 @@ from axisbus.gateway.opcua import limits, users
 from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text
-from kit.connections import closed
-from kit.opcua.serving import (
+from kit.closed_connection import closed
+from kit.opcua.client import visit
+from kit.opcua.server import (
     ANNA,
     POSITION,
     X,
@@ -34,8 +35,7 @@ from kit.opcua.serving import (
     served,
     until,
 )
-from kit.opcua.visiting import visit
-from kit.scenarios.own import own_cell, under_way
+from kit.scenarios.core_process import own_cell, under_way
 
 CLIENT = Path(__file__).parents[1] / "kit" / "opcua" / "client.js"
 

@@ -19,8 +19,8 @@ import zenoh
 from axisbus.fleet import messages as m
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit.crowd import Crowd
-from kit.scenarios.own import own_cell, recover, turns
+from kit.connection_flood import Crowd
+from kit.scenarios.core_process import own_cell, recover, turns
 from kit.zenoh_cell import KEYS, BridgeProcess, Client, Wire, holder, until
 
 pytestmark = [

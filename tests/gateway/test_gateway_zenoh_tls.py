@@ -15,7 +15,7 @@ pytest.importorskip("zenoh", reason="a Zenoh network needs eclipse-zenoh")
 from axisbus.fleet import messages as m
 from axisbus.fleet.network import ZenohNetwork, connected, opened
 from axisbus.machine.machine import Machine
-from kit.scenarios.own import own_cell, turns
+from kit.scenarios.core_process import own_cell, turns
 from kit.zenoh_cell import KEYS, BridgeProcess, Client, free_port, holder, until
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "zenoh"

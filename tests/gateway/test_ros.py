@@ -21,7 +21,7 @@ from axisbus.gateway.ros.trajectory import judged, names_to_halt, to_halt
 from axisbus.gateway.ros.trajectory_executor import Freshness
 from axisbus.gateway.ros.units import JOINT_UNITS, joints_of
 from axisbus.machine.machine import Machine
-from kit import commands
+from kit import command_line
 from kit.cdr import joint_state, joint_trajectory
 from kit.cell import cell_text
 
@@ -311,7 +311,7 @@ def test_without_rosbags_the_error_names_the_package(monkeypatch):
 
 def test_an_invalid_namespace_is_refused(monkeypatch, capsys, tmp_path):
     pytest.importorskip("zenoh", reason="a Zenoh network needs eclipse-zenoh")
-    run = commands.runner(monkeypatch, capsys)
+    run = command_line.runner(monkeypatch, capsys)
     code, _, err = run(
         *("bridge", "zenoh", tmp_path / "none.toml", "--plant", "p", "--listen", "tcp/127.0.0.1:0"),
         *("--ros", "--ros-namespace", "2 arms"),

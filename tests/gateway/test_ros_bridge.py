@@ -20,7 +20,7 @@ from axisbus.motion.states import AxisState
 from kit.cdr import joint_trajectory
 from kit.cell import SCALE
 from kit.ros import STATES, TRAJECTORIES, Ros, router
-from kit.scenarios.own import enabled, own_cell, turns
+from kit.scenarios.core_process import enabled, own_cell, turns
 from kit.zenoh_cell import BridgeProcess, Client, until
 
 pytestmark = [

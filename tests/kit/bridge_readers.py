@@ -23,7 +23,7 @@ from axisbus.fleet.keys import ZenohCellKeys
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text
 from kit.frame_readers import Conversations, reader_of, unshown
-from kit.fuzzing import MB, Limits, PassedOver, Reader
+from kit.reader_limits import MB, Limits, PassedOver, Reader
 
 _LIMITS = Limits(seconds=1.0, memory=32 * MB)
 _SECONDS = 20.0  # that a bridge may take for an input
@@ -250,7 +250,7 @@ class _Opcua:
         from axisbus.gateway.opcua import connection, server, session, users
         from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
         from axisbus.web import address
-        from kit.opcua.visiting import ClientIdentity, visit
+        from kit.opcua.client import ClientIdentity, visit
 
         made: list[Any] = []
         recorded: list[list[bytes]] = []
@@ -355,7 +355,7 @@ def _certificates(folder: Path) -> list[bytes]:
     from cryptography import x509
     from cryptography.hazmat.primitives.serialization import Encoding
 
-    from kit.opcua.visiting import key_pair
+    from kit.opcua.client import key_pair
 
     (folder / "papers").mkdir()
     text = key_pair(folder / "papers", "fuzz", server=True).certificate.read_bytes()

@@ -22,8 +22,8 @@ from axisbus.sim.device import Device
 from axisbus.sim.drive import Drive
 from axisbus.sim.virtual_can import VirtualWire
 from kit.bus_faults import BusFaults
-from kit.probe import PlantProbe
-from kit.transport import Travels, transported
+from kit.plant_probe import PlantProbe
+from kit.value_transport import Travels, transported
 
 SCALE = 100  # increments per degree
 GENERIC, MODULE = "builtin:generic-cia402", "builtin:gim6010-8"
@@ -333,7 +333,7 @@ class Stage:
     ) -> Cell:
         """Open a simulated cell; ``changes``: see ``cell_text``.
 
-        ``port``: how values travel, as ``kit.transport``.
+        ``port``: how values travel, as ``kit.value_transport``.
         """
         path = self.file(text if text is not None else cell_text(names, **changes))
         with transported(port or {}):

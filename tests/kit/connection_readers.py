@@ -42,10 +42,10 @@ from axisbus.web.config.files import Dcf, about, named
 from axisbus.web.scope import saving, signals
 from axisbus.web.view.axes import explained
 from kit.cell import cell_text
-from kit.desk import Pages
 from kit.frame_readers import Conversations, reader_of, unshown
-from kit.fuzzing import MB, Limits, Names, PassedOver, Reader
+from kit.page_clients import Pages
 from kit.pages import ROOT
+from kit.reader_limits import MB, Limits, Names, PassedOver, Reader
 
 _LENGTH = struct.Struct("<I")
 _BUFFER = 100_000  # octets that a socket takes without a reader

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import can
 
 from kit.corpus import CORPUS
-from kit.talker import Talker
+from kit.sending_device import Talker
 
 NODE = 1
 # Data types of CiA 301 table 44: number, bytes, signed.

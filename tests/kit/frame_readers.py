@@ -51,11 +51,11 @@ from axisbus.sim.modbus.station import Station
 from axisbus.sim.node.slave import Slave
 from axisbus.trace import context, frame_formats
 from axisbus.trace.decoder import Decoder
-from kit.bus.peer import FakeBus
-from kit.commands import ROOT
-from kit.framed import mutated_frames, packed, unpacked
-from kit.fuzzing import MB, Limits, Names, PassedOver, Reader
+from kit.bus.fake_bus import FakeBus
+from kit.command_line import ROOT
+from kit.frame_mutations import mutated_frames, packed, unpacked
 from kit.lss_line import HandSlave, Line
+from kit.reader_limits import MB, Limits, Names, PassedOver, Reader
 
 ID = 5
 _EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000

@@ -30,10 +30,10 @@ from axisbus.record.recording_data import RecordedEvent
 from axisbus.record.sample_packing import RowForm
 from axisbus.sim.can_simple.module import Module
 from kit.bridge_readers import OF_BRIDGES
-from kit.commands import ROOT
+from kit.command_line import ROOT
 from kit.connection_readers import OF_CONNECTIONS
 from kit.frame_readers import OF_FRAMES
-from kit.fuzzing import Reader
+from kit.reader_limits import Reader
 
 FRAMES = [
     can.Message(

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from axisbus.machine.machine import Machine
-from kit.scenarios.own import own_cell
+from kit.scenarios.core_process import own_cell
 
 
 def until(seen: Callable[[], Any], within: float = 20.0) -> float:

@@ -217,7 +217,7 @@ class Wire:
 @contextmanager
 def holder(where: str) -> Iterator[subprocess.Popen[str]]:
     """A program of its own that has the lease, renews it, and has said ``moves`` once x turns."""
-    command = [sys.executable, "-u", "-m", "kit.zenoh_holder", where]
+    command = [sys.executable, "-u", "-m", "kit.lease_holder", where]
     folder = Path(__file__).parents[1]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder) as process:
         try:

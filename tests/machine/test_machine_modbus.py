@@ -15,7 +15,7 @@ from axisbus.errors import AxisbusError, BootError, DriveFault, SecondMasterErro
 from axisbus.machine.machine import Machine
 from axisbus.motion.command_status import Status
 from axisbus.motion.states import AxisState
-from kit import commands
+from kit import command_line
 from kit.modbus.on_terminal import module_on_terminal
 
 pytestmark = [
@@ -339,6 +339,6 @@ def test_check_reports_keys_that_a_line_cannot_have(tmp_path, monkeypatch, capsy
     assert change[0] in text
     file = tmp_path / "cell.toml"
     file.write_text(text.replace(*change), "utf-8")
-    code, out, err = commands.runner(monkeypatch, capsys)("check", file)
+    code, out, err = command_line.runner(monkeypatch, capsys)("check", file)
     assert code != 0
     assert word in out + err

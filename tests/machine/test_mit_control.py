@@ -15,7 +15,7 @@ from axisbus import MitCommand, MitControl, MitRanges, MitSettings, read_mit_ran
 from axisbus.errors import ArgumentError, NodeError, StateError, UserError
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module
-from kit.modules_on_bus import modules_on_bus
+from kit.can_simple_bus import modules_on_bus
 
 SETTINGS = MitSettings(
     5, MitRanges(12.5, 65.0, 500.0, 5.0, 50.0), gear=8.0, damping=1.0, period=0.04, command_timeout=1.0

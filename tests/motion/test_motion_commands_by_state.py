@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from axisbus.motion.trajectory import TrapezoidalTrajectory
+from kit.motion.plant_recorder import Watch
 from kit.motion.situations import SITUATIONS
-from kit.motion.watch import Watch
 
 TABLE = Path(__file__).parent / "commands_by_state.csv"
 COLUMNS = ["situation", "command", "ends", "because", "axis", "transitions", "modes", "moves"]

@@ -9,8 +9,8 @@ from axisbus.errors import NodeError, StaleError, StateError
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.parameters import DemandUse
 from axisbus.motion.states import AxisState
+from kit.motion.plant_recorder import HALT, Watch
 from kit.motion.rig import PERIOD, rig
-from kit.motion.watch import HALT, Watch
 
 NAMES = ("statusword", "mode", "position", "velocity", "torque", "demand")
 AGES = {"statusword": 0.5, "mode": 1.0, "position": 0.1, "velocity": 0.2, "torque": 0.3, "demand": 0.1}

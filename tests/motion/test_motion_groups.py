@@ -26,8 +26,8 @@ from axisbus.motion.stop.policy import FaultPolicy
 from axisbus.sim.fault_injection import NEVER
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
+from kit.motion.plant_recorder import ENABLED, SWITCHED_ON, Watch
 from kit.motion.rig import PERIOD, rig
-from kit.motion.watch import ENABLED, SWITCHED_ON, Watch
 
 
 def watches(r) -> dict[str, Watch]:

@@ -15,10 +15,10 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.stop.hold_setpoint import HoldSetPoint
 from axisbus.motion.stop_deceleration import Braking
 from axisbus.sim.fault_injection import NEVER
+from kit.motion.plant_recorder import HALT, Watch
 from kit.motion.rig import MODE, Rig, rig
 from kit.motion.steps import Drive as Steps
 from kit.motion.steps import T
-from kit.motion.watch import HALT, Watch
 
 BIT_4, BIT_12 = 0x10, 0x1000
 ENABLED = 0x0627  # operation enabled, target reached

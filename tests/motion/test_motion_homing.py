@@ -13,9 +13,9 @@ from axisbus.motion.moves.homing import HomingJob, HomingRun
 from axisbus.motion.parameters import HomingParameters
 from axisbus.motion.states import AxisState
 from axisbus.sim.motor import MotorParams
+from kit.motion.plant_recorder import HALT, Watch
 from kit.motion.rig import PERIOD, rig
 from kit.motion.steps import Drive
-from kit.motion.watch import HALT, Watch
 
 BIT_4 = 0x10
 TURN = 16_384

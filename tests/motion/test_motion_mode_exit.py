@@ -11,8 +11,8 @@ from axisbus.motion.parameters import AxisLimits
 from axisbus.motion.position_limits import Room
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
+from kit.motion.plant_recorder import Watch
 from kit.motion.rig import PERIOD, rig
-from kit.motion.watch import Watch
 
 T = 0.0625
 BOUNDED = AxisLimits(position=(-100.0, 100.0), velocity=400.0, acceleration=4000.0)

@@ -30,8 +30,8 @@ from axisbus.motion.states import AxisState
 from axisbus.sim.fault_injection import NEVER
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
+from kit.motion.plant_recorder import HALT, Watch
 from kit.motion.rig import BLIND, GENERIC, PERIOD, dictionary_of, rig
-from kit.motion.watch import HALT, Watch
 
 NEAR = 51  # increments: the simulated drive's own position window (6067h) and one
 DEGREES = Units(Scale.of(1000, "deg"), Scale.of(1000, "deg/s"), Scale.of(1000, "deg/s²"), ratio_known=True)

@@ -29,8 +29,8 @@ from axisbus.motion.position_limits import (
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.motor import MotorParams
+from kit.motion.plant_recorder import HALT, Watch
 from kit.motion.rig import PERIOD, rig
-from kit.motion.watch import HALT, Watch
 
 LIMITS = (0.0, 60.0)
 NOISE = MotorParams(noise=2.0)  # ±2 increments, of 1000 in a degree

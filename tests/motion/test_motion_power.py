@@ -11,8 +11,7 @@ from axisbus.errors import DriveError, DriveFault, ModeError, StaleError, StateE
 from axisbus.motion.command_status import Status
 from axisbus.motion.states import AxisState
 from axisbus.sim.fault_injection import NEVER
-from kit.motion.rig import PERIOD, rig
-from kit.motion.watch import (
+from kit.motion.plant_recorder import (
     DISABLED,
     ENABLE_BITS,
     ENABLED,
@@ -24,6 +23,7 @@ from kit.motion.watch import (
     SWITCHED_ON,
     Watch,
 )
+from kit.motion.rig import PERIOD, rig
 
 
 def bring_to(r, stage: int) -> None:

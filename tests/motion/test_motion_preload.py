@@ -10,8 +10,8 @@ from axisbus.motion.parameters import AxisLimits, HoldsLoad, HomingParameters
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.motor import MotorParams
+from kit.motion.plant_recorder import ENABLED, Watch
 from kit.motion.rig import PERIOD, rig
-from kit.motion.watch import ENABLED, Watch
 
 PP, PV, TQ, HM, CSP, CSV, CST = 1, 3, 4, 6, 8, 9, 10
 LOAD = MotorParams(load=300.0, start_position=7_000.0)  # 30 % of rated torque hang on it

@@ -14,8 +14,8 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.stop_deceleration import Braking
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.motor import MotorParams
+from kit.motion.plant_recorder import DISABLED, ENABLED, HALT, QUICK_STOP, Watch
 from kit.motion.rig import PERIOD, rig
-from kit.motion.watch import DISABLED, ENABLED, HALT, QUICK_STOP, Watch
 
 
 def turning(**options):

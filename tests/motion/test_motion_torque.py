@@ -12,8 +12,8 @@ from axisbus.motion.parameters import AxisLimits, Defaults, HoldsLoad, Units
 from axisbus.motion.states import AxisState
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
+from kit.motion.plant_recorder import Watch
 from kit.motion.rig import rig
-from kit.motion.watch import Watch
 
 # Rated torque is 10 N·m; friction 2 % of it, and viscous friction that stops the axis in some seconds.
 FREE = MotorParams(friction=20.0, rated_acceleration=200_000.0, coasting=1.0)

@@ -20,8 +20,8 @@ from axisbus.motion.parameters import AxisLimits, HomingParameters, Units
 from axisbus.motion.states import AxisState
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
+from kit.motion.plant_recorder import HALT, Watch
 from kit.motion.rig import BLIND, PERIOD, rig
-from kit.motion.watch import HALT, Watch
 
 DEGREES = Units(Scale.of(1000, "deg"), Scale.of(1000, "deg/s"), Scale.of(1000, "deg/s²"), ratio_known=True)
 RPM = MotorParams(velocity_unit=60 / 360_000, acceleration_unit=1.0)  # 360 000 increments per turn

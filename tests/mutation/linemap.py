@@ -15,7 +15,7 @@ from pathlib import Path
 
 from coverage import CoverageData
 
-from mutation import measuring
+from mutation import line_coverage
 
 PATIENCE = 2400.0  # seconds that the tests of one folder may take, which is far too long
 PROCESSES = "4"  # as in ``make test``: many tests wait for drives in real time
@@ -132,10 +132,10 @@ def _measure(known: LineMap, root: Path, packages: tuple[Path, ...], changed: li
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "start").mkdir()
-        (folder / "start" / "sitecustomize.py").write_text(measuring.CHILD)
+        (folder / "start" / "sitecustomize.py").write_text(line_coverage.CHILD)
         environment = os.environ | {
-            measuring.FOLDER: name,
-            measuring.SOURCES: os.pathsep.join(map(str, packages)),
+            line_coverage.FOLDER: name,
+            line_coverage.SOURCES: os.pathsep.join(map(str, packages)),
             "PYTHONPATH": os.pathsep.join(
                 [str(folder / "start"), str(root / "src"), str(Path(__file__).parents[1])]
             ),
@@ -145,7 +145,7 @@ def _measure(known: LineMap, root: Path, packages: tuple[Path, ...], changed: li
             "-m",
             "pytest",
             "-p",
-            "mutation.measuring",
+            "mutation.line_coverage",
             "-n",
             PROCESSES,
             "--dist",

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 from mutation.mutant import Mutant
-from mutation.places import Place, Text, places
+from mutation.mutation_points import Place, Text, places
 
 Change = tuple[int, int, str]  # from, to, the replacement
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TextIO
 
-from mutation.judging import Task, Verdict
 from mutation.mutant import Mutant
+from mutation.verdict import Task, Verdict
 
 
 class Report:

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from mutation import choosing, equivalent, linemap
+from mutation import equivalent, linemap, selection
+from mutation.code_swap import Functions, compile_quietly
 from mutation.linemap import LineMap
 from mutation.operators import mutants
-from mutation.swap import Functions, compile_quietly
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -21,21 +21,21 @@ SOURCE = "def f(a):\n    return a < 3\n\n\nclass G:\n    def h(self, a):\n      
 
 
 def test_a_draw_is_the_same_for_the_same_seed() -> None:
-    found = list(choosing.every(ROOT, PACKAGES))
-    drawn = choosing.draw(found, 50, 1)
-    assert drawn == choosing.draw(list(choosing.every(ROOT, PACKAGES)), 50, 1)
+    found = list(selection.every(ROOT, PACKAGES))
+    drawn = selection.draw(found, 50, 1)
+    assert drawn == selection.draw(list(selection.every(ROOT, PACKAGES)), 50, 1)
     assert len(set(drawn)) == 50
-    assert drawn != choosing.draw(found, 50, 2)
-    assert choosing.draw(found, 10**6, 1) == sorted(found)
+    assert drawn != selection.draw(found, 50, 2)
+    assert selection.draw(found, 10**6, 1) == sorted(found)
 
 
 def test_some_lines_can_be_chosen() -> None:
     found = mutants("a/f.py", SOURCE)
-    assert {mutant.line for mutant in choosing.select(found, "f.py")} == {2, 7}
-    assert {mutant.line for mutant in choosing.select(found, "f.py:7")} == {7}
-    assert {mutant.line for mutant in choosing.select(found, "a/f.py:1-6")} == {2}
+    assert {mutant.line for mutant in selection.select(found, "f.py")} == {2, 7}
+    assert {mutant.line for mutant in selection.select(found, "f.py:7")} == {7}
+    assert {mutant.line for mutant in selection.select(found, "a/f.py:1-6")} == {2}
     with pytest.raises(SystemExit, match=r"no mutant is in f\.py:3"):
-        choosing.select(found, "f.py:3")
+        selection.select(found, "f.py:3")
 
 
 def entry(text: str, folder: Path) -> list[equivalent.Equivalent]:
@@ -52,9 +52,9 @@ ENTRY = (
 
 def test_a_mutant_that_changes_nothing_is_not_drawn(tmp_path: Path) -> None:
     found, texts = mutants("f.py", SOURCE), {"f.py": SOURCE}
-    left = choosing.without(found, entry(ENTRY, tmp_path), texts)
+    left = selection.without(found, entry(ENTRY, tmp_path), texts)
     assert {(m.line, m.change(SOURCE)) for m in set(found) - set(left)} == {(2, "< -> <="), (7, "< -> <=")}
-    left = choosing.without(found, entry(ENTRY + 'inside = "G.h"\n', tmp_path), texts)
+    left = selection.without(found, entry(ENTRY + 'inside = "G.h"\n', tmp_path), texts)
     assert {(m.line, m.change(SOURCE)) for m in set(found) - set(left)} == {(7, "< -> <=")}
 
 
@@ -112,8 +112,8 @@ def test_a_constant_concerns_the_tests_of_its_users() -> None:
         {"a": 1.0, "b": 2.0, "c": 80.0}, {"f.py": source, "g.py": "x = LIMIT\ny = 1\nz = LIMIT\n"}
     )
     known.lines = {"f.py": {1: {""}}, "g.py": {1: {"b", "c"}, 2: {"a"}}}
-    assert choosing.tests_for(mutant, known, 90.0) == ["b", "c"]
-    assert choosing.tests_for(mutant, known, 75.0) == ["b"]
+    assert selection.tests_for(mutant, known, 90.0) == ["b", "c"]
+    assert selection.tests_for(mutant, known, 75.0) == ["b"]
 
 
 def test_a_constant_concerns_the_tests_of_derived_constants_and_of_its_module() -> None:
@@ -127,9 +127,9 @@ def test_a_constant_concerns_the_tests_of_derived_constants_and_of_its_module() 
         "test_a.py": "from axisbus.cia402 import (\n    e,\n    f,\n)",
         "test_d.py": "from axisbus.cia402 import ff",
     }
-    assert choosing.tests_for(mutant, known, 90.0) == ["test_a.py::a", "test_a.py::b", "test_c.py::c"]
+    assert selection.tests_for(mutant, known, 90.0) == ["test_a.py::a", "test_a.py::b", "test_c.py::c"]
     known.lines[file] = {1: {"", "test_d.py::d"}}  # imported by a child process of that test
-    assert choosing.tests_for(mutant, known, 90.0) == [
+    assert selection.tests_for(mutant, known, 90.0) == [
         "test_a.py::a",
         "test_a.py::b",
         "test_c.py::c",
@@ -137,7 +137,7 @@ def test_a_constant_concerns_the_tests_of_derived_constants_and_of_its_module() 
     ]
     known.lines[file] = {}
     known.test_texts["test_d.py"] = "import axisbus.cia402.f"
-    assert choosing.tests_for(mutant, known, 90.0)[2] == "test_d.py::d"
+    assert selection.tests_for(mutant, known, 90.0)[2] == "test_d.py::d"
 
 
 def test_a_function_that_is_called_at_import_only_concerns_the_tests_that_import_it() -> None:
@@ -150,9 +150,9 @@ def test_a_function_that_is_called_at_import_only_concerns_the_tests_that_import
         "test_b.py": "from axisbus.cia402 import g",
     }
     known.lines[file] = {2: set()}
-    assert choosing.tests_for(mutant, known, 90.0) == []
+    assert selection.tests_for(mutant, known, 90.0) == []
     known.lines[file] = {2: {""}}
-    assert choosing.tests_for(mutant, known, 90.0) == ["test_a.py::a"]
+    assert selection.tests_for(mutant, known, 90.0) == ["test_a.py::a"]
 
 
 def test_only_the_changed_function_is_swapped(tmp_path: Path) -> None:
@@ -177,16 +177,16 @@ PROGRAM = """\
 import sys
 from pathlib import Path
 import pytest
-from mutation import choosing, linemap, running
-from mutation.cold import OPTIONS
+from mutation import linemap, process_run, selection
+from mutation.fresh_imports import OPTIONS
 from mutation.report import Report
 from mutation.trial import Trial
 if __name__ == "__main__":
-    root, running.LEAST_TIME, linemap.PROCESSES = Path.cwd(), 1.0, "1"
+    root, process_run.LEAST_TIME, linemap.PROCESSES = Path.cwd(), 1.0, "1"
     packages = (root / "src" / "planted",)
     files = [root / "tests" / "test_planted.py"]
     known = linemap.up_to_date(root / "map.json", root, packages, files)
-    chosen = [m for m in choosing.every(root, packages) if m.kind in ("number", "sign")]
+    chosen = [m for m in selection.every(root, packages) if m.kind in ("number", "sign")]
     report = Report(root, len(chosen), sys.stdout)
     trial = Trial(root, chosen, known, report.tell, jobs=2, enough=9.0)
     pytest.main(["tests", *OPTIONS], plugins=[trial])

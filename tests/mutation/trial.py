@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from mutation.choosing import tests_for
-from mutation.judging import Judge, Task, Verdict
+from mutation.code_swap import Functions
 from mutation.linemap import LineMap
 from mutation.mutant import Mutant
-from mutation.swap import Functions
+from mutation.selection import tests_for
+from mutation.verdict import Judge, Task, Verdict
 
 _NUMBER = struct.Struct("I")
 

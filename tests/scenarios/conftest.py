@@ -15,9 +15,9 @@ import pytest
 from axisbus.core.process.client import RemoteCore
 from axisbus.machine.signal_shutdown import EXIT
 from kit.cell import Stage
-from kit.probe import PlantMoves
+from kit.plant_probe import PlantMoves
 from kit.scenarios import golden as scenario_golden
-from kit.scenarios.nets import cut
+from kit.scenarios.safety_nets import cut
 from kit.slow import is_real_time
 
 OWN = os.environ["AXISBUS_PROCESS"] == "own"

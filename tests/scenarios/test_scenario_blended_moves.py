@@ -17,7 +17,7 @@ from axisbus.errors import (
     Stopped,
 )
 from axisbus.motion.states import AxisState
-from kit.bounds.ledger import ACCELERATION, MOST, VELOCITY, Ledger
+from kit.bounds.highest_shares import ACCELERATION, MOST, VELOCITY, Ledger
 from kit.cell import Cell
 
 AXIS = "max_acceleration = 1000.0"

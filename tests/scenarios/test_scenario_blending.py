@@ -10,7 +10,7 @@ import pytest
 from axisbus.errors import ArgumentError, DriveFault, Interrupted, LimitError, StateError, Stopped
 from axisbus.machine.groups import Group
 from axisbus.motion.states import AxisState
-from kit.bounds.ledger import ACCELERATION, MOST, VELOCITY, Ledger
+from kit.bounds.highest_shares import ACCELERATION, MOST, VELOCITY, Ledger
 from kit.cell import Cell
 
 AXIS = "max_acceleration = 1000.0"

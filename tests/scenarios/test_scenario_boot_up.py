@@ -26,8 +26,8 @@ from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
 from kit.cell import GENERIC
 from kit.lossy_line import LossyLine
-from kit.probe import ENABLED, OFF
-from kit.scenarios.bus import Line, enable, until
+from kit.plant_probe import ENABLED, OFF
+from kit.scenarios.simulated_bus import Line, enable, until
 
 
 @pytest.fixture

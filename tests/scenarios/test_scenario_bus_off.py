@@ -13,9 +13,9 @@ from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import AxisbusError, BusOff, StateError, TransmitQueueFull
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit.probe import ENABLED, OFF
-from kit.scenarios.bus import Line, enable, turning, until
-from kit.scenarios.nets import NETS
+from kit.plant_probe import ENABLED, OFF
+from kit.scenarios.safety_nets import NETS
+from kit.scenarios.simulated_bus import Line, enable, turning, until
 
 CAN_ERR_CRTL, CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x04, 0x40, 0x100  # include/uapi/linux/can/error.h
 

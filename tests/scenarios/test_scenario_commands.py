@@ -11,7 +11,7 @@ from axisbus.errors import AxisbusError, MotionTimeout, Replaced, StateError, Tr
 from axisbus.motion.command_status import Status
 from axisbus.motion.states import AxisState
 from axisbus.sim.fault_injection import NEVER
-from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
+from kit.plant_probe import ENABLED, OFF, SWITCH_ON_DISABLED
 
 
 def test_a_second_move_aborts_the_first_and_the_axis_continues_to_the_new_target(scenario, golden):

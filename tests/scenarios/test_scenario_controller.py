@@ -12,7 +12,7 @@ from axisbus.motion.commands import ControllerCommand, ControllerOutput, CyclicT
 from axisbus.motion.cyclic.user_controller import ControllerOutputBuffer
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
-from kit.probe import ENABLED, OFF, QUICK_STOP
+from kit.plant_probe import ENABLED, OFF, QUICK_STOP
 
 RATED = "rated_torque = 10.0\n"
 RAMP = 500.0  # deg/s², the default

@@ -16,8 +16,8 @@ from axisbus.motion.coupling.slave_axis import Coupled
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import SCALE, Cell
-from kit.probe import ENABLED
-from kit.virtual import Trail, virtual
+from kit.plant_probe import ENABLED
+from kit.virtual_axis import Trail, virtual
 
 AXIS = "max_acceleration = 2000.0"
 ALONE = 'on_lost_node = "report"'  # else the fault policy stops the slave before its joint does

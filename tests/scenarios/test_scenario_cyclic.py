@@ -17,8 +17,8 @@ from axisbus.errors import (
 )
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
+from kit.plant_probe import ENABLED, FAULT, OFF, QUICK_STOP
 from kit.plants import PLANTS, cell_on
-from kit.probe import ENABLED, FAULT, OFF, QUICK_STOP
 
 CSV, CST = 9, 10
 RATED = "rated_torque = 10.0\n"

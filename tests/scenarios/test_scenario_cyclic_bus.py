@@ -6,7 +6,7 @@ import pytest
 
 from axisbus.errors import StateError
 from kit.cell import Stage
-from kit.probe import ENABLED, OFF
+from kit.plant_probe import ENABLED, OFF
 
 RAMP = 500.0  # deg/s²
 # The clock of a simulated drive and that of the bus differ: a cycle may take a little more or less than its time.

@@ -12,8 +12,8 @@ import pytest
 
 from axisbus.errors import AxisbusError, ScanError, TransmitQueueFull
 from axisbus.machine.machine import Machine
-from kit.probe import OFF, QUICK_STOP, SWITCH_ON_DISABLED
-from kit.scenarios.bus import Line, turning, until
+from kit.plant_probe import OFF, QUICK_STOP, SWITCH_ON_DISABLED
+from kit.scenarios.simulated_bus import Line, turning, until
 
 NO_DEVICE = OSError(errno.ENODEV, "No such device")
 

@@ -8,7 +8,7 @@ import pytest
 
 from axisbus.errors import AdapterError, ScanError
 from kit.cell import Cell
-from kit.probe import OFF, SWITCH_ON_DISABLED
+from kit.plant_probe import OFF, SWITCH_ON_DISABLED
 
 NETS = pytest.mark.nets("the quick stop of a dead scan", "the drive's watchdog")
 PLACES = ("receive", "read", "write", "commit", "sync", "heartbeat", "wait")

@@ -12,7 +12,7 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.errors import AxisbusError, ConfigError, StaleError
 from axisbus.motion.states import AxisState
 from kit.cell import Cell, cell_text
-from kit.probe import ENABLED
+from kit.plant_probe import ENABLED
 
 COUNTS = 20.0  # per mm
 BELT = """

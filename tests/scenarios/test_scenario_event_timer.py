@@ -11,7 +11,7 @@ import pytest
 from axisbus.bus.pdo import eventtimer
 from axisbus.errors import AxisbusError, SetPointError
 from axisbus.sim.node.slave import Slave, TransmitState
-from kit.scenarios.bus import Line, enable
+from kit.scenarios.simulated_bus import Line, enable
 
 SLOW_TIMER = 1500  # ms: longer than acknowledge_time
 TYPE_255 = "[nodes.1.pdo.tpdo1]\ntransmission = 255\n"

@@ -15,8 +15,8 @@ from axisbus.core.core import Core
 from axisbus.errors import DriveFault, NodeError, ScanError, StateError
 from axisbus.machine.machine import Machine
 from axisbus.motion.command_status import CommandStatus
-from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED, PlantMoves
-from kit.scenarios.bus import Line, enable, turning, until
+from kit.plant_probe import ENABLED, OFF, SWITCH_ON_DISABLED, PlantMoves
+from kit.scenarios.simulated_bus import Line, enable, turning, until
 
 
 def let_go(cell, name: str = "x") -> None:

@@ -9,7 +9,7 @@ from axisbus.errors import DriveFault, StateError, Stopped, TransitionError
 from axisbus.motion.states import AxisState
 from axisbus.sim.build import device_from_eds
 from kit.cell import MODULE
-from kit.probe import ENABLED, FAULT, OFF, SWITCH_ON_DISABLED
+from kit.plant_probe import ENABLED, FAULT, OFF, SWITCH_ON_DISABLED
 
 # gim6010-8, manual 5.7: category, bit, 603Fh.
 MOSFET_HOT = 0x0004_0000, 0x4310

@@ -15,8 +15,8 @@ from axisbus.errors import AdapterError, ArgumentError, AxisbusError, BootError,
 from axisbus.motion.states import AxisState
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from kit.cell import GENERIC, Cell, Stage
-from kit.probe import ENABLED, OFF
-from kit.sim.witness import CSP, CSV, Held, Witness
+from kit.plant_probe import ENABLED, OFF
+from kit.sim.sync_values import CSP, CSV, Held, Witness
 
 RATED = "rated_torque = 10.0\nmax_torque = 8.0\n"
 PER_NM = 100.0  # ‰ of the rated torque in one N·m

@@ -17,8 +17,8 @@ from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from kit.cell import GENERIC, Cell, Stage
-from kit.probe import ENABLED, OFF
-from kit.sim.witness import CSP, Witness
+from kit.plant_probe import ENABLED, OFF
+from kit.sim.sync_values import CSP, Witness
 
 TABLE = "[axes.x.feed_forward]\nvelocity = true\ninertia = 0.002\ntorque_offset = 1.0\n"
 SPEED = 90.0  # deg/s, 9000 increments/s

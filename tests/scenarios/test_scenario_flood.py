@@ -12,7 +12,7 @@ from axisbus.errors import StateError, Stopped
 from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.commands import MoveVelocity
 from axisbus.motion.moves.profile import MoveProfile
-from kit.probe import ENABLED, OFF
+from kit.plant_probe import ENABLED, OFF
 
 STOPS = {
     "halt": lambda x: x.halt(),

@@ -11,7 +11,7 @@ from axisbus.errors import StateError
 from axisbus.motion.states import AxisState
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from kit.probe import ENABLED, SWITCH_ON_DISABLED, SWITCHED_ON
+from kit.plant_probe import ENABLED, SWITCH_ON_DISABLED, SWITCHED_ON
 
 GENERIC = "builtin:generic-cia402"
 PP, PV, CSP = 1, 3, 8

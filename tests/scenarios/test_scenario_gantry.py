@@ -18,7 +18,7 @@ from axisbus.errors import (
 from axisbus.motion.states import AxisState
 from kit.cell import SCALE
 from kit.gantry.pair import CYCLE, LIMITED, MAX_SKEW, SOFT, pair_of
-from kit.probe import ENABLED, FAULT, OFF, QUICK_STOP
+from kit.plant_probe import ENABLED, FAULT, OFF, QUICK_STOP
 
 NEAR = 0.05  # deg: the lag of two motors and rounding together
 

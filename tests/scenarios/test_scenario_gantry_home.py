@@ -15,7 +15,7 @@ from axisbus.errors import (
 )
 from axisbus.motion.states import AxisState
 from kit.gantry.pair import AXIS, CYCLE, HOMING, pair_of, put_switches
-from kit.probe import ENABLED
+from kit.plant_probe import ENABLED
 
 # positions = [5.0, 7.0]: in a square beam (offset 0) the switch of y is met 2 deg before that of x, going down.
 NEAR = 0.05

@@ -7,7 +7,7 @@ import pytest
 from axisbus.errors import DriveError, DriveFault, Stopped
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
-from kit.probe import ENABLED, OFF, QUICK_STOP
+from kit.plant_probe import ENABLED, OFF, QUICK_STOP
 
 AXIS = "max_acceleration = 2000.0"
 CYCLE = 0.01

@@ -15,9 +15,9 @@ from axisbus.motion.axis import accept_motion
 from axisbus.motion.group import path_motion
 from axisbus.motion.group.path_speed import PathSpeed
 from axisbus.motion.group.start_barrier import StartBarrier
-from kit.bounds.starts import starts
+from kit.bounds.group_starts import starts
 from kit.cell import Cell
-from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
+from kit.plant_probe import ENABLED, OFF, SWITCH_ON_DISABLED
 
 LIMIT = 1000.0  # deg/s², of every axis
 JOLT = 1.2 * LIMIT  # only a quick stop or a fault may exceed it
@@ -89,7 +89,7 @@ def test_the_search_finds_an_axis_that_starts_late(tmp_path, monkeypatch):
         return len(came[gate]) != 3 and came[gate].count(comer) != 2
 
     monkeypatch.setattr(StartBarrier, "pass_through", pass_through)
-    monkeypatch.setattr("kit.bounds.starts._WAYS", (lambda group, goal: group.move_direct(goal),))
+    monkeypatch.setattr("kit.bounds.group_starts._WAYS", (lambda group, goal: group.move_direct(goal),))
     assert starts(seed=1, count=1, folder=tmp_path).apart == 2
 
 

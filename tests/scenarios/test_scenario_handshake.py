@@ -11,7 +11,7 @@ from axisbus.cia402.port import ValueTransport
 from axisbus.errors import Replaced, SetPointError
 from axisbus.sim.fault_injection import NEVER
 from kit.cell import SCALE
-from kit.probe import ENABLED, OFF
+from kit.plant_probe import ENABLED, OFF
 from kit.setpoints import edges
 
 PP = 1

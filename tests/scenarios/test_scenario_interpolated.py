@@ -13,7 +13,7 @@ from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.drive import Drive
 from axisbus.sim.fault_injection import NEVER
 from kit.cell import Cell, Stage
-from kit.probe import ENABLED, OFF
+from kit.plant_probe import ENABLED, OFF
 from kit.sim.interpolated import CSP, IP, PV, USUAL, write_eds
 
 IP_MODE, BIT_4, HALT, PERIOD, SCALE = 7, 0x10, 0x100, 0.01, 100

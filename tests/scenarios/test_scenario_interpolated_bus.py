@@ -6,7 +6,7 @@ import pytest
 
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import Stage
-from kit.probe import ENABLED, OFF
+from kit.plant_probe import ENABLED, OFF
 from kit.sim.interpolated import write_eds
 
 

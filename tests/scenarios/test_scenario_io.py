@@ -20,8 +20,8 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.shutdown_stop import ShutdownStop
 from kit.cell import Cell, cell_text
-from kit.modules import LEVEL, MODULE
-from kit.probe import ENABLED, OFF
+from kit.io_module import LEVEL, MODULE
+from kit.plant_probe import ENABLED, OFF
 
 IO = (
     MODULE

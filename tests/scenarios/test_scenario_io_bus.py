@@ -19,9 +19,9 @@ from axisbus.errors import ArgumentError, AxisbusError, BootError, NodeError, St
 from axisbus.machine.machine import Machine
 from axisbus.record.load import load
 from kit.cell import cell_text
-from kit.modules import MODULE
-from kit.probe import OFF
-from kit.stopped import STOPPED
+from kit.io_module import MODULE
+from kit.plant_probe import OFF
+from kit.stop_report import STOPPED
 
 IO = (
     MODULE

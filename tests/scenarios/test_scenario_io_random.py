@@ -10,7 +10,7 @@ import pytest
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.errors import NodeError
 from axisbus.machine.handle import Handle
-from kit.campaign.outputs import OUTPUTS, TOML, Outputs
+from kit.campaign.output_rules import OUTPUTS, TOML, Outputs
 from kit.cell import Cell, cell_text
 
 

@@ -13,8 +13,8 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.dictionary import Dictionary
 from kit.cell import GENERIC, MODULE, cell_text
-from kit.scenarios.softly import JERK, NEAR, ComputedMotion, Demand, soft
-from kit.virtual import virtual
+from kit.scenarios.jerk_limited import JERK, NEAR, ComputedMotion, Demand, soft
+from kit.virtual_axis import virtual
 
 TYPE, LIMIT = 0x6086, 0x60A4
 LINEAR, LIMITED, JERK_FREE = 0, 3, 2

@@ -10,8 +10,8 @@ import pytest
 from axisbus.errors import LimitError, Replaced, StateError, Stopped
 from axisbus.motion.states import AxisState
 from kit.cell import GENERIC, MODULE, cell_text
-from kit.scenarios.softly import JERK, NEAR, PERIOD, ComputedMotion, soft
-from kit.virtual import virtual
+from kit.scenarios.jerk_limited import JERK, NEAR, PERIOD, ComputedMotion, soft
+from kit.virtual_axis import virtual
 
 HARD = 500.0  # deg/s²
 FASTER = {"low": 60.0, "previous": 60.0, "next": 120.0, "high": 120.0}  # from 60 to 120 deg/s

@@ -11,8 +11,8 @@ from axisbus.errors import ArgumentError, Interrupted, LimitError, MotionTimeout
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import MODULE, cell_text
-from kit.scenarios.softly import JERK, NEAR, PERIOD, ComputedMotion, Demand, differences, soft
-from kit.virtual import virtual
+from kit.scenarios.jerk_limited import JERK, NEAR, PERIOD, ComputedMotion, Demand, differences, soft
+from kit.virtual_axis import virtual
 
 CSP, PV = 8, 3
 TYPE, LIMIT = 0x6086, 0x60A4

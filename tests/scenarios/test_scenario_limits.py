@@ -19,7 +19,7 @@ from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.device import Device
 from axisbus.testing import simulate
 from kit.cell import Cell, cell_text
-from kit.probe import ENABLED, OFF
+from kit.plant_probe import ENABLED, OFF
 
 # With a rated torque of 5 N·m, so that few N·m are much; its value in 6076h belongs to another scenario.
 JOINTS = (

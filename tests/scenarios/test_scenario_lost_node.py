@@ -7,7 +7,7 @@ import pytest
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import DriveError, NodeError, StateError, Stopped
 from axisbus.motion.states import AxisState
-from kit.probe import ENABLED, OFF
+from kit.plant_probe import ENABLED, OFF
 
 
 @pytest.mark.nets("the stop ladder")

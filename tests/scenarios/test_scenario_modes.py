@@ -14,7 +14,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import device_from_eds
 from kit.cell import GENERIC, SCALE
-from kit.probe import ENABLED, OFF, QUICK_STOP
+from kit.plant_probe import ENABLED, OFF, QUICK_STOP
 
 PP, PV, HM, CSP = 1, 3, 6, 8  # values of 6060h (CiA 402-2 8.4.9)
 HOLDING = (ENABLED,)

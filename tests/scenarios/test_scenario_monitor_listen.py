@@ -15,10 +15,10 @@ from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text
-from kit.probe import ENABLED
+from kit.plant_probe import ENABLED
 from kit.scenarios import other_master as others
-from kit.scenarios.bus import Line, enable
 from kit.scenarios.other_master import Ear, OtherMaster, RepeatedFrame
+from kit.scenarios.simulated_bus import Line, enable
 
 
 @pytest.fixture

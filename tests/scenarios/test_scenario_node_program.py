@@ -19,8 +19,8 @@ from axisbus.machine.machine import Machine
 from axisbus.machine.opening import boot
 from axisbus.sim.build import device_from_eds
 from kit.eds.loader import OLD, loader_eds, program
-from kit.probe import ENABLED
-from kit.scenarios.bus import Line, enable, until
+from kit.plant_probe import ENABLED
+from kit.scenarios.simulated_bus import Line, enable, until
 
 NEW = (15_400, 43_200_000)  # 2026-03-01 12:00:00, by hand
 EXPECTED = "\n[nodes.1.program]\ndate_time = 2026-03-01T12:00:00\n"

@@ -11,7 +11,7 @@ from axisbus.errors import ArgumentError, DriveError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.sim.modes.profile_position import ProfilePosition
 from kit.cell import cell_text
-from kit.virtual import virtual
+from kit.virtual_axis import virtual
 
 NEAR = 0.3  # degrees
 

@@ -10,7 +10,7 @@ import pytest
 from axisbus.errors import ArgumentError, DriveFault, Interrupted, LimitError, StateError
 from axisbus.machine.groups import Group
 from kit.cell import Cell
-from kit.probe import ENABLED
+from kit.plant_probe import ENABLED
 
 AXIS = "max_acceleration = 1000.0"
 SQUARE = [(60.0, 0.0), (60.0, 40.0), (0.0, 40.0), (0.0, 0.0)]

@@ -11,8 +11,8 @@ from axisbus.errors import AxisbusError, Interrupted
 from axisbus.machine.handle import Handle
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
+from kit.plant_probe import PlantMoves
 from kit.plants import MOTIONS, PLANTS, cell_on, jam, set_in_motion
-from kit.probe import PlantMoves
 
 LONGEST = 15.0  # seconds: all steps of the stop sequence, and some
 STAYS = 2.0  # seconds for which a stop that is done must hold

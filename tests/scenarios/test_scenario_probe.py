@@ -24,7 +24,7 @@ from axisbus.errors import (
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import GENERIC, MODULE, SCALE, Cell, Stage, cell_text
-from kit.probe import ENABLED, SWITCH_ON_DISABLED
+from kit.plant_probe import ENABLED, SWITCH_ON_DISABLED
 
 DISARMED = 0
 

@@ -21,16 +21,16 @@ from typing import NamedTuple
 import pytest
 
 from kit.cell import SCALE, cell_text
-from kit.probe import ENABLED, OFF, QUICK_STOP
-from kit.scenarios.doomed import LOSSES
+from kit.plant_probe import ENABLED, OFF, QUICK_STOP
+from kit.scenarios.moving_program import LOSSES
 from kit.scenarios.program import TESTS
-from kit.stopped import STOPPED
+from kit.stop_report import STOPPED
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
     pytest.mark.timeout(120),
 ]
-CUTTING = Path(__file__).parents[1] / "kit" / "scenarios" / "cutting"
+CUTTING = Path(__file__).parents[1] / "kit" / "scenarios" / "safety_net_removal"
 # Long heartbeats: the drives' own watch over them is another net, which would hide that one of these is missing.
 HEARTBEAT = "1s"  # the drives wait for three of them
 STOPS_WITHIN = (
@@ -62,7 +62,7 @@ class Doomed:
         path = os.pathsep.join([str(CUTTING), str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])])
         errors = (folder / "errors.txt").open("w")
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "kit.scenarios.doomed", str(folder), scene],
+            [sys.executable, "-m", "kit.scenarios.moving_program", str(folder), scene],
             stdout=subprocess.PIPE,
             stderr=errors,
             text=True,

@@ -11,8 +11,8 @@ import pytest
 
 from kit.campaign.cells.recipe import AxisRecipe, CellRecipe
 from kit.campaign.events import Event, Script
-from kit.campaign.play import play, shrink, told
 from kit.campaign.scenes import SCENES, NotHere
+from kit.campaign.script_replay import play, shrink, told
 from kit.campaign.scripts import script
 from kit.campaign.violation import Violation
 
@@ -1535,7 +1535,7 @@ def test_the_seeds_cover_every_scene():
 
 
 def test_shrinking_a_script_keeps_the_violation_and_drops_events_that_are_not_needed(tmp_path, monkeypatch):
-    from kit.campaign import play as player
+    from kit.campaign import script_replay as player
 
     def fake(made: Script, _folder) -> Violation | None:
         words = [event.what for event in made.events]

@@ -13,9 +13,9 @@ import pytest
 from axisbus.bus.pdo import rpdo
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
-from kit.probe import ENABLED, QUICK_STOP, SWITCH_ON_DISABLED
-from kit.scenarios.bus import Line, enable, until
+from kit.plant_probe import ENABLED, QUICK_STOP, SWITCH_ON_DISABLED
 from kit.scenarios.other_master import Ear
+from kit.scenarios.simulated_bus import Line, enable, until
 
 RPDO1 = 0x201
 RPDO_LATE = 0x8250

@@ -23,10 +23,10 @@ from axisbus.errors import BusError, LimitError, SecondMasterError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.cell import cell_text
-from kit.probe import ENABLED, OFF, QUICK_STOP
+from kit.plant_probe import ENABLED, OFF, QUICK_STOP
 from kit.scenarios import other_master as others
-from kit.scenarios.bus import Line, enable, turning, until
 from kit.scenarios.other_master import Ear, OtherMaster, RepeatedFrame
+from kit.scenarios.simulated_bus import Line, enable, turning, until
 
 ALL = {**others.SIGNS, **others.MASTERS}
 QUICK = {

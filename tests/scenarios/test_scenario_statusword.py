@@ -8,7 +8,7 @@ import pytest
 
 from axisbus.cia402.port import ValueTransport
 from axisbus.errors import StaleError
-from kit.probe import ENABLED, OFF
+from kit.plant_probe import ENABLED, OFF
 
 EVENT = ValueTransport.EVENT_PDO
 # How the inputs of a drive may travel. Without an event timer silence says nothing: the bus then polls 6041h and 6064h by SDO.

@@ -28,7 +28,7 @@ from axisbus.machine.stop_external import stop_beside
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
-from kit.scenarios.bus import Line, enable, until
+from kit.scenarios.simulated_bus import Line, enable, until
 
 TIMES = 'halt_time = "600ms"\nquick_stop_time = "600ms"\ndisable_time = "600ms"'
 AT_REST = 0.5  # degrees per second

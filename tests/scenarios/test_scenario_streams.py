@@ -20,7 +20,7 @@ from axisbus.errors import (
 )
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
-from kit.probe import ENABLED, OFF, QUICK_STOP
+from kit.plant_probe import ENABLED, OFF, QUICK_STOP
 
 HARDEST = 2000.0
 AXIS = f"max_acceleration = {HARDEST}\nposition_limits = [-300.0, 300.0]"

@@ -12,7 +12,7 @@ from axisbus.errors import ArgumentError, Interrupted, LimitError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import SCALE, Cell, cell_text
-from kit.probe import ENABLED, OFF
+from kit.plant_probe import ENABLED, OFF
 
 AXIS = "max_acceleration = 2000.0"
 INCREMENT = 1.0 / SCALE

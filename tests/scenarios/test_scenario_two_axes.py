@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from axisbus.errors import DriveFault, Stopped
-from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
-from kit.scenarios.bus import Line
-from kit.twoaxes import two_axis_cell
+from kit.plant_probe import ENABLED, OFF, SWITCH_ON_DISABLED
+from kit.scenarios.simulated_bus import Line
+from kit.two_axis_drive import two_axis_cell
 
 
 def cell_of(scenario):

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.machine.machine import Machine
-from kit import commands
+from kit import command_line
 from kit.foreign_slaves import CanworksSlave, SdoRefusal
 
 _CHANNELS = itertools.count(1)
@@ -99,8 +99,8 @@ each_fault = pytest.mark.parametrize("kind", [AnnouncesLess, AnnouncesMore, Mute
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys) -> commands.Run:
-    return commands.runner(monkeypatch, capsys)
+def axisbus(monkeypatch, capsys) -> command_line.Run:
+    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture

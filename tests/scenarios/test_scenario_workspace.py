@@ -11,7 +11,7 @@ from axisbus import CoreXY, Delta, Scara
 from axisbus.errors import ArgumentError, Interrupted, LimitError
 from axisbus.machine.groups import Group
 from kit.cell import SCALE, Cell
-from kit.scenarios.softly import ComputedMotion, differences
+from kit.scenarios.jerk_limited import ComputedMotion, differences
 
 AXIS = "max_acceleration = 4000.0"
 ARM = Scara(200.0, 150.0)

@@ -11,7 +11,7 @@ import pytest
 from axisbus.sim.can_simple import protocol
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module
-from kit.sim.module import (
+from kit.sim.can_simple_module import (
     BUS,
     CLEAR,
     CLOSED_LOOP,

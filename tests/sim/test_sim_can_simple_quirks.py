@@ -10,7 +10,7 @@ import pytest
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.can_simple.parameters import number_in, rows
-from kit.sim.module import (
+from kit.sim.can_simple_module import (
     CLEAR,
     CLOSED_LOOP,
     DISABLE,

@@ -21,7 +21,7 @@ from axisbus.errors import AdapterError
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns, object_dictionary
-from kit.can_line import options
+from kit.can_interface import options
 from kit.sim.eds import drive_eds
 from kit.sim.rig import state
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from kit.can_line import LINK
-from kit.socketcan_stage import Ends, Stage
+from kit.can_interface import LINK
+from kit.socketcan_cell import Ends, Stage
 
 collect_ignore_glob = [] if LINK else ["test_*.py"]
 

@@ -16,8 +16,8 @@ from axisbus.bus.link.channel import Channel
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, AxisbusError, BusOff
 from axisbus.machine.opening import boot
-from kit.can_line import LINK
-from kit.socketcan_stage import ip, until
+from kit.can_interface import LINK
+from kit.socketcan_cell import ip, until
 
 _ERROR_FRAME = {"is_error_frame": True, "is_extended_id": True}
 CAN_ERR_CRTL, CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x04, 0x40, 0x100  # include/uapi/linux/can/error.h

@@ -14,8 +14,8 @@ from axisbus.trace.can_simple import nodes_of
 from axisbus.trace.decoded import FrameKind
 from axisbus.trace.decoder import Decoder
 from axisbus.trace.frame_formats import what
-from kit import commands
-from kit.can_simple.mixed import write
+from kit import command_line
+from kit.can_simple.mixed_cell import write
 
 
 def decoded(can_id, data, nodes=(1, 5), **how):
@@ -98,7 +98,7 @@ def test_an_invalid_node_is_refused(text):
 
 
 def test_trace_and_filter_can_simple_on_the_command_line(monkeypatch, capsys, tmp_path):
-    run = commands.runner(monkeypatch, capsys)
+    run = command_line.runner(monkeypatch, capsys)
     log = tmp_path / "run.log"
     log.write_text("(1.0) can0 00C#CDCC0C4000000000\n(1.1) can0 701#05\n")
     code, out, _ = run("trace", log, "--can-simple", "0, 5", "--filter", "node=0")

@@ -25,7 +25,7 @@ from websockets.sync.client import ClientConnection
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.web.access.limits import FILE
-from kit.scenarios.own import own_cell, turns
+from kit.scenarios.core_process import own_cell, turns
 from kit.served_page import served, until
 from kit.web_client import Client
 

@@ -20,7 +20,7 @@ pytest.importorskip("selenium", reason="the browser is driven by selenium")
 
 from axisbus.motion.states import AxisState
 from kit.browser import ENTER, ESCAPE, MARKS, SPACE, Page, chromium
-from kit.scenarios.own import turns
+from kit.scenarios.core_process import turns
 from kit.served_page import served, until
 
 pytestmark = MARKS

@@ -15,7 +15,7 @@ if sys.platform != "linux":
 pytest.importorskip("nicegui", reason="the page needs nicegui")
 pytest.importorskip("selenium", reason="the browser is driven by selenium")
 
-from kit.access import violations
+from kit.accessibility import violations
 from kit.browser import MARKS, Page, chromium
 from kit.served_page import served, until
 

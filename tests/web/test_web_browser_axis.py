@@ -21,8 +21,8 @@ from axisbus.web import address
 from axisbus.web.access.tokens import Role
 from axisbus.web.server import PageServer
 from kit.browser import ENTER, MARKS, SPACE, TAB, Page, chromium
-from kit.scenarios.bus import Line
-from kit.scenarios.own import turns
+from kit.scenarios.core_process import turns
+from kit.scenarios.simulated_bus import Line
 from kit.served_page import served, until
 
 pytestmark = MARKS

@@ -20,7 +20,7 @@ from selenium.webdriver.support.select import Select
 
 from axisbus.machine.axis import Axis
 from axisbus.motion.states import AxisState
-from kit.access import violations
+from kit.accessibility import violations
 from kit.browser import ENTER, MARKS, SPACE, TAB, Page, chromium
 from kit.served_page import served, until
 

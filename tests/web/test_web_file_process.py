@@ -17,7 +17,7 @@ from axisbus.web.config.file_process import FileProcess, FileTask
 from axisbus.web.config.files import Dcf
 from axisbus.web.config.report import ConfigJobKind
 from axisbus.web.objects.verifying import PacedSdo
-from kit.commands import ROOT
+from kit.command_line import ROOT
 
 EDS = Dcf("x.eds", (ROOT / "eds" / "generic-cia402.eds").read_bytes())
 HEAD = b"[FileInfo]\nFileName=x.dcf\n[DeviceInfo]\nVendorNumber=1\n[1000]\nDataType=7\n"

@@ -16,7 +16,7 @@ from axisbus.machine.machine import Machine
 from axisbus.web.scope.cycles import ScopeBuffer
 from axisbus.web.scope.hub import HEAD, batch
 from axisbus.web.scope.signals import MOST, Choice, SignalReader, read, signals_of
-from kit import commands
+from kit import command_line
 
 
 def opened(data):
@@ -32,7 +32,7 @@ def opened(data):
 def seen():
     """The images of a simulated cell while an axis moves, with the parameters and the values of its axis at each."""
     found, told = [], []
-    with Machine.simulated(commands.CELL) as machine:
+    with Machine.simulated(command_line.CELL) as machine:
         x = machine["x"]
         x.enable().wait(5)
         machine.session.observe(lambda now, images: found.append((now, dict(images))))

@@ -15,7 +15,7 @@ from axisbus.motion.states import AxisState
 from axisbus.web.access.tokens import Role
 from axisbus.web.commands.clients import PageClient
 from kit.cell import cell_text
-from kit.desk import Pages
+from kit.page_clients import Pages
 
 MOVE = {"distance": "20", "velocity": "60", "acceleration": "400", "seconds": "1.0"}
 TURN = {"velocity": "30", "acceleration": "400", "seconds": "0.6"}

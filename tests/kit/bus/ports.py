@@ -7,8 +7,8 @@ from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.mapping import DevicePdos
 from axisbus.bus.pdo.plan import PdoRequirements, Policy, make_plan
 from axisbus.bus.port import CanPort
-from kit.bus.peer import FakeBus, Slave
-from kit.bus.plan import objects, rpdo, tpdo
+from kit.bus.fake_bus import FakeBus, Slave
+from kit.bus.pdo_configurations import objects, rpdo, tpdo
 
 WANTED = PdoRequirements(("statusword",), ("controlword", "target_position"))
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 
 from axisbus.errors import AxisbusError
 from axisbus.machine.handle import Handle
-from kit.campaign.mishaps import MISHAPS, Mishap, Site
-from kit.campaign.orders import QUIET
+from kit.campaign.commands import QUIET
+from kit.campaign.faults import MISHAPS, Mishap, Site
 from kit.campaign.scenes import Scene
 from kit.campaign.violation import Violation
 from kit.cell import Cell
-from kit.probe import OFF
+from kit.plant_probe import OFF
 
 TORQUE_MODES = (4, 10)
 SMALL_TORQUE = 50  # ‰ of rated torque, which the master takes for noise

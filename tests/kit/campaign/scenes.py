@@ -12,13 +12,13 @@ from typing import Any
 from axisbus import eds
 from axisbus.cia402.port import ValueTransport
 from axisbus.errors import AxisbusError, ConfigError, SdoAbort
-from kit.campaign import beside, offsets, outputs
+from kit.campaign import can_simple_rules, feed_forward_rules, output_rules
 from kit.campaign.gantry.scene import AXES, open_pair
 from kit.cell import Cell, Stage, cell_text
 from kit.corpus import corpus_files
 from kit.plants import PLANTS, Plant, bring_up, cell_on
 from kit.sim.interpolated import write_eds
-from kit.twoaxes import two_axis_cell
+from kit.two_axis_drive import two_axis_cell
 
 ROOT = Path(__file__).parents[3]
 ACCELERATION = 1000.0  # deg/s²: max_acceleration and the quick stop's deceleration of the usual cell
@@ -73,17 +73,17 @@ def _usual(stage: Stage, plant: Plant, *, limits: str = "", **changes: str) -> C
 
 
 def _with_outputs(stage: Stage, plant: Plant) -> Cell:
-    return cell_on(stage, plant, "xy", axis=_LIMITED, more=outputs.TOML, modules=(outputs.NODE,))
+    return cell_on(stage, plant, "xy", axis=_LIMITED, more=output_rules.TOML, modules=(output_rules.NODE,))
 
 
 def _beside_a_module(stage: Stage, plant: Plant) -> Cell:
-    cell = cell_on(stage, plant, "xy", axis=_LIMITED, more=beside.TOML)
-    cell.machine[beside.NAME].enable().wait(5)
+    cell = cell_on(stage, plant, "xy", axis=_LIMITED, more=can_simple_rules.TOML)
+    cell.machine[can_simple_rules.NAME].enable().wait(5)
     return cell
 
 
 def _feeding_forward(stage: Stage, plant: Plant) -> Cell:
-    return cell_on(stage, plant, "xy", axis=_LIMITED, more=offsets.TOML)
+    return cell_on(stage, plant, "xy", axis=_LIMITED, more=feed_forward_rules.TOML)
 
 
 def _interpolated(stage: Stage, plant: Plant) -> Cell:

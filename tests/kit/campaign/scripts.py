@@ -5,10 +5,10 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 
+from kit.campaign.commands import AXIS_STOPS, GROUP, GROUP_MOTIONS, GROUP_STOPS, MOTIONS, ORDERS
 from kit.campaign.events import Event, Script
+from kit.campaign.faults import ENDS, MISHAPS
 from kit.campaign.gantry import scripts as gantry
-from kit.campaign.mishaps import ENDS, MISHAPS
-from kit.campaign.orders import AXIS_STOPS, GROUP, GROUP_MOTIONS, GROUP_STOPS, MOTIONS, ORDERS
 from kit.campaign.scenes import SCENES, makers, scene_of
 
 ENDINGS = ("close", "close", "close", "with", "exception", "ctrl-c", "closed-twice", "busy-close")

@@ -10,8 +10,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from kit.fleet.plant import free_endpoint
-from kit.scenarios.own import own_cell
+from kit.fleet.zenoh_network import free_endpoint
+from kit.scenarios.core_process import own_cell
 
 
 def tree(pid):

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
-from kit import undisturbed
-from kit.scenarios.bus import Line, enable, until
+from kit import scan_file_access
+from kit.scenarios.simulated_bus import Line, enable, until
 from kit.virtual_time import virtual_time
 
 
@@ -54,14 +54,14 @@ def drive_refuses(folder: Path) -> None:
 
 def main() -> None:
     folder = Path(sys.argv[1])
-    undisturbed.begin()
+    scan_file_access.begin()
     for scene in (drives_fault, node_is_lost, drive_refuses):
         try:
             with virtual_time():
                 scene(folder)
         except AxisbusError as error:
             print(error)
-    print("opened:", undisturbed.taken())
+    print("opened:", scan_file_access.taken())
 
 
 if __name__ == "__main__":

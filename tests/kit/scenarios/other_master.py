@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import can
 
-from kit.talker import Talker
+from kit.sending_device import Talker
 
 TICK = 0.01  # seconds between two rounds
 

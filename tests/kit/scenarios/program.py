@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kit.cell import cell_text
-from kit.probe import OFF, STAGE_NAMES, PlantMoves
+from kit.plant_probe import OFF, STAGE_NAMES, PlantMoves
 
 TESTS = Path(__file__).parents[2]
 LONGEST = 120.0  # seconds after which a program that hangs is killed; it needs a few
@@ -105,7 +105,7 @@ def play(
     """Let a program play scenes and send each its signals, ``before`` seconds after it is ready and with ``pause`` in between."""
     text = cell_text("x", period="20ms", heartbeat="200ms", stop='halt_time = "15s"')
     (folder / "cell.toml").write_text(text, encoding="utf-8")
-    with Program("child", str(folder), ";".join(nets), *(name for name, _ in scenes)) as program:
+    with Program("signalled_program", str(folder), ";".join(nets), *(name for name, _ in scenes)) as program:
         for name, numbers in scenes:
             if numbers:
                 program.hear("ready")

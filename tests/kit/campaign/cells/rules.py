@@ -21,13 +21,13 @@ from axisbus.errors import (
 )
 from axisbus.motion.states import AxisState
 from kit.campaign.cells import promises
+from kit.campaign.cells.cell_setup import DrawnCell, is_slow, velocity_unit
 from kit.campaign.cells.files import BUILTIN, model_of
-from kit.campaign.cells.opening import DrawnCell, is_slow, velocity_unit
 from kit.campaign.cells.recipe import NORM
+from kit.campaign.commands import OVERRIDES
 from kit.campaign.facts import MOVES, TORQUE_MODES, Facts, GivenCommand
-from kit.campaign.orders import OVERRIDES
-from kit.campaign.travel import Travel
-from kit.probe import ENABLED, OFF, QUICK_STOP, REACTION
+from kit.campaign.motion_rules import Travel
+from kit.plant_probe import ENABLED, OFF, QUICK_STOP, REACTION
 
 _BEYOND = 0.5  # norm degrees beyond a limit: the sum of roundings and windows
 _WINDOW = 25.0  # increments, the same

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from kit.campaign.cells.opening import DrawnCell, open_cell
+from kit.campaign.cells.cell_setup import DrawnCell, open_cell
 from kit.campaign.cells.recipe import CellRecipe
 from kit.campaign.cells.rules import Physics
 from kit.campaign.scenes import Scene

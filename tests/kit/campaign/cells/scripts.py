@@ -5,10 +5,10 @@ from __future__ import annotations
 import random
 from collections.abc import Collection, Iterator, Sequence
 
-from kit.campaign.cells import orders
+from kit.campaign.cells import commands
 from kit.campaign.cells.recipe import CellRecipe, draw, with_usual
 from kit.campaign.events import Event, Script
-from kit.campaign.mishaps import ENDS, MISHAPS
+from kit.campaign.faults import ENDS, MISHAPS
 
 SCENE = "drawn"
 _PAUSES = (0.0, 0.0, 0.01, 0.05, 0.1, 0.2, 0.5, 0.5, 1.0, 2.0)
@@ -58,15 +58,15 @@ def _episode(chance: random.Random, cell: CellRecipe, number: int) -> Iterator[E
     for other in singles:
         if other != actor and chance.random() < 0.4:
             yield _event(chance, chance.choice(("move_absolute", "move_velocity", "gear", "follow")), other)
-    yield from _some(chance, actor, orders.MOTIONS, orders.GROUP_MOTIONS, orders.PAIR_MOTIONS, 1, 2)
+    yield from _some(chance, actor, commands.MOTIONS, commands.GROUP_MOTIONS, commands.PAIR_MOTIONS, 1, 2)
     if chance.random() < 0.5:
         yield Event(chance.choice(_PAUSES), "service", "")
-    yield from _some(chance, actor, orders.MOTIONS, orders.GROUP_MOTIONS, orders.PAIR_MOTIONS, 1, 2)
+    yield from _some(chance, actor, commands.MOTIONS, commands.GROUP_MOTIONS, commands.PAIR_MOTIONS, 1, 2)
     if chance.random() < 0.5:
         shared, paired = ("override", "cell_override"), ("pair_override", "pair_resume")
-        for event in _some(chance, actor, orders.ALONG, shared, paired, 1, 2):
+        for event in _some(chance, actor, commands.ALONG, shared, paired, 1, 2):
             yield event
-            if event.what.endswith("override") and event.value < orders.HOLDS and chance.random() < 0.7:
+            if event.what.endswith("override") and event.value < commands.HOLDS and chance.random() < 0.7:
                 yield event._replace(pause=2.5, value=-event.value)  # it is held for a while, and continues
     if chance.random() < _TROUBLED:
         what = chance.choice(_MISHAPS)
@@ -79,13 +79,13 @@ def _episode(chance: random.Random, cell: CellRecipe, number: int) -> Iterator[E
             yield Event(chance.choice((1.0, 5.0)), "probe", axis, _value(chance))  # it has time to brake
         if MISHAPS[what].ends and chance.random() < 0.5:
             yield Event(chance.choice(_PAUSES), MISHAPS[what].ends, axis, _value(chance))
-    yield from _some(chance, actor, orders.STOPS, orders.GROUP_STOPS, orders.PAIR_STOPS, 0, 2)
+    yield from _some(chance, actor, commands.STOPS, commands.GROUP_STOPS, commands.PAIR_STOPS, 0, 2)
     if chance.random() < 0.3:
         yield _event(chance, "enable" if actor in cell.names else f"{actor}_enable", actor)
-        yield from _some(chance, actor, orders.STOPS, orders.GROUP_STOPS, orders.PAIR_STOPS, 0, 1)
+        yield from _some(chance, actor, commands.STOPS, commands.GROUP_STOPS, commands.PAIR_STOPS, 0, 1)
     if chance.random() < 0.5:
         yield Event(chance.choice(_PAUSES), "service", "")
-        yield from _some(chance, actor, orders.MOTIONS, orders.GROUP_MOTIONS, orders.PAIR_MOTIONS, 1, 2)
+        yield from _some(chance, actor, commands.MOTIONS, commands.GROUP_MOTIONS, commands.PAIR_MOTIONS, 1, 2)
 
 
 def _some(
@@ -113,5 +113,5 @@ def _value(chance: random.Random) -> float:
 
 def is_known(what: str) -> bool:
     """Whether something of this name can happen in a drawn cell."""
-    known = (orders.ORDERS, orders.GROUP, orders.GANTRY, MISHAPS, ENDS)
+    known = (commands.ORDERS, commands.GROUP, commands.GANTRY, MISHAPS, ENDS)
     return what in ("service", "nudge") or any(what in names for names in known)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 
+from kit.campaign.commands import ORDERS
 from kit.campaign.events import Event
-from kit.campaign.gantry.orders import ALONE, MOTIONS, PAIR, STOPS
+from kit.campaign.faults import ENDS, MISHAPS
+from kit.campaign.gantry.commands import ALONE, MOTIONS, PAIR, STOPS
 from kit.campaign.gantry.scene import AXES
-from kit.campaign.mishaps import ENDS, MISHAPS
-from kit.campaign.orders import ORDERS
 
 _PAUSES = (0.0, 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.5, 3.0)
 _MISHAPS = (*MISHAPS, *["jam", "sticks", "pushed", "fault", "dead"] * 2)

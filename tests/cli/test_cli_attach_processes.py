@@ -1,0 +1,143 @@
+"""Commands in processes of their own that join a machine, and are interrupted, suspended or ended; and the frames that they see."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
+from kit import command_line
+from kit.scenarios.core_process import enabled, own_cell, turns, under_way
+
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
+    pytest.mark.timeout(120),
+]
+
+
+@pytest.fixture
+def axisbus(monkeypatch, capsys) -> command_line.Run:
+    return command_line.runner(monkeypatch, capsys)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return own_cell(tmp_path_factory.mktemp("joined"), axis="rated_torque = 10.0\nmax_torque = 5.0")
+
+
+@pytest.fixture(scope="module")
+def opened(file):
+    with Machine.open(file) as machine:
+        yield machine
+
+
+@pytest.fixture
+def moving(opened):
+    """The machine of a program, and its move of x: it turns already, and continues for longer than any of these tests."""
+    x = enabled(opened["x"])
+    yield opened, under_way(x)
+    x.halt().wait(10)
+
+
+def test_a_machine_of_axisbus_run_leaves_control_to_any_client(axisbus, tmp_path):
+    path = own_cell(tmp_path, "x")
+    with subprocess.Popen(
+        [sys.executable, "-m", "axisbus", "run", path, "--every", "0.2"], stdout=subprocess.PIPE, text=True
+    ) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline().startswith("the machine runs")
+        assert axisbus("enable", path).code == 0
+        with Machine.attach(path) as looking:
+            assert looking["x"].state is AxisState.STANDSTILL
+            assert axisbus("disable", path).out == "x: Disabled\n"
+        running.terminate()
+        running.wait(20)
+    assert Machine.try_attach(path) is None
+
+
+def test_a_command_that_is_interrupted_leaves_the_axes_as_it_found_them(axisbus, tmp_path):
+    path = own_cell(tmp_path, "xy")
+    run = [sys.executable, "-m", "axisbus"]
+    with subprocess.Popen([*run, "run", path], stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout.readline().startswith("the machine runs")
+        assert axisbus("enable", path, "y").code == 0
+        turning = subprocess.Popen(
+            [*run, "velocity", path, "x=30", "y=30"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        while "y: has" not in (line := turning.stdout.readline()):
+            assert line
+        turning.send_signal(signal.SIGINT)
+        _, err = turning.communicate(timeout=30)
+        assert turning.returncode == 130
+        assert "disabled again: x\n" in err
+        with Machine.attach(path) as looking:
+            assert looking["x"].state is AxisState.DISABLED
+            assert looking["y"].state is AxisState.STANDSTILL
+            assert looking.control_owner == ""
+        running.send_signal(signal.SIGINT)
+
+
+def test_a_command_that_took_control_names_the_axes_that_it_leaves_enabled(opened, file):
+    opened["y"].disable().wait(10)
+    turning = subprocess.Popen(
+        [sys.executable, "-m", "axisbus", "velocity", file, "y=30", "--take"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    while "y: has" not in (line := turning.stdout.readline()):
+        assert line, turning.stderr.read()
+    turning.send_signal(signal.SIGINT)
+    _, err = turning.communicate(timeout=30)
+    assert re.search(rf"left enabled: y; process {os.getpid()} .* has control", err)
+    assert opened["y"].state is AxisState.STANDSTILL
+    opened["y"].disable().wait(10)
+
+
+def test_an_axis_set_in_motion_by_a_suspended_command_halts(opened, file):
+    """Ctrl-Z: nothing would monitor it, and Ctrl-C reaches the command no more."""
+    opened["y"].disable().wait(10)
+    turning = subprocess.Popen(
+        [sys.executable, "-m", "axisbus", "velocity", file, "y=30", "--take"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        while "y: has" not in (line := turning.stdout.readline()):
+            assert line, turning.stderr.read()
+        assert abs(turns(opened, 2)) > 25.0
+        turning.send_signal(signal.SIGSTOP)
+        until = time.monotonic() + 5.0
+        while opened["y"].state is not AxisState.STANDSTILL:
+            assert time.monotonic() < until, opened["y"]
+            time.sleep(0.02)
+        assert turns(opened, 2) == pytest.approx(0.0, abs=0.05)
+    finally:
+        turning.send_signal(signal.SIGCONT)
+        turning.send_signal(signal.SIGINT)
+        turning.communicate(timeout=30)
+    opened["y"].disable().wait(10)
+
+
+def test_the_frames_of_a_machine_that_runs_are_shown_in_both_directions(axisbus, moving, file):
+    code, out, err = axisbus("trace", str(file), "--count", "200", "--json")
+    assert code == 0, err
+    assert "joined the running machine" in err
+    frames = [json.loads(line) for line in out.splitlines()]
+    assert {"SYNC", "RPDO", "TPDO"} <= {frame["kind"] for frame in frames}
+    times = [frame["time"] for frame in frames]
+    assert times == sorted(times) or max(b - a for a, b in itertools.pairwise(times)) < 0.5
+    code, out, err = axisbus("load", str(file), "--seconds", "0.5", "-b", "1000000", "--json")
+    assert code == 0, err
+    assert json.loads(out)["measured"]["frames"] > 100
+    assert moving[1].active
+    assert abs(turns(moving[0])) == pytest.approx(30.0, abs=1.0)
