@@ -93,8 +93,8 @@ def test_a_machine_with_its_core_in_its_program_is_found_and_reported_as_not_rea
 
 def processes_of(core):
     """The core's process and its watchdog process."""
-    warden = int(re.search(r"PPid:\s+(\d+)", Path(f"/proc/{core}/status").read_text())[1])
-    return [warden, core]
+    watchdog = int(re.search(r"PPid:\s+(\d+)", Path(f"/proc/{core}/status").read_text())[1])
+    return [watchdog, core]
 
 
 def test_a_machine_that_hangs_is_reported_as_not_reached(axisbus, tmp_path):

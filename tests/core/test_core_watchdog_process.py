@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import pytest
 
-from axisbus.core.process.rescue import BEAT, WardenWatch, state_of
+from axisbus.core.process.rescue import BEAT, WatchdogProcessMonitor, state_of
 
 
 class Look(NamedTuple):
@@ -25,7 +25,7 @@ class Look(NamedTuple):
 def found(looks: list[Look]) -> tuple[int, str] | None:
     """The first look at which axes must be stopped, and why."""
     now, state = 100.0, ""
-    watch = WardenWatch(now, lambda: state)
+    watch = WatchdogProcessMonitor(now, lambda: state)
     for number, look in enumerate(looks):
         now, state = now + look.passed, look.state
         if (why := watch.look(now, look.came)) is not None:

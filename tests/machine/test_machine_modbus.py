@@ -302,8 +302,8 @@ def test_the_watchdog_process_of_a_killed_core_stops_the_motor(line):
     )
     line.until(lambda: line.velocity > 150.0, 20.0)
     children = Path(f"/proc/{process.pid}/task").glob("*/children")
-    warden = next(text for each in children if (text := each.read_text("utf-8").split()))[0]
-    core = Path(f"/proc/{warden}/task/{warden}/children").read_text("utf-8").split()[0]
+    watchdog = next(text for each in children if (text := each.read_text("utf-8").split()))[0]
+    core = Path(f"/proc/{watchdog}/task/{watchdog}/children").read_text("utf-8").split()[0]
     subprocess.run(["kill", "-9", core], check=True)
     line.until(lambda: line.is_off, 15.0)
     assert abs(line.velocity) < 30.0

@@ -16,14 +16,14 @@ from kit.can_simple.mixed_cell import RESTS, TURNS, Doomed, served, stay
 pytestmark = pytest.mark.timeout(120)
 
 
-NO_PROGRAM, NO_WARDEN = "the core's eye on its program", "the core's eye on its warden"
+NO_PROGRAM, NO_WATCHDOG = "the core's eye on its program", "the core's check of its watchdog process"
 
 
 DEATHS = {
     "the program is killed": ("program", signal.SIGKILL, NO_PROGRAM),
     "the core is killed": ("core", signal.SIGKILL, "the rescue"),
-    "the core hangs": ("core", signal.SIGSTOP, "the warden's patience"),
-    "the warden is killed": ("warden", signal.SIGKILL, NO_WARDEN),
+    "the core hangs": ("core", signal.SIGSTOP, "the watchdog process's patience"),
+    "the watchdog process is killed": ("watchdog", signal.SIGKILL, NO_WATCHDOG),
 }
 own = pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
 

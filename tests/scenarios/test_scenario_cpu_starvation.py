@@ -193,8 +193,8 @@ def frozen_drives(machine: Machine) -> Iterator[None]:
             yield
         return
     core = machine._core
-    warden = core._process._warden.pid
-    children = Path(f"/proc/{warden}/task/{warden}/children").read_text().split()
+    watchdog = core._process._watchdog.pid
+    children = Path(f"/proc/{watchdog}/task/{watchdog}/children").read_text().split()
     (drives,) = {int(number) for number in children} - {core.process}
     os.kill(drives, signal.SIGSTOP)
     try:

@@ -73,7 +73,7 @@ class Doomed:
         with self.process.stdout as out:
             words = out.readline().split()
         assert words[:1] == ["ready"], (folder / "errors.txt").read_text()
-        self.program, self.warden, self.core = map(int, words[1:])
+        self.program, self.watchdog, self.core = map(int, words[1:])
 
     def strike(self, who: str, number: int) -> float:
         """Send a signal to one of them; return when, by the clock of the plant."""
@@ -148,14 +148,14 @@ def doomed(folder: Path, scene: str, cut: str = "", axes: str = "x", more: str =
     try:
         yield one
     finally:
-        for process in (one.program, one.warden, one.core):
+        for process in (one.program, one.watchdog, one.core):
             with suppress(OSError):
                 os.kill(process, signal.SIGKILL)
         one.process.wait()
 
 
 REST = (*OFF, QUICK_STOP)
-NO_PROGRAM, NO_WARDEN = "the core's eye on its program", "the core's eye on its warden"
+NO_PROGRAM, NO_WATCHDOG = "the core's eye on its program", "the core's check of its watchdog process"
 
 # The scene, the process, the signal, and the safety net that is removed in the second run.
 DEATHS = {
@@ -176,7 +176,7 @@ DEATHS = {
     "the core is killed": ("sleeping", "core", signal.SIGKILL, "the rescue"),
     "the core crashes": ("sleeping", "core", signal.SIGSEGV, "the rescue"),
     "the core is killed while the program computes": ("computing", "core", signal.SIGKILL, "the rescue"),
-    "the core hangs": ("sleeping", "core", signal.SIGSTOP, "the warden's patience"),
+    "the core hangs": ("sleeping", "core", signal.SIGSTOP, "the watchdog process's patience"),
     "the core is told to end": ("sleeping", "core", signal.SIGTERM, NO_PROGRAM),
     "Ctrl-C while the program computes": (
         "computing",
@@ -191,8 +191,8 @@ DEATHS = {
         "the core's ear for its program",
     ),
     "the core's terminal is gone": ("sleeping", "core", signal.SIGHUP, NO_PROGRAM),
-    "the warden is killed": ("sleeping", "warden", signal.SIGKILL, NO_WARDEN),
-    "the warden is stopped": ("sleeping", "warden", signal.SIGSTOP, NO_WARDEN),
+    "the watchdog process is killed": ("sleeping", "watchdog", signal.SIGKILL, NO_WATCHDOG),
+    "the watchdog process is stopped": ("sleeping", "watchdog", signal.SIGSTOP, NO_WATCHDOG),
 }
 
 
@@ -234,7 +234,7 @@ def test_descriptors_that_a_forked_child_closes_are_its_own_affair(tmp_path):
         ("program", signal.SIGKILL),
         ("core", signal.SIGKILL),
         ("core", signal.SIGSTOP),
-        ("warden", signal.SIGKILL),
+        ("watchdog", signal.SIGKILL),
         ("program", signal.SIGINT),
     ],
 )
@@ -314,7 +314,7 @@ def test_a_program_gets_the_reason_of_the_end_of_its_core_and_the_state_of_its_d
         while not told.exists() and time.monotonic() < until:
             time.sleep(0.05)
         text = told.read_text(encoding="utf-8")
-        assert one.ends("warden", 2.0)
+        assert one.ends("watchdog", 2.0)
     assert text.startswith("ScanError: x.move_relative(1e+06 deg) was ended")
     assert "it was ended by SIGKILL" in text
     assert re.search(STOPPED, text)
@@ -324,11 +324,11 @@ def test_a_program_gets_the_reason_of_the_end_of_its_core_and_the_state_of_its_d
 
 def test_a_suspended_watchdog_process_is_reported_and_all_processes_end(tmp_path):
     with doomed(tmp_path, "waiting") as one:
-        at = one.strike("warden", signal.SIGSTOP)
+        at = one.strike("watchdog", signal.SIGSTOP)
         assert one.standstill_after(at, REST) is not None
         told = tmp_path / "told.txt"
         assert one.ends("core", 6.0)
-        assert one.ends("warden", 2.0)
+        assert one.ends("watchdog", 2.0)
         assert "the watchdog process of the core has not answered for 0." in told.read_text(encoding="utf-8")
         assert one.process.wait(10) == 0
     assert "INFO leaving: the watchdog process of the core has not answered for 0." in one.journal()
@@ -337,9 +337,9 @@ def test_a_suspended_watchdog_process_is_reported_and_all_processes_end(tmp_path
 def test_a_watchdog_process_that_is_suspended_for_a_moment_ends_nothing(tmp_path):
     with doomed(tmp_path, "sleeping") as one:
         for _ in range(5):
-            one.strike("warden", signal.SIGSTOP)
+            one.strike("watchdog", signal.SIGSTOP)
             time.sleep(0.2)
-            at = one.strike("warden", signal.SIGCONT)
+            at = one.strike("watchdog", signal.SIGCONT)
             time.sleep(0.3)
         assert one.turns(at + 0.2)
 
@@ -348,7 +348,7 @@ def test_when_the_program_is_killed_all_of_its_processes_end(tmp_path):
     with doomed(tmp_path, "sleeping") as one:
         one.strike("program", signal.SIGKILL)
         assert one.ends("core", 6.0)
-        assert one.ends("warden", 2.0)
+        assert one.ends("watchdog", 2.0)
     rows = one.plant()
     assert rows[-1].stage in OFF
     told = one.journal()

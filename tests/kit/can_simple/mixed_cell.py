@@ -162,7 +162,7 @@ class Doomed:
         with self.process.stdout as out:
             words = out.readline().split()
         assert words[:1] == ["ready"], self.errors
-        self.program, self.warden, self.core = map(int, words[1:])
+        self.program, self.watchdog, self.core = map(int, words[1:])
 
     @property
     def errors(self) -> str:
@@ -177,7 +177,7 @@ class Doomed:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for process in filter(None, (self.program, self.warden, self.core)):
+        for process in filter(None, (self.program, self.watchdog, self.core)):
             with suppress(OSError):
                 os.kill(process, signal.SIGKILL)
         self.process.wait()

@@ -1,6 +1,6 @@
 """A program whose cell has a module: its axes turn, until one of its processes is killed or suspended.
 
-``python -m kit.can_simple.moving_program FOLDER SCENE``: it prints ``ready PROGRAM WARDEN CORE`` (process IDs, 0 if the core is
+``python -m kit.can_simple.moving_program FOLDER SCENE``: it prints ``ready PROGRAM WATCHDOG CORE`` (process IDs, 0 if the core is
 a thread of the program) when all axes turn; the module at a velocity, which continues without a master.
 """
 
@@ -28,7 +28,7 @@ def turning(folder: Path) -> Machine:
         machine[name].move_relative(1e5, velocity=90.0)
     machine["m"].move_velocity(90.0).wait(10)
     owner = machine._core
-    pids = (owner._process._warden.pid, owner.process) if isinstance(owner, RemoteCore) else (0, 0)  # type: ignore[union-attr]
+    pids = (owner._process._watchdog.pid, owner.process) if isinstance(owner, RemoteCore) else (0, 0)  # type: ignore[union-attr]
     print("ready", os.getpid(), *pids, flush=True)
     return machine
 

@@ -1,7 +1,7 @@
 """A program with a core of its own whose axes turn, until one of its processes is killed or suspended.
 
-``python -m kit.scenarios.moving_program FOLDER SCENE``: the cell file is FOLDER/cell.toml. It prints ``ready PROGRAM WARDEN CORE``
-(process IDs) when they turn, and appends its errors to FOLDER/told.txt afterwards.
+``python -m kit.scenarios.moving_program FOLDER SCENE``: the cell file is FOLDER/cell.toml. It prints
+``ready PROGRAM WATCHDOG CORE`` (process IDs) when they turn, and appends its errors to FOLDER/told.txt afterwards.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def ready(machine: Machine) -> None:
     """Print the process IDs."""
     owner = machine._core
     assert isinstance(owner, RemoteCore)
-    print("ready", os.getpid(), owner._process._warden.pid, owner.process, flush=True)
+    print("ready", os.getpid(), owner._process._watchdog.pid, owner.process, flush=True)
 
 
 def sleeping(folder: Path) -> None:

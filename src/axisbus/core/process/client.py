@@ -84,14 +84,14 @@ class RemoteCore:
         io = IoImage(process.memory, len(cell.axes), tuple(cell.io))
         tally = SharedCounters(process.memory, len(cell.axes), len(cell.io))
         self.session = RemoteSession(self._calls, image, io, tally, self._errors, {}, cell.bus.scan_period)
-        self._warden_over = threading.Event()
-        if process.warden is None:  # a joined program has none, and learns only that the core is gone
-            self._warden_over.set()
+        self._watchdog_over = threading.Event()
+        if process.watchdog is None:  # a joined program has none, and learns only that the core is gone
+            self._watchdog_over.set()
         control = process.control
         self._control = None if control is None else SimulatedDrivesHandle(control)
         self.stand_ins = {} if self._control is None else self._control.stand_ins(cell.nodes)
         self._calls.start()  # the core may end at once: all objects needed then exist now
-        self._warden = self._watch_warden(process.warden)
+        self._watchdog = self._monitor_watchdog(process.watchdog)
         try:
             self._open()
         except BaseException:
@@ -113,7 +113,7 @@ class RemoteCore:
             lambda: self._left is not None or self._calls.over, max(times, default=0.0) + _CLOSE_MARGIN
         )
         if self._left is None:  # the core has died: wait for its watchdog process, and do not interrupt it
-            interruption = self._wait(self._warden_over.is_set, _RESCUE) or interruption
+            interruption = self._wait(self._watchdog_over.is_set, _RESCUE) or interruption
         self._end()
         if interruption is not None:
             raise interruption
@@ -153,18 +153,18 @@ class RemoteCore:
             calls.close(_FAREWELL)
         self._process.end()
 
-    def _watch_warden(self, line: socket.socket | None) -> RpcClient | None:
+    def _monitor_watchdog(self, line: socket.socket | None) -> RpcClient | None:
         """Start receiving the messages of the watchdog process."""
         if line is None:
             return None
-        stream = MessageStream(line, m.CODEC.pack, "axisbus asks warden")
-        warden = RpcClient(stream, {m.Rescued: self._take_rescued}, {}, self._warden_gone)
-        warden.start()
-        return warden
+        stream = MessageStream(line, m.CODEC.pack, "axisbus asks watchdog")
+        watchdog = RpcClient(stream, {m.Rescued: self._take_rescued}, {}, self._watchdog_gone)
+        watchdog.start()
+        return watchdog
 
     @property
     def _lines(self) -> list[RpcClient]:
-        return [self._calls] if self._warden is None else [self._calls, self._warden]
+        return [self._calls] if self._watchdog is None else [self._calls, self._watchdog]
 
     # -- opening -------------------------------------------------------------------------------------------------------
 
@@ -245,14 +245,14 @@ class RemoteCore:
     def _take_rescued(self, rescued: m.Rescued) -> None:
         self.session.rescued = rescued
 
-    def _warden_gone(self) -> None:
-        self._warden_over.set()
+    def _watchdog_gone(self) -> None:
+        self._watchdog_over.set()
         self._news.set()
 
     def _gone(self) -> None:
         """Handle the end of the core. If it had not left, wait for the result of its watchdog process."""
         if self._left is None:
-            self._warden_over.wait(_RESCUE)
+            self._watchdog_over.wait(_RESCUE)
         if self._calls.lost:
             log.error("%s", self._calls.gone("the machine no longer runs"))
         self.session.end_all()

@@ -59,7 +59,7 @@ def expected(bus: BusConfig) -> str:
 class Processes:
     """A core's watchdog process, which forks the core and the simulated drives; holds this end of the connections, and the memory.
 
-    ``line`` leads to the core, ``warden`` to the watchdog process, ``control`` to the simulated drives, if there are any.
+    ``line`` leads to the core, ``watchdog`` to the watchdog process, ``control`` to the simulated drives, if there are any.
     """
 
     def __init__(self, cell: CellConfig, signals: int) -> None:
@@ -79,7 +79,7 @@ class Processes:
             bus.interface, bus.channel, path_of(cell), beside=bus.beside, door=True, simulated=simulated
         )
         self.line, line = socket.socketpair()
-        self.warden, tell = socket.socketpair()
+        self.watchdog, tell = socket.socketpair()
         none = (None, None)
         drives, far = cable() if simulated else none
         near, control = socket.socketpair() if simulated else none
@@ -91,7 +91,7 @@ class Processes:
         own = (line.fileno(), memory, tell.fileno(), os.getpid())
         end = (self.line.fileno(), inode_of(self.line))
         numbers = [*map(_number, others), -1 if lock is None else lock.mark]
-        self._warden = _start(StartupArgs(*own, path_of(cell), axes, signals, *end, *numbers))
+        self._watchdog = _start(StartupArgs(*own, path_of(cell), axes, signals, *end, *numbers))
         os.close(memory)
         for passed in (line, tell, *others):
             if passed is not None:
@@ -99,19 +99,19 @@ class Processes:
 
     def end(self) -> None:
         """Wait for the end of the processes after leaving; kill a process that hangs. Blocks at most 15 s."""
-        _see_end(self._warden)
+        _see_end(self._watchdog)
 
     def abandon(self) -> None:
         """End them before they were asked to open anything; blocks for a moment."""
-        for end in (self.line, self.warden, self.control):
+        for end in (self.line, self.watchdog, self.control):
             if end is not None:
                 end.close()
-        self._warden.kill()
-        self._warden.wait()
+        self._watchdog.kill()
+        self._watchdog.wait()
 
     def disown(self) -> None:
         """Release them in a forked child, which must neither wait for them nor kill them."""
-        self._warden.returncode = 0
+        self._watchdog.returncode = 0
 
 
 def _number(end: socket.socket | HeldClaim | None) -> int:

@@ -219,7 +219,7 @@ def answer_stop(line: socket.socket, answer: float | StopAnswer) -> None:
 class ClientConnection:
     """A joined program's counterpart to ``launch.Processes``. Holds the connection, and the images."""
 
-    warden = control = None
+    watchdog = control = None
 
     def __init__(self, line: socket.socket, image: int) -> None:
         """``line`` leads to the core; ``image``: the descriptor of its images, which is closed."""

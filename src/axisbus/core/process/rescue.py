@@ -72,7 +72,7 @@ class CrashStop:
         """Stop the drives, make outputs safe, report to the program, and return the report; blocks. ``why``: how the core ended."""
         found = rescue_memory.found(self._memory, self._at)
         names = [list(self._cell.axes)[axis] for axis in found.axes]
-        stream = MessageStream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus warden")
+        stream = MessageStream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus watchdog")
         rescued = self._stop(why, names, found.frames)
         stream.send(rescued)
         stream.close(_FAREWELL)
@@ -179,7 +179,7 @@ _WAITING = ("R", "D")  # states of a process that waits for a processor or for a
 _SEEN = 2  # checks without waiting: at the first one its byte may be on its way
 
 
-class WardenWatch:
+class WatchdogProcessMonitor:
     """Decides by the bytes of a watchdog process whether it runs; holds the time without a byte. Times in seconds."""
 
     def __init__(self, now: float, state: Callable[[], str]) -> None:

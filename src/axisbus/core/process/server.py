@@ -37,7 +37,7 @@ from axisbus.core.process.listener import ClientListener, text_of
 from axisbus.core.process.persistence.faults import Faults
 from axisbus.core.process.persistence.journal import journal
 from axisbus.core.process.publisher import Publisher
-from axisbus.core.process.rescue import BEAT, NOBODY, Lifeline, WardenWatch, state_of
+from axisbus.core.process.rescue import BEAT, NOBODY, Lifeline, WatchdogProcessMonitor, state_of
 from axisbus.core.process.shared_counters import SharedCounters
 from axisbus.core.process.signal_forwarding import INTERRUPTED, STOPPING, SignalForwarder
 from axisbus.core.process.startup_args import StartupArgs
@@ -59,7 +59,7 @@ _ROUND = 0.02  # seconds
 _ASKED = 64  # requests that are executed at a time
 _FAREWELL = 2.0  # seconds for the last message
 _WORDS = 64  # bytes of the watchdog process that are read at a time
-_WARDEN_GONE = f"the watchdog process of the core has ended: {NOBODY}"
+_WATCHDOG_GONE = f"the watchdog process of the core has ended: {NOBODY}"
 _WAYS_OUT = {signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP"}
 
 
@@ -72,12 +72,12 @@ class CoreServer:
         memory: mmap.mmap,
         image: int,
         axes: int,
-        warden: socket.socket,
+        watchdog: socket.socket,
         drives: socket.socket | None = None,
         who: str = "the program that opened it",
         listening: socket.socket | None = None,
     ) -> None:
-        """``stream`` and ``warden`` lead to the program and the watchdog process, ``drives`` to simulated drives, if any.
+        """``stream`` and ``watchdog`` lead to the program and the watchdog process, ``drives`` to simulated drives, if any.
 
         ``who``: the program, as text. Other programs connect at ``listening``, if it is given. ``memory`` (its descriptor:
         ``image``) contains the images and the lifeline, for the number of ``axes``.
@@ -87,7 +87,7 @@ class CoreServer:
         self._image = image
         self._degree = ""
         self._axes = axes
-        self._warden = warden
+        self._watchdog = watchdog
         self._drives = drives
         self._who = who
         self._listening = listening
@@ -162,7 +162,7 @@ class CoreServer:
         return True
 
     def _begin(self, cell: CellConfig, dictionaries: Mapping[int, Eds], wanted: m.OpenCell) -> None:
-        self._await_warden()
+        self._await_watchdog()
         gc.collect()  # now, because after boot-up the drives and the master monitor each other's heartbeats
         link = CanLink(cell, dictionaries, channel=reach(cell, self._drives))
         runtime = Runtime(link, sorted(cell.nodes), link.stand_ins)
@@ -194,32 +194,32 @@ class CoreServer:
         self._stream.send(self._opened())
         threading.Thread(target=self._watch_condition, name="axisbus condition", daemon=True).start()
 
-    def _await_warden(self) -> None:
+    def _await_watchdog(self) -> None:
         """Wait until the watchdog process can stop the axes, and simulated drives listen; then start monitoring the process."""
-        if not self._warden.recv(1):
+        if not self._watchdog.recv(1):
             raise ScanError(
                 "the watchdog process of the core has ended",
                 remedy="open the machine again; check the computer's memory",
             )
-        threading.Thread(target=self._watch_warden, name="axisbus warden", daemon=True).start()
+        threading.Thread(target=self._monitor_watchdog, name="axisbus watchdog", daemon=True).start()
 
-    def _watch_warden(self) -> None:
+    def _monitor_watchdog(self) -> None:
         """Leave when the watchdog process has ended, or does not run."""
-        warden = os.getppid()
-        watch = WardenWatch(time.monotonic(), partial(state_of, warden))
-        self._warden.settimeout(BEAT)
+        watchdog = os.getppid()
+        watch = WatchdogProcessMonitor(time.monotonic(), partial(state_of, watchdog))
+        self._watchdog.settimeout(BEAT)
         while not self._left.is_set():
             came = self._came()
-            why = _WARDEN_GONE if came is None else watch.look(time.monotonic(), came)
+            why = _WATCHDOG_GONE if came is None else watch.look(time.monotonic(), came)
             if why is not None:
-                self._deaf = None if came is None else warden
+                self._deaf = None if came is None else watchdog
                 self._leave(why)
                 return
 
     def _came(self) -> bool | None:
         """Wait a moment for a byte of the watchdog process; return whether one came, None if none can come any more."""
         try:
-            return True if self._warden.recv(_WORDS) else None
+            return True if self._watchdog.recv(_WORDS) else None
         except TimeoutError:
             return False
         except OSError:
@@ -334,8 +334,8 @@ class CoreServer:
             self._stream.close(_FAREWELL)
 
 
-def serve(duty: StartupArgs, warden: socket.socket) -> None:
-    """Run the core of a program until one of the two is gone; blocks. ``warden`` leads to the watchdog process."""
+def serve(duty: StartupArgs, watchdog: socket.socket) -> None:
+    """Run the core of a program until one of the two is gone; blocks. ``watchdog`` leads to the watchdog process."""
     stream = MessageStream(socket.socket(fileno=duty.line), m.CODEC.pack, "axisbus answers")
     log.addHandler(StreamHandler(stream))
     line = socket.socket(fileno=duty.drives) if duty.simulates else None
@@ -344,7 +344,7 @@ def serve(duty: StartupArgs, warden: socket.socket) -> None:
         mmap.mmap(duty.memory, 0),
         duty.memory,
         duty.axes,
-        warden,
+        watchdog,
         line,
         described(duty.program, kept=True),
         socket.socket(fileno=duty.lock) if duty.lock >= 0 else None,

@@ -46,14 +46,14 @@ class StartupArgs:
         return self._there(self.far, self.control)
 
     @property
-    def of_warden(self) -> set[int]:
+    def of_watchdog(self) -> set[int]:
         """The descriptors of the watchdog process itself."""
         return self._there(self.tell, self.memory, self.drives, self.lock, self.mark)
 
     @property
     def all(self) -> set[int]:
         """The descriptors of all three."""
-        return self.of_core | self.of_drives | self.of_warden
+        return self.of_core | self.of_drives | self.of_watchdog
 
     def _there(self, *numbers: int) -> set[int]:
         return {number for number in numbers if number >= 0}

@@ -59,7 +59,7 @@ def main(text: str) -> None:
     core = os.fork()
     if core:
         far.close()
-        _become("axisbus warden", duty, duty.of_warden)
+        _become("axisbus wdog", duty, duty.of_watchdog)  # the system cuts a name after 15 characters
         _guard(core, near, duty, hears)
     else:
         near.close()

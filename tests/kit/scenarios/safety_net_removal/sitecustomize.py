@@ -30,13 +30,13 @@ def _cut(name: str) -> None:
     elif name == "the eyes on the program's descriptors":
         stream.MessageStream.look = _nothing  # type: ignore[method-assign]
         own_socket.FarEnd.lost = False  # type: ignore[method-assign,assignment]
-    elif name == "the core's eye on its warden":
-        server.CoreServer._watch_warden = _nothing  # type: ignore[method-assign]
+    elif name == "the core's check of its watchdog process":
+        server.CoreServer._monitor_watchdog = _nothing  # type: ignore[method-assign]
     elif name == "the core's ear for its program":
         signal_forwarding.SignalForwarder.look = _nothing  # type: ignore[method-assign,assignment]
     elif name == "the rescue":
         rescue.CrashStop.rescue = _nothing  # type: ignore[method-assign]
-    elif name == "the warden's patience":
+    elif name == "the watchdog process's patience":
         rescue.CrashStop.runs = False  # type: ignore[method-assign,assignment]
     else:
         raise SystemExit(f"no such net: {name}")

@@ -185,10 +185,10 @@ def calibrate_command(what: str, target: ModbusTarget, yes: bool) -> int:
 
     kind = CalibrationKind[what.upper()]
     read_list(target.listed, target.made_for)  # before any question is asked or port opened
-    ask(explanation(kind, target.node, warden=True), yes=yes)
-    with opened(target) as module, guard(target) as warden:
+    ask(explanation(kind, target.node, watchdog_process=True), yes=yes)
+    with opened(target) as module, guard(target) as watchdog:
         found = Calibrating(
-            parameters(target, module), kind, tell=say_note, guarded=lambda: warden.is_there
+            parameters(target, module), kind, tell=say_note, guarded=lambda: watchdog.is_there
         ).run()
     left = f"module {target.node} is idle"
     keep = " ".join(f"{path}=true" for path in PRE_CALIBRATED)

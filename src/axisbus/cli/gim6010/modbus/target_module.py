@@ -19,12 +19,12 @@ from axisbus.drives.gim6010.modbus.registers import RATES
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.modbus.module import ModbusModule
     from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
-    from axisbus.drives.gim6010.modbus.motion.watchdog_process import Warden
+    from axisbus.drives.gim6010.modbus.motion.watchdog_process import ModbusWatchdogProcess
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 
 PARITIES = ("none", "even", "odd")
 _HIGHEST = 247
-_WARDEN = (
+_WATCHDOG_NOTE = (
     "if only this program is killed, its watchdog process stops the module; not if the computer or the cable fails, "
     "or the program hangs"
 )
@@ -136,26 +136,28 @@ def axis(target: ModbusTarget) -> Iterator[ModbusAxis]:
     with opened(target) as module:
         module.require_idle("it is enabled")
         with (
-            guard(target) as warden,
-            ModbusAxis(module, tell=say_note, guarded=lambda: warden.is_there) as found,
+            guard(target) as watchdog,
+            ModbusAxis(module, tell=say_note, guarded=lambda: watchdog.is_there) as found,
         ):
             yield found
 
 
 @contextmanager
-def guard(target: ModbusTarget) -> Iterator[Warden]:
+def guard(target: ModbusTarget) -> Iterator[ModbusWatchdogProcess]:
     """Start a watchdog process that stops the module if this program is killed in the block; print its limitations.
 
     Raises:
         StateError: it cannot be started.
     """
-    from axisbus.drives.gim6010.modbus.motion.watchdog_process import Warden
+    from axisbus.drives.gim6010.modbus.motion.watchdog_process import ModbusWatchdogProcess
     from axisbus.drives.gim6010.modbus.serial_wire import Parity
 
-    warden = Warden(target.port, target.node, rate=target.rate, parity=Parity[target.parity.upper()])
-    with warden:
-        say_note(_WARDEN)
-        yield warden
+    watchdog = ModbusWatchdogProcess(
+        target.port, target.node, rate=target.rate, parity=Parity[target.parity.upper()]
+    )
+    with watchdog:
+        say_note(_WATCHDOG_NOTE)
+        yield watchdog
 
 
 def parameters(target: ModbusTarget, module: ModbusModule) -> ModbusParameters:

@@ -51,8 +51,8 @@ _PARTS = {
 }
 
 
-def explanation(kind: CalibrationKind, node: int, *, warden: bool = False) -> Iterator[str]:
-    """Yield the motion to expect and the precautions; ``warden``: a watchdog process ends it if the program is killed."""
+def explanation(kind: CalibrationKind, node: int, *, watchdog_process: bool = False) -> Iterator[str]:
+    """Yield the motion to expect and the precautions; ``watchdog_process``: one ends it if the program is killed."""
     yield f"{kind.words} of module {node}, which moves without a command:"
     for part in sorted(kind.parts):
         yield f"  {_PARTS[part]}"
@@ -62,7 +62,9 @@ def explanation(kind: CalibrationKind, node: int, *, warden: bool = False) -> It
             "start position; keep that range free, in both directions"
         )
     yield "  take every load off the output, fasten the module, and keep hands away; have the supply's switch at hand"
-    unended = "a cable that breaks" if warden else "a program that is killed, or a cable that breaks,"
+    unended = (
+        "a cable that breaks" if watchdog_process else "a program that is killed, or a cable that breaks,"
+    )
     yield f"  Ctrl-C ends it; {unended} does not: it then continues to its end"
     yield (
         "  modules are calibrated at the factory, and owners advise against a repetition: with a wrong result the motor "

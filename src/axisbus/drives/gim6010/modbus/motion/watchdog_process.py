@@ -28,7 +28,7 @@ _AGAIN = 0.02
 _LATE = 0.1  # s for an answer to a request of the dead program
 
 
-class Warden:
+class ModbusWatchdogProcess:
     """The watchdog process for one module on a port."""
 
     def __init__(self, port: str, device: int, *, rate: int, parity: Parity) -> None:
