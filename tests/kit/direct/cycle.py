@@ -12,21 +12,16 @@ previous SYNC, as on a wire. A value with the transport ``NONE`` is never receiv
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
-from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.errors import AdapterError
 from axisbus.sim.device import Device
-from kit.direct.dials import CycleFaultSettings
-from kit.direct.io import DirectIoPort
-from kit.direct.port import DirectPort
+from kit.direct.port import CycleFaultSettings, DirectPort
 
 __all__ = ["CycleFaultSettings", "DirectCycle", "DirectPort"]
 
 _LONGEST_STEP = 0.01  # s
-
-Listener = Callable[[float, Mapping[int, tuple[Emcy, ...]]], None]
 
 
 class DirectCycle:
@@ -41,21 +36,15 @@ class DirectCycle:
         heartbeat: float = 0.1,
         operational: bool = True,
         dials: CycleFaultSettings | None = None,
-        devices: Sequence[Device] = (),
-        io: Sequence[DirectIoPort] = (),
     ) -> None:
-        """Drive ``ports``, inputs and outputs (``io``) and ``devices`` (nodes without an axis).
-
-        ``heartbeat`` is the period of ours in s (0: none).
+        """Drive ``ports``. ``heartbeat`` is the period of the master's in s (0: none).
 
         ``operational`` boots all nodes at once and starts them, but for dead ones, which hear nothing; else they boot as time
-        passes, and ``nmt`` starts them. Each of ``listeners`` is called with the time and every node's new emergency messages.
+        passes, and ``nmt`` starts them.
         """
         self.ports = list(ports)
-        self.io = list(io)
         self.dials = dials or CycleFaultSettings()
-        self.devices: list[Device] = list(devices)
-        self.listeners: list[Listener] = []
+        self.devices: list[Device] = []
         for port in self.ports:
             port.dials = self.dials
             if port.device not in self.devices:
@@ -111,8 +100,6 @@ class DirectCycle:
             self._advance(self._now + blocked)
         for port in self.ports:
             port.commit(self._now)
-        for io in self.io:
-            io.commit()
 
     def sync(self) -> None:
         """Send SYNC: inputs are sampled, outputs take effect, cyclic targets are latched.
@@ -131,9 +118,6 @@ class DirectCycle:
             port.sample(now)
         for port in self.ports:
             port.latch()
-        for io in self.io:
-            io.sample(now)
-            io.latch()
         for device in self.devices:
             if device.operational and not device.dials.dead:
                 device.sync()
@@ -210,7 +194,3 @@ class DirectCycle:
         for port in self.ports:
             dead = port.device.dials.dead
             port.advance(now, () if dead else messages[port.device.node_id])
-        for io in self.io:
-            io.advance(now)
-        for listener in self.listeners:
-            listener(now, messages)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from operator import attrgetter
 
 from axisbus.cia301.emcy import Emcy
@@ -20,7 +21,6 @@ from axisbus.errors import SdoTimeout
 from axisbus.sim.control_bits import CW_ENABLE_VOLTAGE, CW_FAULT_RESET, CW_QUICK_STOP_LOW
 from axisbus.sim.device import Device
 from axisbus.sim.settings import AXIS_SPAN
-from kit.direct.dials import CycleFaultSettings
 from kit.direct.sdo import SdoQueue, shifted
 
 # Looked at in every cycle.
@@ -38,6 +38,29 @@ _MAX_AGE = {
     ValueTransport.SDO: 1.0,
     ValueTransport.NONE: 0.0,
 }
+
+
+@dataclass(slots=True)
+class CycleFaultSettings:
+    """Faults of the bus as a whole; may be changed at any time.
+
+    read, write, commit, sync, heartbeat, wait: an exception that the call of this name raises
+    send_blocks: seconds of virtual time that the next ``commit`` takes, as with a full send queue
+    wait_late: seconds by which ``wait_until`` returns too late
+    sync_lost: SYNC does not reach the nodes
+    heartbeat_lost: the master's heartbeat does not reach the nodes
+    """
+
+    read: Exception | None = None
+    write: Exception | None = None
+    commit: Exception | None = None
+    sync: Exception | None = None
+    heartbeat: Exception | None = None
+    wait: Exception | None = None
+    send_blocks: float = 0.0
+    wait_late: float = 0.0
+    sync_lost: bool = False
+    heartbeat_lost: bool = False
 
 
 class DirectPort:
