@@ -12,8 +12,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from axisbus.eds import Eds, check, fix_diff, writer
-from axisbus.eds.fix import Fixed, fix
+from axisbus.eds import Eds, check, writer
+from axisbus.eds.fix import Fixed, fix, unified
 from axisbus.eds.fixes.text import plain
 from axisbus.eds.io import reader
 from axisbus.eds.model import Object
@@ -309,12 +309,12 @@ def test_the_diff_has_the_unified_format() -> None:
     ) + "[Comments]\nLines=1 ; last line"  # fmt: skip
     before = reader.read((HEAD + body).encode(), "test.eds")
     done = fix(before)
-    ours = list(fix_diff.unified(before.document, done, "x"))
+    ours = list(unified(before.document, done, "x"))
     theirs = difflib.unified_diff(before.document.lines, done.reading.document.lines, lineterm="")
     assert ours[:2] == ["--- x", "+++ x (mended)"]
     assert [line for line in ours[2:] if line[0] == "@"] == [line for line in theirs if line[0] == "@"]
     assert patched(list(before.document.lines), ours[2:]) == list(done.reading.document.lines)
-    assert list(fix_diff.unified(before.document, fix(reader.read(HEAD.encode(), "x")), "x"))[:0] == []
+    assert list(unified(before.document, fix(reader.read(HEAD.encode(), "x")), "x"))[:0] == []
 
 
 def patched(lines: list[str], diff: list[str]) -> list[str]:

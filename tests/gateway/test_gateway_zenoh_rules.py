@@ -22,7 +22,7 @@ from axisbus.fleet.keys import ZenohCellKeys, named
 from axisbus.fleet.messages import CommandAsk, EventsAsk, HistoryAsk
 from axisbus.fleet.network import ZenohNetwork
 from axisbus.gateway.machine_events import MachineEventSource
-from axisbus.gateway.zenoh import execute, samples, service
+from axisbus.gateway.zenoh import execute, recordings_worker, service
 from axisbus.gateway.zenoh.bridge import told
 from axisbus.gateway.zenoh.command_table import STOPS, VERBS, act_of
 from axisbus.gateway.zenoh.commands import CLIENTS, CommandDeduplicator, Commands, require_id
@@ -346,7 +346,7 @@ def test_samples_are_left_out_evenly_and_none_is_made_up():
     x = RecordedSeries("x", times, {"position": times, "state": ["Standstill"] * 1000}, {"position": "deg"})
     slow = RecordedSeries("x:6074", [1.0, 5.0], {"value": [7.0, math.nan]}, {})
     recorded = Recorded({"x": x}, {"x:6074": slow})
-    answer = samples.samples(recorded, HistoryAsk("run", ("x.position", "x:6074"), 0.5, 8.5, 9))
+    answer = recordings_worker.samples(recorded, HistoryAsk("run", ("x.position", "x:6074"), 0.5, 8.5, 9))
     assert len(answer.times) <= 9
     assert answer.times[0] == 0.5
     assert answer.times == answer.values["x.position"]
@@ -355,7 +355,7 @@ def test_samples_are_left_out_evenly_and_none_is_made_up():
     assert answer.values["x:6074"][-1] is None  # no number
     for wrong in ((), ("x.nothing",), ("q.position",)):
         with pytest.raises(ArgumentError, match="signal"):
-            samples.samples(recorded, HistoryAsk("run", wrong))
+            recordings_worker.samples(recorded, HistoryAsk("run", wrong))
 
 
 # -- the network ------------------------------------------------------------------------------------------------------

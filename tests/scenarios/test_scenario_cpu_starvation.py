@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.core.hang_diagnosis import BlockedLocation, whereabouts
 from axisbus.core.realtime_setup import IN_A_THREAD
+from axisbus.core.scan_thread import BlockedLocation, whereabouts
 from axisbus.cpu_starvation import DRIVES, REMEDY
 from axisbus.errors import AxisbusError, NodeError, StaleError
 from axisbus.machine.machine import Machine

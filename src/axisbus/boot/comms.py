@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
 from axisbus.boot.configure import HEARTBEATS
-from axisbus.boot.feed_forward import require_synchronous
 from axisbus.bus.cycle import CycleSender
 from axisbus.bus.io_port import CanIoPort
 from axisbus.bus.node.nmt import guarding_answer
@@ -32,8 +31,52 @@ from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
 from axisbus.cia302.types import DEADLINE, LEAST_CONSUMER
 from axisbus.cia401.signal import IoPoint, addresses
-from axisbus.cia402.port import Capabilities
+from axisbus.cia402 import dictionary as catalogue
+from axisbus.cia402.axes import own_index
+from axisbus.cia402.port import (
+    ALL_OUTPUTS,
+    INTERPOLATION_OBJECTS,
+    OFFSET_OBJECTS,
+    Capabilities,
+    ValueTransport,
+)
 from axisbus.errors import BootError, NodeTimeout
+
+_WHAT = {
+    **dict.fromkeys(OFFSET_OBJECTS, "its feed-forward"),
+    **dict.fromkeys(INTERPOLATION_OBJECTS, "its set-points of ip"),
+}
+_REMEDY = {
+    **dict.fromkeys(OFFSET_OBJECTS, "delete the keys that need it in [axes.{name}.feed_forward]"),
+    **dict.fromkeys(INTERPOLATION_OBJECTS, "leave ip and csp out of modes in [axes.{name}]"),
+}
+_WHY = {
+    ValueTransport.NONE: "the drive does not have it",
+    ValueTransport.SDO: "none of its RPDOs contains it: it would be sent by SDO, too late for the motion",
+    ValueTransport.EVENT_PDO: "its RPDO is event-driven",
+}
+
+
+def _require_synchronous(
+    axis: AxisConfig, names: Collection[str], outputs: Mapping[str, ValueTransport]
+) -> None:
+    """Check that all of ``names``, the special outputs of an axis, travel in a synchronous PDO.
+
+    Raises:
+        BootError: one of them does not; the master has not sent it yet.
+    """
+    for name in sorted(names, key=ALL_OUTPUTS.__getitem__):
+        source = outputs.get(name, ValueTransport.NONE)
+        if source is not ValueTransport.SYNC_PDO:
+            index = own_index(ALL_OUTPUTS[name], axis.drive_axis)
+            raise BootError(
+                f"axis {axis.name}: {_WHAT[name]} cannot be sent by {index:04X}h ({catalogue.name(ALL_OUTPUTS[name])})",
+                node=axis.node,
+                step="PDO configuration",
+                index=index,
+                observed=_WHY[source],
+                remedy=f"{_REMEDY[name].format(name=axis.name)}, or allow remapping of the node, with sync = true in [bus]",
+            )
 
 
 class CanComms:
@@ -139,7 +182,7 @@ class CanComms:
         wanted = wanted_of(axis, self._config, self._node.sdo.dictionary.eds, self._cell.bus.sync)
         plan = configure(self._node.sdo, wanted, policy, axis.drive_axis, also=also)
         if disturb:
-            require_synchronous(axis, wanted.synchronous_outputs, plan.outputs)
+            _require_synchronous(axis, wanted.synchronous_outputs, plan.outputs)
         elif plan.impossible:  # the drive is left as it was found, and the axis works without these PDOs
             plan = configure(self._node.sdo, PdoRequirements(), policy, axis.drive_axis, also=also)
         port = CanPort(

@@ -6,14 +6,16 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from axisbus.boot import program_text
-from axisbus.boot import text as boot_text
+from axisbus.boot.program_text import LETTERS
 from axisbus.boot.stop_report import StopLadderReport, WatchdogReport
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell.scale_proposal import ScaleReport
+from axisbus.cia301 import abort
 from axisbus.cia302.types import BootOutcome, Letter
 from axisbus.errors import AxisbusError, BootError, help_line
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.promises import Promise, rows
+from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.boot.configure import DriveMonitoringSetup
@@ -85,7 +87,7 @@ class NodeReport:
             "warnings": list(self.warnings),
             "steps": list(self.steps),
             "optional": self.optional,
-            "boot": None if self.outcome is None else boot_text.as_json(self.outcome),
+            "boot": None if self.outcome is None else _outcome_values(self.outcome),
             "error": None if self.error is None else _error(self.error),
             "axes": [_axis(axis) for axis in self.axes],
             "io": list(self.io),
@@ -95,12 +97,12 @@ class NodeReport:
         lines = [f"node {self.node_id}: {self.device or 'not identified'}"]
         if self.absent:
             lines[0] = f"node {self.node_id}: not present; it is optional"
-            return lines + boot_text.rows(self.outcome)
+            return lines + _outcome_lines(self.outcome)
         if self.error is not None:
             step = f" at {self.error.step}" if isinstance(self.error, BootError) else ""
             told = f"{self.error}\n{help_line(self.error)}"
             lines.append(f"  FAILED{step}: " + told.replace("\n", "\n  "))
-            return lines + boot_text.rows(self.outcome)
+            return lines + _outcome_lines(self.outcome)
         rows = [
             ("identity", self.identity),
             ("NMT state", self.nmt),
@@ -109,7 +111,7 @@ class NodeReport:
             ("watchdog", f"{self.watchdog.kind.value}: {self.watchdog.text}" if self.watchdog else ""),
         ]
         lines += [f"  {title:<14}{text}" for title, text in rows if text]
-        lines += boot_text.rows(self.outcome)
+        lines += _outcome_lines(self.outcome)
         for axis in self.axes:
             lines += _axis_lines(axis)
         lines += [f"  {'in, out' if not number else '':<14}{line}" for number, line in enumerate(self.io)]
@@ -194,3 +196,75 @@ class Booted:
     parameters: dict[str, AxisParameters]
     watch: DriveMonitoringSetup | None = None
     found_enabled: bool = False
+
+
+# -- The course of a boot-up: letter, step, object, expected, got, abort, tries, time ---------------------------------------------
+
+_WIDTH = 14
+
+
+def _outcome_lines(outcome: BootOutcome | None) -> list[str]:
+    """Return the lines that matter; a boot-up without incident has one."""
+    if outcome is None:
+        return []
+    found = [("boot-up", _outcome_summary(outcome))]
+    if not outcome.ok:
+        found += [
+            ("object", _outcome_object(outcome)),
+            ("expected", _outcome_value(outcome.expected, outcome)),
+            ("got", _outcome_value(outcome.got, outcome)),
+            ("abort", "" if outcome.abort is None else abort.describe(outcome.abort)),
+            ("done before", ", ".join(outcome.done)),
+        ]
+    found += [("skipped", text) for text in outcome.skipped]
+    return [f"  {title:<{_WIDTH}}{text}" for title, text in found if text]
+
+
+def _outcome_values(outcome: BootOutcome) -> dict[str, Any]:
+    """Return a boot-up as plain values; numbers stay numbers."""
+    return {
+        "ok": outcome.ok,
+        "letter": None if outcome.letter is None else outcome.letter.name,
+        "sentence": outcome.sentence,
+        "step": outcome.step,
+        "object": _outcome_object(outcome) or None,
+        "expected": _plain(outcome.expected),
+        "got": _plain(outcome.got),
+        "abort": outcome.abort,
+        "abort_text": None if outcome.abort is None else abort.explain(outcome.abort).text,
+        "tries": outcome.tries,
+        "retries": outcome.retries,
+        "elapsed": round(outcome.elapsed, 3),
+        "found": outcome.found.text,
+        "error_control": outcome.control.value,
+        "done": list(outcome.done),
+        "skipped": list(outcome.skipped),
+    }
+
+
+def _outcome_object(outcome: BootOutcome) -> str:
+    """Return the object at which the boot-up ended, such as ``1018h:02``; empty if there is none."""
+    return "" if outcome.address is None else f"{outcome.address[0]:04X}h:{outcome.address[1]:02X}"
+
+
+def _outcome_summary(outcome: BootOutcome) -> str:
+    letter = f"{outcome.letter.name}: {outcome.letter.sentence}; " if outcome.letter is not None else ""
+    again = f", {counted(outcome.retries, 'request')} repeated" if outcome.retries else ""
+    end = f"{outcome.elapsed:.2f} s{again}"
+    return (
+        f"{letter}in {end}"
+        if outcome.ok
+        else f"{letter}step {outcome.step}, try {outcome.tries}, after {end}"
+    )
+
+
+def _outcome_value(value: object, outcome: BootOutcome) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, str) and outcome.letter in LETTERS:
+        return value  # a date or a state in words
+    return f"0x{value:X} ({value})" if isinstance(value, int) and not isinstance(value, bool) else repr(value)
+
+
+def _plain(value: object) -> object:
+    return value.hex() if isinstance(value, bytes) else value

@@ -79,8 +79,7 @@ def command(
     with ExitStack() as stack:
         stack.callback(listening.close)
         # takes a second: import it only when it is needed
-        from axisbus.web.log_thread import logging_aside
-        from axisbus.web.server import PageServer
+        from axisbus.web.server import PageServer, logging_aside
 
         machine = machine_of(cell, command=not look, take=take, beside=beside)
         with machine:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
+import queue
 import socket
+import sys
 import threading
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager, suppress
+from logging.handlers import QueueHandler, QueueListener
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +42,7 @@ from axisbus.web.page.page import Pages, add_page
 from axisbus.web.page_socket import PageSocket
 from axisbus.web.scope import saving as scope
 from axisbus.web.scope.hub import Hub
+from axisbus.wording import PrintableFormatter
 
 SCOPE, OBJECTS, TRIALS, BACKUP = "/scope", "/objects", "/trials", "/config/backup"
 _PATIENCE = 10.0  # seconds for the start of the server
@@ -208,3 +213,34 @@ class PageServer:
         if not looking.cancelled():
             self._failure = looking.exception()
             self._uvicorn.should_exit = True
+
+
+# -- The log in a thread of its own, so that a blocked terminal does not block the pages ------------------------------------------
+
+_WAITING = 200  # records; when the queue is full, new ones are dropped
+
+
+class PageLogThread(QueueHandler):
+    """Put records into a queue, and never wait for room in it."""
+
+    def enqueue(self, record: logging.LogRecord) -> None:
+        """Put a record into the queue if there is room."""
+        with suppress(queue.Full):
+            self.queue.put_nowait(record)
+
+
+@contextmanager
+def logging_aside() -> Iterator[None]:
+    """Log to standard error in a thread of its own within the block."""
+    waiting: queue.Queue[logging.LogRecord] = queue.Queue(_WAITING)
+    writer, aside, root = logging.StreamHandler(sys.stderr), PageLogThread(waiting), logging.getLogger()
+    writer.setFormatter(PrintableFormatter())
+    listener = QueueListener(waiting, writer)
+    listener.start()
+    root.addHandler(aside)
+    try:
+        yield
+    finally:
+        root.removeHandler(aside)
+        with suppress(queue.Full):  # a blocked writer is abandoned: its thread ends with the process
+            listener.enqueue_sentinel()

@@ -11,7 +11,7 @@ import click
 from axisbus.cli.eds.files import expanded, say_lines
 from axisbus.cli.shared.common import MISUSE, OK, WRONG, misuse, say, say_error, say_json, say_next
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
-from axisbus.eds import builtin, fix, fix_diff, writer
+from axisbus.eds import builtin, fix, writer
 from axisbus.eds.io import reader
 from axisbus.eds.io.text import EdsText
 from axisbus.errors import EdsError
@@ -89,7 +89,7 @@ def _plain(done: _Done) -> dict[str, object]:
 
 def _say(done: list[_Done]) -> None:
     for each in done:
-        diff = list(fix_diff.unified(each.before, each.fixed, each.file))
+        diff = list(fix.unified(each.before, each.fixed, each.file))
         if diff:
             say_lines(diff)
         _summary(each)

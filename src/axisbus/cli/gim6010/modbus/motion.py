@@ -44,11 +44,11 @@ def move_command(
     MOVES A REAL MOTOR. Ctrl-C halts it, each further Ctrl-C is the next step of the stop sequence: velocity 0, idle, emergency
     stop. In the end it has no power: a hanging load falls.
     """
-    from axisbus.drives.gim6010.modbus.constants import turns
     from axisbus.drives.gim6010.modbus.motion.course import (
         ModbusControlMode,
         require_finite,
         require_positive,
+        turns,
     )
 
     if (to is None) == (by is None):

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from enum import Enum
 
 from axisbus.drives.gim6010.can_simple.states import state_words
-from axisbus.drives.gim6010.modbus.constants import turns
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.motion.halting import Halting, RampHalt, TrapezoidHalt
 from axisbus.drives.gim6010.modbus.motion.look import StatusRead
@@ -137,3 +136,8 @@ def require_torque(torque: float, most: float) -> None:
 def told(value: float | None) -> str:
     """Return a value as text."""
     return "unknown" if value is None else f"{value:.3f}"
+
+
+def turns(value: float | None) -> str:
+    """Return a position or a distance in turns of the rotor as text; None: unknown."""
+    return "an unknown place" if value is None else f"{float(value):.4f} turns"

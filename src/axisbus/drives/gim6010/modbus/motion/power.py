@@ -17,9 +17,8 @@ from typing import Self
 
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
 from axisbus.drives.gim6010.modbus import requests
-from axisbus.drives.gim6010.modbus.constants import turns
 from axisbus.drives.gim6010.modbus.module import ModbusModule
-from axisbus.drives.gim6010.modbus.motion.course import ModbusCommand, ModbusControlMode, fault, wrong
+from axisbus.drives.gim6010.modbus.motion.course import ModbusCommand, ModbusControlMode, fault, turns, wrong
 from axisbus.drives.gim6010.modbus.motion.driver import PERIOD, descend, is_idle, not_stopped
 from axisbus.drives.gim6010.modbus.motion.ladder import ModbusStopSequence, ModbusStopStep, StopOutcome
 from axisbus.drives.gim6010.modbus.motion.look import StatusRead, look
