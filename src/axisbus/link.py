@@ -4,8 +4,8 @@ Theory of operation
 -------------------
 The maker of a link opens it. It is then used in this order: ``boot`` for each node, ``begin`` once, ``cycle`` and ``ports`` by the
 scan; ``parts`` for everything outside the scan; ``rescue`` only if the scan has failed; ``leave``, and ``close`` at the end. A node
-that was absent may be booted later, while the scan runs: the cycle includes it from then on. ``core.canlink`` is CAN with CANopen,
-on an adapter or on a simulated wire in virtual time.
+may also be booted while the scan runs, because it was absent or has returned; ``admit`` then includes it in the cycle.
+``core.canlink`` is CAN with CANopen, on an adapter or on a simulated wire in virtual time.
 """
 
 from __future__ import annotations
@@ -80,6 +80,9 @@ class CellConnection(Protocol[Booted, Parts, Incident, Event]):
 
     def begin(self) -> None:
         """Make the cycle, with the nodes that have come up."""
+
+    def admit(self, node_id: int) -> None:
+        """Include a node that was booted while the scan runs in the cycle; its earlier ports end. Only for the scan's thread."""
 
     @property
     def cycle(self) -> BusCycle:

@@ -227,3 +227,44 @@ def test_a_node_that_is_energised_is_taken_from_the_bus_by_force_alone(axisbus, 
     assert code == 1
     assert "is energised; nothing was sent" in err
     assert machine.node(1).nmt is NmtState.OPERATIONAL
+
+
+def test_a_node_that_has_lost_its_supply_is_booted_in_the_running_machine(axisbus, opened, file):
+    for axis in opened:
+        axis.disable().wait(20)
+    node = opened.simulated_node(2)
+    node.switch_off()
+    opened.sleep(1.0)
+    code, out, _ = axisbus("boot", file, "--node", "2", "--take")
+    assert code == 3
+    assert "FAILED at find: " in out
+    assert f"boot the node again: axisbus boot {file} --node 2" in out
+    node.switch_on()
+    opened.sleep(1.0)
+    code, out, _ = axisbus("boot", file, "--node", "2")
+    assert code == 1
+    code, out, _ = axisbus("boot", file, "--node", "2", "--take")
+    assert code == 0
+    assert "written and read back" in out
+    assert f"next: axisbus reset {file} y" in out
+    assert opened["y"].error is not None
+    assert "was booted again" in opened["y"].error.message
+    assert axisbus("reset", file, "y", "--take").code == 0
+    enabled(opened["y"]).move_relative(1.0).wait(20)
+
+
+def test_a_program_boots_a_node_of_its_core(opened):
+    for axis in opened:
+        axis.disable().wait(20)
+    parts = opened.node(2).parts
+    assert opened.node(2).boot().ok
+    assert opened.node(2).parts is not parts
+    opened["y"].reset().wait(20)
+    enabled(opened["y"]).move_relative(1.0).wait(20)
+
+
+def test_boot_of_a_node_without_a_machine_names_the_command_for_all(axisbus, tmp_path):
+    file = own_cell(tmp_path)
+    code, _, err = axisbus("boot", file, "--node", "1")
+    assert code == 1
+    assert f"to boot all nodes: axisbus boot {file}" in err

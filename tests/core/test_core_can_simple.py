@@ -73,7 +73,7 @@ class Bus:
     def _scan(self) -> None:
         self.sender = ModuleSender(self.channel, self.settings)
         link = self.runtime.link
-        link.cycle.add([self.sender], MODULE, SimpleNamespace(look=lambda _: None))
+        link.cycle.add([self.sender], SimpleNamespace(node_id=MODULE), SimpleNamespace(look=lambda _: None))
         own = parameters("m", self.sender.port, node=MODULE, scan_period=PERIOD)
         known = {**self.runtime.parameters, "m": own}
         ports = {**self.runtime.ports, "m": self.sender}

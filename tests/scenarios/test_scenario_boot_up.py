@@ -642,8 +642,8 @@ def test_a_fault_and_its_reset_are_an_incident_in_virtual_time(tmp_path):
         assert node.format_incident(incident)[0].startswith("incident 1: recovered after ")
 
 
-def opened_again_after(line: Line, machine: Machine, silence: str = "its heartbeat has stopped") -> None:
-    """Apply the remedy of a reset for a lost node: restart it, close the machine, open it again."""
+def booted_again_after(line: Line, machine: Machine, silence: str = "its heartbeat has stopped") -> None:
+    """Apply the remedy of a reset for a lost node: boot it while the machine runs, and reset its axis."""
     device = line.devices["x"]
     device.dials.dead = True
     until(lambda: machine["x"].error is not None)
@@ -651,24 +651,25 @@ def opened_again_after(line: Line, machine: Machine, silence: str = "its heartbe
         with pytest.raises(StateError, match="node 1 is lost, so there is no node to reset") as caught:
             machine["x"].reset().wait(5)
     assert silence in caught.value.observed
-    assert "until axisbus scan shows it; then close the machine and open it again" in caught.value.remedy
+    assert "until axisbus scan shows it; then boot it (axisbus boot CELL --node 1" in caught.value.remedy
     device.dials.dead = False
+    until(lambda: machine.node(1).nmt is not NmtState.UNKNOWN)
+    time.sleep(0.5)
+    assert machine.node(1).boot().ok
+    machine["x"].reset().wait(10)
+    enable(machine["x"])
+    machine["x"].move_relative(2.0).wait(10)
     machine.close()
-    with line.open() as again:
-        if device.drive.error_code:
-            again["x"].reset().wait(10)
-        enable(again["x"])
-        again["x"].move_relative(2.0).wait(10)
 
 
 def test_the_remedy_of_a_reset_of_a_lost_node_works(tmp_path):
     with Line(tmp_path) as line:
-        opened_again_after(line, line.open())
+        booted_again_after(line, line.open())
 
 
 def test_the_remedy_of_a_reset_of_a_lost_node_works_with_node_guarding(tmp_path):
     with guarded_line(tmp_path) as line:
-        opened_again_after(line, line.open(), "it does not answer node guarding")
+        booted_again_after(line, line.open(), "it does not answer node guarding")
 
 
 def test_a_lost_node_that_kept_its_configuration_works_again_after_the_remedy_of_enable_and_reset(tmp_path):
@@ -690,9 +691,7 @@ def test_a_lost_node_that_kept_its_configuration_works_again_after_the_remedy_of
         machine["x"].move_relative(2.0).wait(10)
 
 
-def test_the_remedy_for_a_node_that_restarted_is_to_open_the_machine_again_even_if_the_node_was_started(
-    tmp_path,
-):
+def test_the_remedy_for_a_node_that_restarted_is_to_boot_it_even_if_the_node_was_started(tmp_path):
     with Line(tmp_path) as line, line.open() as machine:
         with line.stand_ins.lock:
             line.devices["x"].nmt_command(NmtCommand.RESET_NODE)
@@ -702,7 +701,10 @@ def test_the_remedy_for_a_node_that_restarted_is_to_open_the_machine_again_even_
                 machine.node(1).command(NmtCommand.START)
             with pytest.raises(NodeStateError, match=r"has restarted|cannot be reset into service") as caught:
                 machine["x"].reset().wait(5)
-            assert caught.value.remedy.startswith("close the machine and open it again")
+            assert caught.value.remedy.startswith("boot it (axisbus boot CELL --node 1")
+        machine.node(1).boot()
+        machine["x"].reset().wait(5)
+        enable(machine["x"])
 
 
 def test_each_reset_of_a_silent_node_reports_its_silence(tmp_path):

@@ -198,6 +198,11 @@ class CanComms:
         self.ports[axis.name] = port
         return port.capabilities
 
+    def close(self) -> None:
+        """Close the ports, if they are not used because the boot-up has failed."""
+        for sender in self.senders:
+            sender.close()
+
     @property
     def senders(self) -> list[CycleSender]:
         """All ports of the node that send frames in a cycle."""

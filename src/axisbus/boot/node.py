@@ -121,8 +121,12 @@ class NodeBoot:
         comms: Comms,
         progress: Progress | None = None,
         late: bool = False,
+        again: bool = False,
     ) -> None:
-        """``progress(done, all)`` gets the bytes of a program download; ``late``: the node boots while the machine runs."""
+        """``progress(done, all)`` gets the bytes of a program download; ``late``: the node boots while the machine runs.
+
+        ``again``: this machine has booted the node before, so a drive found enabled is one that the machine may have to stop.
+        """
         self._cell = cell
         self._node: NodeConfig = cell.nodes[node_id]
         self._eds = eds
@@ -130,6 +134,7 @@ class NodeBoot:
         self._comms = comms
         self._progress = progress
         self._late = late
+        self._again = again
         self._report = NodeReport(node_id)
         self._axes = list(cell.axes_of(node_id))
         self._power: dict[str, PowerState] = {}
@@ -221,11 +226,24 @@ class NodeBoot:
         for axis in self._axes:
             word = read_int(self._objects, own_index(o.STATUSWORD, axis.drive_axis))
             self._power[axis.name] = PowerState.UNKNOWN if word is None else decode(word)
+        if self.found_enabled and self._again:
+            raise self._still_enabled()
         if self.found_enabled:
             self._report.warnings.append(
                 "found enabled: left unchanged and not configured; take it over with enable() or switch it off with disable()"
             )
         return not self.found_enabled
+
+    def _still_enabled(self) -> BootError:
+        names = ", ".join(name for name, state in self._power.items() if state in ENERGISED)
+        return BootError(
+            f"node {self._objects.node_id} is not booted again: its drive is enabled ({names})",
+            node=self._objects.node_id,
+            step="state",
+            index=o.STATUSWORD,
+            observed="nothing was changed in it; the axis may still be held, or move",
+            remedy=f"TREAT {names} AS MOVING; switch it off: axis.disable(), or the emergency stop; then boot the node again",
+        )
 
     def _prepare(self, known: BootOutcome) -> None:
         if known.program is not None and known.program.replaced:

@@ -51,6 +51,8 @@ class FrameOwner(Protocol):
 class GuardedNode(Protocol):
     """A node without heartbeat that is monitored by node guarding: a ``NodeMonitor``."""
 
+    node_id: int
+
     def ask(self, now: float) -> None:
         """Send a guarding request."""
 
@@ -188,12 +190,21 @@ class CanCycle:
         events: NodeEvents,
         guarding: float | None = None,
     ) -> None:
-        """Serve the ports of one more node, and guard it every ``guarding`` seconds (None: not); may be called from any thread."""
-        self._events = (*self._events, events)
+        """Serve the ports of a node that has been booted, and guard it every ``guarding`` seconds (None: not).
+
+        Earlier ports of the same node are closed, and served no more. Only for the scan's thread.
+        """
+        earlier = [port for port in self._ports if port.node.node_id == node.node_id]
+        self._ports = (*(port for port in self._ports if port not in earlier), *ports)
+        for port in earlier:
+            port.close()
+        if events not in self._events:
+            self._events = (*self._events, events)
+        self._guarding_due = {each: due for each, due in self._guarding_due.items() if each is not node}
+        self._guarding = {each: period for each, period in self._guarding.items() if each is not node}
         if guarding is not None:
-            self._guarding_due = {**self._guarding_due, node: float("-inf")}
-            self._guarding = {**self._guarding, node: guarding}
-        self._ports = (*self._ports, *ports)
+            self._guarding_due[node] = float("-inf")
+            self._guarding[node] = guarding
 
     def now(self) -> float:
         """Return the time of the channel's clock in seconds."""

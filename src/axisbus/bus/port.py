@@ -298,6 +298,7 @@ class CanPort:
 
     def close(self) -> None:
         """Stop listening; harmless when repeated."""
+        self.node.emcy.end_feed(self._emcy)
         for slot in self._slots:
             self.node.channel.unsubscribe(slot.cob_id, slot.on_frame)
 

@@ -52,6 +52,7 @@ NODE: Mapping[str, str] = {
     "remap": 'Whether boot may change PDO mappings: "auto" (default) or "never".',
     "optional": "The cell also opens without this node; the node is booted when it appears.",
     "on_lost": 'Whether the loss of a node without axes stops the cell ("stop", default) or is only reported ("report").',
+    "rejoin": 'Whether a node that has returned is booted by a command ("manual", default) or "automatic"; nothing is enabled.',
     "serial": "Required serial number (1018h:04).",
     "revision": "Required revision (1018h:03).",
     "configuration_date": "Date of its configuration (1020h:01): the node is configured only if it has another date.",
@@ -119,6 +120,7 @@ DEFAULTS: Mapping[str, str] = {
 }
 
 HOMING: Mapping[str, str] = {
+    "absolute": "The drive keeps its position without power: a homed axis is still homed after its node was booted again.",
     "method": "Homing method (6098h); 35 and 37: the present position is zero.",
     "speed_switch": "unit/s of the search for the switch (6099h:01).",
     "speed_zero": "unit/s of the search for zero (6099h:02).",

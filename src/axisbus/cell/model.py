@@ -128,12 +128,16 @@ class BusConfig:
         return self.sync and self.sync_producer == "external"
 
 
+AUTOMATIC = "automatic"
+
+
 @dataclass(frozen=True, slots=True)
 class NodeConfig:
     """``[nodes.N]``: a device; ``eds`` or ``dcf`` is a path relative to the cell file, or ``builtin:name``.
 
     ``optional``: the cell also opens without the node. ``on_lost``: the loss of a node without axes is a "stop" of the cell, or is
-    only reported ("report"). ``serial`` and ``revision`` must match 1018h. ``configuration_date`` (days since 1984-01-01) and
+    only reported ("report"). ``rejoin``: whether a node that has returned is booted by a command only ("manual"), or automatically.
+    ``serial`` and ``revision`` must match 1018h. ``configuration_date`` (days since 1984-01-01) and
     ``configuration_time`` (ms after midnight) are those of 1020h. ``module``: the settings that a node that speaks CAN Simple needs
     instead of an EDS; ``firmware`` is its version.
     """
@@ -144,6 +148,7 @@ class NodeConfig:
     remap: str = "auto"
     optional: bool = False
     on_lost: str = "stop"
+    rejoin: str = "manual"
     serial: int | None = None
     revision: int | None = None
     configuration_date: int | None = None
@@ -196,9 +201,11 @@ class DefaultsConfig:
 class HomingConfig:
     """``[axes.NAME.homing]``: method of 6098h, speeds in unit/s, ``timeout`` in seconds, ``offset`` (607Ch) in units.
 
-    ``required`` None: the default, which is true if position limits are set.
+    ``required`` None: the default, which is true if position limits are set. ``absolute``: the drive keeps its count of positions
+    without power, so an axis that was homed is still homed when its node returns.
     """
 
+    absolute: bool = False
     method: int | None = None
     speed_switch: float | None = None
     speed_zero: float | None = None

@@ -59,6 +59,7 @@ NODE: Keys = {
     "remap": CellKey(v.words("auto", "never")),
     "optional": _flag,
     "on_lost": CellKey(v.words("stop", "report")),
+    "rejoin": CellKey(v.words("manual", "automatic")),
     "serial": _unsigned32,
     "revision": _unsigned32,
     "configuration_date": CellKey(v.days),
@@ -127,6 +128,7 @@ DEFAULTS: Keys = {
 }
 
 HOMING: Keys = {
+    "absolute": _flag,
     "method": CellKey(v.integer(-128, 127)),
     "speed_switch": _positive,
     "speed_zero": _positive,

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import click
 
+from axisbus.boot.report import NodeReport
 from axisbus.cell import reader
+from axisbus.cli.shared.attach_or_open import running, take_option
 from axisbus.cli.shared.common import (
     FAILURE,
     OK,
@@ -20,10 +22,12 @@ from axisbus.cli.shared.common import (
 )
 from axisbus.cli.shared.options import PATH, beside_option
 from axisbus.core.process.launch import expected
+from axisbus.errors import BootError, StateError
 from axisbus.machine.opening import boot
 from axisbus.wording import counted
 
 _LABEL = "booting"
+_NODE_HELP = "Boot this node of the running machine, whose other axes continue; may be repeated."
 
 
 class _Told:
@@ -66,8 +70,13 @@ class _Told:
 @click.argument("cell", type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print the reports as JSON.")
 @beside_option
-def command(cell: Path, as_json: bool, beside: bool) -> int:
+@click.option("--node", "wanted", type=int, multiple=True, metavar="ID", help=_NODE_HELP)
+@take_option
+def command(cell: Path, as_json: bool, beside: bool, wanted: tuple[int, ...], take: bool) -> int:
     """Boot and configure the nodes of CELL, report on each, and release them; energises nothing.
+
+    With --node, boot nodes of the running machine that were lost, have restarted or were replaced, while the other axes continue.
+    Their axes then wait for a reset.
 
     If [nodes.N.program] says download = true and a node has another program than the expected one, the expected program is
     downloaded first, which may take minutes.
@@ -76,6 +85,8 @@ def command(cell: Path, as_json: bool, beside: bool) -> int:
     standard defines one), the stop sequence of each axis, and how the node detects a dead master. Exit code 3 when a node that
     is not optional did not come up.
     """
+    if wanted:
+        return _boot_in_machine(cell, wanted, take=take, as_json=as_json)
     with progress_line(_LABEL, quiet=as_json) as line:
         told = _Told(line, quiet=as_json)
         try:
@@ -106,3 +117,28 @@ def command(cell: Path, as_json: bool, beside: bool) -> int:
     homing = f", or axisbus home {cell}" if any(report.axes for report in reports) else ""
     say_next(f"axisbus monitor {cell}{homing}")
     return OK
+
+
+def _boot_in_machine(cell: Path, nodes: tuple[int, ...], *, take: bool, as_json: bool) -> int:
+    """Boot nodes of the running machine one after the other, and report each; a node that does not boot does not end it."""
+    why, remedy = "boots nodes of a running machine", f"to boot all nodes: axisbus boot {cell}"
+    reports = list[NodeReport]()
+    with running(cell, "boot --node", why, remedy, command=True, take=take) as machine:
+        for node in [machine.node(node_id) for node_id in dict.fromkeys(nodes)]:
+            try:
+                report = node.boot()
+            except (BootError, StateError) as error:
+                report = NodeReport(node.node_id, error=error)
+            reports.append(report)
+            if not as_json:
+                say(report.text())
+    failed = [report for report in reports if not report.ok]
+    if as_json:
+        say_json([report.as_json() for report in reports])
+    elif failed:
+        say_next(
+            f"fix the cause shown after FAILED, and boot the node again: axisbus boot {cell} --node {failed[0].node_id}"
+        )
+    elif any(report.axes for report in reports):
+        say_next(f"axisbus reset {cell} {' '.join(axis.name for report in reports for axis in report.axes)}")
+    return FAILURE if failed else OK

@@ -85,6 +85,7 @@ class CanLink:
         self._cob_ids = CobIdUses(dictionaries)
         self._booted: dict[int, Booted] = {}
         self._parts: dict[int, NodeParts] = {}
+        self._events: dict[int, NodeEvents] = {}  # of each node that has come up
         self._cycle: CanCycle | None = None
         self._consumer: SyncConsumer | None = None
         with ExitStack() as stack:
@@ -116,27 +117,48 @@ class CanLink:
             self._stack = stack.pop_all()
 
     def boot(self, node_id: int) -> Booted:
-        """As ``CellConnection.boot``; a node booted while the scan runs is included in its cycle from then on."""
+        """As ``CellConnection.boot``."""
         if node_id in self._modules:
             return self._modules.boot(node_id, FIND_TIME)
         node, late = self._nodes[node_id], self._cycle is not None
+        events = self._events.get(node_id)
+        if late:
+            node.worker.clear()
+            if node.nmt.overdue(self.clock.now()):
+                node.nmt.forget_heartbeats()
         comms = CanComms(self._cell, node, FIND_TIME, self._heartbeat.begin, self._cob_ids)
         progress = None if self._on_program is None else partial(self._on_program, node_id)
         booted = NodeBoot(
-            self._cell, node_id, self._dictionaries[node_id], node.sdo, comms, progress, late=late
+            self._cell,
+            node_id,
+            self._dictionaries[node_id],
+            node.sdo,
+            comms,
+            progress,
+            late=late,
+            again=events is not None,
         ).run()
-        self._comms[node_id], self._booted[node_id] = comms, booted
-        if self._cycle is not None and booted.report.ok:
-            events = NodeEvents(node.nmt)
-            self._cycle.add(comms.senders, node.nmt, events, comms.guarding)
-            self._parts[node_id] = self._make_parts(node_id, events)
+        self._booted[node_id] = booted
+        if not late:
+            self._comms[node_id] = comms
+        elif booted.report.ok:
+            self._comms[node_id] = comms
+            self._events[node_id] = NodeEvents(node.nmt) if events is None else events
+            self._parts[node_id] = self._make_parts(node_id)
             self._watch_masters()
+        else:
+            comms.close()
         return booted
+
+    def admit(self, node_id: int) -> None:
+        """As ``CellConnection.admit``."""
+        comms = self._comms[node_id]
+        self.cycle.add(comms.senders, self._nodes[node_id].nmt, self._events[node_id], comms.guarding)
 
     def begin(self) -> None:
         """As ``CellConnection.begin``; listens to another device's SYNC and TIME, if the cell configures this."""
         bus = self._cell.bus
-        events = {
+        self._events = {
             node_id: NodeEvents(self._nodes[node_id].nmt)
             for node_id, one in self._booted.items()
             if one.report.ok
@@ -158,11 +180,11 @@ class CanLink:
                 for node_id, one in self._comms.items()
                 if one.guarding is not None
             },
-            events=[*events.values(), *self._modules.events],
+            events=[*self._events.values(), *self._modules.events],
             spin=SPIN if self.clock.realtime else 0.0,
         )
         self._stack.callback(self._cycle.close)
-        self._parts = {node_id: self._make_parts(node_id, events.get(node_id)) for node_id in self._nodes}
+        self._parts = {node_id: self._make_parts(node_id) for node_id in self._nodes}
         self._time = TimeConsumer(self._channel, bus.time_cob_id)
         self._echoes.end()
         self._watch_masters()
@@ -277,12 +299,14 @@ class CanLink:
         """Return the ports of inputs and outputs. They follow the axes: no frame may separate a target from its controlword."""
         return [one.io for one in self._comms.values() if one.io is not None]
 
-    def _make_parts(self, node_id: int, events: NodeEvents | None) -> NodeParts:
+    def _make_parts(self, node_id: int) -> NodeParts:
         node, ports = self._nodes[node_id], self._comms[node_id].ports.values()
         plans = tuple(port.plan for port in ports)
         io = self._comms[node_id].io
         plans = plans if io is None else (*plans, io.plan)
-        return NodeParts(node_id, self._dictionaries[node_id], node.sdo, node, self.clock, plans, events)
+        return NodeParts(
+            node_id, self._dictionaries[node_id], node.sdo, node, self.clock, plans, self._events.get(node_id)
+        )
 
 
 def _own(cell: CellConfig, stack: ExitStack) -> None:

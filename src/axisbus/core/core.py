@@ -3,30 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from axisbus.boot.report import Booted
 from axisbus.bus.node.events import BAD, NodeEvent
 from axisbus.cell.gantry import gantries_of
-from axisbus.cell.model import CellConfig
+from axisbus.cell.model import AUTOMATIC, CellConfig
 from axisbus.cia401.port import SignalValidity
 from axisbus.cia402.ip_as_csp import as_csp_capable
 from axisbus.cia402.port import Port, Waiter
 from axisbus.clock import Clock, VirtualClock
 from axisbus.core.inprocess import InProcess
 from axisbus.core.io import IoScan, add_io, confirm_safe_outputs, not_safe, unconfirmed
-from axisbus.core.late_boot import LateBoot
+from axisbus.core.late_boot import (
+    LEAVE_TIME,
+    LateBoot,
+    ReturningNode,
+    being_booted,
+    booted_again,
+    not_booted,
+    same_device,
+)
 from axisbus.core.node_access_parts import NodeParts
-from axisbus.core.node_shutdown import lost_without_axes, scan_failure
+from axisbus.core.node_shutdown import ended, lost_without_axes, refused_while_leaving, scan_failure
 from axisbus.core.realtime_setup import IN_A_THREAD
 from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
 from axisbus.core.scan_thread import ScanThread
 from axisbus.core.virtual_axes import virtual_axes
 from axisbus.core.waiting import ThreadWaiter, VirtualWaiter
-from axisbus.errors import AxisbusError, SecondMasterError
+from axisbus.errors import AxisbusError, ScanError, SecondMasterError, StateError
 from axisbus.link import StopResult, Unsafe
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.policy import GroupFault, LostNode
@@ -104,6 +114,9 @@ class CoreInterface(Protocol):
     def await_values(self) -> None:
         """Block until every axis has been heard since the scan began, or the scan has ended, at most a second."""
 
+    def boot_node(self, node_id: int) -> Booted:
+        """Boot one node while the scan runs; blocks. Raises StateError, BootError."""
+
     def leave(self, reason: str) -> list[AxisbusError]:
         """Stop every commanded axis, leave each node as appropriate, and return the failures; blocks."""
 
@@ -157,6 +170,9 @@ class Core:
         self.cell = cell
         self.runtime = runtime
         self._joined: Joined = lambda _: None
+        self._watched: set[int] = set()  # nodes whose loss stops the cell
+        self._booting: set[int] = set()  # nodes, by calls of ``boot_node``
+        self._lock = threading.Lock()
         self._after_cycle: Callable[[], None] = _nothing
         board = IoScan()
         for node_id in runtime.nodes:
@@ -180,7 +196,7 @@ class Core:
             gantries_of(cell),
         )
         clock = runtime.link.clock
-        self._pickup = LateBoot(clock, runtime.late, self._join)
+        self._pickup = LateBoot(clock, runtime.late, self._join, self._returning())
         self._pump: VirtualWaiter | None = None
         if isinstance(clock, VirtualClock):
             self._pump = VirtualWaiter(self.scan, clock, lambda: self._after_cycle())
@@ -245,9 +261,13 @@ class Core:
 
     def await_values(self) -> None:
         """Block until every axis has been heard since the scan began, or the scan has ended, at most a second."""
+        self._await(self.scan.axes, _FIRST_VALUES)
+
+    def _await(self, names: Iterable[str], seconds: float) -> None:
+        """Block until these axes and all inputs have values, or the scan has ended, at most some ``seconds``."""
         period = self.cell.bus.scan_period
-        for _ in range(math.ceil(_FIRST_VALUES / period)):
-            if self._waiter.wait(self._has_values, period):
+        for _ in range(math.ceil(seconds / period)):
+            if self._waiter.wait(lambda: self._have_values(names), period):
                 return
 
     def leave(self, reason: str) -> list[AxisbusError]:
@@ -260,6 +280,7 @@ class Core:
             self._stop_axes(reason)
         finally:
             self._pickup.stop()
+            self._waiter.wait(lambda: not self._booting, LEAVE_TIME)
             unsafe = unconfirmed(self.scan.io)
             try:
                 rescued, unsafe = self._make_sure()
@@ -274,9 +295,9 @@ class Core:
         self.scan.disown()
         self._threads.disown()
 
-    def _has_values(self) -> bool:
+    def _have_values(self, names: Iterable[str]) -> bool:
         scan = self.scan
-        heard = [name in scan.snapshots and scan.snapshots[name].statusword is not None for name in scan.axes]
+        heard = [name in scan.snapshots and scan.snapshots[name].statusword is not None for name in names]
         known = [reading.known is not SignalValidity.NOT_YET for reading in scan.io.readings.values()]
         return scan.ended or (all(heard) and all(known) and bool(known or not scan.io))
 
@@ -326,20 +347,120 @@ class Core:
         elif self._pump is not None and not self.scan.ended:
             self.scan.end()
 
+    def boot_node(self, node_id: int) -> Booted:
+        """Boot one node while the scan runs: one that was lost, has restarted, or is only to be configured again.
+
+        The other axes continue. The node's axes begin again, in ErrorStop until they are reset; nothing is enabled. Blocks for the
+        end of a stop that is under way, and for the boot-up. Several nodes may be booted at the same time, in several threads.
+
+        Raises:
+            StateError: an axis of the node is enabled or commanded, two devices have its node-ID, or the machine is being closed.
+            BootError: the boot-up has failed; its axes remain in ErrorStop, and the node may be booted again.
+        """
+        with self._booting_of(node_id):
+            names = self._await_rest(node_id)
+            self._in_scan(lambda: self.scan.take_out(names, being_booted(node_id)))
+            booted, ports = self.runtime.boot_late(node_id)
+            if booted.report.error is not None:
+                self.runtime.booted[node_id].watch = booted.watch  # closing undoes what is armed now
+                self._leave_out(names, booted.report.error)
+                raise booted.report.error
+            self._join(node_id, booted, ports)
+        return booted
+
+    @contextmanager
+    def _booting_of(self, node_id: int) -> Iterator[None]:
+        """Claim the node for one boot-up; closing waits for its end."""
+        if not self.runtime.nodes[node_id].has_objects:
+            raise not_booted(
+                node_id, "it uses CAN Simple, which has no boot-up", "reset its axis: axis.reset()"
+            )
+        with self._lock:
+            if node_id in self._booting:
+                raise not_booted(node_id, "it is being booted already", "wait for the end of that boot-up")
+            self._booting.add(node_id)
+        try:
+            yield
+        finally:
+            self._booting.discard(node_id)
+
+    def _returning(self) -> list[ReturningNode]:
+        """Return the nodes that are booted automatically when they have returned."""
+        found = []
+        for node_id, booted in self.runtime.booted.items():
+            if booted.report.ok and self.cell.nodes[node_id].rejoin == AUTOMATIC:
+                needs, boot = partial(self.runtime.has_returned, node_id), partial(self.boot_node, node_id)
+                found.append(ReturningNode(node_id, needs, boot))
+        return found
+
+    def _await_rest(self, node_id: int) -> list[str]:
+        """Return the axes of a node when none of them is being stopped any more, or the time for a stop has passed."""
+        axes = {
+            axis.name: self.scan.axes[axis.name]
+            for axis in self.cell.axes_of(node_id)
+            if axis.name in self.scan.axes
+        }
+        limit = max((core.parameters.stop_times.ladder for core in axes.values()), default=0.0)
+        self._waiter.wait(lambda: all(core.ladder is None for core in axes.values()), limit + _CLOSE_MARGIN)
+        return list(axes)
+
+    def _in_scan(self, work: Callable[[], None]) -> None:
+        """Let the scan execute ``work`` between two cycles; blocks until it has, and raises its error."""
+        scan, done, raised = self.scan, list[None](), list[AxisbusError]()
+
+        def run() -> None:
+            try:
+                work()
+            except AxisbusError as error:
+                raised.append(error)
+            done.append(None)
+
+        if scan.leaving_because is not None:
+            raise refused_while_leaving("booting a node", scan.leaving_because)
+        scan.between_cycles(run)
+        self._waiter.wait(lambda: scan.ended or bool(done), _JOIN_TIME)
+        if raised:
+            raise raised[0]
+        if not done:
+            raise ended("booting a node", scan.failure)
+
+    def _leave_out(self, names: Sequence[str], error: AxisbusError) -> None:
+        """Let the axes of a node that did not boot show why."""
+
+        def show() -> None:
+            for name in names:
+                self.scan.axes[name].take_back(error)
+
+        with suppress(StateError, ScanError):  # the machine is being closed
+            self._in_scan(show)
+
     def _join(self, node_id: int, booted: Booted, ports: Mapping[str, Port]) -> None:
-        """Add an optional node that has come up late; ``booted`` is its boot result. Blocks for a cycle."""
+        """Add a node that has booted while the scan runs, or let its axes begin again. Blocks for some cycles."""
+        before = self.runtime.booted[node_id]
         self.runtime.booted[node_id] = booted
         self._watch_node(node_id)
         if not booted.report.ok:
             return
-        self._take_io(self.scan.io, node_id)
-        scan, names, ports = self.scan, list(self.scan.axes), as_csp_capable(ports)
+        ports = as_csp_capable(ports)
+        self._in_scan(lambda: self._enter(node_id, booted, ports, same_device(before, booted)))
+        self._await(booted.parameters, _JOIN_TIME)
+        self._joined(booted)
+
+    def _enter(self, node_id: int, booted: Booted, ports: Mapping[str, Port], same: bool) -> None:
+        scan, names = self.scan, list(self.scan.axes)
+        if scan.leaving_because is not None:  # it would come after the stop
+            raise refused_while_leaving("booting a node", scan.leaving_because)
+        self.runtime.link.admit(node_id)
+        self._take_io(scan.io, node_id)
         for name, parameters in booted.parameters.items():
+            if name in scan.axes:
+                absolute = same and self.cell.axes[name].homing.absolute
+                error = booted_again(name, node_id, confirmed=absolute)
+                scan.renew_axis(name, ports[name], parameters, error, absolute=absolute)
+                continue
             names.append(name)
             core = AxisCore(parameters, ports[name].capabilities)
             scan.add_axis(name, ports[name], core, members(self.cell, names))
-        self._waiter.wait(lambda: scan.ended or all(name in scan.snapshots for name in names), _JOIN_TIME)
-        self._joined(booted)
 
     def _take_io(self, board: IoScan, node_id: int) -> None:
         add_io(board, self.cell, self.runtime.link, node_id, self.runtime.nodes[node_id].eds)
@@ -348,12 +469,15 @@ class Core:
         """Stop the cell on the loss of a node without axes, unless its table says that the loss is only reported."""
         events = self.runtime.nodes[node_id].events
         stops = self.cell.nodes[node_id].on_lost == "stop"
-        if events is not None and stops and not any(self.cell.axes_of(node_id)):
+        if events is None or node_id in self._watched:
+            return
+        if stops and not any(self.cell.axes_of(node_id)):
+            self._watched.add(node_id)
             events.hear(self._node_event)
 
     def _commanded_by_others(self, error: SecondMasterError, nodes: frozenset[int]) -> None:
         self.scan.intrude(error, [axis.name for axis in self.cell.driven.values() if axis.node in nodes])
 
     def _node_event(self, event: NodeEvent) -> None:
-        if event.kind in BAD:
+        if event.kind in BAD and event.node not in self._booting:
             self.scan.trip(lost_without_axes(event, self.scan.starvation.text(self.scan.cycle.now())))

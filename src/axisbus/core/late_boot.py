@@ -1,20 +1,43 @@
-"""Optional nodes that were absent when the machine was opened: polled periodically, booted and added when they answer."""
+"""Nodes that are booted while the machine runs: optional ones that were absent, and nodes that have returned.
+
+An optional node that was absent is polled periodically, and booted when it answers (``LateBoot``). A node that was lost is booted
+by a call (``Core.boot_node``), or periodically as well if its table says ``rejoin = "automatic"``. Neither enables a drive.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import logging
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from axisbus.cia402.port import Port
 from axisbus.clock import Clock
-from axisbus.errors import AxisbusError, BusOff, StateError, TransmitQueueFull
+from axisbus.errors import (
+    AxisbusError,
+    BootError,
+    BusOff,
+    NodeError,
+    NodeStateError,
+    ScanError,
+    StateError,
+    TransmitQueueFull,
+)
 
 if TYPE_CHECKING:
     from axisbus.boot.report import Booted
 
+log = logging.getLogger("axisbus")
+
+REJOINS = 3  # automatic boot-ups of a node in a row
+_STEADY = 60.0  # seconds after a boot-up from which the next one does not count as in a row with it
+_ANOTHER_DEVICE = frozenset(
+    "CDMNO"
+)  # letters of CiA 302-2: device type, vendor, product, revision, serial number
 ASK_EVERY = 1.0  # seconds
-_LEAVE_TIME = 6.0  # seconds for a boot-up in progress at the end
+LEAVE_TIME = 6.0  # seconds for a boot-up in progress at the end
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,34 +52,77 @@ class LateNode:
     boot: Callable[[], tuple[Booted, Mapping[str, Port]]]
 
 
+@dataclass(slots=True)
+class ReturningNode:
+    """A node that is booted automatically when it has returned; holds its last boot-ups.
+
+    ``needs_boot``: whether it has restarted, or left operational, and answers; ``boot`` boots it. Both block for their transfers.
+    """
+
+    node_id: int
+    needs_boot: Callable[[], bool]
+    boot: Callable[[], object]
+    tries: int = 0  # boot-ups in a row, each within ``_STEADY`` after the one before
+    tried_at: float = -math.inf
+
+    def step(self, now: float) -> None:
+        """Boot the node if it needs that; ``now`` in seconds. Errors are logged, and the axes of the node show them."""
+        if self.tries >= REJOINS and now - self.tried_at < _STEADY:
+            return
+        if not self.needs_boot():
+            return
+        self.tries = 1 if now - self.tried_at >= _STEADY else self.tries + 1
+        self.tried_at = now
+        try:
+            self.boot()
+        except StateError as error:  # such as an axis that is being stopped
+            log.info("%s", error)
+        except BootError as error:
+            if error.letter in _ANOTHER_DEVICE:
+                self.tries, self.tried_at = REJOINS, math.inf
+            log.warning("node %d was not booted again: %s", self.node_id, error)
+        else:
+            log.warning("node %d was booted again; its axes wait for a reset", self.node_id)
+        if self.tries >= REJOINS:
+            log.warning(
+                "node %d: %d boot-ups in a row; from now on it is booted by a command only (axisbus boot CELL --node %d)",
+                self.node_id,
+                self.tries,
+                self.node_id,
+            )
+
+
 class LateBoot:
-    """Waits for late nodes in a thread of its own; holds the nodes that are still absent."""
+    """Waits for nodes in a thread of its own; holds the optional nodes that are still absent, and the nodes that may return."""
 
     def __init__(
         self,
         clock: Clock,
         nodes: Mapping[int, LateNode],
         join: Callable[[int, Booted, Mapping[str, Port]], None],
+        returning: Sequence[ReturningNode] = (),
     ) -> None:
         """``join`` adds a node after its boot-up, successful or not; it runs in the polling thread."""
+        self._clock = clock
         self._nodes = dict(nodes)
         self._join = join
+        self._returning = returning
         self._stop = clock.event()
         self._thread = clock.thread(self._run, "axisbus optional nodes")
 
     def start(self) -> None:
-        """Begin to poll, if any node is absent."""
-        if self._nodes:
+        """Begin to poll, if any node is absent, or is to be booted when it returns."""
+        if self._nodes or self._returning:
             self._thread.start()
 
     def stop(self) -> None:
         """End polling; blocks until a boot-up in progress has ended, at most some seconds."""
         self._stop.set()
         if self._thread.is_alive():
-            self._thread.join(_LEAVE_TIME)
+            self._thread.join(LEAVE_TIME)
 
     def _run(self) -> None:
-        while self._nodes and not self._stop.wait(ASK_EVERY):
+        while (self._nodes or self._returning) and not self._stop.wait(ASK_EVERY):
             self._ask_all()
 
     def _ask_all(self) -> None:
@@ -64,6 +130,15 @@ class LateBoot:
             if self._stop.is_set():
                 return
             self._try(node)
+        for returning in self._returning:
+            if self._stop.is_set():
+                return
+            try:
+                returning.step(self._clock.now())
+            except (BusOff, TransmitQueueFull):  # the bus may come back, and the node with it
+                continue
+            except AxisbusError:  # the channel failed: the scan reports it
+                self._stop.set()
 
     def _try(self, node: LateNode) -> None:
         """Boot a node that answers; if it falls silent again, keep polling it."""
@@ -78,7 +153,8 @@ class LateBoot:
             return
         if not booted.report.absent:
             del self._nodes[node.node_id]
-            self._join(node.node_id, booted, ports)
+            with suppress(StateError, ScanError):  # the machine is being closed
+                self._join(node.node_id, booted, ports)
 
 
 def absent_axis(name: str, booted: Booted) -> StateError:
@@ -96,4 +172,37 @@ def absent_axis(name: str, booted: Booted) -> StateError:
         remedy="remove that cause, and open the machine again"
         if error is None or not error.remedy
         else error.remedy,
+    )
+
+
+def same_device(before: Booted, now: Booted) -> bool:
+    """Whether the node has the same identity (1018h) as when it was booted before, as far as it reports one."""
+    first, second = before.report.outcome, now.report.outcome
+    return first is not None and second is not None and first.identity == second.identity
+
+
+def not_booted(node_id: int, observed: str, remedy: str) -> StateError:
+    """Return the error of a node that cannot be booted now."""
+    return StateError(f"node {node_id} cannot be booted now", observed=observed, remedy=remedy)
+
+
+def being_booted(node_id: int) -> NodeStateError:
+    """Return the error of the axes of a node while it is being booted."""
+    return NodeStateError(
+        f"node {node_id} is being booted",
+        remedy="wait for the end of the boot-up; then reset the axis: axis.reset()",
+    )
+
+
+def booted_again(name: str, node_id: int, *, confirmed: bool) -> NodeError:
+    """Return the error with which an axis begins again; ``confirmed``: its position is still confirmed if it was before."""
+    homing = (
+        "its position is still confirmed if it was before" if confirmed else "its position is not confirmed"
+    )
+    return NodeError(
+        f"{name}: node {node_id} was booted again",
+        node=node_id,
+        observed=f"nothing is enabled; {homing}; overrides, couplings and queued commands have ended",
+        remedy="reset it: axis.reset(); then enable it"
+        + ("" if confirmed else ", and home it if it needs that"),
     )

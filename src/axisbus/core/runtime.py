@@ -53,8 +53,11 @@ class Runtime:
             link.close()
             raise
         self.nodes = {node_id: link.parts(node_id) for node_id in self.booted}
+        self._bootups = {  # boot-up messages before the end of the last boot-up
+            node_id: parts.node.nmt.bootups for node_id, parts in self.nodes.items() if parts.has_objects
+        }
         self.late = {
-            node_id: LateNode(node_id, partial(link.answers, node_id), partial(self._boot_late, node_id))
+            node_id: LateNode(node_id, partial(link.answers, node_id), partial(self.boot_late, node_id))
             for node_id, one in self.booted.items()
             if one.report.absent
         }
@@ -105,9 +108,17 @@ class Runtime:
         results = in_parallel(self.link.clock, boot, nodes)
         return dict(zip(nodes, results, strict=True))
 
-    def _boot_late(self, node_id: int) -> tuple[Booted, Mapping[str, Port]]:
-        """Boot an optional node that has appeared while the scan runs."""
+    def has_returned(self, node_id: int) -> bool:
+        """Whether a node that has restarted since its boot-up, or is not operational, answers; blocks for at most one request."""
+        nmt = self.nodes[node_id].node.nmt
+        if nmt.bootups == self._bootups[node_id] and nmt.operational(self.link.clock.now()):
+            return False
+        return self.link.answers(node_id)
+
+    def boot_late(self, node_id: int) -> tuple[Booted, Mapping[str, Port]]:
+        """Boot a node while the scan runs; its ports are those of before if it does not come up."""
         booted = self.link.boot(node_id)
+        self._bootups[node_id] = self.nodes[node_id].node.nmt.bootups
         self.nodes[node_id] = self.link.parts(node_id)
         return booted, self.link.ports(node_id)
 

@@ -48,6 +48,7 @@ from axisbus.motion.gantry.parameters import GantryParameters
 from axisbus.motion.group.commands import CellSetOverride
 from axisbus.motion.group.core import GroupCore
 from axisbus.motion.io import SetOutputs
+from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.hold_to_run import HoldToRun
@@ -108,7 +109,8 @@ class Scan:
         self._on_lost_node, self._on_fault = on_lost_node, dict(on_fault or {})
         self._policy = self._make_policy()
         self._override = 1.0  # of the cell
-        self._joining: deque[tuple[str, Port, AxisCore]] = deque()
+        self._calls: deque[Callable[[], None]] = deque()
+        self.renewals: list[str] = []  # axes that have begun again, in this order
         self._inbox = CommandQueue()
         self._next: float | None = None
         self._before = math.inf  # start of the previous cycle
@@ -149,10 +151,9 @@ class Scan:
         ticket.finish(Status.ERROR, self._refusal(ticket.name))
         return ticket
 
-    def add_axis(self, name: str, port: Port, core: AxisCore, groups: Mapping[str, Sequence[str]]) -> None:
-        """Add an axis to the scan, from its next cycle on; ``groups`` replaces the groups that the fault policy knows."""
-        self._members = {group: list(axes) for group, axes in groups.items()}
-        self._joining.append((name, port, core))
+    def between_cycles(self, work: Callable[[], None]) -> None:
+        """Execute ``work`` in the scan's thread at the next cycle, before the axes; it must not block or raise. Does not block."""
+        self._calls.append(work)
 
     def add_group(self, name: Target, members: Sequence[str]) -> None:
         """Make a group of axes that cell.toml does not name, once; the fault policy ignores it."""
@@ -413,25 +414,54 @@ class Scan:
         for starvation in (self.starvation, *(core.image.starvation for core in self.axes.values())):
             starvation.note(now, self.period, DRIVES)
 
-    def _take_axes(self) -> None:
-        while self._joining:
-            name, port, core = self._joining.popleft()
-            self.axes = {**self.axes, name: core}
-            core.set_override(cell=self._override)
-            self._work.append((name, port, core))
-            mates = {group: axes for group, axes in self._members.items() if name in axes}
-            with self._lock:
-                self.groups = {**self.groups, **{group: self._group_core(mates[group]) for group in mates}}
-                self.groups = {**self.groups, **self._gantry_cores()}
+    def _execute_calls(self) -> None:
+        while self._calls:
+            self._calls.popleft()()
+        self._wake_all()
+
+    def add_axis(self, name: str, port: Port, core: AxisCore, groups: Mapping[str, Sequence[str]]) -> None:
+        """Add an axis; ``groups`` replaces the groups that the fault policy knows. Only ``between_cycles``."""
+        self._members = {group: list(axes) for group, axes in groups.items()}
+        self.axes = {**self.axes, name: core}
+        core.set_override(cell=self._override)
+        self._work.append((name, port, core))
+        mates = {group: axes for group, axes in self._members.items() if name in axes}
+        with self._lock:
+            self.groups = {**self.groups, **{group: self._group_core(mates[group]) for group in mates}}
+            self.groups = {**self.groups, **self._gantry_cores()}
         self._policy = self._make_policy()
+
+    def take_out(self, names: Sequence[str], error: AxisbusError) -> None:
+        """Put axes at rest into ErrorStop, because their node is going to be booted again. Only ``between_cycles``.
+
+        Raises:
+            StateError: one of them moves, or is enabled; then none is changed.
+        """
+        for name in names:
+            self.axes[name].require_rest_for_boot()
+        for name in names:
+            self.axes[name].take_out(error)
+
+    def renew_axis(
+        self, name: str, port: Port, parameters: AxisParameters, error: AxisbusError, *, absolute: bool
+    ) -> None:
+        """Let an axis begin again over ``port``, as ``AxisCore.begin_again``: its node was booted. Only ``between_cycles``."""
+        core = self.axes[name]
+        core.begin_again(parameters, port.capabilities, error, absolute=absolute)
+        core.set_override(cell=self._override)
+        self._work = [(each, port if each == name else old, axis) for each, old, axis in self._work]
+        for group in self.groups.values():
+            if name in group.axes:
+                group.forget()
+        self.renewals.append(name)
 
     def _make_policy(self) -> FaultPolicy:
         mates = {axis: mate for axis, mate in self._pairs.mates.items() if {axis, mate} <= self.axes.keys()}
         return FaultPolicy(tuple(self.axes), self._members, self._on_lost_node, self._on_fault, mates)
 
     def _take_commands(self, now: float) -> None:
-        if self._joining:
-            self._take_axes()
+        if self._calls:
+            self._execute_calls()
         while self._intrusions:
             error, names = self._intrusions.popleft()
             for name in self.axes.keys() & names:

@@ -28,6 +28,16 @@ class SimulatedNode:
         """Return the drive of an axis (from 1): its values, and its fault settings (``dials``)."""
         return self.device.drives[axis - 1]
 
+    def switch_off(self) -> None:
+        """Take the supply away: the node is silent, its motors have no power, and all but stored values is lost."""
+        with self.lock:
+            self.device.dials.unpowered = True
+
+    def switch_on(self) -> None:
+        """Give the supply back: the node boots."""
+        with self.lock:
+            self.device.dials.unpowered = False
+
     def fault(self, code: int, maker_bits: int = 0, axis: int = 1) -> None:
         """Put the drive into fault with the error code ``code`` (603Fh) and the vendor's error bits."""
         with self.lock:

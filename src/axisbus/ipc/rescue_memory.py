@@ -75,14 +75,21 @@ class LifelineWriter:
         self._count = 0
 
     def enter(self, held: Sequence[RescueRpdo]) -> None:
-        """Enter RPDOs, before anything is sent with them."""
+        """Enter RPDOs, before anything is sent with them; they replace the earlier entries of their axes."""
+        free = [place for axis in {one.axis for one in held} for place in self._places.pop(axis, ())]
+        for place in free:
+            _ENTRY.pack_into(self._memory, place, _NO_FRAME, NO_WORD, 0, 0, 0, 0, b"")
+        self._frames = {cob_id: place for cob_id, place in self._frames.items() if place not in free}
         for one in held:
-            place = self._at + _HEAD.size + self._count * _ENTRY.size
+            place = free.pop() if free else self._new_place()
             _ENTRY.pack_into(self._memory, place, one.cob_id, one.shift, 0, 0, one.axis, one.zero, b"")
             self._places.setdefault(one.axis, []).append(place)
             self._frames[one.cob_id] = place
-            self._count += 1
         _COUNT.pack_into(self._memory, self._at + _COUNT_AT, self._count)
+
+    def _new_place(self) -> int:
+        self._count += 1
+        return self._at + _HEAD.size + (self._count - 1) * _ENTRY.size
 
     def stage(self, stage: CoreStage) -> None:
         """Store the stage of the core."""

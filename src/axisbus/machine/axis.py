@@ -75,6 +75,10 @@ class Axis:
 
         return axis_html(self)
 
+    def _renew(self, parameters: AxisParameters) -> None:
+        """Use the parameters of a node that was booted again."""
+        self._parameters = parameters
+
     # -- identity and position ---------------------------------------------------------------------------------------
 
     @property

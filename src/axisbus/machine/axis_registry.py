@@ -82,8 +82,14 @@ class AxisRegistry:
         return self._chosen[names]
 
     def join(self, booted: Booted) -> None:
-        """Add the axes of an optional node that came up late, after the core has added them."""
-        late = {name: self._make_axis(parameters) for name, parameters in booted.parameters.items()}
+        """Add the axes of a node that was booted while the machine runs, or let them use what was read now, after the core has."""
+        late = {
+            name: self._make_axis(parameters)
+            for name, parameters in booted.parameters.items()
+            if name not in self.axes
+        }
+        for name in booted.parameters.keys() - late.keys():
+            self.axes[name]._renew(booted.parameters[name])
         self.axes = {**self.axes, **late}
         self._make_groups()
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from axisbus.boot import error_state
 from axisbus.boot.objects import NodeObjects, read_int
+from axisbus.boot.report import Booted, NodeReport
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.plan import PdoPlan
 from axisbus.bus.pdo.tpdo_timeout import PdoEvent
@@ -89,10 +90,19 @@ class NoSdoAccess(SdoAccess):
 class NodeAccess:
     """One node: ``sdo``, its NMT state and commands, its emergency messages, and its active PDOs."""
 
-    def __init__(self, parts: NodeParts, await_cycle: Callable[[], None] = lambda: None) -> None:
-        """``parts``: the node's parts of its link. ``await_cycle`` waits until the axes have values of a later time."""
+    def __init__(
+        self,
+        parts: NodeParts,
+        await_cycle: Callable[[], None] = lambda: None,
+        boot: Callable[[int], Booted] | None = None,
+    ) -> None:
+        """``parts``: the node's parts of its link. ``await_cycle`` waits until the axes have values of a later time.
+
+        ``boot`` boots a node of a running machine, by its node-ID; None if none runs.
+        """
         self.parts = parts
         self._await_cycle = await_cycle
+        self._boot = boot
         self.node_id = node_id = parts.node_id
         self.eds = eds = parts.eds
         self.plans = parts.plans
@@ -144,6 +154,25 @@ class NodeAccess:
                 error.observed = f"{error.observed}; {self._errors()}"
             raise
         self._await_cycle()
+
+    def boot(self) -> NodeReport:
+        """Boot the node while the machine runs, as at the opening (CiA 302-2), and return its report; energises nothing.
+
+        For a node that was lost or has restarted, and for one that is to be configured again. The other axes continue. Its own axes
+        begin again in ErrorStop: reset and enable them, and home those that need it (an axis with ``absolute`` in its homing table
+        stays homed). Nothing else of before remains: overrides, couplings, interrupted paths. Blocks for the boot-up, at most some
+        seconds, longer if its program is replaced; a stop that is under way ends first. Several nodes may be booted at the same
+        time, in several threads.
+
+        Raises:
+            StateError: an axis of the node is enabled or commanded, two devices have its node-ID, the node uses CAN Simple, or the
+                machine is being closed.
+            OwnershipError: this program has no control.
+            BootError: the boot-up has failed, or the drive is still enabled; the node may be booted again.
+        """
+        if self._boot is None:
+            raise StateError(f"node {self.node_id} can only be booted by a running machine")
+        return self._boot(self.node_id).report
 
     def _errors(self) -> str:
         last = self.emcy[-1] if self.emcy else None

@@ -90,6 +90,7 @@ class Device:
         self._stored: dict[int, int | float | str | bytes] = {}
         self._restore = False
         self._boot_timer = 0.0
+        self._unpowered = False
         self._connect()
 
     @property
@@ -109,14 +110,22 @@ class Device:
             dt -= _MAX_STEP
         self._step(dt)
 
+    @property
+    def silent(self) -> bool:
+        """Whether no frame reaches or leaves the node."""
+        return self.dials.dead or self.dials.unpowered
+
     def _step(self, dt: float) -> None:
         self.time += dt
+        if self.dials.unpowered is not self._unpowered:
+            self._unpowered = self.dials.unpowered
+            self._reset(whole=True)
         for tie in self.ties:
             tie()
         if dt > 0.0:
             for drive in self.drives:
                 drive.step(dt)
-        if self.node_id == NO_NODE_ID:
+        if self.node_id == NO_NODE_ID or self._unpowered:
             return  # it stays initialising until it gets a node-ID by LSS
         if self.nmt is _INITIALISING:
             self._boot_timer -= dt
@@ -171,7 +180,7 @@ class Device:
     def answers_sdo(self) -> bool:
         """Whether SDO requests are answered: not while dead, silent, initialising or stopped."""
         dials = self.dials
-        silent = dials.dead or dials.sdo_silent or self.deaf
+        silent = self.silent or dials.sdo_silent or self.deaf
         return not silent and self.nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)
 
     @property

@@ -158,6 +158,8 @@ class NodeFaults:
     """Misbehaviour of one node's communication.
 
     dead: the node neither sends nor receives, as with a cut cable (its motors keep moving until its own watchdog expires)
+    unpowered: the node has no supply: it is silent, its motors have no power, and all but stored values is lost. It boots when the
+        supply returns
     sdo_delay: seconds from a request to its answer (longer than the client's time-out: an answer that arrives too late)
     sdo_silent: SDO requests are not answered, and not executed
     sdo_lost: numbers of the SDO frames that get lost; both directions are counted together from 1 in ``sdo_frames``
@@ -183,6 +185,7 @@ class NodeFaults:
     """
 
     dead: bool = False
+    unpowered: bool = False
     sdo_delay: float = 0.0
     sdo_silent: bool = False
     sdo_lost: set[int] = field(default_factory=set)

@@ -103,13 +103,17 @@ SYMPTOMS = (
             "If the node is present again (`axisbus scan CELL`) and has not restarted, start it (`axisbus nmt start NODE "
             "--cell CELL`). Then reset its axes (`axisbus reset CELL AXIS`). `axis.reset()` alone is rejected, and the "
             "error names the missing step.",
-            "If the node has restarted, its configuration is lost. End the program that has the machine (`axisbus run "
-            "CELL`) and start it again: the boot configures the node.",
+            "If the node has restarted, its configuration is lost. Boot it while the machine runs (`axisbus boot CELL --node "
+            "NODE`; in a program: `machine.node(NODE).boot()`), then reset its axes. Nothing is enabled by that.",
         ),
         errors=("NodeError", "NodeStateError"),
         letters="EFK",
         faults=("8130",),
-        read_on=("stopping.md#which-other-axes-stop", "stopping.md#when-the-master-dies"),
+        read_on=(
+            "stopping.md#after-an-emergency-stop",
+            "stopping.md#which-other-axes-stop",
+            "stopping.md#when-the-master-dies",
+        ),
     ),
     Symptom(
         name="duplicate-node-id",

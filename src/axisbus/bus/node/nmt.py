@@ -138,6 +138,11 @@ class NodeMonitor:
         """Store the evidence that a second device has this node-ID; the first reason remains."""
         self.duplicate = self.duplicate or why
 
+    def forget_heartbeats(self) -> None:
+        """Expect no heartbeat as a confirmation until the next one comes: the node may have restarted while it was not heard."""
+        with self._changed:
+            self._heartbeats = 0
+
     def assume(self, state: NmtState) -> None:
         """Assume ``state``, because the node cannot report it."""
         with self._changed:

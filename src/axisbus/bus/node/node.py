@@ -189,6 +189,10 @@ class EmcyMonitor(EmcyLog):
         self._feeds = (*self._feeds, feed)
         return feed
 
+    def end_feed(self, feed: EmcyFeed) -> None:
+        """Fill ``feed`` no more; harmless when repeated."""
+        self._feeds = tuple(each for each in self._feeds if each is not feed)
+
     def listen_to(self, cob_id: int) -> None:
         """Change the COB-ID to that of the node's own 1014h."""
         if cob_id == self._cob_id:

@@ -100,6 +100,16 @@ class SdoWorker:
                 self._forgotten = True
                 self._cancel_running()
 
+    def clear(self) -> None:
+        """End all jobs but urgent ones with *timed out*: they are from before the node was lost. Does not block."""
+        with self._wanted:
+            dropped = list(self._queue)
+            self._queue.clear()
+            if self._call is not None and not self._call.urgent:
+                self._cancel_running()
+        for job in dropped:
+            job.done(None, abort.TIMED_OUT)
+
     def close(self) -> None:
         """End the running transfer and the thread; waiting jobs end with *timed out*.
 

@@ -105,6 +105,11 @@ class RemoteCore:
     def await_values(self) -> None:
         """As ``CoreInterface.await_values``; the core has already done that."""
 
+    def boot_node(self, node_id: int) -> Booted:
+        """As ``CoreInterface.boot_node``; the core boots the node."""
+        self._calls.ask("boot", node_id)
+        return self.booted[node_id]
+
     def leave(self, reason: str) -> list[AxisbusError]:
         """As ``CoreInterface.leave``; afterwards the process has ended."""
         self._calls.send(m.Leave(reason))

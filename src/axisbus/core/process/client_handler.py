@@ -210,6 +210,9 @@ class ClientHandler:
             return OF_CLIENT[message.what](self)
         if not message.node:
             return OF_CORE[message.what](core.session)
+        if message.what == "boot":
+            self._boot(message.node)
+            return None
         if message.what == "watch":
             self._clients.watch(message.node)
             self.watched.add(message.node)
@@ -218,6 +221,13 @@ class ClientHandler:
         if refused is not None:
             raise refused
         return OF_NODE[message.what](core.nodes[message.node], *message.arguments)
+
+    def _boot(self, node_id: int) -> None:
+        """Boot a node; its facts are sent to every client by ``NodeJoined``."""
+        refused = self._clients.refusal(self, f"booting node {node_id}")
+        if refused is not None:
+            raise refused
+        self._clients.core.boot_node(node_id)
 
     def _programs(self) -> object:
         return self._clients.programs

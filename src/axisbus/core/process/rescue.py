@@ -235,6 +235,7 @@ class Lifeline:
         self._core = core
         self._numbers = {name: number for number, name in enumerate(names)}
         self._known: dict[str, tuple[int, AxisCore, CanPort | None]] = {}
+        self._renewed = len(core.scan.renewals)
         self._virtual = core.cell.axes.keys() - core.cell.driven.keys()
         for name in (name for name in core.scan.axes if name not in self._virtual):
             self._enter(name)
@@ -245,6 +246,9 @@ class Lifeline:
 
     def after_cycle(self, _now: float, snapshots: Mapping[str, Snapshot]) -> None:
         """Store the frames of this cycle; does not block."""
+        while len(self._core.scan.renewals) > self._renewed:  # its RPDOs may have another mapping now
+            self._enter(self._core.scan.renewals[self._renewed])
+            self._renewed += 1
         if len(snapshots) > len(self._known) + len(self._virtual):
             for name in snapshots.keys() - self._known.keys() - self._virtual:
                 self._enter(name)

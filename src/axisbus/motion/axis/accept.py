@@ -30,7 +30,7 @@ from axisbus.motion.override import require_factor
 from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.active_stop import StopKind
-from axisbus.motion.stop.diagnosis import ANEW, first_observation, nmt_text, not_to_be_reset
+from axisbus.motion.stop.diagnosis import boot_and_reset, first_observation, nmt_text, not_to_be_reset
 from axisbus.motion.stop.policy import GroupFault
 from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel
 
@@ -179,7 +179,7 @@ def _reset(core: AxisCore, command: c.ResetCommand, ticket: CommandStatus, gate:
             observed="no fresh statusword (6041h)",
             remedy=(
                 "see why it is in ErrorStop (axis.error), and check that the drive sends the TPDO that contains 6041h; "
-                f"then {ANEW}"
+                f"then {boot_and_reset(core.parameters.node)}"
             ),
         )
     if core.state is AxisState.ERRORSTOP and core.disobeyed:

@@ -36,6 +36,7 @@ from axisbus.errors import (
     MotionTimeout,
     Replaced,
     SecondMasterError,
+    StateError,
     Stopped,
     UncommandedMotion,
 )
@@ -65,7 +66,7 @@ from axisbus.motion.stop.coast_down import CoastDown, FaultReaction
 from axisbus.motion.stop.diagnosis import DriveHistory, FaultDiagnosis, chained, enrich, join_remedies
 from axisbus.motion.stop.standstill import StandstillWaiters
 from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel, StopSequence
-from axisbus.motion.stop.supervision import POWERED, StopDemand, Supervision
+from axisbus.motion.stop.supervision import POWERED, StopDemand, Supervision, duplicate_error
 from axisbus.motion.superimposed import Addition
 from axisbus.motion.user_code_errors import broken
 
@@ -129,11 +130,63 @@ class AxisCore:
         self._arrival = ArrivalCheck(parameters)
         self._aftermath = FaultReaction(parameters)
         self.rest_waits = StandstillWaiters(parameters)
+        self._confirmed_origin: int | None = (
+            None  # of the last confirmed position, also after a restart of the node
+        )
         self._has_restarted = False  # since its node was operational
         self._keeps_target = capabilities.outputs.get("target_position") is ValueTransport.SYNC_PDO
         self._stopped_for_sure = False
         self._was_calm = False  # in the previous cycle
         self._cruise: FastPath | None = None  # while it only continues along a trajectory
+
+    def begin_again(
+        self, parameters: AxisParameters, capabilities: Capabilities, error: AxisbusError, *, absolute: bool
+    ) -> None:
+        """Begin as a new object, in ErrorStop with ``error``: the node was booted again. Nothing of before remains.
+
+        ``absolute``: the drive has kept its count of positions, so a confirmed position remains confirmed. Groups, pairs and
+        couplings refer to this object, so it is not replaced. Every command must have ended (``take_out``).
+        """
+        confirmed = self._confirmed_origin if absolute else None
+        self.__init__(parameters, capabilities)  # type: ignore[misc]
+        self.state, self.error = AxisState.ERRORSTOP, error
+        if confirmed is not None:
+            self.confirm_position(confirmed)
+
+    def require_rest_for_boot(self) -> None:
+        """Raise StateError if the node must not be booted now: the axis is commanded, being stopped, or enabled."""
+        name, node, state = self.parameters.name, self.parameters.node, self.image.state
+        if self.ladder is not None:
+            observed, remedy = f"{name} is being stopped", "wait until its stop has ended"
+        elif self.activity is not None or self.queue:
+            observed, remedy = f"{self._doing} runs", "wait for its end, or stop it, and disable the axis"
+        elif self.image.duplicate:
+            error = duplicate_error(name, node, self.image.duplicate)
+            observed, remedy = f"{error.message} ({error.observed})", error.remedy
+        elif state in ENERGISED:
+            observed, remedy = (
+                f"the drive of {name} is in state {state.value!r}",
+                "disable the axis first: axis.disable()",
+            )
+        else:
+            return
+        raise StateError(f"node {node} cannot be booted now", observed=observed, remedy=remedy)
+
+    def take_out(self, error: AxisbusError) -> None:
+        """Go to ErrorStop with ``error`` before the node is booted: nothing is requested from the drive, no loss is reported.
+
+        No other axis is stopped for this, because the axis is at rest without power.
+        """
+        self.abandon(lambda name: StateError(f"{name} was ended: {error.message}"))
+        self.state, self.error, self.powered = AxisState.ERRORSTOP, error, False
+        self.supervision.lost = True
+        self.order.goal = None
+
+    def take_back(self, error: AxisbusError) -> None:
+        """Note ``error``, with which the boot-up of the node has failed; the drive is requested to be without power as before."""
+        self.error = error
+        if self.touched and self.order.goal is None:
+            self.order.goal = PowerState.SWITCH_ON_DISABLED
 
     @property
     def activity(self) -> Activity | None:
@@ -355,7 +408,7 @@ class AxisCore:
         elif image.operational:
             self._has_restarted = False
         if image.lost_count:
-            self.homed = False
+            self.forget_position()
         finding = supervision.node(image)
         if finding is None and image.state in _FAULTS:
             if self._fault_diagnosis is None and self.state is not _ERRORSTOP:
@@ -517,7 +570,7 @@ class AxisCore:
         self.touched = True
         self._stopped_for_sure = False
         if activity.mode is ModeOfOperation.HOMING:
-            self.homed = False  # until it is done
+            self.forget_position()  # until it is done
             why = f"was ended by {ticket.name}, after which the drive counts its positions from the new home"
             self.probes.end_all(Replaced, why, self.order, "give it again when the axis is homed")
         self.running.begin(activity, ticket)
@@ -567,6 +620,7 @@ class AxisCore:
         self.image.origin = origin
         self.last_target = None  # it had the old origin
         self.homed = True
+        self._confirmed_origin = origin
 
     def forget(self, loss: Loss) -> None:
         """Discard the values that ``loss`` makes void; this is the only list of them, and a test checks all attributes of an axis.
@@ -588,6 +642,7 @@ class AxisCore:
     def forget_position(self) -> None:
         """Mark the position as not confirmed, until it has been determined again."""
         self.homed = False
+        self._confirmed_origin = None
 
     def join(self, ticket: CommandStatus) -> None:
         """Let ``ticket`` end with the running command: the same command was requested again."""

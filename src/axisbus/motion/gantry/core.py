@@ -109,6 +109,12 @@ class GantryCore(GroupCore):
         self._bent = SkewStop(axes, self.watch)
         self._ends_at: float | None = None  # the last commanded end position of the beam
 
+    def forget(self) -> None:
+        """As ``GroupCore.forget``."""
+        super().forget()
+        self._ends_at = None
+        self.watch.narrow()
+
     def accept(self, command: GroupCommand, ticket: CommandStatus) -> None:
         """As ``GroupCore.accept``."""
         self._end_squaring()

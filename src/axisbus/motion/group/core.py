@@ -155,6 +155,10 @@ class GroupCore:
                 undertaking.line.close()
             undertaking.abandon(ended(undertaking.name))
 
+    def forget(self) -> None:
+        """Forget the last motion: an axis has begun again, so there is nothing to continue."""
+        self._line = None
+
     def brake_hard(self, names: Collection[str]) -> None:
         """Let active straight lines that command any axis of ``names`` brake, if they brake, as hard as all their axes permit."""
         for undertaking in self._under_way:

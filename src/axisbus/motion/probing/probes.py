@@ -14,7 +14,7 @@ from axisbus.motion.commands import Probe, ProbeAbort
 from axisbus.motion.moves.activity import require_position
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.probing.arming import Arming, ProbeFunction
-from axisbus.motion.stop.diagnosis import ANEW, nmt_text
+from axisbus.motion.stop.diagnosis import boot_and_reset, nmt_text
 
 
 @dataclass(slots=True)
@@ -192,5 +192,5 @@ class Probes:
             f"{name}: node {node} is lost, and with it the result of its touch probe",
             node=node,
             observed=nmt_text(image) if image.bus is None else image.bus.message,
-            remedy=f"check supply and cable of node {node}; then {ANEW}",
+            remedy=f"check supply and cable of node {node}; then {boot_and_reset(node)}",
         )

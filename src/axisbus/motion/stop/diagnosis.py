@@ -243,20 +243,27 @@ def name_starvation(error: AxisbusError, image: AxisImage) -> AxisbusError:
 
 # Last received NMT state of a node that is lost without any message.
 SILENT = frozenset({NmtState.OPERATIONAL, NmtState.UNKNOWN})
-ANEW = "close the machine and open it again, which configures and starts the node again"
+ANEW = "close the machine and open it again"
 
 
 def start_and_reset(node: int) -> str:
-    """Return how to restart a node that still has its configuration; a node that has restarted needs ``ANEW`` instead."""
+    """Return how to restart a node that still has its configuration; a node that has restarted needs ``boot_and_reset`` instead."""
     return (
         f"start it (axisbus nmt start {node} --cell CELL; in a program: machine.node({node}).command(NmtCommand.START)), "
         "and reset the axis: axis.reset()"
     )
 
 
+def boot_and_reset(node: int) -> str:
+    """Return how to configure and start a node that has restarted, while the machine runs."""
+    return f"boot it (axisbus boot CELL --node {node}; in a program: machine.node({node}).boot()), and reset the axis: axis.reset()"
+
+
 def when_back(node: int) -> str:
     """Return what to do when a node is present again, whether it has restarted or not."""
-    return f"when the node answers again, {start_and_reset(node)}; if it has restarted, {ANEW}"
+    return (
+        f"when the node answers again, {start_and_reset(node)}; if it has restarted, {boot_and_reset(node)}"
+    )
 
 
 def remedy_for_silence(node: int) -> str:
@@ -284,27 +291,27 @@ def not_to_be_reset(name: str, node: int, image: AxisImage, *, stopping: bool) -
         return NodeStateError(
             f"{name}: node {node} cannot be reached: {image.bus.message}",
             observed=image.bus.observed + still,
-            remedy=f"{image.bus.remedy}; then reset again if the node is still operational, else {ANEW}",
+            remedy=f"{image.bus.remedy}; then reset again if the node is still operational, else {boot_and_reset(node)}",
         )
     if image.restarted and (image.overdue or image.nmt != NmtState.OPERATIONAL):
         return NodeStateError(
             f"{name}: node {node} has restarted, or may have, so a reset is not enough",
             observed=f"{nmt_text(image)}; it is not known whether it still has the configuration of this master{still}",
-            remedy=ANEW,
+            remedy=boot_and_reset(node),
         )
     if image.overdue or image.nmt == NmtState.UNKNOWN:
         return NodeStateError(
             f"{name}: node {node} is lost, so there is no node to reset",
             observed=f"{nmt_text(image)}{still}",
-            remedy=f"check supply and cable of node {node} until axisbus scan shows it; then {ANEW}; if it has not restarted, it "
-            f"is enough to {start_and_reset(node)}",
+            remedy=f"check supply and cable of node {node} until axisbus scan shows it; then {boot_and_reset(node)}; if it "
+            f"has not restarted, it is enough to {start_and_reset(node)}",
         )
     if image.nmt == NmtState.OPERATIONAL:
         return NodeStateError(
             f"{name}: node {node} has returned, but a reset is not enough",
             observed="it has restarted, or may have: it is not known whether it still has the configuration of this "
             f"master{still}",
-            remedy=ANEW,
+            remedy=boot_and_reset(node),
         )
     return NodeStateError(
         f"{name}: node {node} is present, but not operational, so a reset alone is not enough",

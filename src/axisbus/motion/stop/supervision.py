@@ -29,6 +29,7 @@ from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.diagnosis import (
     ANEW,
     SILENT,
+    boot_and_reset,
     join_remedies,
     remedy_for_silence,
     silence_of,
@@ -272,7 +273,7 @@ class Supervision:
                 observed=f"its NMT state is {state}; it has restarted and lost its configuration and position, or a second device "
                 f"was switched on with node-ID {node}",
                 remedy=f"check whether the supply of node {node} failed, and whether two devices have its node-ID (axisbus "
-                f"scan); then {ANEW}",
+                f"scan); then {boot_and_reset(node)}",
             )
         starved = image.starvation.text(image.now)
         if image.nmt in SILENT and starved:
@@ -324,7 +325,7 @@ def bus_lost(name: str, node: int, bus: BusError) -> BusError:
         observed=bus.observed,
         remedy=f"make sure that the axis is at standstill: only the drive's own watchdog can stop it now; {bus.remedy}. "
         f"Nothing moves without a command when {again}: axis.reset() if the node is still operational, else "
-        f"{start_and_reset(node)}; if it has restarted, {ANEW}",
+        f"{start_and_reset(node)}; if it has restarted, {boot_and_reset(node)}",
     )
 
 

@@ -101,7 +101,7 @@ class Slave:
     def on_frame(self, can_id: int, data: bytes, now: float, *, remote: bool = False) -> None:
         """Take a frame received at ``now``; unknown and malformed frames are ignored."""
         device = self.device
-        if device.dials.dead:
+        if device.silent:
             return
         if can_id == _LSS_REQUEST and not remote and device.hears_lss:
             device.lss_request(bytes(data), now)
@@ -127,7 +127,7 @@ class Slave:
         self._now = now
         device = self.device
         device.step(max(0.0, dt))
-        if device.dials.dead:
+        if device.silent:
             device.errors.take()
             for drive in device.drives:
                 drive.power.send_no_more()
@@ -278,7 +278,7 @@ class Slave:
 
     @property
     def _is_there(self) -> bool:
-        return not self.device.dials.dead and self.device.nmt is not NmtState.INITIALISING
+        return not self.device.silent and self.device.nmt is not NmtState.INITIALISING
 
     def _forget_routes(self, _value: int) -> None:
         self._version = -1

@@ -215,7 +215,7 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
     (re.compile(call), words)
     for call, words in (
         (r" \(axis\.error\)", ""),
-        (r"; in a program: \S+\(\d+\)\.command\(NmtCommand\.START\)", ""),
+        (r"; in a program: \S+\(\d+\)\.(?:command\(NmtCommand\.START\)|boot\(\))", ""),
         (
             r"close the machine,? and open it again",
             "end the program that runs the machine, and start it again",
