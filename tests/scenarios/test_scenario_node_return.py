@@ -378,6 +378,37 @@ def test_closing_waits_for_a_boot_up_and_leaves_the_node_without_power(tmp_path:
         assert simulation.drive("y").power.effort is Effort.OFF
 
 
+def test_an_axis_is_not_reset_while_its_node_is_booted(tmp_path: Path) -> None:
+    """The node is fine and operational at first, so that only the boot-up is a reason."""
+    with cell(tmp_path, "x") as (simulation, witness):
+        machine, handles = simulation.machine, list[Handle]()
+        for delay in (0.005, 0.02, 0.05, 0.08):
+            simulation.after(delay, lambda: handles.append(machine["x"].reset()))
+            boot(machine, "x")
+            machine.sleep(0.1)
+        errors = [handle.error for handle in handles]
+        assert any(error is not None and "is being booted" in error.message for error in errors)
+        assert not witness.energised
+
+
+def test_an_aborted_boot_up_leaves_the_axis_in_error_stop_until_the_next_one(tmp_path: Path) -> None:
+    def abort() -> None:
+        raise KeyboardInterrupt
+
+    with cell(tmp_path, "x") as (simulation, _):
+        machine = simulation.machine
+        node, before = machine.node(1), machine._core.runtime.link.boot
+        machine._core.runtime.link.boot = lambda _: abort()
+        with pytest.raises(KeyboardInterrupt):
+            node.boot()
+        machine._core.runtime.link.boot = before
+        machine.sleep(0.1)
+        assert machine["x"].error is not None
+        assert "was aborted" in machine["x"].error.message
+        boot(machine, "x")
+        assert_usable(simulation, machine["x"])
+
+
 # -- automatically ---------------------------------------------------------------------------------------------------------
 
 

@@ -24,6 +24,7 @@ from axisbus.core.late_boot import (
     LateBoot,
     ReturningNode,
     being_booted,
+    boot_interrupted,
     booted_again,
     not_booted,
     same_device,
@@ -360,7 +361,11 @@ class Core:
         with self._booting_of(node_id):
             names = self._await_rest(node_id)
             self._in_scan(lambda: self.scan.take_out(names, being_booted(node_id)))
-            booted, ports = self.runtime.boot_late(node_id)
+            try:
+                booted, ports = self.runtime.boot_late(node_id)
+            except BaseException:  # such as Ctrl-C in this thread
+                self._leave_out(names, boot_interrupted(node_id))
+                raise
             if booted.report.error is not None:
                 self.runtime.booted[node_id].watch = booted.watch  # closing undoes what is armed now
                 self._leave_out(names, booted.report.error)
@@ -388,7 +393,11 @@ class Core:
         """Return the nodes that are booted automatically when they have returned."""
         found = []
         for node_id, booted in self.runtime.booted.items():
-            if booted.report.ok and self.cell.nodes[node_id].rejoin == AUTOMATIC:
+            if (
+                booted.report.ok
+                and self.cell.nodes[node_id].rejoin == AUTOMATIC
+                and self.runtime.nodes[node_id].has_objects
+            ):
                 needs, boot = partial(self.runtime.has_returned, node_id), partial(self.boot_node, node_id)
                 found.append(ReturningNode(node_id, needs, boot))
         return found
@@ -418,7 +427,7 @@ class Core:
         if scan.leaving_because is not None:
             raise refused_while_leaving("booting a node", scan.leaving_because)
         scan.between_cycles(run)
-        self._waiter.wait(lambda: scan.ended or bool(done), _JOIN_TIME)
+        self._waiter.wait(lambda: scan.ended or bool(done), None)
         if raised:
             raise raised[0]
         if not done:

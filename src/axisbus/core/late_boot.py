@@ -194,6 +194,14 @@ def being_booted(node_id: int) -> NodeStateError:
     )
 
 
+def boot_interrupted(node_id: int) -> NodeStateError:
+    """Return the error of the axes of a node whose boot-up was aborted, as by Ctrl-C."""
+    return NodeStateError(
+        f"the boot-up of node {node_id} was aborted",
+        remedy=f"boot the node again: machine.node({node_id}).boot()",
+    )
+
+
 def booted_again(name: str, node_id: int, *, confirmed: bool) -> NodeError:
     """Return the error with which an axis begins again; ``confirmed``: its position is still confirmed if it was before."""
     homing = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from functools import partial
 from typing import Any
 
@@ -161,6 +162,8 @@ def _reset(core: AxisCore, command: c.ResetCommand, ticket: CommandStatus, gate:
     """Reset at once, or after the end of the running stop."""
     image = core.image
     stopping = core.ladder is not None
+    if core.node_boots and core.error is not None:
+        raise copy(core.error)
     if core.state is AxisState.ERRORSTOP and not image.operational:
         raise not_to_be_reset(ticket.name, core.parameters.node, image, stopping=stopping)
     if stopping:

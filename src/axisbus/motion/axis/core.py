@@ -87,7 +87,8 @@ class AxisCore:
     """State and behaviour of one axis; every public attribute is read-only to others.
 
     ``state`` is PLCopen's; ``error`` is the reason for ErrorStop. ``touched``: this master has commanded the drive, so the shutdown
-    stops it. ``powered``: an enable by this master has succeeded, and the power has not been removed since.
+    stops it. ``powered``: an enable by this master has succeeded, and the power has not been removed since. ``node_boots``: the
+    node is being booted, so the axis cannot be reset.
     """
 
     def __init__(self, parameters: AxisParameters, capabilities: Capabilities) -> None:
@@ -118,6 +119,7 @@ class AxisCore:
         self._needs_homing = parameters.homing.required
         self.powered = False
         self.touched = False
+        self.node_boots = False
         self.tripped: AxisbusError | None = None  # set for one cycle: the fault policy reads it
         self.running = ActiveCommand()
         self.queue = Queue()
@@ -179,12 +181,13 @@ class AxisCore:
         """
         self.abandon(lambda name: StateError(f"{name} was ended: {error.message}"))
         self.state, self.error, self.powered = AxisState.ERRORSTOP, error, False
+        self.node_boots = True
         self.supervision.lost = True
         self.order.goal = None
 
     def take_back(self, error: AxisbusError) -> None:
         """Note ``error``, with which the boot-up of the node has failed; the drive is requested to be without power as before."""
-        self.error = error
+        self.error, self.node_boots = error, False
         if self.touched and self.order.goal is None:
             self.order.goal = PowerState.SWITCH_ON_DISABLED
 
