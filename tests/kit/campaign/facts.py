@@ -24,7 +24,7 @@ _LITTLE = 3.0  # s for the steps of a stop that have no time of their own
 _POWER = frozenset({"enable", "disable", "coast"})
 _TAKES_POWER = frozenset({"disable", "coast", "quick_stop"})
 _OF_NODES = frozenset(
-    {"alive", "start", "heartbeat", "sdo_well"}
+    {"alive", "start", "heartbeat", "sdo_well", "supply_returns"}
 )  # the end of a fault of a node, for all of its axes
 HONEST = ("MOVING", "could not be confirmed", "NOT CONFIRMED", "ENERGISED", "is lost", "still energised")
 

@@ -245,6 +245,7 @@ MISHAPS: Mapping[str, Mishap] = {
         "start",
     ),
     "reboots": Mishap(_other("reboots"), _UNSEEN, "start", deaf=True),
+    "loses_supply": Mishap(_node_dial(unpowered=True), (*_UNSEEN, "boot"), "supply_returns", deaf=True),
 }
 
 ENDS: Mapping[str, Doing] = {
@@ -253,6 +254,7 @@ ENDS: Mapping[str, Doing] = {
     "pushed_no_more": _let_go,
     "encoder_live": _dial(encoder_frozen=False),
     "alive": _node_dial(dead=False),
+    "supply_returns": _node_dial(unpowered=False),
     "start": _nmt(NmtCommand.START),
     "heartbeat": _node_dial(heartbeat_stops=False),
     "sdo_well": _node_dial(sdo_silent=False, sdo_delay=0.0),

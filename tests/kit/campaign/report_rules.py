@@ -142,7 +142,8 @@ class Truth:
 
     def _restarts_count(self, name: str) -> bool:
         """Whether homing, or a restart, has just given the place another number."""
-        if any(trouble.what == "reboots" for trouble in self._facts.troubled(name, 2.0)):
+        restarts = ("reboots", "loses_supply")
+        if any(trouble.what in restarts for trouble in self._facts.troubled(name, 2.0)):
             return True
         recent = self._facts.now - 0.5
         homes = [asked for asked in self._facts.asked if asked.what == "home" and name in asked.names]
@@ -208,6 +209,7 @@ class Truth:
 
 _BLIND = frozenset(
     {"dead", "pre_operational", "sync_lost", "other_stops_node", "reboots", "stalls", "inputs_lost"}
+    | {"loses_supply"}
     | {"wire_loses", "wire_cut", "bus_off", "queue_full", "second_device"}
 )
 _LIES = frozenset(

@@ -23,6 +23,7 @@ _BY_OTHERS = (
 )  # its word is that of an enabled drive
 _TAKES_POWER = frozenset(
     {"fault", "drops_power", "other_shuts_down", "other_quick_stops", "heartbeat_lost", "stalls", "reboots"}
+    | {"loses_supply"}
     | {"wire_cut", "bus_off", "queue_full"}
 )
 _AT_REST = ("jam", "resumes")  # these move no axis that was at standstill with nothing to pull it

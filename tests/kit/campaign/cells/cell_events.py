@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 from axisbus.errors import AxisbusError
 from axisbus.machine.handle import Handle
@@ -158,6 +159,7 @@ def serve(judge: Judge) -> None:
             if trouble.kind.ends and trouble.axis == name:
                 judge.happen(trouble.kind.ends, name, 0.0)
     judge.run(0.5)
+    _boot_nodes(judge)
     pair = facts.cell.recipe.gantry  # type: ignore[attr-defined]
     for step in ("release", "reset", "enable"):
         given = [_step(judge, step, name) for name in facts.names if not (pair and name in "ab")]
@@ -165,6 +167,25 @@ def serve(judge: Judge) -> None:
             given.append(_step(judge, step, "ab"))
         _wait(judge, [asked for asked in given if asked is not None])
     judge.run(0.2)
+
+
+def _boot_nodes(judge: Judge) -> None:
+    """Boot the nodes that have restarted, while the axes of the others continue; each boot-up may fail."""
+    facts, machine = judge.facts, judge.facts.cell.machine
+    runtime, clock = machine._core.runtime, machine._core.clock
+    for node_id in sorted({machine.cell.axes[name].node for name in facts.names}):
+        if not runtime.nodes[node_id].has_objects or not runtime.has_returned(node_id):
+            continue
+        facts.tally["node booted again"] += 1
+
+        def boot(node_id: int = node_id) -> None:
+            with suppress(AxisbusError):
+                machine.node(node_id).boot()
+
+        thread = clock.thread(boot, f"boot of node {node_id}")
+        thread.start()
+        while thread.is_alive():
+            judge.run(0.05)
 
 
 def _step(judge: Judge, step: str, names: str) -> GivenCommand | None:

@@ -32,7 +32,7 @@ _UNSEEN = frozenset(
         "dead",
         "stalls",
     }
-    | {"pre_operational", "other_stops_node", "reboots", "stutters", "demand_stuck"}
+    | {"pre_operational", "other_stops_node", "reboots", "loses_supply", "stutters", "demand_stuck"}
     | {
         "wire_loses",
         "wire_jitters",
@@ -47,9 +47,9 @@ _UNSEEN = frozenset(
 # By these the place of a side is unknown for a while, or another one.
 _FORGETS = frozenset(
     {"dead", "pre_operational", "other_stops_node", "reboots", "sync_lost", "encoder_jumps", "stalls"}
-    | {"wire_loses", "wire_slows", "wire_cut", "bus_off", "second_device"}
+    | {"wire_loses", "wire_slows", "wire_cut", "bus_off", "second_device", "loses_supply"}
 )
-_RESTARTS = frozenset({"reboots"})
+_RESTARTS = frozenset({"reboots", "loses_supply"})
 _ELSEWHERE = frozenset(
     {"encoder_jumps", "encoder_frozen"}
 )  # with these a drive reports another position than its motor's
