@@ -517,3 +517,28 @@ def test_an_axis_that_has_just_arrived_at_its_limit_may_move_away_at_once(tmp_pa
             x.move_velocity(-20.0).wait(5)
             x.halt().wait(5)
         assert x.error is None
+
+
+@pytest.mark.parametrize("stop", ["halt", "stop", "disable", "hold"])
+def test_a_halt_with_a_weaker_ramp_than_that_of_the_move_ends_within_the_limits(tmp_path, stop):
+    """The move ends at the limit; the drive halts with 6085h, which is weaker than the deceleration of the move."""
+    text = cell_text(
+        "x",
+        axis="position_limits = [0.0, 100.0]\nvelocity_scale = 100.0",
+        stop='halt = "ramp"',
+    )
+    text = text.replace("deceleration = 1000.0", "deceleration = 300.0")
+    (tmp_path / "cell.toml").write_text(text, encoding="utf-8")
+    with simulate(tmp_path / "cell.toml") as simulation:
+        x, machine = simulation.machine["x"], simulation.machine
+        x.enable().wait(5)
+        x.move_absolute(100.0, velocity=150.0, deceleration=600.0)
+        while simulation.position("x") < 82.0:
+            machine.sleep(0.01)
+        if stop == "hold":
+            x.set_override(0.0)
+            machine.sleep(2.0)
+        else:
+            getattr(x, stop)().wait(5)
+        assert simulation.position("x") <= 100.01
+        assert x.error is None

@@ -22,6 +22,7 @@ from axisbus.motion.moves.csp_move import CspMove
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.states import AxisState
+from axisbus.motion.stop_deceleration import CommandedMotion
 from axisbus.units import modulo_target
 from axisbus.wording import counted
 
@@ -152,6 +153,13 @@ def _hand_on(
         return began_from_rest("it came after the end of the one before it")
     if (move.target - position) * (target - move.target) <= 0:
         return began_from_rest("the motion reverses there, or the move has no length")
+    course, profile = move.course or CommandedMotion(), command.move.profile
+    speed, down = (
+        max(filter(None, each), default=None)
+        for each in ((course.speed, profile.speed), (course.down, profile.down))
+    )
+    if accept_motion.halt_passes_limit(core, speed, down, target):
+        return began_from_rest("a halt, which brakes less than the moves, could end beyond a position limit")
     ticket.note = ""
     move.join(BlendedTarget(target, command.move.profile, command.mode, ticket), before, core.image)
     core.running.pass_on(ticket)

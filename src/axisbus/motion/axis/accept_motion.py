@@ -31,7 +31,7 @@ from axisbus.motion.moves.mode_exit import PathExit, velocity_exit
 from axisbus.motion.moves.mode_switch import Lead, ModeSwitch
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import Prepare, RampTransfers, expected, profile_writes, slow_ramp_writes
-from axisbus.motion.moves.profile import MoveProfile
+from axisbus.motion.moves.profile import MoveProfile, braking_distance
 from axisbus.motion.parameters import NOISE, AxisParameters
 from axisbus.motion.position_limits import allowed_end, room_of_count
 from axisbus.motion.setpoint_update import overridden
@@ -74,7 +74,7 @@ def move(core: AxisCore, command: c.Move, ticket: CommandStatus, gate: StartBarr
         core.aim(target)
         return
     require_objects(core.parameters, _M.PROFILE_POSITION, ticket)
-    profile = expected(profile, core.parameters)
+    profile = no_harder_than_halt(core, expected(profile, core.parameters), target)
     require_braking(core, profile.down, ticket, _soft(core, profile))
     factor = core.override.factor
     given = overridden(profile, factor, core.parameters)
@@ -92,6 +92,36 @@ def move(core: AxisCore, command: c.Move, ticket: CommandStatus, gate: StartBarr
         AxisState.DISCRETE_MOTION,
     )
     core.aim(target)
+
+
+def no_harder_than_halt(core: AxisCore, profile: MoveProfile, target: int) -> MoveProfile:
+    """Return the profile with at most the deceleration of a halt, if a halt could otherwise end beyond the position limits."""
+    if not halt_passes_limit(core, profile.speed, profile.down, target):
+        return profile
+    parameters = core.parameters
+    halt = parameters.braking.deceleration(parameters.braking.halt, profile.down)
+    assert halt
+    weaker = max(1, int(halt / abs(parameters.units.position.factor / parameters.units.acceleration.factor)))
+    if parameters.has(objects.PROFILE_DECELERATION):
+        return expected(profile._replace(deceleration=weaker), parameters)
+    return expected(profile._replace(acceleration=weaker, deceleration=weaker), parameters)
+
+
+def halt_passes_limit(core: AxisCore, speed: float | None, down: float | None, target: int) -> bool:
+    """Whether a halt of a move to ``target`` may end beyond the position limits; ``speed`` and ``down`` in position increments.
+
+    A drive brakes to its target with 6084h, and in a halt with the ramp of 605Dh. If that ramp is weaker, an axis that is halted
+    while it brakes passes its target.
+    """
+    parameters, position = core.parameters, core.image.position
+    limits, braking = parameters.limits.position, parameters.braking
+    halt = braking.deceleration(braking.halt, down)
+    if limits is None or position is None or not core.bounded or not (halt and down and speed):
+        return False
+    beyond = braking_distance(speed, halt) - braking_distance(speed, down)
+    low, high = sorted(edge * parameters.units.position.factor for edge in limits)
+    end = target - core.image.origin
+    return beyond > 0 and (end + beyond > high if target > position else end - beyond < low)
 
 
 def _move_softly(
