@@ -14,6 +14,7 @@ from collections.abc import Generator, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -161,6 +162,17 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
             way_out.EXIT.part(session)
         assert not left, f"{len(left)} machines were left open by tests of this file"
     return result
+
+
+@pytest.fixture(scope="session", autouse=True)
+def collected_tests_are_no_garbage() -> Iterator[None]:
+    """Exclude the collected tests from garbage collection; no machine may end that, as it does for its own objects when it closes.
+
+    All tests together are a million objects, and each opening of a machine begins with a collection.
+    """
+    gc.freeze()
+    with mock.patch.object(gc, "freeze"), mock.patch.object(gc, "unfreeze"):
+        yield
 
 
 @pytest.fixture
