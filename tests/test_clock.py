@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -283,15 +284,15 @@ def test_an_interrupt_is_raised_when_the_other_thread_waits_again() -> None:
         clock.sleep(1.0)
 
     clock.thread(live, "axisbus test").start()
-    acquire = clock._back.acquire
+    back = clock._back
     calls = iter([KeyboardInterrupt()])
 
     def interrupted() -> bool:
         for error in calls:
             raise error
-        return acquire()
+        return back.acquire()
 
-    clock._back.acquire = interrupted  # type: ignore[method-assign,assignment]
+    clock._back = SimpleNamespace(acquire=interrupted, release=back.release)  # type: ignore[assignment]
     with pytest.raises(KeyboardInterrupt):
         clock.sleep(0.5)
     assert order == ["begins", "waits"]

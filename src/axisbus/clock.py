@@ -227,7 +227,7 @@ class VirtualClock:
         self._ready: deque[VirtualThread] = deque()
         self._threads: dict[int, VirtualThread] = {}  # by their identifiers
         self._lead = threading.RLock()  # held by the thread that lets time pass
-        self._back = threading.Semaphore(0)  # released by a thread of this clock that waits again, or ends
+        self._back = _held_lock()  # released by a thread of this clock that waits again, or ends
         self._closed = False
         self.news = False  # a wait has ended: a thread, or the leading one, can continue
 
@@ -521,13 +521,13 @@ class VirtualLock:
         """As ``ClockLock.acquire``."""
         until = math.inf if timeout < 0 else self._clock.now() + timeout
         while True:
-            wait = _Wait()
             with self._guard:
                 if not self._held:
                     self._held = True
                     return True
                 if not blocking:
                     return False
+                wait = _Wait()
                 self._waits.append(wait)
             if not self._clock.block(wait, until):
                 return self._give_up(wait)
