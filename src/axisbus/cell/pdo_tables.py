@@ -16,7 +16,6 @@ from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds, Number
 from axisbus.errors import ArgumentError
 
-PDO_NUMBERS = range(1, 513)
 _MULTIPLEXED = 0xFE  # sub-index 0 of an MPDO (CiA 301 7.5.2.36)
 _SIZED = re.compile(r"(.+?)\s*/\s*(\d{1,2})", re.ASCII)
 
@@ -56,9 +55,15 @@ def node_pdos(node: NodeConfig, eds: Eds) -> tuple[NodePdo, ...]:
     return tuple(
         _node_pdo(node, dictionary, eds, receive, number, configs.get((receive, number)))
         for receive in (True, False)
-        for number in PDO_NUMBERS
-        if communication_index(receive, number) in eds
+        for number in _numbers(eds, receive)
     )
+
+
+def _numbers(eds: Eds, receive: bool) -> list[int]:
+    """Return the numbers of the PDOs whose communication parameter the EDS has, ascending."""
+    first = communication_index(receive, 1)
+    area = range(first, first + o.PDOS_OF_A_KIND)
+    return sorted(index - first + 1 for index in eds.objects if index in area)
 
 
 def fixed_pdos(configs: Iterable[PdoConfig]) -> frozenset[tuple[bool, int]]:
