@@ -40,14 +40,17 @@ class RpdoImage:
         "_codec",
         "_controlwords_at",
         "_given",
+        "_named",
         "_offsets_at",
         "_pack",
         "_signed",
         "_values",
         "cob_id",
+        "holds_controlword",
         "mapping",
         "name",
         "names",
+        "outputs",
     )
 
     def __init__(self, pdo: PlannedPdo) -> None:
@@ -55,10 +58,13 @@ class RpdoImage:
         self.cob_id = pdo.target.cob_id
         self.mapping: tuple[MappedObject, ...] = pdo.target.mapping
         self.names = pdo.values
+        self._named = [(at, name) for at, name in enumerate(self.names) if name is not None]
+        self.outputs = frozenset(name for _, name in self._named)
         self._codec = PdoCodec(self.mapping, pdo.signed)
         self._pack = self._codec.pack_each
         # A vendor may have mapped it twice: a copy that is left at 0 would be *disable voltage*.
-        self._controlwords_at = [at for at, name in enumerate(self.names) if name == CONTROLWORD]
+        self._controlwords_at = [at for at, name in self._named if name == CONTROLWORD]
+        self.holds_controlword = bool(self._controlwords_at)
         self._offsets_at = [at for at, name in enumerate(self.names) if name in OFFSET_OBJECTS]
         # Positions in the mapping and in ``Outputs`` of each output, without the controlword.
         self._given = [(at, _OUTPUTS.index(name)) for at, name in enumerate(self.names) if name in _VALUES]
@@ -67,11 +73,6 @@ class RpdoImage:
             0 if mapped.is_dummy or name == CONTROLWORD else None
             for mapped, name in zip(self.mapping, self.names, strict=True)
         ]
-
-    @property
-    def holds_controlword(self) -> bool:
-        """Whether 6040h is mapped in this RPDO."""
-        return bool(self._controlwords_at)
 
     @property
     def cleared_bits(self) -> int:
@@ -104,11 +105,11 @@ class RpdoImage:
 
     def take(self, given: Mapping[str, int]) -> bool:
         """Set values by name (not the controlword); return whether one changed."""
-        changed = False
-        for position, name in enumerate(self.names):
-            value = given.get(name) if name is not None else None
-            if value is not None and value != self._values[position]:
-                self._values[position] = value
+        changed, values = False, self._values
+        for position, name in self._named:
+            value = given.get(name)
+            if value is not None and value != values[position]:
+                values[position] = value
                 changed = True
         return changed
 
@@ -190,7 +191,7 @@ def arrange(
     """
     changed = {image.cob_id for image in images if image.take(given)}
     used = _used(images, given, controlword)
-    if len(images) == 1:  # most drives: the order does not matter
+    if len(images) == 1 or not changed:  # the order does not matter
         return [image.frame(controlword) for image in used]
     first = [image for image in used if image.cob_id in changed]
     rest = [image for image in used if image.cob_id not in changed]
@@ -211,8 +212,7 @@ def _used(images: Sequence[RpdoImage], given: Mapping[str, int], controlword: in
     used = [
         image
         for image in images
-        if any(name in given for name in image.names)
-        and not (image.holds_controlword and controlword is None)
+        if not image.outputs.isdisjoint(given) and not (image.holds_controlword and controlword is None)
     ]
     if controlword is not None and not any(image.holds_controlword for image in used):
         used += [image for image in images if image.holds_controlword][:1]
