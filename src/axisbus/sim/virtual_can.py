@@ -382,8 +382,9 @@ class VirtualWire:
         best: _Sender | None = None
         lowest = math.inf
         for sender in self._senders:
-            if sender.waiting and sender.waiting[0][0] < lowest:
-                best, lowest = sender, sender.waiting[0][0]
+            waiting = sender.waiting
+            if waiting and waiting[0][0] < lowest:
+                best, lowest = sender, waiting[0][0]
         if best is None:
             self._waiting = 0
             return
