@@ -61,6 +61,8 @@ for _number in ("SIGHUP", "SIGQUIT"):
     if getattr(signal, _number, None) and signal.getsignal(getattr(signal, _number)) is signal.SIG_IGN:
         signal.signal(getattr(signal, _number), signal.SIG_DFL)
 
+_MANY_OBJECTS = 100_000  # from here on a garbage collection takes as long as the opening of a machine
+_freeze = gc.freeze
 QUICK = "not slow"  # the choice of ``make quick``
 scan_file_access.begin()
 _shared: dict[Path, ExitStack] = {}  # of the file whose tests run now, if they share their virtual time
@@ -155,8 +157,12 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
     found = scan_file_access.taken()
     result = yield
     assert not found, f"a running scan opens nothing: {found}"
-    way_out = sys.modules.get("axisbus.machine.signal_shutdown")
-    if way_out is not None and (nextitem is None or nextitem.path != item.path):
+    if nextitem is not None and nextitem.path == item.path:
+        return result
+    if len(gc.get_objects()) > _MANY_OBJECTS:
+        gc.collect()
+        _freeze()
+    if (way_out := sys.modules.get("axisbus.machine.signal_shutdown")) is not None:
         left = list(way_out.EXIT._sessions)
         for session in left:
             way_out.EXIT.part(session)
@@ -168,9 +174,10 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
 def collected_tests_are_no_garbage() -> Iterator[None]:
     """Exclude the collected tests from garbage collection; no machine may end that, as it does for its own objects when it closes.
 
-    All tests together are a million objects, and each opening of a machine begins with a collection.
+    All tests together are a million objects, and each opening of a machine begins with a collection. Objects that the tests of a
+    file leave in caches are excluded after that file.
     """
-    gc.freeze()
+    _freeze()
     with mock.patch.object(gc, "freeze"), mock.patch.object(gc, "unfreeze"):
         yield
 
