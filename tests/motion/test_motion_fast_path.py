@@ -51,7 +51,11 @@ def differences(a, b, where: str, seen: set) -> list[str]:
         return []
     seen.add((id(a), id(b)))
     if isinstance(a, dict):
-        pairs = [(f"{where}[{key!r}]", a.get(key), b.get(key)) for key in a.keys() | b.keys()]
+        pairs = [
+            (f"{where}[{key!r}]", x, y)
+            for key in a.keys() | b.keys()
+            if (x := a.get(key)) is not (y := b.get(key))
+        ]
     elif isinstance(a, (list, tuple, deque)):
         pairs = [(f"{where}[{n}]", x, y) for n, (x, y) in enumerate(zip(a, b, strict=False))]
         pairs.append((f"len({where})", len(a), len(b)))
@@ -61,7 +65,11 @@ def differences(a, b, where: str, seen: set) -> list[str]:
         return [] if callable(a) or a == b or a != a else [f"{where}: {a!r} != {b!r}"]
     else:
         mine, others = parts(a), parts(b)
-        pairs = [(f"{where}.{key}", mine.get(key), others.get(key)) for key in mine.keys() | others.keys()]
+        pairs = [
+            (f"{where}.{key}", x, y)
+            for key in mine.keys() | others.keys()
+            if (x := mine.get(key)) is not (y := others.get(key))
+        ]
     return [
         found
         for path, x, y in pairs
