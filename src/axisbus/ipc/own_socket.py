@@ -17,6 +17,7 @@ import errno
 import os
 import socket
 import struct
+import sys
 from contextlib import suppress
 
 SLICE = 0.1  # seconds
@@ -125,7 +126,23 @@ def inode_of(line: socket.socket) -> int:
     return os.fstat(line.fileno()).st_ino
 
 
+def send_by_number(number: int, data: bytes) -> None:
+    """Send to the socket, or write to the file, that other code has under this number. Raises OSError."""
+    if sys.platform != "win32":
+        os.write(number, data)
+        return
+    borrowed = socket.socket(fileno=number)
+    try:
+        borrowed.send(data)
+    finally:
+        borrowed.detach()
+
+
 def _file_of(line: socket.socket) -> tuple[int, int] | None:
+    if (
+        sys.platform == "win32"
+    ):  # there a socket is no file, and what closes or replaces files does not affect it
+        return None if line.fileno() == -1 else (0, line.fileno())
     try:
         found = os.fstat(line.fileno())
     except OSError:

@@ -32,6 +32,7 @@ from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRa
 from axisbus.drives.gim6010.mit_control import MitCycle, MitLeader, MitPhase
 from axisbus.drives.gim6010.mit_settings import MitSettings, ranges_of
 from axisbus.errors import ArgumentError, AxisbusError, NodeError, StateError, UserError
+from axisbus.system.signals import present
 
 _TICKS = 4  # steps of the thread in a period
 _SHORTEST = 0.0005  # s between two of them
@@ -288,7 +289,7 @@ class MitControl:
 # -- Ctrl-C, SIGTERM and SIGHUP under MIT control: the module is stopped at once, and the program leaves its block -----
 
 
-_SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP"}  # not all are on every system
+_SIGNALS = present("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 
 
 class MitSignalHandlers:
@@ -302,9 +303,8 @@ class MitSignalHandlers:
     def begin(self) -> None:
         """Install the handlers."""
         if threading.current_thread() is threading.main_thread():
-            for name in _SIGNALS:
-                number = getattr(signal, name, None)
-                if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
+            for number in _SIGNALS:
+                if signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
                     self._before[number] = signal.signal(number, self._take)
 
     def end(self) -> None:
@@ -314,7 +314,7 @@ class MitSignalHandlers:
         self._before.clear()
 
     def _take(self, number: int, _: FrameType | None) -> None:
-        if not self._hear(_SIGNALS[signal.Signals(number).name]):
+        if not self._hear(_SIGNALS[number]):
             return
         if number == signal.SIGINT:
             raise KeyboardInterrupt

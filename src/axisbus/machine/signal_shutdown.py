@@ -21,8 +21,9 @@ If the program runs in cells, as in a notebook, Ctrl-C does not close the machin
 Ctrl-C is then a halt, and the machines stay open (``notebook_interrupts``). A second Ctrl-C while an axis still moves is a quick
 stop. If Ctrl-C comes while a machine is being closed, it has the same effect as in any other program.
 
-SIGHUP (the terminal is closed) and SIGQUIT would end the program at once. If the core has a process of its own, the core detects
-this and stops the axes. Otherwise these signals are handled here as well, unless the program handles or ignores them (``nohup``).
+SIGHUP (the terminal is closed), SIGQUIT, and Ctrl-Break on Windows would end the program at once. If the core has a process of its
+own, the core detects this and stops the axes. Otherwise these signals are handled here as well, unless the program handles or
+ignores them (``nohup``).
 
 A program may ignore one of these signals, or handle it itself: then the signal belongs to the program. The system discards an
 ignored signal, so it cannot be noticed; the listening thread logs this once.
@@ -51,15 +52,14 @@ from typing import Any
 
 from axisbus.bus.link.fork_guard import disown_in_children
 from axisbus.core.process.signal_forwarding import INTERRUPTED, STOPPING
-from axisbus.ipc.own_socket import OwnSocket, own_pair
+from axisbus.ipc.own_socket import OwnSocket, own_pair, send_by_number
 from axisbus.machine.notebook_interrupts import Cells, is_ours, shell
 from axisbus.session import AxisSession
+from axisbus.system.signals import present
 
 log = logging.getLogger("axisbus")
 # Signals that end a program without a handler; handled here if nothing else would stop the axes.
-_ENDING: dict[int, str] = {
-    getattr(signal, name): name for name in ("SIGHUP", "SIGQUIT") if hasattr(signal, name)
-}
+_ENDING = present("SIGHUP", "SIGQUIT", "SIGBREAK")
 _NAMES = {**STOPPING, **_ENDING}
 _MOMENT = 2.0  # seconds in which a halted axis may still move
 
@@ -159,7 +159,7 @@ class Wakeup:
     def _pass_on(self, number: int) -> None:
         if self._before != _NOBODY:
             with suppress(OSError):
-                os.write(self._before, bytes((number,)))
+                send_by_number(self._before, bytes((number,)))
 
     def _wake(self, number: int) -> None:
         if self._handled() or not hasattr(signal, "pthread_kill"):
@@ -427,26 +427,23 @@ atexit.register(EXIT.close_ends)  # registered before any machine, so that it is
 disown_in_children(EXIT)
 
 
-class _Held(threading.local):
-    """The signal mask of a thread that forks."""
-
-    mask: set[int] | None = None
-
-
-_held = _Held()
-
-
-def _before_fork() -> None:
-    """Block the signals: the child would otherwise handle a signal as its parent before it has given up the handlers."""
-    if EXIT.listens:
-        _held.mask = signal.pthread_sigmask(signal.SIG_BLOCK, _NAMES)
-
-
-def _after_fork() -> None:
-    mask, _held.mask = _held.mask, None
-    if mask is not None:
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-
-
 if sys.platform != "win32":
+
+    class _Held(threading.local):
+        """The signal mask of a thread that forks."""
+
+        mask: set[int] | None = None
+
+    _held = _Held()
+
+    def _before_fork() -> None:
+        """Block the signals: the child would otherwise handle a signal as its parent before it has given up the handlers."""
+        if EXIT.listens:
+            _held.mask = signal.pthread_sigmask(signal.SIG_BLOCK, _NAMES)
+
+    def _after_fork() -> None:
+        mask, _held.mask = _held.mask, None
+        if mask is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
     os.register_at_fork(before=_before_fork, after_in_parent=_after_fork, after_in_child=_after_fork)

@@ -14,6 +14,7 @@ from axisbus.bus.link.channel import Channel, require_other_thread
 from axisbus.bus.link.controller import CanErrorState
 from axisbus.cia301.frame import CanFrame
 from axisbus.errors import AdapterError, AxisbusError
+from axisbus.system.signals import present
 
 _TICK = 0.001  # s between two polls
 _NO_ACKNOWLEDGE = "no acknowledge"  # as ``errorframe`` describes it
@@ -142,7 +143,7 @@ def send(channel: Sends, request: RequestFrame) -> None:
 
 
 Tell = Callable[[str], None]
-_SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP"}  # not every system has all of them
+_SIGNALS = present("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 _PARTINGS = 3
 
 
@@ -226,12 +227,11 @@ def _signals(dialogue: Interruptible) -> Iterator[list[int]]:
 
     def take(number: int, _: FrameType | None) -> None:
         caught.append(number)
-        dialogue.interrupt(_SIGNALS[signal.Signals(number).name])
+        dialogue.interrupt(_SIGNALS[number])
 
     if threading.current_thread() is threading.main_thread():
-        for name in _SIGNALS:
-            number = getattr(signal, name, None)
-            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
+        for number in _SIGNALS:
+            if signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
                 before[number] = signal.signal(number, take)
     try:
         yield caught

@@ -52,6 +52,7 @@ from axisbus.ipc.own_socket import SLICE, FarEnd
 from axisbus.ipc.rescue_memory import CoreStage
 from axisbus.ipc.stream import MessageStream
 from axisbus.ipc.values import NotForCrossing
+from axisbus.system.signals import present
 from axisbus.version import __version__
 
 log = logging.getLogger("axisbus")
@@ -60,7 +61,7 @@ _ASKED = 64  # requests that are executed at a time
 _FAREWELL = 2.0  # seconds for the last message
 _WORDS = 64  # bytes of the watchdog process that are read at a time
 _WATCHDOG_GONE = f"the watchdog process of the core has ended: {NOBODY}"
-_WAYS_OUT = {signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP"}
+_WAYS_OUT = present("SIGTERM", "SIGHUP")
 
 
 class CoreServer:

@@ -9,10 +9,11 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-# Ctrl-C, a termination, a terminal that is closed, Ctrl-Z (a program that is suspended commands nothing); some systems lack some.
-_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGTSTP")
-_NUMBERS = tuple(getattr(signal, name) for name in _NAMES if hasattr(signal, name))
-_KEYS = ("SIGINT", "SIGTSTP")
+from axisbus.system.signals import present
+
+# Ctrl-C, a termination, a terminal that is closed, Ctrl-Break, Ctrl-Z (a program that is suspended commands nothing).
+_NUMBERS = present("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK", "SIGTSTP")
+_KEYS = present("SIGINT", "SIGTSTP")
 _ENDED = 128  # plus the number of the signal is the exit code of a program that a signal has ended
 
 
@@ -53,7 +54,7 @@ class ModbusSignalHandlers:
         """
         if self._came is not None:
             number, self._came = self._came, None
-            if signal.Signals(number).name in _KEYS:
+            if number in _KEYS:
                 raise KeyboardInterrupt
             raise SystemExit(_ENDED + number)
 

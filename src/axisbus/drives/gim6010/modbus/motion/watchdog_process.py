@@ -21,6 +21,7 @@ from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.motion.stopping import stop
 from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire, libraries
 from axisbus.errors import AdapterError, AxisbusError, StateError
+from axisbus.system.signals import OWN_GROUP, present
 
 _READY, _OVER = b"ready\n", b"over\n"
 _PATIENCE = 5.0  # s until the port of a dead program is free
@@ -43,13 +44,12 @@ class ModbusWatchdogProcess:
             StateError: it cannot be started.
         """
         command = [sys.executable, "-m", __name__, *self._arguments]
-        group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
         self._process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
-            creationflags=group,
+            creationflags=OWN_GROUP,
         )
         if self._process.stdout is None or self._process.stdout.readline() != _READY:
             self._end(b"")
@@ -79,9 +79,8 @@ class ModbusWatchdogProcess:
 def main(arguments: list[str]) -> int:
     """Wait for the end of the program; stop the module if no message came before. Return the exit code."""
     port, device, rate, parity = arguments
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    for number in present("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):
+        signal.signal(number, signal.SIG_IGN)
     libraries()
     sys.stdout.buffer.write(_READY)
     sys.stdout.buffer.flush()
