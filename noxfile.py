@@ -20,6 +20,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from dist import found_pythons  # noqa: E402
 
+HIGHEST = ROOT / "tests" / "highest.txt"
 PYTHONS = [str(python) for python in found_pythons()]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 QUICK = (
@@ -60,8 +61,8 @@ def tests(session: nox.Session) -> None:
 
 @nox.session(python=PYTHONS[1:])
 def smoke(session: nox.Session) -> None:
-    """Run the quick tests of some packages on each Python but the first, on which ``make test`` runs."""
-    session.install("-e", ".[dev,plot,record]")
+    """Run the quick tests of some packages on each Python but the first, on which ``make test`` runs; with the versions of HIGHEST."""
+    session.install("-e", ".[dev,plot,record]", "-c", str(HIGHEST))
     session.run("python", "-m", "pytest", "-m", "not slow", "-n", "2", "--dist", "loadfile", *QUICK)
 
 
