@@ -10,6 +10,7 @@
     │   │   ├── OwnershipError       another program has control of the machine
     │   │   ├── NodeStateError       the axis's node is lost, has restarted, or is not operational
     │   │   └── UnknownNameError     the cell has no axis, group, pair, node, input or output of this name
+    │   ├── PlatformError            needs something that this operating system does not have
     │   ├── ConfigError              cell.toml, with file and line
     │   └── EdsError                 an EDS or DCF that cannot be used, with file and line
     ├── BusError                     the adapter, the wire or a node's communication
@@ -87,6 +88,7 @@ __all__ = [
     "NodeStateError",
     "NodeTimeout",
     "OwnershipError",
+    "PlatformError",
     "ProbeError",
     "Replaced",
     "ScanError",
@@ -179,6 +181,10 @@ class NodeStateError(StateError):
 
 class UnknownNameError(StateError):
     """The cell has no axis, group, gantry, node, input or output of this name; ``observed`` lists the existing ones."""
+
+
+class PlatformError(UserError):
+    """The request needs something that this operating system does not have; the remedy says what works instead."""
 
 
 class ConfigError(UserError):

@@ -88,6 +88,9 @@ REAL_TIME = {
         "test_examples.py::test_the_ten_line_program_runs_as_printed",
         "test_notebooks.py",
         "test_pages.py::test_each_command_line_beside_simulated_drives_runs_as_printed",
+        "system/test_system_played.py::test_another_receiver_of_the_numbers_of_signals_gets_them_on_windows",
+        "system/test_system_played.py::test_ctrl_c_stops_an_axis_while_the_program_is_in_a_long_call",
+        "system/test_system_played.py::test_the_demo_moves_the_simulated_cell_in_real_time",
         "web/test_web_attacks.py",
         "web/test_web_file_process.py",
         "web/test_web_machine_page.py",
@@ -252,6 +255,7 @@ SLOW = {
         "drives/test_modbus_axis.py",
         "scenarios/test_scenario_arguments.py::test_no_absurd_number_ends_the_scan_or_raises_a_foreign_error",
     ),
+    "axisbus is started as on another operating system": ("system/test_system_played.py",),
     "they take large files, or a whole program's text": (
         "bus/test_bus_frame_queue.py::test_no_module_waits_at_a_simple_queue",
         "cli/test_cli_eds_reports.py::test_show_and_diff_of_a_large_drive_start_and_end_within_half_a_second",
@@ -260,6 +264,7 @@ SLOW = {
         "eds/test_eds_device_doc.py",
         "eds/test_eds_files.py::test_a_monstrous_file_is_read_in_bounded_time",
         "mutation/test_mutation_trial.py",
+        "system/test_system_types.py",
         "test_pages.py",
     ),
     "they read every maker's file": (

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import select
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,11 +22,12 @@ from axisbus.cli.shared.enabled_axes import commanded, enable, say_position
 from axisbus.cli.shared.options import PATH, beside_option
 from axisbus.cli.shared.progress import draw, speed_text
 from axisbus.cli.shared.recordings import record_option, recorded
-from axisbus.errors import Interrupted, StateError, Stopped, with_alarm
+from axisbus.errors import Interrupted, Stopped, with_alarm
 from axisbus.machine.axis import Axis
 from axisbus.machine.dry_run import DryRun
 from axisbus.machine.handle import Handle
 from axisbus.motion.states import AxisState
+from axisbus.system.terminal import key_by_key
 
 _LOOK = 0.05  # seconds between two readings of the keys: a jog lasts 0.2 s
 _HELD = 0.2  # seconds: a key that is repeated sooner is held
@@ -110,25 +110,10 @@ def keyboard() -> Iterator[Keyboard]:
     """Read the terminal key by key until the end of the block.
 
     Raises:
-        StateError: standard input is not a terminal, or cannot be read key by key.
+        StateError: standard input is not a terminal. PlatformError: on Windows.
     """
-    try:
-        import termios
-        import tty
-
-        terminal = sys.stdin.fileno()
-        before = termios.tcgetattr(terminal)
-    except (ImportError, OSError, ValueError, termios.error) as error:
-        raise StateError(
-            "keys are needed, and standard input is not a terminal",
-            observed=str(error),
-            remedy="run it in a terminal (on Linux or macOS; ssh needs -t)",
-        ) from error
-    try:
-        tty.setcbreak(terminal)
+    with key_by_key() as terminal:
         yield Keyboard(terminal)
-    finally:
-        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
 
 
 # -- The command -------------------------------------------------------------------------------------------------------

@@ -181,7 +181,7 @@ def _patterns() -> list[tuple[re.Pattern[str], str]]:
     names = [(host, "HOST"), (host.partition(".")[0], "HOST")]
     with suppress(RuntimeError):  # this user has no home
         names.insert(0, (str(Path.home()), "~"))
-    with suppress(OSError, KeyError):  # this user has no name
+    with suppress(OSError, KeyError, ImportError):  # this user has no name
         names.append((getpass.getuser(), "USER"))
     # A name may be a part of a longer one, such as the host in a domain, but not of a word.
     patterns = [

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import select
-import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -19,6 +16,7 @@ from axisbus.cli.shared.machine_status import BesideAxes
 from axisbus.cli.shared.options import PATH, beside_option, port_option
 from axisbus.machine.machine import Machine
 from axisbus.machine.web_process import require_nicegui
+from axisbus.system.terminal import enter_was_pressed
 from axisbus.web import address as served
 from axisbus.web.access.tokens import Role
 
@@ -110,20 +108,10 @@ def _keep(server: PageServer, machine: Machine, role: Role) -> None:
     """
     while True:
         say(f"open this, once: {server.link(role)}")
-        while not _entered():
+        while not enter_was_pressed():
             machine.sleep(_LOOK)
             server.require_alive()
             if machine.is_attached and machine.session.ended:
                 say("the machine that it has joined has ended")
                 time.sleep(_LAST_WORDS)
                 return
-
-
-def _entered() -> bool:
-    """Return whether Enter was pressed in the terminal; the terminal is not read if this program runs in its background."""
-    if not sys.stdin or not sys.stdin.isatty() or sys.platform == "win32":
-        return False
-    terminal = sys.stdin.fileno()
-    if os.tcgetpgrp(terminal) != os.getpgrp() or not select.select([terminal], [], [], 0)[0]:
-        return False
-    return bool(os.read(terminal, 1024))

@@ -312,9 +312,7 @@ class CanLink:
 def _own(cell: CellConfig, stack: ExitStack) -> None:
     """Claim the channel for this program, unless the parent process has done it; programs cannot join through this lock."""
     bus, simulated = cell.bus, cell.bus.interface == SIMULATED
-    lock = ownership.hold(
-        bus.interface, bus.channel, cell.file, beside=bus.beside, door=False, simulated=simulated
-    )
+    lock = ownership.hold(bus.interface, bus.channel, cell.file, beside=bus.beside, simulated=simulated)
     if lock is not None:
         stack.enter_context(lock)
 

@@ -33,6 +33,7 @@ from axisbus.sim.drive import Drive
 from axisbus.sim.fault_plan import Plan, PlannedFault
 from axisbus.sim.node.network import StandIns
 from axisbus.sim.socketcand_server import Server
+from axisbus.system.local_sockets import local_socket
 
 _LOOK = 0.2  # seconds between two checks of the time
 _STEP = 0.005  # seconds between two checks of the faults' conditions
@@ -186,7 +187,7 @@ class ControlDoor:
 
 def _listening(path: Path) -> socket.socket:
     _require_place(path)
-    made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    made = local_socket()
     before = os.umask(0o177)
     try:
         if _is_left_over(path):
@@ -206,10 +207,6 @@ def _listening(path: Path) -> socket.socket:
 
 
 def _require_place(path: Path) -> None:
-    if not hasattr(socket, "AF_UNIX"):
-        raise UserError(
-            "--control needs sockets with a path, which this platform does not have", remedy="leave it out"
-        )
     if path.exists() and not stat.S_ISSOCK(path.stat().st_mode):
         raise UserError(
             f"{path} exists already, and is not a socket", remedy="give another name with --control"
@@ -220,7 +217,7 @@ def _is_left_over(path: Path) -> bool:
     """Whether a socket without a listener is there."""
     if not path.exists():
         return False
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as tried:
+    with local_socket() as tried:
         try:
             tried.connect(str(path))
         except OSError:

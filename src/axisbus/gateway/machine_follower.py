@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
+from axisbus.core.process.launch import require_joinable_system
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 
@@ -19,7 +20,8 @@ class MachineFollower:
     """Join one machine of a cell after the other; holds the last report. ``run`` blocks."""
 
     def __init__(self, cell: Path, say: Callable[[str], None]) -> None:
-        """``cell``: the cell file. ``say`` reports the progress to people."""
+        """``cell``: the cell file. ``say`` reports the progress to people. Raises PlatformError: no machine can be joined here."""
+        require_joinable_system()
         self._cell = cell
         self._say = say
         self._said = ""

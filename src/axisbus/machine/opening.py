@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
 from axisbus.cell.problem import CellProblem, errors
-from axisbus.core.process.launch import Processes, expected, path_of, wanted
+from axisbus.core.process.launch import Processes, expected, path_of, require_joinable_system, wanted
 from axisbus.errors import StateError
 from axisbus.machine.signal_shutdown import EXIT
 from axisbus.version import __version__
@@ -40,10 +40,11 @@ def opened(path: str | Path, beside: bool, shared: bool) -> tuple[CellConfig, Co
         return cell, _apart(cell, problems, shared)
     _check(cell, problems)
     if shared:
+        require_joinable_system()
         raise StateError(
             "the machine cannot be shared: its core runs in this program",
             observed=expected(cell.bus),
-            remedy='a core that others can join has a process of its own: process = "own" in [bus], on Linux',
+            remedy='a core that others can join has a process of its own: process = "own" in [bus]',
         )
     return cell, _here(cell)
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import socket
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 from axisbus.core.process.remote_proxy import SimulatedDrivesHandle
 from axisbus.errors import AdapterError, StateError
+from axisbus.system.local_sockets import local_socket
 
 if TYPE_CHECKING:
     from axisbus.core.simulated_nodes import SimulatedNode
@@ -23,7 +23,7 @@ class SimulationControl:
         Raises:
             AdapterError: no process serves drives there.
         """
-        line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        line = local_socket()
         try:
             line.connect(str(path))
         except OSError as error:

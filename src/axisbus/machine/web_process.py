@@ -11,6 +11,7 @@ import time
 from types import TracebackType
 from typing import IO
 
+from axisbus.core.process.launch import require_joinable_system
 from axisbus.errors import StateError
 from axisbus.optional_dependencies import require
 
@@ -28,7 +29,7 @@ class WebPage:
 
     def __init__(self, file: str, port: int, *, command: bool) -> None:
         """Use ``Machine.serve_web``."""
-        self._errors = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115
+        self._errors = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace", newline="")  # noqa: SIM115
         words = [sys.executable, "-u", "-m", "axisbus", "web", file, "--port", str(port)]
         self._process = subprocess.Popen(
             [*words, "--take" if command else "--look"],
@@ -114,11 +115,12 @@ def require_joinable(joinable: bool) -> None:
     """Check that a page can join a machine.
 
     Raises:
-        StateError: it cannot.
+        StateError: it cannot. PlatformError: none can on this system.
     """
     if not joinable:
+        require_joinable_system()
         raise StateError(
             "no page can be served for this machine",
             observed="its core does not run in its own process, so no other program can join it",
-            remedy='give it one (process = "own" in [bus], on Linux), or serve the page by axisbus web',
+            remedy='give it one (process = "own" in [bus]), or serve the page by axisbus web',
         )

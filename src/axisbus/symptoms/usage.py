@@ -80,6 +80,20 @@ SYMPTOMS = (
         read_on=("programs.md", "api/axisbus.md#axisstate"),
     ),
     Symptom(
+        name="not-on-this-system",
+        title="Not possible on this operating system",
+        seen="The request needs something that only Linux has, or that Windows does not have. Nothing was sent.",
+        checks=(
+            "The message names what is missing, and what works instead.",
+            'On Windows and macOS the core of a machine runs in a thread of the program (`process = "thread"` in `[bus]`). '
+            "Other programs cannot join that machine: let one program do all of the work.",
+            "For a machine that other programs join, or for cycles of 1 ms, use Linux.",
+            "SocketCAN is part of Linux. Elsewhere, write the interface of python-can for your adapter in `[bus]`.",
+        ),
+        errors=("PlatformError",),
+        read_on=("guide.md#operating-systems",),
+    ),
+    Symptom(
         name="unknown-name",
         title="The cell does not have this name",
         seen="The request names an axis, a group, a gantry, a node, an input or an output that the cell does not have. "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import errno
+import sys
 from collections.abc import Callable, Mapping
 
 import can
@@ -11,7 +12,7 @@ from can.interfaces import VALID_INTERFACES
 
 from axisbus.bus.link import socketcan
 from axisbus.bus.link.interfaces import MODBUS, NO_RATE, RATE_ELSEWHERE, sets_rate
-from axisbus.errors import AdapterError, ArgumentError, AxisbusError
+from axisbus.errors import AdapterError, ArgumentError, AxisbusError, PlatformError
 
 # What an interface needs in addition to python-can.
 _NEEDS: Mapping[str, str] = {
@@ -60,9 +61,11 @@ def open_adapter(
 
     Raises:
         AdapterError: unknown interface, driver or package missing, no such channel, link down, bitrate missing or different.
+        PlatformError: SocketCAN elsewhere than on Linux.
     """
     check_interface(interface)
     if interface == "socketcan":
+        _require_linux()
         check_link(str(channel or ""), bitrate, link)
     elif bitrate is None and sets_rate(interface, options):
         raise AdapterError(
@@ -91,6 +94,15 @@ def check_interface(interface: str) -> None:
         observed=f"known are {', '.join(interfaces())}",
         remedy=f"did you mean {' or '.join(repr(name) for name in near)}?" if near else "choose one of these",
     )
+
+
+def _require_linux() -> None:
+    if sys.platform != "linux":
+        raise PlatformError(
+            "SocketCAN is a part of Linux, which this system does not have",
+            observed=f"this system is {sys.platform}",
+            remedy="write the interface of python-can for your adapter in [bus], such as pcan, kvaser, ixxat or slcan",
+        )
 
 
 def check_link(name: str, bitrate: int | None, ask: Callable[[str], socketcan.CanInterface | None]) -> None:

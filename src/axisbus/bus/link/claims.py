@@ -155,7 +155,7 @@ def is_marked(name: str, link: str) -> bool:
     rows = []
     for file in ("rcvlist_fil", "rcvlist_eff"):
         with suppress(OSError):
-            rows += (_PROC / "net/can" / file).read_text().splitlines()
+            rows += (_PROC / "net/can" / file).read_text("utf-8", "replace").splitlines()
     wanted = [link, f"{can_id:08x}", f"{mask:08x}"]
     return any(
         [word.lower() if at else word for at, word in enumerate(row.split()[:3])] == wanted for row in rows
@@ -175,7 +175,7 @@ def _listening() -> Iterator[tuple[str, str]]:
     found: dict[str, str] = {}
     for _ in range(2):
         try:
-            lines = (_PROC / "net/unix").read_text(errors="replace").splitlines()
+            lines = (_PROC / "net/unix").read_text("utf-8", "replace").splitlines()
         except OSError:
             break
         for row in (line.split(maxsplit=7) for line in lines):

@@ -15,6 +15,8 @@ Any user can make a claim, so a claim blocks others only if its holder can own t
 - with any other adapter this is unknown, so the claim counts: a refusal moves nothing, and ``axisbus stop`` needs no lock.
 
 Two names of one adapter are one channel (``Adapter``).
+
+macOS and Windows have no such sockets: there the lock is a file (``system.file_lock``), which only programs of the same user see.
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ from pathlib import Path, PurePath
 from axisbus.bus.link.claims import CellFileId, ChannelClaim, HeldClaim, claim, claims, is_marked
 from axisbus.bus.link.interfaces import NO_RATE
 from axisbus.errors import SecondMasterError
+from axisbus.system.file_lock import FileLock, text_of
 
 if sys.platform != "win32":
     import pwd
@@ -78,7 +81,31 @@ class Adapter:
         return cls(f"{kind}:{_handle(kind, text)}")
 
 
-def take(
+def take(interface: str, channel: str | int | None, *, beside: bool = False) -> HeldClaim | FileLock | None:
+    """Take a channel for this process; return the lock that holds it until closed: on Linux a claim, elsewhere a lock file.
+
+    Returns None in three cases: the channel has no adapter, ``beside`` is set and another program has the channel, or the lock file
+    cannot be written.
+
+    Raises:
+        SecondMasterError: another program has it.
+    """
+    if sys.platform == "linux":
+        return take_claim(interface, channel, beside=beside)
+    if kind_of(interface) in NO_RATE:
+        return None
+    key, what = Adapter.of(interface, channel).key, f"{interface}:{channel}"
+    try:
+        lock = FileLock.take(key, f"process {os.getpid()} ({_shortened(' '.join(sys.argv))})")
+    except OSError as error:
+        log.warning("%s cannot be locked, so another program could use it too: %s", what, error)
+        return None
+    if lock is None and not beside:
+        raise _taken(what, text_of(key) or "a program that has just begun")
+    return lock
+
+
+def take_claim(
     interface: str,
     channel: str | int | None,
     *,
@@ -86,16 +113,10 @@ def take(
     cell: str | None = None,
     door: bool = False,
 ) -> HeldClaim | None:
-    """Take a channel for this process; return the claim that holds it until closed.
-
-    Returns None in three cases: the channel has no adapter, the platform has no such locks, or ``beside`` is set and another
-    program has the channel. ``cell``: the cell file for which the channel is taken; ``door``: clients will connect to the lock's
-    socket.
-
-    Raises:
-        SecondMasterError: another program has it.
+    """Take a channel on Linux, as ``take``. ``cell``: the cell file for which it is taken; ``door``: clients will connect to the
+    socket of the claim. Raises as ``take``.
     """
-    if sys.platform != "linux" or kind_of(interface) in NO_RATE:
+    if kind_of(interface) in NO_RATE:
         return None
     adapter, keys = Adapter.of(interface, channel), CellFileId.of(cell)
     for _ in range(_TRIES):
@@ -111,19 +132,27 @@ def take(
     if beside:
         return None
     assert other is not None
-    raise _taken(f"{interface}:{channel}", other)
+    user = "" if other.user == os.geteuid() else f", of user {user_name(other.user)}"
+    raise _taken(f"{interface}:{channel}", described(other.process), user)
 
 
 def hold(
-    interface: str, channel: str | int | None, cell: str, *, beside: bool, door: bool, simulated: bool
-) -> HeldClaim | None:
-    """Take a channel for the machine of a cell, as ``take``; if there is none to take, only publish that the machine runs.
+    interface: str, channel: str | int | None, cell: str, *, beside: bool, simulated: bool
+) -> HeldClaim | FileLock | None:
+    """Take a channel for the machine of a cell in this process, as ``take``; on Linux also publish that the machine runs."""
+    if sys.platform == "linux":
+        return hold_claim(interface, channel, cell, beside=beside, door=False, simulated=simulated)
+    return None if simulated else take(interface, channel, beside=beside)
 
-    Returns None on a platform without claims. Raises as ``take``.
+
+def hold_claim(
+    interface: str, channel: str | int | None, cell: str, *, beside: bool, door: bool, simulated: bool
+) -> HeldClaim:
+    """Take a channel for the machine of a cell on Linux; if there is none to take, only publish that the machine runs.
+
+    Raises as ``take``.
     """
-    if sys.platform != "linux":
-        return None
-    lock = None if simulated else take(interface, channel, beside=beside, cell=cell, door=door)
+    lock = None if simulated else take_claim(interface, channel, beside=beside, cell=cell, door=door)
     return lock or claim(None, CellFileId.of(cell), exclusive=False, door=door)
 
 
@@ -201,9 +230,7 @@ def _handle(kind: str, channel: str) -> str:
     return str(int(channel))
 
 
-def _taken(what: str, other: ChannelClaim) -> SecondMasterError:
-    who = described(other.process)
-    user = "" if other.user == os.geteuid() else f", of user {user_name(other.user)}"
+def _taken(what: str, who: str, user: str = "") -> SecondMasterError:
     return SecondMasterError(
         f"another program has the CAN channel {what}; nothing was sent",
         observed=f"it is used by {who}{user}",
@@ -227,15 +254,19 @@ def described(process: int, *, kept: bool = False) -> str:
     folder = Path(f"/proc/{process}")
     try:
         words = (folder / "cmdline").read_bytes().split(b"\0")
-        ticks = int((folder / "stat").read_text().rpartition(")")[2].split()[19])
+        ticks = int((folder / "stat").read_text("utf-8", "replace").rpartition(")")[2].split()[19])
     except (OSError, ValueError, IndexError):
         return f"process {process}, which has ended: its drives are being stopped"
     age = time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
     command = " ".join(" ".join(word.decode(errors="replace") for word in words if word).split())
     command = "".join(each if each.isprintable() else "?" for each in command)  # any user can write it
-    command = command if len(command) <= _LONGEST else command[: _LONGEST - 3] + "..."
+    command = _shortened(command)
     began = time.strftime("at %H:%M:%S", time.localtime(time.time() - age)) if kept else f"{_ago(age)} ago"
     return f"process {process} ({command}), which began {began}"
+
+
+def _shortened(command: str) -> str:
+    return command if len(command) <= _LONGEST else command[: _LONGEST - 3] + "..."
 
 
 def command_of(text: str) -> str:

@@ -11,8 +11,9 @@
 from __future__ import annotations
 
 import logging
-import os
+import select
 import socket
+import sys
 
 import can
 from can.interfaces.socketcand.socketcand import SocketCanDaemonBus
@@ -41,7 +42,7 @@ class SocketcandBus(SocketCanDaemonBus):
             OSError: there is no server. CanError: it does not serve this channel.
         """
         socket.create_connection((host, int(port)), _PATIENCE).close()
-        tuned = tcp_tune and os.name != "nt"
+        tuned = tcp_tune and sys.platform != "win32"
         try:
             super().__init__(channel, host, int(port), tcp_tune=tuned, **options)  # type: ignore[no-untyped-call]
             self._end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _QUEUE)
@@ -55,7 +56,7 @@ class SocketcandBus(SocketCanDaemonBus):
         Raises:
             CanOperationError: the send buffer is full.
         """
-        if os.name == "nt":
+        if sys.platform == "win32":
             super()._tcp_send(msg)
             return
         try:
@@ -78,6 +79,8 @@ class SocketcandBus(SocketCanDaemonBus):
         return found
 
     def _is_over(self) -> bool:
+        if sys.platform == "win32":  # no flag there keeps a single call from waiting
+            return bool(select.select([self._end], [], [], 0)[0]) and not self._end.recv(1, socket.MSG_PEEK)
         try:
             return not self._end.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
         except BlockingIOError:

@@ -29,6 +29,7 @@ from axisbus.core.realtime_setup import (
     isolated,
     permitted,
 )
+from axisbus.errors import PlatformError
 from axisbus.ipc.own_socket import inode_of
 
 _END = 15.0  # seconds for core and watchdog process to end after leaving: a rescue may be in progress
@@ -45,6 +46,20 @@ def wanted(bus: BusConfig) -> bool:
     """Whether the core of a cell runs in its own process: as the cell says, else ``AXISBUS_PROCESS``, else if possible."""
     can = sys.platform == "linux" and bus.interface != "virtual"  # that bus exists in one process only
     return can and (bus.process or os.environ.get("AXISBUS_PROCESS", "own")) == "own"
+
+
+def require_joinable_system() -> None:
+    """Check that other programs could join a machine on this system.
+
+    Raises:
+        PlatformError: they could not.
+    """
+    if sys.platform != "linux":
+        raise PlatformError(
+            "no other program can join a machine on this system",
+            observed=f"its core runs in a thread of its program: a process of its own needs Linux, and this is {sys.platform}",
+            remedy="let one program do all of the work (a script, or one command such as axisbus move), or use Linux",
+        )
 
 
 def expected(bus: BusConfig) -> str:
@@ -75,7 +90,7 @@ class Processes:
         simulated = bus.interface == SIMULATED
         if simulated:
             history_path(cell)  # before anything is opened: it would end the simulated drives
-        lock = ownership.hold(
+        lock = ownership.hold_claim(
             bus.interface, bus.channel, path_of(cell), beside=bus.beside, door=True, simulated=simulated
         )
         self.line, line = socket.socketpair()
@@ -90,7 +105,7 @@ class Processes:
         others = (drives, far, control, lock)
         own = (line.fileno(), memory, tell.fileno(), os.getpid())
         end = (self.line.fileno(), inode_of(self.line))
-        numbers = [*map(_number, others), -1 if lock is None else lock.mark]
+        numbers = [*map(_number, others), lock.mark]
         self._watchdog = _start(StartupArgs(*own, path_of(cell), axes, signals, *end, *numbers))
         os.close(memory)
         for passed in (line, tell, *others):

@@ -6,7 +6,6 @@ This is a process of its own with low priority, because reading a recording may 
 from __future__ import annotations
 
 import math
-import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ from axisbus.fleet.messages import HistoryAnswer, HistoryAsk, RecordingInfo
 from axisbus.ipc.errors import to_fields
 from axisbus.record import mcap_reader
 from axisbus.record.recording_data import Recorded
+from axisbus.system.process_limits import lower_priority
 
 SUFFIX = ".mcap"
 LARGEST = 256 * 1024 * 1024  # bytes, the largest recording that is read for clients
@@ -134,8 +134,7 @@ def answer(folder: Path, ask: HistoryAsk) -> HistoryAnswer:
 
 def main() -> int:
     """Read one query, and answer it."""
-    if hasattr(os, "nice"):
-        os.nice(_NICE)
+    lower_priority(_NICE)
     ask = msgspec.json.decode(sys.stdin.buffer.read(), type=HistoryAsk)
     sys.stdout.buffer.write(msgspec.json.encode(answer(Path(sys.argv[1]), ask)))
     return 0

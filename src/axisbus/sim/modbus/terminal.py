@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 import select
-import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 
-from axisbus.errors import AdapterError
+from axisbus.errors import PlatformError
 from axisbus.sim.modbus.station import Station
+
+try:
+    import tty
+except ImportError:  # Windows
+    tty = None  # type: ignore[assignment]
 
 _STEP = 0.005  # s between two steps, while no data arrive
 _PIECE = 4096  # bytes
@@ -24,15 +28,13 @@ class Terminal:
         """Start to serve, in a separate thread.
 
         Raises:
-            AdapterError: this system has no pseudo-terminals.
+            PlatformError: this system has no pseudo-terminals.
         """
-        if sys.platform == "win32":
-            raise AdapterError(
-                "there are no pseudo-terminals on Windows",
+        if tty is None:
+            raise PlatformError(
+                "there are no pseudo-terminals on Windows, so no simulated serial line",
                 remedy="serve the simulated module on Linux or macOS",
             )
-        import tty
-
         self.stations = tuple(stations)
         self.lock = threading.Lock()  # held while a station is advanced
         self._line, self._program = (

@@ -19,12 +19,8 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 
+from axisbus.system.process_limits import most_descriptors
 from axisbus.web.access.limits import CONNECTIONS
-
-try:
-    import resource
-except ImportError:  # Windows has no such limit
-    resource = None  # type: ignore[assignment]
 
 PATIENCE = 5.0  # seconds within which the gate must admit a connection, including its TLS handshake
 _FAREWELL = 1.0  # seconds that the far end of an encrypted connection may take to confirm its end
@@ -106,10 +102,8 @@ class Acceptor:
 
 def most_connections() -> int:
     """Return the highest number of connections, without the sockets of pages: lower if the process may have few descriptors."""
-    if resource is None:
-        return CONNECTIONS
-    descriptors, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return CONNECTIONS if descriptors == resource.RLIM_INFINITY else min(CONNECTIONS, descriptors // _SHARE)
+    descriptors = most_descriptors()
+    return CONNECTIONS if descriptors is None else min(CONNECTIONS, descriptors // _SHARE)
 
 
 def one_too_many(found: Iterable[Connection], most: int) -> Connection | None:

@@ -12,7 +12,6 @@ is cancelled. Both sides send one JSON object per line.
 
 from __future__ import annotations
 
-import os
 import queue
 import subprocess
 import sys
@@ -34,6 +33,8 @@ from axisbus.errors import AxisbusError, StateError
 from axisbus.ipc.errors import ErrorFields, from_fields, to_fields
 from axisbus.ipc.register_types import register_message_types
 from axisbus.ipc.values import Codec
+from axisbus.system import process_limits
+from axisbus.system.signals import OWN_GROUP
 from axisbus.web.config import file_jobs, files
 from axisbus.web.config.file_jobs import JobNode, Tell
 from axisbus.web.config.files import Dcf
@@ -193,11 +194,12 @@ class FileProcess:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 start_new_session=True,  # Ctrl-C in the terminal must only end the server
+                creationflags=OWN_GROUP,
             )
         except OSError as error:
             raise self._failed(f"its process cannot be started: {error}", _BUSY) from error
-        if hasattr(os, "setpriority"):  # at once, because starting takes longer than most of the work
-            os.setpriority(os.PRIO_PROCESS, self._process.pid, _NICE)
+        # At once, because starting takes longer than most of the work.
+        process_limits.lower_priority(_NICE, self._process.pid)
         self._thread = threading.Thread(target=self._exchange, name="axisbus-file", daemon=True)
         self._thread.start()
         return self
@@ -319,7 +321,7 @@ class _FileNode:
 
 def main() -> None:
     """Do one task; ends without a word if the server does."""
-    _limit()
+    process_limits.limit(MEMORY, _PROCESSOR_TIME)
     server = _Server()
     task = msgspec.json.decode(sys.stdin.buffer.readline(), type=FileTask)
     file = Dcf(task.name, sys.stdin.buffer.read(task.size))
@@ -349,16 +351,6 @@ def _too_large(name: str) -> StateError:
         observed=f"it needs more than {MEMORY >> 20} MB of memory",
         remedy=_COMMAND_LINE,
     )
-
-
-def _limit() -> None:
-    """Limit the memory and the processor time, where the system can."""
-    try:
-        import resource
-    except ImportError:
-        return
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    resource.setrlimit(resource.RLIMIT_CPU, (_PROCESSOR_TIME, _PROCESSOR_TIME))
 
 
 if __name__ == "__main__":

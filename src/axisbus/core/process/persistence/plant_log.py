@@ -63,7 +63,7 @@ class PlantLog:
     def __init__(self, path: Path, stand_ins: Mapping[int, SimulatedNode]) -> None:
         """``path`` is replaced (see ``history_path``)."""
         self._stand_ins = stand_ins
-        self._file = path.open("w", encoding="utf-8", buffering=1)
+        self._file = path.open("w", encoding="utf-8", newline="\n", buffering=1)
         self._file.write(",".join(COLUMNS) + "\n")
 
     def __enter__(self) -> PlantLog:
