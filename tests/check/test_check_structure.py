@@ -56,7 +56,10 @@ def test_the_default_id_of_the_master_must_be_unique(tmp_path: Path) -> None:
     assert "master_id = 126" in problem.remedy
 
 
-def test_a_core_in_its_own_process_needs_a_bus_that_other_processes_can_open(tmp_path: Path) -> None:
+def test_a_core_in_its_own_process_needs_a_bus_that_other_processes_can_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.platform", "linux")
     own = ("[bus]\n", '[bus]\nprocess = "own"\n')
     assert cells.serious(cells.write(tmp_path, own)) == []
     path = cells.write(tmp_path, own, ('interface = "pcan"', 'interface = "virtual"'))
