@@ -16,9 +16,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.cell import key_descriptions, reader, schema, value_readers
+from axisbus.cell import key_descriptions, reader, schema
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.eds.model import Severity
+from axisbus.toml import value_readers
 from kit import cells, pages
 from kit.cells.mistakes import MINIMAL, SLIPS
 

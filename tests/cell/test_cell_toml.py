@@ -8,8 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from axisbus.cell import toml
 from axisbus.errors import ConfigError
+from axisbus.toml import document as toml
 
 EVERYTHING = """\
 # a comment with [brackets] and = signs

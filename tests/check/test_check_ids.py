@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.cell import tables
 from axisbus.cell.problem import CellProblem, shared
 from axisbus.check.ids.table import READER, UNREADABLE, checks, id_of, ids
 from axisbus.check.run import CHECKS, check
 from axisbus.eds.model import Severity
+from axisbus.toml import tables
 from kit import cells
 from kit.pages import ROOT
 

@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from axisbus.cell import key_descriptions, schema, value_readers, virtual_keys
+from axisbus.cell import key_descriptions, schema, virtual_keys
 from axisbus.cell.can_simple.module import WORDS as MODULE_WORDS
 from axisbus.cell.group_kinematics import KINDS
-from axisbus.cell.schema import Keys
+from axisbus.toml import value_readers
+from axisbus.toml.tables import Keys
 from axisbus.units import INCREMENTS
 
 Json = dict[str, Any]

@@ -11,34 +11,10 @@ from typing import Any
 from axisbus.cell.can_simple.module import CANOPEN, ModuleConfig
 from axisbus.cia301.cob import SYNC, TIME
 from axisbus.errors import StateError, UnknownNameError
+from axisbus.toml.tables import SourceLocation as SourceLocation
 from axisbus.units import INCREMENTS as INCREMENTS
 
 SIMULATED = "sim"  # the interface of a cell with simulated drives
-
-
-@dataclass(frozen=True, slots=True)
-class SourceLocation:
-    """The location of a table: its ``line`` (from 1), the line of each of its keys, and the keys that are missing or wrong.
-
-    A key in ``faulty`` has already been reported; its value is a placeholder.
-    """
-
-    name: str = ""
-    line: int = 0
-    keys: Mapping[str, int] = field(default_factory=dict)
-    faulty: frozenset[str] = frozenset()
-
-    def of(self, key: str) -> int:
-        """Return the line of ``key``, or of the table if the key is left out."""
-        return self.keys.get(key, self.line)
-
-    def gives(self, key: str) -> bool:
-        """Whether the file has ``key``."""
-        return key in self.keys
-
-    def sound(self, *keys: str) -> bool:
-        """Whether all ``keys`` are present and valid."""
-        return self.faulty.isdisjoint(keys)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""One error, danger or note about a cell file, with its location and its remedy."""
+"""Combine findings about a cell that are the same for several of its axes, nodes, groups or inputs."""
 
 from __future__ import annotations
 
@@ -6,56 +6,9 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from axisbus.eds.model import Severity
+from axisbus.toml.problem import CellProblem as CellProblem
+from axisbus.toml.problem import errors as errors
 from axisbus.wording import listed
-
-
-@dataclass(frozen=True, slots=True)
-class CellProblem:
-    """A finding about a cell: ``line`` counts from 1 (0: the whole file).
-
-    An error prevents the cell from being opened; a warning is dangerous or may surprise; a note is only information. ``page`` is
-    the page of its symptom; ``rule`` is the id of the check that found it, such as C017.
-    """
-
-    severity: Severity
-    file: str
-    line: int
-    message: str
-    observed: str = ""
-    remedy: str = ""
-    page: str = "cell-file"
-    rule: str = ""
-
-    def __str__(self) -> str:
-        return self._text(self.message)
-
-    @property
-    def with_rule(self) -> str:
-        """The same text with the id of the check after its message."""
-        return self._text(f"{self.message} [{self.rule}]")
-
-    def _text(self, message: str) -> str:
-        where = f"{self.file}:{self.line}" if self.line else self.file
-        lines = [f"{where}: {self.severity.value}: {message}"]
-        if self.observed:
-            lines.append(f"  observed: {self.observed}")
-        if self.remedy:
-            lines.append(f"  remedy:   {self.remedy}")
-        return "\n".join(lines)
-
-    @property
-    def rank(self) -> tuple[int, int]:
-        """Key to sort by: the line, then the worst first."""
-        return self.line, self.severity.rank
-
-
-def errors(problems: list[CellProblem]) -> list[CellProblem]:
-    """Return the problems that prevent a cell from being opened."""
-    return [problem for problem in problems if problem.severity is Severity.ERROR]
-
-
-# -- one finding for several axes or nodes --------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)

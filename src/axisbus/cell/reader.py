@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from axisbus.cell import group_kinematics, schema, toml, value_readers, virtual_keys
+from axisbus.cell import group_kinematics, schema, virtual_keys
 from axisbus.cell.can_simple.module import SPOKEN, ModuleConfig
 from axisbus.cell.gantry_validation import wrong
 from axisbus.cell.model import (
@@ -35,13 +35,23 @@ from axisbus.cell.model import (
     SourceLocation,
     StopConfig,
 )
-from axisbus.cell.problem import CellProblem, errors
-from axisbus.cell.tables import MISSING, NO_AXIS, NO_NAME, TWO_OF_A_NAME, UNREADABLE, Fields, Tables, name_of
-from axisbus.cell.toml import KeyPath, TomlDocument
 from axisbus.cell.virtual_keys import quick_deceleration
-from axisbus.eds.model import Severity
-from axisbus.errors import ConfigError, EdsError
-from axisbus.wording import counted
+from axisbus.errors import ConfigError
+from axisbus.toml import document as toml
+from axisbus.toml import value_readers
+from axisbus.toml.document import KeyPath, TomlDocument
+from axisbus.toml.problem import CellProblem, as_exception, as_problem, errors
+from axisbus.toml.tables import (
+    MISSING,
+    NO_AXIS,
+    NO_NAME,
+    TWO_OF_A_NAME,
+    CellKey,
+    Fields,
+    Keys,
+    Tables,
+    name_of,
+)
 
 __all__ = [
     "AxisConfig",
@@ -64,7 +74,6 @@ __all__ = [
 ]
 
 _ALONE = "only the core moves it: it has no node and no drive"
-_SHOWN = 10  # maximum number of further errors in the text of an exception
 
 
 def load(path: str | Path) -> CellConfig:
@@ -89,7 +98,7 @@ def read(path: str | Path) -> tuple[CellConfig | None, list[CellProblem]]:
     try:
         return interpret(toml.load(path))
     except ConfigError as error:
-        return None, [_as_problem(error)]
+        return None, [as_problem(error)]
 
 
 def loads(text: str, file: str = "cell.toml") -> tuple[CellConfig | None, list[CellProblem]]:
@@ -97,7 +106,7 @@ def loads(text: str, file: str = "cell.toml") -> tuple[CellConfig | None, list[C
     try:
         return interpret(toml.loads(text, file))
     except ConfigError as error:
-        return None, [_as_problem(error)]
+        return None, [as_problem(error)]
 
 
 def interpret(document: TomlDocument) -> tuple[CellConfig, list[CellProblem]]:
@@ -105,31 +114,6 @@ def interpret(document: TomlDocument) -> tuple[CellConfig, list[CellProblem]]:
     reading = _Reading(document)
     cell = reading.cell()
     return cell, sorted(reading.problems, key=lambda problem: problem.rank)
-
-
-def _as_problem(error: ConfigError) -> CellProblem:
-    prefix = f"{error.file}:{error.line}: " if error.line else f"{error.file}: "
-    message = error.message.removeprefix(prefix)
-    return CellProblem(
-        Severity.ERROR, error.file, error.line, message, error.observed, error.remedy, rule=UNREADABLE
-    )
-
-
-def as_exception(wrong: list[CellProblem]) -> ConfigError:
-    first, others = wrong[0], wrong[1:]
-    observed = [first.observed] if first.observed else []
-    if others:
-        observed.append(f"{counted(len(others), 'more error')}:")
-        observed += [f"  {other.file}:{other.line}: {other.message}" for other in others[:_SHOWN]]
-        observed += ["  ..."] * (len(others) > _SHOWN)
-    kind = EdsError if first.page == "eds" else ConfigError
-    return kind(
-        first.message,
-        file=first.file,
-        line=first.line,
-        observed="\n            ".join(observed),
-        remedy=first.remedy,
-    )
 
 
 _PDO_NAME = re.compile(r"([rt])pdo([1-9]\d{0,2})")
@@ -151,6 +135,13 @@ class _Reading(Tables):
             {each.name: each for each in self._io(self._table(("io",), top.get("io", {})))},
             {each.name: each for each in self._gantries(self._table(("gantries",), top.get("gantries", {})))},
         )
+
+    def _advice(
+        self, key: str, path: KeyPath, known: tuple[str, ...], tables: Mapping[str, Keys | None]
+    ) -> str:
+        if path[:1] == ("axes",) and len(path) == 3 and key in schema.AXIS:
+            return f"it belongs in [{name_of(path[:2])}], before its sub-tables"
+        return super()._advice(key, path, known, tables)
 
     # -- the tables --------------------------------------------------------------------------------------------------
 
@@ -276,7 +267,7 @@ class _Reading(Tables):
         keys = schema.AXIS
         if table.get("unit") != INCREMENTS:
             remedy = f"scale = position increments per {table.get('unit', 'unit')}; it is never guessed"
-            keys = {**keys, "scale": schema.CellKey(value_readers.scale, remedy)}
+            keys = {**keys, "scale": CellKey(value_readers.scale, remedy)}
         fields = self._fields(path, table, keys, schema.AXIS_TABLES)
         return AxisConfig(
             name,
@@ -319,11 +310,11 @@ class _Reading(Tables):
             )
         return axis
 
-    def _encoder(self, name: str, path: KeyPath, table: Fields, keys: schema.Keys) -> AxisConfig:
+    def _encoder(self, name: str, path: KeyPath, table: Fields, keys: Keys) -> AxisConfig:
         """Read an axis whose position comes from an input; the number of counts per unit is never guessed."""
         if table.get("unit") != INCREMENTS:
             remedy = f"scale = counts per {table.get('unit', 'unit')}; it is never guessed"
-            keys = {**keys, "scale": schema.CellKey(value_readers.scale, remedy)}
+            keys = {**keys, "scale": CellKey(value_readers.scale, remedy)}
         fields = self._fields(path, table, keys, schema.AXIS_TABLES)
         return AxisConfig(name, **{**fields, virtual_keys.VIRTUAL: True})
 

@@ -4,24 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
-from axisbus.cell import value_readers as v
 from axisbus.cell.can_simple.module import CAN_SIMPLE, CANOPEN, MODBUS, READERS
 from axisbus.cia301.cob import ID_MASK_11
 from axisbus.cia402 import options
 from axisbus.cia402.modes import FACTS
-
-
-@dataclass(frozen=True, slots=True)
-class CellKey:
-    """One key; ``missing`` is the remedy if a required key is left out (empty: the key is not required)."""
-
-    read: v.ValueReader
-    missing: str = ""
-
-
-Keys = Mapping[str, CellKey]
+from axisbus.toml import value_readers as v
+from axisbus.toml.tables import CellKey, Keys
 
 _positive = CellKey(v.positive)
 _number = CellKey(v.finite)

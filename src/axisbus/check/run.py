@@ -30,6 +30,7 @@ from axisbus.check import cycle_schedule as load
 from axisbus.check.context import Check, CheckContext
 from axisbus.check.ids.table import id_of
 from axisbus.motion.stop.promises import Promise, promises
+from axisbus.toml.problem import as_exception
 
 CHECKS: tuple[Check, ...] = (
     *structure.CHECKS,
@@ -99,7 +100,7 @@ def checked(path: str | Path, beside: bool = False) -> CellConfig:
     """
     cell, problems = reader.read(path)
     if cell is None:
-        raise reader.as_exception(errors(problems))
+        raise as_exception(errors(problems))
     require_sound(cell, problems)
     return cell.beside(beside)
 
@@ -107,4 +108,4 @@ def checked(path: str | Path, beside: bool = False) -> CellConfig:
 def require_sound(cell: CellConfig, problems: list[CellProblem]) -> None:
     """Raise ``ConfigError`` as ``checked`` does; ``problems`` come from reading the cell. Blocks for its files."""
     if wrong := errors(check_cell(cell, problems)):
-        raise reader.as_exception(wrong)
+        raise as_exception(wrong)

@@ -14,19 +14,18 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from axisbus.cell import toml
-from axisbus.cell import value_readers as v
 from axisbus.cell.model import CellConfig
 from axisbus.cell.problem import errors
-from axisbus.cell.reader import as_exception
-from axisbus.cell.schema import CellKey, Keys
-from axisbus.cell.tables import Fields, Tables
-from axisbus.cell.value_readers import InvalidValue, ValueReader
 from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import ArgumentError
 from axisbus.record.condition import Condition, condition
 from axisbus.sim.fault_injection import DriveFaults, LssDials, NodeFaults, ProgramDials
 from axisbus.sim.fault_plan import Dial, Moment, PlannedFault
+from axisbus.toml import document as toml
+from axisbus.toml import value_readers as v
+from axisbus.toml.problem import as_exception
+from axisbus.toml.tables import CellKey, Fields, Keys, Tables
+from axisbus.toml.value_readers import InvalidValue, ValueReader
 
 # The values for conditions: the drive's own view of its axis, in the axis's units.
 KINDS: Mapping[str, str] = {

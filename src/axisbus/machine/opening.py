@@ -21,6 +21,7 @@ from axisbus.cell.problem import CellProblem, errors
 from axisbus.core.process.launch import Processes, expected, path_of, require_joinable_system, wanted
 from axisbus.errors import StateError
 from axisbus.machine.signal_shutdown import EXIT
+from axisbus.toml.problem import as_exception
 from axisbus.version import __version__
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def opened(path: str | Path, beside: bool, shared: bool) -> tuple[CellConfig, Co
     """Return a cell and its core, booted and ready to begin; as ``Machine.open``."""
     cell, problems = reader.read(path)
     if cell is None:
-        raise reader.as_exception(errors(problems))
+        raise as_exception(errors(problems))
     cell = cell.beside(beside)
     if wanted(cell.bus) and not errors(problems):
         return cell, _apart(cell, problems, shared)

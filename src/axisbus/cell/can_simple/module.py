@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from axisbus.cell import value_readers as v
 from axisbus.drives.gim6010.can_simple.port.settings import (
     HEARTBEAT,
     HEARTBEAT_BY_LINE,
     ModuleSettings,
     TorqueSettings,
 )
+from axisbus.toml import value_readers as v
 
 CAN_SIMPLE, CANOPEN, MODBUS = "can_simple", "canopen", "modbus"
 SPOKEN = {CAN_SIMPLE: "CAN Simple", MODBUS: "Modbus"}  # protocols of a module; each has a table of its name

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple, TypedDict
 
-from axisbus.cell.value_readers import InvalidValue, duration
 from axisbus.errors import ArgumentError
 from axisbus.machine.axis import Axis
 from axisbus.motion.numbers import number, told
 from axisbus.motion.point_stream.commands import OnUnderrun
+from axisbus.toml.value_readers import InvalidValue, duration
 
 _LEAST, _MOST = 0.0001, 60.0  # seconds
 _IN_A_CYCLE = 8  # points in one cycle: each takes some of its time

@@ -1,4 +1,4 @@
-"""Readers of single values of a cell file: each returns the converted value, or raises an error with the expected format.
+"""Readers of single values of a TOML file: each returns the converted value, or raises an error with the expected format.
 
 Each also describes its values as a JSON Schema for editors. The schema never refuses a value that the reader accepts, but it cannot
 express everything that the reader refuses (the order of two numbers, the bounds of a time).

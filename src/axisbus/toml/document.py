@@ -15,17 +15,19 @@ from axisbus.errors import ConfigError
 from axisbus.wording import counted
 
 MAX_BYTES = 1 << 20  # a cell of 127 nodes takes about 100 kB
+CELL_FILE = "cell file"
 _OF_PYTHON = "pyproject.toml"  # not a cell file, and often in the same folder
 
 
 @dataclass(frozen=True, slots=True)
 class TomlDocument:
-    """A TOML file: its values, and the line (from 1) of each table, key and array element by its path."""
+    """A TOML file: its values, and the line (from 1) of each table, key and array element by its path; ``kind`` is for messages."""
 
     file: str
     text: str
     data: dict[str, Any]
     lines: Mapping[KeyPath, int]
+    kind: str = CELL_FILE
 
     def line(self, path: KeyPath) -> int:
         """Return the line of ``path``, or of the nearest enclosing table that has one; 1 if none has."""
@@ -36,18 +38,18 @@ class TomlDocument:
         return 1
 
 
-def load(path: str | Path) -> TomlDocument:
-    """Read a file; blocks while the file is read.
+def load(path: str | Path, kind: str = CELL_FILE) -> TomlDocument:
+    """Read a file, a ``kind`` of file in messages; blocks while the file is read.
 
     Raises:
         ConfigError: it is missing, cannot be read, is too large, is not UTF-8, or is not TOML; with the line if there is one.
     """
     path = Path(path)
-    return loads(_decoded(_bytes(path), str(path)), str(path))
+    return loads(_decoded(_bytes(path, kind), str(path)), str(path), kind)
 
 
-def loads(text: str, file: str) -> TomlDocument:
-    """Read ``text``; ``file`` is the name in messages.
+def loads(text: str, file: str, kind: str = CELL_FILE) -> TomlDocument:
+    """Read ``text``; ``file`` is the name in messages, and ``kind`` what it is.
 
     Raises:
         ConfigError: it is not TOML.
@@ -58,11 +60,11 @@ def loads(text: str, file: str) -> TomlDocument:
         lines = locate(text)
     except RecursionError:
         raise ConfigError(
-            "brackets are nested too deeply", file=file, remedy="a cell file needs no more than three levels"
+            "brackets are nested too deeply", file=file, remedy=f"a {kind} needs no more than three levels"
         ) from None
     except ValueError as error:  # tomllib's own error is a ValueError, and so is the error of a number with thousands of digits
         raise _syntax(str(error), text, file) from None
-    document = TomlDocument(file, text, data, lines)
+    document = TomlDocument(file, text, data, lines, kind)
     _require_printable(document, data)
     return document
 
@@ -155,11 +157,11 @@ def _syntax(reason: str, text: str, file: str) -> ConfigError:
     )
 
 
-def _bytes(path: Path) -> bytes:
+def _bytes(path: Path, kind: str) -> bytes:
     try:
         if path.is_dir():
             raise ConfigError(
-                "this is a folder, not a cell file",
+                f"this is a folder, not a {kind}",
                 file=str(path),
                 remedy=_nearby(path, "") or "name a .toml file",
             )
@@ -178,9 +180,9 @@ def _bytes(path: Path) -> bytes:
         ) from error
     if len(data) > MAX_BYTES:
         raise ConfigError(
-            f"the file is too large for a cell file: {counted(len(data), 'byte')}",
+            f"the file is too large for a {kind}: {counted(len(data), 'byte')}",
             file=str(path),
-            remedy="name a cell file",
+            remedy=f"name a {kind}",
         )
     return data
 

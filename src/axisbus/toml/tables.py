@@ -1,26 +1,62 @@
-"""Read the tables of a cell file by ``schema``: convert the values, and collect all errors."""
+"""Read the tables of a TOML file by their keys: convert the values, and collect all errors."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import Any
 
-from axisbus.cell import schema, value_readers
-from axisbus.cell.model import SourceLocation
-from axisbus.cell.problem import CellProblem
-from axisbus.cell.schema import Keys
-from axisbus.cell.toml import KeyPath, TomlDocument
 from axisbus.eds.model import Severity
+from axisbus.toml import value_readers
+from axisbus.toml.document import KeyPath, TomlDocument
+from axisbus.toml.problem import UNREADABLE as UNREADABLE
+from axisbus.toml.problem import CellProblem
 
 Fields = dict[str, Any]
 
 # The ids of the reader's findings; ``axisbus.check`` has the table of all ids.
-UNREADABLE, UNKNOWN, MISSING, UNFIT, NO_TABLE = "C001", "C002", "C003", "C004", "C005"
+UNKNOWN, MISSING, UNFIT, NO_TABLE = "C002", "C003", "C004", "C005"
 NO_NAME, TWO_OF_A_NAME, TOGETHER, NO_AXIS = "C006", "C007", "C008", "C009"
 
 _NAME = re.compile(r"[\w-]{1,64}")
+
+
+@dataclass(frozen=True, slots=True)
+class CellKey:
+    """One key; ``missing`` is the remedy if a required key is left out (empty: the key is not required)."""
+
+    read: value_readers.ValueReader
+    missing: str = ""
+
+
+Keys = Mapping[str, CellKey]
+
+
+@dataclass(frozen=True, slots=True)
+class SourceLocation:
+    """The location of a table: its ``line`` (from 1), the line of each of its keys, and the keys that are missing or wrong.
+
+    A key in ``faulty`` has already been reported; its value is a placeholder.
+    """
+
+    name: str = ""
+    line: int = 0
+    keys: Mapping[str, int] = field(default_factory=dict)
+    faulty: frozenset[str] = frozenset()
+
+    def of(self, key: str) -> int:
+        """Return the line of ``key``, or of the table if the key is left out."""
+        return self.keys.get(key, self.line)
+
+    def gives(self, key: str) -> bool:
+        """Whether the file has ``key``."""
+        return key in self.keys
+
+    def sound(self, *keys: str) -> bool:
+        """Whether all ``keys`` are present and valid."""
+        return self.faulty.isdisjoint(keys)
 
 
 class Tables:
@@ -94,9 +130,22 @@ class Tables:
         for key in table:
             if key in known:
                 continue
-            where = f"[{name_of(path)}]" if path else "a cell file"
-            remedy = _advice(key, path, known, tables or {})
+            where = f"[{name_of(path)}]" if path else f"a {self._document.kind}"
+            remedy = self._advice(key, path, known, tables or {})
             self._error((*path, key), f"unknown {what} {key[:80]!r} in {where}", remedy=remedy, rule=UNKNOWN)
+
+    def _advice(
+        self, key: str, path: KeyPath, known: tuple[str, ...], tables: Mapping[str, Keys | None]
+    ) -> str:
+        """Return the right table of an unknown key, or a similar known key, or all known keys."""
+        for name, keys in tables.items():
+            if keys and key in keys:
+                return f"it belongs in [{name_of((*path, name))}]"
+        near = get_close_matches(key.lower(), known, n=1, cutoff=0.6)
+        meant = near[0] if near else _ELSEWHERE.get(key.lower(), "")
+        if meant in known:
+            return f"did you mean {meant}?"
+        return f"known are {', '.join(known)}"
 
     def _unfit(self, path: KeyPath, raw: Any, unfit: value_readers.InvalidValue) -> None:
         key = path[-1]
@@ -132,17 +181,3 @@ _ELSEWHERE = {
     "inverted": "invert",
     "direction": "invert",
 }
-
-
-def _advice(key: str, path: KeyPath, known: tuple[str, ...], tables: Mapping[str, Keys | None]) -> str:
-    """Return the right table of an unknown key, or a similar known key, or all known keys."""
-    for name, keys in tables.items():
-        if keys and key in keys:
-            return f"it belongs in [{name_of((*path, name))}]"
-    if path[:1] == ("axes",) and len(path) == 3 and key in schema.AXIS:
-        return f"it belongs in [{name_of(path[:2])}], before its sub-tables"
-    near = get_close_matches(key.lower(), known, n=1, cutoff=0.6)
-    meant = near[0] if near else _ELSEWHERE.get(key.lower(), "")
-    if meant in known:
-        return f"did you mean {meant}?"
-    return f"known are {', '.join(known)}"

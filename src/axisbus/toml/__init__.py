@@ -1,0 +1,1 @@
+"""Read TOML files by tables of keys: the values, and all errors with their lines."""
