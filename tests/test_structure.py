@@ -192,7 +192,7 @@ def test_the_readme_is_short():
 
 API = {
     name: ROOT / "docs" / "api" / f"{name.rpartition('.')[2]}.md"
-    for name in ("axisbus", "axisbus.eds", "axisbus.errors")
+    for name in ("axisbus", "axisbus.drives", "axisbus.eds", "axisbus.errors")
 } | {"axisbus.testing": ROOT / "docs" / "testing.md"}
 # Members of public classes that are not for users: name, and purpose.
 BETWEEN_ROOMS = {
@@ -219,6 +219,10 @@ BETWEEN_ROOMS = {
     "FleetCell.last_state": "its axes and the tables of the command line read by it what was told last",
     "FleetCell.stop_axes": "its axes send stops by it",
     "Signal.point": "outputs are set by it",
+    "Behaviour.of_axis": "a cell file overrides these keys",
+    "Behaviour.lines": "boot-up and the command line show the behaviour by it",
+    "DrivePlugin.detail": "of several plug-ins that match, the closest is used",
+    "DrivePlugin.same_drives": "two drive files for the same drives are an error",
     "Handle._finish": "the end of its command ends a handle by it",
     "Handle._on_event": "what the core tells of its command reaches it so",
     "Handle.send": "asyncio drives a handle by it",

@@ -12,17 +12,19 @@ _TABLES = Path(__file__).parents[1] / "api"  # by them a test keeps what is publ
 
 _MODULES = {
     "axisbus": "machines, axes, groups, handles",
+    "axisbus.drives": "makes of drives",
     "axisbus.eds": "EDS and DCF files",
     "axisbus.errors": "every exception",
 }
 Members = Mapping[str, str]
 _ABOUT = """# The library, by its docstrings
 
-All public names, with units, ranges and errors. [`axisbus`](../../api/axisbus.md), [`axisbus.eds`](../../api/eds.md) and
-[`axisbus.errors`](../../api/errors.md) contain the same in tables, with examples.
+All public names, with units, ranges and errors. [`axisbus`](../../api/axisbus.md), [`axisbus.drives`](../../api/drives.md),
+[`axisbus.eds`](../../api/eds.md) and [`axisbus.errors`](../../api/errors.md) contain the same in tables, with examples.
 
 ```{toctree}
 axisbus
+drives
 eds
 errors
 ```

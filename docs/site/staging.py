@@ -24,9 +24,9 @@ NAVIGATION: Mapping[str, tuple[str, ...]] = {
     "Reference": (
         *("reference/cli/index", "cell-file", "reference/cell-toml", "reference/cell-checks"),
         *("eds-workbench", "reference/eds-rules"),
-        *("api/axisbus", "api/eds", "api/errors", "reference/python/index", "reference/codes"),
+        *("api/axisbus", "api/drives", "api/eds", "api/errors", "reference/python/index", "reference/codes"),
     ),
-    "Protocols and modules": ("gim6010-8", "fleet", "opcua", "ros"),
+    "Protocols and modules": ("drives", "gim6010-8", "fleet", "opcua", "ros"),
     "Notebooks": ("examples/first_steps", "examples/tuning_by_capture", "examples/eds_inspection"),
     "Further": (),
     "How it is built": ("architecture", "decisions/*", "glossary"),
@@ -35,6 +35,7 @@ REST = "Further"
 # Titles in the navigation, for pages whose own title is not clear among others.
 TITLES = {
     "api/axisbus": "The library: machines and axes",
+    "api/drives": "The library: makes of drives",
     "api/eds": "The library: EDS files",
     "api/errors": "The library: errors",
 }

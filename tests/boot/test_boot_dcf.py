@@ -15,8 +15,8 @@ from axisbus.cell import reader as cells
 from axisbus.check.run import check
 from axisbus.configuration import dcf_values
 from axisbus.drives import registry
-from axisbus.drives.make import GENERIC as GENERIC_MAKE
-from axisbus.drives.make import Make
+from axisbus.drives.plugin import GENERIC as GENERIC_MAKE
+from axisbus.drives.plugin import DrivePlugin
 from axisbus.eds import assign, dcf, writer
 from axisbus.eds.io import reader
 from axisbus.errors import BootError
@@ -175,8 +175,8 @@ def test_on_a_bus_pdos_of_the_dcf_are_set_and_a_pdo_table_wins(cell, tmp_path):
 
 def test_calibration_in_a_dcf_is_not_written_at_boot(cell, monkeypatch):
     made = device_from_eds(GENERIC, 3)
-    make = Make("Maker", vendor_id=made.read(0x1018, 1), calibration_objects=((0x607D, None),))
-    monkeypatch.setattr(registry, "MAKES", (make,))
+    make = DrivePlugin("Maker", vendor_id=made.read(0x1018, 1), calibration_objects=((0x607D, None),))
+    monkeypatch.setattr(registry, "plugins", lambda: (make,))
     factory = made.read(0x607D, 1)
     _booted(cell(), made)
     assert made.read(0x607D, 1) == factory != -9000

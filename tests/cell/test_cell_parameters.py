@@ -14,7 +14,7 @@ from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.writes import axis_writes, node_writes
 from axisbus.cia402.modes import ModeOfOperation as Mode
 from axisbus.cia402.port import ValueTransport
-from axisbus.drives.make import Make
+from axisbus.drives.plugin import DrivePlugin
 from axisbus.eds import builtin
 from axisbus.motion.parameters import AxisParameters, DemandUse, Handshake, HoldsLoad, standstill_time
 from kit import cells
@@ -30,7 +30,7 @@ def cell_with(*changes: tuple[str, str]) -> reader.CellConfig:
 
 
 def parameters(
-    name: str, *changes: tuple[str, str], file: eds.Eds = BENCH, make: Make | None = None
+    name: str, *changes: tuple[str, str], file: eds.Eds = BENCH, make: DrivePlugin | None = None
 ) -> AxisParameters:
     return axis_parameters(cell_with(*changes), name, file, make)
 
@@ -271,7 +271,7 @@ def test_a_drive_of_an_unknown_make_explains_nothing() -> None:
 
 
 def test_a_make_found_on_the_bus_wins() -> None:
-    make = Make("other", fault_objects=((0x2010, 1),), explain=lambda code, _: [f"code {code}"])
+    make = DrivePlugin("other", fault_objects=((0x2010, 1),), explain=lambda code, _: [f"code {code}"])
     x = parameters("x", make=make)
     assert x.fault_objects == ((0x2010, 1),)
     assert x.explain_fault(5, {}) == ["code 5"]

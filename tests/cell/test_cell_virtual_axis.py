@@ -91,6 +91,7 @@ FOREIGN = [
     ("following_error = 1.0", "following_error"),
     ('demand = "use"', "demand"),
     ('modes = ["pp"]', "modes"),
+    ('ignored_objects = ["605Dh"]', "ignored_objects"),
     ("holds_load = false", "holds_load"),
     ('transition_time = "1s"', "transition_time"),
     ('mode_time = "1s"', "mode_time"),

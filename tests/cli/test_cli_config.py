@@ -11,7 +11,7 @@ import pytest
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.configuration import preconditions, store_parameters
 from axisbus.drives import registry
-from axisbus.drives.make import Make
+from axisbus.drives.plugin import DrivePlugin
 from axisbus.eds import load, loads
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
@@ -238,8 +238,8 @@ def made_by_a_calibrated_make(monkeypatch, bus):
     """The generic drive as one of a make whose 607Dh:01 belongs to one specimen."""
     _, stand_ins = bus
     vendor = stand_ins.devices[0].read(0x1018, 1)
-    make = Make("Maker", vendor_id=vendor, calibration_objects=((0x607D, 1),))
-    monkeypatch.setattr(registry, "MAKES", (make,))
+    make = DrivePlugin("Maker", vendor_id=vendor, calibration_objects=((0x607D, 1),))
+    monkeypatch.setattr(registry, "plugins", lambda: (make,))
 
 
 def test_calibration_stays_as_the_drive_has_it_unless_it_is_named(

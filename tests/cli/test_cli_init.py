@@ -15,7 +15,7 @@ from axisbus.bus.node.discover import DiscoveredNode
 from axisbus.bus.node.node import NodeIdentity
 from axisbus.check.run import check
 from axisbus.cia301.nmt import NmtState
-from axisbus.drives.make import GENERIC as GENERIC_MAKE
+from axisbus.drives.plugin import GENERIC as GENERIC_MAKE
 from axisbus.eds import builtin
 from axisbus.scaffold.draft import BusFound, NodeFound, draft
 from axisbus.scaffold.match import CandidateFile, FileMatch, collect, match

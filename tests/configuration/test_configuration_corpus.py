@@ -7,7 +7,7 @@ import pytest
 from axisbus.configuration.dcf_backup import backup
 from axisbus.configuration.dcf_values import select
 from axisbus.configuration.restore import Restore, ValueEnd
-from axisbus.drives.make import GENERIC
+from axisbus.drives.plugin import GENERIC
 from axisbus.eds import dcf, writer
 from axisbus.eds.io import reader
 from axisbus.sim.dictionary import Dictionary

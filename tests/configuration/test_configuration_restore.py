@@ -13,7 +13,7 @@ from axisbus.configuration.dcf_backup import backup
 from axisbus.configuration.dcf_values import Selection, SkipReason, require_within_limits, select
 from axisbus.configuration.restore import Restore, ValueEnd
 from axisbus.configuration.write_order import ordered
-from axisbus.drives.make import GENERIC, Make
+from axisbus.drives.plugin import GENERIC, DrivePlugin
 from axisbus.eds import dcf, writer
 from axisbus.eds.io import reader
 from axisbus.errors import ArgumentError, EdsError, LimitError
@@ -188,7 +188,7 @@ def test_objects_that_act_are_never_restored():
 
 
 def test_calibration_objects_are_not_restored_unless_they_are_named():
-    make = Make("maker", calibration_objects=((0x2001, None),))
+    make = DrivePlugin("maker", calibration_objects=((0x2001, None),))
     left = select(DCF, NODE, make)
     assert _why(left)[0x2001, 0] is SkipReason.CALIBRATION
     assert "--include 2001:0" in next(

@@ -8,7 +8,7 @@ from axisbus.cia301.emcy import decode, parse
 from axisbus.cia301.incident import group
 from axisbus.drives.emcy_text import emcy_words, history_words, incident_words
 from axisbus.drives.gim6010.make import GIM6010
-from axisbus.drives.make import Make
+from axisbus.drives.plugin import DrivePlugin
 
 
 # frame, parts of its line. Names by CiA 301 table 26 and CiA 402-2 table 6.
@@ -46,7 +46,7 @@ def test_the_make_adds_its_explanation_of_the_code() -> None:
 
 def test_the_error_register_narrows_the_explanation_of_the_make() -> None:
     seen = []
-    make = Make(
+    make = DrivePlugin(
         "one", explain=lambda code, details: seen.append((code, dict(details))) or ["as the maker says"]
     )
     assert emcy_words(parse(bytes.fromhex("00 ff 81"), 0.0), make).endswith("as the maker says")

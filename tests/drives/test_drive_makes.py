@@ -6,9 +6,11 @@ import pickle
 
 import pytest
 
-from axisbus.drives import GENERIC, MAKES, Make, find
+from axisbus.drives import DrivePlugin, registry
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.make import COUNTS_PER_OUTPUT_TURN, GIM6010
+from axisbus.drives.plugin import GENERIC
+from axisbus.drives.registry import find
 
 LOW, HIGH, REGISTER = (0x203F, 0), (0x203E, 0), (0x1001, 0)
 
@@ -73,11 +75,11 @@ def test_an_unknown_drive_is_generic(vendor_id: int | None) -> None:
     make = find(vendor_id, 1)
     assert make is GENERIC
     assert make.explain(0x8611, {}) == []
-    assert (make.store_restarts, make.fault_objects, make.calibration_objects) == (False, (), ())
+    assert (make.behaviour.store_restarts, make.fault_objects, make.calibration_objects) == (False, (), ())
 
 
 def test_product_codes_narrow_a_make_if_they_are_given() -> None:
-    make = Make("one product", vendor_id=1, product_codes=frozenset((5,)))
+    make = DrivePlugin("one product", vendor_id=1, product_codes=frozenset((5,)))
     assert make.matches(1, 5)
     assert not make.matches(1, 6)
     assert not make.matches(2, 5)
@@ -85,14 +87,14 @@ def test_product_codes_narrow_a_make_if_they_are_given() -> None:
 
 
 def test_makes_travel_to_another_process() -> None:
-    for make in (*MAKES, GENERIC):
+    for make in (*registry.plugins(), GENERIC):
         assert pickle.loads(pickle.dumps(make)) == make
 
 
 def test_the_joint_module_proposes_its_scale_and_knows_its_quirks() -> None:
     assert COUNTS_PER_OUTPUT_TURN == 131072
     assert "364.0889 per degree" in GIM6010.scale_proposal
-    assert GIM6010.store_restarts
+    assert GIM6010.behaviour.store_restarts
     assert GIM6010.fault_objects == (LOW, HIGH, REGISTER)
 
 

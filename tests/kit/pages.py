@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -40,11 +41,22 @@ def blocks_of_all(language: str) -> list[tuple[Path, str]]:
 
 
 _PLAN_OF_FAULTS = re.compile(r"^(when|begin) = ", re.MULTILINE)
+_DRIVE_FILE = re.compile(r"^vendor_id = ", re.MULTILINE)
 
 
 def cell_excerpts() -> list[str]:
     """The excerpts of cell files on the pages."""
-    return [block for _, block in blocks_of_all("toml") if not _PLAN_OF_FAULTS.search(block)]
+    others = (_PLAN_OF_FAULTS, _DRIVE_FILE)
+    return [block for _, block in blocks_of_all("toml") if not any(other.search(block) for other in others)]
+
+
+def drive_files() -> list[str]:
+    """The drive files that the pages and CONTRIBUTING.md show."""
+    indented = re.findall(
+        r"^ *```toml\n(.*?)```", text_of(ROOT / "CONTRIBUTING.md"), re.DOTALL | re.MULTILINE
+    )
+    shown = [*(block for _, block in blocks_of_all("toml")), *map(textwrap.dedent, indented)]
+    return [block.rstrip() + "\n" for block in shown if _DRIVE_FILE.search(block)]
 
 
 def fault_plans() -> list[str]:

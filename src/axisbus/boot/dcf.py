@@ -22,7 +22,7 @@ from axisbus.configuration.dcf_values import (
 )
 from axisbus.configuration.restore import Restore, RestoreReport, ValueEnd
 from axisbus.configuration.write_order import pdo_of
-from axisbus.drives.make import Make
+from axisbus.drives.plugin import DrivePlugin
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, BootError
@@ -32,7 +32,7 @@ _ERROR_CONTROL = frozenset((o.CONSUMER_HEARTBEAT, o.PRODUCER_HEARTBEAT, o.GUARD_
 _SHOWN = 4
 
 
-def apply(objects: NodeObjects, cell: CellConfig, eds: Eds, make: Make) -> int:
+def apply(objects: NodeObjects, cell: CellConfig, eds: Eds, make: DrivePlugin) -> int:
     """Write those values of a node's DCF that differ in the node, read all values back, and return their number.
 
     The cell file takes precedence over the DCF: its ``objects`` and ``pdo`` tables, the keys of its axes, and [bus]. A node without
@@ -62,7 +62,7 @@ def apply(objects: NodeObjects, cell: CellConfig, eds: Eds, make: Make) -> int:
     return len(report.results)
 
 
-def own_values(cell: CellConfig, node_id: int, eds: Eds, make: Make) -> Selection:
+def own_values(cell: CellConfig, node_id: int, eds: Eds, make: DrivePlugin) -> Selection:
     """Return the values of a node's DCF that are written at boot: those that the cell file does not define.
 
     Raises:
@@ -147,7 +147,7 @@ BELIEVED = frozenset(
 
 
 def settings(
-    cell: CellConfig, node_id: int, eds: Eds, make: Make, cyclic: frozenset[Key], whole: Selection
+    cell: CellConfig, node_id: int, eds: Eds, make: DrivePlugin, cyclic: frozenset[Key], whole: Selection
 ) -> Selection:
     """Return the values of ``whole``, a node's DCF values, that may be written now; the others are skipped with a reason.
 

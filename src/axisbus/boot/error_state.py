@@ -9,7 +9,7 @@ from axisbus.cia301 import emcy
 from axisbus.cia301 import objects as o
 from axisbus.cia301.emcy import Emcy, ErrorEntry
 from axisbus.drives.emcy_text import emcy_words, history_words
-from axisbus.drives.make import GENERIC, Make
+from axisbus.drives.plugin import GENERIC, DrivePlugin
 from axisbus.errors import BusError, SdoAbort
 
 _MOST = 3  # entries of 1003h in the text: the newest different ones
@@ -39,7 +39,7 @@ class ErrorState:
         """Whether it contains an error that is still present."""
         return bool(self.register) or (self.last is not None and not self.last.is_reset)
 
-    def words(self, make: Make = GENERIC) -> str:
+    def words(self, make: DrivePlugin = GENERIC) -> str:
         """Return the errors in one line."""
         return "; ".join((self._register(), self._history(make), self._last(make)))
 
@@ -49,7 +49,7 @@ class ErrorState:
         words = ", ".join(emcy.register_words(self.register)) or "no error"
         return f"error register (1001h) 0x{self.register:02X}: {words}"
 
-    def _history(self, make: Make) -> str:
+    def _history(self, make: DrivePlugin) -> str:
         if self.history is None:
             return "it has no list of errors (1003h)"
         seen: dict[tuple[int, int], ErrorEntry] = {}
@@ -60,7 +60,7 @@ class ErrorState:
         more = f" and {len(several) - _MOST} older" if len(several) > _MOST else ""
         return f"its list of errors (1003h): {told or 'empty'}{more}"
 
-    def _last(self, make: Make) -> str:
+    def _last(self, make: DrivePlugin) -> str:
         if self.last is None:
             return "no EMCY has come since the bus was opened"
         return f"its last EMCY, {self.ago:.1f} s ago: {emcy_words(self.last, make)}"

@@ -12,7 +12,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia302.types import IDENTITY, Address, BootOutcome, Expected, Letter
 from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.objects import PROFILE_NUMBER
-from axisbus.drives.make import GENERIC, Make
+from axisbus.drives.plugin import GENERIC, DrivePlugin
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, BootError, SdoAbort, SdoError
 from axisbus.wording import counted
@@ -219,7 +219,7 @@ def name(objects: NodeObjects) -> str:
         return ""
 
 
-def heading(objects: NodeObjects, found: Mapping[Address, int], make: Make) -> str:
+def heading(objects: NodeObjects, found: Mapping[Address, int], make: DrivePlugin) -> str:
     """Return the title of a device: its name (1008h), else its make, else its device type (1000h); blocks, raises as ``name``."""
     own = name(objects) or (make.name if make is not GENERIC else "")
     return own or device_kind(found.get((o.DEVICE_TYPE, 0))) or "a device without a name"

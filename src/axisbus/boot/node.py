@@ -31,7 +31,7 @@ from axisbus.boot.requests import Answerer, Locals, Nmt
 from axisbus.boot.stop_report import Watchdog, stop_ladder
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell import scale_proposal, sync_window, torque
-from axisbus.cell.axis_description import Drive
+from axisbus.cell.axis_description import Drive, by_make, of_make
 from axisbus.cell.cyclic_modes import carried, feed_forward, led_modes
 from axisbus.cell.io_signals import points_of
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
@@ -50,7 +50,7 @@ from axisbus.cia402.axes import own_index
 from axisbus.cia402.port import Capabilities, ValueTransport
 from axisbus.cia402.state import ENERGISED, PowerState, decode
 from axisbus.drives import registry
-from axisbus.drives.make import Make
+from axisbus.drives.plugin import GENERIC
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, BootError, ConfigError, NodeError, NodeTimeout
@@ -136,9 +136,9 @@ class NodeBoot:
         self._late = late
         self._again = again
         self._report = NodeReport(node_id)
-        self._axes = list(cell.axes_of(node_id))
+        self._axes = [of_make(axis, self._node, eds) for axis in cell.axes_of(node_id)]
         self._power: dict[str, PowerState] = {}
-        self._make: Make = registry.find(None, None)
+        self._make = GENERIC
         self._watch = DriveMonitoringSetup(objects, cell.bus)
         self._parameters: dict[str, AxisParameters] = {}
         self._restarts: int | None = None
@@ -212,8 +212,11 @@ class NodeBoot:
             raise at_step(self._objects.node_id, name, error) from error
 
     def _identify(self, found: Mapping[Address, int]) -> None:
-        vendor, product = (found.get((o301.IDENTITY, sub)) for sub in (o301.VENDOR_ID, o301.PRODUCT_CODE))
-        self._make = registry.find(vendor, product)
+        vendor, product, revision = (
+            found.get((o301.IDENTITY, sub))
+            for sub in (o301.VENDOR_ID, o301.PRODUCT_CODE, o301.REVISION_NUMBER)
+        )
+        self._make = registry.find(vendor, product, revision, self._node.makes)
         with self._comms.trying(1, DEADLINE):  # the name is only shown
             self._report.device = ids.heading(self._objects, found, self._make)
         self._report.identity = ids.text(found)
@@ -381,6 +384,7 @@ class NodeBoot:
                 rated,
                 promises(parameters),
                 demand_text(parameters, how.inputs.get("demand", ValueTransport.NONE)),
+                by_make(self._cell.axes[axis.name], self._node, self._eds),
             )
         )
         return parameters
@@ -457,6 +461,8 @@ class NodeBoot:
         return tuple(modes.short(mode) for mode in shown.modes), shown.doubts
 
     def _read(self, axis: AxisConfig, index: int) -> int | None:
+        if index in (axis.ignored_objects or ()):
+            return None
         return read_int(self._objects, own_index(index, axis.drive_axis))
 
     def _with_following_error(self, axis: AxisConfig, parameters: AxisParameters) -> AxisParameters:
@@ -468,6 +474,8 @@ class NodeBoot:
         return replace(parameters, drive_following_error=window, drive_following_time=time / 1000)
 
     def _option(self, axis: AxisConfig, option: options.OptionCode) -> int | None:
+        if option.index in (axis.ignored_objects or ()):
+            return None
         return read_int(self._objects, own_index(option.index, axis.drive_axis), option.subindex)
 
 

@@ -38,6 +38,7 @@ class AxisReport:
     rated_torque: ScaleReport | None = None
     promises: tuple[Promise, ...] = ()
     demand: str = ""
+    by_make: str = ""  # the keys of the axis that its drive plug-in sets
 
 
 @dataclass(slots=True)
@@ -138,6 +139,7 @@ def _axis_lines(axis: AxisReport) -> list[str]:
             else "NOT synchronous with other axes"
         ),
         *([f"    {'demand':<14}{axis.demand}"] if axis.demand else []),
+        *([f"    {'by its make':<14}{axis.by_make}"] if axis.by_make else []),
         "    stop sequence",
     ]
     width = max(len(row[1]) for row in axis.ladder.rows)
@@ -166,6 +168,7 @@ def _axis(axis: AxisReport) -> dict[str, Any]:
             {"rung": rung, "object": what, "does": text} for rung, what, text in axis.ladder.rows
         ],
         "demand": axis.demand,
+        "by_make": axis.by_make,
         "scale": _compared(axis.scale),
         "rated_torque": None if axis.rated_torque is None else _compared(axis.rated_torque),
         "promises": [{**each._asdict(), "kept": each.kept.value} for each in axis.promises],

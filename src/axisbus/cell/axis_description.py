@@ -3,23 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 from axisbus.cell.drive_limits import limit_writes
-from axisbus.cell.model import AxisConfig, NodeConfig
+from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.writes import CellWrite, implied_writes, initial, known_writes
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects
 from axisbus.cia402.axes import PROFILE_AREA, first_axis, indices_of, own_index
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed, supported
+from axisbus.drives.registry import make_of
 from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.eds.model import Eds, Variable
 
 
+def of_make(axis: AxisConfig, node: NodeConfig, eds: Eds) -> AxisConfig:
+    """Return an axis with the behaviour of its drive's make for each key that the cell file leaves out."""
+    keys = make_of(eds, node.makes).behaviour.of_axis()
+    missing: dict[str, Any] = {key: value for key, value in keys if getattr(axis, key) is None}
+    return replace(axis, **missing) if missing else axis
+
+
+def by_make(axis: AxisConfig, node: NodeConfig, eds: Eds) -> str:
+    """Return what ``of_make`` adds to an axis of the cell file, and the name of the make; empty if it adds nothing."""
+    make = make_of(eds, node.makes)
+    left = {key: None for key, _ in make.behaviour.of_axis() if getattr(axis, key) is not None}
+    added = ", ".join(replace(make.behaviour, lists_modes=True, store_restarts=False, **left).lines())
+    return f"{added} ({make.name})" if added else ""
+
+
+def with_makes(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> CellConfig:
+    """Return a cell whose axes have the behaviour of their makes, where the EDS of their node is known."""
+    axes = {
+        name: of_make(axis, cell.nodes[axis.node], dictionaries[axis.node])
+        if axis.node in dictionaries and axis.node in cell.nodes
+        else axis
+        for name, axis in cell.axes.items()
+    }
+    return replace(cell, axes=axes)
+
+
 @dataclass(frozen=True)
 class Drive:
-    """One axis of a device. Indices are those of a single-axis drive; ``written`` maps the device's own addresses to writes.
+    """One axis of a device, with the behaviour of its make.
 
+    Indices are those of a single-axis drive; ``written`` maps the device's own addresses to writes.
     Settings whose key names no object are left out of ``written``.
     """
 
@@ -32,6 +61,7 @@ class Drive:
     @classmethod
     def of(cls, axis: AxisConfig, node: NodeConfig, eds: Eds) -> Drive:
         """Combine an axis, its node and the node's EDS."""
+        axis = of_make(axis, node, eds)
         dictionary = Dictionary(eds, node.node_id)
         writes = [
             *known_writes(node.objects, dictionary, 1),
@@ -47,18 +77,22 @@ class Drive:
 
     def variable(self, index: int, subindex: int = 0) -> Variable | None:
         """Return an entry of the EDS, None if the EDS does not have it."""
-        return self.eds.get(self.index(index), subindex)
+        return None if self.ignores(index) else self.eds.get(self.index(index), subindex)
 
     def entry(self, index: int, subindex: int = 0) -> DictionaryEntry:
         """Return the entry with the data type for writing it."""
         return self.dictionary.entry(self.index(index), subindex)
 
     def has(self, index: int) -> bool:
-        """Whether the EDS has the object."""
-        return self.index(index) in self.eds
+        """Whether the EDS has the object, and the drive acts on it."""
+        return self.index(index) in self.eds and not self.ignores(index)
+
+    def ignores(self, index: int) -> bool:
+        """Whether the drive has the object, but does not act on it."""
+        return index in (self.axis.ignored_objects or ())
 
     def missing(self, indices: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the ``indices`` that the EDS does not have."""
+        """Return the ``indices`` that the drive does not have."""
         return tuple(index for index in indices if not self.has(index))
 
     def write(self, index: int, subindex: int = 0) -> CellWrite | None:
@@ -67,6 +101,8 @@ class Drive:
 
     def value(self, index: int, subindex: int = 0) -> Value | None:
         """Return the value of an object after boot: the cell file's, else the EDS's, else None."""
+        if self.ignores(index):
+            return None
         write = self.write(index, subindex)
         if write is not None:
             return write.value
@@ -83,7 +119,7 @@ class Drive:
         own = indices_of(self.axis.drive_axis)
         return frozenset(
             first_axis(index) for index in self.eds.objects if index in own or index < PROFILE_AREA.start
-        )
+        ) - frozenset(self.axis.ignored_objects or ())
 
     @property
     def read_only(self) -> frozenset[tuple[int, int]]:

@@ -43,7 +43,10 @@ def schema_of_cells() -> Json:
         "$schema": _DRAFT,
         "title": "axisbus cell file",
         "type": "object",
-        "properties": {name: tables[name] for name in schema.TOP},
+        "properties": {
+            "drives": {**schema.DRIVES.read.json, "description": key_descriptions.DRIVES},
+            **{name: tables[name] for name in schema.TOP},
+        },
         "required": ["bus"],
         "anyOf": [{"required": ["nodes"]}, {"required": ["axes"]}],
         "additionalProperties": False,

@@ -27,6 +27,8 @@ TABLES: Mapping[str, str] = {
     "groups": "Axes that move together and are stopped together by a fault: [groups.xy].",
 }
 
+DRIVES = "Drive files, and folders of drive files: the facts about makes that axisbus does not know."
+
 BUS: Mapping[str, str] = {
     "interface": 'python-can\'s interface: "socketcan", "pcan", "kvaser", "slcan" ...; "sim" runs without hardware.',
     "channel": 'Which adapter: "can0", "PCAN_USBBUS1", 0 ...',
@@ -101,9 +103,10 @@ AXIS: Mapping[str, str] = {
     "standstill_velocity": "Velocity in unit/s below which the axis is at standstill.",
     "standstill_window": "Allowed distance between an axis at standstill and its demand, in units.",
     "following_error": 'Additional allowed distance in motion, in units; "off": 6062h is not compared in motion.',
-    "demand": 'Whether 6062h is the demand of the axis: "use" or "ignore"; without this key, axisbus decides by its '
+    "demand": 'Whether 6062h is the demand of the axis: "use", "ignore", or "auto" (default): axisbus decides by its '
     "behaviour.",
     "modes": "Modes to use, if not all modes of the drive.",
+    "ignored_objects": 'Objects that the drive has but does not act on, such as an option code: "605Dh".',
     "holds_load": 'What holds the load of a vertical axis: "brake" or "torque"; false if no load must be held.',
     "transition_time": "How long one transition of the drive's state machine may take.",
     "mode_time": "How long a mode change may take.",

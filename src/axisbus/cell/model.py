@@ -10,6 +10,7 @@ from typing import Any
 
 from axisbus.cell.can_simple.module import CANOPEN, ModuleConfig
 from axisbus.cia301.cob import SYNC, TIME
+from axisbus.drives.plugin import DrivePlugin
 from axisbus.errors import StateError, UnknownNameError
 from axisbus.toml.tables import SourceLocation as SourceLocation
 from axisbus.units import INCREMENTS as INCREMENTS
@@ -115,7 +116,7 @@ class NodeConfig:
     only reported ("report"). ``rejoin``: whether a node that has returned is booted by a command only ("manual"), or automatically.
     ``serial`` and ``revision`` must match 1018h. ``configuration_date`` (days since 1984-01-01) and
     ``configuration_time`` (ms after midnight) are those of 1020h. ``module``: the settings that a node that speaks CAN Simple needs
-    instead of an EDS; ``firmware`` is its version.
+    instead of an EDS; ``firmware`` is its version. ``makes``: the drive plug-ins of the files that the cell names.
     """
 
     node_id: int
@@ -136,6 +137,7 @@ class NodeConfig:
     program: ProgramConfig | None = None
     objects: tuple[ObjectSetting, ...] = ()
     pdos: tuple[PdoConfig, ...] = ()
+    makes: tuple[DrivePlugin, ...] = ()
     at: SourceLocation = SourceLocation()
 
     @property
@@ -232,7 +234,9 @@ class AxisConfig:
     ``limits_in_drive``: boot writes the limits into the drive as well. ``handshake`` "on-change": bit 12 of the statusword proves
     nothing on this drive; the axis's behaviour shows that the drive has taken a set-point. ``virtual``: the axis has no drive, and
     the core alone generates its motion; its node is 0, which no device has. ``encoder``: the input of ``[io]`` that reports its
-    position. ``following_error`` "off" is infinite. ``demand``: "use" or "ignore" 6062h; None if the drive's behaviour decides.
+    position. ``following_error`` "off" is infinite. ``demand``: "use" or "ignore" 6062h, or judge it by its behaviour ("auto").
+    ``ignored_objects``: objects that the drive has but does not act on. A key that is None has the value of the drive's make, else
+    its default.
     """
 
     name: str
@@ -258,11 +262,12 @@ class AxisConfig:
     following_error: float | None = None
     demand: str | None = None
     modes: tuple[str, ...] | None = None
+    ignored_objects: tuple[int, ...] | None = None
     holds_load: str | None = None
     transition_time: float | None = None
     mode_time: float | None = None
     acknowledge_time: float | None = None
-    handshake: str = "acknowledge"
+    handshake: str | None = None
     defaults: DefaultsConfig = DefaultsConfig()
     homing: HomingConfig = HomingConfig()
     stop: StopConfig = StopConfig()
@@ -368,7 +373,7 @@ class IoConfig:
 
 @dataclass(frozen=True, slots=True)
 class CellConfig:
-    """A whole cell file; ``source`` is its text."""
+    """A whole cell file; ``source`` is its text, ``drive_files`` are the paths of the drive files that it names."""
 
     file: str
     bus: BusConfig
@@ -378,6 +383,7 @@ class CellConfig:
     source: str = ""
     io: Mapping[str, IoConfig] = field(default_factory=dict)
     gantries: Mapping[str, GantryConfig] = field(default_factory=dict)
+    drive_files: tuple[Path, ...] = ()
 
     @property
     def folder(self) -> Path:

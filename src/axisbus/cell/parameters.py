@@ -14,8 +14,8 @@ from axisbus.cell.quantities import units_of
 from axisbus.cia402 import objects, options
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
 from axisbus.cia402.options import Ramp
-from axisbus.drives import registry
-from axisbus.drives.make import Make
+from axisbus.drives.plugin import DrivePlugin
+from axisbus.drives.registry import make_of
 from axisbus.eds.model import Eds
 from axisbus.motion.parameters import (
     AxisLimits,
@@ -40,17 +40,18 @@ _BY_SHORT_NAME = {facts.short: mode for mode, facts in FACTS.items()}
 _HOLDS = {None: HoldsLoad.NO, "brake": HoldsLoad.BRAKE, "torque": HoldsLoad.TORQUE}
 
 
-def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = None) -> AxisParameters:
+def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: DrivePlugin | None = None) -> AxisParameters:
     """Return the parameters of the axis ``name``.
 
     ``eds`` is that of the axis's node; ``make`` None: the one that matches the EDS's identity. Does not block, and raises nothing
     for a cell that ``reader.load`` returned.
     """
-    axis = cell.axes[name]
-    drive = Drive.of(axis, cell.nodes[axis.node], eds)
+    node = cell.nodes[cell.axes[name].node]
+    drive = Drive.of(cell.axes[name], node, eds)
+    axis = drive.axis
     values = {(index, sub): drive.number(index, sub) for index, sub in scale_proposal.OBJECTS}
     units = known_units(axis, values)
-    make = make or registry.find(eds.identity.vendor_id, eds.identity.product_code)
+    make = make or make_of(eds, node.makes)
     return AxisParameters(
         name=name,
         units=units,
@@ -64,7 +65,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         stop_times=stop_times(axis),
         timing=_timing(axis, units),
         holds_load=_HOLDS[axis.holds_load],
-        handshake=Handshake(axis.handshake),
+        handshake=Handshake(axis.handshake or Handshake.ACKNOWLEDGE),
         objects=drive.objects,
         read_only=drive.read_only,
         modes=led_modes(drive, modes(drive)),
@@ -76,7 +77,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         following_error=None
         if axis.following_error == math.inf
         else _increments(axis.following_error, units),
-        demand=DemandUse.AUTO if axis.demand is None else DemandUse(axis.demand),
+        demand=DemandUse(axis.demand or DemandUse.AUTO),
         compares_demand=axis.following_error != math.inf,
         standstill_speed=standstill_speed(axis, units),
         fault_objects=make.fault_objects,
@@ -105,8 +106,8 @@ def modes(drive: Drive, claimed: Collection[ModeOfOperation] | None = None) -> f
     """
     if drive.axis.modes is not None:
         return frozenset(_BY_SHORT_NAME[short] for short in drive.axis.modes)
-    said, who = frozenset(claimed or drive.claimed or ()), drive.eds.identity
-    if said and registry.find(who.vendor_id, who.product_code).lists_modes:
+    said = frozenset(claimed or drive.claimed or ())
+    if said and make_of(drive.eds, drive.node.makes).behaviour.lists_modes:
         return said
     return drive.runnable | said
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,8 @@ from axisbus.cell.model import (
     StopConfig,
 )
 from axisbus.cell.virtual_keys import quick_deceleration
+from axisbus.drives import drive_file
+from axisbus.drives.plugin import DrivePlugin
 from axisbus.errors import ConfigError
 from axisbus.toml import document as toml
 from axisbus.toml import value_readers
@@ -124,7 +127,9 @@ class _Reading(Tables):
 
     def cell(self) -> CellConfig:
         top = self._document.data
-        self._unknown((), top, (*schema.TOP,), "table")
+        makes = self._drive_files(top.get("drives"))
+        self._makes = tuple(makes.values())
+        self._unknown((), top, ("drives", *schema.TOP), "table")
         return CellConfig(
             self._document.file,
             self._bus(top.get("bus")),
@@ -134,6 +139,7 @@ class _Reading(Tables):
             self._document.text,
             {each.name: each for each in self._io(self._table(("io",), top.get("io", {})))},
             {each.name: each for each in self._gantries(self._table(("gantries",), top.get("gantries", {})))},
+            tuple(makes),
         )
 
     def _advice(
@@ -142,6 +148,42 @@ class _Reading(Tables):
         if path[:1] == ("axes",) and len(path) == 3 and key in schema.AXIS:
             return f"it belongs in [{name_of(path[:2])}], before its sub-tables"
         return super()._advice(key, path, known, tables)
+
+    def _drive_files(self, raw: Any) -> dict[Path, DrivePlugin]:
+        """Read the drive files that ``drives`` names, and those in the folders that it names; return the plug-ins by path."""
+        found: dict[Path, DrivePlugin] = {}
+        if raw is None:
+            return found
+        try:
+            names = schema.DRIVES.read(raw)
+        except value_readers.InvalidValue as unfit:
+            self._unfit(("drives",), raw, unfit)
+            return found
+        for number, name in enumerate(names):
+            path: KeyPath = ("drives", number)
+            named = Path(self._document.file).parent / name
+            files = sorted(named.glob("*.toml")) if named.is_dir() else [named]
+            if not files:
+                self._error(
+                    path, f"the folder {name!r} has no drive file", remedy="name a folder with .toml files"
+                )
+            for file in files:
+                plugin, problems = drive_file.read(file)
+                here = f"named in {self._document.file}:{self._document.line(path)}"
+                self.problems += [
+                    each if each.line else replace(each, observed=each.observed or here) for each in problems
+                ]
+                if plugin is None:
+                    continue
+                same = next((other for other, each in found.items() if each.same_drives(plugin)), None)
+                if same is not None:
+                    self._error(
+                        path,
+                        f"{file} and {same} describe the same drives",
+                        remedy="name one of them, or give their product_codes or revisions",
+                    )
+                found[file] = plugin
+        return found
 
     # -- the tables --------------------------------------------------------------------------------------------------
 
@@ -190,7 +232,14 @@ class _Reading(Tables):
             )
         pdos = self._pdos((*path, "pdo"), table.get("pdo", {}))
         program = self._program(path, table)
-        return NodeConfig(node_id, **fields, program=program, objects=self._objects(path, table), pdos=pdos)
+        return NodeConfig(
+            node_id,
+            **fields,
+            program=program,
+            objects=self._objects(path, table),
+            pdos=pdos,
+            makes=self._makes,
+        )
 
     def _module(self, node_id: int, path: KeyPath, table: Fields, fields: Fields, spoken: str) -> NodeConfig:
         """Read a node that does not speak CANopen; all keys of CANopen nodes are refused, whatever their values."""

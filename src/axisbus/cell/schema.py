@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from axisbus.cell.can_simple.module import CAN_SIMPLE, CANOPEN, MODBUS, READERS
 from axisbus.cia301.cob import ID_MASK_11
 from axisbus.cia402 import options
-from axisbus.cia402.modes import FACTS
+from axisbus.drives.drive_file import OF_AXIS
 from axisbus.toml import value_readers as v
 from axisbus.toml.tables import CellKey, Keys
 
@@ -99,13 +99,14 @@ AXIS: Keys = {
     "standstill_velocity": _positive,
     "standstill_window": _positive,
     "following_error": CellKey(v.or_word("off", math.inf, v.positive)),
-    "demand": CellKey(v.words("use", "ignore")),
-    "modes": CellKey(v.names([facts.short for facts in FACTS.values()], "modes")),
+    "demand": OF_AXIS["demand"],
+    "modes": OF_AXIS["modes"],
+    "ignored_objects": OF_AXIS["ignored_objects"],
     "holds_load": CellKey(v.never_true(None, v.words("brake", "torque"))),
-    "transition_time": _step_time,
-    "mode_time": _step_time,
-    "acknowledge_time": _step_time,
-    "handshake": CellKey(v.words("acknowledge", "on-change")),
+    "transition_time": OF_AXIS["transition_time"],
+    "mode_time": OF_AXIS["mode_time"],
+    "acknowledge_time": OF_AXIS["acknowledge_time"],
+    "handshake": OF_AXIS["handshake"],
 }
 
 DEFAULTS: Keys = {
@@ -192,6 +193,7 @@ IO: Keys = {
     "unit": _text,
 }
 
+DRIVES = CellKey(v.list_of(v.text, "drive files and folders of drive files"))
 TOP = ("bus", "nodes", "axes", "groups", "gantries", "io")
 # Tables inside a table; ``None``: the table may have any key.
 BUS_TABLES: Mapping[str, Keys | None] = {"options": None}

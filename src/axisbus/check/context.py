@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from axisbus.cell.axis_description import Drive
+from axisbus.cell.axis_description import Drive, with_makes
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.problem import CellProblem
 from axisbus.cell.writes import initial, known_writes
@@ -20,7 +20,7 @@ NEEDED = (objects.CONTROLWORD, objects.STATUSWORD)  # every axis needs these
 
 @dataclass(frozen=True)
 class CheckContext:
-    """A cell with the EDS of each node whose file could be read.
+    """A cell with the EDS of each node whose file could be read; its axes have the behaviour of their makes.
 
     ``drives`` are the axes of those nodes. ``incomplete`` are the axes without controlword or statusword; each gets one
     finding and no other checks.
@@ -32,6 +32,7 @@ class CheckContext:
     incomplete: tuple[Drive, ...] = field(init=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "cell", with_makes(self.cell, self.eds))
         found = [self._drive(axis) for axis in self.cell.axes.values() if axis.at.sound("node", "drive_axis")]
         drives = [drive for drive in found if drive is not None]
         complete = tuple(drive for drive in drives if not drive.missing(NEEDED))

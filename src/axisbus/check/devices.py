@@ -13,6 +13,8 @@ from axisbus.check.ids.table import UNREADABLE
 from axisbus.cia402 import objects
 from axisbus.configuration.dcf_values import require_within_limits, select
 from axisbus.drives import registry
+from axisbus.drives.plugin import GENERIC
+from axisbus.drives.registry import make_of
 from axisbus.eds import builtin
 from axisbus.eds.model import Eds, EdsFinding, Severity
 from axisbus.errors import ArgumentError, EdsError, LimitError
@@ -112,7 +114,7 @@ def dcf_values(case: CheckContext) -> Problems:
         if node.dcf is None or node.dcf != node.file:
             continue
         line = node.at.of("dcf")
-        make = registry.find(eds.identity.vendor_id, eds.identity.product_code)
+        make = make_of(eds, node.makes)
         try:
             selection = select(eds, node.node_id, make)
         except ArgumentError as error:
@@ -150,6 +152,26 @@ def is_drive(case: CheckContext) -> Problems:
                 f"node {node.node_id} has axes, but by its {node.file_key} it is not a CiA 402 drive",
                 f"1000h (device type) is {device_type:08X}h: profile {device_type & 0xFFFF}, not 402",
                 "name the drive's own EDS, or correct the axis's node",
+            )
+
+
+def failed_plugins(case: CheckContext) -> Problems:
+    """Warn of a drive plug-in that cannot be loaded, if it may be that of a drive whose make is unknown."""
+    unknown = [
+        node
+        for node, eds, _ in case.nodes
+        if any(case.cell.axes_of(node.node_id)) and make_of(eds, node.makes) is GENERIC
+    ]
+    if not unknown:
+        return
+    for source in registry.installed():
+        if source.error:
+            yield case.warning(
+                unknown[0].at.of(unknown[0].file_key),
+                f"the drive plug-in {source.name} cannot be loaded, and the make of "
+                f"{_nodes([node.node_id for node in unknown])} is unknown",
+                f"{source.origin}: {source.error}",
+                source.remedy,
             )
 
 
@@ -230,6 +252,7 @@ CHECKS: tuple[Check, ...] = (
     made_for_node,
     dcf_values,
     is_drive,
+    failed_plugins,
     has_axis,
     one_axis_per_object,
     bitrate,

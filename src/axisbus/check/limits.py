@@ -316,8 +316,15 @@ def by_sight(case: CheckContext) -> Problems:
             f'axis {axis.name}: with handshake = "on-change" the master judges a move by the observed motion of the axis, and '
             f"{titles(missing)} {'is' if len(missing) == 1 else 'are'} missing",
             _unseen(missing),
-            f"if its bit 12 works, leave handshake out of [axes.{axis.name}]",
+            f"if its bit 12 works, {_instead(axis, 'handshake', 'acknowledge')}",
         )
+
+
+def _instead(axis: AxisConfig, key: str, default: str) -> str:
+    """Return how to get the default of a key that the cell file gives, or the make of the drive."""
+    if axis.at.gives(key):
+        return f"leave {key} out of [axes.{axis.name}]"
+    return f'write {key} = "{default}" in [axes.{axis.name}]; now its make sets {key}'
 
 
 def _unseen(missing: tuple[int, ...]) -> str:
@@ -339,7 +346,7 @@ def demands(case: CheckContext) -> Problems:
                 axis.at.of("demand"),
                 f'axis {name}: demand = "use", and its drive has no 6062h (position demand value)',
                 "the demand is then known only in the modes in which the master sends the targets",
-                f"leave demand out of [axes.{name}], or use an EDS that has 6062h",
+                f"{_instead(axis, 'demand', 'auto')}, or use an EDS that has 6062h",
             )
         if axis.demand == DemandUse.IGNORE.value:
             yield case.note(

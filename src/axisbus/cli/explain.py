@@ -35,11 +35,13 @@ def command(name: str | None) -> int:
     axisbus explain FollowingError
     axisbus explain 0x06090030
     axisbus explain 8611h
+
+    For an error code, the texts of the drive plug-ins follow (axisbus drives list).
     """
     if name is None:
         _list()
         return OK
-    _show(_wanted(name))
+    _show(_wanted(name), _by_makes(name))
     return OK
 
 
@@ -61,9 +63,20 @@ def _wanted(name: str) -> Symptom:
     return symptom
 
 
-def _show(symptom: Symptom) -> None:
+def _by_makes(name: str) -> list[str]:
+    """Return what the drive plug-ins say about an error code; an empty list for anything else."""
+    code = lookup.error_code(name)
+    if code is None:
+        return []
+    from axisbus.drives import registry
 
+    return [f"{plugin.name}: {text}" for plugin in registry.plugins() for text in plugin.explain(code, {})]
+
+
+def _show(symptom: Symptom, by_makes: list[str]) -> None:
     text = markdown(symptom)
+    if by_makes:
+        text += "\n" + "\n".join(_section("This code in drives of known makes", by_makes)) + "\n"
     if not coloured():
         say(text.rstrip())
         return

@@ -18,6 +18,7 @@ COMMANDS = {
         "List the example programs and cell files, or copy them into a folder.",
     ),
     "eds": ("axisbus.cli.eds.group", "Check, fix, show, compare and document EDS and DCF files."),
+    "drives": ("axisbus.cli.drives", "List the drive plug-ins, show one, and check a drive file."),
     "check": ("axisbus.cli.check", "Find the errors and dangers in a cell file before the first frame."),
     "report": ("axisbus.cli.report", "Collect in one archive what a report of a fault needs."),
     "explain": ("axisbus.cli.explain", "Print the meaning of a symptom, and what to check."),

@@ -61,7 +61,7 @@ class ReportItem(NamedTuple):
 def command(
     cell: Path, files: tuple[Path, ...], output: Path, without_eds: bool, yes: bool, force: bool
 ) -> int:
-    """Collect in one archive what others need to understand a fault: versions, CELL, its EDS and DCF files, the findings of
+    """Collect in one archive what others need to understand a fault: versions, CELL, its EDS, DCF and drive files, the findings of
     axisbus check, the journal of its core, the newest stored faults, and each FILE (a log, a recording).
 
     Names of this computer, of the user and of the home directory, and serial numbers, are replaced in texts. Recordings are not
@@ -109,7 +109,7 @@ def _versions() -> ReportItem:
 
 
 def _of_cell(path: Path, without_eds: bool) -> Iterable[ReportItem]:
-    """Yield the cell file, its findings, its EDS and DCF files, the journal and the faults; less if the cell file is faulty."""
+    """Yield the cell file, its findings, its EDS, DCF and drive files, journal and faults; less if the cell file is faulty."""
     yield _read(path, "cell.toml")
     yield ReportItem("check.txt", "\n".join(map(str, check(path))).encode())
     cell, _ = reader.read(path)
@@ -122,6 +122,7 @@ def _of_cell(path: Path, without_eds: bool) -> Iterable[ReportItem]:
         place = builtin.resolve(file, cell.folder)
         if place.is_file():  # else the findings report it
             yield _read(place, f"eds/{place.name}")
+    yield from (_read(file, f"drives/{file.name}") for file in cell.drive_files)
     try:
         log, faults = journal.path_of(path_of(cell)), journal.faults_of(path_of(cell))
     except StateError:  # there is no place where anything could have been stored

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from axisbus.errors import BusError
 
 _NUMBERS = ("vendor", "product", "revision", "serial")
+_FACTS = ("make", *_NUMBERS)
 Given = tuple[Path | None, str | None, str | None, int | None, tuple[str, ...]]
 
 
@@ -83,7 +84,7 @@ def _scan(given: Given, others: ProtocolListener) -> tuple[list[DiscoveredNode],
 
 def _plain(node: DiscoveredNode) -> dict[str, Any]:
     nmt = node.nmt.text if node.nmt is not None else None
-    return {"protocol": "CANopen", **asdict(node), "nmt": nmt}
+    return {"protocol": "CANopen", **asdict(node), "nmt": nmt, "make": _make(node) or None}
 
 
 def _elsewhere(heard: BitRateTraffic | None) -> list[dict[str, Any]]:
@@ -97,7 +98,7 @@ def _elsewhere(heard: BitRateTraffic | None) -> list[dict[str, Any]]:
 
 def _show(found: list[DiscoveredNode]) -> None:
     if coloured() and found:
-        say_table(("node", "kind", "device", "state", *_NUMBERS), [_row(node) for node in found])
+        say_table(("node", "kind", "device", "state", *_FACTS), [_row(node) for node in found])
     else:
         for node in found:
             _lines(node)
@@ -115,20 +116,34 @@ def _next(given: Given) -> None:
 def _lines(node: DiscoveredNode) -> None:
     number, kind, name, state, *_ = _row(node)
     say(f"{number:>4}  {kind:<24}  {name:<20}  {state}")
-    if numbers := _numbers(node):
-        say(f"      {', '.join(f'{title} {value}' for title, value in numbers.items())}")
+    if facts := _facts(node):
+        say(f"      {', '.join(f'{title} {value}' for title, value in facts.items())}")
 
 
 def _row(node: DiscoveredNode) -> tuple[str, ...]:
     """Return a node's columns; values that it does not report are empty."""
     state = node.nmt.text if node.nmt is not None else "no heartbeat"
-    numbers = _numbers(node)
+    facts = _facts(node)
     who = (str(node.node_id), node.kind or "does not answer SDO", node.identity.device_name or "", state)
-    return (*who, *(numbers.get(title, "") for title in _NUMBERS))
+    return (*who, *(facts.get(title, "") for title in _FACTS))
 
 
-def _numbers(node: DiscoveredNode) -> dict[str, str]:
-    """Return the entries of 1018h that it has reported, by name."""
+def _make(node: DiscoveredNode) -> str:
+    """Return the name of the make of a drive, empty if no drive plug-in matches its identity."""
+    from axisbus.drives import registry
+    from axisbus.drives.plugin import GENERIC
+
+    who = node.identity
+    make = registry.find(who.vendor_id, who.product_code, who.revision)
+    return "" if make is GENERIC else make.name
+
+
+def _facts(node: DiscoveredNode) -> dict[str, str]:
+    """Return the make, and the entries of 1018h that the node has reported, by name."""
     who = node.identity
     values = (who.vendor_id, who.product_code, who.revision, who.serial)
-    return {title: f"0x{value:X}" for title, value in zip(_NUMBERS, values, strict=True) if value is not None}
+    numbers = {
+        title: f"0x{value:X}" for title, value in zip(_NUMBERS, values, strict=True) if value is not None
+    }
+    make = _make(node)
+    return {"make": make, **numbers} if make else numbers

@@ -11,7 +11,7 @@ from axisbus.cia301.datatypes import DataType, encode
 from axisbus.cia301.pdo import MAX_BITS
 from axisbus.cia402.objects import order
 from axisbus.configuration.write_order import by_pdo
-from axisbus.drives.make import Make
+from axisbus.drives.plugin import DrivePlugin
 from axisbus.eds import assign
 from axisbus.eds.concise_dcf_values import check_understood
 from axisbus.eds.io.reader import EdsParseResult
@@ -87,7 +87,7 @@ class Selection:
 def select(
     eds: Eds,
     node_id: int,
-    make: Make,
+    make: DrivePlugin,
     include: Collection[Key] = (),
     exclude: Collection[Key] = (),
 ) -> Selection:
@@ -200,7 +200,7 @@ def _require_known(eds: Eds, given: Collection[Key], asked: Key) -> None:
 
 
 def _skipped(
-    eds: Eds, variable: Variable, node_id: int, make: Make, included: bool, excluded: bool
+    eds: Eds, variable: Variable, node_id: int, make: DrivePlugin, included: bool, excluded: bool
 ) -> SkippedValue | None:
     key = variable.index, variable.subindex
     reasons = (

@@ -10,7 +10,7 @@ from axisbus.cia301 import objects as o
 from axisbus.clock import poll_until
 from axisbus.configuration import compare, guarded_write
 from axisbus.drives import registry
-from axisbus.drives.make import Make
+from axisbus.drives.plugin import DrivePlugin
 from axisbus.errors import NodeError, NodeTimeout, SdoAbort, SdoTimeout, StateError
 
 OBJECT = "1010h:01 (Save all parameters)"  # CiA 301 7.5.2.13
@@ -39,7 +39,7 @@ def keep(node: CanopenNode, tell: Tell | None = None) -> StoreResult:
     """
     _require_at_rest(node)
     who = node.identity()
-    make = registry.find(who.vendor_id, who.product_code)
+    make = registry.find(who.vendor_id, who.product_code, who.revision)
     variables = [] if node.eds is None else list(compare.entries(node.eds))
     before = compare.of_device(node, variables, _phase(tell, f"reading node {node.node_id}"))
     storing = _phase(tell, f"node {node.node_id} stores")
@@ -114,7 +114,7 @@ def can_store(node: CanopenNode) -> str:
     return "it stores automatically (1010h:01)" if flags & BY_ITSELF else "by 1010h:01 it does not store"
 
 
-def store(node: CanopenNode, make: Make) -> Stored:
+def store(node: CanopenNode, make: DrivePlugin) -> Stored:
     """Store all parameters and wait until the node answers again; blocks for up to about 30 s.
 
     Raises:
@@ -143,9 +143,9 @@ def store(node: CanopenNode, make: Make) -> Stored:
     return Stored(restarted, clock.now() - begin)
 
 
-def _restarts(node: CanopenNode, boots: int, make: Make) -> bool:
+def _restarts(node: CanopenNode, boots: int, make: DrivePlugin) -> bool:
     clock = node.channel.clock
-    deadline = clock.now() + (RESTART_TIME if make.store_restarts else RESTART_SEEN)
+    deadline = clock.now() + (RESTART_TIME if make.behaviour.store_restarts else RESTART_SEEN)
     return poll_until(clock, lambda: node.nmt.bootups != boots, deadline, _SLICE)
 
 

@@ -44,6 +44,7 @@ from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.process.bus_factory import reach
 from axisbus.core.realtime_setup import SPIN
 from axisbus.core.simulated_nodes import SimulatedNode, devices
+from axisbus.drives.registry import make_of
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError
 from axisbus.link import NodeShutdown, StopResult, Unsafe
@@ -304,9 +305,9 @@ class CanLink:
         plans = tuple(port.plan for port in ports)
         io = self._comms[node_id].io
         plans = plans if io is None else (*plans, io.plan)
-        return NodeParts(
-            node_id, self._dictionaries[node_id], node.sdo, node, self.clock, plans, self._events.get(node_id)
-        )
+        eds, events = self._dictionaries[node_id], self._events.get(node_id)
+        make = make_of(eds, self._cell.nodes[node_id].makes)
+        return NodeParts(node_id, eds, node.sdo, node, self.clock, plans, events, make=make)
 
 
 def _own(cell: CellConfig, stack: ExitStack) -> None:

@@ -10,6 +10,7 @@ from axisbus.boot.objects import NodeObjects
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.plan import PdoPlan
 from axisbus.clock import Clock
+from axisbus.drives.plugin import GENERIC, DrivePlugin
 from axisbus.eds.model import Eds
 
 
@@ -29,7 +30,8 @@ class NodeParts:
     """``node`` is a ``CanopenNode``; ``clock`` is that of its messages.
 
     ``plans`` are its PDOs, axis by axis; ``events`` is None if the node did not come up. ``has_objects``: whether it has an object
-    dictionary, which ``eds`` describes. If it has none, ``eds`` describes its axis.
+    dictionary, which ``eds`` describes. If it has none, ``eds`` describes its axis. ``make`` is the drive plug-in by the
+    identity in ``eds``.
     """
 
     node_id: int
@@ -40,3 +42,4 @@ class NodeParts:
     plans: tuple[PdoPlan, ...] = ()
     events: NodeEventSource | None = None
     has_objects: bool = True
+    make: DrivePlugin = GENERIC

@@ -24,6 +24,7 @@ from axisbus.bus.cycle import send_bounded
 from axisbus.bus.node import nmt
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.parallel import in_parallel
+from axisbus.cell.axis_description import of_make
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.parameters import highest_speed, standstill_speed, stop_times
 from axisbus.cell.quantities import units_of
@@ -55,9 +56,15 @@ def stop_nodes(
 ) -> list[StopResult]:
     """Stop the axes of these names, all nodes at the same time, and return the result of each; blocks as ``NodeStop.run``."""
     nodes = list(nodes)
-    axes = [[axis for axis in cell.axes_of(node.node_id) if axis.name in names] for node in nodes]
+    axes = [axes_to_stop(cell, node, names) for node in nodes]
     results = in_parallel(clock, lambda node, own: NodeStop(node, own).run(), nodes, axes)
     return [result for node in results for result in node]
+
+
+def axes_to_stop(cell: CellConfig, node: CanopenNode, names: Collection[str]) -> list[AxisConfig]:
+    """Return the axes of a node with these names; with the behaviour of their make, if the node's EDS is known."""
+    axes = [axis for axis in cell.axes_of(node.node_id) if axis.name in names]
+    return axes if node.eds is None else [of_make(axis, cell.nodes[node.node_id], node.eds) for axis in axes]
 
 
 class NodeStop:

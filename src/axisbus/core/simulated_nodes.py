@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from contextlib import AbstractContextManager
 
 from axisbus.cell.model import CellConfig
-from axisbus.drives import registry
+from axisbus.drives.plugin import DrivePlugin
+from axisbus.drives.registry import make_of
 from axisbus.eds.model import Eds
 from axisbus.errors import ConfigError
 from axisbus.sim.build import device_from_eds
@@ -58,12 +59,14 @@ def devices(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[int, Devi
             f"[bus.options] {_KEY} = {bare!r} is not a list of nodes of this cell",
             remedy=f"write some of {sorted(cell.nodes)}, such as {_KEY} = [{min(cell.nodes, default=1)}]",
         )
-    return {node_id: _device(node_id, eds, bare=node_id in bare) for node_id, eds in dictionaries.items()}
+    return {
+        node_id: _device(node_id, eds, make_of(eds, cell.nodes[node_id].makes), bare=node_id in bare)
+        for node_id, eds in dictionaries.items()
+    }
 
 
-def _device(node_id: int, eds: Eds, *, bare: bool) -> Device:
+def _device(node_id: int, eds: Eds, make: DrivePlugin, *, bare: bool) -> Device:
     own, serial = (NO_NODE_ID, node_id) if bare else (node_id, None)
     device = device_from_eds(eds, own, seed=node_id, serial=serial)
-    make = registry.find(eds.identity.vendor_id, eds.identity.product_code)
-    device.dials.reboot_on_store = make.store_restarts
+    device.dials.reboot_on_store = make.behaviour.store_restarts
     return device

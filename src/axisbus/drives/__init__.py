@@ -1,6 +1,5 @@
-"""Drive plug-ins: properties of a vendor's drive family, such as identity, fault tables and quirks."""
+"""Drive plug-ins: properties of a vendor's drive family, such as identity, fault tables and deviations from CiA 402."""
 
-from axisbus.drives.make import GENERIC, Make
-from axisbus.drives.registry import MAKES, find
+from axisbus.drives.plugin import Behaviour, DrivePlugin, FaultObject, FaultTexts, MeasuredObject
 
-__all__ = ["GENERIC", "MAKES", "Make", "find"]
+__all__ = ["Behaviour", "DrivePlugin", "FaultObject", "FaultTexts", "MeasuredObject"]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from axisbus.cia301 import emcy as cia301
 from axisbus.cia301.emcy import Emcy, ErrorEntry
 from axisbus.cia301.incident import Incident, IncidentState
-from axisbus.drives.make import GENERIC, Make
+from axisbus.drives.plugin import GENERIC, DrivePlugin
 from axisbus.wording import counted
 
 _ERROR_REGISTER = (0x1001, 0)
 
 
-def emcy_words(emcy: Emcy, make: Make = GENERIC) -> str:
+def emcy_words(emcy: Emcy, make: DrivePlugin = GENERIC) -> str:
     """Return one message as a line: code and text, error register, the manufacturer's five bytes, and the plug-in's explanation."""
     if emcy.is_reset:
         left = cia301.register_words(emcy.register)
@@ -24,7 +24,7 @@ def emcy_words(emcy: Emcy, make: Make = GENERIC) -> str:
     return "; ".join([*texts, *make.explain(emcy.code, {_ERROR_REGISTER: emcy.register})])
 
 
-def incident_words(incident: Incident, make: Make = GENERIC, now: float | None = None) -> list[str]:
+def incident_words(incident: Incident, make: DrivePlugin = GENERIC, now: float | None = None) -> list[str]:
     """Return an incident as lines: its outcome, then each message with its time after the fault.
 
     ``now`` (seconds of the messages' clock) adds the time since it began.
@@ -45,6 +45,6 @@ def _standing(incident: Incident) -> str:
     return f"recovered after {incident.lasted:.3f} s {how}"
 
 
-def history_words(entry: ErrorEntry, make: Make = GENERIC) -> str:
+def history_words(entry: ErrorEntry, make: DrivePlugin = GENERIC) -> str:
     """Return one entry of 1003h as a line, with the plug-in's explanation of its code."""
     return "; ".join([str(entry), *make.explain(entry.code, {})])

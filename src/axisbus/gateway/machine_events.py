@@ -15,7 +15,6 @@ from axisbus.bus.node.events import BAD, NodeEvent
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.incident import TOGETHER, Incident
 from axisbus.drives.emcy_text import emcy_words
-from axisbus.drives.registry import make_of
 from axisbus.errors import AxisbusError, seen_of
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
@@ -194,7 +193,7 @@ def _of_node(node: NodeAccess, axes: tuple[str, ...], now: float) -> Iterator[_F
 
 def _emcy(node: NodeAccess, axes: tuple[str, ...], emcy: Emcy) -> MachineEvent:
     severity: Severity = "info" if emcy.is_reset else "warning"
-    text = f"EMCY {emcy_words(emcy, make_of(node.eds, node.node_id))}"
+    text = f"EMCY {emcy_words(emcy, node.parts.make)}"
     return MachineEvent(emcy.stamp, MachineEventKind.EMCY, severity, text, f"node {node.node_id}", axes)
 
 

@@ -22,8 +22,7 @@ from axisbus.cia301.pdo import PdoLocation
 from axisbus.cia402.axes import own_index
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.drives.emcy_text import history_words, incident_words
-from axisbus.drives.make import STANDARD_MEASURED, Make, MeasuredObject
-from axisbus.drives.registry import make_of
+from axisbus.drives.plugin import STANDARD_MEASURED, DrivePlugin, MeasuredObject
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import NodeTimeout, StateError
@@ -112,7 +111,7 @@ class NodeAccess:
         self._node = parts.node
         self._clock = parts.clock
         self._events = parts.events
-        self._make = make_of(eds, node_id)
+        self._make = parts.make
 
     def __repr__(self) -> str:
         product = self.eds.info.get("deviceinfo", {}).get("productname", "") or self._make.name
@@ -278,7 +277,7 @@ def _cyclic(plans: tuple[PdoPlan, ...]) -> frozenset[tuple[int, int]]:
 # Values of a drive that are not cyclic: temperature, voltage, current, by standard objects or those of the drive plug-in.
 
 
-def measure(what: str, objects: NodeObjects, eds: Eds, make: Make, drive_axis: int = 1) -> float:
+def measure(what: str, objects: NodeObjects, eds: Eds, make: DrivePlugin, drive_axis: int = 1) -> float:
     """Read ``what`` (``temperature`` in °C, ``voltage`` in V, ``current`` in A) of a drive's axis (from 1); blocks.
 
     Raises:

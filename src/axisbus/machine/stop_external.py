@@ -30,7 +30,7 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.core.can_simple.stop import stop_modules
 from axisbus.core.canlink import open_channel
 from axisbus.core.files import load_dictionaries
-from axisbus.core.node_stop import NodeStop
+from axisbus.core.node_stop import NodeStop, axes_to_stop
 from axisbus.core.process.listener import (
     StopAnswer,
     StopRequest,
@@ -169,7 +169,7 @@ def _stop_modules(cell: CellConfig, channel: Channel, names: Collection[str]) ->
 
 
 def _stop(cell: CellConfig, node: CanopenNode, names: Collection[str]) -> list[StopResult]:
-    axes = [axis for axis in cell.axes_of(node.node_id) if axis.name in names]
+    axes = axes_to_stop(cell, node, names)
     results = NodeStop(node, axes).run()
     if not all(result.ok for result in results):
         return results

@@ -19,7 +19,7 @@ from axisbus.cell import scale_proposal
 from axisbus.cell.model import SIMULATED, BusConfig
 from axisbus.cia402 import homing, options
 from axisbus.cia402 import objects as o
-from axisbus.drives.make import Make
+from axisbus.drives.plugin import DrivePlugin
 from axisbus.scaffold.device_probe import ProbedAxis
 from axisbus.scaffold.match import FileMatch
 from axisbus.wording import counted
@@ -48,7 +48,7 @@ class NodeFound:
     match: FileMatch
     specs: tuple[str, ...]
     axes: tuple[ProbedAxis, ...]
-    make: Make
+    make: DrivePlugin
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from axisbus.drives import registry
 from axisbus.eds import builtin, load
 from axisbus.eds.model import Eds
 from axisbus.errors import EdsError, UserError
@@ -37,7 +38,9 @@ class FileMatch:
 
 
 def collect(folders: Iterable[Path]) -> tuple[list[CandidateFile], list[str]]:
-    """Read each EDS and DCF in these folders and below, and the built-in ones; return the files and the errors of unreadable ones.
+    """Read each EDS and DCF in these folders and below, the built-in ones, and those of the drive plug-ins.
+
+    Return the files and the errors of unreadable ones.
 
     Raises:
         UserError: a path is neither a folder nor a file, or holds too many files.
@@ -46,7 +49,8 @@ def collect(folders: Iterable[Path]) -> tuple[list[CandidateFile], list[str]]:
         CandidateFile(f"{builtin.PREFIX}{name}", load(builtin.PREFIX + name)) for name in builtin.names()
     ]
     problems: list[str] = []
-    for path in _files(folders):
+    of_plugins = [Path(file) for plugin in registry.plugins() for file in plugin.eds_files]
+    for path in (*_files(folders), *of_plugins):
         try:
             found.append(CandidateFile(str(path), load(path)))
         except EdsError as error:

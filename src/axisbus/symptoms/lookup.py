@@ -77,12 +77,24 @@ def _by_class(word: str) -> str | None:
     return next((page for name, page in _BY_CLASS.items() if name.lower() == word.lower()), None)
 
 
+def error_code(word: str) -> int | None:
+    """Return the error code (603Fh, EMCY) that a word of four hexadecimal digits is (8611h, 0x8611); None for another word."""
+    digits = _digits(word)
+    return int(digits, 16) if len(digits) == 4 else None
+
+
 def _by_number(word: str) -> str | None:
-    digits = word.lower().removeprefix("0x").removesuffix("h")
-    if len(digits) not in (4, 7, 8) or not all(each in "0123456789abcdef" for each in digits):
+    digits = _digits(word)
+    if len(digits) not in (4, 7, 8):
         return None
     code = int(digits, 16)
     return page_of_fault(code) if len(digits) == 4 else page_of_abort(code) or _BY_CLASS["SdoAbort"]
+
+
+def _digits(word: str) -> str:
+    """Return the hexadecimal digits of a word, empty if it has other characters."""
+    digits = word.lower().removeprefix("0x").removesuffix("h")
+    return digits if all(each in "0123456789abcdef" for each in digits) else ""
 
 
 def words() -> Iterable[str]:

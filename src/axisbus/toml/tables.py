@@ -87,7 +87,10 @@ class Tables:
                     faulty.add(name)
             elif key.missing:
                 self._error(
-                    path, f"{name} is missing in [{name_of(path)}]", remedy=f"add {key.missing}", rule=MISSING
+                    path,
+                    f"{name} is missing in {self._where(path)}",
+                    remedy=f"add {key.missing}",
+                    rule=MISSING,
                 )
                 faulty.add(name)
         lines = {name: self._document.line((*path, name)) for name in table}
@@ -130,9 +133,13 @@ class Tables:
         for key in table:
             if key in known:
                 continue
-            where = f"[{name_of(path)}]" if path else f"a {self._document.kind}"
             remedy = self._advice(key, path, known, tables or {})
-            self._error((*path, key), f"unknown {what} {key[:80]!r} in {where}", remedy=remedy, rule=UNKNOWN)
+            message = f"unknown {what} {key[:80]!r} in {self._where(path)}"
+            self._error((*path, key), message, remedy=remedy, rule=UNKNOWN)
+
+    def _where(self, path: KeyPath) -> str:
+        """Return the name of a table in brackets; the kind of file, if ``path`` is empty."""
+        return f"[{name_of(path)}]" if path else f"a {self._document.kind}"
 
     def _advice(
         self, key: str, path: KeyPath, known: tuple[str, ...], tables: Mapping[str, Keys | None]
@@ -149,7 +156,7 @@ class Tables:
 
     def _unfit(self, path: KeyPath, raw: Any, unfit: value_readers.InvalidValue) -> None:
         key = path[-1]
-        message = f"{key} in [{name_of(path[:-1])}] cannot be used"
+        message = f"{key} in {self._where(path[:-1])} cannot be used"
         observed = f"it is {value_readers.told(raw)}; expected {unfit.expected}"
         self._error(path, message, observed, unfit.remedy or f"correct {key}", UNFIT)
 

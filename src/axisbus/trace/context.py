@@ -12,8 +12,8 @@ from axisbus.cell.pdo_plan import travelling
 from axisbus.cell.quantities import Quantities
 from axisbus.check.context import CheckContext
 from axisbus.cia301.pdo import PdoConfiguration
-from axisbus.drives import registry
-from axisbus.drives.make import GENERIC, Make
+from axisbus.drives.plugin import GENERIC, DrivePlugin
+from axisbus.drives.registry import make_of
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 
@@ -34,7 +34,7 @@ class KnownNode:
     name: str = ""
     dictionary: Dictionary = field(default_factory=Dictionary)
     pdos: tuple[DirectedPdo, ...] = ()
-    make: Make = GENERIC
+    make: DrivePlugin = GENERIC
 
 
 @dataclass(frozen=True)
@@ -73,13 +73,12 @@ def _axes(cell: CellConfig, node_id: int) -> str:
 def _node(node: NodeConfig, eds: Eds, name: str = "", planned: tuple[DirectedPdo, ...] = ()) -> KnownNode:
     device = pdo_tables.device_pdos(node, eds)
     own = [DirectedPdo(True, pdo) for pdo in device.rpdos] + [DirectedPdo(False, pdo) for pdo in device.tpdos]
-    identity = eds.identity
     return KnownNode(
         node.node_id,
         name,
         Dictionary(eds, node.node_id),
         tuple(_merged(planned, own)),
-        registry.find(identity.vendor_id, identity.product_code),
+        make_of(eds, node.makes),
     )
 
 

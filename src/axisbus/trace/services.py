@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from axisbus.cia301 import emcy
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.drives.make import Make
+from axisbus.drives.plugin import DrivePlugin
 from axisbus.wording import counted
 
 _STATES = frozenset({NmtState.STOPPED, NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL})
@@ -58,7 +58,7 @@ def time(data: bytes) -> Words:
     return Words(moment.isoformat(sep=" ", timespec="milliseconds"))
 
 
-def emergency(data: bytes, make: Make) -> Words:
+def emergency(data: bytes, make: DrivePlugin) -> Words:
     """Decode an emergency message, with the texts of the standard and of the drive plug-in."""
     if len(data) < 2:
         return Words(

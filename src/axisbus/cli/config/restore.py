@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from axisbus.bus.node.node import CanopenNode, NodeIdentity
     from axisbus.configuration.dcf_values import Item, Selection
     from axisbus.configuration.restore import Restore, RestoreReport, Result
-    from axisbus.drives.make import Make
+    from axisbus.drives.plugin import DrivePlugin
     from axisbus.eds.model import Eds, Identity, Variable
 
 
@@ -134,7 +134,9 @@ def _concise_values(file: str, files: NodeFiles, node_id: int) -> Eds:
 # -- the run -----------------------------------------------------------------------------------------------------------
 
 
-def _selection(eds: Eds, node_id: int, who: Identity | NodeIdentity, wish: _Wish) -> tuple[Selection, Make]:
+def _selection(
+    eds: Eds, node_id: int, who: Identity | NodeIdentity, wish: _Wish
+) -> tuple[Selection, DrivePlugin]:
     """Select the values of the file for a device: the one that the file names, or the present one; also return its plug-in.
 
     Raises:
@@ -143,7 +145,7 @@ def _selection(eds: Eds, node_id: int, who: Identity | NodeIdentity, wish: _Wish
     from axisbus.configuration.dcf_values import select
     from axisbus.drives import registry
 
-    make = registry.find(who.vendor_id, who.product_code)
+    make = registry.find(who.vendor_id, who.product_code, who.revision)
     return select(eds, node_id, make, wish.include, wish.exclude), make
 
 
@@ -194,7 +196,7 @@ def _ready(device: CanopenNode, wish: _Wish) -> str:
 
 
 def _carry_out(
-    device: CanopenNode, restore: Restore, make: Make, wish: _Wish, found: dict[str, Any]
+    device: CanopenNode, restore: Restore, make: DrivePlugin, wish: _Wish, found: dict[str, Any]
 ) -> RestoreReport:
     """Write, store if requested, and read back; ``found`` gets the result of storing."""
     from axisbus.configuration import store_parameters

@@ -14,6 +14,7 @@ from axisbus.cia402.port import Port
 from axisbus.core.can_simple.module_port import ModuleFrameSource, ModuleSender, NoObjects
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
+from axisbus.drives.registry import make_of
 
 
 class ModuleChannel(BootChannel, ModuleFrameSource, Protocol):
@@ -79,14 +80,16 @@ class CanSimpleModules:
     def parts(self, node_id: int) -> NodeParts:
         """As ``CellConnection.parts``."""
         sender = self._senders[node_id]
+        eds = description(sender.port.settings)
         return NodeParts(
             node_id,
-            description(sender.port.settings),
+            eds,
             NoObjects(node_id),
             sender.node,
             self._channel.clock,
             events=self._events.get(node_id),
             has_objects=False,
+            make=make_of(eds),
         )
 
     def close(self) -> None:

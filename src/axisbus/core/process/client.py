@@ -31,6 +31,7 @@ from axisbus.core.process.rpc_client import RpcClient
 from axisbus.core.process.session import Errors, RemoteSession
 from axisbus.core.process.shared_counters import SharedCounters
 from axisbus.core.process.trajectory_feeder import Feeder
+from axisbus.drives.registry import make_of
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
 from axisbus.ipc import messages as m
@@ -206,6 +207,7 @@ class RemoteCore:
             facts.plans,
             events,
             has_objects=self._cell.nodes[node_id].module is None,
+            make=make_of(self._dictionaries[node_id], self._cell.nodes[node_id].makes),
         )
 
     # -- messages of the core ------------------------------------------------------------------------------------------

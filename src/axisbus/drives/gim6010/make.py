@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.drives.gim6010 import faults
-from axisbus.drives.make import Make, MeasuredObject
+from axisbus.drives.plugin import Behaviour, DrivePlugin, MeasuredObject
 
 VENDOR_ID = 0x000C0B00  # CyberBeast
 
@@ -13,13 +13,15 @@ POLE_PAIRS = 14
 COUNTS_PER_OUTPUT_TURN = COUNTS_PER_ROTOR_TURN * GEAR_RATIO
 
 # Product codes are not published: every drive of this vendor gets this plug-in.
-GIM6010 = Make(
+GIM6010 = DrivePlugin(
     name="GIM6010-8",
     vendor_id=VENDOR_ID,
     fault_objects=faults.OBJECTS,
     explain=faults.explain,
-    lists_modes=False,  # 0x761 would be pp, hm, ip, csv, cst and cstca, without pv and csp
-    store_restarts=True,  # manual 3.1.6: it reboots, and unsaved communication settings are lost
+    behaviour=Behaviour(
+        lists_modes=False,  # 0x761 would be pp, hm, ip, csv, cst and cstca, without pv and csp
+        store_restarts=True,  # manual 3.1.6: it reboots, and unsaved communication settings are lost
+    ),
     calibration_objects=(),  # not published: no known object starts a calibration over CANopen
     scale_proposal=(
         f"GIM6010-8: {COUNTS_PER_ROTOR_TURN} counts per turn of the rotor, gear {GEAR_RATIO}:1; if 6064h counts the rotor, "
@@ -36,3 +38,5 @@ GIM6010 = Make(
         "its multi-turn position may be off by a part of a turn after power-up: home it, or confirm the position",
     ),
 )
+
+PLUGIN = GIM6010

@@ -23,7 +23,6 @@ from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.process.persistence.journal import FAULT, faults_of, folder_of
 from axisbus.core.process.publisher import Publisher
 from axisbus.drives.emcy_text import incident_words
-from axisbus.drives.registry import make_of
 from axisbus.ipc.image import ImageReader
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record import fault_file
@@ -159,4 +158,4 @@ class _Node:
 
     def format_incident(self, incident: Incident) -> list[str]:
         """Return an incident as lines."""
-        return incident_words(incident, make_of(self._parts.eds, self._parts.node_id))
+        return incident_words(incident, self._parts.make)

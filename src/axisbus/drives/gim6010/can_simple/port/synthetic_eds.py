@@ -14,7 +14,7 @@ from axisbus.drives.gim6010.can_simple.port import error_words
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.make import GIM6010, VENDOR_ID
-from axisbus.drives.make import Make
+from axisbus.drives.plugin import DrivePlugin
 from axisbus.eds.io.reader import loads
 from axisbus.eds.model import Eds
 
@@ -44,7 +44,7 @@ DefaultValue={VENDOR_ID:#x}
 """
 
 # The plug-in of the emulated drive: its faults are read and explained differently from those of a CANopen GIM6010-8.
-MAKE = Make(
+MAKE = DrivePlugin(
     name=f"{GIM6010.name} (CAN Simple)",
     vendor_id=VENDOR_ID,
     fault_objects=error_words.ADDRESSES,
