@@ -97,6 +97,7 @@ FOREIGN = [
     ('mode_time = "1s"', "mode_time"),
     ('acknowledge_time = "1s"', "acknowledge_time"),
     ('handshake = "acknowledge"', "handshake"),
+    ("homing_reached = false", "homing_reached"),
 ]
 
 

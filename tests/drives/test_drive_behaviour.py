@@ -5,6 +5,7 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,9 @@ from axisbus.check.run import check
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
 from axisbus.core.files import load_dictionaries
-from axisbus.errors import ConfigError, SetPointError
+from axisbus.drives import Behaviour, drive_file
+from axisbus.drives.plugin import AXIS_KEYS
+from axisbus.errors import ConfigError, HomingError, SetPointError
 from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters, DemandUse, Handshake
 from kit import command_line, pages
@@ -47,6 +50,9 @@ def write(folder: Path, behaviour: str | None, axis: str = "", named: str = "acm
     """Write a cell of one ACME drive; ``behaviour``: the lines of [behaviour] in its drive file (None: no file)."""
     (folder / "acme.eds").write_text(eds_text(), encoding="utf-8")
     text = cell_text(eds="acme.eds", axis=axis)
+    text = text.replace(
+        "method = 35\n", "method = 35\nspeed_switch = 300.0\nspeed_zero = 300.0\nacceleration = 500.0\n"
+    )
     if behaviour is not None:
         head = 'name = "ACME"\nvendor_id = 0x123\n'
         (folder / "acme.toml").write_text(f"{head}[behaviour]\n{behaviour}\n", encoding="utf-8")
@@ -97,10 +103,30 @@ def test_the_cell_file_overrides_the_drive_file(tmp_path: Path) -> None:
         machine["x"].move_absolute(10.0).wait(10)
 
 
+@pytest.mark.parametrize("method", [35, 34])
+def test_a_drive_that_never_sets_bit_10_in_homing(tmp_path: Path, method: int) -> None:
+    ended = {}
+    for behaviour in (None, "homing_reached = false"):
+        with opened(write(tmp_path, behaviour)) as machine:
+            drive = machine.simulated_node(1).drive()
+            drive.dials.homing_reached_never = True
+            handle = machine["x"].home(method=method, timeout=10.0)
+            machine.sleep(14.0)
+            ended[behaviour] = handle.exception()
+            if ended[behaviour] is None:
+                assert machine["x"].homed
+                assert drive.velocity == 0
+    without = ended[None]
+    assert isinstance(without, HomingError)
+    assert "homing_reached = false in [axes.x]" in without.remedy
+    assert ended["homing_reached = false"] is None
+
+
 # -- each key of [behaviour] has its effect, and a cell file overrides it -----------------------------------------------
 
 KEYS = {
     "handshake": ('"on-change"', '"acknowledge"', lambda p: p.handshake, Handshake.ON_CHANGE, Handshake.ACKNOWLEDGE),
+    "homing_reached": ("false", "true", lambda p: p.homing_reached, False, True),
     "demand": ('"ignore"', '"auto"', lambda p: p.demand, DemandUse.IGNORE, DemandUse.AUTO),
     "modes": ('["pp"]', '["pv"]', lambda p: p.modes, {M.PROFILE_POSITION}, {M.PROFILE_VELOCITY}),
     "transition_time": ('"5s"', '"2s"', lambda p: p.timing.transition, 5.0, 2.0),
@@ -116,6 +142,12 @@ def test_a_make_sets_a_key_of_its_axes_and_a_cell_file_overrides_it(tmp_path: Pa
     assert value(parameters(write(tmp_path, f"{key} = {by_make}"))) == made
     assert value(parameters(write(tmp_path, f"{key} = {by_make}", axis=f"{key} = {by_cell}"))) == overridden
     assert value(parameters(write(tmp_path, None))) != made
+
+
+def test_every_key_of_behaviour_is_tested_here() -> None:
+    assert set(KEYS) == set(AXIS_KEYS) == set(drive_file.OF_AXIS)
+    assert set(drive_file.BEHAVIOUR) == {field.name for field in fields(Behaviour)}
+    assert set(drive_file.BEHAVIOUR) - set(KEYS) == {"lists_modes", "store_restarts"}  # in the tests below
 
 
 def test_modes_of_6502h_are_completed_by_the_objects_if_the_make_does_not_list_them(tmp_path: Path) -> None:

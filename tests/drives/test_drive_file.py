@@ -126,6 +126,12 @@ def test_bits_and_numbers_of_a_fault_are_explained(tmp_path: Path) -> None:
     assert explain(0x8611, {(0x2320, 0): 0x2, (0x1003, 1): 0x0400_0003}) == ["following error"]
 
 
+def test_an_object_that_was_not_read_explains_nothing() -> None:
+    texts = FaultTexts(objects=(FaultObject(0x2320, values={0: "no supply"}),))
+    assert texts(0, {(0x2320, 0): 0}) == ["no supply [2320h number 0]"]
+    assert texts(0, {}) == []
+
+
 @pytest.mark.parametrize(
     ("text", "line", "message", "remedy"),
     [

@@ -112,6 +112,7 @@ AXIS: Mapping[str, str] = {
     "mode_time": "How long a mode change may take.",
     "acknowledge_time": "How long the set-point acknowledge may take.",
     "handshake": '"on-change" if bit 12 of the statusword is not reliable (default "acknowledge").',
+    "homing_reached": "false if the drive does not set bit 10 at the end of homing (default true).",
 }
 
 DEFAULTS: Mapping[str, str] = {

@@ -235,6 +235,7 @@ class AxisConfig:
     nothing on this drive; the axis's behaviour shows that the drive has taken a set-point. ``virtual``: the axis has no drive, and
     the core alone generates its motion; its node is 0, which no device has. ``encoder``: the input of ``[io]`` that reports its
     position. ``following_error`` "off" is infinite. ``demand``: "use" or "ignore" 6062h, or judge it by its behaviour ("auto").
+    ``homing_reached`` false: the drive does not set bit 10 at the end of homing.
     ``ignored_objects``: objects that the drive has but does not act on. A key that is None has the value of the drive's make, else
     its default.
     """
@@ -268,6 +269,7 @@ class AxisConfig:
     mode_time: float | None = None
     acknowledge_time: float | None = None
     handshake: str | None = None
+    homing_reached: bool | None = None
     defaults: DefaultsConfig = DefaultsConfig()
     homing: HomingConfig = HomingConfig()
     stop: StopConfig = StopConfig()

@@ -66,6 +66,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: DrivePlugin | N
         timing=_timing(axis, units),
         holds_load=_HOLDS[axis.holds_load],
         handshake=Handshake(axis.handshake or Handshake.ACKNOWLEDGE),
+        homing_reached=axis.homing_reached is not False,
         objects=drive.objects,
         read_only=drive.read_only,
         modes=led_modes(drive, modes(drive)),

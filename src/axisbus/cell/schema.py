@@ -107,6 +107,7 @@ AXIS: Keys = {
     "mode_time": OF_AXIS["mode_time"],
     "acknowledge_time": OF_AXIS["acknowledge_time"],
     "handshake": OF_AXIS["handshake"],
+    "homing_reached": OF_AXIS["homing_reached"],
 }
 
 DEFAULTS: Keys = {

@@ -60,6 +60,7 @@ _flag = CellKey(v.boolean)
 # What a make and an axis of a cell file may both set: the axis overrides the make.
 OF_AXIS: Keys = {
     "handshake": CellKey(v.words("acknowledge", "on-change")),
+    "homing_reached": CellKey(v.boolean),
     "demand": CellKey(v.words("auto", "use", "ignore")),
     "modes": CellKey(v.names([facts.short for facts in FACTS.values()], "modes")),
     "ignored_objects": CellKey(v.list_of(_profile_object, "objects", empty=True)),

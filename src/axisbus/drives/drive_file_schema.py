@@ -23,6 +23,7 @@ ABOUT: Mapping[str, str] = {
     "notes": "Texts for a first cell file: what a user must know about these drives.",
     "sources": "The documents that the facts come from, with their sections.",
     "handshake": '"on-change" if bit 12 of the statusword is not reliable (default "acknowledge").',
+    "homing_reached": "false if the drive does not set bit 10 at the end of homing (default true).",
     "demand": 'Whether 6062h is the demand of the axis: "use", "ignore", or "auto" (default): judged by its behaviour.',
     "modes": "Modes to use, if not all modes of the drive.",
     "ignored_objects": 'Objects that the drive has but does not act on, such as the option code "605Dh".',

@@ -68,7 +68,8 @@ class FaultTexts:
         """Return the sentences for a code (0: none) and the values of the objects that were read."""
         found = [self.codes[code]] if code in self.codes else []
         for each in self.objects:
-            found += each.texts(details.get(each.address, 0))
+            if each.address in details:
+                found += each.texts(details[each.address])
         return found
 
 
@@ -76,12 +77,14 @@ class FaultTexts:
 class Behaviour:
     """Deviations of a make from CiA 402; a key of a cell file's axis with the same name overrides it. None: as the standard says.
 
-    ``handshake``, ``demand``, ``modes`` and the times (in seconds) are those of ``[axes.NAME]``. ``ignored_objects`` are objects of
-    the profile (numbers of the first axis) that the drive has but does not act on: the master treats them as missing.
-    ``lists_modes``: its 6502h is correct. ``store_restarts``: storing parameters (1010h) reboots the drive.
+    The keys of ``AXIS_KEYS`` are those of ``[axes.NAME]``, with times in seconds. ``homing_reached``: bit 10 rises at the end of
+    homing. ``ignored_objects`` are objects of the profile (numbers of the first axis) that the drive has but does not act on: the
+    master treats them as missing. ``lists_modes``: its 6502h is correct. ``store_restarts``: storing parameters (1010h) reboots the
+    drive.
     """
 
     handshake: str | None = None
+    homing_reached: bool | None = None
     demand: str | None = None
     modes: tuple[str, ...] | None = None
     ignored_objects: tuple[int, ...] | None = None
@@ -115,6 +118,7 @@ class Behaviour:
 
 AXIS_KEYS = (
     "handshake",
+    "homing_reached",
     "demand",
     "modes",
     "ignored_objects",

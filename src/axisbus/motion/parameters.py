@@ -198,6 +198,7 @@ class AxisParameters:
     timing: DriveTimeouts = field(default_factory=DriveTimeouts)
     holds_load: HoldsLoad = HoldsLoad.NO
     handshake: Handshake = Handshake.ACKNOWLEDGE
+    homing_reached: bool = True  # bit 10 rises at the end of homing; False: standstill replaces it
     objects: frozenset[int] = frozenset()
     read_only: frozenset[tuple[int, int]] = frozenset()
     modes: frozenset[ModeOfOperation] = frozenset()

@@ -39,6 +39,7 @@ class DriveFaults:
             last velocity until 60FFh is changed
         halt_in_cyclic_modes: halt works in csp, csv and cst (CiA 402 leaves it open)
         homing_fails: homing ends with bit 13
+        homing_reached_never: bit 10 does not rise at the end of homing
         interpolation_delay: seconds from bit 4 in ip until interpolation starts (``NEVER``: it does not)
 
     Touch probe:
@@ -84,6 +85,7 @@ class DriveFaults:
     resumes_on_enable: bool = False
     halt_in_cyclic_modes: bool = True
     homing_fails: bool = False
+    homing_reached_never: bool = False
     interpolation_delay: float = 0.0
     probe_bits_stay: bool = False
     probe_deaf: bool = False

@@ -73,6 +73,8 @@ class HomingRun(Activity):
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the drive reports home attained and target reached.
 
+        With ``homing_reached = false``, bit 10 is not expected: the axis must be at standstill instead.
+
         Raises:
             HomingError: the drive reports a homing error, or the time-out has passed.
         """
@@ -112,8 +114,8 @@ class HomingRun(Activity):
             self._note(word, image.statusword_stamp)
             if word & sw.HOMING_ERROR and self._settled(image, sw.HOMING_ERROR):
                 raise self._error(image, "the drive reports a homing error (statusword bit 13)")
-            attained = word & sw.HOMING_ATTAINED and word & sw.TARGET_REACHED
-            if attained and self._settled(image, sw.HOMING_ATTAINED):
+            reached = word & sw.TARGET_REACHED or (not self._parameters.homing_reached and image.standstill)
+            if word & sw.HOMING_ATTAINED and reached and self._settled(image, sw.HOMING_ATTAINED):
                 self._found = True
         if self._found:
             return True
@@ -143,7 +145,7 @@ class HomingRun(Activity):
             f"{name}: homing by method {method} ({homing.describe(method)}) failed",
             axis=name,
             observed=f"{why}; {word}, attained (bit 12) {_bit(image, 12)}, reached (bit 10) {_bit(image, 10)}",
-            remedy=f"{_remedy(image)}; the axis was halted",
+            remedy=f"{_remedy(image, name)}; the axis was halted",
         )
 
 
@@ -156,13 +158,13 @@ def _course(job: HomingJob, parameters: AxisParameters) -> CommandedMotion | Non
     return CommandedMotion(speed=max(speeds) * abs(units.per_velocity))
 
 
-def _remedy(image: AxisImage) -> str:
+def _remedy(image: AxisImage, name: str) -> str:
     """Return the first remedy, by the bits of the statusword: if the home position was found, no switch is to blame."""
     if _bit(image, 12) and not _bit(image, 10) and not _bit(image, 13):
         return (
             "the drive has found its home, and does not report it as reached: see its manual for the condition of bit 10 in "
             "homing, such as a move to 607Ch, a position window (6067h, 6068h) that it does not keep, or a vendor-specific "
-            "option"
+            f"option; a drive that never sets bit 10 in homing needs homing_reached = false in [axes.{name}]"
         )
     return "check the switch or index pulse that this method looks for, the homing speeds (6099h, not 0), and the direction"
 

@@ -78,7 +78,7 @@ class Homing(Mode):
         if self.phase is Phase.FAILED:
             return SW_BIT_13 | (SW_BIT_10 if axis.standing else 0)
         if self.phase is Phase.DONE:
-            return SW_BIT_12 | SW_BIT_10
+            return SW_BIT_12 | (0 if axis.dials.homing_reached_never else SW_BIT_10)
         if self.phase is Phase.STOPPING:
             return SW_BIT_12
         if self.phase is Phase.IDLE:
