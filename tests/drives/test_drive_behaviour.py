@@ -24,7 +24,7 @@ from axisbus.errors import ConfigError, HomingError, SetPointError
 from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters, DemandUse, Handshake
 from kit import command_line, pages
-from kit.cell import cell_text
+from kit.cell import cell_text, with_identity
 
 VENDOR, PRODUCT = 0x123, 7
 BIT_12_NEVER_COMES = """\
@@ -36,19 +36,9 @@ handshake = "on-change"
 M = ModeOfOperation
 
 
-def eds_text() -> str:
-    """The generic drive with the identity of ACME."""
-    text = (pages.ROOT / "eds" / "generic-cia402.eds").read_text(encoding="utf-8")
-    for sub, value in ((1, VENDOR), (2, PRODUCT)):
-        begin = text.index(f"[1018sub{sub}]")
-        at = text.index("DefaultValue=", begin)
-        text = text[:at] + f"DefaultValue={value:#x}" + text[text.index("\n", at) :]
-    return text
-
-
 def write(folder: Path, behaviour: str | None, axis: str = "", named: str = "acme.toml") -> Path:
     """Write a cell of one ACME drive; ``behaviour``: the lines of [behaviour] in its drive file (None: no file)."""
-    (folder / "acme.eds").write_text(eds_text(), encoding="utf-8")
+    (folder / "acme.eds").write_text(with_identity(VENDOR, PRODUCT), encoding="utf-8")
     text = cell_text(eds="acme.eds", axis=axis)
     text = text.replace(
         "method = 35\n", "method = 35\nspeed_switch = 300.0\nspeed_zero = 300.0\nacceleration = 500.0\n"

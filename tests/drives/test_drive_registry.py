@@ -16,8 +16,8 @@ from axisbus.drives import DrivePlugin, registry
 from axisbus.drives.plugin import GENERIC
 from axisbus.motion.parameters import Handshake
 from axisbus.scaffold.match import collect, match
-from kit import command_line, pages
-from kit.cell import cell_text
+from kit import command_line
+from kit.cell import cell_text, with_identity
 
 VENDOR, PRODUCT = 0x00ABCDE, 0x77
 CODE = """\
@@ -42,15 +42,6 @@ FF43h = "lost steps"
 """
 
 
-def eds_text() -> str:
-    text = (pages.ROOT / "eds" / "generic-cia402.eds").read_text(encoding="utf-8")
-    for sub, value in ((1, VENDOR), (2, PRODUCT)):
-        begin = text.index(f"[1018sub{sub}]")
-        at = text.index("DefaultValue=", begin)
-        text = text[:at] + f"DefaultValue={value:#x}" + text[text.index("\n", at) :]
-    return text
-
-
 Install = Callable[..., Path]
 
 
@@ -63,7 +54,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
         home = site / package
         (home / "makes").mkdir(parents=True)
         (home / "__init__.py").write_text(code, encoding="utf-8")
-        (home / "stranger.eds").write_text(eds_text(), encoding="utf-8")
+        (home / "stranger.eds").write_text(with_identity(VENDOR, PRODUCT), encoding="utf-8")
         (home / "makes" / "__init__.py").write_text("", encoding="utf-8")
         (home / "makes" / "stepper.toml").write_text(TOML, encoding="utf-8")
         info = site / f"{package}-1.2.dist-info"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,9 @@ from axisbus.drives.plugin import GENERIC, DrivePlugin
 from axisbus.eds import load
 from axisbus.eds.model import Eds
 from axisbus.errors import EdsError
+from axisbus.machine.machine import Machine
 from kit import command_line
+from kit.cell import cell_text, with_identity
 from kit.corpus import corpus_files
 
 (VENDORS,) = [source for source in registry.installed() if source.name == "vendors"]
@@ -106,3 +109,46 @@ def test_explain_has_the_texts_of_the_makes(
 ) -> None:
     out = command_line.runner(monkeypatch, capsys)("explain", "8A88h").out
     assert "maxon EPOS4: safe torque off is active" in out
+
+
+# -- where a make is used ------------------------------------------------------------------------------------------------
+
+NANOTEC = 0x26C, 0x10
+
+
+@pytest.fixture
+def cell_of_nanotec(tmp_path: Path) -> Path:
+    """A cell of one generic drive with the identity of a Nanotec C5-E."""
+    (tmp_path / "drive.eds").write_text(with_identity(*NANOTEC), encoding="utf-8")
+    path = tmp_path / "cell.toml"
+    path.write_text(cell_text(eds="drive.eds"), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def axisbus(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> command_line.Run:
+    return command_line.runner(monkeypatch, capsys)
+
+
+def test_scan_names_the_make(cell_of_nanotec: Path, axisbus: command_line.Run) -> None:
+    scan = axisbus("scan", "-i", "sim", "-c", cell_of_nanotec)
+    assert "make Nanotec, vendor 0x26C, product 0x10" in scan.out
+    (node,) = json.loads(axisbus("scan", "-i", "sim", "-c", cell_of_nanotec, "--json").out)
+    assert node["make"] == "Nanotec"
+
+
+def test_init_writes_the_notes_of_the_make(
+    cell_of_nanotec: Path, axisbus: command_line.Run, tmp_path: Path
+) -> None:
+    made = tmp_path / "made.toml"
+    axisbus("init", "-i", "sim", "-c", cell_of_nanotec, "-o", made, "--eds", tmp_path / "drive.eds")
+    assert "# after an update of its firmware it may need a mode in 6060h" in made.read_text(encoding="utf-8")
+
+
+def test_a_fault_is_explained_by_the_table_of_the_make(cell_of_nanotec: Path) -> None:
+    with Machine.simulated(cell_of_nanotec) as machine:
+        machine["x"].enable().wait(5)
+        machine.simulated_node(1).fault(0x3100)
+        machine.sleep(1.0)
+        assert "supply voltage too high or too low" in str(machine["x"].error)
+        assert machine.node(1).parts.make.name == "Nanotec"

@@ -22,6 +22,7 @@ from axisbus.sim.device import Device
 from axisbus.sim.drive import Drive
 from axisbus.sim.virtual_can import VirtualWire
 from kit.bus_faults import BusFaults
+from kit.pages import ROOT
 from kit.plant_probe import PlantProbe
 from kit.value_transport import Travels, transported
 
@@ -57,6 +58,15 @@ fault = "ramp"
 deceleration = 1000.0
 {stop}
 """
+
+
+def with_identity(vendor_id: int, product_code: int) -> str:
+    """Return the EDS of the generic drive with this identity in 1018h."""
+    text = (ROOT / "eds" / "generic-cia402.eds").read_text(encoding="utf-8")
+    for subindex, value in ((1, vendor_id), (2, product_code)):
+        at = text.index("DefaultValue=", text.index(f"[1018sub{subindex}]"))
+        text = text[:at] + f"DefaultValue={value:#x}" + text[text.index("\n", at) :]
+    return text
 
 
 def cell_text(
