@@ -61,7 +61,7 @@ def tests(session: nox.Session) -> None:
 
 @nox.session(python=PYTHONS[1:])
 def smoke(session: nox.Session) -> None:
-    """Run the quick tests of some packages on each Python but the first, on which ``make test`` runs; with the versions of HIGHEST."""
+    """Run the quick tests of some packages on each Python but the first (``make test`` has that), with the versions of HIGHEST."""
     session.install("-e", ".[dev,plot,record]", "-c", str(HIGHEST))
     session.run("python", "-m", "pytest", "-m", "not slow", "-n", "2", "--dist", "loadfile", *QUICK)
 
