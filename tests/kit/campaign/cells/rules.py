@@ -438,7 +438,7 @@ class Physics(Travel):
             self._allowed_beyond[name] = max(allowed, beyond)
 
     def _by_its_own_ramp(self, name: str) -> bool:
-        """Whether a quick stop that was asked for brakes less than the axis may: no limit is promised for that."""
+        """Whether a commanded quick stop, or a fault reaction, brakes less than the axis may: no limit is promised for that."""
         facts, drive = self._facts, self._facts.drive[name]
         asked = any(
             one.what.endswith("quick_stop")
@@ -449,7 +449,8 @@ class Physics(Travel):
         # A drive whose node counts as lost cannot be braked in another manner.
         lost = any(t.what == "second_device" for t in facts.troubled(name, facts.stops_in(name)))
         weak = drive.axis.braking(drive.power.effort) < self._cell.recipe.axis(name).acceleration
-        return facts.stage(name) == QUICK_STOP and (asked or lost) and weak
+        reacts = facts.stage(name) == REACTION and drive.mode_display != _CSP
+        return weak and (reacts or (facts.stage(name) == QUICK_STOP and (asked or lost)))
 
     def _step_of_set_points(self, name: str) -> float:
         """Return by how many norm degrees a fault reaction may go beyond the end of a path that brakes as hard as it does.
