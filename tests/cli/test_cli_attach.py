@@ -268,3 +268,37 @@ def test_boot_of_a_node_without_a_machine_names_the_command_for_all(axisbus, tmp
     code, _, err = axisbus("boot", file, "--node", "1")
     assert code == 1
     assert f"to boot all nodes: axisbus boot {file}" in err
+
+
+def test_nameplates_are_saved_and_a_swapped_drive_is_named(axisbus, opened, file):
+    for axis in opened:
+        axis.disable().wait(20)
+    code, out, _ = axisbus("nameplate", file, "--compare")
+    assert code == 1
+    code, out, _ = axisbus("nameplate", file, "--save")
+    assert code == 0
+    assert "EDS or DCF of the cell file" in out
+    record = file.with_name("cell.nameplate.json")
+    assert [node["node"] for node in json.loads(record.read_text("utf-8"))["nodes"]] == [1, 2]
+    assert "## Node 2" in record.with_suffix(".md").read_text("utf-8")
+    assert axisbus("nameplate", file, "--saved").out.startswith("saved 20")
+    assert axisbus("nameplate", file, "--compare").out == "2 nodes compared, nothing has changed\n"
+    drive = opened.simulated_node(2).device
+    before = drive.dictionary.get_int(0x1018, 4)
+    drive.dictionary.set(0x1018 << 8 | 4, before + 1)
+    code, out, _ = axisbus("nameplate", file, "--compare")
+    assert code == 1
+    assert (
+        out
+        == f"node 2: serial number (1018h:04) was 0x{before:X} ({before}), is 0x{before + 1:X} ({before + 1})\n"
+    )
+    drive.dials.dead = True
+    code, out, err = axisbus("nameplate", file, "--save")
+    assert code == 3
+    assert "node 2 does not answer" in err
+    drive.dials.dead = False
+    assert json.loads(record.read_text("utf-8"))["nodes"][1]["serial"] == before
+    drive.dictionary.set(0x1018 << 8 | 4, before)
+    opened.sleep(1.0)
+    assert opened.node(2).boot().ok
+    opened["y"].reset().wait(20)

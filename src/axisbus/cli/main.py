@@ -40,6 +40,7 @@ COMMANDS = {
         "Back up, compare and restore the configuration of a node as a DCF.",
     ),
     "save": ("axisbus.cli.save", "Make a node store its parameters (1010h)."),
+    "nameplate": ("axisbus.cli.nameplate", "Show, save and compare what identifies the nodes of a cell."),
     "boot": ("axisbus.cli.boot", "Boot the nodes of a cell, and report on each; energises nothing."),
     "sim": ("axisbus.cli.sim", "Simulate the drives of a cell, for other terminals and programs."),
     "run": ("axisbus.cli.run", "Keep a cell's machine running, for other terminals and programs to join."),
