@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import can
@@ -15,7 +16,10 @@ import can
 from axisbus import Cam, Machine, eds
 from axisbus.bus.link import frame_files
 from axisbus.cell import reader as cells
+from axisbus.configuration import nameplate
+from axisbus.configuration.nameplate import Nameplate
 from axisbus.core.sim_faults_file import load_faults
+from axisbus.drives import drive_file
 from axisbus.drives.gim6010.can_simple import endpoints
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware
 from axisbus.drives.gim6010.parameters import backup
@@ -143,6 +147,16 @@ def _users(_: Path) -> list[bytes]:
     return [f"# who may call\n{users.line_of('anna', 'right', b's' * 16)}\n".encode()]
 
 
+def _nameplates(_: Path) -> list[bytes]:
+    plate = Nameplate(1, "ACME", 0x123, 7, 0x10001, 4711, "servo", None, "1.2", 15_430, 0, "x.eds", "ab" * 32)
+    return [nameplate.as_json([plate, replace(plate, node=2)], "cell.toml", "2026-11-29 12:00:00").encode()]
+
+
+def _compared_nameplates(path: Path) -> object:
+    _, plates = nameplate.parse(path.read_bytes().decode("utf-8", "replace"), str(path))
+    return nameplate.changes(plates, plates[::-1]), nameplate.as_markdown(plates, "cell.toml", "")
+
+
 def _frames(path: Path) -> object:
     return sum(1 for _ in frame_files.read(path, frame_files.SkippedLines()))
 
@@ -172,5 +186,11 @@ OF_FILES: dict[str, Reader] = {
     "backup": Reader(".json", _backup, _restored),
     "endpoints": Reader(".json", _endpoints, lambda path: endpoints.parse(path.read_bytes(), str(path))),
     "users": Reader(".txt", _users, users.read),
+    "drive file": Reader(
+        ".toml",
+        _files("src/axisbus/drives/vendors/maxon_epos4.toml", "src/axisbus/drives/vendors/nanotec.toml"),
+        drive_file.load,
+    ),
+    "nameplates": Reader(".json", _nameplates, _compared_nameplates),
 }
 READERS: dict[str, Reader] = {**OF_FILES, **OF_FRAMES, **OF_CONNECTIONS, **OF_BRIDGES}
