@@ -553,6 +553,23 @@ def test_only_a_value_that_is_new_is_written_by_sdo():
     assert [job.value for job in worker.jobs] == [1, 0, 7]
 
 
+@pytest.mark.parametrize(
+    ("words", "times"),
+    [
+        ((0x0F, 0x0F, 0x10F, 0x1F), 1),  # it stays enabled
+        ((0x0F, 0x07, 0x07, 0x0F), 2),
+        ((0x00, 0x00, 0x06, 0x07, 0x0F), 2),
+        ((0x0F, 0x02, 0x02, 0x06, 0x07, 0x0F), 3),
+    ],
+)
+def test_all_values_are_written_again_before_the_drive_is_enabled_again(words, times):
+    """Another master may have written them meanwhile."""
+    worker, outputs = by_sdo("mode", "target_velocity")
+    for word in words:
+        outputs.take({"mode": 1, "target_velocity": 0}, word)
+    assert [job.value for job in worker.jobs] == [1, 0] * times
+
+
 def test_a_value_that_was_refused_is_tried_again_after_a_while():
     worker, outputs = by_sdo("mode")
     clock = worker.clock

@@ -198,8 +198,7 @@ class CanCycle:
         self._ports = (*(port for port in self._ports if port not in earlier), *ports)
         for port in earlier:
             port.close()
-        if events not in self._events:
-            self._events = (*self._events, events)
+        self._events = (*(each for each in self._events if each is not events), events)
         self._guarding_due = {each: due for each, due in self._guarding_due.items() if each is not node}
         self._guarding = {each: period for each, period in self._guarding.items() if each is not node}
         if guarding is not None:

@@ -1,4 +1,8 @@
-"""Outputs without an RPDO: written by SDO when they change; a controlword that stops the drive is written at once."""
+"""Outputs without an RPDO: written by SDO when they change; a controlword that stops the drive is written at once.
+
+A drive is enabled only with values that were written for that: another master may have changed the objects since they were written
+last. So all values are written again after the controlword has ceased to command *operation enabled*, and after a stop.
+"""
 
 from __future__ import annotations
 
@@ -77,6 +81,7 @@ class SdoOutputs:
             if source is ValueTransport.SDO
         }
         self._controlword = self._outputs.pop("controlword", None)
+        self._commands = (False, False)  # the last controlword: to stay enabled, to stay out of operation
         self.commanded = False  # whether a controlword was ever written by SDO
 
     @property
@@ -91,6 +96,8 @@ class SdoOutputs:
 
     def take(self, given: Mapping[str, int], controlword: int | None) -> int | None:
         """Write the changed outputs; return the controlword for the RPDOs (None if it is written by SDO)."""
+        if controlword is not None:
+            self._look_at(controlword)
         for name, value in given.items():
             output = self._outputs.get(name)
             if output is not None and output.wants(value, self._worker.clock.now()):
@@ -100,6 +107,16 @@ class SdoOutputs:
         if controlword is not None and self._wants_controlword(self._controlword, controlword):
             self._write_controlword(self._controlword, controlword)
         return None
+
+    def _look_at(self, controlword: int) -> None:
+        """Forget the written values when the drive is to leave *operation enabled*, and at the first word after a stop."""
+        commands = controlword & _ENABLED == _ENABLED, is_stop(controlword)
+        if commands == self._commands:
+            return
+        (was_enabled, was_stop), self._commands = self._commands, commands
+        if (was_enabled and not commands[0]) or (was_stop and not commands[1]):
+            for output in self._outputs.values():
+                output.written = None
 
     def _wants_controlword(self, output: _Output, controlword: int) -> bool:
         """Whether the controlword must be written; a stop that failed is repeated at once."""
