@@ -155,6 +155,8 @@ KEPT = {
             "_has_restarted",
             "_keeps_target",
             "_needs_homing",
+            "_confirmed_origin",  # of a drive that keeps its count: it is used when its node has been booted again
+            "node_boots",
             "_stopped_for_sure",
             "_fault_diagnosis",
         ),

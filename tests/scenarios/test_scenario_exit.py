@@ -117,11 +117,11 @@ def test_an_interrupted_opening_ends_the_node_watches_again(tmp_path, monkeypatc
     """No program has the machine yet and could close it."""
     machines, begin = [], Machine._begin
 
-    def interrupted(_: Core) -> bool:
+    def interrupted(*_: object) -> bool:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Machine, "_begin", lambda machine: machines.append(machine) or begin(machine))
-    monkeypatch.setattr(Core, "_has_values", interrupted)
+    monkeypatch.setattr(Core, "_have_values", interrupted)
     with Line(tmp_path) as line:
         with pytest.raises(KeyboardInterrupt):
             line.open()

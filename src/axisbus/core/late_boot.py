@@ -25,6 +25,7 @@ from axisbus.errors import (
     StateError,
     TransmitQueueFull,
 )
+from axisbus.motion.stop.diagnosis import boot_and_reset
 
 if TYPE_CHECKING:
     from axisbus.boot.report import Booted
@@ -198,7 +199,7 @@ def boot_interrupted(node_id: int) -> NodeStateError:
     """Return the error of the axes of a node whose boot-up was aborted, as by Ctrl-C."""
     return NodeStateError(
         f"the boot-up of node {node_id} was aborted",
-        remedy=f"boot the node again: machine.node({node_id}).boot()",
+        remedy=boot_and_reset(node_id),
     )
 
 
