@@ -159,7 +159,7 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
     assert not found, f"a running scan opens nothing: {found}"
     if nextitem is not None and nextitem.path == item.path:
         return result
-    if len(gc.get_objects()) > _MANY_OBJECTS:
+    if not _is_real_time(item.config) and len(gc.get_objects()) > _MANY_OBJECTS:
         gc.collect()
         _freeze()
     if (way_out := sys.modules.get("axisbus.machine.signal_shutdown")) is not None:
@@ -170,13 +170,21 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
     return result
 
 
+def _is_real_time(config: pytest.Config) -> bool:
+    """Whether only tests in real time are run: there each machine excludes its own objects, as in a program."""
+    return config.option.markexpr == "real_time"
+
+
 @pytest.fixture(scope="session", autouse=True)
-def collected_tests_are_no_garbage() -> Iterator[None]:
+def collected_tests_are_no_garbage(request: pytest.FixtureRequest) -> Iterator[None]:
     """Exclude the collected tests from garbage collection; no machine may end that, as it does for its own objects when it closes.
 
     All tests together are a million objects, and each opening of a machine begins with a collection. Objects that the tests of a
-    file leave in caches are excluded after that file.
+    file leave in caches are excluded after that file. In virtual time a long collection delays no cycle.
     """
+    if _is_real_time(request.config):
+        yield
+        return
     _freeze()
     with mock.patch.object(gc, "freeze"), mock.patch.object(gc, "unfreeze"):
         yield
