@@ -470,3 +470,29 @@ def test_a_drive_found_enabled_keeps_its_outputs(scenario):
     assert "found with an enabled drive" in refused.observed
     cell.machine.io["lamp"].set(True).wait(1)
     assert word(cell) == 8
+
+
+@pytest.mark.parametrize("supply", ["stays", "fails"])
+def test_outputs_of_a_node_that_is_booted_again_are_safe_until_they_are_set_again(scenario, supply):
+    cell = with_io(scenario, node='on_lost = "report"')
+    io, node = cell.machine.io, cell.machine.simulated_node(5)
+    io.set({"lamp": True, "clamp": False, "valve": 2.0}).wait(1)
+    if supply == "fails":
+        node.switch_off()
+        cell.run(1.0)
+        node.switch_on()
+        cell.run(1.0)
+    for _ in range(2):
+        assert cell.machine.node(5).boot().ok
+        settle(cell)
+        assert (word(cell) >> 3 & 1, word(cell) >> 7 & 1, word(cell, 0x6411)) == (0, 1, 500)
+        module(cell).set_bit(0x6000, 1, 2, True)
+        settle(cell)
+        assert io["part"].value is True
+        io.set({"lamp": True, "clamp": False, "valve": 2.0}).wait(1)
+        assert (word(cell) >> 3 & 1, word(cell) >> 7 & 1, word(cell, 0x6411)) == (1, 0, 2000)
+        module(cell).set_bit(0x6000, 1, 2, False)
+        settle(cell)
+        assert io["part"].value is False
+    cell.machine.close()
+    assert (word(cell) >> 3 & 1, word(cell) >> 7 & 1, word(cell, 0x6411)) == (0, 1, 500)

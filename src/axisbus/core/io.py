@@ -40,9 +40,13 @@ class IoScan:
         return bool(self._nodes)
 
     def add(self, node: NodeIo, port: IoPort) -> None:
-        """Add a node; may be called from any thread."""
+        """Add a node, in place of itself if it was there before: it was booted again. Before the scan begins, or in its thread."""
+        for _, earlier in self._nodes:
+            if earlier.node_id == node.node_id:
+                node.succeed(earlier)
         self._of = {**self._of, **dict.fromkeys(node.points, node)}
-        self._nodes = (*self._nodes, (port, node))
+        others = (each for each in self._nodes if each[1].node_id != node.node_id)
+        self._nodes = (*others, (port, node))
 
     def width_of(self, name: str) -> int:
         """Return the number of bits of a present point."""

@@ -39,7 +39,7 @@ class NodeIo:
     def __init__(self, node_id: int, points: Sequence[IoPoint], port: IoPort) -> None:
         """``port`` has the objects of all ``points``, and the values of its outputs at boot."""
         self.points = {point.name: point for point in points}
-        self._node_id = node_id
+        self.node_id = node_id
         self._outputs = {address: place for place, address in enumerate(port.outputs)}
         self._inputs = {address: place for place, address in enumerate(port.inputs)}
         self._max_age = port.max_age
@@ -66,7 +66,7 @@ class NodeIo:
             return None
         return NodeError(
             f"{what} was not sent: {name} cannot be reached",
-            node=self._node_id,
+            node=self.node_id,
             observed=self._known.value,
             remedy=_REMEDY,
         )
@@ -82,6 +82,18 @@ class NodeIo:
         """Set every output that the program has set to its safe state."""
         for name in self._set:
             self._put(self.points[name], self.points[name].safe)
+
+    def succeed(self, earlier: NodeIo) -> None:
+        """Replace ``earlier``, whose node was booted again: outputs that were set get their safe values, as after a loss."""
+        earlier.abandon(
+            NodeError(
+                "the outputs were not confirmed: their node was booted again",
+                node=self.node_id,
+                remedy=_REMEDY,
+            )
+        )
+        self._set = earlier._set & self.points.keys()
+        self.make_safe()
 
     @property
     def ours(self) -> list[IoPoint]:
@@ -102,7 +114,7 @@ class NodeIo:
     def _lost(self, what: str) -> AxisbusError:
         return NodeError(
             f"{what} is not confirmed: its node was lost before it answered",
-            node=self._node_id,
+            node=self.node_id,
             observed=self._known.value,
             remedy=_REMEDY,
         )
