@@ -114,7 +114,7 @@ def _node(bus: Channel, node: DiscoveredNode, known: list[CandidateFile], output
             axes = device_probe.axes(client)
         finally:
             client.close()
-    make = registry.find(who.vendor_id, who.product_code, who.revision)
+    make = registry.of_identity(who)
     return draft.NodeFound(node, files, _specs(files, output), tuple(axes), make)
 
 

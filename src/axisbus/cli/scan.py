@@ -134,7 +134,7 @@ def _make(node: DiscoveredNode) -> str:
     from axisbus.drives.plugin import GENERIC
 
     who = node.identity
-    make = registry.find(who.vendor_id, who.product_code, who.revision)
+    make = registry.of_identity(who)
     return "" if make is GENERIC else make.name
 
 

@@ -186,11 +186,7 @@ def is_command(index: int) -> bool:
 def moves(eds: Eds | None, entry: DictionaryEntry) -> bool:
     """Whether an object can energise, move or calibrate a drive."""
     identity = eds.identity if eds is not None else None
-    make = (
-        registry.find(identity.vendor_id, identity.product_code, identity.revision)
-        if identity is not None
-        else None
-    )
+    make = registry.of_identity(identity) if identity is not None else None
     calibrates = make is not None and make.calibrates(entry.index, entry.subindex)
     return calibrates or first_axis(entry.index) in MOVING
 

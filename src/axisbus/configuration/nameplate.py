@@ -13,11 +13,11 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from axisbus.bus.node.node import NodeIdentity, read_identity
+from axisbus.bus.node.node import read_identity
 from axisbus.bus.sdo.access import ByObjects, try_upload
 from axisbus.cell.model import CellConfig
 from axisbus.cia301 import objects as o
-from axisbus.drives.registry import find
+from axisbus.drives.registry import of_identity
 from axisbus.eds import builtin
 from axisbus.errors import ArgumentError
 
@@ -27,7 +27,7 @@ _REMEDY = "give a file that axisbus nameplate --save has written, or save it aga
 
 @dataclass(frozen=True, slots=True)
 class Nameplate:
-    """What identifies one node; None for what it does not have.
+    """The identification of one node; a value that the node does not have is None.
 
     ``make``: the drive plug-in of its identity. ``vendor`` to ``serial`` are 1018h:01 to 04, the three texts 1008h to 100Ah,
     ``configured_on`` and ``configured_at`` 1020h:01 and 02 (days since 1984-01-01, ms after midnight). ``file`` is the EDS or DCF
@@ -92,7 +92,7 @@ def read_nameplate(node: ByObjects, cell: CellConfig) -> Nameplate:
     who, (file, digest) = read_identity(node.sdo), _file_of(cell, node.node_id)
     return Nameplate(
         node.node_id,
-        _make(who),
+        of_identity(who, cell.nodes[node.node_id].makes).name,
         who.vendor_id,
         who.product_code,
         who.revision,
@@ -195,10 +195,6 @@ def _text(name: str, value: object) -> str:
     if value is None:
         return ""
     return f"0x{value:X} ({value})" if name in _NUMBERS else str(value)
-
-
-def _make(who: NodeIdentity) -> str:
-    return find(who.vendor_id, who.product_code, who.revision).name
 
 
 def _number(node: ByObjects, subindex: int) -> int | None:

@@ -39,7 +39,7 @@ def keep(node: CanopenNode, tell: Tell | None = None) -> StoreResult:
     """
     _require_at_rest(node)
     who = node.identity()
-    make = registry.find(who.vendor_id, who.product_code, who.revision)
+    make = registry.of_identity(who)
     variables = [] if node.eds is None else list(compare.entries(node.eds))
     before = compare.of_device(node, variables, _phase(tell, f"reading node {node.node_id}"))
     storing = _phase(tell, f"node {node.node_id} stores")

@@ -16,6 +16,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.resources import files
 from types import ModuleType
+from typing import Protocol
 
 from axisbus.drives import drive_file
 from axisbus.drives.plugin import GENERIC, DrivePlugin
@@ -37,6 +38,19 @@ class PluginSource:
     remedy: str = ""
 
 
+class DriveIdentity(Protocol):
+    """What a drive is by 1018h:01 to 03, as an EDS or the drive itself gives it; None: unknown."""
+
+    @property
+    def vendor_id(self) -> int | None: ...
+
+    @property
+    def product_code(self) -> int | None: ...
+
+    @property
+    def revision(self) -> int | None: ...
+
+
 @cache
 def installed() -> tuple[PluginSource, ...]:
     """Return all sources of plug-ins: first those of other packages, then those of this one. Blocks while they are imported."""
@@ -51,7 +65,11 @@ def plugins() -> tuple[DrivePlugin, ...]:
 
 def make_of(eds: Eds, own: Iterable[DrivePlugin] = ()) -> DrivePlugin:
     """Return the plug-in for the identity in an EDS, which boot-up compares with the node's identity; ``own`` as in ``find``."""
-    who = eds.identity
+    return of_identity(eds.identity, own)
+
+
+def of_identity(who: DriveIdentity, own: Iterable[DrivePlugin] = ()) -> DrivePlugin:
+    """Return the plug-in of a drive by its identity, as ``find``."""
     return find(who.vendor_id, who.product_code, who.revision, own)
 
 

@@ -145,7 +145,7 @@ def _selection(
     from axisbus.configuration.dcf_values import select
     from axisbus.drives import registry
 
-    make = registry.find(who.vendor_id, who.product_code, who.revision)
+    make = registry.of_identity(who)
     return select(eds, node_id, make, wish.include, wish.exclude), make
 
 

@@ -140,7 +140,7 @@ def _chosen(node: JobNode, file: Dcf) -> _Chosen:
     dcf_values.require_values(reading)
     who = read_identity(node.sdo)
     preconditions.require_same_device(reading.eds, who, node.node_id, replacement=False)
-    make = registry.find(who.vendor_id, who.product_code, who.revision)
+    make = registry.of_identity(who)
     whole = dcf_values.select(reading.eds, node.node_id, make)
     return _Chosen(
         reading.eds, whole, settings(node.cell, node.node_id, reading.eds, make, node.cyclic, whole)
