@@ -185,9 +185,7 @@ def is_command(index: int) -> bool:
 
 def moves(eds: Eds | None, entry: DictionaryEntry) -> bool:
     """Whether an object can energise, move or calibrate a drive."""
-    identity = eds.identity if eds is not None else None
-    make = registry.of_identity(identity) if identity is not None else None
-    calibrates = make is not None and make.calibrates(entry.index, entry.subindex)
+    calibrates = eds is not None and registry.make_of(eds).calibrates(entry.index, entry.subindex)
     return calibrates or first_axis(entry.index) in MOVING
 
 

@@ -86,9 +86,11 @@ class ReturningNode:
             log.warning("node %d was booted again; its axes wait for a reset", self.node_id)
         if self.tries >= REJOINS:
             log.warning(
-                "node %d: %d boot-ups in a row; from now on it is booted by a command only (axisbus boot CELL --node %d)",
+                "node %d: no further automatic boot-up %s; boot it by a command: axisbus boot CELL --node %d",
                 self.node_id,
-                self.tries,
+                "of another device"
+                if self.tried_at == math.inf
+                else f"for {_STEADY:g} s, after {self.tries} in a row",
                 self.node_id,
             )
 

@@ -263,6 +263,14 @@ class AxisParameters:
         return self.pull_window + (_LAG_TIME * speed if own is None else float(own))
 
     @property
+    def position_edges(self) -> tuple[float, float] | None:
+        """The position limits in increments from the origin, the lower one first; None: no limits."""
+        if self.limits.position is None:
+            return None
+        low, high = sorted(edge * self.units.position.factor for edge in self.limits.position)
+        return low, high
+
+    @property
     def path_deceleration(self) -> float | None:
         """The deceleration of trajectories in unit/s²; None if cell.toml gives no value for it."""
         return self.defaults.deceleration or self.defaults.acceleration or self.limits.acceleration

@@ -114,12 +114,12 @@ def halt_passes_limit(core: AxisCore, speed: float | None, down: float | None, t
     while it brakes passes its target.
     """
     parameters, position = core.parameters, core.image.position
-    limits, braking = parameters.limits.position, parameters.braking
+    edges, braking = parameters.position_edges, parameters.braking
     halt = braking.deceleration(braking.halt, down)
-    if limits is None or position is None or not core.bounded or not (halt and down and speed):
+    if edges is None or position is None or not core.bounded or not (halt and down and speed):
         return False
     beyond = braking_distance(speed, halt) - braking_distance(speed, down)
-    low, high = sorted(edge * parameters.units.position.factor for edge in limits)
+    low, high = edges
     end = target - core.image.origin
     return beyond > 0 and (end + beyond > high if target > position else end - beyond < low)
 
@@ -256,11 +256,10 @@ def require_within_limits(
     Raises:
         LimitError: ``position`` is beyond the axis's limits.
     """
-    limits, units = parameters.limits.position, parameters.units.position
-    if limits is None:
+    limits, units, exact = parameters.limits.position, parameters.units.position, parameters.position_edges
+    if limits is None or exact is None:
         return position
-    low, high = sorted(edge * units.factor for edge in limits)
-    edges = whole_above(low), whole_below(high)
+    edges = whole_above(exact[0]), whole_below(exact[1])
     end = allowed_end(edges, edges[0] if start is None else start, position, noise)
     if end is not None:
         return int(end)

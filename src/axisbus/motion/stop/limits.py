@@ -78,8 +78,7 @@ class LimitMonitor:
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         self._position, self._demand = VelocityEstimator(), VelocityEstimator()
-        limits, units = parameters.limits.position, parameters.units.position
-        edges = None if limits is None else sorted(edge * units.factor for edge in limits)
+        edges = parameters.position_edges
         self._edges = None if edges is None else Room(*edges)  # in increments, relative to the origin
         self._room = self._edges  # widened to the rest position of an axis that rests beyond them
         self._origin: int | None = None  # to which the room refers
