@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Generator, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from unittest import mock
 
 import pytest
@@ -22,6 +22,9 @@ from hypothesis import HealthCheck, settings
 from kit import scan_file_access
 from kit.scenarios import golden as scenario_golden
 from kit.slow import is_real_time, is_slow, is_virtual_time, shares_virtual_time
+
+if TYPE_CHECKING:
+    from kit import command_line
 
 # The same examples in every run, so that a run says something of the change and not of chance; ``make explore`` tries fresh ones.
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -188,6 +191,14 @@ def collected_tests_are_no_garbage(request: pytest.FixtureRequest) -> Iterator[N
     _freeze()
     with mock.patch.object(gc, "freeze"), mock.patch.object(gc, "unfreeze"):
         yield
+
+
+@pytest.fixture
+def axisbus(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> command_line.Run:
+    """Run a command line in this process; returns its exit code and its output."""
+    from kit import command_line  # imports the commands, which quick tests do not need
+
+    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture

@@ -53,11 +53,6 @@ def abort_of(code):
     return SdoAbort("no", node=5, index=0x6065, subindex=0, code=code)
 
 
-@pytest.fixture
-def axisbus(monkeypatch, capsys):
-    return command_line.runner(monkeypatch, capsys)
-
-
 # -- the tables ----------------------------------------------------------------------------------------------------------------
 
 

@@ -11,7 +11,6 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.errors import Stopped
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit import command_line
 from kit.cell import cell_text
 from kit.core_in_threads import core_in_threads
 from kit.scenarios.core_process import enabled, own_cell, turns, under_way
@@ -20,11 +19,6 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
     pytest.mark.timeout(120),
 ]
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture(scope="module")

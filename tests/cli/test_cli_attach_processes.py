@@ -15,18 +15,12 @@ import pytest
 
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit import command_line
 from kit.scenarios.core_process import enabled, own_cell, turns, under_way
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
     pytest.mark.timeout(120),
 ]
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture(scope="module")

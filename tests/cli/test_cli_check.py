@@ -21,11 +21,6 @@ if sys.platform != "win32":
 CLEAN = Path(command_line.CELL).read_text(encoding="utf-8")
 
 
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
-
-
 def cell(folder: Path, *changes: tuple[str, str]) -> Path:
     text = CLEAN
     for old, new in changes:

@@ -14,18 +14,12 @@ import pytest
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit import command_line
 from kit.cell import MODULE, cell_text
 from kit.scenarios.core_process import own_cell, turns, under_way
 
 pytestmark = [pytest.mark.timeout(120)]
 
 FORWARD, BACK = b"\x1b[C", b"\x1b[D"
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture

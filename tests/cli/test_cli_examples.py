@@ -7,15 +7,9 @@ import json
 import pytest
 
 from axisbus.cli import examples
-from kit import command_line
 from kit.pages import ROOT
 
 NAMES = {path.relative_to(ROOT / "examples").as_posix() for path in examples._files()}
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys):
-    return command_line.runner(monkeypatch, capsys)
 
 
 def test_the_list_says_what_each_program_and_cell_file_shows(axisbus):

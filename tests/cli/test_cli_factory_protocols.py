@@ -35,11 +35,6 @@ class Modules(Talker):
                 self.taken.append(message)
 
 
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
-
-
 def log(path, nodes, *, canopen=()):
     lines = []
     for number in range(20):

@@ -14,14 +14,8 @@ pytest.importorskip("zenoh", reason="a fleet needs eclipse-zenoh")
 from axisbus.cli.fleet import live
 from axisbus.fleet.fleet import Fleet
 from axisbus.fleet.messages import PROTOCOL
-from kit import command_line
 from kit.fleet.zenoh_network import Plant, free_endpoint
 from kit.served_page import until
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys):
-    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture

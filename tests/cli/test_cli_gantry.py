@@ -15,7 +15,6 @@ from axisbus.errors import LimitError, SkewError, StateError
 from axisbus.machine.dry_run import DryRun
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit import command_line
 from kit.cell import cell_text
 from kit.gantry.pair import HOMING
 from kit.scenarios.core_process import own_cell
@@ -23,11 +22,6 @@ from kit.scenarios.core_process import own_cell
 pytestmark = [pytest.mark.timeout(120)]
 TABLE = '[groups.all]\naxes = ["z", "x", "y"]\n[gantries.b]\naxes = ["x", "y"]\nmax_skew = 8.0\n' + HOMING
 LIMITS = "max_acceleration = 2000.0\nposition_limits = [-300.0, 300.0]"
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture

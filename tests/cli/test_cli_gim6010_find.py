@@ -11,16 +11,10 @@ from axisbus.bus.link import adapter, other_rates
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module
-from kit import command_line
 from kit.can_simple_bus import Bystander, modules_on_bus
 from kit.sim.can_simple_module import gim_eds
 
 EDS = gim_eds()
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture

@@ -19,11 +19,6 @@ KINDS = {0x0003_0191: "I/O module (CiA 401)", 0: "no standard profile"}
 WRONG = re.compile("402|drive", re.IGNORECASE)
 
 
-@pytest.fixture
-def axisbus(monkeypatch, capsys):
-    return command_line.runner(monkeypatch, capsys)
-
-
 @pytest.fixture(params=KINDS, ids=["401", "none"])
 def device(request, tmp_path):
     """A device that is no drive and has no name (1008h): the words for it, its EDS, its cell, and the options of its bus."""

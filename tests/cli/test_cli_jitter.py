@@ -9,16 +9,10 @@ import sys
 import pytest
 
 from axisbus.machine.machine import Machine
-from kit import command_line
 from kit.cell import cell_text
 from kit.scenarios.core_process import own_cell, turns, under_way
 
 pytestmark = [pytest.mark.timeout(120)]
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture

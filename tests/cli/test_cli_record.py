@@ -14,18 +14,12 @@ import pytest
 
 from axisbus.machine.machine import Machine
 from axisbus.record.load import load
-from kit import command_line
 from kit.cell import cell_text
 from kit.scenarios.core_process import own_cell, turns, under_way
 
 pytest.importorskip("mcap")
 pytestmark = [pytest.mark.timeout(120)]
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture

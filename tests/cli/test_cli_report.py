@@ -32,11 +32,6 @@ scale = "131072/360"
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys):
-    return command_line.runner(monkeypatch, capsys)
-
-
-@pytest.fixture
 def cell(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.setattr(getpass, "getuser", lambda: "wanda")

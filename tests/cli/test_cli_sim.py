@@ -13,16 +13,10 @@ import pytest
 from axisbus import SimulationControl
 from axisbus.cli.sim import with_bus
 from axisbus.errors import AdapterError, UserError
-from kit import command_line
 from kit.cell import cell_text
 from kit.pages import ROOT
 
 pytestmark = [pytest.mark.timeout(180)]
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture(scope="module")

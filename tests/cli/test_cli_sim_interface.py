@@ -12,11 +12,6 @@ from kit import cells, command_line
 SIM = ("-i", "sim", "-c", command_line.CELL)
 
 
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
-
-
 def test_scan_finds_the_nodes_of_the_cell(axisbus):
     code, out, _ = axisbus("scan", *SIM)
     assert code == 0

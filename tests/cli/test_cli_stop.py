@@ -10,7 +10,6 @@ import pytest
 from axisbus.bus.link.claims import CellFileId, claim
 from axisbus.errors import ScanError
 from axisbus.machine.machine import Machine
-from kit import command_line
 from kit.core_in_threads import core_in_threads
 from kit.scenarios.core_process import enabled, own_cell, turns, under_way
 
@@ -18,11 +17,6 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
     pytest.mark.timeout(180),
 ]
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture(scope="module")

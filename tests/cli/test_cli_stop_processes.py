@@ -19,7 +19,6 @@ from axisbus.bus.link.claims import CellFileId, claim
 from axisbus.cell import reader
 from axisbus.errors import ScanError
 from axisbus.machine.machine import Machine
-from kit import command_line
 from kit.cell import cell_text
 from kit.other_user import STRANGER, as_user, needs_root
 from kit.scenarios.core_process import enabled, own_cell, turns, under_way
@@ -29,11 +28,6 @@ pytestmark = [
     pytest.mark.timeout(180),
 ]
 RUNS = "import sys, time; from axisbus import Machine; m = Machine.open(sys.argv[1]); print('runs', flush=True); time.sleep(100)"
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture(scope="module")

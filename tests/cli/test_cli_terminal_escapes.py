@@ -28,11 +28,6 @@ max_acceleration = 3600.0
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys):
-    return command_line.runner(monkeypatch, capsys)
-
-
-@pytest.fixture
 def evil(tmp_path, monkeypatch):
     """A folder with an EDS whose names, and whose device's own name, would write a title and colours."""
     text = (command_line.ROOT / "eds" / "generic-cia402.eds").read_text("utf-8")

@@ -22,11 +22,6 @@ LOG = """\
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
-
-
-@pytest.fixture
 def log(tmp_path) -> Path:
     path = tmp_path / "run.log"
     path.write_text(LOG)

@@ -10,14 +10,8 @@ from axisbus.cell import reader
 from axisbus.cli.shared.completion import nodes_and_axes
 from axisbus.errors import StateError
 from axisbus.machine.dry_run import DryRun
-from kit import command_line
 from kit.cell import cell_text
 from kit.virtual_axis import virtual
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture

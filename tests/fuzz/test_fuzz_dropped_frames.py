@@ -5,11 +5,9 @@ from __future__ import annotations
 import json
 
 import can
-import pytest
 
 from axisbus.cia301.dropped_frames import DropNews, DropReason, Drops, words
 from axisbus.cli.monitor import axes as monitor
-from kit import command_line
 from kit.faulty_node import MadNode, close
 from kit.scenarios.simulated_bus import Line, until
 
@@ -38,11 +36,6 @@ FRAMES = [
         arbitration_id=0x185, data=b"\x37", is_extended_id=False
     ),  # of a node that the cell does not have
 ]
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
 
 
 def test_monitor_prints_dropped_frames_at_each_refresh_and_at_its_end(tmp_path, axisbus):

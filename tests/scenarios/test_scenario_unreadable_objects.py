@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from axisbus.machine.machine import Machine
-from kit import command_line
 from kit.foreign_slaves import CanworksSlave, SdoRefusal
 
 _CHANNELS = itertools.count(1)
@@ -96,11 +95,6 @@ class Late(Faulty):
 
 
 each_fault = pytest.mark.parametrize("kind", [AnnouncesLess, AnnouncesMore, Mute])
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
 
 
 @pytest.fixture
