@@ -353,4 +353,4 @@ def test_when_the_program_is_killed_all_of_its_processes_end(tmp_path):
     assert rows[-1].stage in OFF
     told = one.journal()
     assert f"for process {one.program}\n" in told
-    assert told.index("INFO leaving: the program has ended\n") < told.index("INFO the core ended\n")
+    assert told.index("INFO leaving: the program has ended") < told.index("INFO the core ended\n")

@@ -143,7 +143,7 @@ class CoreServer:
     def _await_end(self, program: select.poll, end: FarEnd) -> None:
         while not program.poll(SLICE * 1000.0):
             if end.lost:
-                self._leave("the program has closed its connection's descriptor: it can command nothing")
+                self._leave("the program has ended or has closed its connection: it can command nothing")
                 return
         self._leave("the program has ended")
 
