@@ -810,6 +810,25 @@ def test_a_new_velocity_may_be_taken_in_any_of_some_cycles_without_a_lag(late):
 
 
 @pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("first", range(1, 5))
+@pytest.mark.parametrize("second", range(1, 5))
+def test_two_velocities_in_a_row_may_each_be_taken_in_any_of_some_cycles(sign, first, second):
+    """The axis reaches 2000 at once, is slowed to 200 two cycles later, and slows down weakly: every delay of each is followed."""
+    drive = Drive(ages={"position": 1e9, "velocity": 1e9})
+    way = RampedWay(sign * 1000, 2.0, math.inf, 100.0, 10.0, delay=4 * T)
+    way.step(drive.cycle(position=0, velocity=0)[0])
+    position = speed = 0.0
+    for cycle in range(200):
+        if cycle == 2:
+            way.aim(sign * 100)
+        target = 200.0 if cycle >= 2 + second else 2000.0 if cycle >= first else 0.0
+        before, speed = speed, target if target > speed else max(target, speed - 100.0 * T)
+        position += 0.5 * (before + speed) * T if before else speed * T
+        way.step(drive.cycle(position=sign * round(position))[0])
+        assert abs(way.behind) <= 2.0, cycle
+
+
+@pytest.mark.parametrize("sign", [1, -1])
 def test_the_distance_of_settling_after_a_stop_decays_and_creeping_does_not(sign):
     drive = Drive(ages={"position": 1e9, "velocity": 1e9})
     way = RampedWay(sign * 1000, 2.0, math.inf, math.inf, 100.0)

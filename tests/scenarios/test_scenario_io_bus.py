@@ -198,7 +198,9 @@ def test_a_killed_program_leaves_safe_outputs_once_its_axis_is_off(tmp_path):
     )
     assert ran.stdout.strip() == "set", ran.stderr
     until(lambda: "the core ended" in journal_text(path), limit=10.0)
-    assert "leaving: the program has ended" in journal_text(path)  # "or has closed its connection", while its descriptors are closed
+    assert "leaving: the program has ended" in journal_text(
+        path
+    )  # "or has closed its connection", while its descriptors are closed
     assert "went wrong" not in journal_text(path)  # each output was read back
     outputs, stages = plant(tmp_path / "plant.csv")
     lamp_on = [at for at, word in outputs if word == 8]

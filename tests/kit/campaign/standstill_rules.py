@@ -99,7 +99,7 @@ class Rest:
 
     def _promised(self, name: str, stop: GivenCommand) -> None:
         facts = self._facts
-        recent = list(facts.troubled(name, _JUST))
+        recent = facts.troubled(name, _JUST)
         moved = any(trouble.kind.moves and trouble.what not in _AT_REST for trouble in recent)
         restless = moved or facts.has_a_will(name) or facts.may_fall(name) or facts.turns_unseen(name)
         restless = restless or facts.is_caught_unseen(name, stop)
@@ -107,12 +107,18 @@ class Rest:
             return
         said = "done" if stop.error is None else f"ended by {stop.error}"
         told = f"{stop.handle.name} was {said} at {facts.now:.2f} s"
-        freed = any(trouble.what == "jam" and trouble.until > facts.now - _JUST for trouble in recent)
-        stands = freed or not facts.moves(
-            name
-        )  # a released one moves by the pull, which is judged by its distance
+        # A released one moves by the pull, which is judged by its distance.
+        stands = self._was_released(name) or not facts.moves(name)
         facts.must(stands, "a stop that is done stands", f"{told}: {facts.cell.told(name)}")
         self._stood.setdefault(name, (facts.cell.where(name), told))
+
+    def _was_released(self, name: str) -> bool:
+        """Whether the axis is blocked, or was a moment ago."""
+        facts = self._facts
+        return any(
+            trouble.what == "jam" and trouble.until > facts.now - _JUST
+            for trouble in facts.troubled(name, _JUST)
+        )
 
     def _stays_where_it_was_stopped(self, name: str) -> None:
         if name not in self._stood:
@@ -124,6 +130,8 @@ class Rest:
         ):
             self._forget(name)
             return
+        if self._was_released(name):  # it jumps by the lag that its drive kept while it was blocked
+            self._stood[name] = (facts.where(name), self._stood[name][1])
         place, told = self._stood[name]
         came = abs(facts.where(name) - place)
         facts.must(

@@ -8,9 +8,12 @@ that is one increment off would grow forever, so the difference decays. The slow
 takes. An axis that covers less than half of its distance is detected within about 1.4 times ``window / speed + 0.25 s``. An axis
 that covers more is not detected.
 
-The cycle in which the drive takes a new velocity is not known: the frame waits for SYNC, and the drive for its next task. So two
-ramps are integrated: one takes the new velocity at once, the other at the latest moment (``_TAKEN`` periods later, plus the time of
-the transfer if the velocity is written by SDO). An axis between both ramps has no following error.
+The cycle in which the drive takes a new velocity is not known: the frame waits for SYNC, and the drive for its next task. So from
+the moment a velocity is sent until the latest moment at which it is taken (``_TAKEN`` periods later, plus the time of the transfer
+if the velocity is written by SDO) the drive can be on the ramp to it, or to any velocity that was sent before and is not surely
+replaced. Two ramps bound what the axis may do: one always goes to the lowest of these velocities, the other to the highest. An
+axis between both has no following error. (A drive that takes a fast velocity at once and the slow one after it late covers more
+than with any one delay for both; if it slows down weakly, much more.) A third ramp takes each velocity at once; it gives the lag.
 
 After an override of 0, or a velocity of 0, the axis settles later than the ramps, by its lag. ``_SETTLED`` seconds after both ramps
 have come to rest, the axis is assumed to be at its commanded position. Any later motion counts.
@@ -18,21 +21,21 @@ have come to rest, the axis is assumed to be at its commanded position. Any late
 The following distance of a motor with a constant lag is the lag multiplied by the velocity that the motor itself has gained.
 Until the ramp ends, the motor has gained less velocity than the ramp, by the lag multiplied by the acceleration: in the first
 five lags, by more than a fifth. The difference and the gain decay alike, so their ratio is the lag (a little more if the lag is
-long). The earlier ramp is used, so the ratio includes the time in which the drive accepts a command. The look-ahead of the
+long). The ramp without a delay is used, so the ratio includes the time in which the drive accepts a command. The look-ahead of the
 limits already allows ``_TAKEN`` periods for that; only a longer time is the ``lag``. The lag is measured while the velocity
 changes and shortly after. Later the gain has decayed, and a small velocity error would look like a lag. If the velocity has
 risen and fallen, both gains cancel, and what is left of them gives no lag. A motion that begins at speed gives no lag: its
 demand at that moment is unknown, and a demand that is ahead looks like an axis without a lag. If a new velocity is given while
 the drive is still on the ramp of the previous command, the demand is known. In this case the computation continues with that
 ramp (``go_on``). The accelerations of the new command are written before its velocity, and most drives use them at once for the
-velocity that they still have. So from the first write on (``expect``) the earlier ramp has the higher of both accelerations,
-and the later ramp has the lower one.
+velocity that they still have. So from the first write on (``expect``) each bound has the acceleration that moves it outwards.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import dataclass
 
 from axisbus.cia402 import objects
 from axisbus.motion.axis.image import AxisImage
@@ -49,39 +52,50 @@ _TAKEN = 4.0  # scan periods: until the next SYNC, until the drive acts, and unt
 
 
 class _Ramp:
-    """One ramp: its velocity, its target, the axis's distance behind it, and the targets that become valid later (time, target).
+    """One ramp: its velocity, and the axis's distance behind it.
 
-    ``gained``: the change of its velocity, which decays as ``behind`` does; ``stirred``: the same without the signs of the changes.
-    ``rate``: its last acceleration (per s²).
+    ``side``: 1 and -1 for the upper and the lower bound, which move outwards as fast and inwards as slowly as possible; 0 for the
+    ramp of a drive that takes each velocity, and the higher of two accelerations, at once. ``gained``: the change of its velocity,
+    which decays as ``behind`` does; ``stirred``: the same without the signs of the changes. ``rate``: its last acceleration.
     """
 
-    __slots__ = ("_due", "behind", "down", "gained", "rate", "speed", "stirred", "target", "up")
+    __slots__ = ("behind", "gained", "rate", "side", "speed", "stirred")
 
-    def __init__(self, speed: float, target: float, up: float, down: float) -> None:
+    def __init__(self, speed: float, side: int) -> None:
         self.speed = speed
-        self.target = target
-        self.up = up
-        self.down = down
+        self.side = side
         self.behind = self.gained = self.stirred = self.rate = 0.0
-        self._due: deque[tuple[float, float]] = deque()
 
-    def aim(self, target: float, when: float) -> None:
-        self._due.append((when, target))
-
-    def take_up(self, until: float) -> None:
-        while self._due and self._due[0][0] <= until:
-            self.target = self._due.popleft()[1]
-
-    def ramp(self, dt: float, made: float, kept: float) -> None:
+    def ramp(self, target: float, rates: _Rates, dt: float, made: float, kept: float) -> None:
         """Advance by ``dt`` s, in which the axis has moved by ``made``; ``kept``: the share that remains after the decay."""
-        before, target = self.speed, self.target
+        before = self.speed
         slows = abs(target) < abs(before) or before * target < 0.0
-        change = (self.down if slows else self.up) * dt
+        least, most = rates.down if slows else rates.up
+        outwards = self.side == 0 or (target > before) == (self.side > 0)
+        change = (most if outwards else least) * dt
         self.speed = max(before - change, target) if target < before else min(before + change, target)
         self.behind = self.behind * kept + 0.5 * (before + self.speed) * dt - made
         self.gained = self.gained * kept + self.speed - before
         self.stirred = self.stirred * kept + abs(self.speed - before)
         self.rate = (self.speed - before) / dt
+
+
+@dataclass(frozen=True, slots=True)
+class _Rates:
+    """The lowest and the highest acceleration and deceleration that a drive may use, in position increments per s²."""
+
+    up: tuple[float, float]
+    down: tuple[float, float]
+
+    @classmethod
+    def of(cls, up: float, down: float) -> _Rates:
+        return cls((up, up), (down, down))
+
+    def widened(self, up: float, down: float) -> _Rates:
+        """Return the rates of a drive that may use these accelerations already."""
+        return _Rates(
+            (min(self.up[0], up), max(self.up[1], up)), (min(self.down[0], down), max(self.down[1], down))
+        )
 
 
 class RampedWay:
@@ -93,14 +107,19 @@ class RampedWay:
     __slots__ = (
         "_changed",
         "_delay",
-        "_early",
+        "_due",
         "_from_rest",
-        "_late",
+        "_high",
+        "_low",
         "_on_ramp",
         "_per_velocity",
         "_position",
+        "_prompt",
+        "_rates",
+        "_sent",
         "_settles_at",
         "_stamp",
+        "_taken",
         "_target",
         "_window",
         "behind",
@@ -134,14 +153,17 @@ class RampedWay:
         self._settles_at = math.inf
         self._from_rest = False
         self._on_ramp = on_ramp
-        self._early, self._late = (_Ramp(0.0, self._target, up, down) for _ in range(2))
+        self._rates = _Rates.of(up, down)
+        self._taken = self._sent = 0.0  # the last velocity that is surely taken, and the last that was sent
+        self._due: deque[tuple[float, float]] = deque()  # until when each velocity sent since is surely taken
+        self._begin(0.0)
         self.behind: float | None = None
         self.lag: float | None = None
 
     @property
     def speed(self) -> float:
         """The present commanded velocity in position increments per s; the higher of two while the drive may take a new one."""
-        return max(self._early.speed, self._late.speed, key=abs)
+        return max(self._low.speed, self._high.speed, key=abs)
 
     def aim(self, target: float) -> None:
         """Change to another target, in the drive's velocity increments."""
@@ -154,14 +176,11 @@ class RampedWay:
 
     def expect(self, up: float, down: float) -> None:
         """Allow for a drive that already uses the accelerations of the next command; units as in the constructor."""
-        early, late = self._early, self._late
-        early.up, early.down = max(early.up, up), max(early.down, down)
-        late.up, late.down = min(late.up, up), min(late.down, down)
+        self._rates = self._rates.widened(up, down)
 
     def go_on(self, target: float, up: float, down: float) -> None:
         """Continue with another command, from the commanded velocity that the drive has by now; units as in the constructor."""
-        for ramp in (self._early, self._late):
-            ramp.up, ramp.down = up, down
+        self._rates = _Rates.of(up, down)
         self.aim(target)
 
     def step(self, image: AxisImage) -> None:
@@ -174,43 +193,51 @@ class RampedWay:
             speed = image.speed(self._per_velocity)
             if speed is None:
                 return
-            # With the accelerations that apply now, which are those of a new command already.
-            ramps = (self._early, self._late)
-            self._early, self._late = (_Ramp(speed, speed, ramp.up, ramp.down) for ramp in ramps)
+            self._taken = speed
+            self._due.clear()
+            self._begin(speed)
             self._from_rest = image.standstill and not self._on_ramp
             self.behind, self._position, self._stamp = 0.0, position, stamp
-            self._aim(image)
+            self._send(image)
             return
-        if self._early.target != self._target:
-            self._aim(image)
+        if self._sent != self._target:
+            self._send(image)
         if stamp > self._stamp:
             self._advance(position, stamp - self._stamp)
             self._position, self._stamp = position, stamp
 
-    def _aim(self, image: AxisImage) -> None:
-        self._early.target = self._target
-        self._late.aim(self._target, image.now + self._delay + image.velocity_transfer)
+    def _begin(self, speed: float) -> None:
+        self._prompt, self._low, self._high = _Ramp(speed, 0), _Ramp(speed, -1), _Ramp(speed, 1)
+
+    def _send(self, image: AxisImage) -> None:
+        self._sent = self._target
+        self._due.append((image.now + self._delay + image.velocity_transfer, self._target))
 
     def _advance(self, position: int, dt: float) -> None:
-        self._late.take_up(self._stamp)
+        while self._due and self._due[0][0] <= self._stamp:
+            self._taken = self._due.popleft()[1]
+        possible = [self._taken, *(target for _, target in self._due)]
         made, kept = position - self._position, 1.0 - min(1.0, dt / self._memory())
-        before = self._early.speed
-        for ramp in (self._early, self._late):
-            ramp.ramp(dt, made, kept)
-        if self._early.speed != before:
+        before = self._prompt.speed
+        for ramp, target in (
+            (self._prompt, self._sent),
+            (self._low, min(possible)),
+            (self._high, max(possible)),
+        ):
+            ramp.ramp(target, self._rates, dt, made, kept)
+        if self._prompt.speed != before:
             self._changed = self._stamp
         self._settle(self._stamp + dt)
         if self._from_rest and self._stamp - self._changed <= _LAG_TIME:
-            self._take_lag(self._early)
-        least, most = sorted((self._early.behind, self._late.behind))
-        self.behind = least if least > 0.0 else min(most, 0.0)
+            self._take_lag(self._prompt)
+        self.behind = self._low.behind if self._low.behind > 0.0 else min(self._high.behind, 0.0)
 
     def _settle(self, now: float) -> None:
-        if self._early.speed or self._late.speed:
+        if self._low.speed or self._high.speed:
             self._settles_at = now + _SETTLED
         elif now >= self._settles_at:
             self._settles_at = math.inf
-            for ramp in (self._early, self._late):
+            for ramp in (self._prompt, self._low, self._high):
                 ramp.behind = ramp.gained = ramp.stirred = 0.0
 
     def _take_lag(self, ramp: _Ramp) -> None:

@@ -584,8 +584,11 @@ class Physics(Travel):
             return
         if self._errors.get(name) == id(error):
             return
+        if (
+            name not in self._errors
+        ):  # another error of an axis in ErrorStop is no new failure: a refused boot-up of its node
+            self._others_must_stop(name)
         self._errors[name] = id(error)
-        self._others_must_stop(name)
         caused = any(
             True for other in facts.names for _ in facts.troubled(other, facts.remembers(name))
         ) or self._pushed_of_late(name)
