@@ -195,6 +195,24 @@ def test_a_halted_pair_stays_on_its_path_and_resumes_from_there(scenario):
     assert pair.worst_skew() < NEAR
 
 
+def test_a_resumed_velocity_move_is_done_at_its_last_velocity(scenario):
+    pair = enabled(scenario)
+    pair.gantry.move_velocity(60.0).wait(5)
+    pair.gantry.move_velocity(30.0).wait(5)
+    pair.gantry.halt().wait(5)
+    pair.gantry.move_relative(1.0).wait(5)
+    assert isinstance(pair.failure_of(pair.gantry.resume()), StateError)  # the last command has ended
+    pair.gantry.move_velocity(60.0).wait(5)
+    pair.gantry.move_velocity(30.0).wait(5)
+    assert isinstance(pair.failure_of(pair.gantry.resume()), StateError)  # it still runs
+    pair.gantry.halt().wait(5)
+    pair.gantry.resume().wait(5)
+    pair.run(0.1)
+    assert [pair.speed(name) for name in "xy"] == pytest.approx([30.0, 30.0], rel=0.02)
+    pair.gantry.move_velocity(40.0).wait(5)
+    assert pair.worst_skew() < NEAR
+
+
 def test_a_gantry_moves_again_after_a_stop_that_was_released(scenario):
     pair = enabled(scenario)
     pair.gantry.move_absolute(120.0)

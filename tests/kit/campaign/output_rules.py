@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from axisbus.errors import StaleError
@@ -37,6 +38,8 @@ class Outputs:
         }  # a module may make them safe on its own
         self._before = {name: self.shown(name) for name in OUTPUTS}
         self._unknown_since: dict[str, float] = {}
+        self._asked: dict[str, tuple[float, int]] = {}  # the last commanded value, and when
+        self._now = 0.0
         # Of a value that was sent in the cycle before: the node takes it at the SYNC after.
         self._on_its_way = 1.5 * cell.machine.cell.bus.scan_period
         cell.each_cycle(lambda now, _: self._look(now))
@@ -56,6 +59,7 @@ class Outputs:
     def ask(self, name: str, value: int) -> Handle:
         """Set an output."""
         self._allowed[name] |= {value}
+        self._asked[name] = self._now, value
         self.set.add(name)
         return self.cell.machine.io[name].set(bool(value))
 
@@ -64,6 +68,7 @@ class Outputs:
         return [name for name in sorted(self.set) if self.shown(name) != OUTPUTS[name][3]]
 
     def _look(self, now: float) -> None:
+        self._now = now
         leaving = self.cell.machine._core.scan.leaving_because is not None
         for name in OUTPUTS:
             shown, before = self.shown(name), self._before[name]
@@ -72,12 +77,17 @@ class Outputs:
             if self.knows(name) is None:  # its value is decided by the module, and is safe later
                 since = self._unknown_since.setdefault(name, now)
                 if now - since > self._on_its_way:
-                    self._allowed[name] = {OUTPUTS[name][3], shown}
+                    self._allowed[name] = {OUTPUTS[name][3], shown, *self._in_its_buffer(name, since)}
             else:
                 self._unknown_since.pop(name, None)
                 if leaving and shown != before and shown == OUTPUTS[name][3]:
                     self.early |= set(self._energised())
             self._before[name] = shown
+
+    def _in_its_buffer(self, name: str, since: float) -> set[int]:
+        """The value that the node may have received before it was lost; it takes it at the next SYNC, however late that is."""
+        at, value = self._asked.get(name, (-math.inf, 0))
+        return {value} if at > since - 3 * self._on_its_way else set()
 
     def _energised(self) -> Sequence[str]:
         return [axis.name for axis in self.cell.machine if self.cell.stage(axis.name) not in OFF]

@@ -82,8 +82,11 @@ class Truth:
 
     def takes_hours(self, asked: GivenCommand) -> bool:
         """Whether it goes to the other end of the drive's count, at any speed, or back from where that is called a place nearby."""
-        far = (abs(goal - self._facts.place(name)) > _FAR for name, goal in asked.goals.items())
-        return asked.kind == "extreme" or any(far)
+        ends = [
+            *asked.goals.items(),
+            *((name, self._facts.drive[name].target_position) for name in asked.names),
+        ]
+        return asked.kind == "extreme" or any(abs(end - self._facts.place(name)) > _FAR for name, end in ends)
 
     def _has_far_to_go(self, asked: GivenCommand) -> bool:
         """Whether it commands an axis whose count has run far away meanwhile, and moves, or has only just arrived.

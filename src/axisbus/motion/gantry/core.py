@@ -105,6 +105,7 @@ class GantryCore(GroupCore):
         self.watch = SkewMonitor(parameters, self._first, self._second)
         self._homing: GantryHoming | None = None
         self._turning: GantryVelocityMove | None = None
+        self._turned: GantryVelocityMove | None = None  # the last one, also after it was interrupted
         self._squaring: CommandStatus | None = None
         self._bent = SkewStop(axes, self.watch)
         self._ends_at: float | None = None  # the last commanded end position of the beam
@@ -269,7 +270,17 @@ class GantryCore(GroupCore):
         self._ends_at = None
         if turning is not None:
             turning.make_way(ticket.name)
-        self._turning = GantryVelocityMove(command.velocity, ticket, inner, self._line_of(inner))
+        self._turning = self._turned = GantryVelocityMove(command, ticket, inner, self._line_of(inner))
+
+    def _resume(self, command: GroupContinue, ticket: CommandStatus) -> None:
+        """As ``GroupCore``; a velocity move has no end to go on to, so it begins again, and is done at its last velocity."""
+        turned = self._turned
+        line = None if turned is None else turned.line
+        if turned is None or line is None or line is not self._line or not turned.over or line.is_at_its_end:
+            self._require_ours(command, ticket)
+            super().accept(command, ticket)
+        else:
+            self._turn(turned.command, ticket)
 
     def _line_of(self, ticket: CommandStatus) -> PathMotion | None:
         lines = (each.line for each in self._under_way if each.name == ticket.name and each.busy)
@@ -378,4 +389,5 @@ _OWN: dict[type, Callable[[GantryCore, Any, CommandStatus], None]] = {
     g.GantryHome: GantryCore._home,
     g.GantrySquare: GantryCore._square,
     g.GantrySetPosition: GantryCore._set_position,
+    GroupContinue: GantryCore._resume,
 }

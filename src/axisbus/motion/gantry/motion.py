@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from axisbus.errors import AxisbusError, LimitError, Replaced
 from axisbus.motion.axis.core import AxisCore
@@ -100,14 +101,17 @@ _REACHED = 1e-6  # of the velocity
 
 
 class GantryVelocityMove:
-    """Holds the ticket of the velocity command, which is done at that velocity, and the ticket of the line, which continues."""
+    """Holds the velocity command with its present velocity, its ticket, which is done at that velocity, and that of the line.
+
+    ``line`` continues until another command comes; None if it has not begun.
+    """
 
     def __init__(
-        self, velocity: float, ticket: CommandStatus, inner: CommandStatus, line: PathMotion | None
+        self, command: g.GantryVelocity, ticket: CommandStatus, inner: CommandStatus, line: PathMotion | None
     ) -> None:
-        """``velocity`` signed, in unit/s; ``inner``: the ticket of ``line`` (None if the line has not begun)."""
-        self._velocity = velocity
-        self._ticket, self._inner, self._line = ticket, inner, line
+        """``inner``: the ticket of ``line``."""
+        self.command, self.line = command, line
+        self._ticket, self._inner = ticket, inner
         ticket.begin()
 
     @property
@@ -126,18 +130,18 @@ class GantryVelocityMove:
 
     def change(self, velocity: float, ticket: CommandStatus) -> bool:
         """Change the velocity in the same direction, with the same acceleration; return False if that is impossible."""
-        line = self._line
+        line = self.line
         if (
             self.over
             or line is None
             or not line.planned
             or line.travel.braking
-            or velocity * self._velocity <= 0.0
+            or velocity * self.command.velocity <= 0.0
         ):
             return False
         self._end_for(ticket.name)
-        line.travel.velocity *= velocity / self._velocity
-        self._velocity, self._ticket = velocity, ticket
+        line.travel.velocity *= velocity / self.command.velocity
+        self.command, self._ticket = replace(self.command, velocity=velocity), ticket
         ticket.begin()
         return True
 
@@ -150,7 +154,7 @@ class GantryVelocityMove:
         """Once per cycle: end the ticket if the velocity is reached or the line has ended; return whether it ended."""
         if not self._ticket.busy:
             return False
-        line = self._line
+        line = self.line
         if self.over:
             error = self._inner.error or self._too_short()
             self._ticket.finish(end_as(error), error)
