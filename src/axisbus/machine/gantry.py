@@ -184,7 +184,10 @@ class Gantry(AxisSet):
         return self._submit(name, command)
 
     def resume(self) -> Handle:
-        """Continue the last interrupted move to its end (MC_GroupContinue); as ``Group.resume``."""
+        """Continue the last interrupted move to its end (MC_GroupContinue); as ``Group.resume``.
+
+        A velocity move begins again at its last velocity; its handle is done when that is reached.
+        """
         return self._submit("resume()", GroupContinue(self._pair.axes))
 
     # -- homing --------------------------------------------------------------------------------------------------------
