@@ -207,6 +207,33 @@ def test_an_object_of_a_blf_that_never_ends_is_not_stored_without_end(tmp_path):
     assert peak < 30_000_000
 
 
+@pytest.mark.parametrize("method", [0, 2])
+def test_the_frames_of_a_blf_that_is_cut_are_read_and_its_end_is_reported(tmp_path, method):
+    objects = b"".join(blf_object(data=bytes([number])) for number in range(100))
+    path = blf_file(tmp_path / "run.blf", objects, objects, method=method)
+    whole = path.read_bytes()
+    for cut in (1, 2, 30, 31, 48, 100):
+        path.write_bytes(whole[:-cut])
+        found = []
+        with pytest.raises(UserError, match="cannot be read after") as caught:
+            found.extend(frame_files.read(path, frame_files.SkippedLines()))
+        assert 100 <= len(found) < 200 or cut <= 4  # the end of the compressed data holds no frame
+        assert [frame.data[0] for frame in found] == [number % 100 for number in range(len(found))]
+        assert "ends in the middle of an object" in caught.value.observed
+
+
+def test_an_object_of_a_blf_that_is_longer_than_the_rest_of_the_file_is_reported(tmp_path):
+    found = []
+    with pytest.raises(UserError, match="cannot be read after 2 frames") as caught:
+        found.extend(
+            frame_files.read(
+                blf_file(tmp_path / "run.blf", blf_object() * 2 + blf_object(5000) + blf_object()),
+                frame_files.SkippedLines(),
+            )
+        )
+    assert "the size of an object is wrong" in caught.value.observed
+
+
 def test_an_unknown_compression_of_a_blf_is_reported(tmp_path):
     with pytest.raises(UserError, match="cannot be read at its beginning") as caught:
         blf_frames(blf_file(tmp_path / "run.blf", blf_object(), method=7))

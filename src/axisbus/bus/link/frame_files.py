@@ -223,16 +223,22 @@ class _BlfReader(can.BLFReader):
 
     def __iter__(self) -> Generator[can.Message]:
         """Yield the frames; raises ValueError and struct.error at a damaged file."""
+        complete = True
         while data := self.file.read(blf.OBJ_HEADER_BASE_STRUCT.size):
             signature, _, _, size, kind = blf.OBJ_HEADER_BASE_STRUCT.unpack(data)
             if signature != b"LOBJ":
                 raise ValueError("there is no object where one must begin")
             content = self.file.read(max(0, size - blf.OBJ_HEADER_BASE_STRUCT.size))
+            complete = len(data) + len(content) >= size
             self.file.read(size % 4)  # padding
             if kind == blf.LOG_CONTAINER:
                 yield from self._parse_container(_decompressed(content))
                 if len(self._tail) > _BLF_OBJECT:
                     raise ValueError(f"an object has more than {_BLF_OBJECT >> 20} MB")
+        if not complete or self._tail.strip(b"\0"):  # zeros are padding
+            raise ValueError(
+                "it ends in the middle of an object: the recording is cut, or the size of an object is wrong"
+            )
 
     def _parse_data(self, data: bytes) -> Iterator[can.Message]:
         """Yield the frames of the objects up to the first one whose size is impossible."""
