@@ -115,6 +115,17 @@ def test_a_command_that_accelerates_counts_with_the_velocity_it_may_reach_until_
     assert Bounded(1000).to(100_000 - 8117).rest(course=slower) is None
 
 
+def test_an_axis_that_is_turned_back_counts_with_both_of_its_rates():
+    """From -20 480/s at rest after 2.048 of 5.5 cycles, by 640 000/s²; then 64 000/s² for 3.452 cycles: 3452/s."""
+    back = CommandedMotion(speed=64_000.0, up=64_000.0, down=DOWN)
+    rest = Bounded(-320).to(99_900).rest(course=back)
+    assert rest == pytest.approx(99.9 + 3452 * 4 / 64_000 + 3452**2 / (2 * DOWN) / 1000, abs=0.001)
+    weak = CommandedMotion(speed=64_000.0, up=64_000.0, down=64_000.0)
+    assert Bounded(-320).to(99_900).rest(course=weak) is None  # it cannot turn before a stop acts
+    assert Bounded(-320).to(99_900).rest(course=weak._replace(up=DOWN)) is not None
+    assert Bounded(-320).to(99_000).rest(course=back) is None
+
+
 def test_an_axis_at_standstill_that_may_move_counts_from_the_command_on():
     still = Bounded(0).to(99_999)
     for _ in range(20):

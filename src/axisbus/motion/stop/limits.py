@@ -464,4 +464,11 @@ def _fastest(track: VelocityEstimator, direction: int, course: CommandedMotion, 
     if course.speed is None or course.up is None:
         return out + max(0.0, track.motion[1] * direction) * time
     goal = course.speed * direction
-    return out if goal <= out else min(goal, out + course.up * time)
+    if goal <= out:
+        return out
+    if out < 0.0:  # it turns first, by the higher of both rates: the drive may use either
+        turning = max(course.up, course.down or 0.0)
+        if out + turning * time <= 0.0:
+            return out + turning * time
+        out, time = 0.0, time + out / turning
+    return min(goal, out + course.up * time)

@@ -289,6 +289,7 @@ def _axis_lines(recipe: CellRecipe, name: str, file: str, model: Eds) -> list[st
     lines = [
         f"[nodes.{node}]",
         f'eds = "{file}"',
+        *(['rejoin = "automatic"'] if axis.rejoin else []),
         f"[axes.{name}]",
         f"node = {node}",
         f'unit = "{axis.unit}"',
@@ -319,6 +320,8 @@ def _axis_lines(recipe: CellRecipe, name: str, file: str, model: Eds) -> list[st
         lines.append("method = 35")
     if not axis.homed or recipe.gantry:
         lines.append("required = false")
+    if axis.absolute:
+        lines.append("absolute = true")
     stop = {
         "quick_stop": f'"{axis.words[0]}"',
         "halt": f'"{axis.words[1]}"',

@@ -62,7 +62,8 @@ class AxisRecipe(NamedTuple):
     those that are read by SDO; ``apart``: those with a TPDO of their own. ``event_timer``: that of all TPDOs in ms, which are then
     event-driven; 0: they answer SYNC. ``written``: outputs that are written by SDO. ``word_first``: the controlword is in an
     RPDO before that of the target. ``start``: the motor's position at power-up; ``homed``: whether it is homed at its position,
-    or at the position reported by its drive.
+    or at the position reported by its drive. ``rejoin``: a node that has restarted is booted without a command; ``absolute``: the
+    cell file says that the drive keeps its position without power.
     """
 
     file: str = GENERIC
@@ -93,6 +94,8 @@ class AxisRecipe(NamedTuple):
     word_first: bool = False
     start: int = 0
     homed: bool = True
+    rejoin: bool = False
+    absolute: bool = False
 
     @property
     def velocity(self) -> float:
@@ -212,7 +215,13 @@ def _axis(chance: random.Random) -> AxisRecipe:
     if chance.random() < 0.06 and not axis.endless and axis.invert != "drive":
         end = chance.choice((1, -1)) * (2**31 - round(0.2 * axis.speed))
         axis = axis._replace(start=end, homed=False, limits=None)
-    return _values(chance, axis)
+    return _return(_values(chance, axis))
+
+
+def _return(axis: AxisRecipe) -> AxisRecipe:
+    """Draw what happens after a restart, by numbers of its own: the draws of other things stay as they were."""
+    chance = random.Random(repr(axis))
+    return axis._replace(rejoin=chance.random() < 0.3, absolute=chance.random() < 0.3)
 
 
 def _drive(chance: random.Random, axis: AxisRecipe) -> AxisRecipe:
