@@ -113,7 +113,7 @@ class CoreInterface(Protocol):
         """
 
     def await_values(self) -> None:
-        """Block until every axis has been heard since the scan began, or the scan has ended, at most a second."""
+        """Block until every axis has its first values since the scan began, or the scan has ended, at most a second."""
 
     def boot_node(self, node_id: int) -> Booted:
         """Boot one node while the scan runs; blocks. Raises StateError, BootError."""
@@ -261,7 +261,7 @@ class Core:
         self._pickup.start()
 
     def await_values(self) -> None:
-        """Block until every axis has been heard since the scan began, or the scan has ended, at most a second."""
+        """Block until every axis has its first values since the scan began, or the scan has ended, at most a second."""
         self._await(self.scan.axes, _FIRST_VALUES)
 
     def _await(self, names: Iterable[str], seconds: float) -> None:
@@ -298,9 +298,16 @@ class Core:
 
     def _have_values(self, names: Iterable[str]) -> bool:
         scan = self.scan
-        heard = [name in scan.snapshots and scan.snapshots[name].statusword is not None for name in names]
+        heard = [self._is_heard(name) for name in names]
         known = [reading.known is not SignalValidity.NOT_YET for reading in scan.io.readings.values()]
         return scan.ended or (all(heard) and all(known) and bool(known or not scan.io))
+
+    def _is_heard(self, name: str) -> bool:
+        """Whether the axis has its statusword, and its position, which some drives send in another TPDO and later."""
+        seen = self.scan.snapshots.get(name)
+        if seen is None or seen.statusword is None:
+            return False
+        return seen.position is not None or "position" not in self.scan.axes[name].capabilities.inputs
 
     def _stop_axes(self, reason: str) -> None:
         """Stop all axes and wait for standstill. An exception during the wait, as from a signal handler, is raised afterwards."""
