@@ -98,6 +98,14 @@ def test_every_kind_of_dial_is_read(read):
     assert Dial("loss", 0.5, False, "lss") in fault.dials
 
 
+def test_another_specimen_is_read_with_its_identity(read):
+    (fault,) = read(
+        '[new]\nnode = 2\nbegin = "1s"\nswap = { serial = 4712, node_id = 255, revision = 2, software_version = "2.0" }\n'
+    )
+    assert fault.swap == {"serial": 4712, "node_id": 255, "revision": 2, "software_version": "2.0"}
+    assert fault.dials == ()
+
+
 def test_every_dial_that_there_is_can_be_turned(cell):
     made = devices(cell, load_dictionaries(cell))[1]
     for keys, dials in ((OF_AXIS, made.drive.dials), (OF_NODE, made.dials), (PARTS["lss"], made.dials.lss)):
@@ -127,6 +135,9 @@ def test_every_dial_that_there_is_can_be_turned(cell):
         ('[a]\naxis = "x"\nbegin = "1s"\nlss = { los = 1 }\n', 4, "unknown key 'los'"),
         ('[a]\naxis = "x"\nbegin = "1s"\nsdo_aborts = { zz = 1 }\n', 4, "sdo_aborts in .a. cannot be used"),
         ('[a]\naxis = "x"\nbegin = "1s"\nsdo_delay = "soon"\n', 4, "sdo_delay in .a. cannot be used"),
+        ('[a]\naxis = "x"\nbegin = "1s"\nswap = { node_id = 5 }\n', 4, "swap needs a serial number"),
+        ('[a]\nnode = 1\nbegin = "1s"\nswap = { serial = 1, node_id = 128 }\n', 4, "128 is not a node-ID"),
+        ('[a]\nnode = 1\nbegin = "1s"\nfor = "1s"\nswap = { serial = 1 }\n', 4, "have no duration"),
         ("a = 1\n", 1, "a must be a table"),
         ("[a\n", 1, "TOML|table|bracket"),
     ],

@@ -61,6 +61,11 @@ when = "|x.velocity| > 10"
 every = "2s"
 fault = 0x2310
 restart = true
+
+[spare]
+node = 1
+begin = "3s"
+swap = { serial = 4712, node_id = 255, revision = 2, software_version = "2.0" }
 """
 
 

@@ -319,8 +319,7 @@ def test_another_serial_number_is_refused_if_the_cell_file_names_one(tmp_path: P
         object.__setattr__(serial, "serial", 0)
         switch_off(machine, "x")
         machine.sleep(1.0)
-        simulation.device("x").serial = 4711
-        simulation.device("x")._number_serially()
+        machine.simulated_node(1).swap(4711)
         switch_on(machine, "x")
         machine.sleep(1.0)
         with pytest.raises(BootError) as caught:

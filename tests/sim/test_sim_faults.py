@@ -107,3 +107,54 @@ def test_a_drive_falls_into_fault_and_a_node_restarts():
     assert one.nmt is NmtState.INITIALISING
     one.step(0.1)
     assert (one.nmt, one.drive.error_code) == (NmtState.PRE_OPERATIONAL, 0)
+
+
+# -- another specimen in the place of a drive ----------------------------------------------------------------------------------
+
+
+def identity(device: Device) -> tuple[int, int, int]:
+    return tuple(device.read(0x1018, subindex) for subindex in (2, 3, 4))
+
+
+def passed(device: Device, seconds: float) -> None:
+    for _ in range(round(seconds / STEP)):
+        device.step(STEP)
+
+
+def test_another_specimen_has_its_own_identity_and_factory_parameters():
+    device = Device(EDS, 5, serial=4711)
+    device.power_on()
+    device.write(0x6081, 0, 777)
+    device.write(0x1010, 1, 0x6576_6173)
+    Plan([PlannedFault("new", "", Moment(begin=0.0), 5, swap={"serial": 4712})], {5: device}).step(0.0, None)
+    passed(device, 0.5)
+    assert (device.node_id, device.nmt) == (5, NmtState.PRE_OPERATIONAL)
+    assert identity(device) == (0, 0, 4712)
+    assert device.read(0x6081) == EDS.get(0x6081).initial(5)
+    device.swap(4713, revision=2, software_version="2.0", product_code=9)
+    passed(device, 0.5)
+    assert identity(device) == (9, 2, 4713)
+    assert device.upload(0x100A, 0).rstrip(b"\0") == b"2.0"
+    device.swap(4714)
+    passed(device, 0.5)
+    assert identity(device) == (0, 0, 4714)
+    assert device.upload(0x100A, 0).rstrip(b"\0") == b""
+
+
+def test_a_specimen_without_a_node_id_answers_lss_only_and_keeps_its_identity_under_the_new_one():
+    device = Device(EDS, 5)
+    device.power_on()
+    device.dials.unpowered = True
+    passed(device, 0.1)
+    device.swap(4712, 255, 2)
+    device.dials.unpowered = False
+    passed(device, 0.5)
+    assert device.node_id == 255
+    assert device.nmt is NmtState.INITIALISING
+    assert device.hears_lss
+    for request in (b"\x04\x01", b"\x11\x05", b"\x17", b"\x04\x00"):
+        device.lss_request(request.ljust(8, b"\0"), device.time)
+    passed(device, 0.5)
+    assert (device.node_id, device.nmt) == (5, NmtState.PRE_OPERATIONAL)
+    assert identity(device) == (0, 2, 4712)
+    assert device.read(0x1400, 1) == 0x205  # the defaults of its new node-ID

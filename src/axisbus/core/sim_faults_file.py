@@ -3,7 +3,8 @@
 Theory of operation
 -------------------
 Each table has its own name, and contains the drive (``axis`` or ``node``), the time (``begin`` or ``when``), the duration, and the
-fault: a fault code, a restart, or fault settings by their names. It is read as a cell file is, and never stops at one problem.
+fault: a fault code, a restart, another specimen in the drive's place (``swap``), or fault settings by their names. It is read as a
+cell file is, and never stops at one problem.
 """
 
 from __future__ import annotations
@@ -49,6 +50,15 @@ _WHAT: Keys = {
     "fault": CellKey(v.integer(1, 0xFFFF)),
     "maker_bits": CellKey(v.integer(0, 0xFFFF_FFFF)),
     "restart": CellKey(v.boolean),
+}
+_NO_NODE_ID = 255
+_number_of_32_bits = v.integer(0, 0xFFFF_FFFF)
+_SWAP: Keys = {
+    "serial": CellKey(_number_of_32_bits),
+    "node_id": CellKey(v.integer(1, _NO_NODE_ID)),
+    "revision": CellKey(_number_of_32_bits),
+    "software_version": CellKey(v.text),
+    "product_code": CellKey(_number_of_32_bits),
 }
 
 
@@ -120,6 +130,8 @@ def _keys(dials: type) -> Keys:
 OF_AXIS: Keys = _keys(DriveFaults)
 OF_NODE: Keys = _keys(NodeFaults)
 PARTS: Mapping[str, Keys] = {"lss": _keys(LssDials), "program": _keys(ProgramDials)}
+SWAP = "swap"
+_TABLES: Mapping[str, Keys] = {**PARTS, SWAP: _SWAP}
 
 
 # -- faults file -------------------------------------------------------------------------------------------------------
@@ -156,18 +168,23 @@ class _Reading(Tables):
     def _fault(self, name: str, raw: Any) -> PlannedFault | None:
         before = len(self.problems)
         table = self._table((name,), raw)
-        fields = self._fields((name,), table, _KEYS, PARTS)
-        parts = {part: self._sub((name,), table, part, keys) for part, keys in PARTS.items() if part in table}
+        fields = self._fields((name,), table, _KEYS, _TABLES)
+        parts = {
+            part: self._sub((name,), table, part, keys) for part, keys in _TABLES.items() if part in table
+        }
+        specimen = parts.pop(SWAP, None)
+        swap = None if specimen is None else {key: specimen[key] for key in _SWAP if key in specimen}
         node, axis = self._whose(name, fields)
         dials = _dials(fields, parts)
         self._require_sense(name, table)
+        self._require_specimen(name, swap)
         self._require_moment(name, table)
         moment = self._moment(name, fields)
         if len(self.problems) > before:
             return None
         return PlannedFault(
             name, _said(table), moment, node, axis, dials,
-            fields.get("fault", 0), fields.get("maker_bits", 0), fields.get("restart", False),
+            fields.get("fault", 0), fields.get("maker_bits", 0), fields.get("restart", False), swap,
         )  # fmt: skip
 
     def _whose(self, name: str, fields: Fields) -> tuple[int, int]:
@@ -214,7 +231,23 @@ class _Reading(Tables):
                 (name, of_axis[0]), f"{of_axis[0]!r} is a key of an axis, not of a node", remedy=remedy
             )
         if "for" in table and not any(key in OF_AXIS or key in OF_NODE or key in PARTS for key in table):
-            self._error((name, "for"), "a fault and a restart have no duration", remedy="leave 'for' out")
+            self._error(
+                (name, "for"), "a fault, a restart and a swap have no duration", remedy="leave 'for' out"
+            )
+
+    def _require_specimen(self, name: str, swap: Fields | None) -> None:
+        if swap is None:
+            return
+        if "serial" not in swap:
+            self._error(
+                (name, SWAP), f"[{name}] swap needs a serial number", remedy="write swap = { serial = 4712 }"
+            )
+        if 127 < swap.get("node_id", 0) < _NO_NODE_ID:
+            self._error(
+                (name, SWAP, "node_id"),
+                f"{swap['node_id']} is not a node-ID",
+                remedy="write 1 to 127, or 255 for a drive without one",
+            )
 
     def _require_moment(self, name: str, table: Fields) -> None:
         if ("begin" in table) == ("when" in table):

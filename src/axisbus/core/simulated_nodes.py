@@ -9,7 +9,7 @@ from axisbus.cell.model import CellConfig
 from axisbus.drives.plugin import DrivePlugin
 from axisbus.drives.registry import make_of
 from axisbus.eds.model import Eds
-from axisbus.errors import ConfigError
+from axisbus.errors import ArgumentError, ConfigError
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.drive import Drive
@@ -38,6 +38,27 @@ class SimulatedNode:
         """Give the supply back: the node boots."""
         with self.lock:
             self.device.dials.unpowered = False
+
+    def swap(
+        self,
+        serial: int,
+        node_id: int | None = None,
+        revision: int | None = None,
+        software_version: str | None = None,
+        product_code: int | None = None,
+    ) -> None:
+        """Put another specimen with factory parameters in the place of the drive; it boots if it has a supply.
+
+        ``node_id`` 1 to 127 is its own; 255: it has none, and answers LSS only; None: that of the drive before it. ``revision`` and
+        ``product_code`` (1018h) and ``software_version`` (100Ah) are those of the EDS if they are None.
+
+        Raises:
+            ArgumentError: the node-ID is another one.
+        """
+        if node_id is not None and node_id not in (*range(1, 128), NO_NODE_ID):
+            raise ArgumentError(f"{node_id} is not a node-ID", remedy="give 1 to 127, or 255 for none")
+        with self.lock:
+            self.device.swap(serial, node_id, revision, software_version, product_code)
 
     def fault(self, code: int, maker_bits: int = 0, axis: int = 1) -> None:
         """Put the drive into fault with the error code ``code`` (603Fh) and the vendor's error bits."""

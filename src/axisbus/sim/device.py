@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
+from axisbus.cia301.datatypes import Value
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
 from axisbus.eds.model import Eds
 from axisbus.sim.boot_loader import ProgramLoader, has_loader
@@ -32,6 +33,13 @@ _MAX_STEP = 0.02
 # Range of objects for a sub-index of 1010h and 1011h (CiA 301 7.5.2.13).
 _SCOPE = {1: (0x0000, 0xFFFF), 2: (0x1000, 0x1FFF), 3: (0x6000, 0x9FFF)}
 _MAKER_SCOPE = (0x2000, 0x5FFF)
+_SERIAL = 0x1018_04
+_OF_SPECIMEN = (
+    0x1018_02,
+    0x1018_03,
+    _SERIAL,
+    0x100A_00,
+)  # product code, revision, serial number, software version
 
 
 class Device:
@@ -57,9 +65,11 @@ class Device:
         self.eds = eds
         self.node_id = node_id
         self.dials = dials or NodeFaults()
-        self.serial = serial
         self.dictionary = Dictionary(eds, node_id)
-        self._number_serially()
+        self._of_eds = {key: self.dictionary.defaults[key] for key in _OF_SPECIMEN if key in self.dictionary}
+        # in place of the values of the EDS
+        self._own: dict[int, Value] = {} if serial is None else {_SERIAL: serial}
+        self._take_own()
         self.errors = ErrorHistory(_history_length(self.dictionary))
         self.drives = [
             Drive(
@@ -148,6 +158,29 @@ class Device:
         self._boot_timer = 0.0
         self.step(0.02)
 
+    def swap(
+        self,
+        serial: int,
+        node_id: int | None = None,
+        revision: int | None = None,
+        software_version: str | None = None,
+        product_code: int | None = None,
+    ) -> None:
+        """Put another specimen with factory parameters in this one's place; it boots if there is a supply.
+
+        ``node_id``: its stored one; 255: it waits for one by LSS; None: as set by switches, that of the present one. Other numbers
+        and texts that are None are those of the EDS.
+        """
+        stored = self.node_id if node_id is None else node_id
+        own = zip(_OF_SPECIMEN, (product_code, revision, serial, software_version), strict=True)
+        self._own = self._of_eds | {key: value for key, value in own if value is not None}
+        self._stored, self._restore = {}, False
+        self.lss.stored = stored
+        self.lss.bit_rate = self.lss.pending_bit_rate = 0
+        self.dictionary.renumber(self.eds, stored)
+        self._take_own()
+        self._reset(whole=True)
+
     def read(self, index: int, subindex: int = 0) -> int:
         """Read an integer as SDO does, without frames; no time passes.
 
@@ -204,10 +237,10 @@ class Device:
         if self.node_id == NO_NODE_ID and self.lss.ready:
             self._reset(whole=False)
 
-    def _number_serially(self) -> None:
-        key = 0x1018 << 8 | 4
-        if self.serial is not None and key in self.dictionary:
-            self.dictionary.values[key] = self.dictionary.defaults[key] = self.serial
+    def _take_own(self) -> None:
+        for key, value in self._own.items():
+            if key in self.dictionary:
+                self.dictionary.values[key] = self.dictionary.defaults[key] = value
 
     def _address(self) -> tuple[int, int, int, int]:
         vendor, product, revision, serial = (self.dictionary.get_int(0x1018, part) for part in (1, 2, 3, 4))
@@ -258,7 +291,7 @@ class Device:
         if node_id != self.node_id:
             self.node_id = node_id
             self.dictionary.renumber(self.eds, node_id)
-            self._number_serially()
+            self._take_own()
         if self.loader is not None and whole:
             self.loader.restarted()
         self.nmt = NmtState.INITIALISING

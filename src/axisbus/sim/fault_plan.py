@@ -27,7 +27,8 @@ class PlannedFault:
     """A fault by its user-defined name; ``said`` is its description in reports.
 
     ``axis`` counts from 1. ``code``: the drive goes into fault with this code (603Fh) and the manufacturer's bits ``maker_bits``
-    (0: no fault). ``restart``: the node restarts, as after a short loss of its supply.
+    (0: no fault). ``restart``: the node restarts, as after a short loss of its supply. ``swap``: another specimen takes the place
+    of the drive, with these arguments of ``Device.swap``.
     """
 
     name: str
@@ -39,6 +40,7 @@ class PlannedFault:
     code: int = 0
     maker_bits: int = 0
     restart: bool = False
+    swap: Mapping[str, Any] | None = None
 
 
 class Plan:
@@ -76,6 +78,8 @@ class Plan:
             device.drives[fault.axis - 1].fault(fault.code, maker_bits=fault.maker_bits)
         if fault.restart:
             device.nmt_command(NmtCommand.RESET_NODE)
+        if fault.swap is not None:
+            device.swap(**fault.swap)
 
     def _turn(self, fault: PlannedFault, values: Sequence[Any]) -> None:
         for dial, value in zip(fault.dials, values, strict=True):
