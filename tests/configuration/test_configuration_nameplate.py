@@ -74,3 +74,29 @@ def test_a_nameplate_is_read_from_a_node(tmp_path: Path):
     assert plate.sha256 is not None
     assert len(bytes.fromhex(plate.sha256)) == 32
     assert json.loads(as_json([plate], "cell.toml", WHEN))["nodes"][0]["serial"] == 4711
+
+
+def test_boot_reports_another_drive_and_another_firmware_as_changes_and_not_as_errors(tmp_path: Path):
+    (tmp_path / "cell.toml").write_text(cell_text("xy"), encoding="utf-8")
+    record = tmp_path / "cell.nameplate.json"
+    with simulate(tmp_path / "cell.toml") as simulation:
+        machine = simulation.machine
+        assert [report.changed for report in machine.reports] == [(), ()]  # there is no record
+        plates = [read_nameplate(MachineNode(machine.node(node)), machine.cell) for node in (1, 2)]
+        record.write_text(as_json(plates, "cell.toml", WHEN), encoding="utf-8")
+        assert machine.node(1).boot().changed == ()
+        machine.simulated_node(1).swap(4712, software_version="2.0")
+        machine.sleep(1.0)
+        report = machine.node(1).boot()
+        assert report.ok
+        assert report.changed == (
+            f"serial number (1018h:04) was 0x0 (0), is 0x1268 (4712) (nameplate saved {WHEN})",
+            f"software version (100Ah) was unknown, is 2.0 (nameplate saved {WHEN})",
+        )
+        assert f"  changed       {report.changed[0]}\n" in report.text()
+        assert report.as_json()["changed"] == list(report.changed)
+        assert machine.node(2).boot().changed == ()
+        record.write_text("{", encoding="utf-8")
+        report = machine.node(1).boot()
+        assert report.ok
+        assert "it is not compared with its nameplate" in report.changed[0]

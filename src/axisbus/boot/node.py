@@ -20,7 +20,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Protocol, TypeVar
 
-from axisbus.boot import dcf, error_state, io, program_text
+from axisbus.boot import dcf, error_state, io, nameplate_comparison, program_text
 from axisbus.boot import failure as ids
 from axisbus.boot.configure import DriveMonitoringSetup, plan_of
 from axisbus.boot.demand import demand_text
@@ -221,6 +221,10 @@ class NodeBoot:
             self._report.device = ids.heading(self._objects, found, self._make)
         self._report.identity = ids.text(found)
         self._report.warnings += ids.differences(found, self._eds)
+        with self._comms.trying(1, DEADLINE):
+            self._report.changed = tuple(
+                nameplate_comparison.changed(self._objects, self._cell, self._objects.node_id)
+            )
 
     def _look(self, known: BootOutcome) -> bool:
         """Read the identity and the drives' states before anything is written; return whether the node may be configured."""

@@ -48,6 +48,7 @@ class NodeReport:
     node_id: int
     device: str = ""
     identity: str = ""
+    changed: tuple[str, ...] = ()  # since its nameplate was saved
     nmt: str = "unknown"
     program: str = ""
     configured: str = ""
@@ -81,6 +82,7 @@ class NodeReport:
             "ok": self.ok,
             "device": self.device,
             "identity": self.identity,
+            "changed": list(self.changed),
             "nmt": self.nmt,
             "program": program_text.as_json(None if self.outcome is None else self.outcome.program),
             "configured": self.configured,
@@ -106,6 +108,7 @@ class NodeReport:
             return lines + _outcome_lines(self.outcome)
         rows = [
             ("identity", self.identity),
+            *(("changed", text) for text in self.changed),
             ("NMT state", self.nmt),
             ("program", self.program),
             ("configured", self.configured),

@@ -19,7 +19,7 @@ from axisbus.cli.shared.options import PATH
 from axisbus.cli.shared.output import write_whole
 from axisbus.configuration import nameplate
 from axisbus.configuration.nameplate import Nameplate
-from axisbus.errors import Interrupted, SdoTimeout, UserError
+from axisbus.errors import Interrupted, SdoTimeout
 from axisbus.wording import counted
 
 
@@ -40,12 +40,12 @@ def command(cell: Path, save: bool, compare: bool, saved: bool, as_json: bool) -
     if saved and (save or compare):
         raise click.UsageError("--saved reads no node: leave out --save and --compare")
     config = reader.load(cell)
-    file = cell.with_name(f"{cell.stem}.nameplate.json")
+    file = nameplate.file_of(cell)
     if saved:
-        when, plates = _stored(file)
+        when, plates = nameplate.load(file)
         _show(plates, when, as_json)
         return OK
-    before = _stored(file)[1] if compare or (save and file.exists()) else None
+    before = nameplate.load(file)[1] if compare or (save and file.exists()) else None
     plates, silent = _read(cell, config)
     found = [] if before is None else nameplate.changes(before, [*plates, *_kept(before, silent)])
     if as_json:
@@ -93,17 +93,6 @@ def _read(cell: Path, config: CellConfig) -> tuple[list[Nameplate], list[int]]:
 def _kept(before: list[Nameplate], silent: list[int]) -> list[Nameplate]:
     """Return the stored nameplates of silent nodes: of these nothing is known now."""
     return [plate for plate in before if plate.node in silent]
-
-
-def _stored(file: Path) -> tuple[str, list[Nameplate]]:
-    try:
-        text = file.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(
-            f"{file} cannot be read: {error.strerror if isinstance(error, OSError) else 'not UTF-8'}",
-            remedy="save it first: axisbus nameplate CELL --save",
-        ) from None
-    return nameplate.parse(text, str(file))
 
 
 def _save(file: Path, plates: list[Nameplate], cell: str, *, quiet: bool) -> None:

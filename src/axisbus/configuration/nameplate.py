@@ -13,13 +13,13 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from axisbus.bus.node.node import read_identity
+from axisbus.bus.node.node import NodeIdentity, read_identity
 from axisbus.bus.sdo.access import ByObjects, try_upload
 from axisbus.cell.model import CellConfig
 from axisbus.cia301 import objects as o
 from axisbus.drives.registry import of_identity
 from axisbus.eds import builtin
-from axisbus.errors import ArgumentError
+from axisbus.errors import ArgumentError, UserError
 
 _KIND, _FORMAT = "axisbus nameplates", 1
 _REMEDY = "give a file that axisbus nameplate --save has written, or save it again"
@@ -77,10 +77,15 @@ class NameplateChange:
     was: str
     now: str
 
-    def __str__(self) -> str:
+    @property
+    def text(self) -> str:
+        """The change in words, without the node."""
         if not self.title:
-            return f"node {self.node}: {'it is new' if not self.was else 'it is missing'}"
-        return f"node {self.node}: {self.title} was {self.was or 'unknown'}, is {self.now or 'unknown'}"
+            return "it is new" if not self.was else "it is missing"
+        return f"{self.title} was {self.was or 'unknown'}, is {self.now or 'unknown'}"
+
+    def __str__(self) -> str:
+        return f"node {self.node}: {self.text}"
 
 
 def read_nameplate(node: ByObjects, cell: CellConfig) -> Nameplate:
@@ -132,7 +137,48 @@ def changes(before: Sequence[Nameplate], now: Sequence[Nameplate]) -> list[Namep
     return found
 
 
+def changes_of_device(before: Nameplate, who: NodeIdentity) -> list[NameplateChange]:
+    """Return what differs between a stored nameplate and the device that answers now, without its configuration."""
+    now = {
+        "vendor": who.vendor_id,
+        "product": who.product_code,
+        "revision": who.revision,
+        "serial": who.serial,
+        "device_name": who.device_name,
+        "hardware_version": who.hardware_version,
+        "software_version": who.software_version,
+    }
+    was = asdict(before)
+    return [
+        NameplateChange(before.node, TITLES[name], _text(name, was[name]), _text(name, value))
+        for name, value in now.items()
+        if was[name] != value
+    ]
+
+
 # -- The file ----------------------------------------------------------------------------------------------------------
+
+
+def file_of(cell: str | Path) -> Path:
+    """Return the file in which the nameplates of a cell file are stored."""
+    path = Path(cell)
+    return path.with_name(f"{path.stem}.nameplate.json")
+
+
+def load(file: Path) -> tuple[str, list[Nameplate]]:
+    """Read a file: the date and time at which it was saved, and the nameplates; blocks.
+
+    Raises:
+        UserError: it cannot be read, or is not such a file.
+    """
+    try:
+        text = file.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(
+            f"{file} cannot be read: {error.strerror if isinstance(error, OSError) else 'not UTF-8'}",
+            remedy="save it first: axisbus nameplate CELL --save",
+        ) from None
+    return parse(text, str(file))
 
 
 def as_json(plates: Iterable[Nameplate], cell: str, saved: str) -> str:

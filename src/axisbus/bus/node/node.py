@@ -9,7 +9,7 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.node import nmt
 from axisbus.bus.node.nmt import Confirmation, NodeMonitor
 from axisbus.bus.pdo.tpdo_timeout import HISTORY, PdoEvent
-from axisbus.bus.sdo.access import SdoObjectAccess, try_upload
+from axisbus.bus.sdo.access import SdoUploads, try_upload
 from axisbus.bus.sdo.client import TIMEOUT, TRIES, SdoClient
 from axisbus.bus.sdo.worker import SdoWorker
 from axisbus.cia301 import cob
@@ -44,7 +44,7 @@ class NodeIdentity:
         return None if self.device_type is None else self.device_type & 0xFFFF
 
 
-def read_identity(sdo: SdoObjectAccess) -> NodeIdentity:
+def read_identity(sdo: SdoUploads) -> NodeIdentity:
     """Read 1000h, 1018h:1-4, 1008h, 1009h and 100Ah; blocks for up to eight transfers.
 
     A value is None if the device refuses it or does not answer with a value (see ``access.try_upload``).
@@ -64,12 +64,12 @@ def read_identity(sdo: SdoObjectAccess) -> NodeIdentity:
     )
 
 
-def _number(sdo: SdoObjectAccess, index: int, subindex: int) -> int | None:
+def _number(sdo: SdoUploads, index: int, subindex: int) -> int | None:
     data = try_upload(sdo, index, subindex)
     return int.from_bytes(data, "little") if isinstance(data, bytes) else None
 
 
-def _text(sdo: SdoObjectAccess, index: int) -> str | None:
+def _text(sdo: SdoUploads, index: int) -> str | None:
     data = try_upload(sdo, index)
     return str(decode(data, DataType.VISIBLE_STRING)).strip("\0 ") if isinstance(data, bytes) else None
 
