@@ -17,7 +17,7 @@ from axisbus.core.files import load_dictionaries
 from axisbus.core.sim_faults_file import OF_AXIS, OF_NODE, PARTS, load_faults
 from axisbus.core.sim_server import ControlDoor, Player
 from axisbus.core.simulated_nodes import SimulatedNode, devices
-from axisbus.errors import AdapterError, AxisbusError, ConfigError, StateError, UserError
+from axisbus.errors import AdapterError, ArgumentError, AxisbusError, ConfigError, StateError, UserError
 from axisbus.sim.fault_injection import NEVER
 from axisbus.sim.fault_plan import Dial
 from kit.cell import cell_text
@@ -192,6 +192,15 @@ def test_the_plant_is_seen_and_turned_by_several_at_once(served):
     one.close()
     with pytest.raises(AxisbusError):
         one.simulated_node(2).drive()
+
+
+def test_another_specimen_is_put_in_by_arguments_with_names(served):
+    path, made = served
+    with SimulationControl(path) as plant:
+        plant.simulated_node(2).swap(4712, node_id=255, revision=3)
+        with pytest.raises(ArgumentError, match="200 is not a node-ID"):
+            plant.simulated_node(2).swap(4712, node_id=200)
+    assert (made[2].node_id, made[2].read(0x1018, 3), made[2].read(0x1018, 4)) == (255, 3, 4712)
 
 
 def test_private_attributes_are_refused(served):

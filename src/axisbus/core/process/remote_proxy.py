@@ -24,7 +24,8 @@ from axisbus.ipc.values import NotForCrossing
 if TYPE_CHECKING:  # its proxy needs no simulation
     from axisbus.core.simulated_nodes import SimulatedNode
 
-Step = tuple[str, tuple[Any, ...] | None]  # an attribute, or with arguments the call of one
+# An attribute, or with arguments (by position, and by name) the call of one.
+Step = tuple[str, tuple[Any, ...] | None, dict[str, Any]]
 Way = tuple[Step, ...]
 _VALUE, _CALL, _THING = "value", "call", "thing"
 _ITEM = "[]"
@@ -35,8 +36,8 @@ _END = 2.0  # seconds for the drives to end when no program uses them any more
 def look(root: object, what: str, way: Way, *arguments: Any) -> tuple[str, Any]:
     """Execute a request on the object at the end of ``way``; return its kind (a value, a method or an object), and the value."""
     thing = root
-    for name, given in way:
-        thing = _step(thing, name, given)
+    for name, given, named in way:
+        thing = _step(thing, name, given, named)
     if what == "set":
         setattr(thing, _public(arguments[0]), arguments[1])
         return _VALUE, None
@@ -45,12 +46,12 @@ def look(root: object, what: str, way: Way, *arguments: Any) -> tuple[str, Any]:
     return _shown(thing)
 
 
-def _step(thing: Any, name: str, given: tuple[Any, ...] | None) -> Any:
+def _step(thing: Any, name: str, given: tuple[Any, ...] | None, named: dict[str, Any]) -> Any:
     if name == _ITEM:
         assert given is not None
         return thing[given[0]]
     found = getattr(thing, _public(name))
-    return found if given is None else found(*given)
+    return found if given is None else found(*given, **named)
 
 
 def _public(name: str) -> str:
@@ -129,11 +130,11 @@ class RemoteProxy:
         found: tuple[str, int] = self._ask("len", self._way)
         return found[1]
 
-    def _go(self, name: str, given: tuple[Any, ...] | None) -> Any:
-        way = (*self._way, (name, given))
+    def _go(self, name: str, given: tuple[Any, ...] | None, /, **named: Any) -> Any:
+        way = (*self._way, (name, given, named))
         kind, value = self._ask("get", way)
         if kind == _CALL:
-            return lambda *arguments: self._go(name, arguments)
+            return lambda *arguments, **named: self._go(name, arguments, **named)
         return value if kind == _VALUE else RemoteProxy(self._ask, way)
 
 
