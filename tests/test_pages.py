@@ -120,7 +120,8 @@ class Serving:
         self._sim = None
 
     def __call__(self, words):
-        """Begin to serve, and wait until the others can come."""
+        """Begin to serve, and wait until the others can come; what was served before has ended."""
+        self.end()
         command = [sys.executable, "-m", "axisbus", *words, "--port", "0"]
         self._sim = subprocess.Popen(command, cwd=self._folder, stdout=subprocess.PIPE, text=True)
         while not (line := self._sim.stdout.readline()).startswith("or take"):

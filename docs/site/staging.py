@@ -20,7 +20,7 @@ HERE = Path(__file__).parent
 # The navigation in its order; a page of docs/ that is not listed here is added under the last caption but one.
 NAVIGATION: Mapping[str, tuple[str, ...]] = {
     "Guide": ("guide", "commissioning", "raspberry-pi", "symptoms/index"),
-    "Using it": ("motion", "stopping", "programs", "io", "recordings", "web"),
+    "Using it": ("motion", "stopping", "replacing-drives", "programs", "io", "recordings", "web"),
     "Reference": (
         *("reference/cli/index", "cell-file", "reference/cell-toml", "reference/cell-checks"),
         *("eds-workbench", "reference/eds-rules"),

@@ -18,6 +18,7 @@ from axisbus.bus.link import frame_files
 from axisbus.cell import reader as cells
 from axisbus.configuration import nameplate
 from axisbus.configuration.nameplate import Nameplate
+from axisbus.configuration.replacement_plan import UnfinishedReplacement, parse_note
 from axisbus.core.sim_faults_file import load_faults
 from axisbus.drives import drive_file
 from axisbus.drives.gim6010.can_simple import endpoints
@@ -162,6 +163,14 @@ def _compared_nameplates(path: Path) -> object:
     return nameplate.changes(plates, plates[::-1]), nameplate.as_markdown(plates, "cell.toml", "")
 
 
+def _notes(_: Path) -> list[bytes]:
+    return [UnfinishedReplacement(1, 4712, by_lss=True).as_json().encode()]
+
+
+def _note(path: Path) -> object:
+    return parse_note(path.read_bytes().decode("utf-8", "replace"), str(path))
+
+
 def _frames(path: Path) -> object:
     return sum(1 for _ in frame_files.read(path, frame_files.SkippedLines()))
 
@@ -197,5 +206,6 @@ OF_FILES: dict[str, Reader] = {
         drive_file.load,
     ),
     "nameplates": Reader(".json", _nameplates, _compared_nameplates),
+    "notes of replacements": Reader(".json", _notes, _note),
 }
 READERS: dict[str, Reader] = {**OF_FILES, **OF_FRAMES, **OF_CONNECTIONS, **OF_BRIDGES}

@@ -30,6 +30,7 @@ REAL_TIME = {
     ),
     "processes end, hang, or are killed, suspended or signalled, or belong to another user": (
         "cli/test_cli_attach_processes.py",
+        "cli/test_cli_replace_processes.py",
         "core/test_core_listener.py::test_a_machine_of_another_user_is_found_and_neither_joined_nor_trusted",
         "core/test_core_listener.py::test_a_request_of_another_user_is_refused_whatever_it_contains",
         "core/test_core_listener.py::test_root_may_stop_a_machine_of_the_owner_of_the_cell_file",
@@ -150,6 +151,7 @@ SLOW = {
         "cli/test_cli_gantry.py",
         "cli/test_cli_probe.py",
         "cli/test_cli_record.py",
+        "cli/test_cli_replace.py",
         "cli/test_cli_save.py",
         "cli/test_cli_sim_interface.py",
         "cli/test_cli_standard_streams.py",
@@ -239,6 +241,7 @@ SLOW = {
         "scenarios/test_scenario_random_cells.py",
         "scenarios/test_scenario_random.py",
         "cli/test_cli_fuzz.py",
+        "configuration/test_configuration_replacement.py::test_killed_before_any_frame_and_run_again",
         "eds/test_eds_fuzz.py",
         "eds/test_eds_reports_fuzz.py",
         "eds/test_eds_check_planted_defects.py",

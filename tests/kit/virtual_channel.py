@@ -1,4 +1,4 @@
-"""A channel on a simulated wire with modules, in virtual time, whose program may be killed before any frame."""
+"""A channel on a simulated wire, in virtual time, whose program may be killed before any frame."""
 
 from __future__ import annotations
 
@@ -15,15 +15,22 @@ class Killed(BaseException):
 class KilledChannel(Channel):
     """Holds its modules and the frames that were sent.
 
-    ``killed_at``: the frame (counted from 0) before which the program is killed.
+    ``killed_at``: the frame (counted from 0) before which the program is killed. ``wire`` and its ``clock``: those of the program
+    before, if there was one; without them the modules are on a new wire.
     """
 
-    def __init__(self, *modules: Module, killed_at: int | None = None) -> None:
-        clock = VirtualClock()
+    def __init__(
+        self,
+        *modules: Module,
+        killed_at: int | None = None,
+        wire: VirtualWire | None = None,
+        clock: VirtualClock | None = None,
+    ) -> None:
+        clock = clock or VirtualClock()
         self.modules = modules
         self.sent: list[tuple[int, bytes]] = []
         self.killed_at = killed_at
-        super().__init__(VirtualWire(clock, (), modules).connect(), "simulated", clock=clock)
+        super().__init__((wire or VirtualWire(clock, (), modules)).connect(), "simulated", clock=clock)
 
     def send(self, can_id: int, data: bytes, patience: float = SEND_PATIENCE) -> None:
         self._count(can_id, data)

@@ -42,6 +42,10 @@ COMMANDS = {
     "save": ("axisbus.cli.save", "Make a node store its parameters (1010h)."),
     "nameplate": ("axisbus.cli.nameplate", "Show, save and compare what identifies the nodes of a cell."),
     "boot": ("axisbus.cli.boot", "Boot the nodes of a cell, and report on each; energises nothing."),
+    "replace": (
+        "axisbus.cli.replace",
+        "Make a new drive the drive of a node: node-ID, stored configuration, boot-up.",
+    ),
     "sim": ("axisbus.cli.sim", "Simulate the drives of a cell, for other terminals and programs."),
     "run": ("axisbus.cli.run", "Keep a cell's machine running, for other terminals and programs to join."),
     "monitor": ("axisbus.cli.monitor.axes", "Show states, positions and faults of a cell's axes."),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -19,6 +20,7 @@ from axisbus.cli.shared.options import PATH
 from axisbus.cli.shared.output import write_whole
 from axisbus.configuration import nameplate
 from axisbus.configuration.nameplate import Nameplate
+from axisbus.configuration.replacement_plan import note_file
 from axisbus.errors import Interrupted, SdoTimeout
 from axisbus.wording import counted
 
@@ -41,6 +43,9 @@ def command(cell: Path, save: bool, compare: bool, saved: bool, as_json: bool) -
         raise click.UsageError("--saved reads no node: leave out --save and --compare")
     config = reader.load(cell)
     file = nameplate.file_of(cell)
+    for node in config.nodes:
+        if note_file(cell, node).exists():
+            say_note(f"the replacement of node {node} is unfinished: axisbus replace {cell} {node}")
     if saved:
         when, plates = nameplate.load(file)
         _show(plates, when, as_json)
@@ -68,7 +73,10 @@ def command(cell: Path, save: bool, compare: bool, saved: bool, as_json: bool) -
                 f"node {node} does not answer: check its supply, cable and node-ID (axisbus scan {cell})"
             )
     if save and not silent:
-        _save(file, plates, cell.name, quiet=as_json)
+        save_plates(file, plates, cell.name)
+        if not as_json:
+            say(f"saved in {file} and {file.with_suffix('.md').name}")
+            say_next("after a repair or an update: axisbus nameplate CELL --compare")
     elif save:
         say_note("nothing was saved, because a node did not answer")
     if silent:
@@ -95,13 +103,15 @@ def _kept(before: list[Nameplate], silent: list[int]) -> list[Nameplate]:
     return [plate for plate in before if plate.node in silent]
 
 
-def _save(file: Path, plates: list[Nameplate], cell: str, *, quiet: bool) -> None:
+def save_plates(file: Path, plates: Sequence[Nameplate], cell: str) -> None:
+    """Store nameplates with the present date and time, as JSON and beside it as Markdown; ``cell``: the name of the cell file.
+
+    Raises:
+        UserError: a file cannot be written.
+    """
     now = datetime.now(UTC).isoformat(" ", "seconds")
     write_whole(file, nameplate.as_json(plates, cell, now).encode())
     write_whole(file.with_suffix(".md"), nameplate.as_markdown(plates, cell, now).encode())
-    if not quiet:
-        say(f"saved in {file} and {file.with_suffix('.md').name}")
-        say_next("after a repair or an update: axisbus nameplate CELL --compare")
 
 
 def _show(plates: list[Nameplate], when: str, as_json: bool) -> None:

@@ -115,7 +115,9 @@ def read_nameplate(node: ByObjects, cell: CellConfig) -> Nameplate:
 def texts(plate: Nameplate) -> list[tuple[str, str]]:
     """Return the known values as title and text."""
     values = asdict(plate)
-    return [(title, _text(name, values[name])) for name, title in TITLES.items() if values[name] is not None]
+    return [
+        (title, value_text(name, values[name])) for name, title in TITLES.items() if values[name] is not None
+    ]
 
 
 def changes(before: Sequence[Nameplate], now: Sequence[Nameplate]) -> list[NameplateChange]:
@@ -130,7 +132,7 @@ def changes(before: Sequence[Nameplate], now: Sequence[Nameplate]) -> list[Namep
             continue
         was, has = asdict(old[node]), asdict(new[node])
         found += [
-            NameplateChange(node, title, _text(name, was[name]), _text(name, has[name]))
+            NameplateChange(node, title, value_text(name, was[name]), value_text(name, has[name]))
             for name, title in TITLES.items()
             if was[name] != has[name]
         ]
@@ -150,7 +152,7 @@ def changes_of_device(before: Nameplate, who: NodeIdentity) -> list[NameplateCha
     }
     was = asdict(before)
     return [
-        NameplateChange(before.node, TITLES[name], _text(name, was[name]), _text(name, value))
+        NameplateChange(before.node, TITLES[name], value_text(name, was[name]), value_text(name, value))
         for name, value in now.items()
         if was[name] != value
     ]
@@ -237,7 +239,7 @@ def _plate(found: Any, source: str) -> Nameplate:
 # -- Values ------------------------------------------------------------------------------------------------------------
 
 
-def _text(name: str, value: object) -> str:
+def value_text(name: str, value: object) -> str:
     if value is None:
         return ""
     return f"0x{value:X} ({value})" if name in _NUMBERS else str(value)

@@ -17,6 +17,8 @@ from axisbus.cia401.port import SignalValidity
 from axisbus.cia402.ip_as_csp import as_csp_capable
 from axisbus.cia402.port import Port, Waiter
 from axisbus.clock import Clock, VirtualClock
+from axisbus.configuration.replacement import DriveReplacement, find_drives
+from axisbus.configuration.replacement_order import FoundDrive, ReplacementOrder, ReplacementOutcome
 from axisbus.core.inprocess import InProcess
 from axisbus.core.io import IoScan, add_io, confirm_safe_outputs, not_safe, unconfirmed
 from axisbus.core.late_boot import (
@@ -117,6 +119,12 @@ class CoreInterface(Protocol):
 
     def boot_node(self, node_id: int) -> Booted:
         """Boot one node while the scan runs; blocks. Raises StateError, BootError."""
+
+    def find_replacement(self, node_id: int) -> list[FoundDrive]:
+        """Return the drives that may replace that of a node; blocks. Raises StateError, LssError."""
+
+    def replace_drive(self, order: ReplacementOrder) -> ReplacementOutcome:
+        """Configure and boot the new drive of a node while the scan runs; blocks. Raises StateError, BootError and others."""
 
     def leave(self, reason: str) -> list[AxisbusError]:
         """Stop every commanded axis, leave each node as appropriate, and return the failures; blocks."""
@@ -366,27 +374,65 @@ class Core:
             BootError: the boot-up has failed; its axes remain in ErrorStop, and the node may be booted again.
         """
         with self._booting_of(node_id):
-            names = self._await_rest(node_id)
-            self._in_scan(lambda: self.scan.take_out(names, being_booted(node_id)))
-            try:
-                booted, ports = self.runtime.boot_late(node_id)
-            except BaseException:  # such as Ctrl-C in this thread
-                self._leave_out(names, boot_interrupted(node_id))
-                raise
-            if booted.report.error is not None:
-                self.runtime.booted[node_id].watch = booted.watch  # closing undoes what is armed now
-                self._leave_out(names, booted.report.error)
-                raise booted.report.error
-            self._join(node_id, booted, ports)
+            return self._boot_again(node_id, _nothing)
+
+    def find_replacement(self, node_id: int) -> list[FoundDrive]:
+        """Return the drives that may replace that of a node; blocks for up to about 12 s, raises as ``find_drives``."""
+        self._require_objects(node_id)
+        known = (*self.cell.nodes, self.cell.bus.master_id)
+        return find_drives(self.runtime.nodes[node_id].node, known, in_operation=True)
+
+    def replace_drive(self, order: ReplacementOrder) -> ReplacementOutcome:
+        """Configure the new drive of a node as ordered, and boot it while the scan runs, as ``boot_node`` does.
+
+        Raises:
+            StateError: as ``boot_node``; or the node is neither lost nor another drive than before.
+            Other errors as ``boot_node`` and ``DriveReplacement.run``; the axes of the node remain in ErrorStop.
+        """
+        node_id, outcomes = order.node_id, list[ReplacementOutcome]()
+
+        def configure() -> None:
+            node, makes = self.runtime.nodes[node_id].node, self.cell.nodes[node_id].makes
+            outcomes.append(DriveReplacement(node, order, makes, in_operation=True).run())
+
+        with self._booting_of(node_id):
+            if not order.swapped and self.runtime.is_operational(node_id):
+                raise not_booted(
+                    node_id,
+                    "it is operational, and it is not known to be another drive than before",
+                    "switch the drive off and on; or end the machine, and replace the drive then",
+                )
+            self._boot_again(node_id, configure)
+        return outcomes[0]
+
+    def _boot_again(self, node_id: int, prepare: Callable[[], None]) -> Booted:
+        """Take the axes of a node out of the scan, ``prepare`` the node, boot it, and let its axes begin again."""
+        names = self._await_rest(node_id)
+        self._in_scan(lambda: self.scan.take_out(names, being_booted(node_id)))
+        try:
+            prepare()
+            booted, ports = self.runtime.boot_late(node_id)
+        except BaseException as error:  # such as Ctrl-C in this thread
+            why = error if isinstance(error, AxisbusError) else boot_interrupted(node_id)
+            self._leave_out(names, why)
+            raise
+        if booted.report.error is not None:
+            self.runtime.booted[node_id].watch = booted.watch  # closing undoes what is armed now
+            self._leave_out(names, booted.report.error)
+            raise booted.report.error
+        self._join(node_id, booted, ports)
         return booted
 
-    @contextmanager
-    def _booting_of(self, node_id: int) -> Iterator[None]:
-        """Claim the node for one boot-up; closing waits for its end."""
+    def _require_objects(self, node_id: int) -> None:
         if not self.runtime.nodes[node_id].has_objects:
             raise not_booted(
                 node_id, "it uses CAN Simple, which has no boot-up", "reset its axis: axis.reset()"
             )
+
+    @contextmanager
+    def _booting_of(self, node_id: int) -> Iterator[None]:
+        """Claim the node for one boot-up; closing waits for its end."""
+        self._require_objects(node_id)
         with self._lock:
             if node_id in self._booting:
                 raise not_booted(node_id, "it is being booted already", "wait for the end of that boot-up")

@@ -110,10 +110,12 @@ class Runtime:
 
     def has_returned(self, node_id: int) -> bool:
         """Whether a node that has restarted since its boot-up, or is not operational, answers; blocks for at most one request."""
+        return not self.is_operational(node_id) and self.link.answers(node_id)
+
+    def is_operational(self, node_id: int) -> bool:
+        """Whether a node is operational, and has not restarted since its boot-up."""
         nmt = self.nodes[node_id].node.nmt
-        if nmt.bootups == self._bootups[node_id] and nmt.operational(self.link.clock.now()):
-            return False
-        return self.link.answers(node_id)
+        return bool(nmt.bootups == self._bootups[node_id] and nmt.operational(self.link.clock.now()))
 
     def boot_late(self, node_id: int) -> tuple[Booted, Mapping[str, Port]]:
         """Boot a node while the scan runs; its ports are those of before if it does not come up."""

@@ -21,6 +21,7 @@ from axisbus.cia301.incident import Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo import SdoTransferType
 from axisbus.cia301.sdo_counts import SdoCount
+from axisbus.configuration.replacement_order import FoundDrive, ReplacementOrder, ReplacementOutcome
 from axisbus.errors import AxisbusError
 from axisbus.ipc.values import Codec
 from axisbus.link import StopResult, Unsafe
@@ -350,5 +351,8 @@ _ASKED = (
     NmtCommand,
     SdoTransferType,
     StreamHead,
+    FoundDrive,
+    ReplacementOrder,
+    ReplacementOutcome,
 )
 CODEC = Codec([Message, *_ASKED])

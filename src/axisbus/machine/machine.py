@@ -272,7 +272,7 @@ class Machine:
         if node_id not in self._nodes or self._nodes[node_id].parts is not parts:
             from axisbus.machine.node_access import NodeAccess
 
-            self._nodes[node_id] = NodeAccess(parts, self._await_cycle, self._core.boot_node)
+            self._nodes[node_id] = NodeAccess(parts, self._await_cycle, self._core)
         return self._nodes[node_id]
 
     def _await_cycle(self) -> None:

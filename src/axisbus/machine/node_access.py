@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from axisbus.boot import error_state
 from axisbus.boot.objects import NodeObjects, read_int
-from axisbus.boot.report import Booted, NodeReport
+from axisbus.boot.report import NodeReport
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.plan import PdoPlan
 from axisbus.bus.pdo.tpdo_timeout import PdoEvent
@@ -26,6 +26,10 @@ from axisbus.drives.plugin import STANDARD_MEASURED, DrivePlugin, MeasuredObject
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import NodeTimeout, StateError
+
+if TYPE_CHECKING:
+    from axisbus.configuration.replacement_order import FoundDrive, ReplacementOrder, ReplacementOutcome
+    from axisbus.core.core import CoreInterface
 
 Key = int | str | tuple[int | str, int]
 
@@ -93,15 +97,15 @@ class NodeAccess:
         self,
         parts: NodeParts,
         await_cycle: Callable[[], None] = lambda: None,
-        boot: Callable[[int], Booted] | None = None,
+        core: CoreInterface | None = None,
     ) -> None:
         """``parts``: the node's parts of its link. ``await_cycle`` waits until the axes have values of a later time.
 
-        ``boot`` boots a node of a running machine, by its node-ID; None if none runs.
+        ``core``: that of the running machine; None if none runs.
         """
         self.parts = parts
         self._await_cycle = await_cycle
-        self._boot = boot
+        self._core = core
         self.node_id = node_id = parts.node_id
         self.eds = eds = parts.eds
         self.plans = parts.plans
@@ -169,9 +173,33 @@ class NodeAccess:
             OwnershipError: this program has no control.
             BootError: the boot-up has failed, or the drive is still enabled; the node may be booted again.
         """
-        if self._boot is None:
+        return self._running().boot_node(self.node_id).report
+
+    def find_replacement(self) -> list[FoundDrive]:
+        """Return the drives that may replace that of this node, for ``axisbus replace``; blocks for up to about 12 s.
+
+        Raises:
+            OwnershipError: this program has no control.
+            StateError, LssError, BusError: as ``configuration.replacement.find_drives``.
+        """
+        return self._running().find_replacement(self.node_id)
+
+    def replace_drive(self, order: ReplacementOrder) -> ReplacementOutcome:
+        """Configure and boot the new drive of this node, for ``axisbus replace``; blocks for up to about a minute.
+
+        The other axes continue, and nothing is enabled. The axes of the node begin again, as after ``boot``.
+
+        Raises:
+            StateError: an axis of the node is enabled or commanded, or the node is neither lost nor another drive.
+            OwnershipError: this program has no control.
+            Other errors as ``boot`` and ``configuration.replacement.DriveReplacement.run``.
+        """
+        return self._running().replace_drive(order)
+
+    def _running(self) -> CoreInterface:
+        if self._core is None:
             raise StateError(f"node {self.node_id} can only be booted by a running machine")
-        return self._boot(self.node_id).report
+        return self._core
 
     def _errors(self) -> str:
         last = self.emcy[-1] if self.emcy else None

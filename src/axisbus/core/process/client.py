@@ -23,6 +23,7 @@ from axisbus.cia301.incident import Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo import SdoTransferType
 from axisbus.clock import REAL, Clock
+from axisbus.configuration.replacement_order import FoundDrive, ReplacementOrder, ReplacementOutcome
 from axisbus.core.files import load_dictionaries
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.process.launch import Processes
@@ -110,6 +111,16 @@ class RemoteCore:
         """As ``CoreInterface.boot_node``; the core boots the node."""
         self._calls.ask("boot", node_id)
         return self.booted[node_id]
+
+    def find_replacement(self, node_id: int) -> list[FoundDrive]:
+        """As ``CoreInterface.find_replacement``."""
+        found: list[FoundDrive] = self._calls.ask("find_replacement", node_id)
+        return found
+
+    def replace_drive(self, order: ReplacementOrder) -> ReplacementOutcome:
+        """As ``CoreInterface.replace_drive``; the core does it, also if this program ends meanwhile."""
+        outcome: ReplacementOutcome = self._calls.ask("replace_drive", order.node_id, order)
+        return outcome
 
     def leave(self, reason: str) -> list[AxisbusError]:
         """As ``CoreInterface.leave``; afterwards the process has ended."""

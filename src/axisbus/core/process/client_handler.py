@@ -210,9 +210,8 @@ class ClientHandler:
             return OF_CLIENT[message.what](self)
         if not message.node:
             return OF_CORE[message.what](core.session)
-        if message.what == "boot":
-            self._boot(message.node)
-            return None
+        if message.what in _OF_BOOT_UP:
+            return self._boot_up(message)
         if message.what == "watch":
             self._clients.watch(message.node)
             self.watched.add(message.node)
@@ -222,12 +221,13 @@ class ClientHandler:
             raise refused
         return OF_NODE[message.what](core.nodes[message.node], *message.arguments)
 
-    def _boot(self, node_id: int) -> None:
-        """Boot a node; its facts are sent to every client by ``NodeJoined``."""
-        refused = self._clients.refusal(self, f"booting node {node_id}")
+    def _boot_up(self, message: m.CoreQuery) -> object:
+        """Execute a request that boots a node; the node's facts are sent to every client by ``NodeJoined``."""
+        title, work = _OF_BOOT_UP[message.what]
+        refused = self._clients.refusal(self, f"{title} node {message.node}")
         if refused is not None:
             raise refused
-        self._clients.core.boot_node(node_id)
+        return work(self._clients.core, message.node, *message.arguments)
 
     def _programs(self) -> object:
         return self._clients.programs
@@ -300,6 +300,18 @@ _TAKES: dict[type, Callable[[ClientHandler, Any], None]] = {
     m.HoldToRunMessage: ClientHandler._hold_to_run,
     m.Leave: ClientHandler._leave,
 }
+
+
+# Requests that boot a node, or find its new drive: only for the client with control. Each with its title.
+_OF_BOOT_UP: dict[str, tuple[str, Callable[..., object]]] = {
+    "boot": ("booting", lambda core, node: _none(core.boot_node(node))),
+    "find_replacement": ("replacing", lambda core, node: core.find_replacement(node)),
+    "replace_drive": ("replacing", lambda core, _, order: core.replace_drive(order)),
+}
+
+
+def _none(_: object) -> None:
+    """Return no answer: a boot-up result is not sent."""
 
 
 # Requests about the clients, and not about the core.
