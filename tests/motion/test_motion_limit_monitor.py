@@ -446,6 +446,22 @@ def test_the_highest_speed_of_the_last_half_to_whole_second(begin):
     assert seen == [5.0, 9.0, 9.0, 9.0, 2.0, 2.0, 0.5, 0.25]
 
 
+def test_a_motion_that_begins_in_another_one_may_lag_as_that_did_for_up_to_a_second():
+    drive = Drive()
+    watch = FollowingErrorMonitor(drive.parameters)
+    before, after = (SimpleNamespace(behind=0.0, led_speed=speed, mode=3) for speed in (1000.0, 0.0))
+
+    def fails(activity, behind: float) -> bool:
+        activity.behind = behind
+        return watch.error(drive.cycle(statusword=0x0237, mode=3, position=0)[0], activity) is not None
+
+    assert not fails(before, 0.0)
+    assert [fails(after, 4250.0) for _ in range(30)] == [False] * 30
+    assert any(fails(after, 4250.0) for _ in range(40))
+    watch.forget()  # its power was off meanwhile
+    assert [fails(after, 4250.0) for _ in range(2)] == [False, True]
+
+
 def lag(behind: list[float], speed: float = 0.0, **changes) -> list[bool]:
     """Return in which cycles an axis that is so far behind is given up."""
     drive = Drive(**changes)

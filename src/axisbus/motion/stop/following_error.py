@@ -104,7 +104,10 @@ class FollowingErrorMonitor:
     def error(self, image: AxisImage, activity: Activity | None) -> FollowingError | None:
         """Return why the axis must be stopped: it is too far from the position commanded by ``activity``. None: no error."""
         if activity is not self._activity:
+            # A motion that begins in another one still has the lag of the speed before it.
+            peak = self._peak
             self.forget(activity)
+            self._peak = peak
         if activity is None or image.position is None:
             return None
         way, speed, stamp = activity.behind, activity.led_speed, image.position_stamp
