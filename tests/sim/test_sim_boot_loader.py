@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
 
 import pytest
@@ -109,3 +110,78 @@ def test_a_stop_that_restarts_the_node_ends_in_the_loader(device):
     device.step(0.1)
     assert (device.boot_ups, device.read(0x1F51, 1)) == (2, 0)
     order(device, 3)
+
+
+# -- a loader with few objects, a small memory, a checksum, and a supply that fails ---------------------------------------
+
+
+def switched_off_and_on(device: Device) -> None:
+    for unpowered in (True, False):
+        device.dials.unpowered = unpowered
+        device.step(0.1)
+
+
+def test_a_loader_with_few_objects_has_no_axis(device):
+    device.dials.program.few_objects = device.dials.program.stop_restarts = True
+    assert device.read(0x6041) & 0x6F == 0x40
+    order(device, 0)
+    device.step(0.1)
+    assert device.read(0x1000) == device.dictionary.defaults[0x1000 << 8]
+    for access in (lambda: device.read(0x6041), lambda: device.write(0x6081, 0, 5)):
+        with pytest.raises(SdoAbort) as caught:
+            access()
+        assert caught.value.code == 0x0602_0000
+    order(device, 3)
+    device.download(0x1F50, 1, program(NEW))
+    order(device, 1)
+    device.step(0.2)
+    assert device.read(0x6041) & 0x6F == 0x40
+
+
+def test_a_program_that_is_longer_than_the_memory_is_reported_as_error_6(device):
+    device.dials.program.capacity = 2999
+    order(device, 0, 3)
+    device.download(0x1F50, 1, program(NEW))
+    assert device.read(0x1F57, 1) == 6 << 1
+    device.dials.program.capacity = 3000
+    order(device, 3)
+    device.download(0x1F50, 1, program(NEW))
+    assert device.read(0x1F57, 1) == 0
+
+
+def test_a_program_without_its_checksum_is_reported_as_error_3(device):
+    device.dials.program.checksum = True
+    order(device, 0, 3)
+    device.download(0x1F50, 1, program(NEW))
+    assert device.read(0x1F57, 1) == 3 << 1
+    with pytest.raises(SdoAbort):
+        order(device, 1)
+    order(device, 3)
+    device.download(0x1F50, 1, program(NEW) + zlib.crc32(program(NEW)).to_bytes(4, "little"))
+    order(device, 1)
+    device.step(0.2)
+    assert (date(device), device.read(0x1F51, 1)) == (NEW, 1)
+
+
+def test_a_supply_that_fails_while_the_memory_is_written_leaves_no_valid_program(device):
+    device.dials.program.flash_time = 2.0
+    order(device, 0, 3)
+    device.download(0x1F50, 1, program(NEW))
+    device.step(1.9)
+    switched_off_and_on(device)
+    assert (device.read(0x1F51, 1), device.read(0x1F57, 1)) == (0, 1 << 1)
+    with pytest.raises(SdoAbort):
+        order(device, 1)
+    order(device, 3)
+    device.download(0x1F50, 1, program(NEW))
+    device.step(2.1)
+    switched_off_and_on(device)
+    assert (date(device), device.read(0x1F51, 1)) == (NEW, 1)
+
+
+def test_a_supply_that_fails_while_the_memory_is_cleared_leaves_the_node_in_its_loader(device):
+    device.dials.program.clear_time = 2.0
+    order(device, 0, 3)
+    device.step(1.0)
+    switched_off_and_on(device)
+    assert (date(device), device.read(0x1F51, 1), device.read(0x1F57, 1)) == ((0, 0), 3, 1 << 1)

@@ -1,11 +1,13 @@
 """Boot loader of a simulated node (CiA 302-3): stops, clears, accepts and starts the node's program, and reports the result.
 
-A program of a simulated node begins with its date and time in the format of 1F52h, two 32-bit numbers; the rest is arbitrary. A
-node has a boot loader only if its EDS contains 1F50h:01 and 1F51h:01.
+A program of a simulated node begins with its date and time in the format of 1F52h, two 32-bit numbers; the rest is arbitrary, except
+that its last four bytes may have to be a checksum (``ProgramDials.checksum``). A node has a boot loader only if its EDS contains
+1F50h:01 and 1F51h:01. If the supply fails while the memory is being cleared or written, there is no valid program afterwards.
 """
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
 
 from axisbus.sim.dictionary import DEVICE_STATE, INVALID_VALUE, Dictionary, Refused
@@ -14,9 +16,11 @@ from axisbus.sim.fault_injection import ProgramDials
 STOPPED, RUNNING, CLEARED = 0, 1, 3  # values read from 1F51h
 _STOP, _START, _RESET, _CLEAR = 0, 1, 2, 3  # values written to 1F51h
 _BUSY = 1
-_NOTHING_VALID, _FAULTY, _NOT_CLEARED = 1, 3, 4  # errors of 1F57h
+_NOTHING_VALID, _FAULTY, _NOT_CLEARED, _OUTSIDE = 1, 3, 4, 6  # errors of 1F57h
 _DATA, _CONTROL, _DATE, _TIME, _ID, _FLASH = 0x1F5001, 0x1F5101, 0x1F5201, 0x1F5202, 0x1F5601, 0x1F5701
 _HEADER = 8
+_CHECKSUM = 4
+_OF_LOADER = frozenset({0x1000, 0x1001, 0x1017, 0x1018, 0x1F50, 0x1F51, 0x1F52, 0x1F56, 0x1F57})
 
 
 def has_loader(dictionary: Dictionary) -> bool:
@@ -49,6 +53,7 @@ class ProgramLoader:
         dictionary.live |= {key: read for key, read in live.items() if key in dictionary}
         dictionary.check_write(_CONTROL, self._order)
         dictionary.takers[_DATA] = self._take
+        dictionary.hides = self._hides
 
     @property
     def deaf(self) -> bool:
@@ -66,10 +71,16 @@ class ProgramLoader:
 
     def restarted(self) -> None:
         """Note a restart of the node: the program in the memory runs, if it is valid."""
+        if self._busy > 0.0 and self.program is not None:
+            self._error = _NOTHING_VALID  # the supply failed while it was written
         self._busy, self._until_restart = 0.0, None
         stays, self._stays = self._stays, False
         runs = self.program is not None and not self._error
         self.state = CLEARED if self.program is None else RUNNING if runs and not stays else STOPPED
+
+    def _hides(self, index: int) -> bool:
+        """Whether the node does not have an object now, because the loader runs instead of the program."""
+        return self._dials.few_objects and self.state != RUNNING and index not in _OF_LOADER
 
     def _number(self, at: int) -> int:
         return 0 if self.program is None else int.from_bytes(self.program[at : at + 4], "little")
@@ -115,6 +126,14 @@ class ProgramLoader:
             self._error = _NOT_CLEARED
             return
         self._busy = self._dials.flash_time
-        self._error = self._dials.flash_error or (_FAULTY if len(data) < _HEADER else 0)
+        self._error = self._dials.flash_error or self._fault(data)
         if not self._error:
             self.program, self.state = data, STOPPED
+
+    def _fault(self, data: bytes) -> int:
+        """Return the error of 1F57h for a program, 0 for a valid one."""
+        if 0 < self._dials.capacity < len(data):
+            return _OUTSIDE
+        body, end = data[:-_CHECKSUM], data[-_CHECKSUM:]
+        wrong = self._dials.checksum and zlib.crc32(body) != int.from_bytes(end, "little")
+        return _FAULTY if wrong or len(data) < _HEADER else 0

@@ -62,6 +62,7 @@ class Dictionary:
         self.hooks: dict[int, list[Hook]] = {}
         self.checks: dict[int, list[Hook]] = {}
         self.takers: dict[int, Callable[[bytes], None]] = {}  # they process the written bytes of an entry
+        self.hides: Callable[[int], bool] = lambda _: False  # by index: whether an object does not exist now
         self.given: set[int] = set()  # entries with a value in the file
         self.indices: set[int] = set()
         for item in eds:
@@ -252,6 +253,8 @@ class Dictionary:
 
     def _find(self, index: int, subindex: int) -> Entry:
         entry = self.entries.get(index << 8 | subindex)
+        if self.hides(index):
+            raise Refused(NO_OBJECT)
         if entry is None:
             raise Refused(NO_SUBINDEX if index in self.indices else NO_OBJECT)
         return entry

@@ -143,6 +143,9 @@ class ProgramDials:
     deaf: the node answers no SDO while it clears or writes its memory
     stop_restarts: stopping the program restarts the node into its boot loader
     restart_delay: seconds from the start command (or such a stop) to the restart of the node
+    few_objects: while no program runs, the node has only the objects of its boot loader
+    capacity: bytes of its program memory (0: as many as needed)
+    checksum: a valid program ends with the CRC-32 of its other bytes, the low byte first
     """
 
     control_refused: dict[int, int] = field(default_factory=dict)
@@ -153,6 +156,9 @@ class ProgramDials:
     deaf: bool = False
     stop_restarts: bool = False
     restart_delay: float = 0.02
+    few_objects: bool = False
+    capacity: int = 0
+    checksum: bool = False
 
 
 @dataclass(slots=True)
