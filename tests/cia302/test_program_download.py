@@ -15,6 +15,7 @@ from axisbus.cia301.sdo import SdoTransferType
 from axisbus.cia302 import types as b
 from axisbus.cia302.bootup import boot_up
 from axisbus.cia302.program import FlashStatus, NodeProgram, ProgramStage, ProgramVersion, Version
+from axisbus.cia302.program_download import write_program
 from kit.boot_slave import IDENTITY, MISSING, SETTINGS, Slave
 
 # By hand: 2026-03-01 is day 15400 after 1984-01-01, noon is 43200000 ms; 2025-11-20 08:15 is day 15299 and 29700000 ms.
@@ -624,3 +625,85 @@ def test_each_letter_of_the_standard_is_reproduced():
         assert outcome.letter is not None, letter
         assert outcome.letter.name == letter
         assert outcome.ok is (letter == "L")
+
+
+# -- by command, without a boot-up -----------------------------------------------------------------------------------------
+
+
+def write(loader: Loader, **changes: object) -> b.BootOutcome:
+    """Write DATA by command; the identity of the program is not known unless a ``mark`` is given."""
+    program = NodeProgram(**{"mark": ProgramVersion(), "data": DATA, "allowed": True, "deadline": 20.0, **changes})
+    machine = write_program(5, program)
+    request = next(machine)
+    while True:
+        loader.asked.append(request)
+        try:
+            request = machine.send(loader.answer(request))
+        except StopIteration as end:
+            outcome: b.BootOutcome = end.value
+            return outcome
+
+
+def test_a_write_by_command_sends_only_what_the_program_needs():
+    loader = Loader()
+    outcome = write(loader)
+    assert outcome.ok
+    assert loader.orders() == [0, 3, "data", 1]
+    assert loader.version == NEW
+    assert not [each for each in loader.asked if isinstance(each, (b.BootNmtCommand, b.Local))]
+
+
+@pytest.mark.parametrize("state", [0, 3], ids=["stopped", "cleared"])
+def test_a_write_begins_again_for_a_node_in_its_boot_loader(state):
+    loader = Loader()
+    loader.control, loader.memory, loader.flash = state, DATA[:100], 0x02
+    assert write(loader).ok
+    assert loader.memory == DATA
+
+
+def test_a_loader_that_refuses_to_stop_what_does_not_run_is_accepted():
+    loader = Loader()
+    loader.control, loader.control_refused = 3, {0: REFUSED}
+    assert write(loader).ok
+
+
+def test_a_program_that_does_not_run_after_its_start_is_no_success():
+    loader = Loader()
+    loader.spoils = lambda request, answer: (
+        b.Got(0, 0.002) if isinstance(request, b.Read) and request.index == 0x1F51 else answer
+    )
+    outcome = write(loader)
+    assert (outcome.ok, outcome.program.stage) == (False, ProgramStage.RETURN)
+    assert (outcome.address, outcome.expected, outcome.got) == ((0x1F51, 1), 1, 0)
+
+
+def test_an_application_without_1f51_counts_as_running():
+    loader = Loader()
+    begun: list[bool] = []
+
+    def spoil(request: b.Request, answer: b.Answer) -> b.Answer:
+        if isinstance(request, b.BootWrite) and request.value == 1:
+            begun.append(True)
+        hidden = bool(begun) and isinstance(request, b.Read) and request.index == 0x1F51
+        return b.SdoAbortReply(MISSING, 0.002) if hidden else answer
+
+    loader.spoils = spoil
+    assert write(loader).ok
+
+
+def test_a_write_waits_for_a_restart_that_comes_later_than_the_start():
+    loader = Loader()
+    loader.restart_delay, loader.restart_time = 1.0, 5.0
+    outcome = write(loader)
+    assert outcome.ok
+    assert loader.now > 8.0
+    assert loader.version == NEW
+
+
+@pytest.mark.parametrize(("value", "ok"), [(0x1234, True), (0x1235, False)])
+def test_an_identification_that_is_given_must_be_reported(value, ok):
+    loader = Loader()
+    loader.identification = 0x1234
+    outcome = write(loader, mark=ProgramVersion(identification=value))
+    assert outcome.ok is ok
+    assert ok or (outcome.letter, outcome.address) == (b.Letter.I, (0x1F56, 1))

@@ -150,6 +150,7 @@ SLOW = {
         "cli/test_cli_od.py",
         "cli/test_cli_gantry.py",
         "cli/test_cli_probe.py",
+        "cli/test_cli_program.py",
         "cli/test_cli_record.py",
         "cli/test_cli_replace.py",
         "cli/test_cli_save.py",

@@ -79,39 +79,12 @@ def _require_synchronous(
             )
 
 
-class CanComms:
-    """The bus services that the boot-up of one node needs; holds the ports that it has made."""
+class NodeServices:
+    """NMT and the time limits of SDO for one node (``boot.requests.Nmt``); needs no cell file."""
 
-    def __init__(
-        self,
-        cell: CellConfig,
-        node: CanopenNode,
-        find_time: float,
-        begin_heartbeat: Callable[[], None],
-        cob_ids: CobIdUses,
-    ) -> None:
-        """``find_time``: seconds allowed for the node's first answer; ``begin_heartbeat`` starts the master's heartbeat.
-
-        ``cob_ids``: the PDOs of all nodes of the cell.
-        """
-        self.begin_heartbeat = begin_heartbeat
+    def __init__(self, node: CanopenNode) -> None:
         self.clock = node.channel.clock
-        self._cell = cell
-        self._config = cell.nodes[node.node_id]
-        self._tables = self._config.pdos
         self._node = node
-        self._find_time = find_time
-        self._cob_ids = cob_ids
-        self.ports: dict[str, CanPort] = {}
-        self.io: CanIoPort | None = None
-        self.guarding: float | None = None
-
-    #  # -- services for boot-up -----------------------------------------------------------------------------------------
-
-    @property
-    def find_tries(self) -> int:
-        """How many tries fit into ``find_time``; at least 1."""
-        return max(1, math.ceil(self._find_time / DEADLINE - 1e-9) - 1)
 
     def command(self, command: NmtCommand, deadline: float) -> NmtState:
         """Send an NMT command and wait for its confirmation; send nothing if the node already reports the requested state. Blocks.
@@ -147,6 +120,40 @@ class CanComms:
             yield
         finally:
             sdo.tries, sdo.timeout = before
+
+
+class CanComms(NodeServices):
+    """The bus services that the boot-up of one node needs; holds the ports that it has made."""
+
+    def __init__(
+        self,
+        cell: CellConfig,
+        node: CanopenNode,
+        find_time: float,
+        begin_heartbeat: Callable[[], None],
+        cob_ids: CobIdUses,
+    ) -> None:
+        """``find_time``: seconds allowed for the node's first answer; ``begin_heartbeat`` starts the master's heartbeat.
+
+        ``cob_ids``: the PDOs of all nodes of the cell.
+        """
+        super().__init__(node)
+        self.begin_heartbeat = begin_heartbeat
+        self._cell = cell
+        self._config = cell.nodes[node.node_id]
+        self._tables = self._config.pdos
+        self._find_time = find_time
+        self._cob_ids = cob_ids
+        self.ports: dict[str, CanPort] = {}
+        self.io: CanIoPort | None = None
+        self.guarding: float | None = None
+
+    #  # -- services for boot-up -----------------------------------------------------------------------------------------
+
+    @property
+    def find_tries(self) -> int:
+        """How many tries fit into ``find_time``; at least 1."""
+        return max(1, math.ceil(self._find_time / DEADLINE - 1e-9) - 1)
 
     def last_emcy(self) -> tuple[Emcy, float] | None:
         """The node's last emergency message and its age in seconds; None if none has come."""

@@ -9,7 +9,7 @@ from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
 from axisbus.cia302.program import NUMBER, ProgramControl, ProgramStage, ProgramState, ProgramVersion
 from axisbus.cia302.types import BootOutcome, Letter
-from axisbus.errors import AxisbusError, BootError, SdoAbort, SdoTimeout
+from axisbus.errors import AxisbusError, BootError, NodeError, SdoAbort, SdoTimeout
 from axisbus.wording import counted
 
 LETTERS = frozenset({Letter.G, Letter.H, Letter.I})
@@ -29,19 +29,34 @@ _LEFT = {
     ProgramStage.START: "the new program is in the node, but does not run",
     ProgramStage.RETURN: "the new program was transferred, and its start was commanded",
 }
-_AGAIN = "boot again: the download restarts with stop and clear"
 _TOOL = "if that fails too, load the program with the manufacturer's tool"
-_FILE = f"check that the file is for this device and in the format that it accepts, and {_AGAIN}; {_TOOL}"
-# The first remedy, by the stage that failed.
+_FILE = f"check that the file is for this device and in the format that it accepts, and {{again}}; {_TOOL}"
+# The first remedy, by the stage that failed; the words in braces are those of a boot-up or of a write by command.
 _FIRST = {
-    ProgramStage.STOP: "see the drive's manual for the state in which its program may be stopped, and boot again",
-    ProgramStage.CLEAR: f"{_AGAIN}; {_TOOL}",
-    ProgramStage.TRANSFER: f"check supply and wiring, and {_AGAIN}; {_TOOL}",
+    ProgramStage.STOP: "see the drive's manual for the state in which its program may be stopped, and {repeat}",
+    ProgramStage.CLEAR: f"{{again}}; {_TOOL}",
+    ProgramStage.TRANSFER: f"check supply and wiring, and {{again}}; {_TOOL}",
     ProgramStage.FLASH: _FILE,
-    ProgramStage.START: f"switch the node off and on, and {_AGAIN}; {_TOOL}",
-    ProgramStage.RETURN: "switch the node off and on, and boot again (the new result decides); if it only needs more time, "
-    f"give a longer deadline in [nodes.N.program]; {_TOOL}",
+    ProgramStage.START: f"switch the node off and on, and {{again}}; {_TOOL}",
+    ProgramStage.RETURN: f"switch the node off and on, and {{result}}; if it only needs more time, {{longer}}; {_TOOL}",
 }
+_AT_BOOT = {
+    "repeat": "boot again",
+    "again": "boot again: the download restarts with stop and clear",
+    "result": "boot again (the new result decides)",
+    "longer": "give a longer deadline in [nodes.N.program]",
+}
+_BY_COMMAND = {
+    "repeat": "write it again",
+    "again": "write it again: this begins with stop and clear, also if the node answers only from its boot loader, as after a loss "
+    "of its supply",
+    "result": "look at its program again",
+    "longer": "give a longer deadline",
+}
+_OTHER_IDENTIFICATION = (
+    "compare the identification with that of the program in the file, which its manufacturer documents, and repeat the write with "
+    "the right one"
+)
 _OTHER_PROGRAM = (
     "compare the mark in [nodes.N.program] with the program in the file (its manufacturer documents the mark), correct the "
     "wrong one, and boot again"
@@ -90,7 +105,7 @@ def as_error(outcome: BootOutcome, node: NodeConfig, cause: AxisbusError | None)
             outcome.program, node.program is not None and node.program.download
         )
     else:
-        what, observed, remedy = _failed(outcome, cause)
+        what, observed, remedy = _failed(outcome, cause, _AT_BOOT, _OTHER_PROGRAM)
     error = BootError(
         f"node {node.node_id}{what}",
         node=node.node_id,
@@ -99,6 +114,14 @@ def as_error(outcome: BootOutcome, node: NodeConfig, cause: AxisbusError | None)
         remedy=remedy.replace("[nodes.N", f"[nodes.{node.node_id}"),
     )
     error.__cause__ = cause if outcome.letter is Letter.I else None
+    return error
+
+
+def write_failed(outcome: BootOutcome, cause: AxisbusError | None) -> NodeError:
+    """Return the error of a write by command that has failed; ``cause`` is the error of its last failed request."""
+    what, observed, remedy = _failed(outcome, cause, _BY_COMMAND, _OTHER_IDENTIFICATION)
+    error = NodeError(f"node {outcome.node}{what}", node=outcome.node, observed=observed, remedy=remedy)
+    error.__cause__ = cause
     return error
 
 
@@ -136,7 +159,10 @@ def _not_allowed(state: ProgramState, download: bool) -> tuple[str, str, str]:
     )
 
 
-def _failed(outcome: BootOutcome, cause: AxisbusError | None) -> tuple[str, str, str]:
+def _failed(
+    outcome: BootOutcome, cause: AxisbusError | None, words: dict[str, str], other: str
+) -> tuple[str, str, str]:
+    """Return message, observation and remedy; ``other``: the remedy if the node has another program than the expected one."""
     state = outcome.program
     assert state is not None
     index, subindex = outcome.address or (o.PROGRAM_DATA, 1)
@@ -146,16 +172,18 @@ def _failed(outcome: BootOutcome, cause: AxisbusError | None) -> tuple[str, str,
     return (
         f": its program could not be replaced; the replacement failed while {state.stage.value} ({where})",
         f"{_reason(outcome, state, cause)}; {_LEFT.get(state.stage, '')}",
-        _first(outcome, state),
+        _first(outcome, state, other).format(**words),
     )
 
 
-def _first(outcome: BootOutcome, state: ProgramState) -> str:
+def _first(outcome: BootOutcome, state: ProgramState, other: str) -> str:
     if state.stage is ProgramStage.TRANSFER and outcome.abort is not None:
         return _FILE
-    if state.stage is ProgramStage.RETURN and outcome.got is not None:
-        return _OTHER_PROGRAM
-    return _FIRST.get(state.stage, _AGAIN)
+    if state.stage is ProgramStage.STOP and outcome.abort is None:
+        return _FIRST[ProgramStage.TRANSFER]  # it did not answer
+    if state.stage is ProgramStage.RETURN and outcome.got is not None and state.expected.numbers:
+        return other
+    return _FIRST.get(state.stage, "{again}")
 
 
 def _reason(outcome: BootOutcome, state: ProgramState, cause: AxisbusError | None) -> str:

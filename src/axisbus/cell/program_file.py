@@ -37,7 +37,12 @@ def read_file(cell: CellConfig, program: ProgramConfig) -> bytes | None:
 
 def deadline_of(program: ProgramConfig, size: int) -> float:
     """Return the seconds that each part of a download may take: from the cell file, else by the size in bytes."""
-    return program.deadline if program.deadline is not None else max(LEAST_DEADLINE, size / _SLOWEST)
+    return program.deadline if program.deadline is not None else deadline_for(size)
+
+
+def deadline_for(size: int) -> float:
+    """Return the seconds that each part of a download of ``size`` bytes may take."""
+    return max(LEAST_DEADLINE, size / _SLOWEST)
 
 
 def wanted_program(cell: CellConfig, node: NodeConfig, late: bool = False) -> NodeProgram | None:

@@ -125,7 +125,7 @@ class NodeProgram:
     """The expected program of a node.
 
     Attributes:
-        mark: its identity; not empty.
+        mark: its identity; empty only if it is not compared (``program_download.write_program``).
         data: the data to transfer if the node has another program; None: not available.
         allowed: whether the node's program may be replaced at all.
         deadline: seconds for each part of a replacement: the answer to one request while the node clears or writes its memory, the

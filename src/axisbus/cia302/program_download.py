@@ -36,13 +36,15 @@ from axisbus.cia302.program import (
     ProgramState,
     ProgramVersion,
 )
-from axisbus.cia302.requests import BootUpProgress, Dialogue, Step
+from axisbus.cia302.requests import BootUpEnded, BootUpProgress, Dialogue, Step
 from axisbus.cia302.types import (
     DEADLINE,
     TRIES,
     Address,
     Answer,
     BootNmtCommand,
+    BootOutcome,
+    BootPlan,
     BootWrite,
     Failed,
     Got,
@@ -83,6 +85,7 @@ class ProgramSteps(BootUpProgress):
             return False
         self._require_replaceable(wanted, found, abort)
         yield from self._replace(wanted)
+        yield from self._hold_again()
         self._did(f"program replaced: {found} by {wanted.mark}")
         return True
 
@@ -129,7 +132,6 @@ class ProgramSteps(BootUpProgress):
         yield from self._flashed(wanted)
         yield from self._start_program(wanted)
         yield from self._see_new_program(wanted)
-        yield from self._hold_again()
 
     def _transfer(self, wanted: NodeProgram, data: bytes) -> Step:
         """Transfer the program into cleared memory; the last attempt uses no block transfer."""
@@ -177,7 +179,7 @@ class ProgramSteps(BootUpProgress):
 
     def _see_new_program(self, wanted: NodeProgram) -> Step:
         """Read the program until the node has reported the expected one for ``SETTLE`` seconds without interruption."""
-        self._at(ProgramStage.RETURN, next(iter(wanted.mark.numbers)))
+        self._at(ProgramStage.RETURN, next(iter(wanted.mark.numbers), _CONTROL))
         begun, since = self.outcome.elapsed, None
         wrong: Answer | None = NoReply()
         for _ in range(math.ceil((wanted.deadline + 2 * SETTLE) / POLL)):
@@ -193,7 +195,14 @@ class ProgramSteps(BootUpProgress):
         yield from self._fail_program(wanted, wrong or NoReply())
 
     def _other_program(self, wanted: NodeProgram) -> Generator[Request, Answer, Answer | None]:
-        """Return the first answer that is not the expected one; None if all are."""
+        """Return the first answer that is not the expected one; None if all are.
+
+        If the identity of the program is not known, 1F51h must show that it runs, if the program has this object.
+        """
+        if not wanted.mark.numbers:
+            answer = yield from self._ask(Read(*_CONTROL, tries=3))
+            runs = isinstance(answer, Got) and answer.value == ProgramControl.START
+            return None if runs or isinstance(answer, SdoAbortReply) else answer
         for address, number in wanted.mark.numbers.items():
             self._note(address=address)
             answer = yield from self._ask(Read(*address, tries=3))
@@ -205,6 +214,9 @@ class ProgramSteps(BootUpProgress):
         """End the boot-up with the program that the node has instead, if it reports it."""
         if not isinstance(wrong, Got):
             self._fail_by(wrong, expected=str(wanted.mark))
+            return
+        if not wanted.mark.numbers:
+            self._fail(Letter.I, expected=ProgramControl.START.value, got=wrong.value)
         address = self.outcome.address
         now, _ = yield from self._mark(wanted, Letter.I)
         self._state(now=now)
@@ -277,6 +289,20 @@ class ProgramSteps(BootUpProgress):
         """End the boot-up with letter I, because of a missing or bad answer."""
         abort = answer.code if isinstance(answer, SdoAbortReply) else None
         self._fail(Letter.I, abort=abort, **facts)
+
+
+def write_program(node: int, wanted: NodeProgram) -> Generator[Request, Answer, BootOutcome]:
+    """Replace the program of a node, without a boot-up; the outcome has the letter I if that has failed.
+
+    If the identity in ``wanted`` is empty, the new program must only run. Also for a node in its boot loader.
+    """
+    run = ProgramSteps(BootPlan(node, program=wanted))
+    run._note(step="program", program=ProgramState(wanted.mark, None, None))
+    try:
+        yield from run._replace(wanted)
+    except BootUpEnded:
+        return run.outcome
+    return replace(run.outcome, ok=True)
 
 
 def _is_at_rest(answer: Answer) -> bool:

@@ -40,6 +40,7 @@ COMMANDS = {
         "Back up, compare and restore the configuration of a node as a DCF.",
     ),
     "save": ("axisbus.cli.save", "Make a node store its parameters (1010h)."),
+    "program": ("axisbus.cli.program.group", "Show, write and verify the program (firmware) of a node."),
     "nameplate": ("axisbus.cli.nameplate", "Show, save and compare what identifies the nodes of a cell."),
     "boot": ("axisbus.cli.boot", "Boot the nodes of a cell, and report on each; energises nothing."),
     "replace": (

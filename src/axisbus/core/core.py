@@ -6,9 +6,13 @@ import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
+from axisbus.boot.objects import Progress
+from axisbus.boot.program_facts import ProgramOrder, ProgramWritten
+from axisbus.boot.program_write import write_program
 from axisbus.boot.report import Booted
 from axisbus.bus.node.events import BAD, NodeEvent
 from axisbus.cell.gantry import gantries_of
@@ -24,11 +28,16 @@ from axisbus.core.io import IoScan, add_io, confirm_safe_outputs, not_safe, unco
 from axisbus.core.late_boot import (
     LEAVE_TIME,
     LateBoot,
+    LateNode,
     ReturningNode,
     being_booted,
+    being_written,
     boot_interrupted,
     booted_again,
     not_booted,
+    not_written,
+    program_not_written,
+    program_was_written,
     same_device,
 )
 from axisbus.core.node_access_parts import NodeParts
@@ -126,6 +135,11 @@ class CoreInterface(Protocol):
     def replace_drive(self, order: ReplacementOrder) -> ReplacementOutcome:
         """Configure and boot the new drive of a node while the scan runs; blocks. Raises StateError, BootError and others."""
 
+    def write_program(
+        self, node_id: int, order: ProgramOrder, progress: Progress | None = None
+    ) -> ProgramWritten:
+        """Replace the program of one node while the scan runs; blocks. Raises StateError, NodeError."""
+
     def leave(self, reason: str) -> list[AxisbusError]:
         """Stop every commanded axis, leave each node as appropriate, and return the failures; blocks."""
 
@@ -205,7 +219,11 @@ class Core:
             gantries_of(cell),
         )
         clock = runtime.link.clock
-        self._pickup = LateBoot(clock, runtime.late, self._join, self._returning())
+        late = {
+            node_id: replace(each, answers=partial(self._answers, each))
+            for node_id, each in runtime.late.items()
+        }
+        self._pickup = LateBoot(clock, late, self._join, self._returning())
         self._pump: VirtualWaiter | None = None
         if isinstance(clock, VirtualClock):
             self._pump = VirtualWaiter(self.scan, clock, lambda: self._after_cycle())
@@ -423,6 +441,39 @@ class Core:
         self._join(node_id, booted, ports)
         return booted
 
+    def write_program(
+        self, node_id: int, order: ProgramOrder, progress: Progress | None = None
+    ) -> ProgramWritten:
+        """Replace the program of one node while the scan runs; the other axes continue.
+
+        The node's axes must be at rest without power. They are in ErrorStop meanwhile, and until the node is booted again. Blocks
+        for minutes, and for the end of a stop that is under way. If the machine is closed, the write is cut off after some seconds:
+        the node has no program until a write has succeeded. ``progress`` is called in this thread.
+
+        Raises:
+            StateError: an axis of the node is enabled or commanded, the node is being booted, its program cannot be written over
+                CANopen, or the machine is being closed; nothing was sent.
+            NodeError, SdoTimeout, AdapterError: as ``boot.program_write.write_program``.
+        """
+        with self._booting_of(node_id):
+            names = self._await_rest(node_id)
+            try:
+                self._in_scan(lambda: self.scan.take_out(names, being_written(node_id)))
+            except StateError as error:
+                raise not_written(node_id, error.observed or error.message, error.remedy) from None
+            try:
+                node = self.runtime.nodes[node_id].node
+                node.worker.clear()
+                written = write_program(node, order, progress)
+            except BaseException as error:  # such as Ctrl-C in this thread
+                untouched = isinstance(error, StateError)
+                self._leave_out(
+                    names, boot_interrupted(node_id) if untouched else program_not_written(node_id)
+                )
+                raise
+            self._leave_out(names, program_was_written(node_id))
+        return written
+
     def _require_objects(self, node_id: int) -> None:
         if not self.runtime.nodes[node_id].has_objects:
             raise not_booted(
@@ -435,7 +486,9 @@ class Core:
         self._require_objects(node_id)
         with self._lock:
             if node_id in self._booting:
-                raise not_booted(node_id, "it is being booted already", "wait for the end of that boot-up")
+                raise not_booted(
+                    node_id, "it is being booted, or its program is being written", "wait for the end of that"
+                )
             self._booting.add(node_id)
         try:
             yield
@@ -451,9 +504,15 @@ class Core:
                 and self.cell.nodes[node_id].rejoin == AUTOMATIC
                 and self.runtime.nodes[node_id].has_objects
             ):
-                needs, boot = partial(self.runtime.has_returned, node_id), partial(self.boot_node, node_id)
+                needs, boot = partial(self._has_returned, node_id), partial(self.boot_node, node_id)
                 found.append(ReturningNode(node_id, needs, boot))
         return found
+
+    def _answers(self, late: LateNode) -> bool:
+        return late.node_id not in self._booting and late.answers()
+
+    def _has_returned(self, node_id: int) -> bool:
+        return node_id not in self._booting and self.runtime.has_returned(node_id)
 
     def _await_rest(self, node_id: int) -> list[str]:
         """Return the axes of a node when none of them is being stopped any more, or the time for a stop has passed."""

@@ -189,6 +189,34 @@ def not_booted(node_id: int, observed: str, remedy: str) -> StateError:
     return StateError(f"node {node_id} cannot be booted now", observed=observed, remedy=remedy)
 
 
+def not_written(node_id: int, observed: str, remedy: str) -> StateError:
+    """Return the error of a node whose program cannot be written now."""
+    return StateError(
+        f"the program of node {node_id} cannot be written now", observed=observed, remedy=remedy
+    )
+
+
+def being_written(node_id: int) -> NodeStateError:
+    """Return the error of the axes of a node while its program is being written."""
+    return NodeStateError(
+        f"the program of node {node_id} is being written",
+        remedy=f"wait for the end of the write; then {boot_and_reset(node_id)}",
+    )
+
+
+def program_was_written(node_id: int) -> NodeStateError:
+    """Return the error of the axes of a node whose program was written."""
+    return NodeStateError(f"node {node_id} has a new program", remedy=boot_and_reset(node_id))
+
+
+def program_not_written(node_id: int) -> NodeStateError:
+    """Return the error of the axes of a node whose program could not be written."""
+    return NodeStateError(
+        f"the program of node {node_id} could not be written",
+        remedy=f"write it again; then {boot_and_reset(node_id)}",
+    )
+
+
 def being_booted(node_id: int) -> NodeStateError:
     """Return the error of the axes of a node while it is being booted."""
     return NodeStateError(

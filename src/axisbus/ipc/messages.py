@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from axisbus.boot.program_facts import ProgramRunState
 from axisbus.boot.report import NodeReport
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
@@ -354,5 +355,6 @@ _ASKED = (
     FoundDrive,
     ReplacementOrder,
     ReplacementOutcome,
+    ProgramRunState,
 )
 CODEC = Codec([Message, *_ASKED])

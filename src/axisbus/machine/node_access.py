@@ -7,7 +7,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from axisbus.boot import error_state
-from axisbus.boot.objects import NodeObjects, read_int
+from axisbus.boot.objects import NodeObjects, Progress, read_int
+from axisbus.boot.program_facts import ProgramOrder, ProgramWritten
 from axisbus.boot.report import NodeReport
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.plan import PdoPlan
@@ -200,6 +201,33 @@ class NodeAccess:
         if self._core is None:
             raise StateError(f"node {self.node_id} can only be booted by a running machine")
         return self._core
+
+    def write_program(
+        self,
+        data: bytes,
+        *,
+        identification: int | None = None,
+        deadline: float | None = None,
+        progress: Progress | None = None,
+    ) -> ProgramWritten:
+        """Replace the program (firmware) of the node while the machine runs, and return what it reports before and after.
+
+        For a node whose axes are disabled, or in ErrorStop. They cannot be enabled meanwhile, and the node must be booted
+        afterwards (``boot``). The other axes continue. The program is stopped, cleared, transferred and started (CiA 302-3: 1F50h,
+        1F51h). After an interruption, as of the node's supply, call it again: it begins from the start. Blocks for minutes. If the
+        machine is closed meanwhile, the node has no program.
+
+        ``data`` are the bytes of 1F50h. ``identification``: the value that 1F56h:01 must have afterwards. ``deadline``: seconds for
+        each part of the work, by default 60, more for large programs. ``progress(done, all)`` is called with the confirmed bytes.
+
+        Raises:
+            StateError: an axis of the node is enabled or commanded, the node is being booted, or it has no 1F50h and 1F51h.
+            OwnershipError: this program has no control.
+            NodeError: the write has failed; write the program again.
+            SdoTimeout: the node did not answer before the write began.
+        """
+        order = ProgramOrder(bytes(data), identification, deadline)
+        return self._running().write_program(self.node_id, order, progress)
 
     def _errors(self) -> str:
         last = self.emcy[-1] if self.emcy else None

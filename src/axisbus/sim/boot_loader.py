@@ -1,8 +1,9 @@
 """Boot loader of a simulated node (CiA 302-3): stops, clears, accepts and starts the node's program, and reports the result.
 
-A program of a simulated node begins with its date and time in the format of 1F52h, two 32-bit numbers; the rest is arbitrary, except
-that its last four bytes may have to be a checksum (``ProgramDials.checksum``). A node has a boot loader only if its EDS contains
-1F50h:01 and 1F51h:01. If the supply fails while the memory is being cleared or written, there is no valid program afterwards.
+A program of a simulated node begins with its date and time in the format of 1F52h, two 32-bit numbers; the rest is arbitrary,
+except that its last four bytes may have to be a checksum (``ProgramDials.checksum``). A node has a boot loader only if its EDS
+contains 1F50h:01 and 1F51h:01. If the supply fails while the memory is being cleared or written, there is no valid program
+afterwards.
 """
 
 from __future__ import annotations

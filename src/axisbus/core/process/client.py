@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from axisbus.boot.objects import Progress
+from axisbus.boot.program_facts import ProgramOrder, ProgramRunState, ProgramWritten
 from axisbus.boot.report import Booted
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.tpdo_timeout import PdoEvent
@@ -50,6 +51,8 @@ _SLICE = 0.1  # seconds; waiting in slices lets signal handlers run on every pla
 _CLOSE_MARGIN = 5.0  # seconds for leaving, in addition to the stop sequences
 _RESCUE = 10.0  # seconds until the watchdog process has stopped every drive
 _FAREWELL = 1.0
+_CHUNK = 1 << 16  # bytes of a program in one message
+_PROGRESS = 0.1  # seconds between two requests for the progress of a write
 _JOINING = 30.0  # seconds until a core has answered, and halted moving axes if control is taken
 
 
@@ -121,6 +124,27 @@ class RemoteCore:
         """As ``CoreInterface.replace_drive``; the core does it, also if this program ends meanwhile."""
         outcome: ReplacementOutcome = self._calls.ask("replace_drive", order.node_id, order)
         return outcome
+
+    def write_program(
+        self, node_id: int, order: ProgramOrder, progress: Progress | None = None
+    ) -> ProgramWritten:
+        """As ``CoreInterface.write_program``; the core continues if this program ends."""
+        for offset in range(0, max(1, len(order.data)), _CHUNK):
+            self._calls.ask("program_data", node_id, offset, order.data[offset : offset + _CHUNK])
+        self._calls.ask("program_write", node_id, order.identification, order.deadline)
+        shown = -1
+        while True:
+            state: ProgramRunState = self._calls.ask("program_state", node_id)
+            if progress is not None and state.done > shown and not state.ended:
+                shown = state.done
+                progress(state.done, state.total)
+            if state.error is not None:
+                raise state.error
+            if state.written is not None:
+                if progress is not None:
+                    progress(state.written.size, state.written.size)
+                return state.written
+            time.sleep(_PROGRESS)
 
     def leave(self, reason: str) -> list[AxisbusError]:
         """As ``CoreInterface.leave``; afterwards the process has ended."""

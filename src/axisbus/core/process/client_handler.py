@@ -212,22 +212,41 @@ class ClientHandler:
             return OF_CORE[message.what](core.session)
         if message.what in _OF_BOOT_UP:
             return self._boot_up(message)
+        if message.what in OF_PROGRAM:
+            return OF_PROGRAM[message.what](self, message.node, *message.arguments)
         if message.what == "watch":
             self._clients.watch(message.node)
             self.watched.add(message.node)
             return None
-        refused = self._clients.refusal(self, message.what) if message.what in COMMANDING else None
-        if refused is not None:
-            raise refused
+        if message.what in COMMANDING:
+            self._require_control(message.what)
         return OF_NODE[message.what](core.nodes[message.node], *message.arguments)
 
     def _boot_up(self, message: m.CoreQuery) -> object:
         """Execute a request that boots a node; the node's facts are sent to every client by ``NodeJoined``."""
         title, work = _OF_BOOT_UP[message.what]
-        refused = self._clients.refusal(self, f"{title} node {message.node}")
+        self._require_control(f"{title} node {message.node}")
+        return work(self._clients.core, message.node, *message.arguments)
+
+    def _take_program_data(self, node_id: int, offset: int, data: bytes) -> None:
+        self._require_control(f"writing the program of node {node_id}")
+        self._clients.programs_written.take_data(self.place, node_id, offset, data)
+
+    def _write_program(self, node_id: int, identification: int | None, deadline: float | None) -> None:
+        """Begin to write the program that the client has sent; its end is found by ``_program_state``."""
+        self._require_control(f"writing the program of node {node_id}")
+        runs = self._clients.programs_written
+        self._clients.pool.submit(
+            runs.run, node_id, runs.begin(self.place, node_id, identification, deadline)
+        )
+
+    def _program_state(self, node_id: int) -> object:
+        return self._clients.programs_written.state(node_id)
+
+    def _require_control(self, what: str) -> None:
+        refused = self._clients.refusal(self, what)
         if refused is not None:
             raise refused
-        return work(self._clients.core, message.node, *message.arguments)
 
     def _programs(self) -> object:
         return self._clients.programs
@@ -319,6 +338,14 @@ OF_CLIENT: dict[str, Callable[[ClientHandler], object]] = {
     "programs": ClientHandler._programs,
     "has_command": ClientHandler._has_command,
     "take_command": ClientHandler._take_command,
+}
+
+
+# Requests about the program of a node; it is sent in parts.
+OF_PROGRAM: dict[str, Callable[..., object]] = {
+    "program_data": ClientHandler._take_program_data,
+    "program_write": ClientHandler._write_program,
+    "program_state": ClientHandler._program_state,
 }
 
 

@@ -44,6 +44,7 @@ from axisbus.core.process.listener import (
     refuse,
     welcome,
 )
+from axisbus.core.process.program_run import ProgramRuns
 from axisbus.core.process.publisher import Publisher
 from axisbus.errors import AxisbusError, OwnershipError, StateError
 from axisbus.errors import Stopped as StoppedError
@@ -91,6 +92,7 @@ class Clients:
         self.outlet = outlet
         self.pool = pool
         self._lock = threading.Lock()  # of the clients; loops over them use the last complete dictionary
+        self.programs_written = ProgramRuns(core)
         self._merging = DuplicateCommands()
         self._condition = m.CoreCondition()
         self._desks: dict[int, ClientHandler] = {}

@@ -1,0 +1,1 @@
+"""``axisbus program``: show, write and verify the program of a node."""
