@@ -44,6 +44,7 @@ USES: dict[str, tuple[tuple[str, str], ...]] = {
     "usb": (("gim6010 --help", ""),),
     "web": (("web examples/cell.toml --port 0", "open this"),),
     "metrics": (("bridge metrics examples/cell.toml --port 0", "served"),),
+    "program": (("program --help", ""),),
     "zenoh": (("bridge zenoh examples/cell.toml --plant hall --listen tcp/127.0.0.1:17447", "waits"),),
     "opcua": (("bridge opcua examples/cell.toml --port 0", "served"),),
     "ros": (("bridge zenoh examples/cell.toml --plant hall --listen tcp/127.0.0.1:17447 --ros", "waits"),),

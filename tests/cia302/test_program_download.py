@@ -632,7 +632,9 @@ def test_each_letter_of_the_standard_is_reproduced():
 
 def write(loader: Loader, **changes: object) -> b.BootOutcome:
     """Write DATA by command; the identity of the program is not known unless a ``mark`` is given."""
-    program = NodeProgram(**{"mark": ProgramVersion(), "data": DATA, "allowed": True, "deadline": 20.0, **changes})
+    program = NodeProgram(
+        **{"mark": ProgramVersion(), "data": DATA, "allowed": True, "deadline": 20.0, **changes}
+    )
     machine = write_program(5, program)
     request = next(machine)
     while True:

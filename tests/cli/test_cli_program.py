@@ -166,7 +166,9 @@ def test_ctrl_c_says_that_the_node_has_no_program_and_how_to_continue(
 
 
 @pytest.mark.parametrize(
-    "words", [("--fill", "256"), ("--fill", "x"), ("--identification", "-1"), ("--deadline", "0")], ids=" ".join
+    "words",
+    [("--fill", "256"), ("--fill", "x"), ("--identification", "-1"), ("--deadline", "0")],
+    ids=" ".join,
 )
 def test_wrong_numbers_are_wrong_use(axisbus: Run, bus, file, words):
     assert axisbus("program", "write", file, NODE, *bus, *words).code == 2

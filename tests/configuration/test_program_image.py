@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -37,7 +38,9 @@ def refused(path: Path, **options) -> UserError:
     return caught.value
 
 
-@pytest.mark.parametrize("content", [HEX, HEX.replace("\n", "\r\n"), SREC], ids=["hex", "hex of Windows", "srec"])
+@pytest.mark.parametrize(
+    "content", [HEX, HEX.replace("\n", "\r\n"), SREC], ids=["hex", "hex of Windows", "srec"]
+)
 def test_the_bytes_of_a_file_with_addresses_are_read(file, content):
     image = read_image(file(content))
     assert (image.data, image.first, image.filled) == (DATA, 0x0800_4000, 0)
@@ -158,10 +161,8 @@ def test_any_text_is_read_or_refused(tmp_path_factory, text):
     path = tmp_path_factory.mktemp("any") / "firmware.hex"
     for content in (text, "S1" + text):
         path.write_text(content)
-        try:
+        with suppress(UserError):  # and no other error
             assert read_image(path, fill=0).data
-        except UserError as error:
-            assert error.message
 
 
 def test_without_bincopy_the_extra_is_named(file, monkeypatch):

@@ -27,6 +27,7 @@ from axisbus.cia302.program import (
     Version,
 )
 from axisbus.errors import AxisbusError, SdoAbort, StateError
+from axisbus.wording import counted
 
 _MOST = 8  # programs of a node that are shown
 
@@ -212,11 +213,17 @@ def checksums(data: bytes) -> dict[str, int]:
 
 def _compared(present: bytes, data: bytes) -> ProgramVerification:
     if present[: len(data)] == data and not present[len(data) :].strip(b"\xff\0"):
-        return ProgramVerification(True, f"its program data (1F50h) are the {len(data)} bytes of the file")
+        return ProgramVerification(
+            True, f"its program data (1F50h) are the {counted(len(data), 'byte')} of the file"
+        )
     at = next(
         (number for number, pair in enumerate(zip(present, data, strict=False)) if pair[0] != pair[1]), None
     )
-    where = f"from byte {at} on" if at is not None else f"it has {len(present)} bytes, the file {len(data)}"
+    where = (
+        f"from byte {at} on"
+        if at is not None
+        else f"it has {counted(len(present), 'byte')}, the file {len(data)}"
+    )
     return ProgramVerification(False, f"its program data (1F50h) differ from the file: {where}")
 
 

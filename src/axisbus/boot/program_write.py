@@ -16,6 +16,7 @@ from axisbus.boot.program_text import write_failed
 from axisbus.boot.requests import Answerer
 from axisbus.bus.node.node import CanopenNode
 from axisbus.cia302.program_download import write_program as dialogue
+from axisbus.configuration.preconditions import require_not_energised
 
 
 def write_program(node: CanopenNode, order: ProgramOrder, progress: Progress | None = None) -> ProgramWritten:
@@ -24,12 +25,13 @@ def write_program(node: CanopenNode, order: ProgramOrder, progress: Progress | N
     ``progress`` is called in this thread with the bytes that the node has confirmed.
 
     Raises:
-        StateError: its program cannot be written over CANopen; nothing was sent.
+        StateError: its program cannot be written over CANopen, or one of its drives is energised; nothing was sent.
         NodeError: the write has failed; the node cannot be used until a write has succeeded, unless the error says otherwise.
         SdoTimeout, AdapterError: the node did not answer before the write began; the channel failed.
     """
     before = read_programs(node.node_id, node.sdo)
     require_writable(before)
+    require_not_energised(node)
     answerer = Answerer(node.sdo, NodeServices(node), {}, progress)
     outcome = answerer.run(dialogue(node.node_id, order.node_program))
     if not outcome.ok:

@@ -11,7 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from axisbus.boot.objects import Progress
-from axisbus.boot.program_facts import ProgramOrder, ProgramWritten
+from axisbus.boot.program_facts import ProgramOrder, ProgramWritten, read_programs, require_writable
 from axisbus.boot.program_write import write_program
 from axisbus.boot.report import Booted
 from axisbus.bus.node.events import BAD, NodeEvent
@@ -455,38 +455,38 @@ class Core:
                 CANopen, or the machine is being closed; nothing was sent.
             NodeError, SdoTimeout, AdapterError: as ``boot.program_write.write_program``.
         """
-        with self._booting_of(node_id):
+        with self._booting_of(node_id, not_written):
+            parts = self.runtime.nodes[node_id]
+            require_writable(read_programs(node_id, parts.objects))
             names = self._await_rest(node_id)
             try:
                 self._in_scan(lambda: self.scan.take_out(names, being_written(node_id)))
             except StateError as error:
                 raise not_written(node_id, error.observed or error.message, error.remedy) from None
+            end = program_not_written(node_id)
             try:
-                node = self.runtime.nodes[node_id].node
-                node.worker.clear()
-                written = write_program(node, order, progress)
-            except BaseException as error:  # such as Ctrl-C in this thread
-                untouched = isinstance(error, StateError)
-                self._leave_out(
-                    names, boot_interrupted(node_id) if untouched else program_not_written(node_id)
-                )
-                raise
-            self._leave_out(names, program_was_written(node_id))
+                parts.node.worker.clear()
+                written = write_program(parts.node, order, progress)
+                end = program_was_written(node_id)
+            finally:
+                self._leave_out(names, end)
         return written
 
-    def _require_objects(self, node_id: int) -> None:
+    def _require_objects(
+        self, node_id: int, refuse: Callable[[int, str, str], StateError] = not_booted
+    ) -> None:
         if not self.runtime.nodes[node_id].has_objects:
-            raise not_booted(
-                node_id, "it uses CAN Simple, which has no boot-up", "reset its axis: axis.reset()"
-            )
+            raise refuse(node_id, "it uses CAN Simple, which has no boot-up", "reset its axis: axis.reset()")
 
     @contextmanager
-    def _booting_of(self, node_id: int) -> Iterator[None]:
-        """Claim the node for one boot-up; closing waits for its end."""
-        self._require_objects(node_id)
+    def _booting_of(
+        self, node_id: int, refuse: Callable[[int, str, str], StateError] = not_booted
+    ) -> Iterator[None]:
+        """Claim the node for one boot-up or one write of its program; closing waits for its end, but not for long."""
+        self._require_objects(node_id, refuse)
         with self._lock:
             if node_id in self._booting:
-                raise not_booted(
+                raise refuse(
                     node_id, "it is being booted, or its program is being written", "wait for the end of that"
                 )
             self._booting.add(node_id)

@@ -17,7 +17,7 @@ from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_error, s
 from axisbus.cli.shared.completion import complete_node
 from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
 from axisbus.cli.shared.options import PATH, Seconds
-from axisbus.configuration import guarded_write, preconditions
+from axisbus.configuration import guarded_write
 from axisbus.configuration.program_image import ProgramImage, read_image
 from axisbus.wording import counted
 
@@ -252,7 +252,6 @@ def write_command(
             written = _write_in_machine(running.node(node_id).access, order, progress)
         else:
             device = NodeSession(stack, asked, files, [node_id]).node(node_id)
-            preconditions.require_not_energised(device)
             guarded_write.require_no_other_master(device, heartbeats=False)
             written = _write(device, order, progress)
     _report(image, file, written, as_json)
