@@ -109,6 +109,17 @@ class CellConnection(Protocol[Booted, Parts, Incident, Event]):
     def make_safe(self, points: Collection[IoPoint]) -> list[Unsafe]:
         """Set outputs to their safe states without the scan, and return those without confirmation; blocks."""
 
+    def require_reconnectable(self, scan_failed: bool) -> None:
+        """Check that ``reconnect`` makes sense; raises StateError. ``scan_failed``: the adapter's failure has ended the scan."""
+
+    def reconnect(self, listen: bool = True) -> None:
+        """Open the adapter again after it has failed, or is bus-off, with the same nodes; blocks.
+
+        Every node counts as lost until it is heard again. ``listen``: for another master, before anything is sent.
+
+        Raises AdapterError, SecondMasterError; it may be called again.
+        """
+
     def leave(self, how: Mapping[int, NodeShutdown]) -> None:
         """Leave each node as ``how`` says; blocks. A node that is gone is skipped."""
 

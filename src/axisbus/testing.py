@@ -97,7 +97,7 @@ class Simulation:
         self.machine.simulated_node(node).fault(code, axis=number)
 
     def unplug_adapter(self) -> None:
-        """Let the master's CAN adapter fail as if it was unplugged; it does not come back."""
+        """Let the master's CAN adapter fail as if it was unplugged; ``machine.reconnect`` opens it again."""
         self._adapter.unplug()
 
     def bus_off(self, off: bool = True) -> None:

@@ -324,6 +324,7 @@ SHARED_VIRTUAL_TIME = (
     "cli/test_cli_stop.py",
     "cli/test_cli_attach.py",
     "cli/test_cli_program_attach.py",
+    "cli/test_cli_reconnect.py",
     "core/test_core_attach.py",
     "core/test_core_client.py",
     "gateway/test_gateway_opcua.py",

@@ -379,6 +379,12 @@ class CanCycle:
         taken = send_bounded(self._channel, frames)
         return complete and taken == len(frames)
 
+    def resume(self) -> None:
+        """Send frames again after ``quick_stop_all``, because the adapter was opened again; the scan must not run yet."""
+        self._stopped = self._blocked = self._sync_held = False
+        for port in self._ports:
+            port.drop_frames()
+
     def keep_stopping(self) -> AbstractContextManager[None]:
         """Repeat the quick stops by RPDO, and SYNC, in a thread until the context ends; raises nothing."""
         by_pdo, _, _ = self._stop_frames()

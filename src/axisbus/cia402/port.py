@@ -189,6 +189,9 @@ class BusCycle(Protocol):
     def heartbeat(self) -> None:
         """Send the master's heartbeat when it is due."""
 
+    def resume(self) -> None:
+        """Send frames again after ``quick_stop_all``, because the adapter was opened again; the scan must not run yet."""
+
     def quick_stop_all(self) -> bool:
         """Send the last committed frames once more with a quick stop in each controlword, and one SYNC.
 

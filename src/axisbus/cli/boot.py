@@ -9,6 +9,7 @@ import click
 
 from axisbus.boot.report import NodeReport
 from axisbus.cell import reader
+from axisbus.cell.can_simple.modules import canopen_nodes
 from axisbus.cli.shared.attach_or_open import running, take_option
 from axisbus.cli.shared.common import (
     FAILURE,
@@ -16,6 +17,7 @@ from axisbus.cli.shared.common import (
     ProgressLine,
     progress_line,
     say,
+    say_error,
     say_json,
     say_next,
     say_note,
@@ -23,10 +25,12 @@ from axisbus.cli.shared.common import (
 from axisbus.cli.shared.options import PATH, beside_option
 from axisbus.core.process.launch import expected
 from axisbus.errors import BootError, StateError
+from axisbus.link import alarm
 from axisbus.machine.opening import boot
 from axisbus.wording import counted
 
 _LABEL = "booting"
+_RECONNECT_HELP = "Open the CAN adapter of the running machine again, after it was unplugged or its link was down; then boot nodes."
 _NODE_HELP = "Boot this node of the running machine, whose other axes continue; may be repeated."
 
 
@@ -71,12 +75,16 @@ class _Told:
 @click.option("--json", "as_json", is_flag=True, help="Print the reports as JSON.")
 @beside_option
 @click.option("--node", "wanted", type=int, multiple=True, metavar="ID", help=_NODE_HELP)
+@click.option("--reconnect", is_flag=True, help=_RECONNECT_HELP)
 @take_option
-def command(cell: Path, as_json: bool, beside: bool, wanted: tuple[int, ...], take: bool) -> int:
+def command(
+    cell: Path, as_json: bool, beside: bool, wanted: tuple[int, ...], reconnect: bool, take: bool
+) -> int:
     """Boot and configure the nodes of CELL, report on each, and release them; energises nothing.
 
     With --node, boot nodes of the running machine that were lost, have restarted or were replaced, while the other axes continue.
-    Their axes then wait for a reset.
+    Their axes then wait for a reset. With --reconnect, the machine first opens its CAN adapter again, and stops each axis that had
+    been commanded; then all its CANopen nodes are booted, or those of --node.
 
     If [nodes.N.program] says download = true and a node has another program than the expected one, the expected program is
     downloaded first, which may take minutes.
@@ -85,8 +93,8 @@ def command(cell: Path, as_json: bool, beside: bool, wanted: tuple[int, ...], ta
     standard defines one), the stop sequence of each axis, and how the node detects a dead master. Exit code 3 when a node that
     is not optional did not come up.
     """
-    if wanted:
-        return _boot_in_machine(cell, wanted, take=take, as_json=as_json)
+    if wanted or reconnect:
+        return _boot_in_machine(cell, wanted, reconnect=reconnect, take=take, as_json=as_json)
     with progress_line(_LABEL, quiet=as_json) as line:
         told = _Told(line, quiet=as_json)
         try:
@@ -119,11 +127,27 @@ def command(cell: Path, as_json: bool, beside: bool, wanted: tuple[int, ...], ta
     return OK
 
 
-def _boot_in_machine(cell: Path, nodes: tuple[int, ...], *, take: bool, as_json: bool) -> int:
-    """Boot nodes of the running machine one after the other, and report each; a node that does not boot does not end it."""
+def _boot_in_machine(
+    cell: Path, nodes: tuple[int, ...], *, reconnect: bool, take: bool, as_json: bool
+) -> int:
+    """Boot nodes of the running machine one after the other, and report each; a node that does not boot does not end it.
+
+    ``reconnect``: open its adapter again before; without ``nodes``, all are booted.
+    """
     why, remedy = "boots nodes of a running machine", f"to boot all nodes: axisbus boot {cell}"
-    reports = list[NodeReport]()
-    with running(cell, "boot --node", why, remedy, command=True, take=take) as machine:
+    verb = "boot --reconnect" if reconnect else "boot --node"
+    reports, unsure = list[NodeReport](), False
+    with running(cell, verb, why, remedy, command=True, take=take) as machine:
+        if reconnect:
+            stopped = machine.reconnect()
+            unsure = not all(each.ok for each in stopped)
+            nodes = nodes or tuple(canopen_nodes(machine.cell))
+            if not as_json:
+                say("the CAN adapter was opened again; every axis is in ErrorStop")
+                for each in stopped:
+                    say(f"{each.axis}: {each.text}")
+            if unsure:
+                say_error(alarm(stopped))
         for node in [machine.node(node_id) for node_id in dict.fromkeys(nodes)]:
             try:
                 report = node.boot()
@@ -141,4 +165,4 @@ def _boot_in_machine(cell: Path, nodes: tuple[int, ...], *, take: bool, as_json:
         )
     elif any(report.axes for report in reports):
         say_next(f"axisbus reset {cell} {' '.join(axis.name for report in reports for axis in report.axes)}")
-    return FAILURE if failed else OK
+    return FAILURE if failed or unsure else OK

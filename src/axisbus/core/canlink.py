@@ -46,7 +46,7 @@ from axisbus.core.realtime_setup import SPIN
 from axisbus.core.simulated_nodes import SimulatedNode, devices
 from axisbus.drives.registry import make_of
 from axisbus.eds.model import Eds
-from axisbus.errors import BusError
+from axisbus.errors import BusError, BusOff, StateError
 from axisbus.link import NodeShutdown, StopResult, Unsafe
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns
@@ -93,7 +93,7 @@ class CanLink:
             self.stand_ins = dict(stand_ins or {})
             self.wire = wire
             # Only simulated drives are on it.
-            private = channel is not None or cell.bus.interface == SIMULATED
+            self._private = private = channel is not None or cell.bus.interface == SIMULATED
             if channel is None:
                 _own(cell, stack)
                 channel, self.stand_ins = open_channel(cell, dictionaries, stack)
@@ -227,6 +227,32 @@ class CanLink:
     def make_safe(self, points: Collection[IoPoint]) -> list[Unsafe]:
         """As ``CellConnection.make_safe``, by SDO."""
         return make_safe(self.clock, {node_id: node.sdo for node_id, node in self._nodes.items()}, points)
+
+    def require_reconnectable(self, scan_failed: bool) -> None:
+        """As ``CellConnection.require_reconnectable``."""
+        if self._consumer is not None:
+            raise StateError(
+                "the adapter cannot be opened again while the machine is open: another device sends SYNC",
+                remedy="close the machine and open it again",
+            )
+        if not scan_failed or self._channel.failure is not None:
+            self._channel.require_reopenable()
+
+    def reconnect(self, listen: bool = True) -> None:
+        """As ``CellConnection.reconnect``."""
+        if self._channel.failure is not None or isinstance(self._channel.off, BusOff):
+            self._channel.reopen()
+        if listen and not self._private and not self._cell.bus.beside:
+            try:
+                require_alone(
+                    self._channel, cast_of(self._cell, self._dictionaries), listening_time(self._cell.bus)
+                )
+            except BusError as error:
+                self._channel.fail(error)
+                raise
+        for node in self._nodes.values():
+            node.worker.clear()
+            node.nmt.forget_heartbeats()
 
     def leave(self, how: Mapping[int, NodeShutdown]) -> None:
         """As ``CellConnection.leave``."""
@@ -371,7 +397,8 @@ def simulated_channel(
         VirtualSyncProducer(wire, clock, bus.sync_cob_id, bus.scan_period, bus.sync_counter)
     stand_ins = {node_id: SimulatedNode(device, nullcontext()) for node_id, device in made.items()}
     stand_ins |= stand_ins_of(guests, nullcontext())
-    return Channel(wire.connect(), "virtual time", clock=clock), stand_ins, wire
+    channel = Channel(wire.connect(), "virtual time", clock=clock, opener=lambda: (wire.connect(), None))
+    return channel, stand_ins, wire
 
 
 def _let_go(node: CanopenNode, booted: Booted, how: NodeShutdown) -> None:

@@ -109,6 +109,11 @@ class CommandQueue:
         with self._lock:
             self._closed = True
 
+    def open(self) -> None:
+        """Accept commands again."""
+        with self._lock:
+            self._closed = False
+
     def clear(self) -> Iterator[Waiting]:
         """Take out all commands; any thread, each command goes to only one."""
         for queue in (self._left, self._given):

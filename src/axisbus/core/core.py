@@ -30,6 +30,8 @@ from axisbus.core.late_boot import (
     LateBoot,
     LateNode,
     ReturningNode,
+    adapter_reopened,
+    adapter_reopened_without_boot,
     being_booted,
     being_written,
     boot_interrupted,
@@ -48,7 +50,7 @@ from axisbus.core.scan import Scan
 from axisbus.core.scan_thread import ScanThread
 from axisbus.core.virtual_axes import virtual_axes
 from axisbus.core.waiting import ThreadWaiter, VirtualWaiter
-from axisbus.errors import AxisbusError, ScanError, SecondMasterError, StateError
+from axisbus.errors import AdapterError, AxisbusError, ScanError, SecondMasterError, StateError
 from axisbus.link import StopResult, Unsafe
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.policy import GroupFault, LostNode
@@ -60,6 +62,8 @@ if TYPE_CHECKING:
 _CLOSE_MARGIN = 2.0  # seconds
 _FIRST_VALUES = 1.0  # seconds for the first answers to SYNC; later ones concern only their axes
 _JOIN_TIME = 2.0  # seconds until the scan has added an axis; one cycle is enough
+_REOPEN_TIME = 1.0  # seconds for opening a failed adapter again to stop the drives
+_REOPEN_PAUSE = 0.05
 _OUTPUTS_TIME = 0.5  # seconds until outputs have been sent as safe; a few cycles are enough
 
 
@@ -140,6 +144,9 @@ class CoreInterface(Protocol):
     ) -> ProgramWritten:
         """Replace the program of one node while the scan runs; blocks. Raises StateError, NodeError."""
 
+    def reconnect(self) -> list[StopResult]:
+        """Open the adapter again after it has failed; blocks. Raises StateError, AdapterError, SecondMasterError."""
+
     def leave(self, reason: str) -> list[AxisbusError]:
         """Stop every commanded axis, leave each node as appropriate, and return the failures; blocks."""
 
@@ -196,6 +203,9 @@ class Core:
         self._watched: set[int] = set()  # nodes whose loss stops the cell
         self._booting: set[int] = set()  # nodes, by calls of ``boot_node``
         self._lock = threading.Lock()
+        self._reconnecting = threading.Lock()
+        # In a process of its own: called when the adapter's failure has ended the scan, and (False) before it runs again.
+        self.adapter_lost: Callable[[bool], None] | None = None
         self._after_cycle: Callable[[], None] = _nothing
         board = IoScan()
         for node_id in runtime.nodes:
@@ -281,9 +291,7 @@ class Core:
             self._pump.begin()
             self._pickup.start()
             return
-        self.scan.on_failure = self._rescue.begin
-        self._thread = ScanThread(self.scan, self._threads, self.cell.bus.sync_timeout)
-        self._thread.start()
+        self._start_thread()
         self._pickup.start()
 
     def await_values(self) -> None:
@@ -370,9 +378,30 @@ class Core:
         rescued = self._rescue.result()
         return rescued, unsafe if alive else confirm_safe_outputs(self.scan.io, self.runtime.link)
 
+    def _scan_failed(self) -> None:
+        if self.adapter_lost is not None and isinstance(self.scan.failure, AdapterError):
+            self.adapter_lost(True)
+        self._rescue.begin()
+
     def _stop_without_scan(self) -> list[StopResult]:
+        if self.adapter_lost is not None and isinstance(self.scan.failure, AdapterError):
+            self._open_for_rescue()
         cores = self.scan.axes.values()
         return self.runtime.link.rescue([core.parameters.name for core in cores if _needs_rescue(core)])
+
+    def _open_for_rescue(self) -> None:
+        """Try for a second to open the adapter again, as a watchdog process does for a dead core, to stop the drives."""
+        until = self.clock.now() + _REOPEN_TIME
+        while self.clock.now() < until:
+            try:
+                self.runtime.link.require_reconnectable(True)
+                self.runtime.link.reconnect(listen=False)
+            except StateError:
+                return
+            except AxisbusError:
+                self.clock.sleep(_REOPEN_PAUSE)
+            else:
+                return
 
     def _end_scan(self) -> None:
         self.scan.quit()
@@ -471,6 +500,74 @@ class Core:
             finally:
                 self._leave_out(names, end)
         return written
+
+    def reconnect(self) -> list[StopResult]:
+        """Open the adapter again after it has failed or is bus-off, and return how each commanded axis was stopped afterwards.
+
+        All axes remain in ErrorStop; CANopen nodes must be booted (after a bus-off, those that are not operational). Nothing is
+        enabled. If the failure has ended the scan, the drives of commanded axes are stopped by SDO before the scan runs again.
+        Blocks for the adapter, and for these stops, at most about 6 s.
+
+        Raises:
+            StateError: the adapter works, or cannot be opened again while the machine is open, a node is being booted, or the
+                machine is being closed.
+            AdapterError, SecondMasterError: the adapter cannot be opened, or another master is heard; this may be called again.
+        """
+        with self._reconnecting:
+            scan = self.scan
+            failed = scan.failure is not None
+            if failed:
+                self._rescue.result()
+            self._require_reconnectable(failed)
+            if not failed:  # bus-off: the scan continues meanwhile
+                self.runtime.link.reconnect()
+                return []
+            touched = [name for name, core in scan.axes.items() if _needs_rescue(core)]
+            self._pickup.stop()
+            if self._thread is not None:
+                self._thread.stop()
+            self.runtime.link.reconnect()
+            stopped = self.runtime.link.rescue(touched)
+            scan.cycle.resume()
+            scan.revive({name: partial(self._renew_after_loss, name) for name in scan.axes})
+            self._rescue = Rescue(self.clock, self._stop_without_scan)
+            if self._pump is None:
+                if self.adapter_lost is not None:
+                    self.adapter_lost(False)
+                self._start_thread()
+            self._pickup.restart()
+            return stopped
+
+    def _require_reconnectable(self, failed: bool) -> None:
+        scan = self.scan
+        if scan.leaving_because is not None:
+            raise refused_while_leaving("opening the adapter again", scan.leaving_because)
+        if self._booting:
+            nodes = ", ".join(map(str, sorted(self._booting)))
+            raise StateError(f"the adapter is not opened again while a node is being booted ({nodes})")
+        if failed and not isinstance(scan.failure, AdapterError):
+            raise ended("opening the adapter again", scan.failure)
+        if failed and self._thread is not None and self._thread.is_alive():
+            raise ended("opening the adapter again", scan.failure)  # it is stuck in the driver
+        self.runtime.link.require_reconnectable(failed)
+
+    def _renew_after_loss(self, name: str, core: AxisCore) -> None:
+        """Let an axis begin again in ErrorStop; ``reset`` is refused until its node is booted, if it needs that."""
+        axis, touched = self.cell.axes[name], core.touched
+        boots = not core.parameters.virtual and self.runtime.nodes[axis.node].has_objects
+        error = (adapter_reopened if boots else adapter_reopened_without_boot)(name, axis.node)
+        core.take_out(error)
+        core.begin_again(core.parameters, core.capabilities, error, absolute=axis.homing.absolute)
+        core.touched = touched
+        if boots:
+            core.take_out(error)
+        else:
+            core.take_back(error)
+
+    def _start_thread(self) -> None:
+        self.scan.on_failure = self._scan_failed
+        self._thread = ScanThread(self.scan, self._threads, self.cell.bus.sync_timeout)
+        self._thread.start()
 
     def _require_objects(
         self, node_id: int, refuse: Callable[[int, str, str], StateError] = not_booted

@@ -113,6 +113,13 @@ class LateBoot:
         self._stop = clock.event()
         self._thread = clock.thread(self._run, "axisbus optional nodes")
 
+    def restart(self) -> None:
+        """Begin to poll again, after the adapter had failed."""
+        self.stop()
+        self._stop = self._clock.event()
+        self._thread = self._clock.thread(self._run, "axisbus optional nodes")
+        self.start()
+
     def start(self) -> None:
         """Begin to poll, if any node is absent, or is to be booted when it returns."""
         if self._nodes or self._returning:
@@ -230,6 +237,25 @@ def boot_interrupted(node_id: int) -> NodeStateError:
     return NodeStateError(
         f"the boot-up of node {node_id} was aborted",
         remedy=boot_and_reset(node_id),
+    )
+
+
+def adapter_reopened(name: str, node_id: int) -> NodeStateError:
+    """Return the error of an axis after the adapter was opened again, whose node must be booted."""
+    return NodeStateError(
+        f"{name}: the adapter was lost, and has been opened again",
+        observed="what the drive did meanwhile is not known; nothing is enabled",
+        remedy=boot_and_reset(node_id),
+    )
+
+
+def adapter_reopened_without_boot(name: str, node_id: int) -> NodeError:
+    """Return the same error for an axis whose node needs no boot-up, or that has no node."""
+    return NodeError(
+        f"{name}: the adapter was lost, and has been opened again",
+        node=node_id,
+        observed="every motion has ended; nothing is enabled",
+        remedy="reset it: axis.reset()",
     )
 
 

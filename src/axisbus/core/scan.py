@@ -364,6 +364,27 @@ class Scan:
         if failed is not None:
             failed()
 
+    def revive(self, renew: Mapping[str, Callable[[AxisCore], None]]) -> None:
+        """Prepare to run again after the adapter had failed, and was opened again; the scan must have ended.
+
+        ``renew``: what to do with each axis, by name; all its commands have ended. The cycle begins a new grid.
+        """
+        for name, work in renew.items():
+            work(self.axes[name])
+            self.axes[name].set_override(cell=self._override)
+        for group in self.groups.values():
+            group.forget()
+        for queue in (self._calls, self._halt_requests, self._trips, self._intrusions):
+            queue.clear()
+        self._halting = Halting()
+        self._hold_to_run.let_go()
+        self._next, self._before = None, math.inf
+        self._done_at = self._sending = -math.inf
+        self._quick_stop_sent = False
+        self._inbox.open()
+        self.failure = None
+        self.ended = False
+
     def stop_failures(self) -> list[AxisbusError]:
         """Return why axes could not be stopped as requested; empty when all went well."""
         return self._leaving.failures()

@@ -38,6 +38,7 @@ class CoreStage(IntEnum):
     RUNNING = 1
     LEAVING = 2
     LEFT = 3
+    LOST = 4  # its adapter has failed, and its scan has ended: it may open the adapter again
 
 
 class RescueRpdo(NamedTuple):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Unpack
 from axisbus.bus.link.fork_guard import disown_in_children
 from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.errors import ArgumentError, AxisbusError, StateError, UnknownNameError, with_alarm
+from axisbus.link import StopResult
 from axisbus.machine.axis import Axis
 from axisbus.machine.axis_registry import AxisRegistry
 from axisbus.machine.closing import Closing
@@ -274,6 +275,20 @@ class Machine:
 
             self._nodes[node_id] = NodeAccess(parts, self._await_cycle, self._core)
         return self._nodes[node_id]
+
+    def reconnect(self) -> list[StopResult]:
+        """Open the CAN adapter again, without closing the machine, after it was unplugged, its link was taken down, or bus-off.
+
+        Return how each axis that had been commanded was stopped afterwards; an axis with ``ok`` false may still move. After a
+        bus-off the list is empty, because the scan stops the axes. All axes remain in ErrorStop, and nothing is enabled. Then boot
+        each CANopen node (``node(N).boot()``), and reset its axes. Blocks for the adapter and these stops, at most some seconds.
+
+        Raises:
+            StateError: the adapter works, or cannot be opened again while the machine is open; or the machine is being closed.
+            OwnershipError: this program has no control.
+            AdapterError: the adapter cannot be opened; try again later. SecondMasterError: another master is heard.
+        """
+        return self._core.reconnect()
 
     def _await_cycle(self) -> None:
         """Wait until the axes have the values of a cycle that began after this call; for at most a second."""

@@ -16,6 +16,8 @@ the restart, old set-points among them. (Frames that the queue accepted before t
 milliseconds' worth, which only taking the interface down discards.) ``off`` ends when the restart is reported. ``last_off`` and
 ``offs`` remain, so that a short bus-off is not missed. ``on_failure`` is called for a bus-off too.
 
+After a failure or a bus-off, ``reopen`` opens the adapter again; receivers remain, and the nodes count as lost as after a bus-off.
+
 If the adapter's queue stays full, only sending has failed. Frames are still received, so ``check`` raises nothing. The scan reports
 refused frames by ``block``. ``off`` is that error until ``unblock``, and each port sees it meanwhile.
 
@@ -42,7 +44,14 @@ from axisbus.bus.link.controller import CanController, CanErrorState, Controller
 from axisbus.bus.link.fork_guard import disown_in_children
 from axisbus.bus.link.frame_files import of_message
 from axisbus.bus.link.network import CanopenNetwork
-from axisbus.bus.link.raw_sockets import CyclicSocket, FrameTransmitter, cyclic_socket, intake_of, line_of
+from axisbus.bus.link.raw_sockets import (
+    CyclicSocket,
+    FrameTransmitter,
+    Intake,
+    cyclic_socket,
+    intake_of,
+    line_of,
+)
 from axisbus.cia301 import cob
 from axisbus.cia301.dropped_frames import DropReason, Drops
 from axisbus.cia301.frame import BusTraffic, CanFrame
@@ -52,6 +61,7 @@ from axisbus.clock import REAL, Clock
 from axisbus.errors import AdapterError, BusError, BusOff, StateError, TransmitQueueFull
 
 Receiver = Callable[[bytes, float], None]
+Opener = Callable[[], "tuple[can.BusABC | CallingBus, CyclicSocket | None]"]  # opens an adapter again
 Ear = Callable[[CanFrame], None]
 _T = TypeVar("_T", bytes, int)  # the data of a frame, or the length that a remote frame requests
 
@@ -116,11 +126,12 @@ class Channel:
         send_timeout: float | None = None,
         cyclic: CyclicSocket | None = None,
         clock: Clock = REAL,
+        opener: Opener | None = None,
     ) -> None:
         """Take over an open python-can bus and start to receive.
 
         ``send_timeout``: see ``adapter.send_timeout``; ``cyclic``: the source of the frames for ``drain``; ``clock``: the time of
-        this channel and of everything that waits for its frames.
+        this channel and of everything that waits for its frames. ``opener`` opens the adapter again, for ``reopen``.
         """
         self.bus = bus
         self.clock = clock
@@ -134,13 +145,14 @@ class Channel:
         self._receivers: dict[int, tuple[Receiver, ...]] = {}
         self._ears: tuple[Ear, ...] = ()
         self._taps: tuple[Ear, ...] = ()
-        self._calling = None if isinstance(bus, can.BusABC) else bus
-        self._line: FrameTransmitter = line_of(bus, send_timeout) if isinstance(bus, can.BusABC) else bus
-        self._freely = self._line.for_all  # without a lock
+        self._send_timeout = send_timeout
+        self._opener = opener
         self._cyclic = cyclic
         self._cyclic_ids: frozenset[int] = frozenset()
         self._socketcan = name.startswith("socketcan:")
-        self._linux_classes = self._calling is not None or name.partition(":")[0] in controller.LINUX_CLASSES
+        self._linux_classes = (
+            not isinstance(bus, can.BusABC) or name.partition(":")[0] in controller.LINUX_CLASSES
+        )
         self.controller = CanController(name)
         self.last_off: BusOff | None = None
         self.offs = 0
@@ -155,13 +167,27 @@ class Channel:
         # For simulated drives: returns whether they have not yet received all sent frames.
         self.behind: Callable[[], bool] | None = None
         self._thread: threading.Thread | None = None
+        self._intake: Intake | None = None
+        self._attach(bus)
+        disown_in_children(self)
+
+    def _attach(self, bus: can.BusABC | CallingBus) -> None:
+        """Send by ``bus`` from now on, and begin to receive."""
+        self.bus = bus
+        self.network.bus = bus  # type: ignore[assignment]  # or a simulated wire
+        self._calling = None if isinstance(bus, can.BusABC) else bus
+        self._line: FrameTransmitter = (
+            line_of(bus, self._send_timeout) if isinstance(bus, can.BusABC) else bus
+        )
+        self._freely = self._line.for_all  # without a lock
         if not isinstance(bus, can.BusABC):
             bus.attach(self)
-        else:
-            self._intake = intake_of(bus)
-            self._thread = threading.Thread(target=self._receive, name=f"axisbus receive {name}", daemon=True)
-            self._thread.start()
-        disown_in_children(self)
+            return
+        self._intake = intake_of(bus)
+        self._thread = threading.Thread(
+            target=self._receive, args=(self._intake,), name=f"axisbus receive {self.name}", daemon=True
+        )
+        self._thread.start()
 
     @classmethod
     def open(
@@ -178,9 +204,14 @@ class Channel:
         Raises:
             AdapterError: see ``adapter.open_adapter``.
         """
-        bus = adapter.open_adapter(interface, channel, bitrate, options)
-        cyclic = cyclic_socket(bus, str(channel))
-        return cls(bus, f"{interface}:{channel}", send_timeout=adapter.send_timeout(interface), cyclic=cyclic)
+
+        def opener() -> tuple[can.BusABC, CyclicSocket | None]:
+            bus = adapter.open_adapter(interface, channel, bitrate, options)
+            return bus, cyclic_socket(bus, str(channel))
+
+        bus, cyclic = opener()
+        timeout = adapter.send_timeout(interface)
+        return cls(bus, f"{interface}:{channel}", send_timeout=timeout, cyclic=cyclic, opener=opener)
 
     @property
     def failure(self) -> BusError | None:
@@ -394,6 +425,11 @@ class Channel:
             first, self._closing = not self._closing, True
         if not first:
             return
+        self._release()
+
+    def _release(self) -> None:
+        """End the receive thread, and release the adapter."""
+        self._intake = None
         if self._thread is not None and not self.in_receive_thread:
             self._thread.join(CLOSE_PATIENCE)
         if self._cyclic is not None:
@@ -402,6 +438,45 @@ class Channel:
             self.bus.shutdown()
         except Exception as error:  # noqa: BLE001 - drivers raise anything; the adapter is gone either way
             self.counters.errors.append(f"on closing: {error}")
+
+    def require_reopenable(self) -> None:
+        """Check that the adapter has failed or is bus-off, and that it can be opened again.
+
+        Raises:
+            StateError: it works, belongs to another process, or there is no way to open it again.
+        """
+        if self._opener is None or self._inherited or self._closing:
+            raise failures.not_reopened(self.name, "it was not opened by its name, or it is closed")
+        if self._failure is None and not isinstance(self.off, BusOff):
+            raise failures.not_reopened(self.name, "it works")
+
+    def reopen(self) -> None:
+        """Open the adapter again after a failure or a bus-off; may block as long as its driver does.
+
+        Receivers, taps and counters remain. ``offs`` counts it, so that every node counts as lost until it is heard again. No other
+        thread may read cyclic frames (``drain``) meanwhile.
+
+        Raises:
+            StateError: as ``require_reopenable``.
+            AdapterError: it cannot be opened; the channel has failed, and this may be called again.
+        """
+        self.require_reopenable()
+        assert self._opener is not None
+        if self._failure is None:
+            self.fail(copy.copy(self.off) if isinstance(self.off, BusOff) else failures.reopened(self.name))
+        self._release()
+        bus, cyclic = self._opener()
+        self._send_lock = threading.Lock()  # a thread may be stuck in the driver with the one before
+        self._state_due = 0.0
+        cyclic_ids, self._cyclic_ids = self._cyclic_ids, frozenset()
+        self._cyclic = cyclic
+        self.controller.reopened(self.clock.now())
+        self.last_off = failures.reopened(self.name)
+        self.offs += 1
+        self.off = self._failure = None
+        self._attach(bus)
+        with self._state_lock:
+            self._listen_cyclic(cyclic_ids)
 
     def disown(self) -> None:
         """Become unusable in a forked child: it sends nothing, and the parent closes the adapter."""
@@ -538,10 +613,10 @@ class Channel:
         if not self._closing:
             self.fail(failures.deaf(self.name, error))
 
-    def _receive(self) -> None:
-        while not self._closing:
+    def _receive(self, intake: Intake) -> None:
+        while self._intake is intake and not self._closing:
             try:
-                taken = self._intake.take(RECEIVE_SLICE)
+                taken = intake.take(RECEIVE_SLICE)
                 now = self.clock.now()
                 for one in taken:
                     if isinstance(one, tuple):
@@ -551,7 +626,7 @@ class Channel:
                 if now >= self._state_due:
                     self._ask_state(now)
             except Exception as error:  # noqa: BLE001 - any error must be stored and not only end this thread
-                if not self._closing:
+                if self._intake is intake and not self._closing:
                     self.fail(failures.deaf(self.name, error))
                 return
 

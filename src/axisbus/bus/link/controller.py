@@ -75,6 +75,11 @@ class CanController:
             return self._change(CanErrorState.ACTIVE, stamp)
         return None
 
+    def reopened(self, stamp: float) -> ControllerEvent:
+        """Note that the adapter was opened again; return the event."""
+        self._off_by_state = False
+        return self._change(CanErrorState.ACTIVE, stamp, restart=True)
+
     def _change(self, told: CanErrorState, stamp: float, restart: bool = False) -> ControllerEvent:
         restarted = restart or self.condition is CanErrorState.OFF
         if restarted:

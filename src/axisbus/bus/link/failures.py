@@ -7,7 +7,7 @@ import errno
 from axisbus.bus.link import socketcan
 from axisbus.bus.link.controller import WHAT_TO_CHECK, ErrorCounters
 from axisbus.cpu_starvation import REMEDY
-from axisbus.errors import AdapterError, BusError, BusOff, TransmitQueueFull
+from axisbus.errors import AdapterError, BusError, BusOff, StateError, TransmitQueueFull
 
 _REOPEN = "check the adapter's plug and whether the interface was taken down, then open the machine again"
 
@@ -101,6 +101,20 @@ def bus_off(name: str, counters: ErrorCounters | None = None) -> BusOff:
         + (f"; its last counters before: {counters}" if counters else ""),
         remedy=f"check {WHAT_TO_CHECK}; then {_restart(name)}",
     )
+
+
+def reopened(name: str) -> BusOff:
+    """Return the error with which the nodes count as lost after their adapter was opened again."""
+    return BusOff(
+        f"the CAN adapter {name} was lost, and has been opened again",
+        observed="what the nodes did meanwhile is not known",
+        remedy="boot each node",
+    )
+
+
+def not_reopened(name: str, why: str) -> StateError:
+    """Return the error of a channel that cannot, or need not, be opened again."""
+    return StateError(f"the CAN adapter {name} is not opened again: {why}")
 
 
 def _restart(name: str) -> str:

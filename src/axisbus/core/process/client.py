@@ -40,6 +40,7 @@ from axisbus.ipc import messages as m
 from axisbus.ipc.image import ImageReader
 from axisbus.ipc.io_image import IoImage
 from axisbus.ipc.stream import MessageStream
+from axisbus.link import StopResult
 
 if TYPE_CHECKING:
     from axisbus.core.core import Joined
@@ -114,6 +115,11 @@ class RemoteCore:
         """As ``CoreInterface.boot_node``; the core boots the node."""
         self._calls.ask("boot", node_id)
         return self.booted[node_id]
+
+    def reconnect(self) -> list[StopResult]:
+        """As ``CoreInterface.reconnect``; the core opens the adapter again."""
+        found: list[StopResult] = self._calls.ask("reconnect")
+        return found
 
     def find_replacement(self, node_id: int) -> list[FoundDrive]:
         """As ``CoreInterface.find_replacement``."""

@@ -257,6 +257,10 @@ class ClientHandler:
     def _take_command(self) -> None:
         self._clients.give_command(self, take=True)
 
+    def _reconnect(self) -> object:
+        self._require_control("opening the adapter again")
+        return self._clients.core.reconnect()
+
     def _observe(self, message: m.Observe) -> None:
         self.reader.observed = message.wanted
 
@@ -338,6 +342,7 @@ OF_CLIENT: dict[str, Callable[[ClientHandler], object]] = {
     "programs": ClientHandler._programs,
     "has_command": ClientHandler._has_command,
     "take_command": ClientHandler._take_command,
+    "reconnect": ClientHandler._reconnect,
 }
 
 

@@ -199,7 +199,10 @@ class Clients:
             if self._holder is not None:
                 self._holder.warn(f"{desk.name} took control of the machine: moving axes halt")
             self._take_away()
-            moving = self.halt(f"{desk.name} took control of the machine")
+            ended = (
+                self.core.session.ended
+            )  # then no axis can be commanded, and a client may open the adapter again
+            moving = [] if ended else self.halt(f"{desk.name} took control of the machine")
             self._holder = self._opener if moving else desk
         if moving:
             raise StateError(

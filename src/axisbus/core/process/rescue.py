@@ -66,7 +66,8 @@ class CrashStop:
     @property
     def is_needed(self) -> bool:
         """Whether the dead core has not left its drives properly."""
-        return self.runs or rescue_memory.stage_of(self._memory, self._at) is rescue_memory.CoreStage.LEAVING
+        stage = rescue_memory.stage_of(self._memory, self._at)
+        return stage in (CoreStage.RUNNING, CoreStage.LEAVING, CoreStage.LOST)
 
     def rescue(self, why: str) -> Rescued:
         """Stop the drives, make outputs safe, report to the program, and return the report; blocks. ``why``: how the core ended."""

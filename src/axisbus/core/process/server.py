@@ -187,6 +187,7 @@ class CoreServer:
         core.session.observe(outlet.after_cycle)
         core.session.observe(self._faults.after_cycle)
         core.session.observe(self._lifeline.after_cycle)
+        core.adapter_lost = self._adapter_lost
         core.begin(self._joined)
         core.await_values()
         core.session.observe(IdleCollector(cell.bus.scan_period).after_cycle)
@@ -194,6 +195,10 @@ class CoreServer:
         self._let_in(wanted.cell)
         self._stream.send(self._opened())
         threading.Thread(target=self._watch_condition, name="axisbus condition", daemon=True).start()
+
+    def _adapter_lost(self, lost: bool) -> None:
+        """Tell the watchdog process not to end this core, whose scan has ended because of its adapter; or that it runs again."""
+        self._stage(CoreStage.LOST if lost else CoreStage.RUNNING)
 
     def _await_watchdog(self) -> None:
         """Wait until the watchdog process can stop the axes, and simulated drives listen; then start monitoring the process."""
