@@ -10,10 +10,10 @@ from contextlib import contextmanager
 import can
 import pytest
 
-from axisbus.errors import AxisbusError, ScanError, TransmitQueueFull
+from axisbus.errors import AxisbusError, ScanError, StateError, TransmitQueueFull
 from axisbus.machine.machine import Machine
 from kit.plant_probe import OFF, QUICK_STOP, SWITCH_ON_DISABLED
-from kit.scenarios.simulated_bus import Line, turning, until
+from kit.scenarios.simulated_bus import Line, enable, turning, until
 
 NO_DEVICE = OSError(errno.ENODEV, "No such device")
 
@@ -24,8 +24,8 @@ class Adapter:
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
         self.channel = machine._core.scan.cycle._channel
-        self._bus = self.channel.bus
-        self._send, self._recv = self._bus.send, self._bus.recv
+        self.bus = self.channel.bus
+        self._send, self._recv = self.bus.send, self.bus.recv
         self.free = threading.Event()
 
     def hang(self, *, for_all: bool) -> None:
@@ -36,7 +36,7 @@ class Adapter:
                 self.free.wait()
             self._send(message, timeout)
 
-        self._bus.send = hanging
+        self.bus.send = hanging
 
     def refuse(self) -> None:
         """Take no frame any more: the queue is full for good."""
@@ -44,7 +44,7 @@ class Adapter:
         def full(_message: can.Message, _timeout: float | None = None) -> None:
             raise can.CanOperationError("Transmit buffer full")
 
-        self._bus.send = full
+        self.bus.send = full
 
     def go_deaf(self) -> None:
         """Receive nothing any more."""
@@ -52,7 +52,7 @@ class Adapter:
         def broken(_timeout: float | None = None) -> None:
             raise can.CanOperationError("Error receiving: Network is down")
 
-        self._bus.recv = broken
+        self.bus.recv = broken
 
     def unplug(self) -> None:
         """Be gone; the next send notices it first."""
@@ -66,12 +66,12 @@ class Adapter:
             noticed.wait()
             raise NO_DEVICE
 
-        self._bus.send, self._bus.recv = gone, missing_device
+        self.bus.send, self.bus.recv = gone, missing_device
 
     def let_go(self) -> None:
         """Work again."""
         self.free.set()
-        self._bus.send, self._bus.recv = self._send, self._recv
+        self.bus.send, self.bus.recv = self._send, self._recv
 
 
 @contextmanager
@@ -191,3 +191,56 @@ def test_an_adapter_that_refuses_every_frame_leaves_the_drives_to_their_watchdog
         assert [type(error) for error in errors] == [TransmitQueueFull] * 2
         assert "its transmit queue is full" in errors[0].message
         assert "only the drive's own watchdog can stop it now" in errors[0].remedy
+
+
+# -- the adapter is opened again -----------------------------------------------------------------------------------------
+
+
+def usable_again(line: Line, machine: Machine) -> None:
+    """Nothing is enabled; after a boot and a reset each axis moves as commanded."""
+    assert not machine.session.ended
+    for node, axis in enumerate(machine, start=1):
+        line.must_be_still(axis.name, stages=OFF)
+        assert machine.node(node).boot().ok
+        axis.reset().wait(10)
+        enable(axis)
+        axis.move_relative(5.0).wait(10)
+
+
+@pytest.mark.parametrize("how", [Adapter.unplug, Adapter.go_deaf], ids=["unplugged", "deaf"])
+def test_an_adapter_that_is_opened_again_serves_the_same_machine(tmp_path, how):
+    with turning_cell(tmp_path) as (line, adapter, handles):
+        how(adapter)
+        scan_errors(handles)
+        stopped = adapter.machine.reconnect()
+        assert [(each.axis, each.ok) for each in stopped] == [("x", True), ("y", True)], stopped
+        usable_again(line, adapter.machine)
+        assert _close(adapter.machine) is None
+        line.must_be_still("x", stages=OFF)
+
+
+def test_an_adapter_that_fails_again_is_opened_again(tmp_path):
+    with turning_cell(tmp_path, "x") as (line, adapter, handles):
+        for _ in range(3):
+            adapter.go_deaf()
+            scan_errors(handles)
+            adapter.machine.reconnect()
+            usable_again(line, adapter.machine)
+            handles = [adapter.machine["x"].move_relative(1e5, velocity=90.0)]
+            adapter.bus = adapter.channel.bus
+
+
+def test_a_driver_in_which_the_scan_hangs_is_not_opened_again(tmp_path):
+    with turning_cell(tmp_path, "x") as (_, adapter, handles):
+        adapter.hang(for_all=False)
+        scan_errors(handles)
+        with pytest.raises(ScanError):
+            adapter.machine.reconnect()
+
+
+def test_an_adapter_that_refuses_every_frame_works_and_is_not_opened_again(tmp_path):
+    with turning_cell(tmp_path, "x") as (_, adapter, handles):
+        adapter.refuse()
+        until(lambda: not any(handle.busy for handle in handles))
+        with pytest.raises(StateError, match="it works"):
+            adapter.machine.reconnect()

@@ -163,6 +163,27 @@ def test_a_link_that_goes_down_during_a_move_is_reported_and_the_watchdogs_of_th
     until(lambda: stage.speeds() == [0, 0] and stage.energised() == [False, False], 10)
 
 
+def test_a_link_that_was_down_is_opened_again_by_the_same_machine(ends, make_stage):
+    stage = make_stage(ends.ours, ends.theirs)
+    with stage.open() as machine:
+        for _ in range(2):
+            handles = stage.travelling(machine)
+            ends.down(ends.ours)
+            with pytest.raises(AxisbusError):
+                handles[0].wait(20)
+            with pytest.raises(AdapterError, match="is down"):
+                machine.reconnect()
+            ends.up(ends.ours)
+            assert all(each.ok for each in machine.reconnect())
+            assert stage.energised() == [False, False]
+            assert stage.speeds() == [0, 0]
+            for node, axis in enumerate(machine, start=1):
+                with pytest.raises(AxisbusError):
+                    axis.reset().wait(5)
+                assert machine.node(node).boot().ok
+                axis.reset().wait(10)
+
+
 class LossyWire:
     """Carries frames between two vcan links, and loses one in fifty in each direction (seeded)."""
 

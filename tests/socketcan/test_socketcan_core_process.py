@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import time
 
 import pytest
 
@@ -79,3 +80,29 @@ def test_a_link_that_is_taken_down_ends_the_core_as_it_ends_a_scan(ends, make_st
     until(lambda: max(stage.speeds()) == 0.0, 5.0)
     with pytest.raises(ScanError):
         machine.close()
+
+
+def test_a_link_that_was_down_is_opened_again_by_the_same_core(ends, make_stage):
+    stage = make_stage(ends.ours, ends.theirs)
+    with stage.open() as machine:
+        core = core_of(machine)
+        handles = stage.travelling(machine)
+        ends.down(ends.ours)
+        for handle in handles:
+            with pytest.raises(ScanError, match="was ended"):
+                handle.wait(10)
+        until(lambda: max(stage.speeds()) == 0.0, 5.0)
+        time.sleep(2.0)  # longer than a core without a cycle may live
+        ends.up(ends.ours)
+        machine.reconnect()
+        assert core_of(machine) == core
+        os.kill(core, 0)
+        assert stage.energised() == [False, False]
+        for node, axis in enumerate(machine, start=1):
+            assert machine.node(node).boot().ok
+            axis.reset().wait(10)
+        stage.travelling(machine)
+        os.kill(core, signal.SIGKILL)  # the watchdog process still stops what the core moves
+        until(lambda: max(stage.speeds()) == 0.0, 3.0)
+        with pytest.raises(ScanError):
+            machine.close()

@@ -379,6 +379,11 @@ class CanCycle:
         taken = send_bounded(self._channel, frames)
         return complete and taken == len(frames)
 
+    @property
+    def has_stopped(self) -> bool:
+        """Whether ``quick_stop_all`` was called, so that a cycle sends nothing."""
+        return self._stopped
+
     def resume(self) -> None:
         """Send frames again after ``quick_stop_all``, because the adapter was opened again; the scan must not run yet."""
         self._stopped = self._blocked = self._sync_held = False

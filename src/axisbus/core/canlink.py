@@ -21,6 +21,7 @@ from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.link.detect_other_master import require_alone
 from axisbus.bus.node.events import NodeEvent, NodeEvents
 from axisbus.bus.node.master_watch import Echoes, MasterWatch, OnCommand
+from axisbus.bus.node.nmt import send
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.parallel import in_parallel
 from axisbus.bus.pdo.cob_id_conflicts import CobIdUses
@@ -253,6 +254,9 @@ class CanLink:
         for node in self._nodes.values():
             node.worker.clear()
             node.nmt.forget_heartbeats()
+        if self.cycle.has_stopped:  # the scan does not run, and the axes may still move
+            self.cycle.quick_stop_all()
+        in_parallel(self.clock, _wake, list(self._nodes.values()))
 
     def leave(self, how: Mapping[int, NodeShutdown]) -> None:
         """As ``CellConnection.leave``."""
@@ -334,6 +338,13 @@ class CanLink:
         eds, events = self._dictionaries[node_id], self._events.get(node_id)
         make = make_of(eds, self._cell.nodes[node_id].makes)
         return NodeParts(node_id, eds, node.sdo, node, self.clock, plans, events, make=make)
+
+
+def _wake(node: CanopenNode) -> None:
+    """Switch a node that does not answer to pre-operational: as the last step of a stop, it may have got NMT *stop*."""
+    with suppress(BusError):
+        if not node.answers_sdo():
+            send(node.channel, NmtCommand.ENTER_PRE_OPERATIONAL, node.node_id)
 
 
 def _own(cell: CellConfig, stack: ExitStack) -> None:
