@@ -18,7 +18,8 @@ SYMPTOMS = (
             "Does another program use the adapter? Most adapters serve one program at a time.",
             "The adapter is open, but accepts no frames: no device on the bus acknowledges them. Check that a drive "
             "has power, a cable and terminators (60 Ω between the two wires), and check the bit rate.",
-            "The adapter is blocked: unplug it, plug it in again, and open the machine again.",
+            "The adapter is blocked, or was unplugged: plug it in again. `axisbus boot CELL --reconnect` lets a machine "
+            "that runs open it again.",
         ),
         errors=("AdapterError", "TransmitQueueFull"),
         read_on=("cell-file.md#bus", "commissioning.md#1-the-adapter"),
@@ -203,15 +204,16 @@ SYMPTOMS = (
     Symptom(
         name="scan-ended",
         title="The machine has ended: its cyclic scan was aborted",
-        seen="The machine controls no axis any more; it can only be closed. If it was possible, the master sent a quick "
-        "stop to every drive that it had commanded. The message says whether it did.",
+        seen="The machine controls no axis any more. Unless the adapter was the cause, it can only be closed. If it was "
+        "possible, the master sent a quick stop to every drive that it had commanded. The message says whether it did.",
         checks=(
             "Make sure that every axis is at standstill: `axisbus stop CELL` stops drives from outside.",
             "The message names the first cause: a lost adapter, a missing SYNC, an exception in a callback of the "
             "program, a computer that had no time, or a process that was ended.",
             "The journal of the cell in `~/.local/state/axisbus` records the actions of a core process, and how it "
             "left each drive.",
-            "Remove the cause, then open the machine again. This enables no axis.",
+            "If the adapter was lost: `axisbus boot CELL --reconnect` opens it again, and boots the nodes.",
+            "Otherwise remove the cause, then open the machine again. This enables no axis.",
         ),
         errors=("ScanError", "BusError"),
         read_on=("stopping.md#automatic-stops", "stopping.md#the-core-process"),

@@ -9,7 +9,8 @@ from axisbus.bus.link.controller import WHAT_TO_CHECK, ErrorCounters
 from axisbus.cpu_starvation import REMEDY
 from axisbus.errors import AdapterError, BusError, BusOff, StateError, TransmitQueueFull
 
-_REOPEN = "check the adapter's plug and whether the interface was taken down, then open the machine again"
+_RECONNECT = "reconnect (axisbus boot CELL --reconnect; in a program: machine.reconnect())"
+_REOPEN = f"check the adapter's plug and whether the interface was taken down, then {_RECONNECT}, or open the machine again"
 
 
 # Error codes of Linux, and Kvaser's canERR_TXBUFOFL; for other drivers the text decides.
@@ -27,7 +28,7 @@ def deaf(name: str, error: Exception) -> AdapterError:
     failure = AdapterError(
         f"the CAN adapter {name} stopped receiving" + (": its controller went bus-off" if off else ""),
         observed=f"{type(error).__name__}: {error}",
-        remedy=f"check {WHAT_TO_CHECK}; then open the machine again" if off else _REOPEN,
+        remedy=f"check {WHAT_TO_CHECK}; then {_RECONNECT}, or open the machine again" if off else _REOPEN,
     )
     failure.__cause__ = error
     return failure
@@ -121,7 +122,10 @@ def _restart(name: str) -> str:
     """Return the text on how the controller is restarted: by Linux automatically or on command, by other drivers on opening."""
     link = name.removeprefix("socketcan:")
     if link == name:
-        return "close the machine and open it again, which resets the adapter (some drivers restart it automatically)"
+        return (
+            f"{_RECONNECT}, which resets the adapter; or close the machine and open it again (some drivers restart it "
+            "automatically)"
+        )
     return (
         f"restart the controller: {socketcan.restart_command(link)} (Linux does so automatically if the link has "
         "restart-ms)"

@@ -216,6 +216,7 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
     for call, words in (
         (r" \(axis\.error\)", ""),
         (r"; in a program: \S+\(\d+\)\.(?:command\(NmtCommand\.START\)|boot\(\))", ""),
+        (r"; in a program: machine\.reconnect\(\)", ""),
         (
             r"close the machine,? and open it again",
             "end the program that runs the machine, and start it again",
