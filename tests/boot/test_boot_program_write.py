@@ -20,7 +20,7 @@ from axisbus.boot.program_write import write_program
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.node import CanopenNode
 from axisbus.clock import VirtualClock
-from axisbus.errors import AxisbusError, NodeError, SdoTimeout, StateError
+from axisbus.errors import ArgumentError, AxisbusError, NodeError, SdoTimeout, StateError
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.virtual_can import VirtualWire
@@ -169,6 +169,12 @@ def test_a_drive_without_the_objects_is_refused_before_anything_is_written(make,
     assert rig.device.loader is None  # so that nothing could have been written
     with pytest.raises(StateError):
         require_writable(read_programs(5, rig.node.sdo))
+
+
+def test_an_empty_program_is_refused_before_the_old_one_is_cleared(rig):
+    with pytest.raises(ArgumentError, match="is empty"):
+        rig.write(b"")
+    assert rig.device.loader.orders == []
 
 
 def test_a_node_with_an_energised_drive_keeps_its_program(rig):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.cli.program import commands
-from axisbus.core.core import Core
+from axisbus.errors import ArgumentError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.sim.boot_loader import ProgramLoader
@@ -157,6 +157,14 @@ def test_if_the_command_is_ended_the_core_continues(axisbus, opened, file, tmp_p
     boot(axisbus, file)
 
 
+def test_an_empty_program_is_refused_and_clears_nothing(opened):
+    at_rest(opened)
+    before = list(loader(opened).orders)
+    with pytest.raises(ArgumentError, match="is empty"):
+        opened.node(2).write_program(b"")
+    assert loader(opened).orders == before
+
+
 def test_the_program_that_opened_the_machine_writes_by_a_call(opened, tmp_path):
     at_rest(opened)
     x = enabled(opened["x"])
@@ -171,4 +179,3 @@ def test_the_program_that_opened_the_machine_writes_by_a_call(opened, tmp_path):
     assert opened.node(2).boot().ok
     opened["y"].reset().wait(20)
     x.halt().wait(10)
-    assert Core.write_program.__doc__

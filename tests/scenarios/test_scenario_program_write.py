@@ -124,6 +124,18 @@ def test_a_program_is_written_while_another_axis_turns(tmp_path, restarts):
         assert_x_turned(simulation, witness, skipped)
 
 
+def test_a_node_that_remains_operational_needs_a_boot_too(tmp_path):
+    """It starts its new program without a restart."""
+    with cell(tmp_path) as (simulation, witness):
+        machine = simulation.machine
+        machine.simulated_node(Y).device.loader._restart = lambda: None
+        machine.node(Y).write_program(IMAGE)
+        assert machine.simulated_node(Y).device.operational
+        machine.sleep(1.0)
+        assert not witness.energised
+        assert_usable_after_a_boot(simulation)
+
+
 def enabled(machine: Machine) -> None:
     machine["y"].enable().wait(5)
 

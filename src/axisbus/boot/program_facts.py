@@ -26,7 +26,7 @@ from axisbus.cia302.program import (
     ProgramVersion,
     Version,
 )
-from axisbus.errors import AxisbusError, SdoAbort, StateError
+from axisbus.errors import ArgumentError, AxisbusError, SdoAbort, StateError
 from axisbus.wording import counted
 
 _MOST = 8  # programs of a node that are shown
@@ -128,6 +128,11 @@ class ProgramOrder:
     data: bytes = field(repr=False)
     identification: int | None = None
     deadline: float | None = None
+
+    def __post_init__(self) -> None:
+        """Raise ArgumentError if there are no data: the program of the node would be cleared for nothing."""
+        if not self.data:
+            raise ArgumentError("the program to be written is empty", remedy="give the bytes of the program")
 
     @property
     def node_program(self) -> NodeProgram:

@@ -498,7 +498,7 @@ class Core:
                 written = write_program(parts.node, order, progress)
                 end = program_was_written(node_id)
             finally:
-                self._leave_out(names, end)
+                self._await_boot(names, end)
         return written
 
     def reconnect(self) -> list[StopResult]:
@@ -518,6 +518,7 @@ class Core:
             failed = scan.failure is not None
             if failed:
                 self._rescue.result()
+                self._await_scan_end()
             self._require_reconnectable(failed)
             if not failed:  # bus-off: the scan continues meanwhile
                 self.runtime.link.reconnect()
@@ -537,6 +538,12 @@ class Core:
                 self._start_thread()
             self._pickup.restart()
             return stopped
+
+    def _await_scan_end(self) -> None:
+        """Block until the thread of a failed scan has ended, at most 2 s: one that is stuck in the driver does not end."""
+        thread = self._thread
+        if thread is not None:
+            self._waiter.wait(lambda: not thread.is_alive(), _CLOSE_MARGIN)
 
     def _require_reconnectable(self, failed: bool) -> None:
         scan = self.scan
@@ -641,6 +648,16 @@ class Core:
             raise raised[0]
         if not done:
             raise ended("booting a node", scan.failure)
+
+    def _await_boot(self, names: Sequence[str], error: AxisbusError) -> None:
+        """Let the axes of a node show ``error``, and refuse a reset until the node was booted."""
+
+        def show() -> None:
+            for name in names:
+                self.scan.axes[name].take_out(error)
+
+        with suppress(StateError, ScanError):  # the machine is being closed
+            self._in_scan(show)
 
     def _leave_out(self, names: Sequence[str], error: AxisbusError) -> None:
         """Let the axes of a node that did not boot show why."""

@@ -29,6 +29,7 @@ class ScanThread:
         """``sync_timeout``: seconds that the scan may wait for another device's SYNC."""
         self._scan = scan
         self._waiter = waiter
+        self._stopped = False
         self._thread = threading.Thread(target=self._run, name="axisbus scan", daemon=True)
         patience = max(_HUNG, 20 * scan.period, _HUNG + (sync_timeout or 0.0))
         self._supervisor = Supervisor(scan, self._thread, patience)
@@ -51,11 +52,13 @@ class ScanThread:
         return self._thread.is_alive()
 
     def stop(self) -> None:
-        """Wait until the scan has ended, after ``Scan.quit``; blocks at most 2 s."""
+        """Wait until the scan has ended, after ``Scan.quit``; harmless when repeated; blocks at most 2 s."""
         self._supervisor.stop()
         if self._thread.is_alive():
             self._thread.join(_JOIN)
-        TUNING.give_back()
+        if not self._stopped:
+            self._stopped = True
+            TUNING.give_back()
 
 
 # -- Monitoring of the scan's thread: if it ends or hangs, the drives are stopped without it ---------------------------

@@ -221,6 +221,7 @@ class NodeAccess:
         each part of the work, by default 60, more for large programs. ``progress(done, all)`` is called with the confirmed bytes.
 
         Raises:
+            ArgumentError: no data.
             StateError: an axis of the node is enabled or commanded, the node is being booted, or it has no 1F50h and 1F51h.
             OwnershipError: this program has no control.
             NodeError: the write has failed; write the program again.

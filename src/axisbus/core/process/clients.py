@@ -199,9 +199,8 @@ class Clients:
             if self._holder is not None:
                 self._holder.warn(f"{desk.name} took control of the machine: moving axes halt")
             self._take_away()
-            ended = (
-                self.core.session.ended
-            )  # then no axis can be commanded, and a client may open the adapter again
+            # After the end of the scan no axis can be commanded, and the client may open the adapter again.
+            ended = self.core.session.ended
             moving = [] if ended else self.halt(f"{desk.name} took control of the machine")
             self._holder = self._opener if moving else desk
         if moving:

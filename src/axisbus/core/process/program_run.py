@@ -8,7 +8,6 @@ from axisbus.core.late_boot import not_written
 from axisbus.errors import AxisbusError, StateError
 
 _LARGEST = 1 << 24  # bytes of a program
-_EMPTY = bytearray()
 
 
 class ProgramRuns:
@@ -16,19 +15,20 @@ class ProgramRuns:
 
     def __init__(self, core: Core) -> None:
         self._core = core
-        self._data: dict[tuple[int, int], bytearray] = {}  # by client and node
+        self._data = bytearray()
+        self._data_of: tuple[int, int] | None = None  # the client, and the node for which it has sent them
         self._states: dict[int, ProgramRunState] = {}
 
     def take_data(self, client: int, node_id: int, offset: int, data: bytes) -> None:
         """Add bytes of a client's program; the offset 0 begins a new one."""
         if offset == 0:
-            self._data[client, node_id] = bytearray()
-        held = self._data.get((client, node_id), _EMPTY)
-        if offset != len(held) or offset + len(data) > _LARGEST:
+            self._data, self._data_of = bytearray(), (client, node_id)
+        whole = self._data_of == (client, node_id) and offset == len(self._data)
+        if not whole or offset + len(data) > _LARGEST:
             raise StateError(
                 f"the program of node {node_id} was not received completely", remedy="write it again"
             )
-        held += data
+        self._data += data
 
     def begin(
         self, client: int, node_id: int, identification: int | None, deadline: float | None
@@ -36,13 +36,15 @@ class ProgramRuns:
         """Return the program that a client has sent, and note that it is being written.
 
         Raises:
-            StateError: another program of the node is being written.
+            StateError: another program of the node is being written. ArgumentError: no data have been sent.
         """
         if node_id in self._states and not self._states[node_id].ended:
             raise not_written(node_id, "another program is being written into it", "wait for the end of that")
-        data = bytes(self._data.pop((client, node_id), _EMPTY))
-        self._states[node_id] = ProgramRunState(0, len(data))
-        return ProgramOrder(data, identification, deadline)
+        sent = self._data if self._data_of == (client, node_id) else b""
+        self._data, self._data_of = bytearray(), None
+        order = ProgramOrder(bytes(sent), identification, deadline)
+        self._states[node_id] = ProgramRunState(0, len(order.data))
+        return order
 
     def run(self, node_id: int, order: ProgramOrder) -> None:
         """Write a program; blocks for minutes. The state shows the result."""
