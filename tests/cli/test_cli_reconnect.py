@@ -20,6 +20,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.core_in_threads import core_in_threads
 from kit.scenarios.core_process import own_cell
+from kit.scenarios.simulated_bus import until
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
@@ -112,7 +113,7 @@ def test_an_adapter_that_is_plugged_in_again_serves_the_machine_of_the_program(
     running = opened["y"].move_relative(1000.0, velocity=10.0)
     adapter.unplug(opened)
     assert isinstance(running.exception(), ScanError)
-    assert adapter.stages[-1] is CoreStage.LOST
+    until(lambda: adapter.stages[-1] is CoreStage.WAITING)
     code, _, err = axisbus("boot", file, "--reconnect", "--take")
     assert code == 3
     assert "the CAN adapter cannot be opened" in err

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from enum import Enum, auto
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
@@ -159,6 +160,14 @@ def _needs_rescue(core: AxisCore) -> bool:
     return core.touched and not core.parameters.virtual
 
 
+class AdapterLoss(Enum):
+    """What a core does after the failure of its adapter has ended its scan."""
+
+    STOPPING = auto()  # it opens the adapter again, and stops its drives
+    STOPPED = auto()  # as far as that was possible
+    OVER = auto()  # the scan runs again
+
+
 class Rescue:
     """The stop of the axes without the scan, done once: when the scan has failed, otherwise when its result is needed."""
 
@@ -204,8 +213,7 @@ class Core:
         self._booting: set[int] = set()  # nodes, by calls of ``boot_node``
         self._lock = threading.Lock()
         self._reconnecting = threading.Lock()
-        # In a process of its own: called when the adapter's failure has ended the scan, and (False) before it runs again.
-        self.adapter_lost: Callable[[bool], None] | None = None
+        self.on_adapter_loss: Callable[[AdapterLoss], None] | None = None  # of a core in a process of its own
         self._after_cycle: Callable[[], None] = _nothing
         board = IoScan()
         for node_id in runtime.nodes:
@@ -379,15 +387,19 @@ class Core:
         return rescued, unsafe if alive else confirm_safe_outputs(self.scan.io, self.runtime.link)
 
     def _scan_failed(self) -> None:
-        if self.adapter_lost is not None and isinstance(self.scan.failure, AdapterError):
-            self.adapter_lost(True)
+        if self.on_adapter_loss is not None and isinstance(self.scan.failure, AdapterError):
+            self.on_adapter_loss(AdapterLoss.STOPPING)
         self._rescue.begin()
 
     def _stop_without_scan(self) -> list[StopResult]:
-        if self.adapter_lost is not None and isinstance(self.scan.failure, AdapterError):
+        lost = self.on_adapter_loss if isinstance(self.scan.failure, AdapterError) else None
+        if lost is not None:
             self._open_for_rescue()
         cores = self.scan.axes.values()
-        return self.runtime.link.rescue([core.parameters.name for core in cores if _needs_rescue(core)])
+        stopped = self.runtime.link.rescue([core.parameters.name for core in cores if _needs_rescue(core)])
+        if lost is not None:
+            lost(AdapterLoss.STOPPED)
+        return stopped
 
     def _open_for_rescue(self) -> None:
         """Try for a second to open the adapter again, as a watchdog process does for a dead core, to stop the drives."""
@@ -533,8 +545,8 @@ class Core:
             scan.revive({name: partial(self._renew_after_loss, name) for name in scan.axes})
             self._rescue = Rescue(self.clock, self._stop_without_scan)
             if self._pump is None:
-                if self.adapter_lost is not None:
-                    self.adapter_lost(False)
+                if self.on_adapter_loss is not None:
+                    self.on_adapter_loss(AdapterLoss.OVER)
                 self._start_thread()
             self._pickup.restart()
             return stopped

@@ -38,7 +38,8 @@ class CoreStage(IntEnum):
     RUNNING = 1
     LEAVING = 2
     LEFT = 3
-    LOST = 4  # its adapter has failed, and its scan has ended: it may open the adapter again
+    LOST = 4  # its adapter has failed, and its scan has ended: it opens the adapter again to stop its drives
+    WAITING = 5  # it has done so, as far as possible: it may open the adapter again on command
 
 
 class RescueRpdo(NamedTuple):

@@ -5,6 +5,7 @@ CAN Simple modules are stopped at the same time, by messages of their own.
 
 from __future__ import annotations
 
+import math
 import mmap
 import socket
 import time
@@ -39,6 +40,7 @@ from axisbus.motion.snapshot import Snapshot
 TRIES_FOR = 1.0  # seconds: a driver may take a moment to notice that its last user is dead
 _PAUSE = 0.05
 _HUNG = 0.5  # seconds without a cycle, at least, after which a core that should run counts as hung
+_REOPENING = 10.0  # seconds for a core whose adapter has failed to open it again and to stop its drives; a driver may block
 _FAREWELL = 2.0  # seconds for the report to the program
 
 
@@ -51,7 +53,10 @@ class CrashStop:
         self._at = image.size_of(duty.axes)
         self._cell, self._dictionaries = read_once(duty.cell)
         bus = self._cell.bus
-        self.patience = max(_HUNG, 25 * bus.scan_period, _HUNG + (bus.sync_timeout or 0.0))
+        self._patience = {
+            CoreStage.RUNNING: max(_HUNG, 25 * bus.scan_period, _HUNG + (bus.sync_timeout or 0.0)),
+            CoreStage.LOST: _REOPENING,
+        }
 
     @property
     def number(self) -> int:
@@ -59,15 +64,18 @@ class CrashStop:
         return image.number_of(self._memory)
 
     @property
-    def runs(self) -> bool:
-        """Whether the core's scan should run."""
-        return rescue_memory.stage_of(self._memory, self._at) is rescue_memory.CoreStage.RUNNING
+    def stage(self) -> CoreStage:
+        """The stage of the core."""
+        return rescue_memory.stage_of(self._memory, self._at)
+
+    def patience(self, stage: CoreStage) -> float:
+        """Return for how many seconds a core may run no cycle in a stage."""
+        return self._patience.get(stage, math.inf)
 
     @property
     def is_needed(self) -> bool:
         """Whether the dead core has not left its drives properly."""
-        stage = rescue_memory.stage_of(self._memory, self._at)
-        return stage in (CoreStage.RUNNING, CoreStage.LEAVING, CoreStage.LOST)
+        return self.stage in (CoreStage.RUNNING, CoreStage.LEAVING, CoreStage.LOST, CoreStage.WAITING)
 
     def rescue(self, why: str) -> Rescued:
         """Stop the drives, make outputs safe, report to the program, and return the report; blocks. ``why``: how the core ended."""

@@ -28,7 +28,7 @@ from axisbus.boot.report import Booted
 from axisbus.bus.link.ownership import described
 from axisbus.cell.model import CellConfig
 from axisbus.core.canlink import CanLink
-from axisbus.core.core import Core
+from axisbus.core.core import AdapterLoss, Core
 from axisbus.core.files import read_once
 from axisbus.core.process.bus_factory import reach
 from axisbus.core.process.client_handler import ClientHandler, last_words, told
@@ -58,6 +58,12 @@ from axisbus.version import __version__
 log = logging.getLogger("axisbus")
 _ROUND = 0.02  # seconds
 _ASKED = 64  # requests that are executed at a time
+# For the watchdog process, which ends a core that runs no cycle for too long.
+_LOSS_STAGES = {
+    AdapterLoss.STOPPING: CoreStage.LOST,
+    AdapterLoss.STOPPED: CoreStage.WAITING,
+    AdapterLoss.OVER: CoreStage.RUNNING,
+}
 _FAREWELL = 2.0  # seconds for the last message
 _WORDS = 64  # bytes of the watchdog process that are read at a time
 _WATCHDOG_GONE = f"the watchdog process of the core has ended: {NOBODY}"
@@ -187,7 +193,7 @@ class CoreServer:
         core.session.observe(outlet.after_cycle)
         core.session.observe(self._faults.after_cycle)
         core.session.observe(self._lifeline.after_cycle)
-        core.adapter_lost = self._adapter_lost
+        core.on_adapter_loss = lambda progress: self._stage(_LOSS_STAGES[progress])
         core.begin(self._joined)
         core.await_values()
         core.session.observe(IdleCollector(cell.bus.scan_period).after_cycle)
@@ -195,10 +201,6 @@ class CoreServer:
         self._let_in(wanted.cell)
         self._stream.send(self._opened())
         threading.Thread(target=self._watch_condition, name="axisbus condition", daemon=True).start()
-
-    def _adapter_lost(self, lost: bool) -> None:
-        """Tell the watchdog process not to end this core, whose scan has ended because of its adapter; or that it runs again."""
-        self._stage(CoreStage.LOST if lost else CoreStage.RUNNING)
 
     def _await_watchdog(self) -> None:
         """Wait until the watchdog process can stop the axes, and simulated drives listen; then start monitoring the process."""

@@ -121,7 +121,7 @@ def _watch(core: int, rescuer: CrashStop, cell: str, line: socket.socket) -> Non
 
 
 def _end_of(core: int, rescuer: CrashStop, line: socket.socket) -> str:
-    number, idle, before = 0, 0.0, time.monotonic()
+    seen, idle, before = None, 0.0, time.monotonic()
     due = before
     while (code := _exit_code(core)) is None:
         time.sleep(_ROUND)
@@ -132,9 +132,10 @@ def _end_of(core: int, rescuer: CrashStop, line: socket.socket) -> str:
             due = now + BEAT
             with suppress(OSError):  # a core that hangs accepts no bytes
                 line.send(_READY)
-        if rescuer.number != number or not rescuer.runs:
-            number, idle = rescuer.number, 0.0
-        if idle > rescuer.patience:
+        stage = rescuer.stage
+        if (rescuer.number, stage) != seen:
+            seen, idle = (rescuer.number, stage), 0.0
+        if idle > rescuer.patience(stage):
             _kill(core)
             return f"it ran no cycle for {idle:.2f} s, and was killed"
     return _ended(code)

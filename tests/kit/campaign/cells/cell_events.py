@@ -81,7 +81,9 @@ def _command(judge: Judge, event: Event) -> None:
             for name, goal in goals.items()
             if not _may_recount(facts, name)
         }
-    past_count = any(abs(facts.place(name)) >= 2**31 for name in asked.names)  # its positions are others than those before
+    past_count = any(
+        abs(facts.place(name)) >= 2**31 for name in asked.names
+    )  # its positions are others than those before
     asked.legal = asked.legal and not outside and not past_count
     judge.asked(asked)
 
