@@ -17,7 +17,7 @@ from mutation.trial import Trial
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "axisbus"
-TRIED = tuple(SOURCE / name for name in ("motion", "cia402", "bus"))
+TRIED = tuple(SOURCE / name for name in ("motion", "cia402", "bus", "drives/gim6010/bus"))
 MEASURED = (
     *TRIED,
     *(

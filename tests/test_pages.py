@@ -24,8 +24,8 @@ from axisbus.cia402 import options
 from axisbus.cli.main import COMMANDS, cli
 from axisbus.cli.shared.common import run
 from axisbus.core.sim_faults_file import load_faults
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.motion.parameters import StopTimes
-from axisbus.sim.can_simple.module import Module
 from axisbus.version import __version__
 from kit.pages import (
     PAGES,

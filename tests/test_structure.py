@@ -53,7 +53,10 @@ def test_no_module_imports_itself_through_others():
 # -- time ----------------------------------------------------------------------------------------------------------------
 
 # The modules of these packages that may wait or run in real time, whatever the clock of a channel is.
-IN_CLOCKED_PACKAGES = ("bus", "boot", "configuration", "core", "sim")
+IN_CLOCKED_PACKAGES = (
+    *("bus", "boot", "configuration", "core", "sim"),
+    *(f"drives/gim6010/{part}" for part in ("bus", "boot", "core", "sim")),
+)
 REAL_NAMES = {
     "time": {"monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns", "sleep"},
     "threading": {"Barrier", "BoundedSemaphore", "Condition", "Event", "Semaphore", "Thread", "Timer"},
@@ -67,7 +70,6 @@ SERVES = "simulated drives in real time, for programs that reach them through a 
 REAL_BY_NATURE = {
     "bus.link.channel": f"{ADAPTER}; its clock is the real one if none is given",
     "bus.link.listen": ADAPTER,
-    "bus.link.modbus_bus": f"{ADAPTER}: a serial port",
     "bus.link.ownership": "two programs that take an adapter at the same time give way to each other",
     "bus.link.raw_sockets": "the stamps of the kernel are in the time of the computer",
     "bus.link.socketpair_bus": ADAPTER,
@@ -89,7 +91,8 @@ REAL_BY_NATURE = {
     "core.process.simulated_drives": PROCESS,
     "core.process.trajectory_feeder": f"{PROCESS}; a program's own code is called beside it",
     "core.process.watchdog_process": PROCESS,
-    "sim.modbus.terminal": SERVES,
+    "drives.gim6010.bus.modbus_bus": f"{ADAPTER}: a serial port",
+    "drives.gim6010.sim.modbus.terminal": SERVES,
     "sim.node.network": SERVES,
     "sim.socketcand_server": SERVES,
 }

@@ -12,6 +12,7 @@ from axisbus.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
+    from axisbus.drives.gim6010.mit import MitControl, read_mit_ranges
     from axisbus.drives.gim6010.mit_control import MitCycle
     from axisbus.drives.gim6010.mit_settings import MitSettings
     from axisbus.errors import AxisbusError
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from axisbus.machine.handle import Handle, wait
     from axisbus.machine.io import InputsOutputs, Signal
     from axisbus.machine.machine import Machine
-    from axisbus.machine.mit import MitControl, read_mit_ranges
     from axisbus.machine.probing import ProbeHandle, ProbeResult
     from axisbus.machine.sim_control import SimulationControl
     from axisbus.machine.streaming.controller import AxisFeedback, Controller
@@ -56,7 +56,7 @@ _HOME = {
     "InputsOutputs": "axisbus.machine.io",
     "Machine": "axisbus.machine.machine",
     "MitCommand": "axisbus.drives.gim6010.can_simple.mit",
-    "MitControl": "axisbus.machine.mit",
+    "MitControl": "axisbus.drives.gim6010.mit",
     "MitCycle": "axisbus.drives.gim6010.mit_control",
     "MitFeedback": "axisbus.drives.gim6010.can_simple.mit",
     "MitRanges": "axisbus.drives.gim6010.can_simple.mit",
@@ -76,7 +76,7 @@ _HOME = {
     "Trajectory": "axisbus.motion.trajectory",
     "TrapezoidalTrajectory": "axisbus.motion.trajectory",
     "plot": "axisbus.record.plot",
-    "read_mit_ranges": "axisbus.machine.mit",
+    "read_mit_ranges": "axisbus.drives.gim6010.mit",
     "wait": "axisbus.machine.handle",
 }
 

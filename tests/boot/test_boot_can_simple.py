@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from axisbus.boot.can_simple import identity
-from axisbus.boot.can_simple.discovery import NodeListener
-from axisbus.boot.can_simple.module import WATCHDOG, ladder
 from axisbus.boot.stop_report import Watchdog
 from axisbus.cia301.frame import CanFrame
+from axisbus.drives.gim6010.boot import identity
+from axisbus.drives.gim6010.boot.discovery import NodeListener
+from axisbus.drives.gim6010.boot.module import WATCHDOG, ladder
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware
 from axisbus.drives.gim6010.discovery.questions import SimpleFacts
 from axisbus.errors import BootError

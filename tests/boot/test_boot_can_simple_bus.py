@@ -8,19 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.boot.can_simple.module import WATCHDOG, ModuleBoot, feed_time, watchdog_of
 from axisbus.boot.report import Booted
 from axisbus.boot.stop_report import Watchdog
 from axisbus.bus.link.channel import Channel
 from axisbus.cell import reader
-from axisbus.cell.can_simple.modules import settings_of
+from axisbus.drives.gim6010.boot.module import WATCHDOG, ModuleBoot, feed_time, watchdog_of
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware as Given
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.cell.modules import settings_of
 from axisbus.drives.gim6010.settings.watchdog import Armed
+from axisbus.drives.gim6010.sim.firmware import Firmware
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import BootError
-from axisbus.sim.can_simple.firmware import Firmware
-from axisbus.sim.can_simple.module import Module
 from kit.can_simple.mixed_cell import MODULE, write
 from kit.can_simple_bus import modules_on_bus
 

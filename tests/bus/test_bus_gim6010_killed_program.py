@@ -7,16 +7,16 @@ from contextlib import suppress
 
 import pytest
 
-from axisbus.bus.gim6010.can_simple_client import SimpleLine
-from axisbus.bus.gim6010.endpoints import CanSimpleParameters
-from axisbus.bus.gim6010.node_id import set_node_id
+from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
+from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
+from axisbus.drives.gim6010.bus.node_id import set_node_id
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.drives.gim6010.discovery import report_text
 from axisbus.drives.gim6010.discovery.finder import ProbeScope
 from axisbus.drives.gim6010.settings import bitrate
 from axisbus.drives.gim6010.settings.parameter_batch import apply
-from axisbus.sim.can_simple.fault_injection import ModuleDials
-from axisbus.sim.can_simple.module import Module
+from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.module import Module
 from kit.module_search import search
 from kit.sim.can_simple_module import SAVE, gim_eds
 from kit.virtual_channel import Killed, KilledChannel

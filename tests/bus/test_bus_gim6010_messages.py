@@ -6,12 +6,12 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
-from axisbus.bus.gim6010.can_simple_client import SimpleLine
-from axisbus.bus.gim6010.limits_by_message import ModuleByMessage
 from axisbus.bus.link.channel import Channel
+from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
+from axisbus.drives.gim6010.bus.limits_by_message import ModuleByMessage
+from axisbus.drives.gim6010.sim.constants import AxisError
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import LimitError, NodeError, StateError
-from axisbus.sim.can_simple.constants import AxisError
-from axisbus.sim.can_simple.module import Module
 from kit.can_simple_bus import modules_on_bus
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from axisbus.cell import reader
-from axisbus.cell.can_simple.drive import described, module_parameters
 from axisbus.check.run import check
 from axisbus.core.files import load_dictionaries
+from axisbus.drives.gim6010.cell.drive import described, module_parameters
 from axisbus.errors import ConfigError
 
 CELL = """[bus]

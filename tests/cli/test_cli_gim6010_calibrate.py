@@ -10,12 +10,12 @@ from contextlib import ExitStack
 
 import pytest
 
-from axisbus.bus.gim6010.run import run_guarded
 from axisbus.bus.link.channel import Channel
+from axisbus.drives.gim6010.bus.run import run_guarded
 from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
 from axisbus.drives.gim6010.calibration.procedure_run import Calibration
-from axisbus.sim.can_simple.fault_injection import ModuleDials
-from axisbus.sim.can_simple.module import Module
+from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.module import Module
 from kit import command_line
 from kit.can_simple_bus import modules_on_bus
 

@@ -8,11 +8,11 @@ from contextlib import ExitStack
 
 import pytest
 
-from axisbus.bus.gim6010.node_id import set_node_id
 from axisbus.bus.link.channel import Channel
+from axisbus.drives.gim6010.bus.node_id import set_node_id
+from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import NodeError, StateError
-from axisbus.sim.can_simple.fault_injection import ModuleDials
-from axisbus.sim.can_simple.module import Module
 from kit import command_line
 from kit.can_simple_bus import modules_on_bus
 from kit.sim.can_simple_module import gim_eds

@@ -8,9 +8,9 @@ import can
 import pytest
 
 from axisbus.bus.link import adapter, other_rates
-from axisbus.sim.can_simple.fault_injection import ModuleDials
-from axisbus.sim.can_simple.firmware import Firmware
-from axisbus.sim.can_simple.module import Module
+from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.firmware import Firmware
+from axisbus.drives.gim6010.sim.module import Module
 from kit.can_simple_bus import Bystander, modules_on_bus
 from kit.sim.can_simple_module import gim_eds
 

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from axisbus.drives.gim6010 import odrive_tree
-from axisbus.sim.can_simple.module import Module
+from axisbus.drives.gim6010.sim.module import Module
 from kit import command_line
 from kit.usb_port import plugged_in
 

@@ -12,8 +12,6 @@ import pytest
 
 from axisbus.bus.link.channel import Channel
 from axisbus.cell import reader
-from axisbus.core.can_simple.module_port import ModuleSender
-from axisbus.core.can_simple.stop import stop_modules
 from axisbus.core.canlink import CanLink
 from axisbus.core.files import load_dictionaries
 from axisbus.core.inprocess import InProcess
@@ -22,12 +20,14 @@ from axisbus.core.scan import Scan
 from axisbus.core.scan_thread import ScanThread
 from axisbus.core.simulated_nodes import devices as devices_of
 from axisbus.core.waiting import ThreadWaiter
+from axisbus.drives.gim6010.core.module_port import ModuleSender
+from axisbus.drives.gim6010.core.stop import stop_modules
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis
 from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.groups import Group
 from axisbus.motion.axis.core import AxisCore
-from axisbus.sim.can_simple.module import Module
 from axisbus.sim.node.network import StandIns
 from kit.can_simple.mixed_cell import AXES, MODULE
 from kit.can_simple.rig import OWN, SETTINGS, parameters

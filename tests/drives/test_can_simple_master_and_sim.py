@@ -14,8 +14,8 @@ from axisbus.drives.gim6010.can_simple.endpoints import Firmware, FittedList, pa
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.messages import MESSAGES, MessageRequestMethod, named
-from axisbus.sim.can_simple.firmware import Firmware as Made
-from axisbus.sim.can_simple.module import Module
+from axisbus.drives.gim6010.sim.firmware import Firmware as Made
+from axisbus.drives.gim6010.sim.module import Module
 from kit.sim.can_simple_module import Bench, Heard
 
 GEAR = 8

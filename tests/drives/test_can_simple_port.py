@@ -8,6 +8,9 @@ from itertools import pairwise
 
 import pytest
 
+from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.firmware import FACTORY, Firmware
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import (
     DriveError,
     DriveFault,
@@ -19,9 +22,6 @@ from axisbus.errors import (
 )
 from axisbus.motion.parameters import HoldsLoad, HomingParameters
 from axisbus.motion.states import AxisState
-from axisbus.sim.can_simple.fault_injection import ModuleDials
-from axisbus.sim.can_simple.firmware import FACTORY, Firmware
-from axisbus.sim.can_simple.module import Module
 from axisbus.sim.motor import MotorParams
 from kit.can_simple.rig import COUNTS, OWN, PERIOD, SETTINGS, judge, rig
 

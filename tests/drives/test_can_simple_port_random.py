@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import pytest
 
+from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.firmware import Firmware
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import AxisbusError
-from axisbus.sim.can_simple.fault_injection import ModuleDials
-from axisbus.sim.can_simple.firmware import Firmware
-from axisbus.sim.can_simple.module import Module
 from kit.can_simple.rig import OWN, SETTINGS, Rig, judge, rig
 
 HARDEST = 150.0  # turns/s²

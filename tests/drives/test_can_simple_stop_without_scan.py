@@ -8,7 +8,7 @@ import pytest
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.port.stop_without_scan import ModuleRescue
-from axisbus.sim.can_simple.module import Module
+from axisbus.drives.gim6010.sim.module import Module
 from kit.can_simple.rig import OWN, SETTINGS
 
 MODE, VEL, STATE, ESTOP = 0x0B, 0x0D, 0x07, 0x02  # manual 4.1.2

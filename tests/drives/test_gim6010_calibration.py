@@ -14,11 +14,11 @@ from axisbus.drives.gim6010.calibration import kinds, procedure_run
 from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
 from axisbus.drives.gim6010.calibration.procedure_run import Calibration
 from axisbus.drives.gim6010.calibration.result import RotorRotation
+from axisbus.drives.gim6010.sim import axis
+from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.firmware import Firmware
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError
-from axisbus.sim.can_simple import axis
-from axisbus.sim.can_simple.fault_injection import ModuleDials
-from axisbus.sim.can_simple.firmware import Firmware
-from axisbus.sim.can_simple.module import Module
 from kit.module_dialogue import play
 from kit.sim.can_simple_module import COUNT, ESTOP, GET_ERROR, IDLE, SET_STATE, Bench
 

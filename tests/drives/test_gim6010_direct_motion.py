@@ -10,11 +10,11 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
 from axisbus.drives.gim6010.calibration.procedure_run import Calibration
 from axisbus.drives.gim6010.direct_motion import HeartbeatMonitor, PowerOff
+from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.drives.gim6010.tuning.runner import ModuleTuning
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial
 from axisbus.errors import ArgumentError
-from axisbus.sim.can_simple.fault_injection import ModuleDials
-from axisbus.sim.can_simple.module import Module
 from kit.module_dialogue import play
 from kit.sim.can_simple_module import ESTOP, SET_STATE, Bench
 

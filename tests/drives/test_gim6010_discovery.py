@@ -13,10 +13,10 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.discovery import bus_snapshot, report_text
 from axisbus.drives.gim6010.discovery.finder import Bounds, Finder, Only, ProbeScope
 from axisbus.drives.gim6010.discovery.results import findings
+from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.firmware import Firmware
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError
-from axisbus.sim.can_simple.fault_injection import ModuleDials
-from axisbus.sim.can_simple.firmware import Firmware
-from axisbus.sim.can_simple.module import Module
 from kit.module_search import Search, search
 from kit.sim.can_simple_module import gim_eds
 

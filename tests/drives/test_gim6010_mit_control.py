@@ -16,10 +16,10 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
 from axisbus.drives.gim6010.mit_control import MitLeader, MitPhase, PositionCrossCheck
 from axisbus.drives.gim6010.mit_settings import MitSettings, ranges_of
+from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.firmware import Firmware
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError
-from axisbus.sim.can_simple.fault_injection import ModuleDials
-from axisbus.sim.can_simple.firmware import Firmware
-from axisbus.sim.can_simple.module import Module
 from axisbus.sim.motor import MotorParams
 from kit.plain_parameters import PlainParameters
 from kit.sim.can_simple_module import ESTOP, IDLE, MIT, POS, SET_MODE, SET_STATE, Bench

@@ -7,8 +7,8 @@ import pytest
 from axisbus.drives.gim6010 import node_id_preconditions
 from axisbus.drives.gim6010.discovery.finder import ProbeScope
 from axisbus.drives.gim6010.discovery.results import findings
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError, StateError
-from axisbus.sim.can_simple.module import Module
 from kit.module_search import search
 from kit.sim.can_simple_module import gim_eds
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, Firmware, parse
 from axisbus.drives.gim6010.can_simple.protected_parameters import protected
 from axisbus.drives.gim6010.parameters import backup, rules, values
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError, NodeTimeout, StateError
-from axisbus.sim.can_simple.module import Module
 
 V13 = Firmware(0, 5, 13)
 LIMIT, KT, NODE, OFFSET = (

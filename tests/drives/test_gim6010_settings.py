@@ -10,9 +10,9 @@ from axisbus.drives.gim6010.discovery.finder import ProbeScope
 from axisbus.drives.gim6010.discovery.results import findings
 from axisbus.drives.gim6010.settings import bitrate, limits, termination, watchdog, zero
 from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch, apply, shown
+from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError, LimitError, NodeError, StateError
-from axisbus.sim.can_simple.fault_injection import ModuleDials
-from axisbus.sim.can_simple.module import Module
 from kit.module_search import search
 from kit.plain_parameters import Cut, PlainParameters
 from kit.sim.can_simple_module import Bench, gim_eds

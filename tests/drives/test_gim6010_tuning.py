@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.drives.gim6010.tuning import search
 from axisbus.drives.gim6010.tuning.runner import ModuleTuning
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial, explanation
 from axisbus.errors import ArgumentError
-from axisbus.sim.can_simple.fault_injection import ModuleDials
-from axisbus.sim.can_simple.module import Module
 from axisbus.sim.motor import MotorParams
 from axisbus.step_response import Response, measure
 from kit.module_dialogue import play

@@ -16,8 +16,8 @@ from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
 from axisbus.drives.gim6010.can_simple.port.setpoints import TRAPEZOID, VELOCITY, Orders
 from axisbus.drives.gim6010.can_simple.port.settings import HEARTBEAT_BY_LINE, ModuleSettings
 from axisbus.drives.gim6010.modbus.can_emulation import Relay
+from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
 from axisbus.errors import ArgumentError, AxisbusError, DriveError
-from axisbus.sim.modbus.station import LineDials, Station
 from kit.modbus.virtual_wire import VirtualWire, list_of
 
 SETTINGS = ModuleSettings(1, 20.0, 10.0, 40.0, 80.0, 0.02, heartbeat=HEARTBEAT_BY_LINE, relayed=True)

@@ -10,8 +10,8 @@ from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.dialogue import QUIET, ModbusClient, ModbusRefused
 from axisbus.drives.gim6010.modbus.registers import REGISTERS, named
 from axisbus.drives.gim6010.modbus.requests import ModbusTimeout, Reply
+from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
 from axisbus.errors import ArgumentError, NodeTimeout
-from axisbus.sim.modbus.station import LineDials, Station
 from kit.modbus.virtual_wire import VirtualWire
 
 

@@ -9,9 +9,9 @@ from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 from axisbus.drives.gim6010.settings import zero
 from axisbus.drives.gim6010.settings.parameter_batch import apply
+from axisbus.drives.gim6010.sim import firmware
+from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
 from axisbus.errors import ArgumentError, NodeError, StateError
-from axisbus.sim.can_simple import firmware
-from axisbus.sim.modbus.station import LineDials, Station
 from kit.modbus.virtual_wire import VirtualWire, list_of
 
 LIMIT, WATCHDOG, TIMEOUT = (

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import can
 
-from axisbus.sim.can_simple.module import Module
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.sim.node.network import StandIns
 from kit.sending_device import Talker
 

@@ -40,14 +40,14 @@ from axisbus.drives.gim6010.modbus import requests as modbus
 from axisbus.drives.gim6010.modbus.registers import named as modbus_named
 from axisbus.drives.gim6010.modbus.requests import ModbusTimeout, fits
 from axisbus.drives.gim6010.modbus.serial_wire import SerialWire, libraries
+from axisbus.drives.gim6010.sim.modbus.framing import framed
+from axisbus.drives.gim6010.sim.modbus.station import Station
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.eds import load
 from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.errors import LssError, SdoError
 from axisbus.machine.bus_monitor import BusMonitor
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.can_simple.module import Module
-from axisbus.sim.modbus.framing import framed
-from axisbus.sim.modbus.station import Station
 from axisbus.sim.node.slave import Slave
 from axisbus.trace import context, frame_formats
 from axisbus.trace.decoder import Decoder

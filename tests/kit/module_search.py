@@ -9,7 +9,7 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.discovery.finder import Finder, ProbeScope
 from axisbus.drives.gim6010.discovery.results import DiscoveredModule, findings
-from axisbus.sim.can_simple.module import Module
+from axisbus.drives.gim6010.sim.module import Module
 from kit.sim.can_simple_module import Wire
 
 LONGEST = 60.0  # s of virtual time

@@ -6,8 +6,8 @@ import json
 
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.drives.gim6010.parameters import rules, values
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import NodeError, NodeTimeout, StateError
-from axisbus.sim.can_simple.module import Module
 
 
 class PlainParameters:

@@ -24,6 +24,7 @@ from axisbus.drives import drive_file
 from axisbus.drives.gim6010.can_simple import endpoints
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware
 from axisbus.drives.gim6010.parameters import backup
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.eds import concise
 from axisbus.eds.concise_dcf_values import Configuration, configuration
 from axisbus.eds.io import reader as dictionaries
@@ -33,7 +34,6 @@ from axisbus.record.columns import AxisForm
 from axisbus.record.load import load as load_recording
 from axisbus.record.recording_data import RecordedEvent
 from axisbus.record.sample_packing import RowForm
-from axisbus.sim.can_simple.module import Module
 from kit.bridge_readers import OF_BRIDGES
 from kit.command_line import ROOT
 from kit.connection_readers import OF_CONNECTIONS

@@ -25,7 +25,7 @@ NEEDS = {
     "locks": ("system.file_lock",),
     "sockets with a path": ("system.local_sockets",),
     "keys of a terminal": ("system.terminal",),
-    "pseudo-terminals": ("sim.modbus.terminal",),
+    "pseudo-terminals": ("drives.gim6010.sim.modbus.terminal",),
     "the user of a connection": ("web.access.tokens",),
 }
 ALLOWED = {name for names in NEEDS.values() for name in names}

@@ -13,7 +13,7 @@ import odrive
 from odrive.runtime_device import RuntimeDevice
 from odrive.sync_tree import SyncObject
 
-from axisbus.sim.can_simple.module import Module
+from axisbus.drives.gim6010.sim.module import Module
 
 _LOOK = 0.01  # s
 

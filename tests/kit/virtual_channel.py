@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.bus.link.channel import SEND_PATIENCE, Channel
 from axisbus.clock import VirtualClock
-from axisbus.sim.can_simple.module import Module
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.sim.virtual_can import VirtualWire
 
 

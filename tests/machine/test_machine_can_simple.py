@@ -10,11 +10,11 @@ import pytest
 
 from axisbus import Machine, wait
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.core.can_simple import simulated_modules
+from axisbus.drives.gim6010.core import simulated_modules
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import AxisbusError, DriveError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.record.load import load
-from axisbus.sim.can_simple.module import Module
 from kit.can_simple.mixed_cell import MODULE, write
 
 SIM = 'interface = "sim"'

@@ -12,9 +12,9 @@ from contextlib import contextmanager
 import pytest
 
 from axisbus import MitCommand, MitControl, MitRanges, MitSettings, read_mit_ranges
+from axisbus.drives.gim6010.sim.firmware import Firmware
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError, NodeError, StateError, UserError
-from axisbus.sim.can_simple.firmware import Firmware
-from axisbus.sim.can_simple.module import Module
 from kit.can_simple_bus import modules_on_bus
 
 SETTINGS = MitSettings(

@@ -14,7 +14,7 @@ import pytest
 
 from axisbus.cell import reader
 from axisbus.cia301.nmt import NmtState
-from axisbus.core.can_simple import simulated_modules
+from axisbus.drives.gim6010.core import simulated_modules
 from axisbus.errors import AxisbusError, ScanError, StateError
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess

@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import pytest
 
-from axisbus.sim.can_simple import protocol
-from axisbus.sim.can_simple.firmware import Firmware
-from axisbus.sim.can_simple.module import Module
+from axisbus.drives.gim6010.sim import protocol
+from axisbus.drives.gim6010.sim.firmware import Firmware
+from axisbus.drives.gim6010.sim.module import Module
 from kit.sim.can_simple_module import (
     BUS,
     CLEAR,

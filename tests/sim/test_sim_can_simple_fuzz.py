@@ -7,7 +7,7 @@ import struct
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.sim.can_simple.module import Module
+from axisbus.drives.gim6010.sim.module import Module
 from kit.sim.can_simple_module import CLOSED_LOOP, RX_SDO, SET_MODE, SET_STATE, TX_SDO, Bench
 
 _STEP = 0.002  # s

@@ -7,9 +7,9 @@ import struct
 
 import pytest
 
-from axisbus.sim.can_simple.firmware import Firmware
-from axisbus.sim.can_simple.module import Module
-from axisbus.sim.can_simple.parameters import number_in, rows
+from axisbus.drives.gim6010.sim.firmware import Firmware
+from axisbus.drives.gim6010.sim.module import Module
+from axisbus.drives.gim6010.sim.parameters import number_in, rows
 from kit.sim.can_simple_module import (
     CLEAR,
     CLOSED_LOOP,

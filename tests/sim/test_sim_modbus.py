@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.sim.can_simple.module import Module
-from axisbus.sim.modbus.framing import Frames, checksum, framed
-from axisbus.sim.modbus.station import LineDials, Station
+from axisbus.drives.gim6010.sim.modbus.framing import Frames, checksum, framed
+from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
+from axisbus.drives.gim6010.sim.module import Module
 
 
 class Line:

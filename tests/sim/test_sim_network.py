@@ -17,8 +17,8 @@ import canopen
 import pytest
 from canopen.profiles.p402 import BaseNode402
 
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import AdapterError
-from axisbus.sim.can_simple.module import Module
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns, object_dictionary
 from kit.can_interface import options

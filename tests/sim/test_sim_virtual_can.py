@@ -15,9 +15,9 @@ import pytest
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.clock import VirtualClock
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import StateError
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.can_simple.module import Module
 from axisbus.sim.device import Device
 from axisbus.sim.virtual_can import VirtualAdapter, VirtualWire
 from kit.motion.rig import GENERIC as GENERIC_FILE

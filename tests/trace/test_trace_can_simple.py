@@ -7,10 +7,10 @@ import pytest
 from axisbus.cell import reader
 from axisbus.cia301.frame import CanFrame
 from axisbus.core.files import load_dictionaries
+from axisbus.drives.gim6010.trace import nodes_of
 from axisbus.errors import ArgumentError
 from axisbus.machine.bus_monitor import BusMonitor
 from axisbus.trace import context
-from axisbus.trace.can_simple import nodes_of
 from axisbus.trace.decoded import FrameKind
 from axisbus.trace.decoder import Decoder
 from axisbus.trace.frame_formats import what

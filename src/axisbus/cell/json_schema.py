@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from axisbus.cell import key_descriptions, schema, virtual_keys
-from axisbus.cell.can_simple.module import WORDS as MODULE_WORDS
 from axisbus.cell.group_kinematics import KINDS
+from axisbus.drives.gim6010.cell.module import WORDS as MODULE_WORDS
 from axisbus.toml import value_readers
 from axisbus.toml.tables import Keys
 from axisbus.units import INCREMENTS

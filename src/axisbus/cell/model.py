@@ -8,8 +8,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from axisbus.cell.can_simple.module import CANOPEN, ModuleConfig
 from axisbus.cia301.cob import SYNC, TIME
+from axisbus.drives.gim6010.cell.module import CANOPEN, ModuleConfig
 from axisbus.drives.plugin import DrivePlugin
 from axisbus.errors import StateError, UnknownNameError
 from axisbus.toml.tables import SourceLocation as SourceLocation

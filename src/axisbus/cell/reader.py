@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from axisbus.cell import group_kinematics, schema, virtual_keys
-from axisbus.cell.can_simple.module import SPOKEN, ModuleConfig
 from axisbus.cell.gantry_validation import wrong
 from axisbus.cell.model import (
     INCREMENTS,
@@ -38,6 +37,7 @@ from axisbus.cell.model import (
 )
 from axisbus.cell.virtual_keys import quick_deceleration
 from axisbus.drives import drive_file
+from axisbus.drives.gim6010.cell.module import SPOKEN, ModuleConfig
 from axisbus.drives.plugin import DrivePlugin
 from axisbus.errors import ConfigError
 from axisbus.toml import document as toml

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from axisbus.cell.can_simple.module import CAN_SIMPLE, CANOPEN, MODBUS, READERS
 from axisbus.cia301.cob import ID_MASK_11
 from axisbus.cia402 import options
 from axisbus.drives.drive_file import OF_AXIS
+from axisbus.drives.gim6010.cell.module import CAN_SIMPLE, CANOPEN, MODBUS, READERS
 from axisbus.toml import value_readers as v
 from axisbus.toml.tables import CellKey, Keys
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 from axisbus.bus.link import controller
-from axisbus.cell.can_simple.modules import canopen_nodes, module_frames
 from axisbus.cell.model import CellConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.check.context import CheckContext
 from axisbus.check.cycle_schedule import per_cycle
 from axisbus.cia301.frame import UNSTUFFED, CanFrame, plain_bits, worst_bits
+from axisbus.drives.gim6010.cell.modules import canopen_nodes, module_frames
 from axisbus.eds.model import Eds
 
 WINDOW = 0.1  # seconds

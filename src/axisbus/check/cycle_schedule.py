@@ -18,8 +18,6 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from axisbus.cell.can_simple.module import READERS
-from axisbus.cell.can_simple.modules import canopen_nodes, module_frames
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.cell.pdo_tables import requested_pdos
@@ -30,6 +28,8 @@ from axisbus.cia301.pdo import PdoConfiguration
 from axisbus.cia402 import objects
 from axisbus.cia402.axes import first_axis
 from axisbus.cia402.modes import FACTS, ModeOfOperation
+from axisbus.drives.gim6010.cell.module import READERS
+from axisbus.drives.gim6010.cell.modules import canopen_nodes, module_frames
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, LimitError

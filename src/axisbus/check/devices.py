@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from axisbus import eds as eds_files
-from axisbus.cell.can_simple.modules import is_line
 from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cell.problem import CellProblem
 from axisbus.check.context import NEEDED, Check, CheckContext, Problems, own_title, titles
@@ -13,6 +12,7 @@ from axisbus.check.ids.table import UNREADABLE
 from axisbus.cia402 import objects
 from axisbus.configuration.dcf_values import require_within_limits, select
 from axisbus.drives import registry
+from axisbus.drives.gim6010.cell.modules import is_line
 from axisbus.drives.plugin import GENERIC
 from axisbus.drives.registry import make_of
 from axisbus.eds import builtin

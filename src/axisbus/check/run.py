@@ -11,7 +11,6 @@ from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.problem import CellProblem, errors
 from axisbus.check import (
     bootup,
-    can_simple,
     cobids,
     cyclic_modes,
     devices,
@@ -29,13 +28,14 @@ from axisbus.check import (
 from axisbus.check import cycle_schedule as load
 from axisbus.check.context import Check, CheckContext
 from axisbus.check.ids.table import id_of
+from axisbus.drives.gim6010 import checks as module_checks
 from axisbus.motion.stop.promises import Promise, promises
 from axisbus.toml.problem import as_exception
 
 CHECKS: tuple[Check, ...] = (
     *structure.CHECKS,
-    *can_simple.CHECKS,
-    *can_simple.AXIS_CHECKS,
+    *module_checks.CHECKS,
+    *module_checks.AXIS_CHECKS,
     *devices.CHECKS,
     *objects.CHECKS,
     *cobids.CHECKS,

@@ -26,7 +26,7 @@ COMMANDS = {
     "scan": ("axisbus.cli.scan", "Show the nodes on a bus and their identities."),
     "init": ("axisbus.cli.init", "Write a first cell file from a scan of the bus; reads only."),
     "gim6010": (
-        "axisbus.cli.gim6010.group",
+        "axisbus.drives.gim6010.cli.group",
         "Find GIM6010-8 modules in any of their protocols, and show their errors.",
     ),
     "lss": (

@@ -11,7 +11,6 @@ from pathlib import Path
 import click
 
 from axisbus.cell import reader
-from axisbus.cell.can_simple.modules import canopen_nodes
 from axisbus.cell.model import CellConfig
 from axisbus.cli.shared.attached_nodes import open_nodes
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_json, say_next, say_note
@@ -21,6 +20,7 @@ from axisbus.cli.shared.output import write_whole
 from axisbus.configuration import nameplate
 from axisbus.configuration.nameplate import Nameplate
 from axisbus.configuration.replacement_plan import note_file
+from axisbus.drives.gim6010.cell.modules import canopen_nodes
 from axisbus.errors import Interrupted, SdoTimeout
 from axisbus.wording import counted
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cell.can_simple.modules import modules_of
 from axisbus.cell.model import CellConfig
 from axisbus.check.run import checked
 from axisbus.cli.shared.common import OK, say
@@ -20,17 +19,18 @@ from axisbus.cli.shared.options import PATH, Seconds, port_option
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.core.sim_faults_file import load_faults
 from axisbus.core.sim_server import Served
+from axisbus.drives.gim6010.cell.modules import modules_of
+from axisbus.drives.gim6010.sim.constants import MOST_NODE_ID
+from axisbus.drives.gim6010.sim.firmware import EXTENDED, FACTORY, Firmware
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.eds.builtin import PREFIX
 from axisbus.eds.io.reader import load
 from axisbus.errors import UserError
-from axisbus.sim.can_simple.constants import MOST_NODE_ID
-from axisbus.sim.can_simple.firmware import EXTENDED, FACTORY, Firmware
-from axisbus.sim.can_simple.module import Module
 from axisbus.sim.socketcand_server import LOOPBACK, Server
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.sim.modbus.station import Station
+    from axisbus.drives.gim6010.sim.modbus.station import Station
 
 
 _LONG = 3600.0  # s
@@ -112,7 +112,7 @@ def on_terminal(wanted: Sequence[Wanted]) -> Iterator[None]:
     twice = [node_id for node_id, number in Counter(node_id for node_id, _ in wanted).items() if number > 1]
     if twice:
         raise click.UsageError(f"--modbus: two modules have node ID {twice[0]}")
-    from axisbus.sim.modbus.terminal import served
+    from axisbus.drives.gim6010.sim.modbus.terminal import served
 
     with served(*_stations(wanted)) as terminal:
         each = ", ".join(f"node {node_id} with firmware {firmware}" for node_id, firmware in wanted)
@@ -122,7 +122,7 @@ def on_terminal(wanted: Sequence[Wanted]) -> Iterator[None]:
 
 
 def _stations(wanted: Sequence[Wanted]) -> list[Station]:
-    from axisbus.sim.modbus.station import Station
+    from axisbus.drives.gim6010.sim.modbus.station import Station
 
     return [Station(node_id, firmware=firmware) for node_id, firmware in wanted]
 

@@ -101,8 +101,8 @@ def command(
 
     Filters are joined by "and", the values of one by "or": --filter node=1,x --filter kind=sdo,emcy --filter object=6041.
     """
+    from axisbus.drives.gim6010.trace import nodes_of
     from axisbus.trace import filters as wanted
-    from axisbus.trace.can_simple import nodes_of
 
     asked = FrameSourceOptions(source, interface, channel, bitrate, option, cell, eds)
     axes = asked.axes if filters or without else ()

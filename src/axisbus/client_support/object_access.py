@@ -10,8 +10,8 @@ running machine, except DOMAINs. This module asks the node nothing; ``configurat
 from __future__ import annotations
 
 from axisbus.bus.node.verify import is_domain, may_read
-from axisbus.cell.can_simple.modules import no_objects
 from axisbus.configuration import guarded_write
+from axisbus.drives.gim6010.cell.modules import no_objects
 from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.eds.model import Variable
 from axisbus.errors import ArgumentError

@@ -36,15 +36,15 @@ from axisbus.cia401.port import IoPort
 from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.port import Port
 from axisbus.clock import VirtualClock
-from axisbus.core.can_simple.modules import CanSimpleModules
-from axisbus.core.can_simple.simulated_modules import modules, stand_ins_of
-from axisbus.core.can_simple.stop import stop_drives
 from axisbus.core.io import make_safe
 from axisbus.core.master_detection import cast_of, listening_time
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.process.bus_factory import reach
 from axisbus.core.realtime_setup import SPIN
 from axisbus.core.simulated_nodes import SimulatedNode, devices
+from axisbus.drives.gim6010.core.modules import CanSimpleModules
+from axisbus.drives.gim6010.core.simulated_modules import modules, stand_ins_of
+from axisbus.drives.gim6010.core.stop import stop_drives
 from axisbus.drives.registry import make_of
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError, BusOff, StateError

@@ -9,8 +9,8 @@ from contextlib import ExitStack
 from axisbus.bus.link import adapter
 from axisbus.bus.link.listen import Listener, listen
 from axisbus.cell.model import SIMULATED, CellConfig
-from axisbus.core.can_simple.simulated_modules import modules
 from axisbus.core.files import load_dictionaries
+from axisbus.drives.gim6010.core.simulated_modules import modules
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
 

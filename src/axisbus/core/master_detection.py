@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from axisbus.cell import pdo_tables
-from axisbus.cell.can_simple.modules import modules_of
 from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.cia301 import cob
 from axisbus.cia301.master_detection import ExpectedMasters
 from axisbus.drives.gim6010.can_simple.coexistence import commands_to, sent_by
+from axisbus.drives.gim6010.cell.modules import modules_of
 from axisbus.eds.model import Eds
 
 LONGEST = 0.5  # seconds

@@ -15,19 +15,19 @@ from typing import Any
 from axisbus.cell.model import CellConfig
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cia402.state import decode
-from axisbus.core.can_simple.simulated_modules import modules as modules_of_cell
-from axisbus.core.can_simple.simulated_modules import stand_ins_of
 from axisbus.core.files import load_dictionaries
 from axisbus.core.process.remote_proxy import answer_all
 from axisbus.core.realtime_setup import take_priority
 from axisbus.core.simulated_nodes import SimulatedNode, devices
+from axisbus.drives.gim6010.core.simulated_modules import modules as modules_of_cell
+from axisbus.drives.gim6010.core.simulated_modules import stand_ins_of
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.eds.model import Eds
 from axisbus.errors import UserError
 from axisbus.ipc.messages import CODEC
 from axisbus.ipc.stream import MessageStream
 from axisbus.ipc.values import NotForCrossing
 from axisbus.record.columns import AxisForm, digits
-from axisbus.sim.can_simple.module import Module
 from axisbus.sim.device import Device
 from axisbus.sim.drive import Drive
 from axisbus.sim.fault_plan import Plan, PlannedFault

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from axisbus.cell.can_simple.drive import module_parameters
 from axisbus.cell.gantry import gantry_of
 from axisbus.cell.model import CellConfig
 from axisbus.cell.parameters import axis_parameters
@@ -22,6 +21,7 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities
 from axisbus.cia402.state import PowerState
 from axisbus.core.files import load_dictionaries
+from axisbus.drives.gim6010.cell.drive import module_parameters
 from axisbus.errors import LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.command_dispatch import CommandDispatcher

@@ -13,7 +13,6 @@ from axisbus.boot.report import NodeReport
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.plan import PdoPlan
 from axisbus.bus.pdo.tpdo_timeout import PdoEvent
-from axisbus.cell.can_simple.modules import no_objects
 from axisbus.cia301 import emcy as errorfield
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.emcy import Emcy, ErrorEntry
@@ -23,6 +22,7 @@ from axisbus.cia301.pdo import PdoLocation
 from axisbus.cia402.axes import own_index
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.drives.emcy_text import history_words, incident_words
+from axisbus.drives.gim6010.cell.modules import no_objects
 from axisbus.drives.plugin import STANDARD_MEASURED, DrivePlugin, MeasuredObject
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds

@@ -97,12 +97,12 @@ def out_of_reach(path: str | Path) -> str:
 
 def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[CellConfig, Core]:
     """Return a cell and its core in virtual time; as ``Machine.simulated``."""
-    from axisbus.cell.can_simple.modules import is_line
     from axisbus.check.run import checked
     from axisbus.clock import VirtualClock
     from axisbus.core.canlink import CanLink, simulated_channel
     from axisbus.core.files import load_dictionaries
     from axisbus.core.runtime import Runtime
+    from axisbus.drives.gim6010.cell.modules import is_line
 
     cell = checked(path)
     if is_line(cell.bus):

@@ -24,10 +24,8 @@ from axisbus.bus.link.ownership import described
 from axisbus.bus.node import nmt
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.parallel import in_parallel
-from axisbus.cell.can_simple.modules import settings_by_axis
 from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.core.can_simple.stop import stop_modules
 from axisbus.core.canlink import open_channel
 from axisbus.core.files import load_dictionaries
 from axisbus.core.node_stop import NodeStop, axes_to_stop
@@ -41,6 +39,8 @@ from axisbus.core.process.listener import (
     text_of,
     why_not,
 )
+from axisbus.drives.gim6010.cell.modules import settings_by_axis
+from axisbus.drives.gim6010.core.stop import stop_modules
 from axisbus.errors import BusError, ScanError, one_line
 from axisbus.link import StopResult
 

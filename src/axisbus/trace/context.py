@@ -6,12 +6,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from axisbus.cell import pdo_tables
-from axisbus.cell.can_simple.modules import modules_of
 from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.cell.quantities import Quantities
 from axisbus.check.context import CheckContext
 from axisbus.cia301.pdo import PdoConfiguration
+from axisbus.drives.gim6010.cell.modules import modules_of
 from axisbus.drives.plugin import GENERIC, DrivePlugin
 from axisbus.drives.registry import make_of
 from axisbus.eds.dictionary import Dictionary

@@ -4,10 +4,10 @@ Theory of operation
 -------------------
 ``Decoder.feed`` takes frames in the order of the bus and never raises: an undecodable frame gives a value that says so.
 Identifiers are looked up in this order: SYNC, EMCY and SDO channels as learned, PDOs as known or learned, and then the predefined
-connection set (CiA 301 7.3.5). Before all of them come the frames of nodes that are named as CAN Simple nodes (``can_simple``), and
-of a module that was found to use another protocol (``drives.gim6010.factory_protocols``). A finished SDO transfer that writes or
-reads communication objects (1005h, 1014h, 12xxh, 14xxh to 1Bxxh) changes how later frames are decoded, exactly as it changes the
-behaviour of the node.
+connection set (CiA 301 7.3.5). Before all of them come the frames of nodes that are named as CAN Simple nodes
+(``drives.gim6010.trace``), and of a module that was found to use another protocol (``drives.gim6010.factory_protocols``). A
+finished SDO transfer that writes or reads communication objects (1005h, 1014h, 12xxh, 14xxh to 1Bxxh) changes how later frames are
+decoded, exactly as it changes the behaviour of the node.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.nmt import NmtState
 from axisbus.drives.gim6010 import factory_protocols
-from axisbus.trace import can_simple, lss, services, value_text
+from axisbus.drives.gim6010.trace import CanSimpleDecoder
+from axisbus.trace import lss, services, value_text
 from axisbus.trace.context import NOTHING, KnownNode, TraceContext
 from axisbus.trace.decoded import Decoded, DecodedSdo, FrameKind, ObjectValue
 from axisbus.trace.pdos import PdoParameters, PdoTable
@@ -46,7 +47,7 @@ class Decoder:
     def __init__(self, known: TraceContext = NOTHING, simple: Collection[int] = ()) -> None:
         """``simple`` are the node IDs (0 to 63) of modules that use CAN Simple, in addition to those in ``known``."""
         self._known = known
-        self._modules = can_simple.CanSimpleDecoder({*simple, *known.modules})
+        self._modules = CanSimpleDecoder({*simple, *known.modules})
         self._values = Values(known)
         self._pdos = PdoTable(tuple(known.nodes.values()))
         self._dialogues: dict[tuple[int, int], SdoChannelDecoder] = {}  # request and response identifier

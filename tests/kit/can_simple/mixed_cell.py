@@ -13,7 +13,7 @@ from pathlib import Path
 
 from axisbus.cell import reader
 from axisbus.core.sim_server import Served
-from axisbus.sim.can_simple.module import Module
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.sim.socketcand_server import Server
 from kit.scenarios.program import TESTS
 

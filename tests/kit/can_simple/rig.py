@@ -14,12 +14,12 @@ from axisbus.core.scan import Scan
 from axisbus.drives.gim6010.can_simple.port import error_words
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings, TorqueSettings
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.machine.axis import Axis
 from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.groups import Group
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisLimits, AxisParameters, Defaults, HomingParameters, Units
-from axisbus.sim.can_simple.module import Module
 from axisbus.sim.device import Device
 from axisbus.units import Scale
 from kit.direct.cycle import DirectCycle, DirectPort

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from axisbus.sim.modbus.station import Station
-from axisbus.sim.modbus.terminal import Terminal, served
+from axisbus.drives.gim6010.sim.modbus.station import Station
+from axisbus.drives.gim6010.sim.modbus.terminal import Terminal, served
 
 LISTED = "endpoints_0.5.13.json"
 

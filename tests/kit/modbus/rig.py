@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
-from axisbus.sim.modbus.station import LineDials, Station
+from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
 from kit.modbus.virtual_wire import VirtualWire
 
 RAMP = 20.0  # turns/s² of the module's own ramp, which no register contains

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.eds.io.reader import load
-from axisbus.sim.can_simple.module import Module
 from kit.pages import ROOT
 
 STEP = 0.001  # s

@@ -146,7 +146,7 @@ def _construct(
 
             return SocketcandBus(channel, **arguments)  # type: ignore[arg-type]
         if interface == MODBUS:
-            from axisbus.bus.link.modbus_bus import RelayedBus
+            from axisbus.drives.gim6010.bus.modbus_bus import RelayedBus
 
             return RelayedBus(str(channel), **arguments)  # type: ignore[arg-type]
         return can.Bus(interface=interface, channel=channel, ignore_config=True, **arguments)  # type: ignore[arg-type]

@@ -6,8 +6,8 @@ import socket
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.socketpair_bus import PairBus
-from axisbus.cell.can_simple.modules import line_options
 from axisbus.cell.model import CellConfig
+from axisbus.drives.gim6010.cell.modules import line_options
 
 
 def reach(cell: CellConfig, drives: socket.socket | None = None) -> Channel:

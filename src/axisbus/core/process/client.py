@@ -16,7 +16,6 @@ from axisbus.boot.program_facts import ProgramOrder, ProgramRunState, ProgramWri
 from axisbus.boot.report import Booted
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.tpdo_timeout import PdoEvent
-from axisbus.cell.can_simple.drive import described
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.emcy import Emcy
@@ -33,6 +32,7 @@ from axisbus.core.process.rpc_client import RpcClient
 from axisbus.core.process.session import Errors, RemoteSession
 from axisbus.core.process.shared_counters import SharedCounters
 from axisbus.core.process.trajectory_feeder import Feeder
+from axisbus.drives.gim6010.cell.drive import described
 from axisbus.drives.registry import make_of
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError

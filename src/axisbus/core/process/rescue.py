@@ -20,12 +20,12 @@ from axisbus.bus.port import CanPort
 from axisbus.cell.io_signals import all_points
 from axisbus.cell.model import CellConfig
 from axisbus.cia401.signal import IoPoint
-from axisbus.core.can_simple.stop import stop_drives
 from axisbus.core.core import Core
 from axisbus.core.files import read_once
 from axisbus.core.io import make_safe
 from axisbus.core.process.bus_factory import reach
 from axisbus.core.process.startup_args import StartupArgs
+from axisbus.drives.gim6010.core.stop import stop_drives
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
 from axisbus.ipc import image, rescue_memory

@@ -17,13 +17,13 @@ from contextlib import AbstractContextManager, nullcontext
 
 from axisbus.bus.link.socketpair_bus import PairBus
 from axisbus.cell.model import CellConfig
-from axisbus.core.can_simple.simulated_modules import modules, stand_ins_of
 from axisbus.core.files import read_once
 from axisbus.core.process.persistence.plant_log import PlantLog, history_path
 from axisbus.core.process.remote_proxy import answer_all
 from axisbus.core.process.startup_args import StartupArgs
 from axisbus.core.realtime_setup import take_priority
 from axisbus.core.simulated_nodes import SimulatedNode, devices
+from axisbus.drives.gim6010.core.simulated_modules import modules, stand_ins_of
 from axisbus.ipc.messages import CODEC
 from axisbus.ipc.stream import MessageStream
 from axisbus.sim.node.network import StandIns

@@ -8,10 +8,10 @@ from pathlib import Path
 from types import TracebackType
 
 from axisbus.cell.model import CellConfig
-from axisbus.core.can_simple.simulated_modules import ModuleStandIn
 from axisbus.core.simulated_nodes import SimulatedNode
+from axisbus.drives.gim6010.core.simulated_modules import ModuleStandIn
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ConfigError, one_line
-from axisbus.sim.can_simple.module import Module
 from axisbus.sim.drive import Drive
 from axisbus.sim.io import IoModule
 

@@ -1,0 +1,140 @@
+"""Client of one module that uses CAN Simple: it follows the heartbeats and sends one request at a time."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+from axisbus.bus.link.channel import Channel, Receiver, require_other_thread
+from axisbus.drives.gim6010.bus.run import send
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeats
+from axisbus.drives.gim6010.can_simple.identifier import can_id
+from axisbus.drives.gim6010.discovery.bus_snapshot import count_senders
+from axisbus.errors import NodeError
+
+LISTEN = 1.1  # s before the first request: heartbeats of 100 ms, and those of a second module of this ID
+_GONE = 0.6  # s without a heartbeat, at least, after which a module counts as gone
+_PERIODS = 5  # of its heartbeat, if that is longer
+_KEPT = 32
+PACE = 0.002  # s between two requests to a module that answers
+
+
+class SimpleLine:
+    """Follows the heartbeats of one node ID and sends requests; holds state: the heartbeats received. Used by one thread."""
+
+    def __init__(self, channel: Channel, node: int) -> None:
+        """``node`` is 0 to 63.
+
+        Raises:
+            ArgumentError: it is not.
+        """
+        self.channel = channel
+        self.clock = channel.clock
+        self.node = node
+        self.beats = Heartbeats()
+        self._stamps: deque[tuple[float, bytes]] = deque(maxlen=_KEPT)
+        self._came = channel.clock.condition()
+        self._ears: list[tuple[int, Receiver]] = [(can_id(node, COMMAND), self._beat)]
+        self._expected = Heartbeats()  # as it was at the last ``listen``
+
+    def __enter__(self) -> Self:
+        for identifier, receiver in self._ears:
+            self.channel.subscribe(identifier, receiver)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for identifier, receiver in self._ears:
+            self.channel.unsubscribe(identifier, receiver)
+
+    def hear(self, command: int, receiver: Receiver) -> None:
+        """Call ``receiver(data, stamp)`` for each frame of ``command`` while this is open; call before opening."""
+        self._ears.append((can_id(self.node, command), receiver))
+
+    def listen(self, seconds: float = LISTEN) -> None:
+        """Listen for heartbeats; blocks.
+
+        Raises:
+            NodeError: several modules have this node ID.
+            AdapterError: the channel failed. StateError: called in the receive thread.
+        """
+        require_other_thread(self.channel, "listening to a module")
+        self.clock.sleep(seconds)
+        self.channel.check()
+        if count_senders(list(self._stamps)) > 1:
+            raise several(self.node)
+        self._expected = self.beats
+
+    @property
+    def state(self) -> int | None:
+        """Axis state in the last heartbeat; None if no heartbeat came recently."""
+        return None if self.beats.last is None or self._late() else self.beats.last.state
+
+    @property
+    def last_beat(self) -> float | None:
+        """Time of the last heartbeat (seconds of the clock)."""
+        return self._stamps[-1][0] if self._stamps else None
+
+    def require_there(self) -> None:
+        """Check that the module neither restarted nor left since ``listen``; no check is possible if it sends no heartbeats.
+
+        Raises:
+            NodeError: it restarted or left.
+        """
+        if self.beats.restarts > self._expected.restarts:
+            raise NodeError(
+                f"module {self.node} restarted meanwhile",
+                node=self.node,
+                observed="its heartbeat counter restarted",
+                remedy="the values written into its RAM are lost: check its supply, then begin again",
+            )
+        if self._stamps and self._late():
+            raise NodeError(
+                f"module {self.node} no longer sends heartbeats",
+                node=self.node,
+                observed=f"the last one came {self.clock.now() - self._stamps[-1][0]:.1f} s ago",
+                remedy="check its supply and cable; axisbus gim6010 find searches for it",
+            )
+
+    def send(self, frame: Outgoing) -> None:
+        """Send a frame to the module; raises as ``Channel.send``."""
+        send(self.channel, frame)
+
+    def wait(self, there: Callable[[], bool], seconds: float) -> bool:
+        """Wait up to ``seconds`` until ``there()`` is true, checked after each received frame; return whether it is."""
+        require_other_thread(self.channel, "waiting for a module")
+        with self._came:
+            return self._came.wait_for(there, seconds)
+
+    def notify(self) -> None:
+        """Wake the waiting thread; receivers call it after they have stored a frame."""
+        with self._came:
+            self._came.notify_all()
+
+    def _late(self) -> bool:
+        stamps = [stamp for stamp, _ in self._stamps]
+        if len(stamps) < 2:
+            return not stamps or self.clock.now() - stamps[-1] > 2 * LISTEN
+        usual = (stamps[-1] - stamps[0]) / (len(stamps) - 1)
+        return self.clock.now() - stamps[-1] > max(_GONE, _PERIODS * usual)
+
+    def _beat(self, data: bytes, stamp: float) -> None:
+        seen = self.beats.after(self.node, data)
+        if isinstance(seen, Heartbeats):
+            self.beats = seen
+            self._stamps.append((stamp, data))
+            self.notify()
+
+
+def several(node: int) -> NodeError:
+    """Return the error of several modules with one node ID."""
+    return NodeError(
+        f"several modules have the node ID {node}, or another program also sends requests to it",
+        node=node,
+        observed="two heartbeats or two answers came instead of one",
+        remedy="close the other program; or connect one of the modules alone and give it another node ID",
+    )

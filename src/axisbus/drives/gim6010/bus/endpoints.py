@@ -1,0 +1,292 @@
+"""The parameters of a module, read and written as endpoints over CAN Simple; implements ``ModuleParameters``.
+
+Theory of operation
+-------------------
+The connection is opened in steps, and each step may fail. The client listens to the heartbeats. It reads the version through
+endpoints that are the same in all known lists. The list must be made for this version. The client then *proves* the list on the
+module: the node ID that it reads through the list must be the node ID that answers. It reads nothing else before that. Functions
+are never called: the client saves with a message of CAN Simple, whose number is the same in all versions.
+
+An answer contains the number of its endpoint. An unexpected answer belongs to another master or comes from a second module with
+this node ID; the client then writes nothing. Before and after each write the client checks the heartbeats for a restart of the
+module.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+
+from axisbus.bus.link.channel import Receiver
+from axisbus.drives.gim6010.bus.can_simple_client import PACE, SimpleLine, several
+from axisbus.drives.gim6010.bus.limits_by_message import ModuleByMessage
+from axisbus.drives.gim6010.can_simple import endpoint_messages
+from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
+from axisbus.drives.gim6010.can_simple.endpoint_messages import EndpointAnswer
+from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList, Firmware, FittedList
+from axisbus.drives.gim6010.can_simple.identifier import can_id
+from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.parameters import rules, values
+from axisbus.drives.gim6010.parameters.interface import Value
+from axisbus.errors import BusError, NodeError, NodeTimeout, StateError
+
+TIMEOUT = 0.1  # s for an answer
+_TRIES = 2
+_SECOND = 0.03  # s in which a second module of this node ID would answer, too
+_USB = "odrivetool over USB reads and writes them; many modules answer no endpoint over CAN"
+_STATE = "axis0.current_state"
+_SAVE = named("Save_Configuration")
+_RESTARTS = 3.0  # s within which the restart after a save must begin
+_BACK = 25.0  # s for a restart, from the experience of owners
+_LOOK = 0.05
+_LISTEN = 0.3  # s for the first heartbeats after a restart
+
+
+class CanSimpleParameters:
+    """``ModuleParameters`` of one module on a channel; holds state: the answers, and the values written since the last save."""
+
+    widest = rules.NARROW
+
+    def __init__(self, line: SimpleLine) -> None:
+        """``line`` must not be open yet. Nothing is sent before ``open``."""
+        self.line = line
+        self._answers: deque[EndpointAnswer] = deque(maxlen=64)
+        self._odd: list[str] = []
+        self._asked: Counter[int] = Counter()  # by endpoint: number of answers that may still come
+        self._strangers = 0
+        self._fitted: FittedList | None = None
+        self.serial = 0
+        self.firmware = Firmware(0, 0, 0)
+        self.written: dict[str, Value] = {}
+        for command in endpoint_messages.COMMANDS:
+            line.hear(command, self._receiver(command))
+
+    def open(self, listed: EndpointList, made_for: Firmware) -> None:
+        """Listen, and prove that the list fits; blocks for about 1.5 s.
+
+        Raises:
+            NodeTimeout: the module answers no endpoint.
+            NodeError: several modules have this node ID.
+            ArgumentError: the list does not fit the reported firmware, or is not proven on the module.
+        """
+        self.line.listen()
+        self.firmware = self._version()
+        self._fitted = FittedList(listed, made_for, self.firmware)
+        self._prove()
+        (self.serial,) = self._numbers((endpoint_messages.request_serial(self.line.node),))
+
+    @property
+    def listed(self) -> EndpointList:
+        """The parameters of the module's firmware."""
+        return self._list.listed
+
+    def endpoint(self, path: str) -> Endpoint:
+        """Return the description of a parameter in this firmware; see ``ModuleParameters.endpoint``."""
+        return self._list.endpoint(path)
+
+    def read(self, path: str) -> Value:
+        """Return a parameter's value in RAM; see ``ModuleParameters.read``. Blocks for at most about 0.3 s."""
+        endpoint = self._list.endpoint(path)
+        frame = endpoint_messages.read(self.line.node, self._list, path)
+        self.line.require_there()
+        return endpoint_messages.value(endpoint, self._ask(frame, endpoint.id, endpoint.path).data)
+
+    def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
+        """Write a parameter into RAM and return the value read back; see ``ModuleParameters.write``."""
+        endpoint = self._list.endpoint(path)
+        rules.require_setting(endpoint, by_name=by_name)
+        frame = endpoint_messages.write(self.line.node, self._list, path, value, by_name=by_name)
+        self.require_idle()
+        self._require_alone()
+        self.line.send(frame)
+        self.line.clock.sleep(PACE)
+        held = self.read(path)
+        if not values.same(held, value):
+            raise NodeError(
+                f"module {self.line.node}: {endpoint.path} holds {values.show(held)} after {values.show(value)} was written",
+                node=self.line.node,
+                remedy="the module refuses this value, or this parameter over CAN: try it over USB",
+            )
+        self.line.require_there()
+        self.written[endpoint.path] = held
+        return held
+
+    def save(self) -> None:
+        """Save RAM to flash with the message Save_Configuration, wait for the restart, and read back all written values."""
+        written = dict(self.written)
+        began = self._save()
+        self._come_back(began)
+        lost = [path for path, value in written.items() if not values.same(self.read(path), value)]
+        if lost:
+            raise NodeError(
+                f"module {self.line.node} restarted and has lost {', '.join(lost)}",
+                node=self.line.node,
+                remedy="the written values did not reach its flash: save them over USB",
+            )
+        self.written.clear()
+
+    def save_and_leave(self) -> None:
+        """Save as ``save`` does, but return when the restart begins, because the module will not be reachable after it."""
+        self._save()
+
+    def _save(self) -> float:
+        """Save and wait until the module begins to restart; return when the save was requested (s, monotonic)."""
+        self.require_idle()
+        self._require_alone()
+        began = self.line.clock.now()
+        restarts = self.line.beats.restarts
+        self.line.send(encode(self.line.node, _SAVE))
+        self._wait_for_restart(restarts, began)
+        return began
+
+    @property
+    def axis_error(self) -> int:
+        """The axis's error word in its last heartbeat, 0 if there was none."""
+        last = self.line.beats.last
+        return 0 if last is None else last.axis_error
+
+    def clear_errors(self) -> None:
+        """Clear the errors with a message; see ``ModuleParameters.clear_errors``."""
+        ModuleByMessage(self.line).clear()
+
+    def require_idle(self) -> None:
+        """Check that the motor has no power, by the heartbeat or, if there is none, by the parameter of the axis state.
+
+        Raises:
+            StateError: the module is in another state. BusError: its state cannot be read.
+        """
+        self.line.require_there()
+        state = self.line.state
+        if state is None:
+            state = int(self.read(_STATE))
+        if state != IDLE:
+            raise StateError(
+                f"module {self.line.node} is in {state_words(state)}, and only an idle module can be written or saved",
+                remedy="stop and disable it with the program that controls it, then give the command again",
+            )
+
+    # -- proof that the list fits ----------------------------------------------------------------------------------------------
+
+    @property
+    def _list(self) -> FittedList:
+        assert self._fitted is not None, "open it first"
+        return self._fitted
+
+    def _version(self) -> Firmware:
+        major, minor, revision = self._numbers(endpoint_messages.request_version(self.line.node), again=True)
+        return Firmware(major & 0xFF, minor & 0xFF, revision & 0xFF)
+
+    def _numbers(self, frames: tuple[Outgoing, ...], *, again: bool = False) -> list[int]:
+        """Return the values of endpoints that every list has; with ``again``, wait for the answers of a second module."""
+        found = []
+        for frame in frames:
+            number = int.from_bytes(frame.data[1:3], "little")
+            found.append(int.from_bytes(self._ask(frame, number, "its version").data, "little"))
+            if again:
+                self.line.clock.sleep(_SECOND)
+                self._require_alone()
+        return found
+
+    def _prove(self) -> None:
+        found = self.read(rules.NODE_ID)
+        if found != self.line.node:
+            self._fitted = None
+            raise rules.unfitting(self.line.node, values.show(found))
+
+    def _require_alone(self) -> None:
+        if self._strangers:
+            raise several(self.line.node)
+
+    # -- one question, one answer ---------------------------------------------------------------------------------------------
+
+    def _ask(self, frame: Outgoing, number: int, what: str) -> EndpointAnswer:
+        if self._asked[number]:  # a late answer must not be taken for the answer to this request
+            self.line.clock.sleep(TIMEOUT)
+            self._asked[number] = 0
+        self._answers.clear()
+        for _ in range(_TRIES):
+            self._asked[number] += 1
+            self.line.send(frame)
+            if self.line.wait(lambda: self._answered(number), TIMEOUT):
+                self.line.clock.sleep(PACE)
+                return self._answers.popleft()
+        self.line.require_there()
+        raise NodeTimeout(
+            f"module {self.line.node} does not answer for {what}",
+            node=self.line.node,
+            observed=self._seen(),
+            remedy=f"check its protocol: axisbus gim6010 find; {_USB}",
+        )
+
+    def _answered(self, number: int) -> bool:
+        """Return whether the answer has come; discard late answers to other requests."""
+        while self._answers and self._answers[0].endpoint != number:
+            self._answers.popleft()
+        return bool(self._answers)
+
+    def _seen(self) -> str:
+        odd = (
+            f"; frames that are not answers: {'; '.join(dict.fromkeys(self._odd[-3:]))}" if self._odd else ""
+        )
+        beats = "its heartbeats come" if self.line.state is not None else "it sent no heartbeat"
+        return f"{_TRIES} requests, {TIMEOUT:g} s each; {beats}{odd}"
+
+    def _receiver(self, command: int) -> Receiver:
+        identifier = can_id(self.line.node, command)
+
+        def take(data: bytes, _: float) -> None:
+            found = endpoint_messages.answer(identifier, data)
+            if not isinstance(found, EndpointAnswer):
+                self._odd.append(found.words)
+            elif not self._asked[found.endpoint]:
+                self._strangers += 1
+            else:
+                self._asked[found.endpoint] -= 1
+                self._answers.append(found)
+                self.line.notify()
+
+        return take
+
+    # -- restarts -------------------------------------------------------------------------------------------------------------
+
+    def _wait_for_restart(self, restarts: int, began: float) -> None:
+        """Wait until the heartbeats stop or restart; if the module sends none, until it does not answer."""
+        end = began + _RESTARTS
+        while self.line.clock.now() < end:
+            if self.line.beats.restarts > restarts or self._is_silent():
+                return
+            self.line.clock.sleep(_LOOK)
+        raise NodeError(
+            f"module {self.line.node} got the command to save, and does not restart",
+            node=self.line.node,
+            observed=f"it has continued as before for {_RESTARTS:g} s",
+            remedy="it is not known whether the values were saved: save over USB, or read them again after a power cycle",
+        )
+
+    def _is_silent(self) -> bool:
+        if self.line.last_beat is not None:
+            return self.line.state is None
+        try:
+            self._version()
+        except BusError:
+            return True
+        return False
+
+    def _come_back(self, began: float) -> None:
+        """Wait until the module answers as before, and prove the list again."""
+        seen = ""
+        while self.line.clock.now() < began + _BACK:
+            try:
+                self.line.listen(_LISTEN)
+                if self._version() == self.firmware:
+                    self.line.listen(_LISTEN)
+                    self._prove()
+                    return
+            except NodeError as error:  # the module is restarting, so silence is expected
+                seen = error.message
+        raise NodeTimeout(
+            f"module {self.line.node} does not come back after saving",
+            node=self.line.node,
+            observed=f"no sign of it in {_BACK:g} s; {seen}",
+            remedy="search for it: axisbus gim6010 find; a new bit rate or protocol is active from now on",
+        )

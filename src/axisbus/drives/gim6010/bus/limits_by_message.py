@@ -1,0 +1,119 @@
+"""Settings of a CAN Simple module that have messages of their own and need no endpoints: limits, encoder count, clear errors."""
+
+from __future__ import annotations
+
+import struct
+
+from axisbus.drives.gim6010.bus.can_simple_client import LISTEN, SimpleLine
+from axisbus.drives.gim6010.can_simple.codec import encode, request
+from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.errors import NodeError, StateError
+
+_LIMITS, _LINEAR, _CLEAR = (named(each) for each in ("Set_Limits", "Set_Linear_Count", "Clear_Errors"))
+_COUNT = named("Get_Encoder_Count")
+_AFTER = 0.4  # s during which the client listens to heartbeats after a command
+_ANSWER = 0.2  # s
+_NEAR = 8  # counts by which an encoder at standstill may flicker
+
+
+class ModuleByMessage:
+    """A module on an open line; holds its last reported counts: over turns, and within one turn."""
+
+    def __init__(self, line: SimpleLine) -> None:
+        """``line`` must not be open yet."""
+        self.line = line
+        self._counts: tuple[int, int] | None = None
+        line.hear(_COUNT.command, self._count)
+
+    def require_idle(self, seconds: float = LISTEN) -> None:
+        """Listen, and check that exactly one module has this node ID and that it is idle; blocks.
+
+        Raises:
+            StateError: it is not idle, or sends no heartbeat. NodeError: several modules have this node ID.
+        """
+        self.line.listen(seconds)
+        state = self.line.state
+        if state != IDLE:
+            known = "sends no heartbeat" if state is None else f"is in {state_words(state)}"
+            raise StateError(
+                f"module {self.line.node} {known}: it is possibly not idle",
+                remedy="stop and disable it first; set a module without heartbeats over USB",
+            )
+
+    def set_limits(self, velocity: float, current: float) -> None:
+        """Set the limits: turns/s of the rotor and A (50 at most). They cannot be read back: no message reports them. Blocks.
+
+        Raises:
+            LimitError: a value that cannot be sent. StateError, NodeError: as ``require_idle``, or the module restarted or left.
+        """
+        frame = encode(self.line.node, _LIMITS, {"Velocity_Limit": velocity, "Current_Limit": current})
+        self.require_idle()
+        self.line.send(frame)
+        self.require_idle(_AFTER)
+        self.line.require_there()
+
+    def set_zero(self) -> None:
+        """Set the count over turns to 0 at the present position, until the next start, and read it back. Blocks.
+
+        Raises:
+            StateError, NodeError: as ``require_idle``; the output turns, the module does not report its count,
+                or the count is not 0 after it.
+        """
+        self.require_idle()
+        before = self._ask()
+        self.line.wait(lambda: False, _ANSWER)
+        if abs((self._ask()[1] - before[1] + 8192) % 16384 - 8192) > _NEAR:
+            raise StateError(
+                "the output turns, so its zero would be at a random position", remedy="hold it still"
+            )
+        self.line.require_there()
+        self.line.send(encode(self.line.node, _LINEAR, {"Linear_Count": 0}))
+        self.require_idle(_AFTER)
+        self.line.require_there()
+        found = self._ask()[0]
+        if abs(found) > _NEAR:
+            raise NodeError(
+                f"module {self.line.node} has the count {found} after the command to set 0",
+                node=self.line.node,
+                observed=f"the count before was {before[0]}",
+                remedy="set the zero by parameters (--list), or over USB",
+            )
+
+    def clear(self) -> None:
+        """Clear the errors, which enables nothing, and check by heartbeat that the axis's error word is 0. Blocks.
+
+        Raises:
+            StateError, NodeError: as ``require_idle``; the error remains.
+        """
+        self.require_idle(_AFTER)
+        self.line.send(encode(self.line.node, _CLEAR))
+        self.require_idle(_AFTER)
+        last = self.line.beats.last
+        if last is None or last.axis_error:
+            word = "unknown" if last is None else f"{last.axis_error:08X}h"
+            raise NodeError(
+                f"module {self.line.node} got the command to clear its errors, and the error word of its axis is {word}",
+                node=self.line.node,
+                remedy="read its meaning: axisbus gim6010 errors",
+            )
+
+    def _ask(self) -> tuple[int, int]:
+        """Return the counts; the request is a data frame of eight zeros (works without remote frames), then a remote frame."""
+        self._counts = None
+        for remote in (False, True):
+            self.line.send(request(self.line.node, _COUNT, remote=remote))
+            if self.line.wait(lambda: self._counts is not None, _ANSWER):
+                break
+        if self._counts is None:
+            raise NodeError(
+                f"module {self.line.node} does not report its encoder count",
+                node=self.line.node,
+                remedy="check its protocol: axisbus gim6010 find",
+            )
+        return self._counts
+
+    def _count(self, data: bytes, _: float) -> None:
+        if len(data) >= struct.calcsize("<ii"):
+            self._counts = struct.unpack_from("<ii", data)
+            self.line.notify()

@@ -1,0 +1,312 @@
+"""Check that a module that speaks CAN Simple can share the bus with the other nodes, and can serve its axis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+
+from axisbus.cell.axis_description import Drive
+from axisbus.cell.cyclic_modes import feed_forward
+from axisbus.cell.model import SIMULATED, AxisConfig, NodeConfig
+from axisbus.check import limits, modes, ranges
+from axisbus.check.context import Check, CheckContext, Problems
+from axisbus.check.ids.table import id_of
+from axisbus.cia402 import homing, options
+from axisbus.drives.gim6010.can_simple.coexistence import clashes, free_nodes
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware
+from axisbus.drives.gim6010.can_simple.identifier import NODES
+from axisbus.drives.gim6010.can_simple.port.port import ModulePort
+from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
+from axisbus.drives.gim6010.cell.drive import drive_of
+from axisbus.drives.gim6010.cell.module import CANOPEN, MODBUS, READERS, TORQUE, ModuleConfig
+from axisbus.drives.gim6010.cell.modules import is_line, list_of, modules_of, settings_of
+from axisbus.drives.gim6010.modbus.registers import RATES
+from axisbus.eds.model import Eds
+from axisbus.errors import ArgumentError, LimitError
+
+_FOREIGN = Firmware(0, 6, 8)  # from here on another protocol was seen, with identifiers of 29 bits
+_SHOWN = 3
+_ON_LINE = range(1, 64)
+_NOT_ON_LINE = (*TORQUE[1:], "filter_bandwidth")
+
+
+def _modules(case: CheckContext) -> Iterator[tuple[NodeConfig, ModuleConfig]]:
+    for node in case.cell.nodes.values():
+        if node.module is not None:
+            yield node, node.module
+
+
+def identifiers(case: CheckContext) -> Problems:
+    """Check that no identifier is used by a module and a CANopen node (manual v2.2, 4.1.4)."""
+    canopen = [node.node_id for node in case.cell.nodes.values() if node.protocol == CANOPEN]
+    if case.cell.bus.master_id:
+        canopen.append(case.cell.bus.master_id)
+    for node, _ in _modules(case):
+        if node.node_id not in NODES:
+            yield case.error(
+                node.at.line,
+                f"node {node.node_id} is not a node ID of CAN Simple",
+                "",
+                "they are from 0 to 63",
+            )
+            continue
+        found = clashes([node.node_id], canopen)
+        if found:
+            shown = "; ".join(map(str, found[:_SHOWN])) + ("; ..." if len(found) > _SHOWN else "")
+            free = ", ".join(map(str, free_nodes(canopen)[:_SHOWN])) or "none besides these nodes"
+            yield case.error(
+                node.at.line,
+                f"[nodes.{node.node_id}] conflicts with the CANopen nodes of the cell: identifiers have two owners",
+                shown,
+                f"give it another node ID (free: {free}), or the CANopen nodes higher ones",
+            )
+
+
+def firmware(case: CheckContext) -> Problems:
+    """Check that the module's firmware speaks CAN Simple."""
+    for node, _ in _modules(case):
+        try:
+            version = None if node.firmware is None else Firmware.parse(node.firmware)
+        except ArgumentError as error:
+            yield case.error(node.at.of("firmware"), error.message, "", error.remedy)
+            continue
+        if version is not None and version >= _FOREIGN:
+            yield case.warning(
+                node.at.of("firmware"),
+                f"[nodes.{node.node_id}] possibly does not use CAN Simple",
+                f"some modules with firmware {version} use a protocol with identifiers of 29 bits",
+                "check which frames it sends: axisbus trace",
+            )
+
+
+def settings(case: CheckContext) -> Problems:
+    """Check that the cell file is complete for the module's port, and complete for torques."""
+    for node, module in _modules(case):
+        axes = list(case.cell.axes_of(node.node_id))
+        if len(axes) > 1 or any(axis.drive_axis != 1 for axis in axes):
+            yield case.error(
+                node.at.line, f"[nodes.{node.node_id}] is a module with one axis", "", "leave the others out"
+            )
+        for axis in axes[:1] if module.at.sound(*READERS) else ():
+            yield from _of_axis(case, node, module, axis)
+
+
+def _of_axis(case: CheckContext, node: NodeConfig, module: ModuleConfig, axis: AxisConfig) -> Problems:
+    try:
+        module.settings(
+            node.node_id,
+            axis.rated_torque,
+            case.cell.bus.scan_period,
+            axis.stop.quick_stop,
+            relayed=node.protocol == MODBUS,
+        )
+    except (ArgumentError, LimitError) as error:
+        yield case.error(
+            node.at.line,
+            f"[nodes.{node.node_id}.{node.protocol}]: {error.message}",
+            error.observed,
+            error.remedy,
+        )
+    given = [key for key in TORQUE if getattr(module, key) is not None]
+    if given and (len(given) < len(TORQUE) or axis.rated_torque is None):
+        missing = [key for key in TORQUE if key not in given]
+        missing += [] if axis.rated_torque is not None else [f"rated_torque in [axes.{axis.name}]"]
+        yield case.warning(
+            node.at.line,
+            f"axis {axis.name} has no torques",
+            f"{', '.join(given)} without {', '.join(missing)}",
+            "give all of them, or none",
+        )
+
+
+def endpoints(case: CheckContext) -> Problems:
+    """Check that the named list of endpoints is valid and belongs to the module's firmware."""
+    for node, module in _modules(case):
+        try:
+            list_of(node, case.cell.folder)
+        except ArgumentError as error:
+            yield case.error(
+                module.at.of("endpoints"),
+                f"[nodes.{node.node_id}.{node.protocol}]: {error.message}",
+                error.observed,
+                error.remedy,
+            )
+
+
+def line(case: CheckContext) -> Problems:
+    """Check that a serial line has only modules that speak Modbus, and that these have the settings that they need."""
+    bus = case.cell.bus
+    on_line = is_line(bus)
+    if on_line and bus.bitrate is not None and bus.bitrate not in RATES:
+        yield case.error(
+            bus.at.of("bitrate"),
+            f"{bus.bitrate} bit/s is not a bit rate of a module on RS485",
+            "",
+            f"there are {', '.join(map(str, RATES))}",
+        )
+    for node in case.cell.nodes.values():
+        if (node.protocol == MODBUS) != on_line:
+            yield case.error(
+                node.at.line,
+                f'[nodes.{node.node_id}] has the protocol {node.protocol}, and [bus] has interface = "{bus.interface}"',
+                "",
+                'interface = "modbus" is a serial line, whose nodes have protocol = "modbus", and only these',
+            )
+        elif on_line and node.module is not None:
+            yield from _on_line(case, node, node.module)
+
+
+def _on_line(case: CheckContext, node: NodeConfig, module: ModuleConfig) -> Problems:
+    name = f"[nodes.{node.node_id}.{MODBUS}]"
+    if node.node_id not in _ON_LINE:
+        yield case.error(
+            node.at.line,
+            f"node {node.node_id} is not a node ID of a module on RS485",
+            "",
+            "they are from 1 to 63: 0 is the broadcast address, which no module answers",
+        )
+    if module.endpoints is None:
+        yield case.error(
+            node.at.line,
+            f"{name} names no list of endpoints",
+            "no register contains the position of an idle rotor",
+            'endpoints = "endpoints_0.5.13.json", the manufacturer\'s list for its firmware',
+        )
+    for key in _NOT_ON_LINE:
+        if getattr(module, key) is not None:
+            yield case.error(
+                module.at.of(key),
+                f"{name} has {key}, which does not exist on RS485",
+                "its modes are set only in idle: an axis has profile position and homing",
+                f"leave {key} out; torques and velocities: axisbus gim6010 modbus",
+            )
+    for axis in case.cell.axes_of(node.node_id):
+        if axis.stop.quick_stop is not None and axis.stop.quick_stop.endswith("-hold"):
+            yield case.error(
+                axis.at.line,
+                f"axis {axis.name} is configured to hold after a quick stop, and on RS485 it cannot",
+                "a quick stop brakes by velocity 0; a module changes back to positions only in idle",
+                'leave quick_stop out of its [stop], or write quick_stop = "ramp"',
+            )
+
+
+CHECKS: tuple[Check, ...] = (identifiers, firmware, settings, endpoints, line)
+
+
+# -- Check that the axis of a module uses only the functions of its port, and warn of its dangers ----------------------
+
+
+_OPTIONS = {option.index: option for option in options.ALL}
+_NO_WIRE = frozenset({SIMULATED, "virtual"})
+
+
+def _described(case: CheckContext) -> Mapping[int, Eds]:
+    """Return the descriptions (EDS) that the ports make of the modules, for modules with usable tables."""
+    found: dict[int, Eds] = {}
+    for node_id in modules_of(case.cell):
+        module = case.cell.nodes[node_id].module
+        if module is not None and module.at.sound(*READERS):
+            with suppress(ArgumentError, LimitError):
+                found[node_id] = description(settings_of(case.cell, node_id))
+    return found
+
+
+def _drives(case: CheckContext) -> Iterator[Drive]:
+    described = _described(case)
+    for axis in case.cell.axes.values():
+        if axis.at.sound("node", "drive_axis") and axis.node in described:
+            yield drive_of(case.cell, axis)
+
+
+def as_drives(case: CheckContext) -> Problems:
+    """Apply the checks of any drive that do not depend on PDOs."""
+    inner = CheckContext(case.cell, _described(case))
+    for check in (*limits.CHECKS, *modes.CHECKS, *ranges.CHECKS, *limits.WINDOW_CHECKS):
+        if inner.drives:
+            yield from (replace(problem, rule=id_of(check)) for problem in check(inner))
+
+
+def writes(case: CheckContext) -> Problems:
+    """Check that a module can take the values for its drive objects: its reactions and its own ramp are constant."""
+    for drive in _drives(case):
+        objects = ModulePort(settings_of(case.cell, drive.axis.node)).objects
+        for write in drive.written.values():
+            if not isinstance(write.value, int) or objects.write(write.index, write.subindex, write.value):
+                is_so = objects.constant(write.index, write.subindex)
+                yield case.error(
+                    write.line,
+                    f"{write.source} cannot be set in a module with CAN Simple",
+                    f"it has no such object, or an object with a fixed value{_words(write.index, is_so)}",
+                    "leave it out, or give the behaviour of the module; docs/gim6010-8.md has its stop sequence",
+                )
+
+
+def _words(index: int, value: int | None) -> str:
+    if value is None:
+        return ""
+    option = _OPTIONS.get(index)
+    return f": {value}" if option is None else f": {option.title} is {value}, {option.meaning(value)}"
+
+
+def no_more(case: CheckContext) -> Problems:
+    """Check that a module is not asked for functions that it lacks: inputs, outputs, and feed-forward."""
+    for node_id in modules_of(case.cell):
+        for point in case.cell.io_of(node_id):
+            yield case.error(
+                point.at.line,
+                f"[io.{point.name}]: node {node_id} uses CAN Simple, and has no inputs and outputs",
+                "",
+                "leave it out, or give another node",
+            )
+    for drive in _drives(case):
+        if feed_forward(drive.axis, None) is not None:
+            yield case.error(
+                drive.axis.feed_forward.at.line,
+                f"axis {drive.axis.name}: a module with CAN Simple gets no feed-forward",
+                "a feed-forward value would continue after the master is dead",
+                "leave the table out",
+            )
+
+
+def in_place(case: CheckContext) -> Problems:
+    """Check that the axis is homed at its present position: a module has no other homing methods."""
+    for drive in _drives(case):
+        given = drive.axis.homing
+        if given.method is not None and given.method not in homing.IN_PLACE:
+            yield case.error(
+                given.at.of("method"),
+                f"axis {drive.axis.name}: a module with CAN Simple does not have homing method {given.method}",
+                "homing only shifts its count at the present position, and nothing is sent for it",
+                f"write one of {', '.join(map(str, sorted(homing.IN_PLACE)))}",
+            )
+
+
+def dangers(case: CheckContext) -> Problems:
+    """Warn that the motor coasts without power, and that nothing on a module notices a dead master."""
+    bus = case.cell.bus
+    for drive in _drives(case):
+        name, line = drive.axis.name, drive.node.at.line
+        yield case.warning(
+            line,
+            f"axis {name}: without power the motor coasts, and a fault switches the power off",
+            "a module has no ramp for either",
+            "do not attach a load that can fall or run away; a stop brakes it first",
+        )
+        own = bus.process != "thread"
+        stops = "if the core has its own process, it stops the axis when the program or the core dies"
+        yield case.warning(
+            line,
+            f"axis {name}: no function of its module is known to detect a dead master"
+            + (
+                ""
+                if own or bus.interface in _NO_WIRE
+                else ", and nothing stops it when this program is killed"
+            ),
+            f"a velocity or a torque continues; {stops}, and nothing stops it when the computer or the bus fails",
+            "keep its speed and travel harmless, or cut its power by hardware that monitors the master"
+            + ("" if own else '; process = "own" in [bus]'),
+        )
+
+
+AXIS_CHECKS: tuple[Check, ...] = (as_drives, writes, no_more, in_place, dangers)

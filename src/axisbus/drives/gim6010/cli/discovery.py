@@ -1,0 +1,111 @@
+"""Discovery for ``find`` and ``errors``: listen, and send a limited number of requests; a wrong bit rate is detected silently."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, NamedTuple
+
+import click
+
+from axisbus.cli.shared import no_traffic_help
+from axisbus.cli.shared.buses import open_bus, opening_of, require_rate
+from axisbus.cli.shared.options import bus_words, parse_options
+
+if TYPE_CHECKING:
+    from axisbus.bus.link.other_rates import BitRateTraffic
+    from axisbus.drives.gim6010.discovery.finder import Finder
+    from axisbus.drives.gim6010.discovery.results import DiscoveredModule
+
+_LISTEN = 1.2  # s in listen-only mode at the given bit rate
+
+
+class BusOptions(NamedTuple):
+    """The bus options -i, -c, -b and -O."""
+
+    interface: str | None
+    channel: str | None
+    bitrate: int | None
+    option: tuple[str, ...]
+
+    @property
+    def words(self) -> str:
+        """The options as typed, to be repeated in a hint."""
+        return bus_words(None, *self)
+
+    def check(self) -> None:
+        """Refuse a missing bus or bit rate.
+
+        Raises:
+            UsageError: one of them is missing.
+        """
+        if self.interface is None:
+            raise click.UsageError("give the bus with -i and -c (such as: -i socketcan -c can0)")
+        if self.interface != "sim":
+            require_rate(self.interface, self.bitrate, parse_options(self.option))
+
+    @property
+    def chooses_rate(self) -> bool:
+        """Whether its adapter can listen at any bit rate without sending."""
+        from axisbus.bus.link import other_rates
+
+        return other_rates.possible(self.interface or "", parse_options(self.option))
+
+
+def without_remote(line: BusOptions) -> bool:
+    """Whether its adapter's protocol has no remote frames."""
+    from axisbus.drives.gim6010.cell.modules import NO_REMOTE
+
+    return line.interface in NO_REMOTE
+
+
+def look(line: BusOptions, finder: Finder, *, quiet: bool = False) -> BitRateTraffic | None:
+    """Run ``finder`` on a bus; if traffic is received only at another bit rate, send nothing and return that traffic.
+
+    An adapter with a listen-only mode listens in it first. Blocks some seconds.
+
+    Raises:
+        UsageError, AdapterError, ConfigError: the bus cannot be opened.
+    """
+    line.check()
+    finder.remote = not without_remote(line)
+    if line.chooses_rate and not _heard(line):
+        elsewhere = no_traffic_help.listen(opening_of(None, *line), quiet=quiet)
+        if elsewhere is not None:
+            return elsewhere
+    from axisbus.drives.gim6010.bus.run import run
+
+    with ExitStack() as stack:
+        run(open_bus(stack, None, *line), finder)
+    return None
+
+
+def _heard(line: BusOptions) -> bool:
+    """Whether any frame is received at the given bit rate, in listen-only mode."""
+    from axisbus.bus.link import adapter
+    from axisbus.bus.link.listen import listen
+
+    options = adapter.forced(line.interface or "", parse_options(line.option))
+    with listen(line.interface or "", line.channel, line.bitrate, options) as listener:
+        return any(not frame.error for frame in listener.frames(_LISTEN))
+
+
+def survey(line: BusOptions, node: int | None = None) -> tuple[Finder, tuple[DiscoveredModule, ...]]:
+    """Query all node IDs on a bus, or only one, and return the finder with its results; error words are not requested.
+
+    Raises:
+        UsageError, AdapterError, ConfigError: as ``look``.
+        StateError: the bus runs at another bit rate.
+    """
+    from axisbus.drives.gim6010.discovery.finder import Finder, Only, ProbeScope
+    from axisbus.drives.gim6010.discovery.results import findings
+    from axisbus.errors import StateError
+
+    only = Only(None if node is None else frozenset({node}))
+    finder = Finder(ask=ProbeScope.ALL, only=only, words=False)
+    elsewhere = look(line, finder)
+    if elsewhere is not None:
+        raise StateError(
+            f"this bus runs at {elsewhere.bitrate} bit/s, not at {line.bitrate}",
+            remedy=f"give -b {elsewhere.bitrate}",
+        )
+    return finder, findings(finder)

@@ -1,0 +1,104 @@
+"""``axisbus gim6010 find``: find the modules on a bus, and the protocol of each."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from axisbus.cli.shared import no_traffic_help
+from axisbus.cli.shared.buses import opening_of
+from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
+from axisbus.cli.shared.options import bus_options
+from axisbus.drives.gim6010.cli.discovery import BusOptions, look
+
+if TYPE_CHECKING:
+    from axisbus.bus.link.other_rates import BitRateTraffic
+    from axisbus.drives.gim6010.discovery.finder import Finder
+    from axisbus.drives.gim6010.discovery.results import DiscoveredModule
+
+
+@click.command("find")
+@bus_options
+@click.option(
+    "--ask",
+    type=click.Choice(["none", "heard", "all"]),
+    help="The node IDs to ask: none, those that were heard, or all. By default all, and those heard if there is other traffic.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
+def command(
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    option: tuple[str, ...],
+    ask: str | None,
+    as_json: bool,
+) -> int:
+    """Find the modules on a bus: protocol, node ID, firmware, state, errors, supply voltage, and what to type next.
+
+    It listens for 1.5 s and then sends requests: one at a time, at least 10 ms apart, at most 24 for each module, and none that
+    commands anything. Nothing is sent on an identifier that another node uses; at the first sign that no node acknowledges, it
+    ends. Takes about 10 s if all node IDs are asked. Exit code 1 when no module is found, or several have one node ID.
+
+    It listens at other bit rates only in an adapter's listen-only mode; if the adapter has none, only the given rate is tried.
+    """
+    from axisbus.drives.gim6010.discovery.finder import Finder, ProbeScope
+    from axisbus.drives.gim6010.discovery.results import findings
+
+    asked = {None: None, "none": ProbeScope.NOBODY, "heard": ProbeScope.HEARD, "all": ProbeScope.ALL}[ask]
+    line, finder = BusOptions(interface, channel, bitrate, option), Finder(ask=asked)
+    elsewhere = look(line, finder, quiet=as_json)
+    found = findings(finder)
+    if as_json:
+        say_json(_plain(finder, found, elsewhere))
+    else:
+        _show(line, finder, found, elsewhere)
+    ours = [each for each in found if each.ours]
+    return OK if ours and not any(each.several for each in ours) else WRONG
+
+
+def _show(
+    line: BusOptions, finder: Finder, found: tuple[DiscoveredModule, ...], elsewhere: BitRateTraffic | None
+) -> None:
+    from axisbus.drives.gim6010.discovery import report_text
+
+    for each in found:
+        for text in report_text.lines(each):
+            say(text)
+    for text in report_text.about_the_bus(finder):
+        say(text)
+    if not found:
+        _nobody(line, finder, elsewhere)
+    for step in report_text.following(found, line.words):
+        say_next(step)
+
+
+def _nobody(line: BusOptions, finder: Finder, elsewhere: BitRateTraffic | None) -> None:
+    """Print that there is no module, and possible reasons."""
+    if elsewhere is None:
+        heard = finder.picture.listening.frames
+        say(
+            "no module was found"
+            if heard
+            else "nothing was heard: check supply, cable and termination; then the bit rate"
+        )
+    if elsewhere is not None or not finder.picture.listening.frames:
+        no_traffic_help.show(elsewhere, opening_of(None, *line))
+
+
+def _plain(
+    finder: Finder, found: tuple[DiscoveredModule, ...], elsewhere: BitRateTraffic | None
+) -> dict[str, Any]:
+    foreign = [
+        {"can_id": each.can_id, "extended": each.extended, "frames": each.frames}
+        for each in finder.picture.foreign()
+    ]
+    return {
+        "modules": [each.plain for each in found],
+        "foreign": foreign,
+        "asked": finder.asked.name.lower(),
+        "not_asked": finder.left_out,
+        "unacknowledged": finder.unacknowledged or None,
+        "frames": finder.picture.listening.frames,
+        "other_bitrate": None if elsewhere is None else elsewhere.bitrate,
+    }

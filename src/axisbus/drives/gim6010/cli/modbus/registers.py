@@ -1,0 +1,318 @@
+"""``axisbus gim6010 modbus``: the commands that read and write registers."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
+from axisbus.drives.gim6010.cli.modbus.target_module import (
+    ModbusTarget,
+    list_options,
+    opened,
+    parameters,
+    target_options,
+)
+from axisbus.drives.gim6010.cli.settings.zero import set_zero
+from axisbus.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from axisbus.drives.gim6010.can_simple.fields import Number
+    from axisbus.drives.gim6010.modbus.module import ModbusModule
+    from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
+    from axisbus.drives.gim6010.modbus.registers import Register
+
+
+# -- Parse and format values of registers and parameters ---------------------------------------------------------------
+
+
+def is_parameter(name: str) -> bool:
+    """Whether a name is a parameter of the list of endpoints: these have a point, except a few of the first level."""
+    from axisbus.drives.gim6010.modbus.registers import BY_NAME
+
+    return "." in name or name not in BY_NAME
+
+
+def pair(text: str) -> tuple[str, str]:
+    """Return NAME and VALUE of ``NAME=VALUE``.
+
+    Raises:
+        UsageError: the text has another form.
+    """
+    name, equals, value = text.partition("=")
+    if not equals or not name or not value:
+        raise click.UsageError(f"{text!r}: write NAME=VALUE")
+    return name.strip(), value.strip()
+
+
+def parse(register: Register, text: str) -> Number:
+    """Return a text as a value of the register's type.
+
+    Raises:
+        ArgumentError: the text is not such a value.
+    """
+    found: Number | None
+    try:
+        found = float(text) if register.field.type.name == "float32" else int(text, 0)
+    except ValueError:
+        found = None
+    if found is None or not math.isfinite(found):
+        raise ArgumentError(
+            f"{register.name}: {text!r} is not a value of type {register.field.type.name} that can be written"
+        )
+    return found
+
+
+def show(register: Register, value: Number) -> str:
+    """Return a value as text with its meaning, its unit and its side of the gear."""
+    field = register.field
+    number = f"{value:.7g}" if isinstance(value, float) else str(value)
+    words = field.values.get(int(value)) if field.values and math.isfinite(value) else None
+    side = f" ({field.side.value})" if field.side.value else ""
+    return " ".join(filter(None, (number, words and f"({words})", field.unit))) + side
+
+
+# -- ``axisbus gim6010 modbus read``: read registers, and parameters by name -------------------------------------------
+
+
+@click.command("read")
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+@list_options
+@click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
+def read_command(target: ModbusTarget, names: tuple[str, ...], as_json: bool) -> int:
+    """Read values by name: registers (all without a NAME), and with --list parameters by their USB names.
+
+    Values of several registers are read whole. Position and velocity are only updated in closed loop, and may be outdated
+    otherwise; in JSON they are null then.
+    """
+    from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP
+    from axisbus.drives.gim6010.modbus.registers import ALIVE_IN_CLOSED_LOOP, REGISTERS, named
+    from axisbus.drives.gim6010.parameters import values
+
+    wanted = names or tuple(
+        each.name for each in REGISTERS if each.readable and each.name != "endpoint_return"
+    )
+    if target.listed is None:
+        for name in wanted:
+            named(name.removeprefix("odrv0.")) if not is_parameter(name) else _require_list(name)
+    with opened(target) as module:
+        known = parameters(target, module) if any(map(is_parameter, wanted)) else None
+        found: dict[str, object] = {}
+        for name in wanted:
+            if is_parameter(name) and known is not None:
+                value = known.read(name)
+                found[name] = values.plain(value)
+                text = values.show(value)
+            else:
+                number = module.read(name)
+                dead = name in ALIVE_IN_CLOSED_LOOP and module.state != CLOSED_LOOP
+                found[name] = None if dead else values.plain(number)
+                text = show(named(name), number) + (" (may be outdated: not in closed loop)" if dead else "")
+            if not as_json:
+                say(f"{name} = {text}")
+    if as_json:
+        say_json(found)
+    return OK
+
+
+def _require_list(name: str) -> None:
+    from axisbus.drives.gim6010.modbus.registers import BY_NAME
+
+    raise click.UsageError(
+        f"{name!r} is not a register ({', '.join(BY_NAME)}); a parameter of the firmware needs its list of endpoints: --list"
+    )
+
+
+# -- ``axisbus gim6010 modbus state``: print the state of a module -----------------------------------------------------
+
+
+_SHOWN = (
+    "control_mode",
+    "input_mode",
+    "position_setpoint",
+    "velocity_setpoint",
+    "torque_setpoint",
+    "velocity_limit",
+    "current_limit",
+    "bus_voltage",
+    "bus_current",
+    "iq_feedback",
+)
+
+
+@click.command("state")
+@target_options
+@click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
+def state_command(target: ModbusTarget, as_json: bool) -> int:
+    """Show the state of a module: its errors, modes, set-points, limits, supply, and in closed loop its position and velocity.
+
+    It commands nothing. Exit code 1 when there is an error. In idle, position and velocity are not shown: they may be outdated.
+    """
+    from axisbus.drives.gim6010.can_simple.states import state_words
+    from axisbus.drives.gim6010.modbus.motion.look import look
+    from axisbus.drives.gim6010.modbus.registers import named
+    from axisbus.drives.gim6010.parameters import values
+
+    with opened(target) as module:
+        seen = look(module, tries=3)
+        found = {name: module.read(name) for name in _SHOWN}
+    if as_json:
+        plain = {name: values.plain(value) for name, value in found.items()}
+        say_json(
+            {
+                "state": seen.state,
+                "flags": seen.flags,
+                "position": seen.position,
+                "velocity": seen.velocity,
+                **plain,
+            }
+        )
+        return WRONG if seen.flags else OK
+    say(f"module {target.node} is in {state_words(seen.state)}" + (", with errors" if seen.flags else ""))
+    for name, value in (("position_feedback", seen.position), ("velocity_feedback", seen.velocity)):
+        say(f"  {name}: {'not alive' if value is None else show(named(name), value)}")
+    for name, value in found.items():
+        say(f"  {name}: {show(named(name), value)}")
+    if seen.flags:
+        say_next(f"axisbus gim6010 modbus errors {target.words}")
+    return WRONG if seen.flags else OK
+
+
+# -- ``axisbus gim6010 modbus errors``: print every error of a module with its name and explanation, and clear them ----
+
+
+@click.command("errors")
+@target_options
+@click.option("--clear", is_flag=True, help="Clear them, and show those that remain; in idle only.")
+@click.option("--json", "as_json", is_flag=True, help="Print the error words as JSON.")
+def errors_command(target: ModbusTarget, clear: bool, as_json: bool) -> int:
+    """Show every error of a module: its category, the meaning of each bit, and what to check. Exit code 1 when there is one."""
+    return tell_errors(target, clear=clear, as_json=as_json)
+
+
+def tell_errors(target: ModbusTarget, *, clear: bool = False, as_json: bool = False) -> int:
+    """Print a module's errors, after clearing them if requested; return the exit code."""
+    with opened(target) as module:
+        found = module.errors()
+        if clear and not as_json:
+            for line in found.lines:
+                say(f"was: {line}")
+        if clear:
+            found = module.clear_errors()
+    if as_json:
+        say_json({"flags": found.flags, **found.words})
+    else:
+        for line in found.lines or ["no error"]:
+            say(line)
+    return WRONG if found.any else OK
+
+
+# -- ``axisbus gim6010 modbus write``: write settings by name, read each back, set another node ID, and save -----------
+
+
+_NODE_ID = "node_id"
+
+
+@click.command("write")
+@click.argument("pairs", nargs=-1, metavar="[NAME=VALUE]...")
+@list_options
+@click.option("--save", is_flag=True, help="Save RAM to flash at the end; the module restarts.")
+def write_command(target: ModbusTarget, pairs: tuple[str, ...], save: bool) -> int:
+    """Write settings into RAM by name, each read back: registers, and with --list parameters by their USB names.
+
+    node_id=NEW is written alone: no other module may have that ID, and the command finds the module under it. Values that
+    enable, move or stop are not settings, and are not written here. Modes, parameters, node ID and saving need a module in
+    idle.
+    """
+    from axisbus.drives.gim6010.modbus.registers import named
+
+    wanted = dict(map(pair, pairs))
+    if not wanted and not save:
+        raise click.UsageError("give NAME=VALUE, or --save")
+    if _NODE_ID in wanted:
+        if len(pairs) > 1:
+            raise click.UsageError(
+                "node_id must be the only NAME=VALUE: it moves the module to another address"
+            )
+        return rename(target, int(parse(named(_NODE_ID), wanted[_NODE_ID])), save=save)
+    _check({name: text for name, text in wanted.items() if not is_parameter(name)})
+    with opened(target) as module:
+        known = parameters(target, module) if any(map(is_parameter, wanted)) else None
+        for name, text in wanted.items():
+            say(_written(module, known, name, text))
+        if save:
+            say(_saved(module, known))
+        else:
+            say_next(
+                f"in RAM only, lost at the next start; to save it: axisbus gim6010 modbus write --save {target.words}"
+            )
+    return OK
+
+
+def _check(wanted: dict[str, str]) -> None:
+    """Refuse invalid settings before the port is opened."""
+    from axisbus.drives.gim6010.modbus.module import require_setting
+    from axisbus.drives.gim6010.modbus.registers import named
+    from axisbus.drives.gim6010.modbus.requests import write
+
+    for name, text in wanted.items():
+        register = named(name)
+        require_setting(register)
+        write(register, parse(register, text))
+
+
+def _written(module: ModbusModule, known: ModbusParameters | None, name: str, text: str) -> str:
+    from axisbus.drives.gim6010.modbus.registers import named
+    from axisbus.drives.gim6010.parameters import values
+
+    if known is not None and is_parameter(name):
+        endpoint = known.endpoint(name)
+        before = values.show(known.read(name))
+        return f"{name} = {values.show(known.write(name, values.parse(endpoint, text), by_name=True))} (was {before})"
+    register = named(name)
+    before = show(register, module.read(name))
+    return f"{name} = {show(register, module.write(name, parse(register, text)))} (was {before})"
+
+
+def _saved(module: ModbusModule, known: ModbusParameters | None) -> str:
+    if known is not None:
+        known.save()
+        return "saved, and read again"
+    return (
+        "saved: it restarted, and answers" if module.save() else "saved: it answers, and no restart was seen"
+    )
+
+
+def rename(target: ModbusTarget, new: int, *, save: bool) -> int:
+    """Set another node ID in a module, and print how to reach it then; return the exit code."""
+    from axisbus.drives.gim6010.modbus.set_node_id import set_node_id
+
+    with opened(target) as module:
+        found = set_node_id(module, new, save=save)
+    if save:
+        say(f"module {target.node} is now module {new}, saved")
+        say_next(f"label it {new}; then axisbus gim6010 modbus state --port {target.port} --node {new}")
+        return OK
+    say(f"module {target.node} has node ID {new} in RAM, and answers to {found.device}")
+    say(f"after switching it off and on, it has {target.node} again")
+    return OK
+
+
+# -- ``axisbus gim6010 modbus zero``: define the present position of a module as 0, and save it ------------------------
+
+
+@click.command("zero")
+@list_options
+def zero_command(target: ModbusTarget) -> int:
+    """Set the present position of a module to 0, by its parameters (--list); the module saves it, and restarts.
+
+    In idle only. After a start a module knows its position within one turn of the rotor, so it is the zero of this turn.
+    Refused if its position does not agree with its encoder's count; then set it over USB.
+    """
+    with opened(target) as module:
+        set_zero(parameters(target, module))
+    say(f"module {target.node}: its zero is the present position; saved")
+    say_next(f"axisbus gim6010 modbus state {target.words}")
+    return OK

@@ -1,0 +1,175 @@
+"""The module of a command of ``modbus``: its serial port, its node ID, and, if needed, its list of endpoints."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from axisbus.cli.shared.common import say_note
+from axisbus.cli.shared.options import PATH, Decorated
+from axisbus.drives.gim6010.cli.params.endpoint_list import read_list
+from axisbus.drives.gim6010.modbus.registers import RATES
+
+if TYPE_CHECKING:
+    from axisbus.drives.gim6010.modbus.module import ModbusModule
+    from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
+    from axisbus.drives.gim6010.modbus.motion.watchdog_process import ModbusWatchdogProcess
+    from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
+
+PARITIES = ("none", "even", "odd")
+_HIGHEST = 247
+_WATCHDOG_NOTE = (
+    "if only this program is killed, its watchdog process stops the module; not if the computer or the cable fails, "
+    "or the program hangs"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ModbusTarget:
+    """The requested module; the list only if the command takes one."""
+
+    port: str
+    node: int
+    rate: int
+    parity: str
+    listed: Path | None = None
+    made_for: str | None = None
+
+    @property
+    def words(self) -> str:
+        """The module as typed, to be repeated in a hint."""
+        rate = "" if self.rate == RATES[-1] else f" --rate {self.rate}"
+        parity = "" if self.parity == PARITIES[0] else f" --parity {self.parity}"
+        return f"--port {self.port} --node {self.node}{rate}{parity}"
+
+
+def target_options(function: Decorated) -> Decorated:
+    """Add --port, --node, --rate and --parity; the command gets them together as ``target``."""
+    command = function
+
+    @functools.wraps(command)
+    def packed(port: str, node: int, rate: str, parity: str, **rest: Any) -> Any:
+        return command(target=ModbusTarget(port, node, int(rate), parity), **rest)
+
+    function = packed
+    for decorate in (
+        click.option(
+            "--parity",
+            type=click.Choice(PARITIES),
+            default=PARITIES[0],
+            show_default=True,
+            help="Parity bit.",
+        ),
+        click.option(
+            "--rate",
+            type=click.Choice(tuple(map(str, RATES))),
+            default=str(RATES[-1]),
+            show_default=True,
+            help="Bit rate in bit/s.",
+        ),
+        click.option("--node", type=click.IntRange(1, _HIGHEST), required=True, help="The module's node ID."),
+        click.option(
+            "--port", required=True, metavar="PORT", help="The serial port, such as /dev/ttyUSB0 or COM3."
+        ),
+    ):
+        function = decorate(function)
+    return function
+
+
+def list_options(function: Decorated) -> Decorated:
+    """Add --list and --made-for to a command with ``target_options``, as part of its ``target``."""
+    command = function
+
+    @functools.wraps(command)
+    def packed(target: ModbusTarget, listed: Path | None, made_for: str | None, **rest: Any) -> Any:
+        full = ModbusTarget(target.port, target.node, target.rate, target.parity, listed, made_for)
+        return command(target=full, **rest)
+
+    function = packed
+    for decorate in (
+        click.option(
+            "--made-for", metavar="VERSION", help="The list's firmware, if its name does not contain it."
+        ),
+        click.option(
+            "--list", "listed", type=PATH, help="The firmware's list of endpoints, as endpoints_0.5.13.json."
+        ),
+    ):
+        function = decorate(function)
+    return target_options(function)
+
+
+@contextmanager
+def opened(target: ModbusTarget) -> Iterator[ModbusModule]:
+    """Open the port for the module; sends nothing.
+
+    Raises:
+        UserError: the extra is not installed.
+        AdapterError: the port cannot be opened.
+    """
+    from axisbus.drives.gim6010.modbus.module import ModbusModule
+    from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
+
+    wire = SerialWire(target.port, rate=target.rate, parity=Parity[target.parity.upper()])
+    try:
+        yield ModbusModule(wire, target.node)
+    finally:
+        wire.close()
+
+
+@contextmanager
+def axis(target: ModbusTarget) -> Iterator[ModbusAxis]:
+    """Open the module to move it, with a watchdog process; at the end of the block it is stopped, and the result is printed.
+
+    Raises:
+        StateError: the module is not idle, or the watchdog process cannot be started.
+        NodeError: the module does not answer.
+        UserError, AdapterError: as ``opened``.
+    """
+    from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
+
+    with opened(target) as module:
+        module.require_idle("it is enabled")
+        with (
+            guard(target) as watchdog,
+            ModbusAxis(module, tell=say_note, guarded=lambda: watchdog.is_there) as found,
+        ):
+            yield found
+
+
+@contextmanager
+def guard(target: ModbusTarget) -> Iterator[ModbusWatchdogProcess]:
+    """Start a watchdog process that stops the module if this program is killed in the block; print its limitations.
+
+    Raises:
+        StateError: it cannot be started.
+    """
+    from axisbus.drives.gim6010.modbus.motion.watchdog_process import ModbusWatchdogProcess
+    from axisbus.drives.gim6010.modbus.serial_wire import Parity
+
+    watchdog = ModbusWatchdogProcess(
+        target.port, target.node, rate=target.rate, parity=Parity[target.parity.upper()]
+    )
+    with watchdog:
+        say_note(_WATCHDOG_NOTE)
+        yield watchdog
+
+
+def parameters(target: ModbusTarget, module: ModbusModule) -> ModbusParameters:
+    """Return the module's parameters after checking that its list fits; blocks.
+
+    Raises:
+        UsageError: the list or its firmware is not given.
+        UserError, ArgumentError: the list does not fit.
+        NodeError: the module does not answer.
+    """
+    from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
+
+    found = ModbusParameters(module)
+    found.open(*read_list(target.listed, target.made_for))
+    return found

@@ -1,0 +1,330 @@
+"""The commands that set parameters of a module: ``axisbus gim6010 limits``, ``watchdog`` and others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.shared.common import OK, say
+from axisbus.cli.shared.options import Seconds
+from axisbus.drives.gim6010.cli.params.module import ModuleSelection, module_options
+from axisbus.drives.gim6010.cli.settings.common import end, over_usb, put, save_option, show, with_module
+
+if TYPE_CHECKING:
+    from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
+    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+
+
+# -- ``axisbus gim6010 limits``: the module's own limits of velocity and current ---------------------------------------
+
+
+@click.command("limits")
+@click.option("--velocity", type=float, help="In turns/s of the rotor.")
+@click.option("--current", type=float, help="In A of the motor, at most 50.")
+@module_options
+@save_option
+def limits_command(asked: ModuleSelection, velocity: float | None, current: float | None, save: bool) -> int:
+    """Set the module's own limits of velocity and motor current, only while it is idle; with neither, show them.
+
+    With --list, or over --usb, they are written as parameters and read back. Otherwise both have to be given, and are sent in
+    one message (Set_Limits) that owners have seen to work, but that nothing confirms: the limits apply until the next start,
+    and --save is refused. Over --modbus they are registers, read back.
+    """
+    from axisbus.drives.gim6010.settings import limits
+
+    if velocity is None and current is None:
+        return show(asked, limits.PATHS)
+    wanted = limits.wanted(velocity, current)
+    _say_output(velocity)
+    if asked.listed is None and asked.serial is not None:
+        return _by_register(asked, asked.serial, {"velocity": velocity, "current": current}, save=save)
+    if asked.listed is None and asked.usb is None:
+        return _by_message(asked, velocity, current, save=save)
+    code = with_module(asked, lambda module: put(module, wanted, save=save), wanted.over_usb)
+    if code == OK:
+        end(asked, _typed({"velocity": velocity, "current": current}), saved=save)
+    return code
+
+
+def _typed(limits: Mapping[str, float | None]) -> str:
+    return " ".join(
+        ["limits", *(f"--{name} {value:g}" for name, value in limits.items() if value is not None)]
+    )
+
+
+def _by_register(
+    asked: ModuleSelection, serial: ModbusTarget, limits: Mapping[str, float | None], *, save: bool
+) -> int:
+    from axisbus.drives.gim6010.cli.modbus.registers import show
+    from axisbus.drives.gim6010.cli.modbus.target_module import opened
+    from axisbus.drives.gim6010.modbus.registers import named
+
+    with opened(serial) as module:
+        module.require_idle("its limits are set")
+        for name, value in ((f"{name}_limit", value) for name, value in limits.items() if value is not None):
+            before = show(named(name), module.read(name))
+            say(f"{name} = {show(named(name), module.write(name, value))} (was {before})")
+        if save:
+            module.save()
+    end(asked, _typed(limits), saved=save)
+    return OK
+
+
+def _say_output(velocity: float | None) -> None:
+    from axisbus.drives.gim6010.make import GEAR_RATIO
+
+    if velocity is not None:
+        say(
+            f"{velocity:g} turns/s of the rotor are {velocity / GEAR_RATIO:g} turns/s of the output at {GEAR_RATIO}:1"
+        )
+
+
+def _by_message(asked: ModuleSelection, velocity: float | None, current: float | None, *, save: bool) -> int:
+    if velocity is None or current is None:
+        raise click.UsageError(
+            "without --list both limits go out in one message: give --velocity and --current"
+        )
+    if save:
+        raise click.UsageError(
+            "unconfirmed limits are not saved: give the firmware's list with --list, or save over USB"
+        )
+    from axisbus.drives.gim6010.bus.limits_by_message import ModuleByMessage
+    from axisbus.drives.gim6010.cli.settings.message_client import line_of
+
+    with ExitStack() as stack:
+        line = line_of(asked, stack)
+        module = ModuleByMessage(line)
+        stack.enter_context(line)
+        module.set_limits(velocity, current)
+    say(
+        f"sent to module {asked.node}: {velocity:g} turns/s and {current:g} A; nothing confirms it, and its next start undoes it"
+    )
+    return OK
+
+
+# -- ``axisbus gim6010 watchdog``: the watchdog by which a module detects that it gets no more commands ----------------
+
+
+@click.command("watchdog")
+@click.option(
+    "--break-timeout", "broken", type=Seconds(), help="For can.config.break_timeout, such as 500ms."
+)
+@click.option("--axis-timeout", "axis", type=Seconds(), help="For the axis's watchdog, such as 500ms.")
+@click.option(
+    "--off", "switched_off", is_flag=True, help="Switch both off, and clear the error that they have caused."
+)
+@module_options
+@save_option
+def watchdog_command(
+    asked: ModuleSelection, broken: float | None, axis: float | None, switched_off: bool, save: bool
+) -> int:
+    """Arm the watchdogs that disarm a module when no set-point arrives within a time, or switch them off; with no option, show
+    them.
+
+    Written as parameters and read back, only to a module that is idle. An armed watchdog runs from then on, also in idle.
+    """
+    from axisbus.drives.gim6010.settings import watchdog
+
+    if switched_off and (broken is not None or axis is not None):
+        raise click.UsageError("--off excludes the times")
+    if broken is None and axis is None and not switched_off:
+        return show(asked, watchdog.PATHS)
+    wanted = watchdog.off() if switched_off else watchdog.wanted(broken, axis)
+
+    def act(module: ModuleParameters) -> None:
+        put(module, wanted, save=save)
+        if switched_off and not save:
+            _clear(module)
+
+    code = with_module(asked, act, wanted.over_usb)
+    if code == OK:
+        given = (("--break-timeout", broken), ("--axis-timeout", axis))
+        times = " ".join(f"{name} {value:g}s" for name, value in given if value is not None)
+        end(asked, f"watchdog {times or '--off'}", saved=save)
+    return code
+
+
+def _clear(module: ModuleParameters) -> None:
+    """Clear the error of a watchdog trip, if the axis reports no other one."""
+    from axisbus.drives.gim6010.settings.watchdog import LATCHED
+
+    error = module.axis_error
+    if error and not error & ~LATCHED:
+        module.clear_errors()
+        say("the error that it had caused is cleared")
+
+
+# -- ``axisbus gim6010 termination``: the module's own resistor of 120 Ω, on or off ------------------------------------
+
+
+@click.command("termination")
+@click.argument("state", type=click.Choice(["on", "off"]), required=False)
+@module_options
+@save_option
+def termination_command(asked: ModuleSelection, state: str | None, save: bool) -> int:
+    """Switch the module's own terminating resistor of 120 Ω on or off; without ON or OFF, show it.
+
+    Written as a parameter and read back, only to a module that is idle. If it answers no endpoint, the steps over USB are
+    shown.
+    """
+    from axisbus.drives.gim6010.settings import termination
+
+    if state is None:
+        return show(asked, (termination.ENABLED, termination.PIN))
+    wanted = termination.wanted(on=state == "on")
+
+    def act(module: ModuleParameters) -> None:
+        termination.require_switch(module)
+        put(module, wanted, save=save)
+
+    code = with_module(asked, act, wanted.over_usb)
+    if code == OK:
+        end(asked, f"termination {state}", saved=save)
+    return code
+
+
+# -- ``axisbus gim6010 endstops``: the module's own two limit switches -------------------------------------------------
+
+
+_SWITCH = click.Choice(["on", "off"])
+
+
+@click.command("endstops")
+@click.option("--min", "lowest", type=_SWITCH, help="LW1, at the lowest position.")
+@click.option("--max", "highest", type=_SWITCH, help="LW2, at the highest position.")
+@module_options
+@save_option
+def endstops_command(asked: ModuleSelection, lowest: str | None, highest: str | None, save: bool) -> int:
+    """Switch the module's own limit switches on or off; with neither option, show them.
+
+    Written as parameters and read back, only to a module that is idle. Refused for hardware that has none (3.7).
+    """
+    from axisbus.drives.gim6010.settings import endstops
+
+    if lowest is None and highest is None:
+        return show(asked, endstops.PATHS)
+    wanted = endstops.wanted(*(None if each is None else each == "on" for each in (lowest, highest)))
+
+    def act(module: ModuleParameters) -> None:
+        endstops.require_hardware(module)
+        put(module, wanted, save=save)
+
+    code = with_module(asked, act, wanted.over_usb)
+    if code == OK:
+        given = (("--min", lowest), ("--max", highest))
+        words = " ".join(f"{name} {state}" for name, state in given if state is not None)
+        end(asked, f"endstops {words}", saved=save)
+    return code
+
+
+# -- ``axisbus gim6010 brake-resistor``: the resistor that dissipates the energy of a braking motor --------------------
+
+
+Ramp = tuple[float, float]
+
+
+@click.command("brake-resistor")
+@click.option("--ohm", type=float, help="The resistance of the resistor, in Ω.")
+@click.option(
+    "--max-regen", type=float, help="Highest current in A into the supply; the rest goes into the resistor."
+)
+@click.option(
+    "--ramp",
+    nargs=2,
+    type=float,
+    metavar="BEGIN END",
+    help="Supply voltages in V at which the resistor begins to act, and at which it is fully on.",
+)
+@click.option("--off", "switched_off", is_flag=True, help="Switch it off.")
+@module_options
+@save_option
+def brake_resistor_command(
+    asked: ModuleSelection,
+    ohm: float | None,
+    max_regen: float | None,
+    ramp: Ramp | None,
+    switched_off: bool,
+    save: bool,
+) -> int:
+    """Switch a braking resistor on or off; with no option, show its settings.
+
+    --ohm goes with --max-regen, with --ramp, or with both. Written as parameters and read back, only to a module that is idle.
+    A ramp that ends above the module's own overvoltage limit is refused.
+    """
+    from axisbus.drives.gim6010.settings import brake_resistor as resistor
+
+    given = ohm is not None or max_regen is not None or ramp is not None
+    if switched_off and given:
+        raise click.UsageError("--off excludes all other options")
+    if not switched_off and not given:
+        return show(asked, resistor.PATHS)
+    if not switched_off and ohm is None:
+        raise click.UsageError("give the resistance with --ohm")
+    wanted = resistor.off() if ohm is None else resistor.wanted(ohm, max_regen, ramp)
+
+    def act(module: ModuleParameters) -> None:
+        resistor.require_below_trip(module, ramp)
+        put(module, wanted, save=save)
+
+    code = with_module(asked, act, wanted.over_usb)
+    if code == OK:
+        end(asked, f"brake-resistor {_brake_resistor_typed(ohm, max_regen, ramp)}", saved=save)
+    return code
+
+
+def _brake_resistor_typed(ohm: float | None, max_regen: float | None, ramp: Ramp | None) -> str:
+    if ohm is None:
+        return "--off"
+    current = "" if max_regen is None else f" --max-regen {max_regen:g}"
+    volts = "" if ramp is None else f" --ramp {ramp[0]:g} {ramp[1]:g}"
+    return f"--ohm {ohm:g}{current}{volts}"
+
+
+# -- ``axisbus gim6010 pulses``: the meaning of a pulse of pulse and direction, and how to configure it ----------------
+
+
+@click.command("pulses")
+@click.option("--per-turn", type=int, required=True, help="Pulses per turn of the rotor.")
+@click.option("--turns", type=int, required=True, help="The range of set-points, in turns of the rotor.")
+@click.option("--circular", is_flag=True, help="Let set-points wrap around at the end of that range.")
+def pulses_command(per_turn: int, turns: int, circular: bool) -> int:
+    """Show the size of a pulse at rotor and output, the velocity at the highest pulse rate, and the steps to set it over USB.
+
+    Sends nothing and writes nothing: the modes of the pins are set by names that only USB has.
+    """
+    from axisbus.drives.gim6010.settings.pulse_inputs import Pulses
+
+    pulses = Pulses(per_turn, turns, circular)
+    for line in pulses.table:
+        say(line)
+    for note in pulses.notes:
+        say(f"  note: {note}")
+    over_usb(pulses.steps)
+    return OK
+
+
+# -- ``axisbus gim6010 pwm``: the mapping of a remote control's pulses, and how to configure it ------------------------
+
+
+@click.command("pwm", context_settings={"ignore_unknown_options": True})
+@click.argument("follows", type=click.Choice(["position", "velocity", "torque"]))
+@click.argument("low", type=float)
+@click.argument("high", type=float)
+def pwm_command(follows: str, low: float, high: float) -> int:
+    """Show how pulses of 1 to 2 ms are mapped to LOW to HIGH (turns, turns/s or N·m of the rotor), and the steps to set it over
+    USB.
+
+    Sends nothing and writes nothing: the parameter that follows the pulses is set by a reference that only USB has.
+    """
+    from axisbus.drives.gim6010.settings.pulse_inputs import Follows, Mapping
+
+    mapping = Mapping(Follows[follows.upper()], low, high)
+    for line in mapping.table:
+        say(line)
+    for note in mapping.notes:
+        say(f"  note: {note}")
+    over_usb(mapping.steps)
+    return OK

@@ -1,0 +1,96 @@
+"""Common parts of the commands that set parameters: write, read back and save; if that fails, print the steps over USB."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
+from axisbus.cli.shared.options import Decorated
+from axisbus.drives.gim6010.cli.params.module import ModuleSelection, opened, require_list
+from axisbus.errors import NodeError
+
+if TYPE_CHECKING:
+    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+    from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
+
+Act = Callable[["ModuleParameters"], None]
+
+
+def save_option(function: Decorated) -> Decorated:
+    """Add --save."""
+    return click.option(
+        "--save",
+        is_flag=True,
+        help="Then save RAM to flash; the module restarts, and all values are read again.",
+    )(function)
+
+
+def over_usb(steps: Sequence[str]) -> None:
+    """Print steps over USB."""
+    say("do this over USB:")
+    for step in steps:
+        say(f"  {step}")
+
+
+def with_module(asked: ModuleSelection, act: Act, steps: Sequence[str]) -> int:
+    """Open a module and run ``act`` on its parameters; after a NodeError, print the ``steps`` over USB.
+
+    Raises:
+        UsageError, UserError, AdapterError: as ``opened``, or from ``act``.
+    """
+    require_list(asked)
+    try:
+        with opened(asked) as module:
+            act(module)
+    except NodeError as error:
+        say_error(str(error))
+        over_usb(steps)
+        return FAILURE
+    return OK
+
+
+def show(asked: ModuleSelection, paths: tuple[str, ...]) -> int:
+    """Print the present values of parameters."""
+    from axisbus.drives.gim6010.settings.parameter_batch import shown
+
+    def act(module: ModuleParameters) -> None:
+        for line in shown(module, paths):
+            say(line)
+
+    return with_module(asked, act, [f"odrv0.{path}, typed in odrivetool, shows it" for path in paths])
+
+
+def put(module: ModuleParameters, wanted: ParameterBatch, *, save: bool) -> None:
+    """Write all parameters, and save them if requested; if that fails midway, print which are in RAM."""
+    from axisbus.drives.gim6010.settings.parameter_batch import apply
+
+    told: list[str] = []
+
+    def tell(text: str) -> None:
+        told.append(text)
+        say(text)
+
+    try:
+        apply(module, wanted, tell)
+        if save:
+            module.save()
+    except BaseException:
+        if told:
+            say_error(
+                f"{len(told)} of {len(wanted.values)} were written into RAM before the error; switching it off and on undoes this"
+            )
+        raise
+    for note in wanted.notes:
+        say(f"  note: {note}")
+
+
+def end(asked: ModuleSelection, command: str, *, saved: bool) -> None:
+    """Print where the settings are now, and how to save them."""
+    if saved:
+        say("saved: it restarted, and has all of it")
+    else:
+        say("in RAM only: it is lost at the next start")
+        say_next(f"save it: axisbus gim6010 {command} {asked.words} --save")
