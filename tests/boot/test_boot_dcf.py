@@ -176,7 +176,7 @@ def test_on_a_bus_pdos_of_the_dcf_are_set_and_a_pdo_table_wins(cell, tmp_path):
 def test_calibration_in_a_dcf_is_not_written_at_boot(cell, monkeypatch):
     made = device_from_eds(GENERIC, 3)
     make = DrivePlugin("Maker", vendor_id=made.read(0x1018, 1), calibration_objects=((0x607D, None),))
-    monkeypatch.setattr(registry, "plugins", lambda: (make,))
+    monkeypatch.setattr(registry, "plugins", lambda _: (make,))
     factory = made.read(0x607D, 1)
     _booted(cell(), made)
     assert made.read(0x607D, 1) == factory != -9000

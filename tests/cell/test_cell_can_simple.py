@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from axisbus.cell import reader
+from axisbus.cell.other_protocols import with_dictionaries
 from axisbus.check.run import check
 from axisbus.core.files import load_dictionaries
-from axisbus.drives.gim6010.cell.drive import described, module_parameters
+from axisbus.drives.gim6010.cell.drive import module_parameters
 from axisbus.errors import ConfigError
 
 CELL = """[bus]
@@ -129,7 +130,7 @@ def test_a_can_simple_module_has_no_dictionary_and_is_described_by_its_port(cell
     found = reader.load(cell())
     files = load_dictionaries(found)
     assert sorted(files) == [40]
-    assert sorted(described(found, files)) == [16, 40]
+    assert sorted(with_dictionaries(found, files)) == [16, 40]
     parameters = module_parameters(found, "m")
     # pp, pv, tq, hm, csp: the modes of the port; it has the objects of csv and cst too, and does not use these
     assert {int(mode) for mode in parameters.modes} == {1, 3, 4, 6, 8}

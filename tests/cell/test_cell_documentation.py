@@ -8,16 +8,16 @@ from typing import Any
 
 import pytest
 
-from axisbus.cell import schema
+from axisbus.cell import other_protocols, schema
 from axisbus.units import AXIS_UNITS
 from kit import pages
 
 PAGE = pages.ROOT / "docs" / "cell-file.md"
 TABLES: Mapping[str, schema.Keys] = {
     "## `[bus]`": schema.BUS,
-    "## `[nodes.N]`": schema.NODE,
+    "## `[nodes.N]`": schema.node_keys(),
     "### `[nodes.N.pdo.NAME]`": schema.PDO,
-    "### `[nodes.N.can_simple]`": schema.MODULE,
+    "### `[nodes.N.can_simple]`": other_protocols.keys_of("can_simple"),
     "### `[nodes.N.program]`": schema.PROGRAM,
     "## `[axes.NAME]`": schema.AXIS,
     "### `[axes.NAME.defaults]`": schema.DEFAULTS,

@@ -30,7 +30,7 @@ WHOLE = [tomllib.loads(path.read_text(encoding="utf-8")) for path in CELLS]
 VALIDATOR = jsonschema.Draft7Validator(SCHEMA)
 TABLES = {
     "BUS": schema.BUS,
-    "NODE": schema.NODE,
+    "NODE": schema.node_keys(),
     "PROGRAM": schema.PROGRAM,
     "PDO": schema.PDO,
     "AXIS": schema.AXIS,

@@ -11,13 +11,15 @@ import pytest
 
 from axisbus.cell.problem import CellProblem, shared
 from axisbus.check.ids.table import READER, UNREADABLE, checks, id_of, ids
-from axisbus.check.run import CHECKS, check
+from axisbus.check.run import PACKAGE, all_checks, check
+from axisbus.drives import registry
 from axisbus.eds.model import Severity
 from axisbus.toml import tables
 from kit import cells
 from kit.pages import ROOT
 
 TABLE = (ROOT / "src" / "axisbus" / "check" / "ids" / "checks.tsv").read_text(encoding="utf-8").splitlines()
+CHECKS = all_checks(registry.parts(PACKAGE))
 ROWS = [line.split("\t") for line in TABLE if line.startswith("C")]
 OF_READING = {
     getattr(tables, name) for name in vars(tables) if re.fullmatch(r"C\d{3}", str(getattr(tables, name)))

@@ -239,7 +239,7 @@ def made_by_a_calibrated_make(monkeypatch, bus):
     _, stand_ins = bus
     vendor = stand_ins.devices[0].read(0x1018, 1)
     make = DrivePlugin("Maker", vendor_id=vendor, calibration_objects=((0x607D, 1),))
-    monkeypatch.setattr(registry, "plugins", lambda: (make,))
+    monkeypatch.setattr(registry, "plugins", lambda _: (make,))
 
 
 def test_calibration_stays_as_the_drive_has_it_unless_it_is_named(

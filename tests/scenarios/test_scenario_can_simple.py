@@ -168,7 +168,7 @@ def test_a_scan_that_fails_leaves_the_module_without_power_and_closing_reports_i
     cell = Cell(machine)
     cell.up()
     machine["m"].move_velocity(90.0).wait(5)
-    sender = machine._core.runtime.link._modules._senders[MODULE]
+    sender = machine._core.runtime.link._others.of(MODULE)._senders[MODULE]
     sender.port.read = None  # whatever a bug may be: the next cycle raises
     assert cell.rests()
     assert stay(lambda: not cell.module.energised, 3.0)

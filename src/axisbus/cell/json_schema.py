@@ -11,7 +11,8 @@ from typing import Any
 
 from axisbus.cell import key_descriptions, schema, virtual_keys
 from axisbus.cell.group_kinematics import KINDS
-from axisbus.drives.gim6010.cell.module import WORDS as MODULE_WORDS
+from axisbus.cell.other_protocols import PACKAGE, CellPart
+from axisbus.drives import registry
 from axisbus.toml import value_readers
 from axisbus.toml.tables import Keys
 from axisbus.units import INCREMENTS
@@ -62,18 +63,16 @@ def _node() -> Json:
     program["anyOf"] = [{"required": ["date_time"]}, {"required": ["identification"]}]
     pdos = _many("nodes.pdo", _PDO, _table(schema.PDO, key_descriptions.PDO))
     objects = _objects("nodes.objects")
-    module = _table(schema.MODULE, MODULE_WORDS, "nodes.can_simple")
-    line = _table(schema.MODULE, MODULE_WORDS, "nodes.modbus")
-    node = _table(
-        schema.NODE,
-        key_descriptions.NODE,
-        objects=objects,
-        pdo=pdos,
-        program=program,
-        can_simple=module,
-        modbus=line,
-    )
-    node["oneOf"] = [{"required": [each]} for each in ("eds", "dcf", "can_simple", "modbus")]
+    parts: list[CellPart] = registry.parts(PACKAGE)
+    others = {
+        protocol: {**_table(part.keys, part.descriptions), "description": text}
+        for part in parts
+        for protocol, text in part.tables.items()
+    }
+    named = " or ".join(f'"{protocol}"' for protocol in others)
+    about = {**key_descriptions.NODE, "protocol": key_descriptions.NODE["protocol"].format(named)}
+    node = _table(schema.node_keys(), about, "", objects=objects, pdo=pdos, program=program, **others)
+    node["oneOf"] = [{"required": [each]} for each in ("eds", "dcf", *others)]
     return node
 
 

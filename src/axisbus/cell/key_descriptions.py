@@ -9,8 +9,6 @@ TABLES: Mapping[str, str] = {
     "bus.options": "Further options for the adapter, with python-can's names.",
     "nodes": "One table for each device: [nodes.1] to [nodes.127].",
     "nodes.objects": 'Objects to write at boot: "6065" = 4000, "6099:01" = 100, or by name.',
-    "nodes.can_simple": "Properties that a module with CAN Simple does not report.",
-    "nodes.modbus": "The same for a module on RS485: as [nodes.N.can_simple], with endpoints, and without filter and torque.",
     "nodes.pdo": "PDOs to configure: rpdo1 to rpdo512, tpdo1 to tpdo512.",
     "nodes.program": "The program (firmware) that the node must have (1F52h, 1F56h).",
     "axes": "One table for each axis: [axes.x].",
@@ -60,7 +58,7 @@ NODE: Mapping[str, str] = {
     "configuration_date": "Date of its configuration (1020h:01): the node is configured only if it has another date.",
     "configuration_time": "Time of its configuration (1020h:02).",
     "restore_defaults": "Restore its defaults (1011h) before it is configured.",
-    "protocol": 'Its protocol: "canopen" (default), or "can_simple" or "modbus", which need a table of that name and no EDS.',
+    "protocol": 'Its protocol: "canopen" (default), or {}, which need a table of that name and no EDS.',
     "firmware": "Firmware version of a module with CAN Simple.",
 }
 

@@ -6,16 +6,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from axisbus.cia301.cob import SYNC, TIME
-from axisbus.drives.gim6010.cell.module import CANOPEN, ModuleConfig
 from axisbus.drives.plugin import DrivePlugin
 from axisbus.errors import StateError, UnknownNameError
 from axisbus.toml.tables import SourceLocation as SourceLocation
 from axisbus.units import INCREMENTS as INCREMENTS
 
 SIMULATED = "sim"  # the interface of a cell with simulated drives
+CANOPEN = "canopen"  # the protocol of a node that names no other
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +108,18 @@ class BusConfig:
 AUTOMATIC = "automatic"
 
 
+class ProtocolSettings(Protocol):
+    """The table ``[nodes.N.PROTOCOL]`` of a node that uses another protocol than CANopen, read by a drive plug-in."""
+
+    @property
+    def protocol(self) -> str:
+        """The word of the protocol."""
+
+    @property
+    def at(self) -> SourceLocation:
+        """The location of the table."""
+
+
 @dataclass(frozen=True, slots=True)
 class NodeConfig:
     """``[nodes.N]``: a device; ``eds`` or ``dcf`` is a path relative to the cell file, or ``builtin:name``.
@@ -115,7 +127,7 @@ class NodeConfig:
     ``optional``: the cell also opens without the node. ``on_lost``: the loss of a node without axes is a "stop" of the cell, or is
     only reported ("report"). ``rejoin``: whether a node that has returned is booted by a command only ("manual"), or automatically.
     ``serial`` and ``revision`` must match 1018h. ``configuration_date`` (days since 1984-01-01) and
-    ``configuration_time`` (ms after midnight) are those of 1020h. ``module``: the settings that a node that speaks CAN Simple needs
+    ``configuration_time`` (ms after midnight) are those of 1020h. ``module``: the settings that a node of another protocol needs
     instead of an EDS; ``firmware`` is its version. ``makes``: the drive plug-ins of the files that the cell names.
     """
 
@@ -133,7 +145,7 @@ class NodeConfig:
     restore_defaults: bool = False
     protocol: str = CANOPEN
     firmware: str | None = None
-    module: ModuleConfig | None = None
+    module: ProtocolSettings | None = None
     program: ProgramConfig | None = None
     objects: tuple[ObjectSetting, ...] = ()
     pdos: tuple[PdoConfig, ...] = ()

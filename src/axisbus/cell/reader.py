@@ -35,9 +35,9 @@ from axisbus.cell.model import (
     SourceLocation,
     StopConfig,
 )
+from axisbus.cell.other_protocols import part_for
 from axisbus.cell.virtual_keys import quick_deceleration
-from axisbus.drives import drive_file
-from axisbus.drives.gim6010.cell.module import SPOKEN, ModuleConfig
+from axisbus.drives import drive_file, registry
 from axisbus.drives.plugin import DrivePlugin
 from axisbus.errors import ConfigError
 from axisbus.toml import document as toml
@@ -217,10 +217,10 @@ class _Reading(Tables):
             self._error(path, f"{key!r} is not a node ID", remedy=remedy, rule=NO_NAME)
             return None
         table = self._table(path, raw)
-        fields = self._fields(path, table, schema.NODE, schema.NODE_TABLES)
-        spoken = next((each for each in SPOKEN if fields.get("protocol") == each or each in table), None)
-        if spoken is not None:
-            return self._module(node_id, path, table, fields, spoken)
+        fields = self._fields(path, table, schema.node_keys(), schema.NodeTables())
+        for spoken, words in registry.protocols().items():
+            if fields.get("protocol") == spoken or spoken in table:
+                return self._module(node_id, path, table, fields, spoken, words)
         if isinstance(raw, dict) and ("eds" in table) == ("dcf" in table):
             both = "eds" in table
             self._error(
@@ -241,9 +241,11 @@ class _Reading(Tables):
             makes=self._makes,
         )
 
-    def _module(self, node_id: int, path: KeyPath, table: Fields, fields: Fields, spoken: str) -> NodeConfig:
+    def _module(
+        self, node_id: int, path: KeyPath, table: Fields, fields: Fields, spoken: str, words: str
+    ) -> NodeConfig:
         """Read a node that does not speak CANopen; all keys of CANopen nodes are refused, whatever their values."""
-        name, words = name_of(path), SPOKEN[spoken]
+        name = name_of(path)
         for key in table:
             if key not in ("protocol", "firmware", spoken):
                 remedy = f"leave {key} out; [{name}.{spoken}] has the settings that it needs"
@@ -252,7 +254,8 @@ class _Reading(Tables):
             self._error(
                 (*path, spoken), f"[{name}] does not use {words}", remedy=f'add protocol = "{spoken}"'
             )
-        module = ModuleConfig(**self._sub(path, table, spoken, schema.MODULE))
+        part = part_for(spoken)
+        module = part.settings(spoken, self._sub(path, table, spoken, part.keys))
         return NodeConfig(node_id, **fields, module=module)
 
     def _any_virtual(self) -> bool:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
+from axisbus.cell.model import CANOPEN
+from axisbus.cell.other_protocols import keys_of
 from axisbus.cia301.cob import ID_MASK_11
 from axisbus.cia402 import options
+from axisbus.drives import registry
 from axisbus.drives.drive_file import OF_AXIS
-from axisbus.drives.gim6010.cell.module import CAN_SIMPLE, CANOPEN, MODBUS, READERS
 from axisbus.toml import value_readers as v
 from axisbus.toml.tables import CellKey, Keys
 
@@ -42,7 +44,7 @@ BUS: Keys = {
     "beside": _flag,
 }
 
-NODE: Keys = {
+_NODE: Keys = {
     "eds": _text,
     "dcf": _text,
     "remap": CellKey(v.words("auto", "never")),
@@ -54,11 +56,17 @@ NODE: Keys = {
     "configuration_date": CellKey(v.days),
     "configuration_time": CellKey(v.time_of_day),
     "restore_defaults": _flag,
-    "protocol": CellKey(v.words(CANOPEN, CAN_SIMPLE, MODBUS)),
-    "firmware": _text,
 }
 
-MODULE: Keys = {key: CellKey(*each) for key, each in READERS.items()}
+
+def node_keys() -> Keys:
+    """Return the keys of ``[nodes.N]``; the drive plug-ins have the words of its protocol."""
+    return {
+        **_NODE,
+        "protocol": CellKey(v.words(CANOPEN, *registry.protocols())),
+        "firmware": _text,
+    }
+
 
 PROGRAM: Keys = {
     "date_time": CellKey(v.date_time),
@@ -198,13 +206,26 @@ DRIVES = CellKey(v.list_of(v.text, "drive files and folders of drive files"))
 TOP = ("bus", "nodes", "axes", "groups", "gantries", "io")
 # Tables inside a table; ``None``: the table may have any key.
 BUS_TABLES: Mapping[str, Keys | None] = {"options": None}
-NODE_TABLES: Mapping[str, Keys | None] = {
-    "objects": None,
-    "pdo": None,
-    "program": PROGRAM,
-    CAN_SIMPLE: MODULE,
-    MODBUS: MODULE,
-}
+_NODE_TABLES: Mapping[str, Keys | None] = {"objects": None, "pdo": None, "program": PROGRAM}
+
+
+class NodeTables(Mapping[str, Keys | None]):
+    """The tables inside ``[nodes.N]``; a plug-in is imported when the keys of its protocol's table are read."""
+
+    def __getitem__(self, name: str) -> Keys | None:
+        if name in _NODE_TABLES:
+            return _NODE_TABLES[name]
+        if name not in registry.protocols():
+            raise KeyError(name)
+        return keys_of(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*_NODE_TABLES, *registry.protocols()))
+
+    def __len__(self) -> int:
+        return len(_NODE_TABLES) + len(registry.protocols())
+
+
 AXIS_TABLES: Mapping[str, Keys | None] = {
     "defaults": DEFAULTS,
     "homing": HOMING,

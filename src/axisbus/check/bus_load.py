@@ -9,11 +9,11 @@ from functools import lru_cache
 
 from axisbus.bus.link import controller
 from axisbus.cell.model import CellConfig
+from axisbus.cell.other_protocols import canopen_nodes, node_frames
 from axisbus.cell.pdo_plan import travelling
 from axisbus.check.context import CheckContext
 from axisbus.check.cycle_schedule import per_cycle
 from axisbus.cia301.frame import UNSTUFFED, CanFrame, plain_bits, worst_bits
-from axisbus.drives.gim6010.cell.modules import canopen_nodes, module_frames
 from axisbus.eds.model import Eds
 
 WINDOW = 0.1  # seconds
@@ -209,5 +209,5 @@ def _all(cell: CellConfig, files: Mapping[int, Eds]) -> Iterator[TrafficStream]:
     if bus.heartbeat is not None:
         for node_id in (*canopen_nodes(cell), bus.master_id):
             yield TrafficStream(node_id, "heartbeat", "heartbeat", 1 / bus.heartbeat, 1)
-    for each in module_frames(cell):
+    for each in node_frames(cell):
         yield TrafficStream(each.node, each.kind, each.name, each.rate, each.data_bytes)

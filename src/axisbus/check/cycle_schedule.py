@@ -19,6 +19,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
+from axisbus.cell.other_protocols import canopen_nodes, keys_of, node_frames
 from axisbus.cell.pdo_plan import travelling
 from axisbus.cell.pdo_tables import requested_pdos
 from axisbus.check.context import Check, CheckContext, Problems
@@ -28,8 +29,6 @@ from axisbus.cia301.pdo import PdoConfiguration
 from axisbus.cia402 import objects
 from axisbus.cia402.axes import first_axis
 from axisbus.cia402.modes import FACTS, ModeOfOperation
-from axisbus.drives.gim6010.cell.module import READERS
-from axisbus.drives.gim6010.cell.modules import canopen_nodes, module_frames
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, LimitError
@@ -185,7 +184,7 @@ def _frames(cell: CellConfig, files: Mapping[int, Eds]) -> Iterator[CycleSlot]:
         share = bus.scan_period / bus.heartbeat
         for node_id in (*canopen_nodes(cell), bus.master_id):
             yield CycleSlot(cob.HEARTBEAT + node_id, "heartbeat", node_id, "heartbeat", (), 1, share)
-    for each in module_frames(cell):
+    for each in node_frames(cell):
         share = each.rate * bus.scan_period
         yield CycleSlot(each.can_id, each.kind, each.node, each.name, (), each.data_bytes, share)
 
@@ -308,7 +307,11 @@ def _kind(slot: CycleSlot) -> str:
 
 def _modules_sound(case: CheckContext) -> bool:
     """Whether the frames of the cell's CAN Simple modules are known; another check reports errors in their tables."""
-    return all(node.module.at.sound(*READERS) for node in case.cell.nodes.values() if node.module is not None)
+    return all(
+        node.module.at.sound(*keys_of(node.module.protocol))
+        for node in case.cell.nodes.values()
+        if node.module is not None
+    )
 
 
 # -- the period itself -----------------------------------------------------------------------------------------------

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 from axisbus import eds as eds_files
 from axisbus.cell.model import CellConfig, NodeConfig
+from axisbus.cell.other_protocols import has_own_interface
 from axisbus.cell.problem import CellProblem
 from axisbus.check.context import NEEDED, Check, CheckContext, Problems, own_title, titles
 from axisbus.check.ids.table import UNREADABLE
 from axisbus.cia402 import objects
 from axisbus.configuration.dcf_values import require_within_limits, select
 from axisbus.drives import registry
-from axisbus.drives.gim6010.cell.modules import is_line
 from axisbus.drives.plugin import GENERIC
 from axisbus.drives.registry import make_of
 from axisbus.eds import builtin
@@ -223,7 +223,7 @@ def one_axis_per_object(case: CheckContext) -> Problems:
 def bitrate(case: CheckContext) -> Problems:
     """Warn of a bit rate that CANopen does not define, or that a device does not support."""
     bus = case.cell.bus
-    if bus.bitrate is None or is_line(bus):
+    if bus.bitrate is None or has_own_interface(case.cell):
         return
     if bus.bitrate // 1000 not in _RATES or bus.bitrate % 1000:
         yield case.warning(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
+from axisbus.cell.other_protocols import parts_for
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.problem import CellProblem, errors
 from axisbus.check import (
@@ -28,14 +30,11 @@ from axisbus.check import (
 from axisbus.check import cycle_schedule as load
 from axisbus.check.context import Check, CheckContext
 from axisbus.check.ids.table import id_of
-from axisbus.drives.gim6010 import checks as module_checks
 from axisbus.motion.stop.promises import Promise, promises
 from axisbus.toml.problem import as_exception
 
-CHECKS: tuple[Check, ...] = (
-    *structure.CHECKS,
-    *module_checks.CHECKS,
-    *module_checks.AXIS_CHECKS,
+PACKAGE = "check"
+_CHECKS: tuple[Check, ...] = (
     *devices.CHECKS,
     *objects.CHECKS,
     *cobids.CHECKS,
@@ -57,6 +56,11 @@ CHECKS: tuple[Check, ...] = (
     *structure.MISSING_KEY_CHECKS,
     *load.CHECKS,
 )
+
+
+def all_checks(parts: Iterable[Sequence[Check]]) -> tuple[Check, ...]:
+    """Return the checks of a cell, with those of drive plug-ins (the ``parts`` of their ``Extension``)."""
+    return (*structure.CHECKS, *(one for checks in parts for one in checks), *_CHECKS)
 
 
 def check(path: str | Path) -> list[CellProblem]:
@@ -83,7 +87,7 @@ def check_cell(cell: CellConfig, problems: list[CellProblem] | None = None) -> l
     eds, unreadable = devices.load_all(cell)
     case = CheckContext(cell, eds)
     found = [*(problems or ()), *unreadable]
-    for one in CHECKS:
+    for one in all_checks(parts_for(cell, PACKAGE)):
         rule = id_of(one)
         found += (replace(problem, rule=problem.rule or rule) for problem in one(case))
     return sorted(dict.fromkeys(found), key=lambda problem: problem.rank)

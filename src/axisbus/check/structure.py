@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 from axisbus.cell.model import INCREMENTS, GroupConfig
+from axisbus.cell.other_protocols import has_own_interface
 from axisbus.cell.parameters import homing_required, modes
 from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.cia402.modes import ModeOfOperation
@@ -49,9 +50,7 @@ def lost_nodes(case: CheckContext) -> Problems:
 
 
 # Interfaces that need no look-up in python-can, whose import takes a while.
-_KNOWN = frozenset(
-    {"sim", "modbus", "socketcan", "virtual", "pcan", "kvaser", "slcan", "gs_usb", "ixxat", "vector"}
-)
+_KNOWN = frozenset({"sim", "socketcan", "virtual", "pcan", "kvaser", "slcan", "gs_usb", "ixxat", "vector"})
 
 
 def interface(case: CheckContext) -> Problems:
@@ -59,7 +58,7 @@ def interface(case: CheckContext) -> Problems:
     bus = case.cell.bus
     if not bus.at.sound("interface", "channel"):
         return
-    if bus.interface not in _KNOWN:
+    if bus.interface not in _KNOWN and not has_own_interface(case.cell):
         from axisbus.bus.link.adapter import check_interface  # imported only here: see above
 
         try:

@@ -12,6 +12,7 @@ import click
 
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
+from axisbus.cell.other_protocols import canopen_nodes
 from axisbus.cli.shared.attached_nodes import open_nodes
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_json, say_next, say_note
 from axisbus.cli.shared.nodes import NodeFiles, NodeOptions
@@ -20,7 +21,6 @@ from axisbus.cli.shared.output import write_whole
 from axisbus.configuration import nameplate
 from axisbus.configuration.nameplate import Nameplate
 from axisbus.configuration.replacement_plan import note_file
-from axisbus.drives.gim6010.cell.modules import canopen_nodes
 from axisbus.errors import Interrupted, SdoTimeout
 from axisbus.wording import counted
 

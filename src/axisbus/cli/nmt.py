@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from axisbus.cell.other_protocols import canopen_nodes
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cli.shared.attach_or_open import take_option
 from axisbus.cli.shared.attached_nodes import joined
 from axisbus.cli.shared.common import FAILURE, OK, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_nodes_or_all
 from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
-from axisbus.drives.gim6010.cell.modules import canopen_nodes
 from axisbus.errors import NodeTimeout, StateError
 from axisbus.machine.machine_node import MachineNode
 

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from axisbus.cell.model import CellConfig
+from axisbus.cell.other_protocols import other_nodes
 from axisbus.check.run import checked
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.options import PATH, Seconds, port_option
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.core.sim_faults_file import load_faults
 from axisbus.core.sim_server import Served
-from axisbus.drives.gim6010.cell.modules import modules_of
 from axisbus.drives.gim6010.sim.constants import MOST_NODE_ID
 from axisbus.drives.gim6010.sim.firmware import EXTENDED, FACTORY, Firmware
 from axisbus.drives.gim6010.sim.module import Module
@@ -237,7 +237,7 @@ def _require_enough(
 def _require_others(config: CellConfig, wanted: tuple[Wanted, ...]) -> None:
     """Refuse a second module with the node ID of a module of the cell, which is served anyway: both would answer."""
     for node_id, _ in wanted:
-        if node_id in modules_of(config):
+        if node_id in other_nodes(config):
             raise UserError(
                 f"node {node_id} is a module of {config.file}, and is served with it",
                 remedy=f"leave --can-simple {node_id} out",

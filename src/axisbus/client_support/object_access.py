@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from axisbus.bus.node.verify import is_domain, may_read
 from axisbus.configuration import guarded_write
-from axisbus.drives.gim6010.cell.modules import no_objects
 from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.eds.model import Variable
 from axisbus.errors import ArgumentError
@@ -26,8 +25,8 @@ def node_of(machine: Machine, node_id: int) -> MachineNode:
         StateError: the cell has no such node, or the node speaks CAN Simple.
     """
     access = machine.node(node_id)
-    if not access.parts.has_objects:
-        raise no_objects(node_id)
+    if access.parts.objects_refused is not None:
+        raise access.parts.objects_refused("")
     return MachineNode(access)
 
 

@@ -39,12 +39,10 @@ from axisbus.clock import VirtualClock
 from axisbus.core.io import make_safe
 from axisbus.core.master_detection import cast_of, listening_time
 from axisbus.core.node_access_parts import NodeParts
+from axisbus.core.other_protocols import AllOtherNodes, accesses_of, guests_of, simulated_guests, stop_drives
 from axisbus.core.process.bus_factory import reach
 from axisbus.core.realtime_setup import SPIN
 from axisbus.core.simulated_nodes import SimulatedNode, devices
-from axisbus.drives.gim6010.core.modules import CanSimpleModules
-from axisbus.drives.gim6010.core.simulated_modules import modules, stand_ins_of
-from axisbus.drives.gim6010.core.stop import stop_drives
 from axisbus.drives.registry import make_of
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError, BusOff, StateError
@@ -60,7 +58,7 @@ OnProgram = Callable[[int, int, int | None], None]
 
 
 class CanLink:
-    """A ``CellConnection`` over a CAN bus with CANopen nodes and CAN Simple modules; holds the channel and the boot results."""
+    """A ``CellConnection`` over a CAN bus with CANopen nodes and nodes of other protocols; holds channel and boot results."""
 
     def __init__(
         self,
@@ -112,16 +110,16 @@ class CanLink:
                 node_id: stack.enter_context(CanopenNode(self._channel, node_id, eds))
                 for node_id, eds in dictionaries.items()
             }
-            self._modules = CanSimpleModules(cell, self._channel)
-            stack.callback(self._modules.close)
+            self._others = AllOtherNodes(cell, self._channel)
+            stack.callback(self._others.close)
             self._heartbeat = BootHeartbeat(self._channel, cell.bus.master_id, cell.bus.heartbeat or 0.0)
             stack.callback(self._heartbeat.end)
             self._stack = stack.pop_all()
 
     def boot(self, node_id: int) -> Booted:
         """As ``CellConnection.boot``."""
-        if node_id in self._modules:
-            return self._modules.boot(node_id, FIND_TIME)
+        if node_id in self._others:
+            return self._others.of(node_id).boot(node_id, FIND_TIME)
         node, late = self._nodes[node_id], self._cycle is not None
         events = self._events.get(node_id)
         if late:
@@ -165,11 +163,11 @@ class CanLink:
             for node_id, one in self._booted.items()
             if one.report.ok
         }
-        self._modules.begin()
+        self._others.begin()
         self._consumer = _sync_consumer(bus, self._channel)
         self._cycle = CanCycle(
             self._channel,
-            [*self._axis_ports(), *self._io_ports(), *self._modules.senders],
+            [*self._axis_ports(), *self._io_ports(), *self._others.senders],
             sync_cob_id=bus.sync_cob_id if bus.sync and self._consumer is None else None,
             sync_counter=bus.sync_counter,
             sync_consumer=self._consumer,
@@ -182,7 +180,7 @@ class CanLink:
                 for node_id, one in self._comms.items()
                 if one.guarding is not None
             },
-            events=[*self._events.values(), *self._modules.events],
+            events=[*self._events.values(), *self._others.events],
             spin=SPIN if self.clock.realtime else 0.0,
         )
         self._stack.callback(self._cycle.close)
@@ -199,17 +197,17 @@ class CanLink:
 
     def ports(self, node_id: int) -> Mapping[str, Port]:
         """As ``CellConnection.ports``."""
-        if node_id in self._modules:
-            return self._modules.ports(node_id)
+        if node_id in self._others:
+            return self._others.of(node_id).ports(node_id)
         return dict[str, Port](self._comms[node_id].ports)
 
     def io(self, node_id: int) -> IoPort | None:
         """As ``CellConnection.io``."""
-        return None if node_id in self._modules else self._comms[node_id].io
+        return None if node_id in self._others else self._comms[node_id].io
 
     def parts(self, node_id: int) -> NodeParts:
         """As ``CellConnection.parts``."""
-        return self._modules.parts(node_id) if node_id in self._modules else self._parts[node_id]
+        return self._others.of(node_id).parts(node_id) if node_id in self._others else self._parts[node_id]
 
     def answers(self, node_id: int) -> bool:
         """As ``CellConnection.answers``: an SDO upload of 1000h."""
@@ -221,7 +219,7 @@ class CanLink:
             self._consumer.await_steady()
 
     def rescue(self, names: Collection[str]) -> list[StopResult]:
-        """As ``CellConnection.rescue``, nodes by SDO and modules at once; blocks as ``NodeStop.run`` and ``stop_modules``."""
+        """As ``CellConnection.rescue``, CANopen nodes by SDO, and all nodes at once; blocks as ``stop_drives``."""
         with self.cycle.keep_stopping():
             return stop_drives(self._cell, self._channel, self._nodes.values(), names)
 
@@ -322,7 +320,7 @@ class CanLink:
         self._watch.begin(cast_of(self._cell, self._dictionaries, rpdos))
 
     def _axis_ports(self) -> list[CanPort]:
-        driven = [axis for axis in self._cell.driven.values() if axis.node not in self._modules]
+        driven = [axis for axis in self._cell.driven.values() if axis.node not in self._others]
         found = [self._comms[axis.node].ports.get(axis.name) for axis in driven]
         return [port for port in found if port is not None]
 
@@ -378,10 +376,10 @@ def open_channel(
     if bus.interface != SIMULATED:
         return stack.enter_context(reach(cell)), {}
     name = f"axisbus-sim-{os.getpid()}-{next(_CHANNELS)}"
-    made, guests = devices(cell, dictionaries), modules(cell)
-    network = stack.enter_context(StandIns(name, list(made.values()), guests=list(guests.values())))
+    made, others = devices(cell, dictionaries), simulated_guests(cell)
+    network = stack.enter_context(StandIns(name, list(made.values()), guests=guests_of(others)))
     stand_ins = {node_id: SimulatedNode(device, network.lock) for node_id, device in made.items()}
-    stand_ins |= stand_ins_of(guests, network.lock)
+    stand_ins |= accesses_of(others, network.lock)
     channel = stack.enter_context(Channel.open("virtual", name))
     channel.behind = network.behind
     return channel, stand_ins
@@ -401,13 +399,13 @@ def simulated_channel(
     Raises:
         ConfigError: the options of the simulation are wrong.
     """
-    made, guests = devices(cell, dictionaries) | dict(given or {}), modules(cell)
-    wire = VirtualWire(clock, list(made.values()), list(guests.values()), bitrate=cell.bus.bitrate or BITRATE)
+    made, others = devices(cell, dictionaries) | dict(given or {}), simulated_guests(cell)
+    wire = VirtualWire(clock, list(made.values()), guests_of(others), bitrate=cell.bus.bitrate or BITRATE)
     bus = cell.bus
     if bus.hears_sync and not wire.has_sync_producer:
         VirtualSyncProducer(wire, clock, bus.sync_cob_id, bus.scan_period, bus.sync_counter)
     stand_ins = {node_id: SimulatedNode(device, nullcontext()) for node_id, device in made.items()}
-    stand_ins |= stand_ins_of(guests, nullcontext())
+    stand_ins |= accesses_of(others, nullcontext())
     channel = Channel(wire.connect(), "virtual time", clock=clock, opener=lambda: (wire.connect(), None))
     return channel, stand_ins, wire
 

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 
 from axisbus.cell import pdo_tables
 from axisbus.cell.model import BusConfig, CellConfig
+from axisbus.cell.other_protocols import commands_to, other_nodes, sent_by
 from axisbus.cia301 import cob
 from axisbus.cia301.master_detection import ExpectedMasters
-from axisbus.drives.gim6010.can_simple.coexistence import commands_to, sent_by
-from axisbus.drives.gim6010.cell.modules import modules_of
 from axisbus.eds.model import Eds
 
 LONGEST = 0.5  # seconds
@@ -34,7 +33,7 @@ def cast_of(
 
     ``rpdos``: the RPDOs of the booted nodes, by COB-ID.
     """
-    bus, modules = cell.bus, modules_of(cell)
+    bus, modules = cell.bus, other_nodes(cell)
     nodes = frozenset(cell.nodes) - frozenset(modules)
     syncs = frozenset({cob.SYNC, bus.sync_cob_id})
     if bus.sync_producer == "external":
@@ -45,8 +44,8 @@ def cast_of(
         if node_id in dictionaries
         for pdo in pdo_tables.device_pdos(node, dictionaries[node_id]).tpdos
     )
-    sent |= frozenset(can_id for node_id in modules for can_id in sent_by(node_id))
-    commands = {can_id: node_id for node_id in modules for can_id in commands_to(node_id)}
+    sent |= frozenset(can_id for node_id in modules for can_id in sent_by(cell, node_id))
+    commands = {can_id: node_id for node_id in modules for can_id in commands_to(cell, node_id)}
     masters = frozenset({_MASTER, bus.master_id}) - nodes
     times = frozenset() if bus.time is None else frozenset({bus.time_cob_id})
     produced = bus.sync_cob_id if bus.sync and not bus.hears_sync else None

@@ -12,6 +12,7 @@ from axisbus.bus.pdo.plan import PdoPlan
 from axisbus.clock import Clock
 from axisbus.drives.plugin import GENERIC, DrivePlugin
 from axisbus.eds.model import Eds
+from axisbus.errors import StateError
 
 
 class NodeEventSource(Protocol):
@@ -29,9 +30,9 @@ class NodeEventSource(Protocol):
 class NodeParts:
     """``node`` is a ``CanopenNode``; ``clock`` is that of its messages.
 
-    ``plans`` are its PDOs, axis by axis; ``events`` is None if the node did not come up. ``has_objects``: whether it has an object
-    dictionary, which ``eds`` describes. If it has none, ``eds`` describes its axis. ``make`` is the drive plug-in by the
-    identity in ``eds``.
+    ``plans`` are its PDOs, axis by axis; ``events`` is None if the node did not come up. ``objects_refused`` is None if it has an
+    object dictionary, which ``eds`` describes. If it has none, ``eds`` describes its axis, and the function returns the error for
+    an access to objects, for a reason (empty: the usual one). ``make`` is the drive plug-in by the identity in ``eds``.
     """
 
     node_id: int
@@ -41,5 +42,10 @@ class NodeParts:
     clock: Clock
     plans: tuple[PdoPlan, ...] = ()
     events: NodeEventSource | None = None
-    has_objects: bool = True
+    objects_refused: Callable[[str], StateError] | None = None
     make: DrivePlugin = GENERIC
+
+    @property
+    def has_objects(self) -> bool:
+        """Whether the node has an object dictionary."""
+        return self.objects_refused is None

@@ -16,12 +16,10 @@ from axisbus.cell.model import CellConfig
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cia402.state import decode
 from axisbus.core.files import load_dictionaries
+from axisbus.core.other_protocols import accesses_of, guests_of, simulated_guests
 from axisbus.core.process.remote_proxy import answer_all
 from axisbus.core.realtime_setup import take_priority
 from axisbus.core.simulated_nodes import SimulatedNode, devices
-from axisbus.drives.gim6010.core.simulated_modules import modules as modules_of_cell
-from axisbus.drives.gim6010.core.simulated_modules import stand_ins_of
-from axisbus.drives.gim6010.sim.module import Module
 from axisbus.eds.model import Eds
 from axisbus.errors import UserError
 from axisbus.ipc.messages import CODEC
@@ -31,7 +29,7 @@ from axisbus.record.columns import AxisForm, digits
 from axisbus.sim.device import Device
 from axisbus.sim.drive import Drive
 from axisbus.sim.fault_plan import Plan, PlannedFault
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import Guest, StandIns
 from axisbus.sim.socketcand_server import Server
 from axisbus.system.local_sockets import local_socket
 
@@ -43,18 +41,17 @@ class Served:
     """Holds the devices of a cell, further modules of other protocols, and, while they are served, the player of the faults."""
 
     def __init__(
-        self, cell: CellConfig | None, faults: Sequence[PlannedFault], modules: Sequence[Module] = ()
+        self, cell: CellConfig | None, faults: Sequence[PlannedFault], guests: Sequence[Guest] = ()
     ) -> None:
-        """Make the devices; blocks for reading their files. ``modules`` are added to those of the cell.
+        """Make the devices; blocks for reading their files. ``guests`` are added to those of the cell.
 
         Raises:
             EdsError: one is missing or cannot be read.
         """
         self._cell = cell
         self._faults = tuple(faults)
-        own = {} if cell is None else modules_of_cell(cell)
-        self._own = own
-        self._modules = (*own.values(), *modules)
+        self._own = {} if cell is None else simulated_guests(cell)
+        self._guests = (*guests_of(self._own), *guests)
         self._dictionaries: Mapping[int, Eds] = {} if cell is None else load_dictionaries(cell)
         self._devices = {} if cell is None else devices(cell, self._dictionaries)
         self._player: Player | None = None
@@ -71,13 +68,13 @@ class Served:
             server = Server(port)
             stack.callback(server.close)
             network = stack.enter_context(
-                StandIns(server.channel, list(self._devices.values()), bus=server.bus, guests=self._modules)
+                StandIns(server.channel, list(self._devices.values()), bus=server.bus, guests=self._guests)
             )
             if control is not None:
                 made = {
                     node_id: SimulatedNode(device, network.lock) for node_id, device in self._devices.items()
                 }
-                made |= stand_ins_of(self._own, network.lock)
+                made |= accesses_of(self._own, network.lock)
                 stack.callback(ControlDoor(control, made).close)
             if self._faults and self._cell is not None:
                 self._player = Player(

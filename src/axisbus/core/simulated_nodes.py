@@ -29,6 +29,10 @@ class SimulatedNode:
         """Return the drive of an axis (from 1): its values, and its fault settings (``dials``)."""
         return self.device.drives[axis - 1]
 
+    def history(self) -> tuple[float, float, int] | None:
+        """Return position, velocity and stage of its motor for a ``PlantLog``; None for a CANopen node, whose device has them."""
+        return None
+
     def switch_off(self) -> None:
         """Take the supply away: the node is silent, its motors have no power, and all but stored values is lost."""
         with self.lock:

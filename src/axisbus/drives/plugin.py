@@ -129,6 +129,23 @@ AXIS_KEYS = (
 
 
 @dataclass(frozen=True, slots=True)
+class Extension:
+    """What the code of a make adds to axisbus beside facts; code is named ``module:name``, and loaded when it is needed.
+
+    ``protocols`` are those other than CANopen: the word for each in ``[nodes.N]``, and its name in messages. ``interfaces`` are
+    words of ``[bus]``, each with its class of a bus of python-can. ``parts`` extend a package of axisbus, by its name: ``cell``
+    (``cell.other_protocols.CellPart``), ``check`` (checks of a cell) and ``core`` (``core.other_protocols.CorePart``).
+    """
+
+    protocols: Mapping[str, str] = field(default_factory=dict)
+    interfaces: Mapping[str, str] = field(default_factory=dict)
+    parts: Mapping[str, str] = field(default_factory=dict)
+
+
+NO_EXTENSION = Extension()
+
+
+@dataclass(frozen=True, slots=True)
 class DrivePlugin:
     """All that is particular to a vendor's drive family; the defaults are for an unknown drive.
 
@@ -139,6 +156,7 @@ class DrivePlugin:
     only if the user names them one by one. ``scale_proposal`` is a text for the user: the position scale is a setting, never taken
     from here. ``measured`` maps *temperature* and the like to the manufacturer's objects. ``unread_watchdog`` is a sentence about a
     watchdog of the make that no object reads, for the report of boot-up. ``sources`` are the documents that the facts come from.
+    ``extension``: its other protocols.
     """
 
     name: str
@@ -155,6 +173,7 @@ class DrivePlugin:
     notes: tuple[str, ...] = ()
     unread_watchdog: str = ""
     sources: tuple[str, ...] = ()
+    extension: Extension = NO_EXTENSION
 
     def matches(self, vendor_id: int | None, product_code: int | None, revision: int | None = None) -> bool:
         """Whether a drive with this identity (None: unknown) belongs to this plug-in."""

@@ -3,39 +3,63 @@
 An entry point of the group ``axisbus.drives`` names a ``DrivePlugin``, a list of them, or a package whose TOML files each describe
 a make. Nothing is loaded before a cell, a scan or a command asks for a plug-in. A plug-in that cannot be loaded is reported with
 its error, and the others are loaded all the same.
+
+A plug-in of this package that has code is a folder with ``plugin.toml``, and with its ``DrivePlugin`` as ``PLUGIN`` in its module
+``make``. The file contains the vendor ID and the ``Extension``, so that no module of the folder is imported for other drives.
 """
 
 from __future__ import annotations
 
 import importlib
-import importlib.util
-import pkgutil
+import tomllib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.resources import files
 from types import ModuleType
-from typing import Protocol
+from typing import Any, Protocol
 
 from axisbus.drives import drive_file
-from axisbus.drives.plugin import GENERIC, DrivePlugin
+from axisbus.drives.plugin import GENERIC, NO_EXTENSION, DrivePlugin, Extension
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
 
 GROUP = "axisbus.drives"
 _OWN = __name__.rpartition(".")[0]
+_DESCRIPTION = "plugin.toml"
 
 
 @dataclass(frozen=True, slots=True)
 class PluginSource:
-    """A place that plug-ins come from: its ``name``, its ``origin`` for the user, and its plug-ins or the error of loading them."""
+    """A place that plug-ins come from: its ``name``, its ``origin`` for the user, and its plug-ins or the error of loading them.
+
+    ``module`` contains the plug-in of a folder of this package that has code, with the ``vendor_id`` and the ``extension`` of its
+    file; it is not imported yet.
+    """
 
     name: str
     origin: str
-    plugins: tuple[DrivePlugin, ...] = ()
+    loaded: tuple[DrivePlugin, ...] = ()
     error: str = ""
     remedy: str = ""
+    module: str = ""
+    vendor_id: int | None = None
+    extension: Extension = NO_EXTENSION
+
+    @property
+    def plugins(self) -> tuple[DrivePlugin, ...]:
+        """The plug-ins. Blocks while their module is imported."""
+        return _plugins(importlib.import_module(self.module).PLUGIN) if self.module else self.loaded
+
+    def of_vendor(self, vendor_id: int | None) -> tuple[DrivePlugin, ...]:
+        """Return the plug-ins that may be for a vendor's drives (None: all); imports no module for another vendor."""
+        return () if self.module and vendor_id not in (None, self.vendor_id) else self.plugins
+
+    @property
+    def extensions(self) -> tuple[Extension, ...]:
+        """What the plug-ins add beside facts."""
+        return (self.extension, *(plugin.extension for plugin in self.loaded))
 
 
 class DriveIdentity(Protocol):
@@ -53,14 +77,14 @@ class DriveIdentity(Protocol):
 
 @cache
 def installed() -> tuple[PluginSource, ...]:
-    """Return all sources of plug-ins: first those of other packages, then those of this one. Blocks while they are imported."""
+    """Return all sources of plug-ins: first those of other packages, then those of this one. Blocks while those are imported."""
     others = sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
     return (*map(_of_entry_point, others), *_own())
 
 
-def plugins() -> tuple[DrivePlugin, ...]:
-    """Return the plug-ins of all sources that could be loaded."""
-    return tuple(plugin for source in installed() for plugin in source.plugins)
+def plugins(vendor_id: int | None = None) -> tuple[DrivePlugin, ...]:
+    """Return the plug-ins of all sources that could be loaded; with ``vendor_id`` those that may be for drives of this vendor."""
+    return tuple(plugin for source in installed() for plugin in source.of_vendor(vendor_id))
 
 
 def make_of(eds: Eds, own: Iterable[DrivePlugin] = ()) -> DrivePlugin:
@@ -86,24 +110,67 @@ def find(
     """
     if vendor_id is None:
         return GENERIC
-    for known in (tuple(own), plugins()):
+    for known in (tuple(own), plugins(vendor_id)):
         fitting = [each for each in known if each.matches(vendor_id, product_code, revision)]
         if fitting:
             return max(fitting, key=lambda each: each.detail)
     return GENERIC
 
 
+# -- What plug-ins add beside facts: other protocols, interfaces, and parts that extend a package of axisbus -----------
+
+
+def extensions() -> tuple[Extension, ...]:
+    """Return what the plug-ins add beside facts; loads none of it."""
+    return tuple(each for source in installed() for each in source.extensions)
+
+
+def protocols() -> dict[str, str]:
+    """Return the protocols other than CANopen: the word for each in a cell file, and its name in messages."""
+    return {word: name for each in extensions() for word, name in each.protocols.items()}
+
+
+def interfaces() -> dict[str, str]:
+    """Return the interfaces of plug-ins: the word for each in ``[bus]``, and the ``module:name`` of its class."""
+    return {word: code for each in extensions() for word, code in each.interfaces.items()}
+
+
+def parts(package: str, *words: str) -> list[Any]:
+    """Return the parts of plug-ins that extend a package; with ``words`` only of those with one of these protocols or interfaces.
+
+    Blocks while they are imported.
+    """
+    return [
+        load(each.parts[package])
+        for each in extensions()
+        if package in each.parts and (not words or not {*each.protocols, *each.interfaces}.isdisjoint(words))
+    ]
+
+
+def load(code: str) -> Any:
+    """Import ``module:name``, and return what is named."""
+    module, _, name = code.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
 def _own() -> Iterator[PluginSource]:
-    """Yield the makes of this package: each folder with a module ``make`` or with TOML files is a source."""
-    for found in pkgutil.iter_modules(importlib.import_module(_OWN).__path__):
-        if not found.ispkg:
+    """Yield the makes of this package: each folder with a description or with other TOML files is a source."""
+    for folder in sorted(files(_OWN).iterdir(), key=lambda each: each.name):
+        if not folder.is_dir() or not folder.joinpath("__init__.py").is_file():
             continue
-        package = f"{_OWN}.{found.name}"
-        if importlib.util.find_spec(f"{package}.make") is not None:
-            plugins = _plugins(importlib.import_module(f"{package}.make").PLUGIN)
+        package, file = f"{_OWN}.{folder.name}", folder.joinpath(_DESCRIPTION)
+        if file.is_file():
+            about = tomllib.loads(file.read_text("utf-8"))
+            vendor_id = about.pop("vendor_id")
+            yield PluginSource(
+                folder.name,
+                "axisbus",
+                module=f"{package}.make",
+                vendor_id=vendor_id,
+                extension=Extension(**about),
+            )
         else:
-            plugins = _plugins(importlib.import_module(package))
-        yield PluginSource(found.name, "axisbus", plugins)
+            yield PluginSource(folder.name, "axisbus", _plugins(importlib.import_module(package)))
 
 
 def _of_entry_point(entry: EntryPoint) -> PluginSource:

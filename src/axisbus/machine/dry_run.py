@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from axisbus.cell.gantry import gantry_of
 from axisbus.cell.model import CellConfig
+from axisbus.cell.other_protocols import parameters_of
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.virtual import all_virtual
 from axisbus.cia402 import homing
@@ -21,7 +22,6 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities
 from axisbus.cia402.state import PowerState
 from axisbus.core.files import load_dictionaries
-from axisbus.drives.gim6010.cell.drive import module_parameters
 from axisbus.errors import LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.command_dispatch import CommandDispatcher
@@ -87,7 +87,7 @@ def _of_files(cell: CellConfig) -> dict[str, AxisParameters]:
     driven = {
         name: axis_parameters(cell, name, files[axis.node])
         if axis.node in files
-        else module_parameters(cell, name)
+        else parameters_of(cell, name)
         for name, axis in cell.driven.items()
     }
     return driven | all_virtual(cell)

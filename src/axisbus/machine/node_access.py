@@ -22,7 +22,6 @@ from axisbus.cia301.pdo import PdoLocation
 from axisbus.cia402.axes import own_index
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.drives.emcy_text import history_words, incident_words
-from axisbus.drives.gim6010.cell.modules import no_objects
 from axisbus.drives.plugin import STANDARD_MEASURED, DrivePlugin, MeasuredObject
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
@@ -83,12 +82,19 @@ class SdoAccess:
 
 
 class NoSdoAccess(SdoAccess):
-    """The SDO access of a node that uses CAN Simple, which has no objects: each read and each assignment raises StateError."""
+    """The SDO access of a node of another protocol, which has no objects: each read and each assignment raises StateError."""
+
+    def __init__(
+        self, refused: Callable[[str], StateError], objects: NodeObjects, dictionary: Dictionary
+    ) -> None:
+        """``refused`` makes the error from its reason."""
+        super().__init__(objects, dictionary)
+        self._refused = refused
 
     def _resolve(self, key: Key) -> tuple[int, int]:
         name, _ = key if isinstance(key, tuple) else (key, 0)
         shown = f"{name:04X}h" if isinstance(name, int) else repr(name)
-        raise no_objects(self._objects.node_id, f"it has no object dictionary, so it has no {shown}")
+        raise self._refused(f"it has no object dictionary, so it has no {shown}")
 
 
 class NodeAccess:
@@ -110,8 +116,12 @@ class NodeAccess:
         self.node_id = node_id = parts.node_id
         self.eds = eds = parts.eds
         self.plans = parts.plans
-        access = SdoAccess if parts.has_objects else NoSdoAccess
-        self.sdo: SdoAccess = access(parts.objects, Dictionary(eds, node_id), _cyclic(parts.plans))
+        dictionary = Dictionary(eds, node_id)
+        self.sdo = (
+            SdoAccess(parts.objects, dictionary, _cyclic(parts.plans))
+            if parts.objects_refused is None
+            else NoSdoAccess(parts.objects_refused, parts.objects, dictionary)
+        )
         self._objects = parts.objects
         self._node = parts.node
         self._clock = parts.clock
@@ -129,8 +139,8 @@ class NodeAccess:
             StateError: the object for it is unknown, or the drive has none.
             SdoAbort, SdoTimeout: the node refuses, or does not answer.
         """
-        if not self.parts.has_objects:
-            raise no_objects(self.node_id)
+        if self.parts.objects_refused is not None:
+            raise self.parts.objects_refused("")
         return measure(what, self._objects, self.eds, self._make, drive_axis)
 
     @property
@@ -296,8 +306,8 @@ class NodeAccess:
         Raises:
             StateError: the bus belongs to another process; or the node uses CAN Simple.
         """
-        if not self.parts.has_objects:
-            raise no_objects(self.node_id, "it is not a node of CANopen")
+        if self.parts.objects_refused is not None:
+            raise self.parts.objects_refused("it is not a node of CANopen")
         from axisbus.bus.node.node import CanopenNode
         from axisbus.bus.node.remote import remote_node
 

@@ -97,19 +97,15 @@ def out_of_reach(path: str | Path) -> str:
 
 def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[CellConfig, Core]:
     """Return a cell and its core in virtual time; as ``Machine.simulated``."""
+    from axisbus.cell.other_protocols import require_virtual_time
     from axisbus.check.run import checked
     from axisbus.clock import VirtualClock
     from axisbus.core.canlink import CanLink, simulated_channel
     from axisbus.core.files import load_dictionaries
     from axisbus.core.runtime import Runtime
-    from axisbus.drives.gim6010.cell.modules import is_line
 
     cell = checked(path)
-    if is_line(cell.bus):
-        raise StateError(
-            f"{cell.file} uses a serial line, which does not run in virtual time",
-            remedy="axisbus sim --modbus 1 serves a simulated module on a port, which it prints: write that into [bus]",
-        )
+    require_virtual_time(cell)
     dictionaries = load_dictionaries(cell)
     clock = VirtualClock()
     with ExitStack() as on_failure:

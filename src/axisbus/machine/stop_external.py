@@ -18,7 +18,6 @@ from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 
-from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.claims import CellFileId, ChannelClaim
 from axisbus.bus.link.ownership import described
 from axisbus.bus.node import nmt
@@ -29,6 +28,7 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.core.canlink import open_channel
 from axisbus.core.files import load_dictionaries
 from axisbus.core.node_stop import NodeStop, axes_to_stop
+from axisbus.core.other_protocols import holding, stops_of
 from axisbus.core.process.listener import (
     StopAnswer,
     StopRequest,
@@ -39,8 +39,6 @@ from axisbus.core.process.listener import (
     text_of,
     why_not,
 )
-from axisbus.drives.gim6010.cell.modules import settings_by_axis
-from axisbus.drives.gim6010.core.stop import stop_modules
 from axisbus.errors import BusError, ScanError, one_line
 from axisbus.link import StopResult
 
@@ -147,25 +145,19 @@ def stop_beside(cell: CellConfig, names: Collection[str] | None = None) -> list[
         stops = [
             partial(_stop, cell, node, wanted) for node in nodes if names is None or _has(cell, node, wanted)
         ]
-        results = in_parallel(
-            channel.clock, lambda stop: stop(), [*stops, partial(_stop_modules, cell, channel, wanted)]
-        )
-    return [result for each in results for result in each]
+        results = in_parallel(channel.clock, lambda stop: stop(), [*stops, *stops_of(cell, channel, wanted)])
+    held = holding(cell)
+    return [
+        replace(result, text=f"{result.text}; a running master can move it again")
+        if result.ok and result.axis in held
+        else result
+        for each in results
+        for result in each
+    ]
 
 
 def _has(cell: CellConfig, node: CanopenNode, names: Collection[str]) -> bool:
     return any(axis.name in names for axis in cell.axes_of(node.node_id))
-
-
-def _stop_modules(cell: CellConfig, channel: Channel, names: Collection[str]) -> list[StopResult]:
-    modules = settings_by_axis(cell, names)
-    held = {name for name, settings in modules.items() if settings.quick_stop_holds}
-    return [
-        replace(each, text=f"{each.text}; a running master can move it again")
-        if each.ok and each.axis in held
-        else each
-        for each in stop_modules(channel, modules)
-    ]
 
 
 def _stop(cell: CellConfig, node: CanopenNode, names: Collection[str]) -> list[StopResult]:

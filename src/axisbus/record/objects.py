@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 from axisbus.cell.io_signals import all_points
 from axisbus.cell.model import CellConfig
+from axisbus.cell.other_protocols import require_objects
 from axisbus.cia301.datatypes import DataType, Value, decode
 from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.pdo import PdoLocation
 from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.axes import own_index
 from axisbus.clock import Clock
-from axisbus.drives.gim6010.cell.modules import require_objects
 from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import ArgumentError, SdoError, UnknownNameError
 from axisbus.record.events import Watched

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 from axisbus.cell import pdo_tables
 from axisbus.cell.model import CellConfig, NodeConfig
+from axisbus.cell.other_protocols import other_nodes
 from axisbus.cell.pdo_plan import travelling
 from axisbus.cell.quantities import Quantities
 from axisbus.check.context import CheckContext
 from axisbus.cia301.pdo import PdoConfiguration
-from axisbus.drives.gim6010.cell.modules import modules_of
 from axisbus.drives.plugin import GENERIC, DrivePlugin
 from axisbus.drives.registry import make_of
 from axisbus.eds.dictionary import Dictionary
@@ -62,7 +62,7 @@ def of_cell(cell: CellConfig, files: Mapping[int, Eds]) -> TraceContext:
     for node, eds, dictionary in case.nodes:
         planned = tuple(DirectedPdo(*each) for each in travelling(cell, node, eds, dictionary))
         nodes[node.node_id] = _node(node, eds, _axes(cell, node.node_id), planned)
-    modules = {node_id: _axes(cell, node_id) for node_id in modules_of(cell)}
+    modules = {node_id: _axes(cell, node_id) for node_id in other_nodes(cell)}
     return TraceContext(nodes, Quantities(cell), cell.bus.master_id, modules)
 
 

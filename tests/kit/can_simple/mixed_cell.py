@@ -100,7 +100,9 @@ class Plants:
     @property
     def module(self) -> Module:
         """The module."""
-        return self._served._own[MODULE]
+        found = self._served._own[MODULE].guest
+        assert isinstance(found, Module)
+        return found
 
     @property
     def speeds(self) -> list[float]:

@@ -11,7 +11,8 @@ import can
 from can.interfaces import VALID_INTERFACES
 
 from axisbus.bus.link import socketcan
-from axisbus.bus.link.interfaces import MODBUS, NO_RATE, RATE_ELSEWHERE, sets_rate
+from axisbus.bus.link.interfaces import NO_RATE, RATE_ELSEWHERE, sets_rate
+from axisbus.drives import registry
 from axisbus.errors import AdapterError, ArgumentError, AxisbusError, PlatformError
 
 # What an interface needs in addition to python-can.
@@ -76,8 +77,8 @@ def open_adapter(
 
 
 def interfaces() -> list[str]:
-    """Return the names of all interfaces: those of python-can and of axisbus."""
-    return sorted([*VALID_INTERFACES, MODBUS])
+    """Return the names of all interfaces: those of python-can and of drive plug-ins."""
+    return sorted([*VALID_INTERFACES, *registry.interfaces()])
 
 
 def check_interface(interface: str) -> None:
@@ -86,7 +87,7 @@ def check_interface(interface: str) -> None:
     Raises:
         AdapterError: it does not; the remedy names the nearest ones.
     """
-    if interface in VALID_INTERFACES or interface == MODBUS:
+    if interface in VALID_INTERFACES or interface in registry.interfaces():
         return
     near = difflib.get_close_matches(interface.lower(), interfaces(), n=3, cutoff=0.5)
     raise AdapterError(
@@ -145,10 +146,10 @@ def _construct(
             from axisbus.bus.link.socketcand import SocketcandBus
 
             return SocketcandBus(channel, **arguments)  # type: ignore[arg-type]
-        if interface == MODBUS:
-            from axisbus.drives.gim6010.bus.modbus_bus import RelayedBus
-
-            return RelayedBus(str(channel), **arguments)  # type: ignore[arg-type]
+        own = registry.interfaces().get(interface)
+        if own is not None:
+            opened: can.BusABC = registry.load(own)(str(channel), **arguments)
+            return opened
         return can.Bus(interface=interface, channel=channel, ignore_config=True, **arguments)  # type: ignore[arg-type]
     except TypeError as error:
         raise ArgumentError(

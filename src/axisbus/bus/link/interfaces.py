@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-MODBUS = "modbus"  # an interface of axisbus, not of python-can: modules on a serial line (``drives.gim6010.bus.modbus_bus``)
 NO_RATE = frozenset({"virtual", "udp_multicast"})  # interfaces without a wire
 # Interfaces whose bitrate axisbus does not set: the link or a daemon sets it, or there is no wire.
 RATE_ELSEWHERE = NO_RATE | {"socketcan", "socketcand"}

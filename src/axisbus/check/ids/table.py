@@ -21,13 +21,14 @@ def checks() -> Mapping[str, Rule]:
 
 @cache
 def ids() -> Mapping[str, str]:
-    """Return the id of each check by its function: ``limits.torque``."""
+    """Return the id of each check by its function: ``limits.torque``; that of a drive plug-in from ``drives`` on."""
     return {row["check"]: row["rule"] for row in _rows() if row["check"] != READER}
 
 
 def id_of(check: Check) -> str:
     """Return the id of a check; empty if the check only runs other checks, which have ids of their own."""
-    return ids().get(f"{check.__module__.removeprefix(_PACKAGE)}.{check.__name__}", "")
+    module = check.__module__.removeprefix(_PACKAGE).removeprefix("axisbus.")
+    return ids().get(f"{module}.{check.__name__}", "")
 
 
 @cache

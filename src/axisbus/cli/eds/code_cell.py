@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from axisbus.cell.model import CellConfig, NodeConfig
+from axisbus.cell.other_protocols import canopen_nodes
 from axisbus.cell.pdo_plan import beside_pdos, travelling
 from axisbus.check.context import CheckContext
 from axisbus.check.run import checked
 from axisbus.core.files import load_dictionaries
-from axisbus.drives.gim6010.cell.modules import canopen_nodes
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.layout import of_pdo
 from axisbus.eds.model import Eds

@@ -13,11 +13,11 @@ import click
 
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
+from axisbus.cell.other_protocols import require_objects
 from axisbus.cell.quantities import Quantities
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.frames import eds_of
 from axisbus.cli.shared.options import PATH, Decorated, bus_options
-from axisbus.drives.gim6010.cell.modules import require_objects
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
 

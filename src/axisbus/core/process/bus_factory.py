@@ -7,7 +7,7 @@ import socket
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.socketpair_bus import PairBus
 from axisbus.cell.model import CellConfig
-from axisbus.drives.gim6010.cell.modules import line_options
+from axisbus.cell.other_protocols import adapter_options
 
 
 def reach(cell: CellConfig, drives: socket.socket | None = None) -> Channel:
@@ -18,4 +18,4 @@ def reach(cell: CellConfig, drives: socket.socket | None = None) -> Channel:
         channel.behind = line.behind
         return channel
     bus = cell.bus
-    return Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options, **line_options(cell))
+    return Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options, **adapter_options(cell))

@@ -17,6 +17,7 @@ from axisbus.boot.report import Booted
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.tpdo_timeout import PdoEvent
 from axisbus.cell.model import CellConfig
+from axisbus.cell.other_protocols import objects_refused, with_dictionaries
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.incident import Incident
@@ -32,7 +33,6 @@ from axisbus.core.process.rpc_client import RpcClient
 from axisbus.core.process.session import Errors, RemoteSession
 from axisbus.core.process.shared_counters import SharedCounters
 from axisbus.core.process.trajectory_feeder import Feeder
-from axisbus.drives.gim6010.cell.drive import described
 from axisbus.drives.registry import make_of
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
@@ -217,7 +217,7 @@ class RemoteCore:
 
     def _open(self) -> None:
         self._calls.send(self._wanted)
-        self._dictionaries = described(self._cell, load_dictionaries(self._cell))  # meanwhile
+        self._dictionaries = with_dictionaries(self._cell, load_dictionaries(self._cell))  # meanwhile
         until = time.monotonic() + (_JOINING if self.joined else math.inf)
         while self._opened is None and not self._calls.over and time.monotonic() < until:
             self._news.wait(_SLICE)
@@ -247,7 +247,7 @@ class RemoteCore:
             REAL,
             facts.plans,
             events,
-            has_objects=self._cell.nodes[node_id].module is None,
+            objects_refused=objects_refused(self._cell, node_id),
             make=make_of(self._dictionaries[node_id], self._cell.nodes[node_id].makes),
         )
 

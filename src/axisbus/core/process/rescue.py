@@ -1,6 +1,6 @@
 """Stop the drives of a dead core: its last frames as quick stop, SYNC, then by SDO until each axis is seen at standstill.
 
-CAN Simple modules are stopped at the same time, by messages of their own.
+Nodes of other protocols are stopped at the same time, by their own messages.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from axisbus.cia401.signal import IoPoint
 from axisbus.core.core import Core
 from axisbus.core.files import read_once
 from axisbus.core.io import make_safe
+from axisbus.core.other_protocols import parts_of, stop_drives
 from axisbus.core.process.bus_factory import reach
 from axisbus.core.process.startup_args import StartupArgs
-from axisbus.drives.gim6010.core.stop import stop_drives
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
 from axisbus.ipc import image, rescue_memory
@@ -52,6 +52,7 @@ class CrashStop:
         self._memory = mmap.mmap(duty.memory, 0)
         self._at = image.size_of(duty.axes)
         self._cell, self._dictionaries = read_once(duty.cell)
+        parts_of(self._cell)  # imports the plug-ins of other protocols: a rescue must not wait for that
         bus = self._cell.bus
         self._patience = {
             CoreStage.RUNNING: max(_HUNG, 25 * bus.scan_period, _HUNG + (bus.sync_timeout or 0.0)),

@@ -18,12 +18,12 @@ from contextlib import AbstractContextManager, nullcontext
 from axisbus.bus.link.socketpair_bus import PairBus
 from axisbus.cell.model import CellConfig
 from axisbus.core.files import read_once
+from axisbus.core.other_protocols import accesses_of, guests_of, simulated_guests
 from axisbus.core.process.persistence.plant_log import PlantLog, history_path
 from axisbus.core.process.remote_proxy import answer_all
 from axisbus.core.process.startup_args import StartupArgs
 from axisbus.core.realtime_setup import take_priority
 from axisbus.core.simulated_nodes import SimulatedNode, devices
-from axisbus.drives.gim6010.core.simulated_modules import modules, stand_ins_of
 from axisbus.ipc.messages import CODEC
 from axisbus.ipc.stream import MessageStream
 from axisbus.sim.node.network import StandIns
@@ -36,16 +36,16 @@ def serve(duty: StartupArgs, ready: socket.socket) -> None:
     """Run the drives of a cell until its core and its program are gone; blocks. ``ready`` is closed when they listen."""
     line, control = socket.socket(fileno=duty.far), socket.socket(fileno=duty.control)
     config, dictionaries = read_once(duty.cell)
-    made, guests = devices(config, dictionaries), modules(config)
+    made, others = devices(config, dictionaries), simulated_guests(config)
     # as for the core, so that a busy computer does not make drives look lost; not earlier, because making them needs a processor
     take_priority()
     gone = select.poll()
     gone.register(line, 0)  # only for the end of the line
     bus = PairBus(line, of_drives=True)
-    with StandIns("line", list(made.values()), bus=bus, guests=list(guests.values())) as network:
+    with StandIns("line", list(made.values()), bus=bus, guests=guests_of(others)) as network:
         ready.close()
         stand_ins = {node_id: SimulatedNode(device, network.lock) for node_id, device in made.items()}
-        stand_ins |= stand_ins_of(guests, network.lock)
+        stand_ins |= accesses_of(others, network.lock)
         stream = MessageStream(control, CODEC.pack, "axisbus drives")
         asked = threading.Thread(
             target=answer_all, args=(stream, stand_ins), name="axisbus asked", daemon=True

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.cyclic_modes import feed_forward
-from axisbus.cell.model import SIMULATED, AxisConfig, NodeConfig
+from axisbus.cell.model import CANOPEN, SIMULATED, AxisConfig, NodeConfig
 from axisbus.check import limits, modes, ranges
 from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.check.ids.table import id_of
@@ -19,8 +19,8 @@ from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
 from axisbus.drives.gim6010.cell.drive import drive_of
-from axisbus.drives.gim6010.cell.module import CANOPEN, MODBUS, READERS, TORQUE, ModuleConfig
-from axisbus.drives.gim6010.cell.modules import is_line, list_of, modules_of, settings_of
+from axisbus.drives.gim6010.cell.module import MODBUS, READERS, TORQUE, ModuleConfig
+from axisbus.drives.gim6010.cell.modules import is_line, list_of, module_of, modules_of, settings_of
 from axisbus.drives.gim6010.modbus.registers import RATES
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, LimitError
@@ -33,8 +33,9 @@ _NOT_ON_LINE = (*TORQUE[1:], "filter_bandwidth")
 
 def _modules(case: CheckContext) -> Iterator[tuple[NodeConfig, ModuleConfig]]:
     for node in case.cell.nodes.values():
-        if node.module is not None:
-            yield node, node.module
+        module = module_of(node)
+        if module is not None:
+            yield node, module
 
 
 def identifiers(case: CheckContext) -> Problems:
@@ -153,8 +154,8 @@ def line(case: CheckContext) -> Problems:
                 "",
                 'interface = "modbus" is a serial line, whose nodes have protocol = "modbus", and only these',
             )
-        elif on_line and node.module is not None:
-            yield from _on_line(case, node, node.module)
+        elif on_line and (module := module_of(node)) is not None:
+            yield from _on_line(case, node, module)
 
 
 def _on_line(case: CheckContext, node: NodeConfig, module: ModuleConfig) -> Problems:
@@ -191,9 +192,6 @@ def _on_line(case: CheckContext, node: NodeConfig, module: ModuleConfig) -> Prob
             )
 
 
-CHECKS: tuple[Check, ...] = (identifiers, firmware, settings, endpoints, line)
-
-
 # -- Check that the axis of a module uses only the functions of its port, and warn of its dangers ----------------------
 
 
@@ -205,7 +203,7 @@ def _described(case: CheckContext) -> Mapping[int, Eds]:
     """Return the descriptions (EDS) that the ports make of the modules, for modules with usable tables."""
     found: dict[int, Eds] = {}
     for node_id in modules_of(case.cell):
-        module = case.cell.nodes[node_id].module
+        module = module_of(case.cell.nodes[node_id])
         if module is not None and module.at.sound(*READERS):
             with suppress(ArgumentError, LimitError):
                 found[node_id] = description(settings_of(case.cell, node_id))
@@ -309,4 +307,7 @@ def dangers(case: CheckContext) -> Problems:
         )
 
 
-AXIS_CHECKS: tuple[Check, ...] = (as_drives, writes, no_more, in_place, dangers)
+CHECKS: tuple[Check, ...] = (
+    *(identifiers, firmware, settings, endpoints, line),
+    *(as_drives, writes, no_more, in_place, dangers),
+)

@@ -9,8 +9,6 @@ from types import TracebackType
 
 from axisbus.cell.model import CellConfig
 from axisbus.core.simulated_nodes import SimulatedNode
-from axisbus.drives.gim6010.core.simulated_modules import ModuleStandIn
-from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ConfigError, one_line
 from axisbus.sim.drive import Drive
 from axisbus.sim.io import IoModule
@@ -18,7 +16,6 @@ from axisbus.sim.io import IoModule
 COLUMNS = ("time", "node", "axis", "position", "velocity", "stage", "outputs")
 _BEGINS = ",".join(COLUMNS[:5]).encode()
 
-_COUNTS = 16384  # in a turn of its rotor
 _KEY = "history"
 
 
@@ -79,8 +76,10 @@ class PlantLog:
         for node_id, stand_in in self._stand_ins.items():
             with stand_in.lock:
                 began = f"{time.monotonic():.4f},{node_id}"
-                if isinstance(stand_in, ModuleStandIn):
-                    self._file.write(_of_can_simple(began, stand_in.module))
+                own = stand_in.history()
+                if own is not None:
+                    position, velocity, stage = own
+                    self._file.write(f"{began},1,{position:.1f},{velocity:.1f},{stage},\n")
                     continue
                 device = stand_in.device
                 lines = [
@@ -94,11 +93,6 @@ class PlantLog:
 def _of_motor(began: str, number: int, drive: Drive) -> str:
     motor = drive.axis.motor
     return f"{began},{number},{motor.position:.1f},{motor.velocity:.1f},{int(drive.power.stage)},\n"
-
-
-def _of_can_simple(began: str, module: Module) -> str:
-    position, velocity = (turns * _COUNTS for turns in (module.position, module.shaft.speed))
-    return f"{began},1,{position:.1f},{velocity:.1f},{int(module.axis.state)},\n"
 
 
 def _of_module(began: str, io: IoModule) -> str:

@@ -21,7 +21,7 @@ from axisbus.drives.gim6010.can_simple.port.settings import FEEDS, ModuleSetting
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import MAKE
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
 from axisbus.drives.gim6010.cell.drive import drive_of, module_parameters
-from axisbus.drives.gim6010.cell.modules import list_of
+from axisbus.drives.gim6010.cell.modules import list_of, module_of
 from axisbus.drives.gim6010.discovery import questions
 from axisbus.drives.gim6010.discovery.questions import SimpleFacts
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN, GIM6010
@@ -208,7 +208,7 @@ class ModuleBoot:
 
     def _turns(self) -> scale_proposal.Values:
         """The encoder counts of one turn, and the gear ratio if the cell file gives one."""
-        module = self._node.module
+        module = module_of(self._node)
         gear = None if module is None or module.gear_ratio is None else round(module.gear_ratio * 1000)
         motor = {(o.ENCODER_RESOLUTION, 1): COUNTS_PER_ROTOR_TURN, (o.ENCODER_RESOLUTION, 2): 1}
         return {**motor, (o.GEAR_RATIO, 1): gear, (o.GEAR_RATIO, 2): 1000}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 from axisbus.cell import torque
@@ -20,11 +19,6 @@ _WHOLE = 1000  # ‰ of the rated torque: the highest that a port allows
 def descriptions(cell: CellConfig) -> dict[int, Eds]:
     """Return the description (EDS) that each module's port provides, by node; raises as ``settings_of``."""
     return {node_id: description(settings_of(cell, node_id)) for node_id in modules_of(cell)}
-
-
-def described(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[int, Eds]:
-    """Return ``dictionaries`` together with the descriptions of the modules; raises as ``settings_of``."""
-    return {**dictionaries, **descriptions(cell)}
 
 
 def drive_of(cell: CellConfig, axis: AxisConfig) -> Drive:

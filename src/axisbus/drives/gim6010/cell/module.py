@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from axisbus.drives.gim6010.can_simple.port.settings import (
     HEARTBEAT,
@@ -13,9 +12,9 @@ from axisbus.drives.gim6010.can_simple.port.settings import (
     TorqueSettings,
 )
 from axisbus.toml import value_readers as v
+from axisbus.toml.tables import SourceLocation
 
-CAN_SIMPLE, CANOPEN, MODBUS = "can_simple", "canopen", "modbus"
-SPOKEN = {CAN_SIMPLE: "CAN Simple", MODBUS: "Modbus"}  # protocols of a module; each has a table of its name
+CAN_SIMPLE, MODBUS = "can_simple", "modbus"
 _HOLDING = "-hold"
 
 # Each key with its reader, and the remedy if a required key is missing.
@@ -67,7 +66,8 @@ class ModuleConfig:
     torque_constant: float | None = None
     torque_ramp: float | None = None
     endpoints: str | None = None
-    at: Any = field(default=None, compare=False)  # a ``cell.model.SourceLocation``
+    at: SourceLocation = field(default=SourceLocation(), compare=False)
+    protocol: str = CAN_SIMPLE
 
     def settings(
         self,

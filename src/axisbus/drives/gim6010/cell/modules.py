@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
 
-from axisbus.bus.link.interfaces import MODBUS
 from axisbus.cell.model import BusConfig, CellConfig, NodeConfig
+from axisbus.cell.other_protocols import NodeFrame
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware, parse, proposed_version
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import LENGTH, named
 from axisbus.drives.gim6010.can_simple.periodic import FACTORY
 from axisbus.drives.gim6010.can_simple.port.feedback import CURRENT_EVERY, SELDOM
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.cell.module import MODBUS, ModuleConfig
 from axisbus.errors import ArgumentError, StateError
 
 NO_REMOTE = ("socketcand",)  # interfaces whose protocol has no remote frames
@@ -31,15 +31,15 @@ def is_line(bus: BusConfig) -> bool:
 
 def modules_of(cell: CellConfig) -> list[int]:
     """Return the node-IDs of a cell's modules."""
-    return sorted(node.node_id for node in cell.nodes.values() if node.module is not None)
+    return sorted(node.node_id for node in cell.nodes.values() if module_of(node) is not None)
 
 
-def canopen_nodes(cell: CellConfig) -> list[int]:
-    """Return the node-IDs of all other nodes."""
-    return [node.node_id for node in cell.nodes.values() if node.module is None]
+def module_of(node: NodeConfig) -> ModuleConfig | None:
+    """Return the settings of a node that is a module; None if it is none."""
+    return node.module if isinstance(node.module, ModuleConfig) else None
 
 
-def no_objects(node_id: int, what: str = "it has no object dictionary") -> StateError:
+def no_objects(node_id: int, what: str) -> StateError:
     """Return the error for using a module as a CANopen node."""
     return StateError(
         f"node {node_id} uses CAN Simple or Modbus, not CANopen: {what}",
@@ -47,14 +47,14 @@ def no_objects(node_id: int, what: str = "it has no object dictionary") -> State
     )
 
 
-def require_objects(cell: CellConfig | None, node_id: int) -> None:
-    """Refuse a node of the cell that is a module, before an access to objects or NMT.
-
-    Raises:
-        StateError: the node is a module.
-    """
-    if cell is not None and node_id in cell.nodes and cell.nodes[node_id].module is not None:
-        raise no_objects(node_id)
+def no_virtual_time(cell: CellConfig) -> StateError | None:
+    """Return the error for running a cell in virtual time, if its modules are on a serial line."""
+    if not is_line(cell.bus):
+        return None
+    return StateError(
+        f"{cell.file} uses a serial line, which does not run in virtual time",
+        remedy="axisbus sim --modbus 1 serves a simulated module on a port, which it prints: write that into [bus]",
+    )
 
 
 def settings_of(cell: CellConfig, node_id: int) -> ModuleSettings:
@@ -63,7 +63,7 @@ def settings_of(cell: CellConfig, node_id: int) -> ModuleSettings:
     Raises:
         ArgumentError, LimitError: a value is not valid for a module; ``axisbus check`` reports it with its line.
     """
-    module = cell.nodes[node_id].module
+    module = module_of(cell.nodes[node_id])
     assert module is not None
     axis = next(iter(cell.axes_of(node_id)), None)
     return module.settings(
@@ -95,11 +95,12 @@ def list_of(node: NodeConfig, folder: Path) -> tuple[EndpointList, Firmware] | N
     Raises:
         ArgumentError: the file cannot be read, or is no such list; its firmware is unknown, or file name and ``firmware`` differ.
     """
-    if node.module is None or node.module.endpoints is None:
+    module = module_of(node)
+    if module is None or module.endpoints is None:
         return None
-    path = folder / node.module.endpoints
+    path = folder / module.endpoints
     try:
-        path = folder / Path(node.module.endpoints).expanduser()  # RuntimeError: unknown home folder
+        path = folder / Path(module.endpoints).expanduser()  # RuntimeError: unknown home folder
         text = path.read_bytes()
     except (OSError, RuntimeError) as error:
         raise ArgumentError(
@@ -151,28 +152,16 @@ _ESTIMATES, _COUNT, _CURRENT, _TARGET = (
 )
 
 
-class ModuleFrame(NamedTuple):
-    """Frames of one kind: ``rate`` per second at worst, in closed loop; ``to_module``: whether the master sends them."""
-
-    node: int
-    can_id: int
-    kind: str
-    name: str
-    rate: float
-    data_bytes: int
-    to_module: bool
-
-
-def module_frames(cell: CellConfig) -> Iterator[ModuleFrame]:
+def module_frames(cell: CellConfig) -> Iterator[NodeFrame]:
     """Return the frames of all modules; raises as ``settings_of``."""
     for node_id in modules_of(cell):
         yield from _of_module(cell, node_id)
 
 
-def _of_module(cell: CellConfig, node: int) -> Iterator[ModuleFrame]:
+def _of_module(cell: CellConfig, node: int) -> Iterator[NodeFrame]:
     settings = settings_of(cell, node)
     period = settings.period
-    yield _frame(node, "heartbeat", "Heartbeat", 1 / settings.heartbeat, LENGTH, to_module=False)
+    yield _frame(node, "heartbeat", "Heartbeat", 1 / settings.heartbeat, LENGTH, to_node=False)
     # The master requests the estimates in every cycle from a module that does not send them automatically; the worst case counts.
     by_itself = 1000 / FACTORY[_ESTIMATES]
     asked = {_ESTIMATES: 1 / period, _COUNT: 1 / SELDOM}
@@ -180,11 +169,11 @@ def _of_module(cell: CellConfig, node: int) -> Iterator[ModuleFrame]:
         asked[_CURRENT] = 1 / max(CURRENT_EVERY, period)
     request = 0 if carries_remote(cell.bus) else LENGTH
     for name, rate in asked.items():
-        yield _frame(node, "request", name, rate, request, to_module=True)
+        yield _frame(node, "request", name, rate, request, to_node=True)
         answers = max(by_itself, rate) if name == _ESTIMATES else rate
-        yield _frame(node, "answer", name, answers, LENGTH, to_module=False)
-    yield _frame(node, "target", _TARGET, 1 / period, LENGTH, to_module=True)
+        yield _frame(node, "answer", name, answers, LENGTH, to_node=False)
+    yield _frame(node, "target", _TARGET, 1 / period, LENGTH, to_node=True)
 
 
-def _frame(node: int, kind: str, name: str, rate: float, data_bytes: int, *, to_module: bool) -> ModuleFrame:
-    return ModuleFrame(node, can_id(node, named(name).command), kind, name, rate, data_bytes, to_module)
+def _frame(node: int, kind: str, name: str, rate: float, data_bytes: int, *, to_node: bool) -> NodeFrame:
+    return NodeFrame(node, can_id(node, named(name).command), kind, name, rate, data_bytes, to_node)

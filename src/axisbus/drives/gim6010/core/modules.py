@@ -7,6 +7,7 @@ from typing import Protocol
 from axisbus.boot.report import Booted
 from axisbus.bus.node.events import NodeEvents
 from axisbus.cell.model import CellConfig
+from axisbus.cell.other_protocols import objects_refused
 from axisbus.cia402.port import Port
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.drives.gim6010.boot.discovery import BootChannel
@@ -88,7 +89,7 @@ class CanSimpleModules:
             sender.node,
             self._channel.clock,
             events=self._events.get(node_id),
-            has_objects=False,
+            objects_refused=objects_refused(self._cell, node_id),
             make=make_of(eds),
         )
 

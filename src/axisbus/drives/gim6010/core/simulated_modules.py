@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import AbstractContextManager
+from functools import partial
 from typing import Any, NoReturn
 
 from axisbus.cell.model import CellConfig
+from axisbus.core.other_protocols import SimulatedGuest
 from axisbus.core.simulated_nodes import SimulatedNode
 from axisbus.drives.gim6010.cell.modules import modules_of, settings_of
 from axisbus.drives.gim6010.sim.firmware import FACTORY, Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import StateError
+
+_COUNTS = 16384  # in a turn of its rotor
 
 
 class ModuleStandIn(SimulatedNode):
@@ -20,6 +23,11 @@ class ModuleStandIn(SimulatedNode):
     def __init__(self, module: Module, lock: AbstractContextManager[object]) -> None:
         self.module = module
         self.lock = lock
+
+    def history(self) -> tuple[float, float, int]:
+        """As ``SimulatedNode.history``; the stage is the state of the module's axis: 1 is idle, 8 closed loop."""
+        module = self.module
+        return module.position * _COUNTS, module.shaft.speed * _COUNTS, int(module.axis.state)
 
     def drive(self, axis: int = 1) -> NoReturn:  # noqa: ARG002
         """Refuse: the motor is in ``module``."""
@@ -34,16 +42,10 @@ class ModuleStandIn(SimulatedNode):
             self.module.dials.motor_error = maker_bits or code
 
 
-def modules(cell: CellConfig) -> dict[int, Module]:
+def simulated_modules(cell: CellConfig) -> dict[int, SimulatedGuest]:
     """Make the modules of a cell, with their settings in the cell file; raises as ``settings_of``."""
-    return {node_id: _module(cell, node_id) for node_id in modules_of(cell)}
-
-
-def stand_ins_of(
-    made: Mapping[int, Module], lock: AbstractContextManager[object]
-) -> dict[int, SimulatedNode]:
-    """Return the user's access to modules; ``lock`` is that of their network."""
-    return {node_id: ModuleStandIn(module, lock) for node_id, module in made.items()}
+    made = {node_id: _module(cell, node_id) for node_id in modules_of(cell)}
+    return {node_id: SimulatedGuest(each, partial(ModuleStandIn, each)) for node_id, each in made.items()}
 
 
 def _module(cell: CellConfig, node_id: int) -> Module:

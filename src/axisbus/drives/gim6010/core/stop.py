@@ -1,18 +1,15 @@
-"""Stop modules on a channel without the scan, as ``core.node_stop`` does for CANopen nodes; or both at the same time."""
+"""Stop modules on a channel without the scan, as ``core.node_stop`` does for CANopen nodes."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from functools import partial
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.node.node import CanopenNode
-from axisbus.bus.parallel import in_parallel
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.frame import CanFrame
-from axisbus.core.node_stop import stop_nodes
 from axisbus.drives.gim6010.bus.run import send
 from axisbus.drives.gim6010.can_simple.coexistence import identifiers
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
@@ -24,17 +21,15 @@ from axisbus.link import StopResult
 _POLL = 0.005  # s
 
 
-def stop_drives(
-    cell: CellConfig, channel: Channel, nodes: Iterable[CanopenNode], names: Collection[str]
-) -> list[StopResult]:
-    """Stop the axes of these names, of ``nodes`` and of modules; blocks until standstill, at most about 8 s.
+def stop_axes(cell: CellConfig, channel: Channel, names: Collection[str]) -> list[StopResult]:
+    """Stop the axes of these names that belong to modules. Blocks as ``stop_modules``."""
+    return stop_modules(channel, settings_by_axis(cell, names))
 
-    If there is no other thread for the modules, they come first, because their stop sequence is shorter.
-    """
-    modules = settings_by_axis(cell, names)
-    works = [partial(stop_modules, channel, modules)] if modules else []
-    works.append(partial(stop_nodes, channel.clock, cell, list(nodes), names))
-    return [stopped for each in in_parallel(channel.clock, lambda work: work(), works) for stopped in each]
+
+def holding(cell: CellConfig) -> frozenset[str]:
+    """Return the axes of modules whose stop holds their position."""
+    settings = settings_by_axis(cell, cell.driven)
+    return frozenset(name for name, each in settings.items() if each.quick_stop_holds)
 
 
 def stop_modules(channel: Channel, modules: Mapping[str, ModuleSettings]) -> list[StopResult]:
