@@ -19,7 +19,7 @@ from kit.can_simple.mixed_cell import write
 
 
 def decoded(can_id, data, nodes=(1, 5), **how):
-    return Decoder(simple=nodes).feed(CanFrame(0.0, can_id, bytes.fromhex(data), **how))
+    return Decoder(named={"can_simple": nodes}).feed(CanFrame(0.0, can_id, bytes.fromhex(data), **how))
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_a_remote_frame_is_shown_as_a_request():
 
 
 def test_faults_and_missed_heartbeats_are_trouble():
-    decoder = Decoder(simple=[1])
+    decoder = Decoder(named={"can_simple": [1]})
     tails = ["80 00 10", "80 00 13", "81 00 14"]
     told = [decoder.feed(CanFrame(0.0, 0x021, bytes.fromhex(f"40 00 00 00 01 {tail}"))) for tail in tails]
     assert "axis MOTOR_FAILED: the motor part reports an error" in what(told[0])

@@ -21,7 +21,7 @@ from axisbus.wording import counted
 if TYPE_CHECKING:
     from axisbus.bus.link.channel import Channel
     from axisbus.bus.node.discover import DiscoveredNode
-    from axisbus.drives.gim6010.factory_protocols import ProtocolListener
+    from axisbus.drives.foreign_protocols import ForeignProtocols
     from axisbus.scaffold.draft import Draft, NodeFound
     from axisbus.scaffold.match import CandidateFile, FileMatch
 
@@ -53,13 +53,13 @@ def command(
     The properties that only you know (units, scales, speeds, stop sequence) are written as comments to confirm, with the values
     that the drives report. Only reads; energises nothing. Exit code 1 when something is missing in the file.
     """
-    from axisbus.drives.gim6010.factory_protocols import ProtocolListener
+    from axisbus.drives.foreign_protocols import ForeignProtocols
     from axisbus.scaffold import match
 
     if interface is None:
         raise click.UsageError("give the bus with -i and -c (such as: -i socketcan -c can0)")
     require_free(output, force=force)
-    others = ProtocolListener()
+    others = ForeignProtocols()
     known, unreadable = match.collect(folders)
     with ExitStack() as stack:
         bus = open_bus(stack, None, interface, channel, bitrate, option)
@@ -71,21 +71,18 @@ def command(
     return _tell(output, nodes, made, unreadable, as_json)
 
 
-def _nobody(others: ProtocolListener) -> UserError:
+def _nobody(others: ForeignProtocols) -> UserError:
     """Return why no cell file is made: no node answers, or the present modules use another protocol."""
-    from axisbus.drives.gim6010.factory_protocols import REMEDIES, heard
-
     nothing = "check supply, cable, termination and bit rate (axisbus scan), and node-IDs (axisbus lss find)"
-    protocols = dict.fromkeys(each.protocol for each in others.speakers)
     return UserError(
         "no node answered on the bus; no cell file was written",
-        observed="; ".join(heard(others.speakers)),
-        remedy="; ".join(REMEDIES[each] for each in protocols) or nothing,
+        observed="; ".join(others.heard()),
+        remedy="; ".join(others.remedies()) or nothing,
     )
 
 
 def _found(
-    bus: Channel, known: list[CandidateFile], output: Path, others: ProtocolListener, *, quiet: bool
+    bus: Channel, known: list[CandidateFile], output: Path, others: ForeignProtocols, *, quiet: bool
 ) -> list[NodeFound]:
     from axisbus.bus.node.discover import scan
 

@@ -17,7 +17,7 @@ from axisbus.cli.shared.options import PATH, bus_options, bus_words
 if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import BitRateTraffic
     from axisbus.bus.node.discover import DiscoveredNode
-    from axisbus.drives.gim6010.factory_protocols import ProtocolListener
+    from axisbus.drives.foreign_protocols import ForeignProtocols
     from axisbus.errors import BusError
 
 _NUMBERS = ("vendor", "product", "revision", "serial")
@@ -44,9 +44,9 @@ def command(
     rates, if the adapter has a listen-only mode (about 6 s); never otherwise, because a wrong rate destroys every frame of a
     working bus.
     """
-    from axisbus.drives.gim6010.factory_protocols import ProtocolListener, told
+    from axisbus.drives.foreign_protocols import ForeignProtocols
 
-    others = ProtocolListener()
+    others = ForeignProtocols()
     given = (cell, interface, channel, bitrate, option)
     found, failed = _scan(given, others)
     speakers, elsewhere = others.speakers, None
@@ -59,7 +59,7 @@ def command(
         say_json([*map(_plain, found), *(each.plain for each in speakers), *_elsewhere(elsewhere)])
         return OK if found else WRONG
     _show(found)
-    for line in told(speakers):
+    for line in others.lines():
         say(line)
     if found:
         _next(given)
@@ -69,7 +69,7 @@ def command(
     return OK if found else WRONG
 
 
-def _scan(given: Given, others: ProtocolListener) -> tuple[list[DiscoveredNode], BusError | None]:
+def _scan(given: Given, others: ForeignProtocols) -> tuple[list[DiscoveredNode], BusError | None]:
     """Return the nodes found, and the error of the bus (at a wrong bit rate no frame is acknowledged)."""
     from axisbus.bus.node.discover import scan
     from axisbus.errors import BusError
@@ -93,7 +93,7 @@ def _elsewhere(heard: BitRateTraffic | None) -> list[dict[str, Any]]:
         return []
     rate = {"bitrate": heard.bitrate}
     nodes = [{"protocol": "CANopen", "node_id": node, **rate} for node in heard.nodes]
-    return [*nodes, *({**each.plain, **rate} for each in heard.speakers)]
+    return [*nodes, *({**each.plain, **rate} for each in heard.others.speakers)]
 
 
 def _show(found: list[DiscoveredNode]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Collection, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -108,18 +109,19 @@ def command(
     axes = asked.axes if filters or without else ()
     unwanted = wanted.parse(without, axes) if without else None
     look = TraceFilter(wanted.parse(filters, axes), unwanted, errors_only, as_json, absolute)
-    simple = nodes_of(can_simple) if can_simple else ()
+    named = {"can_simple": nodes_of(can_simple)} if can_simple else {}
     with ExitStack() as stack:
         opened = open_frames(stack, asked, seconds)
-        seen = _show(opened, look, count, simple)
+        seen = _show(opened, look, count, named)
     _tell(opened, seen)
     if not seen.frames and interface is not None:
         _listen_elsewhere(opening_of(None, interface, channel, bitrate, option))
     return WRONG if errors_only and seen.trouble else OK
 
 
-def _show(opened: FrameSource, look: TraceFilter, most: int | None, simple: tuple[int, ...]) -> TraceCounts:
-    from axisbus.drives.gim6010.factory_protocols import told
+def _show(
+    opened: FrameSource, look: TraceFilter, most: int | None, named: Mapping[str, Collection[int]]
+) -> TraceCounts:
     from axisbus.trace.decoder import Decoder
     from axisbus.trace.error_counters import TraceErrorCounters
 
@@ -129,7 +131,7 @@ def _show(opened: FrameSource, look: TraceFilter, most: int | None, simple: tupl
         for frame in opened.frames:
             start = frame.time if start is None and not look.absolute else start
             if frame.channel not in decoders:
-                decoders[frame.channel] = Decoder(opened.known, simple)
+                decoders[frame.channel] = Decoder(opened.known, named)
             one = decoders[frame.channel].feed(frame)
             tally.note(one)
             shown = look.shows(one)
@@ -138,7 +140,7 @@ def _show(opened: FrameSource, look: TraceFilter, most: int | None, simple: tupl
                 _print(one, look, start or 0.0, frame.channel if len(decoders) > 1 else "")
             if most is not None and seen.shown >= most:
                 break
-    foreign = (line for decoder in decoders.values() for line in told(decoder.foreign.speakers))
+    foreign = (line for decoder in decoders.values() for line in decoder.foreign.lines())
     return seen._replace(against=tally.words(), foreign=tuple(foreign))
 
 

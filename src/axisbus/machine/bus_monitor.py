@@ -14,14 +14,13 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.master_detection import MasterDetector
 from axisbus.cia301.nmt import NmtState
 from axisbus.core.master_detection import cast_of
-from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND as HEARTBEAT
-from axisbus.drives.gim6010.can_simple.identifier import can_id
-from axisbus.drives.gim6010.factory_protocols import ProtocolListener
+from axisbus.drives.foreign_protocols import ForeignProtocols
 from axisbus.eds.model import Eds
 from axisbus.trace import context
 from axisbus.trace.decoded import Decoded, FrameKind
 from axisbus.trace.decoder import Decoder
 from axisbus.trace.error_counters import TraceErrorCounters
+from axisbus.trace.other_protocols import part_for
 
 _INTERVALS = 64  # number of last frames from which a period is calculated
 _NEWS = 50  # events stored between two calls; further ones are counted
@@ -81,8 +80,8 @@ class BusMonitor:
         """Begin with the nodes of a cell, without any traffic."""
         found = context.of_cell(cell, files)
         self.nodes = {node.node_id: NodeHeard(node.node_id, node.name) for node in found.nodes.values()}
-        self.nodes |= {node_id: NodeHeard(node_id, name) for node_id, name in found.modules.items()}
-        self._beats = {can_id(node_id, HEARTBEAT) for node_id in found.modules}
+        self.nodes |= {node_id: NodeHeard(node_id, other.name) for node_id, other in found.others.items()}
+        self._beats = {part_for(other.protocol).heartbeat(node_id) for node_id, other in found.others.items()}
         self.sync = Beat()
         self.signs = MasterDetector(cast_of(cell, files))
         self.frames = 0
@@ -109,7 +108,7 @@ class BusMonitor:
             self._note(one)
 
     @property
-    def foreign(self) -> ProtocolListener:
+    def foreign(self) -> ForeignProtocols:
         """The nodes that use another protocol than CANopen."""
         return self._decoder.foreign
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from axisbus.cell import pdo_tables
 from axisbus.cell.model import CellConfig, NodeConfig
-from axisbus.cell.other_protocols import other_nodes
 from axisbus.cell.pdo_plan import travelling
 from axisbus.cell.quantities import Quantities
 from axisbus.check.context import CheckContext
@@ -37,14 +37,21 @@ class KnownNode:
     make: DrivePlugin = GENERIC
 
 
+class OtherNode(NamedTuple):
+    """A node of another protocol than CANopen, and the names of its axes."""
+
+    protocol: str
+    name: str
+
+
 @dataclass(frozen=True)
 class TraceContext:
-    """A bus as its files describe it; all of it may be empty. ``modules`` use CAN Simple: node ID and the name of the axis."""
+    """A bus as its files describe it; all of it may be empty. ``others`` are nodes of other protocols."""
 
     nodes: Mapping[int, KnownNode] = field(default_factory=dict)
     quantities: Quantities = field(default_factory=Quantities)
     master_id: int | None = None
-    modules: Mapping[int, str] = field(default_factory=dict)
+    others: Mapping[int, OtherNode] = field(default_factory=dict)
 
 
 NOTHING = TraceContext()
@@ -62,8 +69,12 @@ def of_cell(cell: CellConfig, files: Mapping[int, Eds]) -> TraceContext:
     for node, eds, dictionary in case.nodes:
         planned = tuple(DirectedPdo(*each) for each in travelling(cell, node, eds, dictionary))
         nodes[node.node_id] = _node(node, eds, _axes(cell, node.node_id), planned)
-    modules = {node_id: _axes(cell, node_id) for node_id in other_nodes(cell)}
-    return TraceContext(nodes, Quantities(cell), cell.bus.master_id, modules)
+    others = {
+        node_id: OtherNode(node.module.protocol, _axes(cell, node_id))
+        for node_id, node in cell.nodes.items()
+        if node.module is not None
+    }
+    return TraceContext(nodes, Quantities(cell), cell.bus.master_id, others)
 
 
 def _axes(cell: CellConfig, node_id: int) -> str:

@@ -4,26 +4,26 @@ Theory of operation
 -------------------
 ``Decoder.feed`` takes frames in the order of the bus and never raises: an undecodable frame gives a value that says so.
 Identifiers are looked up in this order: SYNC, EMCY and SDO channels as learned, PDOs as known or learned, and then the predefined
-connection set (CiA 301 7.3.5). Before all of them come the frames of nodes that are named as CAN Simple nodes
-(``drives.gim6010.trace``), and of a module that was found to use another protocol (``drives.gim6010.factory_protocols``). A
-finished SDO transfer that writes or reads communication objects (1005h, 1014h, 12xxh, 14xxh to 1Bxxh) changes how later frames are
-decoded, exactly as it changes the behaviour of the node.
+connection set (CiA 301 7.3.5). Before all of them come the frames of nodes that are named as nodes of another protocol
+(``other_protocols``), and of a device that was found to use another protocol (``drives.foreign_protocols``). A finished SDO
+transfer that writes or reads communication objects (1005h, 1014h, 12xxh, 14xxh to 1Bxxh) changes how later frames are decoded,
+exactly as it changes the behaviour of the node.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 
 from axisbus.bus.link import controller
 from axisbus.cia301 import abort, cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.nmt import NmtState
-from axisbus.drives.gim6010 import factory_protocols
-from axisbus.drives.gim6010.trace import CanSimpleDecoder
+from axisbus.drives.foreign_protocols import ForeignProtocols
 from axisbus.trace import lss, services, value_text
 from axisbus.trace.context import NOTHING, KnownNode, TraceContext
 from axisbus.trace.decoded import Decoded, DecodedSdo, FrameKind, ObjectValue
+from axisbus.trace.other_protocols import decoders
 from axisbus.trace.pdos import PdoParameters, PdoTable
 from axisbus.trace.sdo import SdoChannelDecoder
 from axisbus.trace.services import Words
@@ -41,13 +41,21 @@ _PREDEFINED_PDOS = {
 }
 
 
+_NO_NODES: Mapping[str, Collection[int]] = {}
+
+
 class Decoder:
     """Decodes one bus; holds state: the running SDO transfers, learned identifiers and mappings, last NMT states and modes."""
 
-    def __init__(self, known: TraceContext = NOTHING, simple: Collection[int] = ()) -> None:
-        """``simple`` are the node IDs (0 to 63) of modules that use CAN Simple, in addition to those in ``known``."""
+    def __init__(
+        self, known: TraceContext = NOTHING, named: Mapping[str, Collection[int]] = _NO_NODES
+    ) -> None:
+        """``named`` are node IDs of other protocols, by protocol, in addition to those in ``known``."""
         self._known = known
-        self._modules = CanSimpleDecoder({*simple, *known.modules})
+        others = {protocol: set(node_ids) for protocol, node_ids in named.items()}
+        for node_id, other in known.others.items():
+            others.setdefault(other.protocol, set()).add(node_id)
+        self._others = decoders(others)
         self._values = Values(known)
         self._pdos = PdoTable(tuple(known.nodes.values()))
         self._dialogues: dict[tuple[int, int], SdoChannelDecoder] = {}  # request and response identifier
@@ -58,22 +66,24 @@ class Decoder:
         self._emcy: dict[int, int] = {}
         self._sdo: dict[int, tuple[int, bool, tuple[int, int]]] = {}
         self._before: float | None = None
-        self.foreign = factory_protocols.ProtocolListener()
+        self.foreign = ForeignProtocols()
 
     def feed(self, frame: CanFrame) -> Decoded:
         """Return the decoded frame."""
         delta = 0.0 if self._before is None else frame.time - self._before
         self._before = frame.time
-        told = self._modules.told(frame)
-        if told is not None:
-            name = self._known.modules.get(told.node, "")
-            return _Making(frame, delta, FrameKind.FOREIGN, told.node, name).words(
-                told.words, from_node=told.from_node
-            )
+        for other in self._others:
+            told = other.told(frame)
+            if told is not None:
+                known = self._known.others.get(told.node)
+                name = "" if known is None else known.name
+                return _Making(frame, delta, FrameKind.FOREIGN, told.node, name).words(
+                    told.words, from_node=told.from_node
+                )
         self.foreign.note(frame)
-        speaker = self.foreign.speaker(frame)
-        if speaker is not None:
-            return _Making(frame, delta, FrameKind.FOREIGN, None, "").words(_foreign(frame, speaker))
+        text = self.foreign.text(frame)
+        if text is not None:
+            return _Making(frame, delta, FrameKind.FOREIGN, None, "").words(Words(text))
         kind, node = self.classify(frame)
         made = _Making(frame, delta, kind, node, self._name(node))
         return _DECODERS[kind](self, made)
@@ -329,14 +339,6 @@ def _predefined(frame: CanFrame) -> tuple[FrameKind, int | None]:
         return (FrameKind.RPDO if _PREDEFINED_PDOS[function][0] else FrameKind.TPDO), node
     kind = _BY_FUNCTION.get(function)
     return (FrameKind.UNKNOWN, None) if kind is None else (kind, node)
-
-
-def _foreign(frame: CanFrame, speaker: factory_protocols.Speaker) -> Words:
-    """Return the text of a frame of another protocol: its command, and the contents of a heartbeat."""
-    beat = frame.extended or frame.can_id == speaker.can_id
-    command = "heartbeat" if beat else factory_protocols.command(frame.can_id)
-    said = factory_protocols.heartbeat_words(speaker, frame.data) if beat else ""
-    return Words(f"{speaker.protocol.value}, node {speaker.node}, {command}: {said or _bytes(frame)}")
 
 
 def _wire(frame: CanFrame) -> int:

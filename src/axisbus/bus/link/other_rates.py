@@ -8,13 +8,13 @@ valid. A node that is alone with the adapter can therefore not be found.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from axisbus.bus.link import adapter, interfaces
 from axisbus.bus.link.listen import listen
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import CanFrame
-from axisbus.drives.gim6010.factory_protocols import ProtocolListener, Speaker
+from axisbus.drives.foreign_protocols import ForeignProtocols
 from axisbus.errors import AdapterError, ArgumentError
 
 RATES = (
@@ -39,7 +39,7 @@ class BitRateTraffic:
     bitrate: int
     frames: int
     nodes: tuple[int, ...] = ()
-    speakers: tuple[Speaker, ...] = ()
+    others: ForeignProtocols = field(default_factory=ForeignProtocols)
 
 
 def possible(interface: str, options: Mapping[str, object]) -> bool:
@@ -84,7 +84,7 @@ def find(
 def _at(
     interface: str, channel: str | int | None, rate: int, options: Mapping[str, object]
 ) -> BitRateTraffic:
-    listening, nodes = ProtocolListener(), set[int]()
+    listening, nodes = ForeignProtocols(), set[int]()
     with listen(interface, channel, rate, adapter.forced(interface, options)) as listener:
         for seconds in (SECONDS, _MORE - SECONDS):
             for frame in listener.frames(seconds):
@@ -93,7 +93,7 @@ def _at(
                     nodes.add(frame.can_id & 0x7F)
             if not listening.frames:
                 break
-    return BitRateTraffic(rate, listening.frames, tuple(sorted(nodes)), tuple(listening.speakers))
+    return BitRateTraffic(rate, listening.frames, tuple(sorted(nodes)), listening)
 
 
 def _heartbeat(frame: CanFrame) -> bool:

@@ -25,7 +25,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.device_type import device_kind
 from axisbus.clock import sleep_until
-from axisbus.drives.gim6010.factory_protocols import Protocol, ProtocolListener, simple_node
+from axisbus.drives.foreign_protocols import ForeignProtocols
 from axisbus.errors import AxisbusError, SdoError
 
 PACE = 0.0015  # seconds between two frames
@@ -58,7 +58,7 @@ def scan(
     channel: Channel,
     ids: Iterable[int] = cob.NODE_IDS,
     listen: float = LISTEN,
-    listening: ProtocolListener | None = None,
+    listening: ForeignProtocols | None = None,
 ) -> list[DiscoveredNode]:
     """Find the nodes among ``ids``; blocks ``listen`` seconds, and up to 1.2 s more for details (under 3 s for 127 IDs).
 
@@ -70,7 +70,7 @@ def scan(
         StateError: called in the receive thread.
     """
     require_other_thread(channel, "a scan of the bus")
-    others = ProtocolListener() if listening is None else listening
+    others = ForeignProtocols() if listening is None else listening
     ears = _Ears(channel, tuple(ids))
     try:
         with channel.overheard(others.note):
@@ -91,7 +91,7 @@ def scan(
     ]
 
 
-def _ask(ears: _Ears, others: ProtocolListener, listen: float) -> None:
+def _ask(ears: _Ears, others: ForeignProtocols, listen: float) -> None:
     clock = ears.clock
     begin = clock.now()
     quiet = listen * _QUIET
@@ -102,10 +102,11 @@ def _ask(ears: _Ears, others: ProtocolListener, listen: float) -> None:
     sleep_until(clock, begin + listen)
 
 
-def _safe(ids: Iterable[int], others: ProtocolListener) -> list[int]:
+def _safe(ids: Iterable[int], others: ForeignProtocols) -> list[int]:
     """Return the node-IDs whose request no module takes for a command of another protocol."""
-    taken = {each.node for each in others.speakers if each.protocol is Protocol.CAN_SIMPLE}
-    return [node_id for node_id in ids if simple_node(cob.SDO_RX + node_id) not in taken]
+    asked = list(ids)
+    taken = others.commands(cob.SDO_RX + node_id for node_id in asked)
+    return [node_id for node_id in asked if cob.SDO_RX + node_id not in taken]
 
 
 class _Ears:

@@ -14,7 +14,6 @@ from axisbus.cia301.master_detection import words
 from axisbus.cli.shared.common import OK, say, say_json, say_next
 from axisbus.core.files import load_dictionaries
 from axisbus.core.listen_only import listen_to
-from axisbus.drives.gim6010.factory_protocols import told
 from axisbus.machine.bus_monitor import Beat, BusMonitor, NodeHeard
 from axisbus.trace import frame_formats
 from axisbus.wording import counted
@@ -34,7 +33,7 @@ def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
     if not as_json:
         if against := overview.tally.words():
             say(against)
-        for line in told(overview.foreign.speakers):
+        for line in overview.foreign.lines():
             say(line)
         say_next(
             f"every frame decoded: axisbus trace {path}; nodes that answer (this sends): axisbus scan {path}"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from axisbus.cli.shared.common import say, say_next, say_note
-from axisbus.drives.gim6010.factory_protocols import BIT_RATE, told
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
@@ -22,8 +21,9 @@ _NO_MODE = (
 )
 _ALONE = (
     "if the bus has only one node and this adapter, its frames are received only if this adapter acknowledges them: if "
-    f"nothing else runs on this bus, scan it with -b {BIT_RATE} too, the factory setting of a GIM6010-8"
+    "nothing else runs on this bus, scan it with {} too"
 )
+_OTHER_RATE = 500_000  # the proposal if no plug-in knows a rate
 
 
 def listen(opening: Opening, *, quiet: bool = False) -> BitRateTraffic | None:
@@ -46,19 +46,24 @@ def lines(heard: BitRateTraffic) -> list[str]:
     nodes = f", CANopen nodes {', '.join(map(str, heard.nodes))}" if heard.nodes else ""
     return [
         f"this bus runs at {heard.bitrate} bit/s: {counted(heard.frames, 'frame was', 'frames were')} heard{nodes}",
-        *told(heard.speakers),
+        *heard.others.lines(),
     ]
 
 
 def advice(opening: Opening) -> list[str]:
     """Return what to do if nothing was received at any bit rate that was tried."""
     from axisbus.bus.link import interfaces, other_rates
+    from axisbus.drives.foreign_protocols import ForeignProtocols
 
+    rates = ForeignProtocols().factory_rates
+    named = " and ".join(f"-b {rate}" for rate in rates) or "other bit rates (-b)"
+    whose = "".join(f", the factory setting of {make}" for make in rates.values())
+    alone = _ALONE.format(named) + whose
     if other_rates.possible(opening.interface, opening.options):
-        return ["nothing was heard at any other bit rate either", _ALONE]
+        return ["nothing was heard at any other bit rate either", alone]
     if opening.interface == "socketcan":
-        return [_SYSTEM.format(opening.channel, BIT_RATE), _ALONE]
-    return [_NO_MODE, _ALONE] if interfaces.sets_rate(opening.interface, opening.options) else []
+        return [_SYSTEM.format(opening.channel, next(iter(rates), _OTHER_RATE)), alone]
+    return [_NO_MODE, alone] if interfaces.sets_rate(opening.interface, opening.options) else []
 
 
 def show(heard: BitRateTraffic | None, opening: Opening) -> None:

@@ -21,12 +21,12 @@ from __future__ import annotations
 
 import struct
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from itertools import pairwise
 from statistics import median
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import CanFrame
@@ -98,6 +98,9 @@ class Speaker(NamedTuple):
 class ProtocolListener:
     """Recognises modules with another protocol; holds the last heartbeats by identifier, and the signs of CANopen so far."""
 
+    factory_rate: ClassVar[int] = BIT_RATE
+    make: ClassVar[str] = "a GIM6010-8"
+
     frames: int = 0  # without error frames
     _heard: dict[tuple[int, bool], deque[tuple[float, bytes]]] = field(default_factory=dict)
     _positions: dict[int, deque[bytes]] = field(default_factory=dict)
@@ -137,6 +140,30 @@ class ProtocolListener:
         if not plain and (frame.can_id & 0x1F != _POSITION or self._supervised(frame.can_id)):
             return None
         return self._judge(beat, False)
+
+    def text(self, frame: CanFrame) -> str | None:
+        """Return the text of a frame of a module with another protocol: its command, and the contents of a heartbeat."""
+        speaker = self.speaker(frame)
+        if speaker is None:
+            return None
+        beat = frame.extended or frame.can_id == speaker.can_id
+        name = "heartbeat" if beat else command(frame.can_id)
+        said = heartbeat_words(speaker, frame.data) if beat else ""
+        return f"{speaker.protocol.value}, node {speaker.node}, {name}: {said or frame.data.hex(' ').upper() or 'no data'}"
+
+    def commands(self, can_ids: Iterable[int]) -> set[int]:
+        """Return those of some 11-bit identifiers that a module with CAN Simple takes for commands to it."""
+        nodes = {each.node for each in self.speakers if each.protocol is Protocol.CAN_SIMPLE}
+        return {can_id for can_id in can_ids if simple_node(can_id) in nodes}
+
+    def heard(self) -> list[str]:
+        """Return the modules heard, a line per protocol; empty if there are none."""
+        return heard(self.speakers)
+
+    def remedies(self) -> list[str]:
+        """Return what to do about the modules heard, a line per protocol."""
+        protocols = {each.protocol for each in self.speakers}
+        return [remedy for protocol, remedy in REMEDIES.items() if protocol in protocols]
 
     def _standard(self, frame: CanFrame) -> None:
         self._signs(frame)
@@ -216,15 +243,6 @@ REMEDIES = {
     Protocol.EXTENDED: "the manufacturer's firmware 0.6.8 and later may use it, and the manual does not describe it: try "
     f"its instructions for CAN Simple ({_SWITCH}), or ask the manufacturer",
 }
-
-
-def told(speakers: Sequence[Speaker]) -> list[str]:
-    """Return the modules heard and the remedy, a line each per protocol; empty if there are none."""
-    lines = []
-    for protocol, remedy in REMEDIES.items():
-        found = [each for each in speakers if each.protocol is protocol]
-        lines += [*heard(found), f"  remedy:   {remedy}"] if found else []
-    return lines
 
 
 def heard(speakers: Sequence[Speaker]) -> list[str]:

@@ -9,7 +9,6 @@ its answer, both are reported. Values of MIT control use the ranges of the manua
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import NamedTuple
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010 import faults
@@ -23,22 +22,15 @@ from axisbus.drives.gim6010.can_simple.codec import (
 )
 from axisbus.drives.gim6010.can_simple.fields import MessageField, Number
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
-from axisbus.drives.gim6010.can_simple.identifier import NODES, split
+from axisbus.drives.gim6010.can_simple.identifier import NODES, can_id, split
 from axisbus.drives.gim6010.can_simple.messages import BY_COMMAND
 from axisbus.drives.gim6010.can_simple.states import state_words
 from axisbus.errors import ArgumentError
+from axisbus.trace.other_protocols import NodeFrameText, TracePart
 from axisbus.trace.services import Words
 from axisbus.wording import counted
 
 _MIT = mit.MIT_CONTROL.command
-
-
-class ModuleFrameText(NamedTuple):
-    """The text of a frame of a named node; ``from_node`` is False if only a master can have sent it."""
-
-    node: int
-    words: Words
-    from_node: bool
 
 
 class CanSimpleDecoder:
@@ -47,7 +39,7 @@ class CanSimpleDecoder:
     def __init__(self, nodes: Collection[int] = ()) -> None:
         self._beats: dict[int, Heartbeats] = {node: Heartbeats() for node in nodes}
 
-    def told(self, frame: CanFrame) -> ModuleFrameText | None:
+    def told(self, frame: CanFrame) -> NodeFrameText | None:
         """Return the text of a frame; None if it belongs to none of the named nodes."""
         if not self._beats or frame.error or frame.extended or frame.can_id >= NODES.stop << 5:
             return None
@@ -55,13 +47,13 @@ class CanSimpleDecoder:
         if node not in self._beats:
             return None
         if command == heartbeat.COMMAND and not frame.remote:
-            return ModuleFrameText(node, _named(command, self._beat(node, frame.data)), True)
+            return NodeFrameText(node, _named(command, self._beat(node, frame.data)), True)
         found = readings(frame.can_id, frame.data, remote=frame.remote)
         said = " or ".join(filter(None, (_one(each, frame.data) for each in found)))
         wrong = [each.words for each in found if isinstance(each, Unexpected)]
         from_module = any(isinstance(each, DecodedMessage) and each.from_module for each in found)
         text = said or frame.data.hex(" ").upper() or "no data"
-        return ModuleFrameText(
+        return NodeFrameText(
             node, _named(command, Words(text, problem="; ".join(wrong))), from_module or bool(wrong)
         )
 
@@ -153,3 +145,6 @@ def _endpoint(found: DecodedMessage, data: bytes) -> str:
         return ""
     act = "write" if found.values["opcode"] else "read"
     return f"{act} of endpoint {found.values['Endpoint_ID']} or its answer: {data[4:8].hex(' ').upper()}"
+
+
+PART = TracePart(CanSimpleDecoder, heartbeat=lambda node: can_id(node, heartbeat.COMMAND))
