@@ -16,7 +16,10 @@ from pathlib import Path
 
 from kit.pages import ROOT
 
-MODULES = ("axisbus", "axisbus.drives", "axisbus.eds", "axisbus.errors", "axisbus.testing")
+MODULES = (
+    *("axisbus", "axisbus.drives", "axisbus.drives.gim6010"),
+    *("axisbus.eds", "axisbus.errors", "axisbus.testing"),
+)
 FILE = Path(__file__).with_name("public_names.txt")
 CHANGELOG = ROOT / "CHANGELOG.md"
 

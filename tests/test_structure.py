@@ -195,7 +195,7 @@ def test_the_readme_is_short():
 
 API = {
     name: ROOT / "docs" / "api" / f"{name.rpartition('.')[2]}.md"
-    for name in ("axisbus", "axisbus.drives", "axisbus.eds", "axisbus.errors")
+    for name in ("axisbus", "axisbus.drives", "axisbus.drives.gim6010", "axisbus.eds", "axisbus.errors")
 } | {"axisbus.testing": ROOT / "docs" / "testing.md"}
 # Members of public classes that are not for users: name, and purpose.
 BETWEEN_ROOMS = {

@@ -13,6 +13,7 @@ _TABLES = Path(__file__).parents[1] / "api"  # by them a test keeps what is publ
 _MODULES = {
     "axisbus": "machines, axes, groups, handles",
     "axisbus.drives": "makes of drives",
+    "axisbus.drives.gim6010": "MIT control of a GIM6010-8",
     "axisbus.eds": "EDS and DCF files",
     "axisbus.errors": "every exception",
 }
@@ -20,11 +21,13 @@ Members = Mapping[str, str]
 _ABOUT = """# The library, by its docstrings
 
 All public names, with units, ranges and errors. [`axisbus`](../../api/axisbus.md), [`axisbus.drives`](../../api/drives.md),
-[`axisbus.eds`](../../api/eds.md) and [`axisbus.errors`](../../api/errors.md) contain the same in tables, with examples.
+[`axisbus.drives.gim6010`](../../api/gim6010.md), [`axisbus.eds`](../../api/eds.md) and [`axisbus.errors`](../../api/errors.md)
+contain the same in tables, with examples.
 
 ```{toctree}
 axisbus
 drives
+gim6010
 eds
 errors
 ```

@@ -24,7 +24,15 @@ NAVIGATION: Mapping[str, tuple[str, ...]] = {
     "Reference": (
         *("reference/cli/index", "cell-file", "reference/cell-toml", "reference/cell-checks"),
         *("eds-workbench", "reference/eds-rules"),
-        *("api/axisbus", "api/drives", "api/eds", "api/errors", "reference/python/index", "reference/codes"),
+        *(
+            "api/axisbus",
+            "api/drives",
+            "api/gim6010",
+            "api/eds",
+            "api/errors",
+            "reference/python/index",
+            "reference/codes",
+        ),
     ),
     "Protocols and modules": ("drives", "gim6010-8", "fleet", "opcua", "ros"),
     "Notebooks": ("examples/first_steps", "examples/tuning_by_capture", "examples/eds_inspection"),
@@ -36,6 +44,7 @@ REST = "Further"
 TITLES = {
     "api/axisbus": "The library: machines and axes",
     "api/drives": "The library: makes of drives",
+    "api/gim6010": "The library: MIT control of a GIM6010-8",
     "api/eds": "The library: EDS files",
     "api/errors": "The library: errors",
 }

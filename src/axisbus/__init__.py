@@ -11,10 +11,6 @@ from typing import TYPE_CHECKING, Any
 from axisbus.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
-    from axisbus.drives.gim6010.mit import MitControl, read_mit_ranges
-    from axisbus.drives.gim6010.mit_control import MitCycle
-    from axisbus.drives.gim6010.mit_settings import MitSettings
     from axisbus.errors import AxisbusError
     from axisbus.fleet.axis import FleetAxis
     from axisbus.fleet.cell import FleetCell
@@ -55,12 +51,6 @@ _HOME = {
     "Handle": "axisbus.machine.handle",
     "InputsOutputs": "axisbus.machine.io",
     "Machine": "axisbus.machine.machine",
-    "MitCommand": "axisbus.drives.gim6010.can_simple.mit",
-    "MitControl": "axisbus.drives.gim6010.mit",
-    "MitCycle": "axisbus.drives.gim6010.mit_control",
-    "MitFeedback": "axisbus.drives.gim6010.can_simple.mit",
-    "MitRanges": "axisbus.drives.gim6010.can_simple.mit",
-    "MitSettings": "axisbus.drives.gim6010.mit_settings",
     "SimulationControl": "axisbus.machine.sim_control",
     "Controller": "axisbus.machine.streaming.controller",
     "AxisFeedback": "axisbus.machine.streaming.controller",
@@ -76,7 +66,6 @@ _HOME = {
     "Trajectory": "axisbus.motion.trajectory",
     "TrapezoidalTrajectory": "axisbus.motion.trajectory",
     "plot": "axisbus.record.plot",
-    "read_mit_ranges": "axisbus.drives.gim6010.mit",
     "wait": "axisbus.machine.handle",
 }
 
@@ -97,12 +86,6 @@ __all__ = [
     "Handle",
     "InputsOutputs",
     "Machine",
-    "MitCommand",
-    "MitControl",
-    "MitCycle",
-    "MitFeedback",
-    "MitRanges",
-    "MitSettings",
     "PointStream",
     "ProbeHandle",
     "ProbeResult",
@@ -117,7 +100,6 @@ __all__ = [
     "TrapezoidalTrajectory",
     "UserKinematics",
     "plot",
-    "read_mit_ranges",
     "wait",
 ]
 

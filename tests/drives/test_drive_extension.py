@@ -23,8 +23,6 @@ FOLDER = SOURCE / "drives" / "gim6010"
 WORDS = re.compile(r"gim6010|can_simple|\bMit[A-Z]|modbus", re.IGNORECASE)
 EDS_OF_THE_PRODUCT = "builtin:gim6010-8"  # the file stays with the other EDS files
 STILL_NAMED = {
-    "__init__.py",
-    "cli/eds/code_cell.py",
     "cli/main.py",
     "cli/scan.py",
     "cli/sim.py",

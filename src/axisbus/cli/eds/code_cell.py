@@ -10,6 +10,7 @@ from axisbus.cell.pdo_plan import beside_pdos, travelling
 from axisbus.check.context import CheckContext
 from axisbus.check.run import checked
 from axisbus.core.files import load_dictionaries
+from axisbus.drives import registry
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.layout import of_pdo
 from axisbus.eds.model import Eds
@@ -44,7 +45,8 @@ def _wanted(cell: CellConfig, node: int | None, axis: str | None) -> list[int]:
         raise UnknownNameError(f"the cell has no node {node}", observed=f"it has {known}", remedy=remedy)
     if node not in there:
         raise StateError(
-            f"node {node} speaks CAN Simple or Modbus, and not CANopen: it has no PDOs", remedy=remedy
+            f"node {node} speaks {' or '.join(registry.protocols().values())}, and not CANopen: it has no PDOs",
+            remedy=remedy,
         )
     return [node]
 
