@@ -13,6 +13,7 @@ import pytest
 from axisbus.cell import other_protocols, reader
 from axisbus.check.run import check
 from axisbus.drives import registry
+from axisbus.drives.descriptions import descriptions
 from axisbus.drives.gim6010 import make
 from kit.can_simple import mixed_cell
 from kit.cell import cell_text
@@ -23,7 +24,6 @@ FOLDER = SOURCE / "drives" / "gim6010"
 WORDS = re.compile(r"gim6010|can_simple|\bMit[A-Z]|modbus", re.IGNORECASE)
 EDS_OF_THE_PRODUCT = "builtin:gim6010-8"  # the file stays with the other EDS files
 STILL_NAMED = {
-    "cli/main.py",
     "cli/scan.py",
     "cli/sim.py",
     "cli/trace.py",
@@ -100,10 +100,11 @@ def test_a_watchdog_process_imports_what_stops_other_protocols_before_it_is_need
 
 
 def test_the_description_agrees_with_the_plug_in() -> None:
-    (source,) = [each for each in registry.installed() if each.name == "gim6010"]
-    assert source.vendor_id == make.GIM6010.vendor_id
-    assert source.plugins == (make.GIM6010,)
-    for code in (*source.extension.interfaces.values(), *source.extension.parts.values()):
+    (about,) = descriptions()
+    assert about.vendor_id == make.GIM6010.vendor_id
+    assert registry.load(f"{about.module}:PLUGIN") is make.GIM6010
+    codes = [f"{module}:command" for module, _ in about.commands.values()]
+    for code in (*codes, *about.extension.interfaces.values(), *about.extension.parts.values()):
         assert registry.load(code) is not None
 
 
@@ -147,9 +148,14 @@ PART = CellPart(
     no_virtual_time=lambda cell: StateError("paint dries in real time"),
 )
 CHECKS = (painted,)
+
+
 SERVO = DrivePlugin(
     name="Painted servo",
-    extension=Extension({"paint": "Paint"}, {}, {"cell": "painted_drives:PART", "check": "painted_drives:CHECKS"}),
+    extension=Extension(
+        protocols={"paint": "Paint"},
+        parts={"cell": "painted_drives:PART", "check": "painted_drives:CHECKS"},
+    ),
 )
 """
 NODE = '[nodes.9]\nprotocol = "paint"\n[nodes.9.paint]\n'

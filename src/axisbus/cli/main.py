@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator, Mapping
 
 import click
 
-from axisbus.cli.shared.lazy import LazyGroup
+from axisbus.cli.shared.lazy import LazyGroup, Table
 from axisbus.version import __version__
 
 # In the order of commissioning.
-COMMANDS = {
+_OWN: Table = {
     "demo": ("axisbus.cli.demo", "Demonstrate axisbus on the simulated cell, and draw the motion."),
     "examples": (
         "axisbus.cli.examples",
@@ -25,10 +26,6 @@ COMMANDS = {
     "plan": ("axisbus.cli.plan", "Show the timetable of a cell's cycle, and how short it can be."),
     "scan": ("axisbus.cli.scan", "Show the nodes on a bus and their identities."),
     "init": ("axisbus.cli.init", "Write a first cell file from a scan of the bus; reads only."),
-    "gim6010": (
-        "axisbus.drives.gim6010.cli.group",
-        "Find GIM6010-8 modules in any of their protocols, and show their errors.",
-    ),
     "lss": (
         "axisbus.cli.lss.group",
         "Find nodes without a node-ID; set node-IDs and bit rates over the bus.",
@@ -82,6 +79,32 @@ COMMANDS = {
     "stop": ("axisbus.cli.stopping:stop_command", "Stop a cell's drives, even if another master is running."),
     "reset": ("axisbus.cli.enabling:reset_command", "Reset faults; enables nothing."),
 }
+_BEFORE = "lss"  # the command that those of the drive plug-ins precede
+
+
+class _Commands(Mapping[str, tuple[str, str]]):
+    """The table of all commands; the plug-ins are asked only for a name that is no command of axisbus itself."""
+
+    def __getitem__(self, name: str) -> tuple[str, str]:
+        return _OWN[name] if name in _OWN else _of_plugins()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        for name in _OWN:
+            if name == _BEFORE:
+                yield from _of_plugins()
+            yield name
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+
+def _of_plugins() -> Table:
+    from axisbus.drives.descriptions import descriptions
+
+    return {name: command for each in descriptions() for name, command in each.commands.items()}
+
+
+COMMANDS = _Commands()
 
 
 @click.group(cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})

@@ -4,14 +4,14 @@ An entry point of the group ``axisbus.drives`` names a ``DrivePlugin``, a list o
 a make. Nothing is loaded before a cell, a scan or a command asks for a plug-in. A plug-in that cannot be loaded is reported with
 its error, and the others are loaded all the same.
 
-A plug-in of this package that has code is a folder with ``plugin.toml``, and with its ``DrivePlugin`` as ``PLUGIN`` in its module
-``make``. The file contains the vendor ID and the ``Extension``, so that no module of the folder is imported for other drives.
+A plug-in of this package that has code is described by a file (``descriptions``), so that none of its modules is imported for other
+drives.
 """
 
 from __future__ import annotations
 
 import importlib
-import tomllib
+import pkgutil
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -21,21 +21,20 @@ from types import ModuleType
 from typing import Any, Protocol
 
 from axisbus.drives import drive_file
-from axisbus.drives.plugin import GENERIC, NO_EXTENSION, DrivePlugin, Extension
+from axisbus.drives.descriptions import PluginDescription, descriptions
+from axisbus.drives.plugin import GENERIC, DrivePlugin, Extension
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
 
 GROUP = "axisbus.drives"
 _OWN = __name__.rpartition(".")[0]
-_DESCRIPTION = "plugin.toml"
 
 
 @dataclass(frozen=True, slots=True)
 class PluginSource:
     """A place that plug-ins come from: its ``name``, its ``origin`` for the user, and its plug-ins or the error of loading them.
 
-    ``module`` contains the plug-in of a folder of this package that has code, with the ``vendor_id`` and the ``extension`` of its
-    file; it is not imported yet.
+    ``about`` is the description of a plug-in whose module is imported when it is needed.
     """
 
     name: str
@@ -43,23 +42,26 @@ class PluginSource:
     loaded: tuple[DrivePlugin, ...] = ()
     error: str = ""
     remedy: str = ""
-    module: str = ""
-    vendor_id: int | None = None
-    extension: Extension = NO_EXTENSION
+    about: PluginDescription | None = None
 
     @property
     def plugins(self) -> tuple[DrivePlugin, ...]:
         """The plug-ins. Blocks while their module is imported."""
-        return _plugins(importlib.import_module(self.module).PLUGIN) if self.module else self.loaded
+        return self.loaded if self.about is None else _plugins(load(f"{self.about.module}:PLUGIN"))
 
     def of_vendor(self, vendor_id: int | None) -> tuple[DrivePlugin, ...]:
         """Return the plug-ins that may be for a vendor's drives (None: all); imports no module for another vendor."""
-        return () if self.module and vendor_id not in (None, self.vendor_id) else self.plugins
+        other = self.about is not None and vendor_id not in (None, self.about.vendor_id)
+        return () if other else self.plugins
 
     @property
     def extensions(self) -> tuple[Extension, ...]:
         """What the plug-ins add beside facts."""
-        return (self.extension, *(plugin.extension for plugin in self.loaded))
+        return (
+            tuple(plugin.extension for plugin in self.loaded)
+            if self.about is None
+            else (self.about.extension,)
+        )
 
 
 class DriveIdentity(Protocol):
@@ -154,23 +156,15 @@ def load(code: str) -> Any:
 
 
 def _own() -> Iterator[PluginSource]:
-    """Yield the makes of this package: each folder with a description or with other TOML files is a source."""
-    for folder in sorted(files(_OWN).iterdir(), key=lambda each: each.name):
-        if not folder.is_dir() or not folder.joinpath("__init__.py").is_file():
-            continue
-        package, file = f"{_OWN}.{folder.name}", folder.joinpath(_DESCRIPTION)
-        if file.is_file():
-            about = tomllib.loads(file.read_text("utf-8"))
-            vendor_id = about.pop("vendor_id")
+    """Yield the makes of this package: each folder with a description, and each with drive files, is a source."""
+    described = {about.name: about for about in descriptions()}
+    for found in pkgutil.iter_modules(importlib.import_module(_OWN).__path__):
+        if found.name in described:
+            yield PluginSource(found.name, "axisbus", about=described[found.name])
+        elif found.ispkg:
             yield PluginSource(
-                folder.name,
-                "axisbus",
-                module=f"{package}.make",
-                vendor_id=vendor_id,
-                extension=Extension(**about),
+                found.name, "axisbus", _plugins(importlib.import_module(f"{_OWN}.{found.name}"))
             )
-        else:
-            yield PluginSource(folder.name, "axisbus", _plugins(importlib.import_module(package)))
 
 
 def _of_entry_point(entry: EntryPoint) -> PluginSource:
