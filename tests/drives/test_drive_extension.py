@@ -25,8 +25,6 @@ WORDS = re.compile(r"gim6010|can_simple|\bMit[A-Z]|modbus", re.IGNORECASE)
 EDS_OF_THE_PRODUCT = "builtin:gim6010-8"  # the file stays with the other EDS files
 STILL_NAMED = {
     "cli/scan.py",
-    "cli/sim.py",
-    "cli/trace.py",
     "symptoms/bus.py",
     "symptoms/drive.py",
     "symptoms/motion.py",

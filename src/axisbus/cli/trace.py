@@ -15,12 +15,15 @@ from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import OK, WRONG, echo
 from axisbus.cli.shared.frames import FrameSource, FrameSourceOptions, open_frames, source_options
 from axisbus.cli.shared.options import Seconds, bus_options
+from axisbus.cli.shared.plugin_options import adding, trace_options
 from axisbus.wording import counted, printable
 
 if TYPE_CHECKING:
     from axisbus.bus.link.bitrate_change import Opening
     from axisbus.trace.decoded import Decoded
     from axisbus.trace.filters import Wanted
+
+_OPTIONS = trace_options()
 
 
 class TraceFilter(NamedTuple):
@@ -53,12 +56,7 @@ class TraceCounts(NamedTuple):
 @click.argument("source", required=False)
 @bus_options
 @source_options
-@click.option(
-    "--can-simple",
-    default="",
-    metavar="N,N,...",
-    help="Node IDs of modules that speak CAN Simple; their frames are decoded as such.",
-)
+@adding(_OPTIONS, "\n\n".join(option.about for option in _OPTIONS))
 @click.option(
     "--filter", "filters", multiple=True, metavar="KEY=VALUE,...", help="Show only node=, kind= or object=."
 )
@@ -80,7 +78,6 @@ def command(
     option: tuple[str, ...],
     cell: Path | None,
     eds: tuple[str, ...],
-    can_simple: str,
     filters: tuple[str, ...],
     without: tuple[str, ...],
     errors_only: bool,
@@ -88,6 +85,7 @@ def command(
     absolute: bool,
     seconds: float | None,
     count: int | None,
+    **named: str,
 ) -> int:
     """Show the frames of SOURCE decoded: a recording (candump's log, asc, blf, csv, trc ...), - for candump's output, a
     cell.toml.
@@ -98,21 +96,24 @@ def command(
 
     If a recording has several buses, each is decoded separately; --channel can0 shows one, by its name or number in the file.
 
-    A GIM6010-8 that speaks CAN Simple is decoded when it is named: --can-simple 0,1. A frame does not contain its protocol.
+    {plugins}
 
     Filters are joined by "and", the values of one by "or": --filter node=1,x --filter kind=sdo,emcy --filter object=6041.
     """
-    from axisbus.drives.gim6010.trace import nodes_of
     from axisbus.trace import filters as wanted
 
     asked = FrameSourceOptions(source, interface, channel, bitrate, option, cell, eds)
     axes = asked.axes if filters or without else ()
     unwanted = wanted.parse(without, axes) if without else None
     look = TraceFilter(wanted.parse(filters, axes), unwanted, errors_only, as_json, absolute)
-    named = {"can_simple": nodes_of(can_simple)} if can_simple else {}
+    others = {
+        option.protocol: option.nodes(named[option.parameter])
+        for option in _OPTIONS
+        if named[option.parameter]
+    }
     with ExitStack() as stack:
         opened = open_frames(stack, asked, seconds)
-        seen = _show(opened, look, count, named)
+        seen = _show(opened, look, count, others)
     _tell(opened, seen)
     if not seen.frames and interface is not None:
         _listen_elsewhere(opening_of(None, interface, channel, bitrate, option))
@@ -120,7 +121,7 @@ def command(
 
 
 def _show(
-    opened: FrameSource, look: TraceFilter, most: int | None, named: Mapping[str, Collection[int]]
+    opened: FrameSource, look: TraceFilter, most: int | None, others: Mapping[str, Collection[int]]
 ) -> TraceCounts:
     from axisbus.trace.decoder import Decoder
     from axisbus.trace.error_counters import TraceErrorCounters
@@ -131,7 +132,7 @@ def _show(
         for frame in opened.frames:
             start = frame.time if start is None and not look.absolute else start
             if frame.channel not in decoders:
-                decoders[frame.channel] = Decoder(opened.known, named)
+                decoders[frame.channel] = Decoder(opened.known, others)
             one = decoders[frame.channel].feed(frame)
             tally.note(one)
             shown = look.shows(one)
