@@ -24,7 +24,6 @@ FOLDER = SOURCE / "drives" / "gim6010"
 WORDS = re.compile(r"gim6010|can_simple|\bMit[A-Z]|modbus", re.IGNORECASE)
 EDS_OF_THE_PRODUCT = "builtin:gim6010-8"  # the file stays with the other EDS files
 STILL_NAMED = {
-    "cli/scan.py",
     "symptoms/bus.py",
     "symptoms/drive.py",
     "symptoms/motion.py",

@@ -13,11 +13,12 @@ from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import open_bus, opening_of
 from axisbus.cli.shared.common import OK, WRONG, coloured, say, say_json, say_next, say_table
 from axisbus.cli.shared.options import PATH, bus_options, bus_words
+from axisbus.cli.shared.plugin_options import adding
+from axisbus.drives.foreign_protocols import ForeignProtocols
 
 if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import BitRateTraffic
     from axisbus.bus.node.discover import DiscoveredNode
-    from axisbus.drives.foreign_protocols import ForeignProtocols
     from axisbus.errors import BusError
 
 _NUMBERS = ("vendor", "product", "revision", "serial")
@@ -25,7 +26,17 @@ _FACTS = ("make", *_NUMBERS)
 Given = tuple[Path | None, str | None, str | None, int | None, tuple[str, ...]]
 
 
+def _about() -> str:
+    """Return the text about the makes with another protocol, for the help."""
+    makes = ForeignProtocols().factory_rates.values()
+    return " ".join(
+        f"{make[0].upper()}{make[1:]} that uses its factory protocol is recognised by its heartbeats."
+        for make in makes
+    )
+
+
 @click.command("scan")
+@adding((), _about())
 @click.argument("cell", type=PATH, required=False)
 @bus_options
 @click.option("--json", "as_json", is_flag=True, help="Print the nodes as JSON.")
@@ -39,13 +50,11 @@ def command(
 ) -> int:
     """Show the nodes on a bus and their identities: on that of CELL (a cell.toml), or with -i and -c on any bus.
 
-    Asks each of the 127 node IDs once or twice; takes under 3 s. Changes nothing. Exit code 1 when no node answers. A GIM6010-8
-    that uses its factory protocol is recognised by its heartbeats. If nothing is received at all, it listens at other bit
+    Asks each of the 127 node IDs once or twice; takes under 3 s. Changes nothing. Exit code 1 when no node answers.
+    {plugins} If nothing is received at all, it listens at other bit
     rates, if the adapter has a listen-only mode (about 6 s); never otherwise, because a wrong rate destroys every frame of a
     working bus.
     """
-    from axisbus.drives.foreign_protocols import ForeignProtocols
-
     others = ForeignProtocols()
     given = (cell, interface, channel, bitrate, option)
     found, failed = _scan(given, others)
