@@ -11,8 +11,8 @@ from axisbus.bus.link.bitrate_change import Opening
 from axisbus.bus.lss import LssMaster
 from axisbus.cia305.scan_result import Check, Scanned, Unconfigured
 from axisbus.cia305.services import LssAddress
+from axisbus.cli.groups import LSS_COMMANDS
 from axisbus.cli.lss import set_bitrate as lss_set_bitrate
-from axisbus.cli.lss.group import COMMANDS
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
 from axisbus.sim.fault_injection import LssDials
@@ -401,7 +401,7 @@ def test_unconfigured_must_name_nodes_of_the_cell(lss, tmp_path):
     assert "unconfigured = [9] is not a list of nodes of this cell" in err
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", LSS_COMMANDS)
 def test_each_lss_subcommand_has_help(lss, name):
     code, out, _ = lss(name, "-h")
     assert code == 0

@@ -10,8 +10,7 @@ import click
 
 from axisbus.cell.model import CellConfig
 from axisbus.check.cycle_schedule import CycleSlot, timetable
-from axisbus.cli.shared.attach_or_open import machine_of
-from axisbus.cli.shared.attached_frames import frames_of
+from axisbus.cli.shared.attach_or_open import frames_of, machine_of
 from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.shared.options import PATH, Seconds, beside_option

@@ -1,14 +1,15 @@
-"""The commands that use recordings: ``axisbus plot``, ``axisbus record diff`` and ``export``."""
+"""The commands that use recordings: ``axisbus plot``, ``axisbus record diff``, ``export`` and ``faults``."""
 
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable
 from pathlib import Path
 
 import click
 
-from axisbus.cli.shared.common import OK, WRONG, echo, progress_bar, say, say_json
+from axisbus.cli.shared.common import OK, WRONG, echo, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.options import PATH
 from axisbus.cli.shared.output import force_option, output_option, require_free, require_writable
 from axisbus.errors import UserError
@@ -120,3 +121,51 @@ def export_command(recording: Path, output: Path, force: bool) -> int:
     write(recorded, output)
     say(f"written: {output}")
     return OK
+
+
+# -- ``axisbus record faults``: list the recordings of a cell's last faults ------------------------------------------------
+
+_TOLD = ("emcy", "nmt", "command")  # the most informative sort first
+
+
+_FAULT_WIDTH = 140
+
+
+@click.command("faults")
+@click.argument("cell", type=PATH)
+def faults_command(cell: Path) -> int:
+    """List the stored faults of CELL, the oldest first: the newest 20, each with 1.5 s before and 1 s after it.
+
+    The core stores them automatically if it runs in its own process; axisbus plot draws one.
+    """
+    from axisbus.cell import reader
+    from axisbus.core.process.launch import path_of
+    from axisbus.core.process.persistence.journal import faults_of
+
+    found = faults_of(path_of(reader.load(cell)))
+    for path in found:
+        say(f"{path}\n    {_line(path)}")
+    if not found:
+        say(f"no fault of {cell} has been stored")
+        return OK
+    say_next(f"axisbus plot {found[-1]} -o fault.png")
+    return OK
+
+
+def _line(path: Path) -> str:
+    try:
+        return _what(load(path))
+    except UserError as error:
+        return error.message
+
+
+def _what(recorded: Recorded) -> str:
+    faulty = [name for name, track in recorded.tracks.items() if "ErrorStop" in track.columns["state"]]
+    words = [
+        f"{event.where}: {event.text}"
+        for sort in _TOLD
+        for event in recorded.events
+        if event.sort == sort and (sort != "command" or event.text.startswith("ended"))
+    ]
+    text = f"{', '.join(faulty)} in ErrorStop; {words[0] if words else 'without an emergency message'}"
+    return textwrap.shorten(text, _FAULT_WIDTH, placeholder=" …")

@@ -154,7 +154,7 @@ def _live(
     assert loaded is not None  # ``FrameSourceOptions.check``
     bus = with_options(loaded, asked.channel, asked.bitrate, asked.option)
     if asked.channel is None and not asked.option:
-        from axisbus.cli.shared.attached_frames import frames_of_machine
+        from axisbus.cli.shared.attach_or_open import frames_of_machine
 
         joined = frames_of_machine(stack, Path(loaded.file), seconds)
         if joined is not None:
