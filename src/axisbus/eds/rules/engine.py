@@ -19,7 +19,6 @@ from axisbus.eds.model import EdsFinding, Number, Severity
 from axisbus.eds.rules import (
     cia301,
     cia402,
-    compactlists,
     dcf,
     deviceinfo,
     fileinfo,
@@ -30,7 +29,6 @@ from axisbus.eds.rules import (
     pdo,
     pdo_parameters,
     records,
-    services,
     standard,
     text,
     truncated_file,
@@ -53,11 +51,10 @@ _FAMILIES = (
         lists,
         objects,
         records,
-        compactlists,
         pdo,
         pdo_parameters,
     ),
-    *(cia301, services, cia402, modes, dcf, modules),
+    *(cia301, cia402, modes, dcf, modules),
 )
 LOOKS: dict[str, Look] = {rule: look for family in _FAMILIES for rule, look in family.LOOKS.items()}
 
@@ -179,8 +176,8 @@ def _standard_types(sheet: RuleContext, index: int, subindex: int) -> tuple[Data
         return (records.type_of_count(index),)
     if o.is_pdo_parameter(index):
         return (pdo_parameters.standard_type(index, subindex),)
-    if index in services.SDO_PARAMETERS and subindex in services.SDO_TYPES:
-        return (services.SDO_TYPES[subindex],)
+    if index in cia301.SDO_PARAMETERS and subindex in cia301.SDO_TYPES:
+        return (cia301.SDO_TYPES[subindex],)
     row = standard.row(index, subindex)
     return row.data_types if row is not None else ()
 
