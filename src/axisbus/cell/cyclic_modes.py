@@ -12,8 +12,7 @@ from axisbus.cia402 import objects
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.cia402.port import INTERPOLATION_OBJECTS, OUTPUT_OBJECTS, ValueTransport
 from axisbus.eds.model import Eds
-from axisbus.motion.feed_forward_settings import FeedForward
-from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.parameters import AxisParameters, FeedForward
 
 _POSITION_TURNED, _VELOCITY_TURNED = 0x80, 0x40  # 607Eh (CiA 402-2, polarity)
 

@@ -12,8 +12,7 @@ from axisbus.cell.quantities import units_of
 from axisbus.check.context import Check, CheckContext, Problems, own_title
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import OFFSET_OBJECTS, ValueTransport
-from axisbus.motion.feed_forward_settings import FeedForward
-from axisbus.motion.parameters import AxisLimits
+from axisbus.motion.parameters import AxisLimits, FeedForward
 
 _M = ModeOfOperation
 _NEEDS = {

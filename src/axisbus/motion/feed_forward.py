@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, PowerState
 from axisbus.motion.cyclic.ramps import VelocityRamp
-from axisbus.motion.feed_forward_settings import FeedForward
 from axisbus.motion.moves.enable import EnableActivity
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.parameters import AxisParameters, FeedForward
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.active_stop import StopKind
 from axisbus.motion.stop.stop_sequence import StopLevel

@@ -17,11 +17,10 @@ from collections.abc import Callable
 
 from axisbus.errors import ArgumentError, AxisbusError
 from axisbus.motion.moves.remote_trajectory import StreamHead, following
-from axisbus.motion.moves.user_trajectory import CheckedTrajectory
 from axisbus.motion.numbers import number, told
 from axisbus.motion.path_limit_check import Ramped
 from axisbus.motion.position_limits import LookaheadTrajectory
-from axisbus.motion.trajectory import Trajectory
+from axisbus.motion.trajectory import CheckedTrajectory, Trajectory
 
 _TURN = 0.01  # seconds for one trajectory before the next one's turn
 _PATIENCE = 1.0  # seconds for the thread to end

@@ -25,9 +25,8 @@ from axisbus.motion.blending.blended_profile import (
     course_of,
     extended,
 )
-from axisbus.motion.blending.command_ends import CommandEnds
 from axisbus.motion.blending.mode import passed_slower, turned_back
-from axisbus.motion.command_status import CommandStatus
+from axisbus.motion.command_status import CommandEnds, CommandStatus
 from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.activity import timed_out
 from axisbus.motion.moves.csp_move import CspMove, MoveProgress

@@ -22,9 +22,8 @@ from typing import NamedTuple
 
 from axisbus.cia402.objects import PROFILE_DECELERATION
 from axisbus.motion.axis.image import AxisImage
-from axisbus.motion.blending.command_ends import CommandEnds
 from axisbus.motion.blending.mode import BufferMode, brakes_harder, passed_slower
-from axisbus.motion.command_status import CommandStatus
+from axisbus.motion.command_status import CommandEnds, CommandStatus
 from axisbus.motion.moves.activity import present_speed
 from axisbus.motion.moves.profile import MoveProfile, braking_distance
 from axisbus.motion.parameters import AxisParameters

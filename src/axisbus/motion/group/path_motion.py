@@ -10,8 +10,7 @@ from typing import NamedTuple
 from axisbus.errors import AxisbusError, StateError
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.blending.append_path import ActivePath, PathContinuation, going_of, joined
-from axisbus.motion.blending.command_ends import CommandEnds
-from axisbus.motion.command_status import CommandStatus
+from axisbus.motion.command_status import CommandEnds, CommandStatus
 from axisbus.motion.group.commands import MoveLinear, MovePath
 from axisbus.motion.group.path import NOWHERE, Path, least
 from axisbus.motion.group.path_builder import plan_line, window

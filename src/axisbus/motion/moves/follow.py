@@ -23,7 +23,6 @@ from axisbus.motion.moves.prepare import RampTransfers, slow_ramp_writes
 from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 from axisbus.motion.moves.remote_trajectory import Streamed
 from axisbus.motion.moves.setpoint import SetPoint
-from axisbus.motion.moves.user_trajectory import CheckedTrajectory
 from axisbus.motion.override import FASTER
 from axisbus.motion.parameters import NOISE, AxisParameters
 from axisbus.motion.path_limit_check import (
@@ -52,7 +51,7 @@ from axisbus.motion.position_limits import (
     widened,
 )
 from axisbus.motion.superimposed import Addition, admit, look_ahead
-from axisbus.motion.trajectory import SampledTrajectory, Trajectory
+from axisbus.motion.trajectory import CheckedTrajectory, SampledTrajectory, Trajectory
 from axisbus.units import INT32_HALF, INT32_LEAST
 
 START_TOLERANCE = 20  # increments between the axis's position and the start of its trajectory
