@@ -24,8 +24,8 @@ from axisbus.machine.machine import _add_notes
 from axisbus.motion.command_status import Status
 from axisbus.session import CommandEvent
 from axisbus.web.commands.clients import _of_error as told_by_page
-from axisbus.web.view.axes import explained
-from axisbus.web.view.cell import _of_error as happening_of_page
+from axisbus.web.view import _of_error as happening_of_page
+from axisbus.web.view import explained
 
 ALARM = "TREAT THE AXIS AS MOVING: use the emergency stop"
 

@@ -12,7 +12,7 @@ import pytest
 from axisbus.cli.shared.common import in_commands
 from axisbus.errors import AdapterError, AxisbusError, StateError
 from axisbus.motion.stop.diagnosis import ANEW, start_and_reset
-from axisbus.web.view.axes import in_page_terms
+from axisbus.web.view import in_page_terms
 from kit import command_line
 
 SOURCE = command_line.ROOT / "src" / "axisbus"

@@ -40,7 +40,7 @@ from axisbus.web.access.middleware import arrival_of
 from axisbus.web.access.tokens import PageSessions, Role
 from axisbus.web.config.files import Dcf, about, named
 from axisbus.web.scope import saving, signals
-from axisbus.web.view.axes import explained
+from axisbus.web.view import explained
 from kit.cell import cell_text
 from kit.frame_readers import Conversations, reader_of, unshown
 from kit.page_clients import Pages

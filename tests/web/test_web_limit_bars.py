@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters, Units
 from axisbus.units import Scale
-from axisbus.web.view.axes import Bar, all_axes, bars_of, mark, number, places
+from axisbus.web.view import Bar, all_axes, bars_of, mark, number, places
 from kit.cell import cell_text
 
 LIMITED = "rated_torque = 10.0\nmax_torque = 5.0\nposition_limits = [-90.0, 180.0]\nfollowing_error = 2.0"

@@ -17,8 +17,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.sim.build import device_from_eds
 from axisbus.web.page.axis_view import svg
-from axisbus.web.view.axes import all_axes
-from axisbus.web.view.cell import whole_cell
+from axisbus.web.view import all_axes, whole_cell
 from kit.cell import GENERIC, cell_text
 
 # The states and their transitions, typed off from CiA 402-2, figure of 7.2; 0 has no source in it, 9, 10 and 8 are not drawn.

@@ -198,7 +198,7 @@ def test_without_the_package_the_button_names_it(monkeypatch, there):
     pytest.importorskip("nicegui", reason="the page needs nicegui")
     from nicegui import Client, ui
 
-    from axisbus.web.page.scope_view import scope_view
+    from axisbus.web.page.page import scope_view
 
     monkeypatch.setattr(saving, "find_spec", lambda _: there or None)
     with Client(ui.page("/")) as client:

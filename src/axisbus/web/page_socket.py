@@ -9,15 +9,13 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from starlette.websockets import WebSocket
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from axisbus.machine.machine import Machine
 from axisbus.web.access.middleware import SESSION
 from axisbus.web.access.tokens import PageSession
 from axisbus.web.commands.clients import PageClient, PageClients, is_ahead
-from axisbus.web.sockets import GONE, SLOW, end, next_text
-from axisbus.web.view.axes import Values, all_axes
-from axisbus.web.view.cell import whole_cell
+from axisbus.web.view import Values, all_axes, whole_cell
 
 log = logging.getLogger("axisbus")
 _HOLD = 1.0  # seconds for which this server may hang before all motion started by its pages halts
@@ -168,3 +166,25 @@ class PageSocket:
             return None
         place.configured = now
         return now.told()
+
+
+# -- Common functions of the page's own sockets: receive a text, detect a page that accepts nothing, close a socket --------
+
+SLOW = 5.0  # seconds that a page may take for one message before it is disconnected
+GONE = (WebSocketDisconnect, RuntimeError, OSError)  # raised by sending if a page is gone
+_POLICY_VIOLATED = 1008
+
+
+async def next_text(socket: WebSocket) -> str | None:
+    """Return the next message; None at the end, or if it is bytes, which no page of this server sends."""
+    try:
+        return await socket.receive_text()
+    except (WebSocketDisconnect, RuntimeError, KeyError):  # RuntimeError: sending has failed before
+        return None
+
+
+async def end(socket: WebSocket) -> None:
+    """Close a socket that is still open."""
+    if socket.application_state is WebSocketState.CONNECTED:
+        with suppress(*GONE):
+            await socket.close(_POLICY_VIOLATED)

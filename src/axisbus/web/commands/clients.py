@@ -23,7 +23,7 @@ from axisbus.web.config import report as config
 from axisbus.web.objects.verifying import VerifyProgress
 from axisbus.web.tuning import trials
 from axisbus.web.tuning.trials import Trials
-from axisbus.web.view.axes import in_page_terms
+from axisbus.web.view import in_page_terms
 
 _AGAIN = 2.0  # seconds after which the same message is sent again
 _UNDER_WAY = 64  # the most running commands of a page whose ends are reported

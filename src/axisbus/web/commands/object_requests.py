@@ -10,7 +10,7 @@ from axisbus.web.config.jobs import Configuring
 from axisbus.web.config.report import ConfigJobKind
 from axisbus.web.objects.transfer_queue import WAITING, ObjectJob, TransferQueue, TransferRequest
 from axisbus.web.objects.verifying import Verifying, VerifyProgress
-from axisbus.web.view.axes import Values
+from axisbus.web.view import Values
 
 _JOBS = {
     PageVerb.BACKUP: ConfigJobKind.BACKUP,

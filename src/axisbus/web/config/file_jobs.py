@@ -20,7 +20,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import BusError, StateError, Stopped
 from axisbus.web.config.files import Dcf
 from axisbus.web.config.report import ConfigJobKind, ConfigReport
-from axisbus.web.view.axes import explained
+from axisbus.web.view import explained
 
 Tell = Callable[[int, int], None]
 OBJECT, NAME = "Object", "Name"

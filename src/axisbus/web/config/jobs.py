@@ -26,7 +26,7 @@ from axisbus.web.config.file_jobs import NAME, OBJECT, Tell
 from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, PageFiles
 from axisbus.web.config.report import ConfigJob, ConfigJobKind, ConfigProgress, ConfigReport, bounded_texts
 from axisbus.web.objects.verifying import PacedNode, PacedSdo, WritingSdo
-from axisbus.web.view.axes import explained
+from axisbus.web.view import explained
 from axisbus.wording import counted
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from axisbus.web.config.files import Dcf
-from axisbus.web.view.axes import Values
+from axisbus.web.view import Values
 from axisbus.wording import counted
 
 MOST, _MOST_LINES = 300, 100  # the most rows and lines that are shown

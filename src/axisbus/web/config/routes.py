@@ -14,7 +14,7 @@ from axisbus.web.commands.clients import PageClients
 from axisbus.web.config import file_process
 from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, PageFiles, named
 from axisbus.web.config.report import bounded_texts
-from axisbus.web.view.axes import Values, explained
+from axisbus.web.view import Values, explained
 
 _NOT_FOUND, _TOO_LARGE, _BUSY = 404, 413, 503
 _AT_ONCE = 2  # files that are parsed at the same time; the others wait

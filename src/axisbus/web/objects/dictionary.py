@@ -22,7 +22,7 @@ from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 from axisbus.machine.machine_node import MachineNode
 from axisbus.web.objects.transfer_queue import ObjectKey
-from axisbus.web.view.axes import Values, explained
+from axisbus.web.view import Values, explained
 
 _MOVES = "can energise or move the drive: only for the commands of its axis"
 _CYCLIC = "is sent by PDO in every cycle"

@@ -18,7 +18,7 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from axisbus.web.view.axes import Values
+from axisbus.web.view import Values
 
 PERIOD = 0.5  # seconds between two cyclic reads of an object
 QUIET = 5.0  # seconds for which a node that does not answer is not read cyclically

@@ -16,7 +16,7 @@ from axisbus.eds.model import Severity
 from axisbus.errors import AxisbusError, StateError, Stopped
 from axisbus.machine.machine_node import MachineNode
 from axisbus.web.access.lease import Refusal
-from axisbus.web.view.axes import Values, explained
+from axisbus.web.view import Values, explained
 from axisbus.wording import counted
 
 MOST = 200  # the most differences that are shown

@@ -21,7 +21,7 @@ from axisbus.trace import frame_formats, value_text
 from axisbus.web.commands.object_requests import ObjectRequests
 from axisbus.web.config.report import ConfigJob, ConfigProgress
 from axisbus.web.objects.transfer_queue import ObjectJob, TransferRequest, TransferResult, WriteConfirmation
-from axisbus.web.view.axes import explained
+from axisbus.web.view import explained
 
 log = logging.getLogger("axisbus")
 PACE = 0.04  # seconds between two transfers: 25 in a second for all pages

@@ -12,7 +12,7 @@ from axisbus.cia402.state import PowerState
 from axisbus.machine.axis import Axis
 from axisbus.motion.parameters import AxisParameters
 from axisbus.web.page.tags import Tag, button, live
-from axisbus.web.view.axes import Bar, Span, bars_of
+from axisbus.web.view import Bar, Span, bars_of
 
 _ENABLE = "Enable {0}? This energises its motor. It does not move the axis."
 _HOME = "Home {0}? The axis may move, depending on its homing method."

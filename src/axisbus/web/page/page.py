@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import quote
@@ -11,12 +12,14 @@ from nicegui import Client, ui
 
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
+from axisbus.step_response import BAND
 from axisbus.version import __version__
-from axisbus.web.page import node_views, scope_view, tuning_view
+from axisbus.web.page import node_views
 from axisbus.web.page.axis_view import axis_view
-from axisbus.web.page.scope_view import axis_choice
-from axisbus.web.page.tags import Tag, button, scrolled
-from axisbus.web.scope.signals import signals_of
+from axisbus.web.page.tags import Tag, button, scrolled, select
+from axisbus.web.scope.saving import can_save
+from axisbus.web.scope.signals import MOST, ScopeSignal, signals_of
+from axisbus.web.tuning.outcome import FIGURES
 
 _HEAD = (
     '<link rel="stylesheet" href="/own/page.css"><script src="/own/stop.js" defer></script>'
@@ -46,10 +49,10 @@ def add_page(application: FastAPI, machine: Machine, pages: Pages) -> None:
             nav = _head(name)
             with Tag("main") as main:
                 _cell_view()
-                signals = scope_view.scope_view(name)
+                signals = scope_view(name)
                 node_views.objects_view(machine)
                 node_views.config_view(machine)
-                tuning_view.tuning_view(machine, name)
+                tuning_view(machine, name)
             pages.opened(OpenPage(ui.context.client, nav, signals, main))
             Tag(
                 "footer",
@@ -76,10 +79,10 @@ def _head(name: str) -> Tag:
         with Tag("nav", aria_label="Views") as nav:
             Tag("strong", name)
             Tag("a", "Cell", href="#cell")
-            Tag("a", "Scope", href=f"#{scope_view.VIEW}")
+            Tag("a", "Scope", href=f"#{SCOPE_VIEW}")
             Tag("a", "Objects", href=f"#{node_views.VIEW}")
             Tag("a", "Configuration", href=f"#{node_views.CONFIG_VIEW}")
-            Tag("a", "Tuning", href=f"#{tuning_view.VIEW}")
+            Tag("a", "Tuning", href=f"#{TUNING_VIEW}")
         with Tag("div", classes="controls"):
             Tag("span", "connecting", id="controls")
             button("Take the controls", "take", data_shown="free")
@@ -176,3 +179,171 @@ class Pages:
             for axis in self._machine:
                 if axis.name not in page.shown:
                     page.take_in(axis, self._machine)
+
+
+# -- The view of the scope: the signals, start and stop, the diagram that its script draws, and the values as text ---------
+
+SCOPE_VIEW = "scope"
+_NEEDS = 'On the computer of the server: pip install "axisbus[record]"'
+_SPANS = (0.2, 0.5, 1, 2, 5, 10, 30, 60)  # s
+_USUAL = 5
+_TRIGGERS = (("", "none: continuous"), ("normal", "each time"), ("single", "once, then stop"))
+_EDGES = (("rising", "rises above"), ("falling", "falls below"))
+_KEYS = (
+    "In the picture: a click sets cursor A, with Shift cursor B. While stopped, dragging moves the picture and the wheel "
+    "zooms. With the focus in the picture, arrows move the cursor that was set last, + and - zoom."
+)
+
+
+def scope_view(cell: str) -> Tag:
+    """Put the view into the page; return the container of the signals. ``cell`` is the name for a browser's stored selection."""
+    with Tag("section", data_view=SCOPE_VIEW, aria_label="Scope", data_cell=cell, data_most=str(MOST)):
+        Tag("h1", "Scope")
+        signals = Tag("div", classes="signals")
+        _controls()
+        Tag(
+            "canvas",
+            "",
+            "live",
+            id="picture",
+            tabindex="0",
+            role="img",
+            aria_label="The signals over time; the table below has their values",
+        )
+        Tag("p", "", "hint", id="scope-state", role="status")
+        with scrolled("The values of the signals"), Tag("table", classes="live"):
+            with Tag("thead"), Tag("tr"):
+                for title in ("Signal", "Now", "At A", "At B", "B − A", "Lowest", "Highest", "Unit"):
+                    Tag("th", title, scope="col")
+            Tag("tbody", id="traces")
+        Tag("p", _KEYS, "hint")
+    return signals
+
+
+def axis_choice(axis: str, signals: Sequence[ScopeSignal]) -> None:
+    """Put the signals of an axis into the page."""
+    with Tag("fieldset"):
+        Tag("legend", axis)
+        for signal in signals:
+            with Tag("label", classes="check", title=signal.text):
+                Tag("input", type="checkbox", data_signal=signal.name, data_unit=signal.unit)
+                Tag("span", signal.name.rpartition(".")[2].replace("_", " "))
+
+
+def _controls() -> None:
+    with Tag("div", classes="row scope-controls"):
+        Tag("button", "Stop", type="button", id="run")
+        select("span", "Seconds", [(f"{span:g}", f"{span:g}") for span in _SPANS], f"{_USUAL:g}")
+        select("trigger", "Trigger", _TRIGGERS, "")
+        select("trigger-on", "on", (), "")
+        select("edge", "when it", _EDGES, "rising")
+        with Tag("label"):
+            Tag("span", "Level")
+            Tag("input", id="level", type="text", inputmode="decimal", autocomplete="off")
+        Tag("button", "Save CSV", type="button", id="save-csv")
+        Tag("button", "Save PNG", type="button", id="save-png")
+        if can_save():
+            Tag("button", "Save MCAP", type="button", id="save-mcap")
+        else:
+            Tag(
+                "button", "Save MCAP: needs axisbus[record]", type="button", disabled="disabled", title=_NEEDS
+            )
+
+
+# -- The view of tuning: a step of an axis, the observed gains, the diagram that its script draws, and the figures ---------
+
+TUNING_VIEW = "tuning"
+_GAINS, _ROWS = 6, 20  # the most observed objects, and the most trials that the browser stores
+_TUNING_KINDS = (("position", "position"), ("velocity", "velocity"))
+_TUNING_FIELDS = ("distance", "velocity", "acceleration", "seconds")
+_TUNING_HINT = (
+    "The axis must already be enabled. A halt ends the trial when this page is hidden or closed, when it no longer has the "
+    "controls, or when anything else moves or stops the axis: the trial then has no figures."
+)
+_TUNING_RAM = (
+    "Values written here are in the drive's RAM only. To store them, end the programs that run the machine, then type: "
+    "axisbus save NODE --cell CELL."
+)
+_TUNING_LINES = (
+    "Time counts from the first observed motion. "
+    f"The axis has settled when it stays within {BAND * 100:g} % of the step."
+)
+
+
+def tuning_view(machine: Machine, cell: str) -> None:
+    """Put the view into the page; ``cell`` is the name under which a browser stores the selected gains."""
+    with Tag(
+        "section",
+        data_view=TUNING_VIEW,
+        aria_label="Tuning",
+        data_cell=cell,
+        data_gains=str(_GAINS),
+        data_rows=str(_ROWS),
+    ):
+        Tag("h1", "Tuning")
+        with Tag("div", classes="columns"):
+            with Tag("div"):
+                _tuning_step(machine)
+            with Tag("div"):
+                _tuning_gains()
+        Tag("canvas", "", id="response", role="img", aria_label="No trial yet")
+        with Tag("p", classes="hint legend-of-lines"):
+            for kind, text in (
+                ("actual", "actual"),
+                ("target", "target"),
+                ("demand", "demand"),
+                ("pinned", "pinned trial"),
+            ):
+                Tag("span", text, kind)
+        Tag("p", _TUNING_LINES, "hint")
+        _tuning_table()
+
+
+def _tuning_step(machine: Machine) -> None:
+    with Tag("fieldset", data_values="step"):
+        Tag("legend", "Step")
+        with Tag("div", classes="row"):
+            _tuning_axes(machine)
+            select("tune-kind", "Step of", _TUNING_KINDS, _TUNING_KINDS[0][0])
+        with Tag("div", classes="row"):
+            for name in _TUNING_FIELDS:
+                with Tag("label", data_step=name):
+                    Tag("span", name.capitalize())
+                    Tag("input", type="text", inputmode="decimal", autocomplete="off", data_value=name)
+        with Tag("div", classes="row"):
+            Tag("button", "Try", "go", type="button", id="tune-try")
+            Tag("button", "End the trial", "halt", type="button", id="tune-end", disabled="disabled")
+        Tag("p", "", id="tune-state", role="status")
+        Tag("p", _TUNING_HINT, "hint")
+
+
+def _tuning_axes(machine: Machine) -> None:
+    with Tag("label"):
+        Tag("span", "Axis")
+        with Tag("select", id="tune-axis"):
+            for name, config in machine.cell.axes.items():
+                Tag("option", name, value=name, data_unit=config.unit, data_node=str(config.node))
+
+
+def _tuning_gains() -> None:
+    with Tag("fieldset"):
+        Tag("legend", "Gains")
+        Tag("p", f"Up to {_GAINS} objects, which are read before and after each trial.", "hint")
+        with Tag("label"):
+            Tag("span", "Search: 60FB, or words of a name")
+            Tag("input", type="text", id="gain-search", autocomplete="off", spellcheck="false")
+        Tag("p", "", "hint", id="gain-state", role="status")
+        Tag("ul", id="gains-found", classes="plain")
+        Tag("ul", id="gains", classes="plain")
+        Tag("p", _TUNING_RAM, "hint")
+
+
+def _tuning_table() -> None:
+    with Tag("div", classes="row"):
+        Tag("button", "Pin the last trial", type="button", id="tune-pin", disabled="disabled")
+        Tag("button", "Unpin", type="button", id="tune-unpin", disabled="disabled")
+    with scrolled("The trials, newest first"), Tag("table", classes="stacks"):
+        with Tag("thead"), Tag("tr"):
+            for title in ("Trial", *(title for _, title in FIGURES), "Gains before", "Gains after"):
+                Tag("th", title, scope="col")
+        Tag("tbody", id="trials", data_figures=" ".join(name for name, _ in FIGURES))

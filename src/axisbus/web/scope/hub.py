@@ -12,9 +12,8 @@ from struct import Struct
 from starlette.websockets import WebSocket
 
 from axisbus.machine.machine import Machine
-from axisbus.web.scope.cycles import ScopeBuffer, ScopeCycle
-from axisbus.web.scope.signals import Choice, SignalReader, all_signals, read
-from axisbus.web.sockets import GONE, SLOW, end, next_text
+from axisbus.web.page_socket import GONE, SLOW, end, next_text
+from axisbus.web.scope.signals import Choice, ScopeBuffer, ScopeCycle, SignalReader, all_signals, read
 
 _PERIOD = 1.0 / 30.0  # s
 

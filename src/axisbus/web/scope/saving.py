@@ -13,8 +13,9 @@ import json
 import math
 import sys
 import tempfile
+import time
 from array import array
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import pairwise
@@ -26,10 +27,13 @@ from starlette.responses import Response
 
 from axisbus.errors import ArgumentError, AxisbusError, StateError, one_line
 from axisbus.machine.machine import Machine
-from axisbus.record.samples import write_samples
+from axisbus.record.columns import NAMES, AxisForm, SampleRow
+from axisbus.record.events import Watched
+from axisbus.record.mcap_writer import McapWriter
+from axisbus.record.output_file import facts_of
 from axisbus.web.access.middleware import SESSION
 from axisbus.web.scope.signals import MOST, all_signals
-from axisbus.web.view.axes import explained
+from axisbus.web.view import explained
 
 HEAD = Struct("<II")
 MOST_SAMPLES = 1 << 17  # as many as a browser stores
@@ -144,3 +148,45 @@ class ScopeRoutes:
 
 def _told(error: AxisbusError) -> Response:
     return Response(json.dumps({"error": explained(error)}), media_type="application/json")
+
+
+# -- Write samples of some columns to an MCAP file like that of a recording; unknown values are omitted --------------------
+
+_NANO = 1_000_000_000
+_CHUNK = 1 << 18  # bytes
+
+# By axis, the values of some columns of ``record.columns``, one for each time; NaN is unknown.
+Columns = Mapping[str, Mapping[str, Sequence[float]]]
+
+
+def write_samples(
+    machine: Watched, path: Path, times: Sequence[float], columns: Columns, facts: Mapping[str, str]
+) -> None:
+    """Write samples of a machine's axes to ``path``, which is replaced; ``times`` in ascending seconds of the monotonic clock.
+
+    ``facts``: further facts about them.
+
+    Raises:
+        UserError: the package mcap is not installed.
+        OSError: the file cannot be written.
+    """
+    known = facts_of(machine.cell, simulated=machine.is_simulated, degree=machine.real_time_status)
+    offset = time.time_ns() - round(time.monotonic() * _NANO)
+    writer = McapWriter(path, {**known, **facts}, times[0], _CHUNK, offset)
+    try:
+        writer.attach("cell.toml", "application/toml", machine.cell.source.encode())
+        for axis, values in columns.items():
+            form = AxisForm.of(machine.session.axes[axis].parameters)
+            _write(writer, writer.axis(axis, form.schema(axis)), times, values)
+        writer.close()
+    finally:
+        writer.abandon()
+
+
+def _write(
+    writer: McapWriter, channel: int, times: Sequence[float], values: Mapping[str, Sequence[float]]
+) -> None:
+    there = [values.get(name) for name in NAMES]
+    for at, now in enumerate(times):
+        row = [None if each is None or not math.isfinite(each[at]) else each[at] for each in there]
+        writer.write(channel, now, SampleRow(*row))

@@ -1,17 +1,81 @@
-"""The signals of a scope: their names and units, and how to compute their values from an axis's process image."""
+"""The signals of a scope: the buffer of the last cycles, and how to compute the values of each signal from it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections import deque
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import NamedTuple
 
 from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.snapshot import Snapshot
 from axisbus.record.columns import COLUMNS, AxisForm
+from axisbus.record.sample_packing import sample_of
 from axisbus.web.access.limits import MESSAGE, as_object
-from axisbus.web.scope.cycles import Row, ScopeCycle
+
+# -- Buffer the last cycles of a machine for slow pages; the oldest are dropped and counted as lost ------------------------
+
+KEPT = 4096  # cycles: 4 s at 1 kHz
+
+Row = tuple[float | str | bool | None, ...]
+
+
+class ScopeCycle:
+    """One cycle: its ``number`` since the first page observes, its time (s) and the process images of its axes; caches its rows."""
+
+    __slots__ = ("_rows", "number", "snapshots", "time")
+
+    def __init__(self, number: int, time: float, snapshots: Mapping[str, Snapshot]) -> None:
+        self.number = number
+        self.time = time
+        self.snapshots = snapshots
+        self._rows: dict[str, Row] = {}
+
+    def row(self, axis: str, form: AxisForm) -> Row | None:
+        """Return the values of an axis in the order of ``record.columns.COLUMNS``, computed once; for one thread."""
+        if axis not in self._rows:
+            snapshot = self.snapshots.get(axis)
+            if snapshot is None:
+                return None
+            self._rows[axis] = form.values(sample_of(snapshot))
+        return self._rows[axis]
+
+
+class Fetched(NamedTuple):
+    """The cycles since a page's last fetch, how many of them were lost, and the number to continue from."""
+
+    cycles: Sequence[ScopeCycle]
+    lost: int
+    next: int
+
+
+class ScopeBuffer:
+    """Hold the last cycles; one thread adds, another fetches."""
+
+    def __init__(self, kept: int = KEPT) -> None:
+        self._kept: deque[ScopeCycle] = deque(maxlen=kept)
+        self.end = 0  # the number of the next cycle
+
+    def add(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
+        """Store one cycle; for ``Session.observe``."""
+        self._kept.append(ScopeCycle(self.end, now, dict(snapshots)))
+        self.end += 1
+
+    def since(self, at: int, most: int) -> Fetched:
+        """Return at most ``most`` cycles, beginning with number ``at``."""
+        there = self._kept.copy()  # atomic: the other thread may add cycles
+        if not there or there[-1].number < at:
+            return Fetched((), 0, at)
+        first = there[0].number
+        begin = max(at, first)
+        found = list(islice(there, begin - first, begin - first + most))
+        return Fetched(found, begin - at, begin + len(found))
+
+
+# -- The signals: their names and units, and how to compute their values from an axis's process image ----------------------
 
 NUMBERS = tuple(column for column in COLUMNS if column.type == "number")
 _PLACE = {column.name: place for place, column in enumerate(COLUMNS)}

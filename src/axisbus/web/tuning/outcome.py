@@ -11,7 +11,7 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.step_response import BAND, Response, measure
 from axisbus.web.tuning.step import TuningStep, TuningStepKind
 from axisbus.web.tuning.trial import TrialPhase, TrialSample, TrialSide, TuningTrial
-from axisbus.web.view.axes import Values, explained
+from axisbus.web.view import Values, explained
 
 _SIDES = (TrialPhase.THERE, TrialPhase.BACK)
 

@@ -21,7 +21,7 @@ from axisbus.web.commands.request import PageRequest
 from axisbus.web.tuning.outcome import TrialOutcome, outcome
 from axisbus.web.tuning.step import TuningStep, TuningStepKind, question
 from axisbus.web.tuning.trial import NextAction, TrialSample, TuningTrial
-from axisbus.web.view.axes import Values
+from axisbus.web.view import Values
 
 KEPT = 4  # finished trials whose samples may be fetched
 GONE, OVER, SILENT, ENDED, STOPPED = (
