@@ -29,11 +29,11 @@ from cryptography.hazmat.primitives.serialization import Encoding
 
 from axisbus.errors import ConfigError, StateError
 from axisbus.gateway.opcua import limits, trust, users
+from axisbus.gateway.opcua.axis_readings import ImageFreshness
 from axisbus.gateway.opcua.event_mapping import OpcuaEvent
 from axisbus.gateway.opcua.limited_server import CHECKED, OpcuaUserManager
 from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
 from axisbus.gateway.opcua.session import GuardedSession
-from axisbus.gateway.opcua.status_code import ImageFreshness
 from axisbus.gateway.opcua.trust import TrustingFactory
 from axisbus.machine.machine import Machine
 from kit import command_line

@@ -10,12 +10,18 @@ import pytest
 from axisbus.cell import reader
 from axisbus.errors import ArgumentError, ConfigError, OwnershipError, SetPointError, StateError, Stopped
 from axisbus.gateway.machine_events import MachineEventSource
-from axisbus.gateway.opcua import states, users, variables
-from axisbus.gateway.opcua.axis_readings import AxisReadings
+from axisbus.gateway.opcua import users, variables
+from axisbus.gateway.opcua.axis_readings import (
+    AxisReadings,
+    ImageFreshness,
+    Memory,
+    OpcuaValue,
+    Quality,
+    judged,
+)
 from axisbus.gateway.opcua.event_mapping import told
 from axisbus.gateway.opcua.methods import status_of
 from axisbus.gateway.opcua.server_options import Access, Given, decide
-from axisbus.gateway.opcua.status_code import ImageFreshness, Memory, OpcuaValue, Quality, judged
 from axisbus.gateway.opcua.variables import ROWS
 from axisbus.motion.states import AxisState
 from axisbus.units import AXIS_UNITS
@@ -56,23 +62,25 @@ def test_a_torque_is_in_newton_metres_only_if_the_rated_torque_is_known():
 
 
 def test_every_state_and_mode_has_a_number_and_a_name():
-    assert [states.AXIS_STATES[states.axis_state(state)] for state in AxisState] == [
+    assert [variables.AXIS_STATES[variables.axis_state(state)] for state in AxisState] == [
         s.value for s in AxisState
     ]
-    assert states.CONTROL_MODES[states.control_mode(8)] == "cyclic sync position"
-    assert states.CONTROL_MODES[states.control_mode(-3)] == "a manufacturer-specific mode"
-    assert states.HOMING_STATES[states.homing_state(True)] == "REFERENCED"
+    assert variables.CONTROL_MODES[variables.control_mode(8)] == "cyclic sync position"
+    assert variables.CONTROL_MODES[variables.control_mode(-3)] == "a manufacturer-specific mode"
+    assert variables.HOMING_STATES[variables.homing_state(True)] == "REFERENCED"
     assert all(
-        0 <= number < 1 << 16 for names in (states.AXIS_STATES, states.CONTROL_MODES) for number in names
+        0 <= number < 1 << 16
+        for names in (variables.AXIS_STATES, variables.CONTROL_MODES)
+        for number in names
     )
 
 
 @pytest.mark.parametrize(
     ("lines", "kind"),
     [
-        ('unit = "deg"', states.ROTATORY),
-        ('unit = "deg"\nmodulo = 360.0', states.ROTATORY_MODULO),
-        ('unit = "mm"', states.LINEAR),
+        ('unit = "deg"', variables.ROTATORY),
+        ('unit = "deg"\nmodulo = 360.0', variables.ROTATORY_MODULO),
+        ('unit = "mm"', variables.LINEAR),
         ('unit = "increments"', None),
         ('unit = "teeth"', None),
     ],
@@ -82,7 +90,7 @@ def test_the_type_of_an_axis_follows_from_its_unit(tmp_path, lines, kind):
     file.write_text(cell_text("x").replace('unit = "deg"', lines), "utf-8")
     cell, _ = reader.read(file)
     assert cell is not None
-    assert states.axis_type(cell.axes["x"]) == kind
+    assert variables.axis_type(cell.axes["x"]) == kind
 
 
 # -- whether a value is good ----------------------------------------------------------------------------------------------
@@ -138,8 +146,8 @@ def test_the_served_values_are_those_of_the_axis(machine):
     assert seen["x", "VelocityActualValue"].value == pytest.approx(x.velocity)
     assert seen["x", "TorqueForceActualValue"].value == pytest.approx(x.torque)
     assert seen["x", "PositionFollowingError"].value == pytest.approx(x.following_error)
-    assert states.AXIS_STATES[seen["x", "AxisState"].value] == "Standstill"
-    assert states.CONTROL_MODES[seen["x", "ControlMode"].value] == "profile position"
+    assert variables.AXIS_STATES[seen["x", "AxisState"].value] == "Standstill"
+    assert variables.CONTROL_MODES[seen["x", "ControlMode"].value] == "profile position"
     assert seen["y", "HomingState"].value == 0
     assert {reading.quality for (_, name), reading in seen.items() if name != "MotorTemperature"} == {
         Quality.GOOD
@@ -154,7 +162,7 @@ def test_of_a_lost_node_only_values_of_the_master_are_good(machine):
     seen = looker.look()
     assert seen["x", "PositionActualValue"].quality is Quality.NO_COMMUNICATION
     assert seen["x", "ControlMode"].quality is Quality.NO_COMMUNICATION
-    assert states.AXIS_STATES[seen["x", "AxisState"].value] == "ErrorStop"
+    assert variables.AXIS_STATES[seen["x", "AxisState"].value] == "ErrorStop"
     assert seen["y", "PositionActualValue"].quality is Quality.GOOD
 
 

@@ -26,11 +26,10 @@ from axisbus.gateway.zenoh import execute, recordings_worker, service
 from axisbus.gateway.zenoh.bridge import told
 from axisbus.gateway.zenoh.command_table import STOPS, VERBS, act_of
 from axisbus.gateway.zenoh.commands import CLIENTS, CommandDeduplicator, Commands, require_id
-from axisbus.gateway.zenoh.event_log import AT_ONCE, KEPT, BridgeEventLog, Happened
 from axisbus.gateway.zenoh.execute import DeferredReplies
 from axisbus.gateway.zenoh.lease import SECONDS, CellLease, LeasePhase
-from axisbus.gateway.zenoh.publishing import state_of
-from axisbus.gateway.zenoh.query import ZenohQuery
+from axisbus.gateway.zenoh.publishing import AT_ONCE, KEPT, BridgeEventLog, Happened, state_of
+from axisbus.gateway.zenoh.service import ZenohQuery
 from axisbus.machine.axis import Axis
 from axisbus.record.recording_data import Recorded, RecordedSeries
 

@@ -95,10 +95,9 @@ class _Bridge:
     def there(self) -> Iterator[None]:
         from axisbus.gateway.zenoh import bridge, service
         from axisbus.gateway.zenoh.commands import Commands
-        from axisbus.gateway.zenoh.event_log import BridgeEventLog, Happened
         from axisbus.gateway.zenoh.execute import DeferredReplies
         from axisbus.gateway.zenoh.lease import CellLease
-        from axisbus.gateway.zenoh.publishing import States
+        from axisbus.gateway.zenoh.publishing import BridgeEventLog, Happened, States
 
         clock = itertools.count(1.0)
         holding = SimpleNamespace(
@@ -145,7 +144,7 @@ class _Bridge:
     def take(self, parts: Sequence[bytes]) -> None:
         import zenoh
 
-        from axisbus.gateway.zenoh.query import ZenohQuery
+        from axisbus.gateway.zenoh.service import ZenohQuery
 
         for selector, data in zip(parts[::2], parts[1::2], strict=False):
             try:

@@ -11,8 +11,17 @@ from asyncua import Node, Server, ua
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.gateway.opcua.axis_readings import Key
 from axisbus.gateway.opcua.methods import OpcuaMethod
-from axisbus.gateway.opcua.states import AXIS_TYPES, States, axis_type
-from axisbus.gateway.opcua.variables import AXIS_TYPE, NAMESPACE, ROWS, OpcuaVariable, Type, Unit
+from axisbus.gateway.opcua.variables import (
+    AXIS_TYPE,
+    AXIS_TYPES,
+    NAMESPACE,
+    ROWS,
+    OpcuaVariable,
+    States,
+    Type,
+    Unit,
+    axis_type,
+)
 from axisbus.version import __version__
 
 URI = "urn:axisbus:opcua"  # the namespace of all nodes here

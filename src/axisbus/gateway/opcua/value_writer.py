@@ -10,8 +10,7 @@ from datetime import UTC, datetime, timedelta
 from asyncua import Node, Server, ua
 
 from axisbus.gateway.opcua.address_space import TYPES, CellVariables
-from axisbus.gateway.opcua.axis_readings import AxisReadings, Key
-from axisbus.gateway.opcua.status_code import GONE, OpcuaValue, Quality
+from axisbus.gateway.opcua.axis_readings import GONE, AxisReadings, Key, OpcuaValue, Quality
 from axisbus.gateway.opcua.variables import ROWS
 
 _ALL = 1.0  # seconds between two writes of an unchanged value

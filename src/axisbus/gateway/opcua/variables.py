@@ -7,15 +7,59 @@ from dataclasses import dataclass
 from enum import Enum
 
 from axisbus.cell.model import AxisConfig
+from axisbus.cia402.modes import ModeOfOperation
 from axisbus.gateway import values
-from axisbus.gateway.opcua import states
-from axisbus.gateway.opcua.states import States
-from axisbus.gateway.opcua.status_code import Number
 from axisbus.motion.parameters import Units
 from axisbus.motion.snapshot import Snapshot
+from axisbus.motion.states import AxisState
+from axisbus.units import LENGTHS, TURNS
+
+Number = float | int
+
+# -- The values of variables that represent states: numbers and names of OPC 40400-2 if it defines them, else of axisbus ---
+
+States = Mapping[int, str]
+
+# OPC 40400-2 10.10, PtHomingStateVariableType.
+HOMING_STATES: States = {0: "NOT_REFERENCED", 1: "REFERENCED"}
+# The words and their order are those of OPC 30145 9.1, AxisTypeVariableType.
+LINEAR, ROTATORY, ROTATORY_MODULO = 0, 1, 2
+AXIS_TYPES: States = {LINEAR: "LINEAR", ROTATORY: "ROTATORY", ROTATORY_MODULO: "ROTATORY_MODULO"}
+# PLCopen's states, numbered in the order of ``AxisState``.
+AXIS_STATES: States = {number: state.value for number, state in enumerate(AxisState)}
+# The modes of CiA 402 by their value of 6061h, and one number for all manufacturer-specific modes.
+MAKERS_OWN = 255
+CONTROL_MODES: States = {
+    **{int(mode): mode.text for mode in ModeOfOperation},
+    MAKERS_OWN: "a manufacturer-specific mode",
+}
+
+_AXIS_STATE_NUMBERS = {state: number for number, state in enumerate(AxisState)}
+
+
+def axis_state(state: AxisState) -> int:
+    """Return the number of a PLCopen state."""
+    return _AXIS_STATE_NUMBERS[state]
+
+
+def control_mode(mode: int) -> int:
+    """Return the number of a mode of operation (6061h)."""
+    return mode if mode in CONTROL_MODES else MAKERS_OWN
+
+
+def homing_state(homed: bool) -> int:
+    """Return the number for whether the position is confirmed by homing."""
+    return int(homed)
+
+
+def axis_type(axis: AxisConfig) -> int | None:
+    """Return the kind of axis by the unit in its cell file; None if the unit does not define it, such as increments."""
+    if axis.unit in TURNS:
+        return ROTATORY if axis.modulo is None else ROTATORY_MODULO
+    return LINEAR if axis.unit in LENGTHS and axis.modulo is None else None
+
 
 # -- The units of an axis for OPC UA: UNECE's common codes (Recommendation 20), and the numbers derived from them ------
-
 
 NAMESPACE = "http://www.opcfoundation.org/UA/units/un/cefact"
 _UNKNOWN = -1  # OPC 10000-8 5.6.4.3: a unit without a number
@@ -128,7 +172,7 @@ class OpcuaVariable:
 
 
 def _mode(snapshot: Snapshot, _: Units) -> int | None:
-    return None if snapshot.mode is None else states.control_mode(snapshot.mode)
+    return None if snapshot.mode is None else control_mode(snapshot.mode)
 
 
 AXIS_TYPE, MOTOR_TEMPERATURE = "AxisType", "MotorTemperature"
@@ -139,21 +183,21 @@ ROWS = (
         "Mode of operation (6061h).",
         _mode,
         "mode",
-        states=states.CONTROL_MODES,
+        states=CONTROL_MODES,
     ),
     OpcuaVariable(
         "AxisState",
         Type.UINT16,
         "PLCopen's state.",
-        lambda snapshot, _: states.axis_state(snapshot.state),
-        states=states.AXIS_STATES,
+        lambda snapshot, _: axis_state(snapshot.state),
+        states=AXIS_STATES,
     ),
     OpcuaVariable(
         "HomingState",
         Type.UINT16,
         "Whether the position is confirmed (homed).",
-        lambda snapshot, _: states.homing_state(snapshot.homed),
-        states=states.HOMING_STATES,
+        lambda snapshot, _: homing_state(snapshot.homed),
+        states=HOMING_STATES,
     ),
     OpcuaVariable(
         "PositionActualValue",

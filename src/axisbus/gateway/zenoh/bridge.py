@@ -22,14 +22,12 @@ from axisbus.gateway import machine_events
 from axisbus.gateway.machine_events import MachineEvent, MachineEventSource
 from axisbus.gateway.machine_follower import Look, MachineFollower
 from axisbus.gateway.zenoh.commands import Commands
-from axisbus.gateway.zenoh.event_log import Happened, Kind
 from axisbus.gateway.zenoh.execute import DeferredReplies, without
 from axisbus.gateway.zenoh.history import RecordingsWorker, refused
 from axisbus.gateway.zenoh.lease_manager import Holding
 from axisbus.gateway.zenoh.objects import TransferWorker
-from axisbus.gateway.zenoh.publishing import Counts, EventPublisher, States, info_of
-from axisbus.gateway.zenoh.query import ZenohQuery, heard
-from axisbus.gateway.zenoh.service import ZenohService
+from axisbus.gateway.zenoh.publishing import Counts, EventPublisher, Happened, Kind, States, info_of
+from axisbus.gateway.zenoh.service import ZenohQuery, ZenohService, heard
 from axisbus.machine.machine import Machine
 from axisbus.version import __version__
 

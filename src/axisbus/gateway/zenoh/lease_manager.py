@@ -18,8 +18,8 @@ from collections.abc import Callable
 
 from axisbus.errors import AxisbusError, OwnershipError
 from axisbus.gateway.machine_events import Severity
-from axisbus.gateway.zenoh.event_log import Happened
 from axisbus.gateway.zenoh.lease import CellLease, LeasePhase
+from axisbus.gateway.zenoh.publishing import Happened
 from axisbus.machine.machine import Machine
 
 log = logging.getLogger("axisbus")

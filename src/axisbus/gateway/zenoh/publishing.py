@@ -7,7 +7,10 @@ import logging
 import queue
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal
 
 import msgspec
 import zenoh
@@ -15,13 +18,69 @@ import zenoh
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.errors import AxisbusError, with_alarm
 from axisbus.fleet.keys import ZenohCellKeys
-from axisbus.fleet.messages import AxisInfo, AxisStateMessage, Event
+from axisbus.fleet.messages import AxisInfo, AxisStateMessage, Event, EventsAnswer, EventsAsk
 from axisbus.gateway import values
-from axisbus.gateway.zenoh.event_log import BridgeEventLog, Happened
+from axisbus.gateway.machine_events import Severity
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
+
+# -- Number events, and store the last ones for clients that have missed some ----------------------------------------------
+
+KEPT = 1024  # events
+AT_ONCE = 256  # in one answer
+Kind = Literal["machine", "node", "emcy", "incident", "bus", "command", "lease"]
+
+
+@dataclass(frozen=True, slots=True)
+class Happened:
+    """An event before it has a number; the fields are those of ``messages.Event``."""
+
+    kind: Kind
+    text: str
+    about: str = ""
+    severity: Severity = "info"
+    cause: str = ""
+    remedy: str = ""
+
+
+class BridgeEventLog:
+    """Hold the last events of one run of a bridge. ``enter`` is for one thread at a time, the rest for any."""
+
+    def __init__(self, bridge: str) -> None:
+        self._bridge = bridge
+        self._kept: deque[Event] = deque(maxlen=KEPT)
+        self._count = 0
+
+    def enter(self, happened: Happened, clock: float) -> Event:
+        """Store an event with the next number and return it; ``clock`` in s since 1970."""
+        self._count += 1
+        event = Event(
+            self._count,
+            self._bridge,
+            clock,
+            happened.kind,
+            happened.text,
+            happened.about,
+            happened.severity,
+            happened.cause,
+            happened.remedy,
+        )
+        self._kept.append(event)
+        return event
+
+    def answer(self, ask: EventsAsk) -> EventsAnswer:
+        """Return the requested events that are stored; oldest first, and no more than ``AT_ONCE``."""
+        kept = tuple(self._kept)
+        if not kept:
+            return EventsAnswer(self._bridge)
+        last = kept[-1].n if ask.last is None else ask.last
+        asked = tuple(event for event in kept if ask.first <= event.n <= last)
+        return EventsAnswer(self._bridge, kept[0].n, kept[-1].n, asked[:AT_ONCE])
+
+
+# -- Publish the states of the axes and the events -------------------------------------------------------------------------
 
 log = logging.getLogger("axisbus")
 PERIOD = 0.01  # seconds between two states of an axis
