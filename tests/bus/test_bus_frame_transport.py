@@ -14,8 +14,8 @@ import can
 import pytest
 
 from axisbus.bus.link.raw_sockets import PythonCanLine, SocketCanLine, line_of
-from axisbus.bus.link.socketpair import cable
 from axisbus.bus.link.socketpair_bus import PairBus
+from axisbus.core.process.launch import cable
 
 
 @pytest.fixture

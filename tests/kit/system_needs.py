@@ -6,7 +6,6 @@ from __future__ import annotations
 _OWN_PROCESS = (
     "bus.link.claims",
     "bus.link.ownership",
-    "bus.link.socketpair",
     "bus.link.socketpair_bus",
     "core.process.launch",
     "core.process.listener",

@@ -108,8 +108,8 @@ def theirs(load: Callable[[float], None], seconds: float) -> dict[str, float]:
     """``canopen``'s SyncProducer on a line that another process reads."""
     import canopen
 
-    from axisbus.bus.link.socketpair import cable
     from axisbus.bus.link.socketpair_bus import PairBus
+    from axisbus.core.process.launch import cable
 
     near, far = cable()
     stamps: list[float] = []
@@ -147,7 +147,7 @@ def _of_grid(stamps: list[float]) -> dict[str, float]:
 
 def control(load: Callable[[float], None], seconds: float) -> dict[str, float]:
     """The C program, beside this one with its load."""
-    from axisbus.bus.link.socketpair import cable
+    from axisbus.core.process.launch import cable
 
     near, far = cable()
     with draining(far):

@@ -1,4 +1,4 @@
-"""python-can's bus on one end of a line between two processes of one computer (``axisbus.bus.link.socketpair``)."""
+"""python-can's bus on one end of a line between two processes of one computer (``core.process.launch.cable``)."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from axisbus.cia301.frame import CanFrame
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.process.publisher import ClientOutbox
-from axisbus.core.process.streams import Streams
+from axisbus.core.process.trajectory_feeder import Streams
 from axisbus.errors import AxisbusError, OwnershipError, ScanError, StateError, Stopped, one_line
 from axisbus.ipc import messages as m
 from axisbus.ipc.messages import CoreCondition

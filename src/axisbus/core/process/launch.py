@@ -14,7 +14,6 @@ from pathlib import Path
 import axisbus
 from axisbus.bus.link import ownership
 from axisbus.bus.link.claims import HeldClaim
-from axisbus.bus.link.socketpair import cable
 from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.core.process import shared_counters
 from axisbus.core.process.persistence.plant_log import history_path
@@ -163,3 +162,17 @@ def _environment() -> dict[str, str]:
         return dict(os.environ)
     known = os.environ.get("PYTHONPATH")
     return {**os.environ, "PYTHONPATH": os.pathsep.join([str(home), *([known] if known else [])])}
+
+
+_ROOM = 1 << 18  # bytes; some thousand frames
+
+
+def cable() -> tuple[socket.socket, socket.socket]:
+    """Return the two ends of a new CAN line between two processes of one computer: a socket pair, one frame in each packet.
+
+    Its bus is ``bus.link.socketpair_bus``.
+    """
+    ends = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    for end in ends:
+        end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _ROOM)
+    return ends

@@ -18,7 +18,7 @@ from axisbus.cia402.port import Waiter
 from axisbus.core.lateness import hanging
 from axisbus.core.process.rpc_client import RpcClient, gone
 from axisbus.core.process.shared_counters import SharedCounters
-from axisbus.core.process.streams import Trajectories
+from axisbus.core.process.trajectory_feeder import Trajectories
 from axisbus.core.waiting import ThreadWaiter, inherited
 from axisbus.errors import AxisbusError
 from axisbus.interrupt_guard import sheltered
