@@ -23,12 +23,11 @@ from axisbus.cia301.frame import BusTraffic, CanFrame
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402.port import Capabilities, Waiter
 from axisbus.errors import AxisbusError
-from axisbus.motion.command_status import Status
+from axisbus.motion.command_status import ProbeCapture, Status
 from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.io import IoReading, SetOutputs
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.probing.capture import ProbeCapture
 from axisbus.motion.snapshot import Snapshot
 from axisbus.wording import counted
 

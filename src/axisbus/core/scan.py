@@ -40,7 +40,7 @@ from axisbus.cpu_starvation import DRIVES, Starvation
 from axisbus.errors import AxisbusError, SecondMasterError, one_line
 from axisbus.motion.axis.accept import accept, require_override
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import CommandStatus, Status, unattended
+from axisbus.motion.command_status import CommandStatus, Status, broken, unattended
 from axisbus.motion.commands import PolicyStop, Shutdown
 from axisbus.motion.gantry.core import GantryCore
 from axisbus.motion.gantry.interlock import Pairs
@@ -54,7 +54,6 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.stop.hold_to_run import HoldToRun
 from axisbus.motion.stop.policy import FaultPolicy, GroupFault, LostNode
 from axisbus.motion.stop.shutdown_stop import Halting, ShutdownStop
-from axisbus.motion.user_code_errors import broken
 from axisbus.session import AnyCommand, Observer, Target
 
 

@@ -23,8 +23,7 @@ from typing import Literal, TypeVar
 
 import msgspec
 
-from axisbus.ipc.errors import ErrorFields
-from axisbus.ipc.register_types import register_message_types
+from axisbus.ipc.errors import ErrorFields, register_message_types
 
 TOO_LATE = "comes too late: nothing was done"  # clients recognise by this text that an id was rejected because newer ids came first
 PROTOCOL = 1  # incremented if an older fleet or bridge would misunderstand a change

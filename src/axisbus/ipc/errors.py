@@ -11,9 +11,18 @@ from typing import Any
 import msgspec
 
 from axisbus import errors
-from axisbus.ipc.register_types import register_message_types
 
 Plain = str | int | float | bool | tuple[Any, ...] | None
+
+
+def register_message_types(*kinds: type[msgspec.Struct]) -> None:
+    """Let msgspec analyse these types now, at import: in one thread, and once.
+
+    Otherwise msgspec would analyse each type at its first message. If two threads decode a first message at the same time, the
+    interpreter crashes: one thread uses data that the other has not completed (msgspec 0.22).
+    """
+    for kind in kinds:
+        msgspec.json.Decoder(kind)
 
 
 class ErrorFields(msgspec.Struct, array_like=True, frozen=True):

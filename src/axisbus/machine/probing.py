@@ -14,12 +14,11 @@ from axisbus.cia402.touch_probe import INPUTS, POSITIONS, Edge, ProbeSource
 from axisbus.errors import ArgumentError, StateError
 from axisbus.machine.handle import Handle, look_at_end, patience
 from axisbus.machine.request import AxisCall, flag_of
-from axisbus.motion.command_status import Status
+from axisbus.motion.command_status import ProbeCapture, Status
 from axisbus.motion.commands import Probe
 from axisbus.motion.moves.activity import object_text
 from axisbus.motion.numbers import told
 from axisbus.motion.parameters import AxisParameters, Units
-from axisbus.motion.probing.capture import ProbeCapture
 from axisbus.session import CommandEvent
 
 _KEPT = 10_000  # captures of one handle

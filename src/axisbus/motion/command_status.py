@@ -7,11 +7,26 @@ import math
 from collections import deque
 from collections.abc import Callable
 from enum import Enum
+from typing import NamedTuple
 
-from axisbus.errors import AxisbusError, Interrupted
-from axisbus.motion.probing.capture import ProbeCapture
+from axisbus.cia402.touch_probe import Edge
+from axisbus.errors import AxisbusError, CommandError, Interrupted, one_line
 
 log = logging.getLogger("axisbus")
+
+
+class ProbeCapture(NamedTuple):
+    """A position latched by a touch probe: ``position`` (unwrapped increments) of the axis at the edge.
+
+    ``origin``: of the axis when the edge was read. ``stamp``: seconds (monotonic) of the cycle in which it was read. ``missed``:
+    number of edges of this kind that the drive has counted since the previous one without a report; None if it does not count.
+    """
+
+    edge: Edge
+    position: int
+    origin: int
+    stamp: float
+    missed: int | None = None
 
 
 class Status(Enum):
@@ -149,3 +164,22 @@ class CommandEnds:
             self._marks.pop(ticket, None)
             error = last.error
             ticket.finish(Status.DONE if error is None else end_as(error), error)
+
+
+# -- Errors for unexpected exceptions: an exception in the user's code, or a bug in axisbus, ends one command --------------
+
+_REMEDY = (
+    "its traceback is the __cause__ of this error: correct the trajectory or the number that it names; if it names neither, "
+    "it is a mistake in axisbus: report it. The axis was stopped"
+)
+
+
+def broken(error: Exception, what: str) -> AxisbusError:
+    """Return the error that ends command ``what``, in which ``error`` was raised."""
+    if isinstance(error, AxisbusError):
+        return error
+    failure = CommandError(
+        f"{what}: ended by an unexpected exception", observed=one_line(error), remedy=_REMEDY
+    )
+    failure.__cause__ = error
+    return failure

@@ -7,7 +7,6 @@ from typing import Any
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import PowerState
 from axisbus.motion import commands as c
-from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.accept_motion import (
     leaving_switch,
     require_braking,
@@ -23,6 +22,7 @@ from axisbus.motion.cyclic.torque import CyclicTorqueMove
 from axisbus.motion.cyclic.user_controller import TorqueAnswered, VelocityAnswered
 from axisbus.motion.cyclic.velocity import CyclicVelocityMove
 from axisbus.motion.group.start_barrier import StartBarrier
+from axisbus.motion.moves.activity import Leading
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.stop_sequence import StopLevel
 from axisbus.motion.stop_deceleration import CommandedMotion

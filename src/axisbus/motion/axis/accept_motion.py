@@ -11,7 +11,6 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, ValueTransport
 from axisbus.errors import Interrupted, LimitError, StateError
 from axisbus.motion import commands as c
-from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
@@ -22,7 +21,7 @@ from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.jerk.drive_profile_type import JerkProfileWritten
 from axisbus.motion.jerk.jerk_limited_move import JerkLimitedMove
 from axisbus.motion.jerk.velocity import JerkLimitedVelocity
-from axisbus.motion.moves.activity import object_text, require_position, shown_modes
+from axisbus.motion.moves.activity import Leading, object_text, require_position, shown_modes
 from axisbus.motion.moves.continuous_motion import Jog, TorqueMove, VelocityMove
 from axisbus.motion.moves.csp_move import CspMove
 from axisbus.motion.moves.follow import Follow

@@ -46,7 +46,7 @@ from axisbus.motion.axis.fast_path import FastPath, cruise_of
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.axis.loss import Loss
 from axisbus.motion.axis.queue import Queue
-from axisbus.motion.command_status import CommandStatus
+from axisbus.motion.command_status import CommandStatus, broken
 from axisbus.motion.cyclic.ramps import VelocityRamp
 from axisbus.motion.feed_forward import forward_of, offsets_of
 from axisbus.motion.jerk.drive_profile_type import ProfileType
@@ -68,7 +68,6 @@ from axisbus.motion.stop.standstill import StandstillWaiters
 from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel, StopSequence
 from axisbus.motion.stop.supervision import POWERED, StopDemand, Supervision, duplicate_error
 from axisbus.motion.superimposed import Addition
-from axisbus.motion.user_code_errors import broken
 
 _ENABLED, _UNKNOWN = PowerState.OPERATION_ENABLED, PowerState.UNKNOWN
 _ERRORSTOP, _SYNCHRONIZED = AxisState.ERRORSTOP, AxisState.SYNCHRONIZED_MOTION

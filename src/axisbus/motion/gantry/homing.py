@@ -26,12 +26,11 @@ from axisbus.errors import AxisbusError, HomingError, SkewError, StateError, Sto
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import CommandStatus, Status, end_as, unattended
+from axisbus.motion.command_status import CommandStatus, Status, broken, end_as, unattended
 from axisbus.motion.gantry.commands import GantryHome
 from axisbus.motion.gantry.parameters import GantryParameters, SwitchSearch
 from axisbus.motion.gantry.skew import SkewMonitor, led_place_of, place_of
 from axisbus.motion.states import AxisState
-from axisbus.motion.user_code_errors import broken
 
 Lead = Callable[[Mapping[str, float], float, CommandStatus], None]
 _LATE = 0.05  # seconds within which a latched edge may not have been received yet

@@ -15,7 +15,7 @@ from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.queue import Queue
 from axisbus.motion.blending.append_path import PathContinuation
 from axisbus.motion.blending.mode import began_from_rest
-from axisbus.motion.command_status import CommandStatus, Status
+from axisbus.motion.command_status import CommandStatus, Status, broken
 from axisbus.motion.coupling.engagement import Engagement
 from axisbus.motion.coupling.slave_axis import require_no_ring
 from axisbus.motion.group.commands import (
@@ -38,7 +38,6 @@ from axisbus.motion.point_stream.commands import AddPoints, FollowPoints
 from axisbus.motion.point_stream.stream import PointStreamMotion
 from axisbus.motion.probing.probe_move import ProbeSearch
 from axisbus.motion.states import AxisState
-from axisbus.motion.user_code_errors import broken
 from axisbus.wording import counted
 
 _ENDS_ALL = (c.Halt, c.Stop, c.QuickStop, c.Disable)  # these commands also drop the commands that wait

@@ -24,11 +24,10 @@ from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import CommandStatus, Status, end_as, unattended
+from axisbus.motion.command_status import CommandStatus, Status, broken, end_as, unattended
 from axisbus.motion.group.start_barrier import OPEN, StartBarrier
 from axisbus.motion.moves.enable import EnableActivity
 from axisbus.motion.states import AxisState
-from axisbus.motion.user_code_errors import broken
 
 _TOGETHER = "the axes of a group move only together: give the command again when all of them can move"
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from axisbus.cia301 import abort
 from axisbus.cia402 import dictionary, modes
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError, MotionTimeout, StaleError
-from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.parameters import AxisParameters
@@ -21,6 +20,28 @@ from axisbus.motion.stop_deceleration import CommandedMotion
 if TYPE_CHECKING:
     from axisbus.motion.moves.mode_switch import ModeSwitch
     from axisbus.motion.moves.setpoint import SetPoint
+
+
+class Leading(Protocol):
+    """The active trajectory of an axis, as seen by a command or stop that takes over from it.
+
+    ``moves.follow.Follow``, without the members that only its own command needs.
+    """
+
+    @property
+    def mode(self) -> ModeOfOperation | None:
+        """The mode of operation in which it commands the axis."""
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether its targets no longer change."""
+
+    def begin_braking(self) -> bool:
+        """Brake along the path from the next step on; return whether that is possible. A repeated call has no effect."""
+
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
+        """Write the next target; return True when the axis has arrived at the last one."""
+
 
 # Abort codes of a drive that only lists an object, or has it read-only.
 _DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.READ_ONLY})

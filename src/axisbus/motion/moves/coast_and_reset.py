@@ -5,10 +5,9 @@ from __future__ import annotations
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.state import ENERGISED, PowerState
 from axisbus.errors import DriveError, TransitionError
-from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
-from axisbus.motion.moves.activity import Activity, age_text, unknown_statusword
+from axisbus.motion.moves.activity import Activity, Leading, age_text, unknown_statusword
 from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.power_transition import StateWalk, word_text
 from axisbus.motion.parameters import AxisParameters

@@ -7,11 +7,10 @@ import math
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout, Stopped
-from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.commands import MoveVelocity
-from axisbus.motion.moves.activity import Activity, present_speed
+from axisbus.motion.moves.activity import Activity, Leading, present_speed
 from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.prepare import Prepare, Prepared, RampTransfers, require_ramps
 from axisbus.motion.moves.profile import MoveProfile

@@ -11,11 +11,10 @@ from typing import ClassVar, NoReturn
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import AxisbusError, LimitError, MotionTimeout
-from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.group.start_barrier import StartBarrier
-from axisbus.motion.moves.activity import Activity, require_position, where_text
+from axisbus.motion.moves.activity import Activity, Leading, require_position, where_text
 from axisbus.motion.moves.interpolation import CyclicSetup
 from axisbus.motion.moves.interpolation import interpolation_period as interpolation_period
 from axisbus.motion.moves.mode_switch import ModeSwitch

@@ -9,12 +9,11 @@ from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
 from axisbus.errors import LimitError
-from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.modes import TORQUE_MODES
-from axisbus.motion.moves.activity import Activity, SdoTransfers, preload
+from axisbus.motion.moves.activity import Activity, Leading, SdoTransfers, preload
 from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.profile import MoveProfile, on_ramps
 from axisbus.motion.moves.setpoint import SetPoint

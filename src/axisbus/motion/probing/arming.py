@@ -38,10 +38,10 @@ from axisbus.cia402.touch_probe import (
 from axisbus.errors import ProbeError, StaleError
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.command_status import ProbeCapture
 from axisbus.motion.commands import Probe
 from axisbus.motion.moves.activity import unknown_position
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.probing.capture import ProbeCapture
 from axisbus.motion.probing.sdo_sequence import Exchange
 
 POLL = 0.01  # seconds between two polls of 60B9h

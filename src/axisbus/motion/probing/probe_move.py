@@ -14,10 +14,9 @@ from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.accept_motion import require_motion, require_rest
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import CommandStatus, Status, end_as, unattended
+from axisbus.motion.command_status import CommandStatus, Status, broken, end_as, unattended
 from axisbus.motion.group.commands import ProbeMove
 from axisbus.motion.group.start_barrier import StartBarrier
-from axisbus.motion.user_code_errors import broken
 
 
 class ProbeSearch:

@@ -24,11 +24,10 @@ from axisbus.cia402 import controlword as cw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, PowerState
 from axisbus.errors import AxisbusError
-from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.modes import HOLDING_MODES, TORQUE_MODES
-from axisbus.motion.moves.activity import preload
+from axisbus.motion.moves.activity import Leading, preload
 from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 from axisbus.motion.stop.coast_down import CoastDown

@@ -30,8 +30,7 @@ from axisbus.cia301.datatypes import DataType, Value
 from axisbus.configuration.dcf_values import Key
 from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import AxisbusError, StateError
-from axisbus.ipc.errors import ErrorFields, from_fields, to_fields
-from axisbus.ipc.register_types import register_message_types
+from axisbus.ipc.errors import ErrorFields, from_fields, register_message_types, to_fields
 from axisbus.ipc.values import Codec
 from axisbus.system import process_limits
 from axisbus.system.signals import OWN_GROUP
