@@ -6,13 +6,13 @@ import re
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 
-from axisbus.eds import subindices
 from axisbus.eds.fixes.base import Fix, FixContext, Mend, short
 from axisbus.eds.fixes.spelling import LISTS
 from axisbus.eds.io import edit, values
 from axisbus.eds.io.compact import MAX_ENTRIES
 from axisbus.eds.io.edit import LineEdit
 from axisbus.eds.io.text import Section
+from axisbus.eds.rules import records
 
 _COMMENT_LINE = re.compile(r"line[1-9][0-9]*")
 _MODULE_LIST = re.compile(r"m[0-9]+(?:fixedobjects|subextends)|connectedmodules")
@@ -94,10 +94,10 @@ def _sub_numbers(bench: FixContext) -> Iterator[Fix]:
     """Fix O007 and O024."""
     parts, objects = bench.reading.parts, bench.reading.eds.objects
     for index, head in parts.heads.items():
-        if not objects[index].is_record or subindices.is_compact(head):
+        if not objects[index].is_record or records.is_compact(head):
             continue
-        there = len(parts.subs.get(index, {}).keys() - {subindices.STRUCTURE})
-        if there == 0 or subindices.missing(objects[index], head, there) is not None:
+        there = len(parts.subs.get(index, {}).keys() - {records.STRUCTURE})
+        if there == 0 or records.missing_subindex(objects[index], head, there) is not None:
             continue  # O008, O007: a sub-index is missing, so the count is not wrong
         rule = "O007" if head.entries.get("subnumber") else "O024"
         yield from _sub_number(bench, rule, head, there)

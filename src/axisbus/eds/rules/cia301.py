@@ -12,7 +12,7 @@ from axisbus.cia301.pdo import is_synchronous
 from axisbus.cia402 import dictionary
 from axisbus.cia402.dictionary import StandardObject
 from axisbus.eds.model import Number, ObjectType, Severity, Variable
-from axisbus.eds.rules import mapping, standard
+from axisbus.eds.rules import pdo, standard
 from axisbus.eds.rules.context import (
     Described,
     Hit,
@@ -154,7 +154,7 @@ def no_sync_id(sheet: RuleContext) -> Iterator[Hit]:
     """C009."""
     if o.COB_ID_SYNC in sheet.eds:
         return
-    for _, entry in mapping.communications(sheet):
+    for _, entry in pdo.communications(sheet):
         sub = entry.subs.get(2)
         kind = number_of(sub) if sub is not None else None
         if sub is not None and kind is not None and is_synchronous(kind) and _exists(sheet, entry.index):

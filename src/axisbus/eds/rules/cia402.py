@@ -10,7 +10,7 @@ from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import FIRST_AXIS
 from axisbus.cia402.dictionary import StandardObject
 from axisbus.eds.model import Number, ObjectType, Severity
-from axisbus.eds.rules import mapping, standard
+from axisbus.eds.rules import pdo, standard
 from axisbus.eds.rules.cia301 import wrong_object_type
 from axisbus.eds.rules.context import Described, Hit, Looks, RuleContext, start_key
 from axisbus.eds.rules.drive import axes
@@ -63,7 +63,7 @@ def access(sheet: RuleContext) -> Iterator[Hit]:
 
 def mappable(sheet: RuleContext) -> Iterator[Hit]:
     """M005."""
-    mapped = {slot.mapped.index for slot in mapping.slots(sheet)}  # P004 reports these
+    mapped = {slot.mapped.index for slot in pdo.slots(sheet)}  # P004 reports these
     for entry, row in _rows(sheet):
         if row.index not in standard.CYCLIC or row.subindex or entry.variable.pdo_mapping:
             continue

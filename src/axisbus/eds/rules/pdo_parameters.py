@@ -10,7 +10,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.model import Number, Variable
 from axisbus.eds.rules.context import Hit, Looks, RuleContext, number_of, start_key, start_value
-from axisbus.eds.rules.mapping import MAX_ENTRIES, communications, maps
+from axisbus.eds.rules.pdo import MAX_ENTRIES, communications, maps
 
 _PARAMETERS = {
     1: DataType.UNSIGNED32,

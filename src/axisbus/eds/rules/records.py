@@ -6,13 +6,51 @@ from collections import Counter
 from collections.abc import Iterator
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import subindices
 from axisbus.eds.io import compact, values
+from axisbus.eds.io.compact import MAX_ENTRIES
 from axisbus.eds.io.text import Section
-from axisbus.eds.model import Object, ObjectType, Severity, Variable
+from axisbus.eds.model import Number, Object, ObjectType, Severity, Variable
 from axisbus.eds.rules.context import Hit, Looks, RuleContext, an, short
 from axisbus.eds.rules.objects import is_communication, is_mapping
 from axisbus.wording import counted
+
+# -- Determine which sub-index of an object is probably missing, from the object's own counts ------------------------------
+
+STRUCTURE = 0xFF  # sub-index FFh holds the object's own type and size (CiA 301 7.4.4), and is not counted
+
+
+def is_compact(head: Section) -> bool:
+    """Whether an object uses CompactSubObj, even if its number is not valid."""
+    given = head.entries.get("compactsubobj", "")
+    return bool(given) and values.plain(given) != 0
+
+
+def count_of(entry: Object) -> int | None:
+    """Return the default of sub-index 0, None if it is no number."""
+    count = entry.subs.get(0)
+    return count.default.value if count is not None and isinstance(count.default, Number) else None
+
+
+def one_is_missing(head: Section, there: int) -> bool:
+    """Whether SubNumber counts one sub-index more than the ``there`` that have a section."""
+    return values.plain(head.entries.get("subnumber", "")) == there + 1
+
+
+def missing_subindex(entry: Object, head: Section, there: int) -> int | None:
+    """Return the sub-index whose section is missing; None unless SubNumber and sub-index 0 leave only one possibility.
+
+    ``there`` is the number of sub-indices that have a section.
+    """
+    if not one_is_missing(head, there):
+        return None
+    if 0 not in entry.subs:
+        return 0
+    highest = min(count_of(entry) or 0, MAX_ENTRIES)  # the file may contain any number
+    absent = [sub for sub in range(1, highest + 1) if sub not in entry.subs]
+    return absent[0] if len(absent) == 1 else None
+
+
+# -- The rules -------------------------------------------------------------------------------------------------------------
 
 _ERROR_FIELD = 0x1003
 _PDOS_SUPPORTED = (
@@ -35,9 +73,9 @@ def sub_number(sheet: RuleContext) -> Iterator[Hit]:
         given = head.entries.get("subnumber", "")
         there = len(_own_subs(sheet, entry))
         number = values.plain(given)
-        if not given or subindices.is_compact(head) or number == there:
+        if not given or is_compact(head) or number == there:
             continue
-        if subindices.missing(entry, head, there) == 0:
+        if missing_subindex(entry, head, there) == 0:
             continue  # it counts sub-index 0; O008 reports that as missing
         text = f"[{head.name}] says SubNumber={short(given)}, but has {counted(there, 'sub-index', 'sub-indices')}"
         yield sheet.at(head, "subnumber", f"{text}{_gap(sheet, entry)}", entry.index)
@@ -45,7 +83,7 @@ def sub_number(sheet: RuleContext) -> Iterator[Hit]:
 
 def _gap(sheet: RuleContext, entry: Object) -> str:
     """Return a text with the missing sub-index, if SubNumber and sub-index 0 leave only one possibility."""
-    absent = subindices.missing(entry, sheet.heads[entry.index], len(_own_subs(sheet, entry)))
+    absent = missing_subindex(entry, sheet.heads[entry.index], len(_own_subs(sheet, entry)))
     known = absent is not None and not is_communication(entry.index)
     return f"; sub-index {absent:X} seems to be missing" if known else ""
 
@@ -93,12 +131,12 @@ def highest_sub_index(sheet: RuleContext) -> Iterator[Hit]:
     """O010."""
     for entry, _ in sheet.records:
         section = sheet.subs.get(entry.index, {}).get(0)
-        count = subindices.count_of(entry)
+        count = count_of(entry)
         if section is None or count is None or _counts_itself(sheet, entry):
             continue
-        highest = max(sub for sub in entry.subs if sub != subindices.STRUCTURE)
+        highest = max(sub for sub in entry.subs if sub != STRUCTURE)
         own = len(_own_subs(sheet, entry))
-        missing = count > highest and subindices.one_is_missing(sheet.heads[entry.index], own)  # O007 says so
+        missing = count > highest and one_is_missing(sheet.heads[entry.index], own)  # O007 says so
         if count != highest and not missing:
             in_use = entry.subs[0].writable and count < highest
             text = f"[{section.name}] says {count}, but the highest sub-index is {highest}"
@@ -162,7 +200,7 @@ def different_types(sheet: RuleContext) -> Iterator[Hit]:
         kinds: Counter[DataType] = Counter()
         first: dict[DataType, Variable] = {}
         for sub, many in compact.alike(entry.subs):
-            if sub.subindex not in (0, subindices.STRUCTURE) and sub.data_type:
+            if sub.subindex not in (0, STRUCTURE) and sub.data_type:
                 kinds[sub.data_type] += many
                 first.setdefault(sub.data_type, sub)
         if len(kinds) < 2:
@@ -187,12 +225,12 @@ def type_of_sub(sheet: RuleContext) -> Iterator[Hit]:
 
 def _plain_records(sheet: RuleContext) -> Iterator[tuple[Object, Section]]:
     for entry, head in sheet.records:
-        if not subindices.is_compact(head) and not _seems_a_var(entry, head):
+        if not is_compact(head) and not _seems_a_var(entry, head):
             yield entry, head
 
 
 def _own_subs(sheet: RuleContext, entry: Object) -> list[int]:
-    return [subindex for subindex in sheet.subs.get(entry.index, {}) if subindex != subindices.STRUCTURE]
+    return [subindex for subindex in sheet.subs.get(entry.index, {}) if subindex != STRUCTURE]
 
 
 def _article(entry: Object) -> str:

@@ -9,7 +9,7 @@ from axisbus.eds.io import values
 from axisbus.eds.io.text import Section, entry_of
 from axisbus.eds.model import EdsFinding
 from axisbus.eds.rules.context import LISTS, Hit, Looks, RuleContext, short
-from axisbus.eds.subindices import STRUCTURE, is_compact
+from axisbus.eds.rules.records import STRUCTURE, is_compact
 from axisbus.wording import counted
 
 RULE = "S020"
