@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from axisbus.boot.failure import expected
 from axisbus.boot.objects import NodeObjects, read_int
 from axisbus.boot.stop_report import NO_WATCHDOG, Watchdog, WatchdogReport
-from axisbus.cell.drive_limits import limit_writes
+from axisbus.cell.axis_description import limit_writes
 from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.cell.program_file import wanted_program
 from axisbus.cell.writes import CellWrite, axis_writes, is_fixed, node_writes

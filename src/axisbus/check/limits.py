@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from axisbus.cell.drive_limits import KEY, left_out
+from axisbus.cell.axis_description import LIMITS_IN_DRIVE, limits_left_out
 from axisbus.cell.model import AxisConfig, SourceLocation
 from axisbus.cell.parameters import axis_parameters, highest_speed
 from axisbus.check.context import Check, CheckContext, Problems, own_title, titles
@@ -169,12 +169,12 @@ def in_drive(case: CheckContext) -> Problems:
             continue
         if not any((axis.position_limits, axis.max_velocity, axis.max_torque)):
             yield case.warning(
-                axis.at.of(KEY),
-                f"axis {axis.name}: {KEY} has no limit to write",
+                axis.at.of(LIMITS_IN_DRIVE),
+                f"axis {axis.name}: {LIMITS_IN_DRIVE} has no limit to write",
                 f"[{axis.at.name}] has neither position_limits nor max_velocity nor max_torque",
-                f"add one of them, or delete {KEY}",
+                f"add one of them, or delete {LIMITS_IN_DRIVE}",
             )
-        for limit in left_out(axis, drive.dictionary, writes):
+        for limit in limits_left_out(axis, drive.dictionary, writes):
             yield case.warning(
                 axis.at.of(limit.key),
                 f"axis {axis.name}: {limit.key} cannot be left in the drive as {own_title(drive, limit.number)}",
@@ -184,7 +184,7 @@ def in_drive(case: CheckContext) -> Problems:
             )
         if axis.position_limits is not None:
             yield case.note(
-                axis.at.of(KEY),
+                axis.at.of(LIMITS_IN_DRIVE),
                 f"axis {axis.name}: 607Dh is relative to the drive's own zero",
                 "it equals position_limits after the axis is homed, and set_position does not shift it",
                 "check that the drive ignores it while it searches its home",
