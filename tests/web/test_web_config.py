@@ -33,9 +33,9 @@ from axisbus.web.config import file_process, files, jobs, report
 from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, PageFiles, about, named
 from axisbus.web.config.jobs import Configuring, refusal
 from axisbus.web.config.report import ConfigJob, ConfigJobKind, ConfigProgress
-from axisbus.web.config.routes import ConfigRoutes
 from axisbus.web.objects import verifying
 from axisbus.web.objects.worker import ObjectWorker, node_of
+from axisbus.web.server import ConfigRoutes
 from kit.cell import GENERIC, cell_text
 
 ACCELERATION, WINDOW, HEARTBEAT = (0x6083, 0), (0x6065, 0), (0x1017, 0)

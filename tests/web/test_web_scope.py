@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("nicegui", reason="the page needs nicegui")
 
 from axisbus.machine.machine import Machine
-from axisbus.web.scope.hub import HEAD, batch
+from axisbus.web.page_socket import HEAD, batch
 from axisbus.web.scope.signals import MOST, Choice, ScopeBuffer, SignalReader, read, signals_of
 from kit import command_line
 

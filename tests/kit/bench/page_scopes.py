@@ -14,7 +14,7 @@ from contextlib import ExitStack
 from websockets.sync.client import ClientConnection
 
 from axisbus.cell import reader
-from axisbus.web.scope.hub import HEAD
+from axisbus.web.page_socket import HEAD
 from kit.web_client import Client
 
 SCOPES, SIGNALS = 4, 10
