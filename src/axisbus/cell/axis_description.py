@@ -14,7 +14,6 @@ from axisbus.cell.quantities import units_of
 from axisbus.cell.writes import CellWrite, implied_writes, initial, known_writes
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects
-from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import PROFILE_AREA, first_axis, indices_of, own_index
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed, supported
 from axisbus.drives.registry import make_of
@@ -177,15 +176,15 @@ def wanted_limits(
     units = units_of(axis)
     if axis.position_limits is not None:
         low, high = sorted(edge * units.position.factor for edge in axis.position_limits)
-        yield Limit("position_limits", o.SOFTWARE_POSITION_LIMIT, 1, whole_above(low))
-        yield Limit("position_limits", o.SOFTWARE_POSITION_LIMIT, 2, whole_below(high))
+        yield Limit("position_limits", objects.SOFTWARE_POSITION_LIMIT, 1, whole_above(low))
+        yield Limit("position_limits", objects.SOFTWARE_POSITION_LIMIT, 2, whole_below(high))
     if axis.max_velocity is not None:
         fastest = whole_below(axis.max_velocity * abs(units.velocity.factor))
-        yield Limit("max_velocity", o.MAX_PROFILE_VELOCITY, 0, fastest or None)
-        yield Limit("max_velocity", o.MAX_MOTOR_SPEED, 0, _motor_speed(axis, units, dictionary, writes))
+        yield Limit("max_velocity", objects.MAX_PROFILE_VELOCITY, 0, fastest or None)
+        yield Limit("max_velocity", objects.MAX_MOTOR_SPEED, 0, _motor_speed(axis, units, dictionary, writes))
     if axis.max_torque is not None:
         most = None if not axis.rated_torque else toward_zero(axis.max_torque / axis.rated_torque * 1000)
-        yield Limit("max_torque", o.MAX_TORQUE, 0, most or None)
+        yield Limit("max_torque", objects.MAX_TORQUE, 0, most or None)
 
 
 def limit_writes(
@@ -230,7 +229,7 @@ def _motor_speed(
         return found if isinstance(found, int) else None
 
     values = {address: value(*address) for address in scale_proposal.OBJECTS}
-    increments, turns = values[o.ENCODER_RESOLUTION, 1], values[o.ENCODER_RESOLUTION, 2]
+    increments, turns = values[objects.ENCODER_RESOLUTION, 1], values[objects.ENCODER_RESOLUTION, 2]
     if not increments or not turns or not scale_proposal.compare(units.position, values).agrees:
         return None
     per_minute = Fraction(axis.max_velocity or 0) * abs(units.position.exact) * 60 * turns / increments

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
-from axisbus.cia301.objects import PDOS_OF_A_KIND
 from axisbus.cia301.pdo import MAX_BITS, MappedObject
 from axisbus.cia402.axes import first_axis
 from axisbus.eds.io.text import Section
@@ -123,7 +122,7 @@ def understood(sheet: RuleContext, entry: Variable) -> bool:
 def no_mapping(sheet: RuleContext) -> Iterator[Hit]:
     """P001."""
     for _, entry in communications(sheet):
-        partner = entry.index + PDOS_OF_A_KIND
+        partner = entry.index + o.PDOS_OF_A_KIND
         if partner not in sheet.eds and not sheet.modular:
             text = f"[{entry.index:04X}] has no mapping parameter [{partner:04X}]"
             yield sheet.at(sheet.heads.get(entry.index), "", text, entry.index)
@@ -132,7 +131,7 @@ def no_mapping(sheet: RuleContext) -> Iterator[Hit]:
 def no_communication(sheet: RuleContext) -> Iterator[Hit]:
     """P007."""
     for _, entry in maps(sheet):
-        partner = entry.index - PDOS_OF_A_KIND
+        partner = entry.index - o.PDOS_OF_A_KIND
         if partner not in sheet.eds and not sheet.modular:
             text = f"[{entry.index:04X}] has no communication parameter [{partner:04X}]"
             yield sheet.at(sheet.heads.get(entry.index), "", text, entry.index)
@@ -324,7 +323,7 @@ def carries_nothing(sheet: RuleContext) -> Iterator[Hit]:
 
 def _is_on(sheet: RuleContext, mapping: int) -> bool:
     """Whether the PDO of a mapping is enabled after power-up."""
-    identifier = sheet.number(mapping - PDOS_OF_A_KIND, 1)
+    identifier = sheet.number(mapping - o.PDOS_OF_A_KIND, 1)
     return identifier is not None and not identifier & cob.INVALID
 
 
