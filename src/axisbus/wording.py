@@ -1,10 +1,14 @@
-"""Helpers for messages: a number with its noun, and a text with its subject."""
+"""Helpers for messages: a number with its noun, a text with its subject, and files with similar names."""
 
 from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 # Characters that control a terminal: C0 without tab and line feed, DEL, C1, and those that change the text direction.
 _ACTED_UPON = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
@@ -45,3 +49,15 @@ def listed(names: Iterable[str]) -> str:
     """Return names as an enumeration: "x, y and z"."""
     *first, last = names
     return f"{', '.join(first)} and {last}" if first else last
+
+
+def files_near(folder: Path, name: str, belongs: Callable[[Path], bool]) -> str:
+    """Return a sentence with the most similar names of suitable files in ``folder``, or with its first five files; or empty."""
+    from difflib import get_close_matches
+
+    try:
+        there = sorted(entry.name for entry in folder.iterdir() if belongs(entry))
+    except OSError:
+        return "" if folder.exists() else f"there is no folder {folder}"
+    near = get_close_matches(name, there, n=3, cutoff=0.4) or there[:5]
+    return f"in {folder} there is: {', '.join(near)}" if near else ""

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from axisbus.eds.io.file_suggestions import files_near
 from axisbus.errors import ConfigError
-from axisbus.wording import counted
+from axisbus.wording import counted, files_near
 
 MAX_BYTES = 1 << 20  # a cell of 127 nodes takes about 100 kB
 CELL_FILE = "cell file"

@@ -22,12 +22,11 @@ from pathlib import Path
 
 from axisbus.eds import builtin
 from axisbus.eds.io import modules, sections, text
-from axisbus.eds.io.file_suggestions import files_near
 from axisbus.eds.io.lazy_objects import FileObjects, node_id
 from axisbus.eds.io.text import EdsText
 from axisbus.eds.model import Eds
 from axisbus.errors import EdsError
-from axisbus.wording import counted
+from axisbus.wording import counted, files_near
 
 MAX_BYTES = 16 * 1024 * 1024  # twenty times the largest known EDS
 MAX_LINES = 1_000_000  # fifty times the largest known number
