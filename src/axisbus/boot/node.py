@@ -30,7 +30,7 @@ from axisbus.boot.report import AxisReport, Booted, NodeReport
 from axisbus.boot.requests import Answerer, Locals, Nmt
 from axisbus.boot.stop_report import Watchdog, stop_ladder
 from axisbus.bus.pdo.eventtimer import EventTimer
-from axisbus.cell import scale_proposal, sync_window, torque
+from axisbus.cell import scale_proposal, sync_window
 from axisbus.cell.axis_description import Drive, by_make, of_make
 from axisbus.cell.cyclic_modes import carried, feed_forward, led_modes
 from axisbus.cell.io_signals import points_of
@@ -369,7 +369,7 @@ class NodeBoot:
         if scale.agrees is False:
             self._report.warnings.append(f"{axis.name}: scale {scale.configured}, but {scale.proposed}")
         self._report.warnings += self._read_only(axis, parameters)
-        rated = torque.compare(axis.rated_torque, self._read(axis, o.RATED_TORQUE))
+        rated = scale_proposal.compare_torque(axis.rated_torque, self._read(axis, o.RATED_TORQUE))
         if rated is not None and rated.agrees is False:
             self._report.warnings.append(
                 f"{axis.name}: rated_torque {rated.configured}, but {rated.proposed}"
@@ -442,7 +442,7 @@ class NodeBoot:
         parameters = replace(parameters, modes=led_modes(drive, used))
         limits = parameters.limits
         if axis.max_torque is None:
-            limits = torque.limited(replace(limits, torque=None), axis.rated_torque, read)
+            limits = scale_proposal.limited_torque(replace(limits, torque=None), axis.rated_torque, read)
         return replace(
             parameters,
             quick_stop_holds=holds,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Collection, Set
 from dataclasses import dataclass, replace
 
-from axisbus.cell import scale_proposal, torque
+from axisbus.cell import scale_proposal
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.cyclic_modes import feed_forward, interpolates, led_modes
 from axisbus.cell.model import AxisConfig, CellConfig
@@ -55,7 +55,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: DrivePlugin | N
     return AxisParameters(
         name=name,
         units=units,
-        limits=torque.limited(
+        limits=scale_proposal.limited_torque(
             AxisLimits(axis.position_limits, axis.max_velocity, axis.max_acceleration, axis.max_torque),
             axis.rated_torque,
             drive.number,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.bus.pdo.mapping import axis_objects
 from axisbus.bus.pdo.plan import make_plan
-from axisbus.cell import pdo_tables, torque
+from axisbus.cell import pdo_tables, scale_proposal
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.cyclic_modes import feed_forward, interpolates, wanted_of
 from axisbus.cell.pdo_plan import policy_of
@@ -133,7 +133,9 @@ def computed(case: CheckContext) -> Problems:
 
 def _too_much(case: CheckContext, drive: Drive, asked: FeedForward) -> Problems:
     axis, at = drive.axis, drive.axis.feed_forward.at
-    limits = torque.limited(AxisLimits(torque=axis.max_torque), axis.rated_torque, drive.number)
+    limits = scale_proposal.limited_torque(
+        AxisLimits(torque=axis.max_torque), axis.rated_torque, drive.number
+    )
     if limits.torque is None:
         return
     most = f"{limits.torque_key} is {limits.torque:g} N·m"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from axisbus.cell import torque
+from axisbus.cell import scale_proposal
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.parameters import axis_parameters
@@ -36,6 +36,8 @@ def module_parameters(cell: CellConfig, name: str) -> AxisParameters:
         found,
         # a port has objects of modes that it cannot run: only 6502h lists the modes reliably
         modes=found.modes if axis.modes is not None else found.modes & (drive.claimed or frozenset()),
-        limits=torque.limited(found.limits, axis.rated_torque, lambda _: None if turning is None else _WHOLE),
+        limits=scale_proposal.limited_torque(
+            found.limits, axis.rated_torque, lambda _: None if turning is None else _WHOLE
+        ),
         torque_slope=None if turning is None else round(turning.ramp / turning.rated * 1000),
     )
