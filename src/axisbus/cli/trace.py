@@ -123,8 +123,8 @@ def command(
 def _show(
     opened: FrameSource, look: TraceFilter, most: int | None, others: Mapping[str, Collection[int]]
 ) -> TraceCounts:
+    from axisbus.trace.decoded import TraceErrorCounters
     from axisbus.trace.decoder import Decoder
-    from axisbus.trace.error_counters import TraceErrorCounters
 
     decoders: dict[str, Decoder] = {}  # by channel: requests and answers belong to one bus
     seen, tally, start = TraceCounts(), TraceErrorCounters(), None

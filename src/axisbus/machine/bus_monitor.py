@@ -17,9 +17,8 @@ from axisbus.core.master_detection import cast_of
 from axisbus.drives.foreign_protocols import ForeignProtocols
 from axisbus.eds.model import Eds
 from axisbus.trace import context
-from axisbus.trace.decoded import Decoded, FrameKind
+from axisbus.trace.decoded import Decoded, FrameKind, TraceErrorCounters
 from axisbus.trace.decoder import Decoder
-from axisbus.trace.error_counters import TraceErrorCounters
 from axisbus.trace.other_protocols import part_for
 
 _INTERVALS = 64  # number of last frames from which a period is calculated
