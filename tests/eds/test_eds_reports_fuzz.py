@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from axisbus.eds import diff, loads
 from axisbus.eds.device_doc import html, markdown, reference
-from axisbus.eds.report import codegen, export_values, frames, search, show
+from axisbus.eds.report import codegen, export_values, frames, show
 from axisbus.eds.report.show import Screen
 from kit.eds.samples import BUILTIN
 
@@ -74,7 +74,7 @@ def test_every_report_is_made(damages: list[tuple[int, tuple[str, str]]]) -> Non
     assert len([line for line in show.tree(eds, 5, Screen(80)) if line.startswith("  ")]) > len(eds.objects)
     for entry in list(eds)[::5]:
         assert any(
-            entry.name in line for line in show.object_lines(eds, search.ObjectMatch(entry), 5, Screen())
+            entry.name in line for line in show.object_lines(eds, show.ObjectMatch(entry), 5, Screen())
         )
     compile(codegen.module(eds), "damaged.py", "exec")
     assert export_values.csv_text(eds, None).count("\n") > len(eds.objects)

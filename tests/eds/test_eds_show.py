@@ -9,7 +9,7 @@ import pytest
 from axisbus.cia301.pdo import PdoCodec
 from axisbus.eds import layout, load
 from axisbus.eds.model import Eds
-from axisbus.eds.report import export_values, overview, pdo_text, search, show
+from axisbus.eds.report import export_values, overview, pdo_text, show
 from axisbus.eds.report.pdo_text import ASCII
 from axisbus.eds.report.show import Screen
 from axisbus.errors import EdsError
@@ -23,7 +23,7 @@ def drawn(eds: Eds, width: int = 100) -> str:
 
 
 def about(eds: Eds, wanted: str, node_id: int | None = None) -> str:
-    (match,) = search.find(eds, wanted).matches
+    (match,) = show.find(eds, wanted).matches
     return "\n".join(show.object_lines(eds, match, node_id, Screen()))
 
 
@@ -187,7 +187,7 @@ def test_objects_of_the_second_axis_are_explained_like_those_of_the_first() -> N
     "wanted", ["6041", "0x6041", "6041h", " 6041 ", "Statusword", "STATUS", "6041:0", "6041sub0"]
 )
 def test_an_object_is_found_by_number_and_by_name(wanted: str) -> None:
-    (match,) = search.find(small(STATUS), wanted).matches
+    (match,) = show.find(small(STATUS), wanted).matches
     assert match.entry.index == 0x6041
 
 
@@ -195,23 +195,23 @@ def test_an_object_is_found_by_number_and_by_name(wanted: str) -> None:
     ("wanted", "subs"), [("1800:1", (1,)), ("0x1800sub02", (2,)), ("1800", None), ("1800.1", (1,))]
 )
 def test_a_sub_index_is_found_by_number(wanted: str, subs: tuple[int, ...] | None) -> None:
-    (match,) = search.find(small(STATUS), wanted).matches
+    (match,) = show.find(small(STATUS), wanted).matches
     assert (match.entry.index, match.subs) == (0x1800, subs)
 
 
 def test_a_word_of_hexadecimal_digits_that_is_no_index_is_a_name() -> None:
     eds = small(variable("2000", ParameterName="Feed constant"))
-    assert search.find(eds, "feed").one is eds.objects[0x2000]
+    assert show.find(eds, "feed").one is eds.objects[0x2000]
 
 
 def test_a_search_matches_if_all_words_are_in_the_name_of_the_object_or_sub_index() -> None:
-    found = search.find(builtin("gim6010-8"), "identity vendor").matches
+    found = show.find(builtin("gim6010-8"), "identity vendor").matches
     assert [(match.entry.index, match.subs) for match in found] == [(0x1018, (1,))]
 
 
 def test_a_pdo_is_found_by_its_name() -> None:
     eds = small(STATUS)
-    assert search.find(eds, "tpdo1").pdo == (False, 1)
+    assert show.find(eds, "tpdo1").pdo == (False, 1)
     text = "\n".join(show.pdo_lines(eds, False, 1, 5, Screen()))
     assert text.startswith("TPDO1  185h ($NODEID+0x180), on change (type 255)")
     assert "parameters in 1800h and 1A00h" in text
@@ -219,10 +219,10 @@ def test_a_pdo_is_found_by_its_name() -> None:
 
 def test_the_error_for_a_missing_object_names_similar_objects() -> None:
     with pytest.raises(EdsError, match="no object 'Statuswort'") as caught:
-        search.find(small(STATUS), "Statuswort")
+        show.find(small(STATUS), "Statuswort")
     assert "6041h Statusword" in caught.value.remedy
     with pytest.raises(EdsError, match="no object '6042'"):
-        search.find(small(STATUS), "6042")
+        show.find(small(STATUS), "6042")
 
 
 @pytest.mark.parametrize(

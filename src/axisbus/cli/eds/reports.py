@@ -26,11 +26,10 @@ from axisbus.eds import builtin, layout
 from axisbus.eds.checking import check
 from axisbus.eds.device_doc import html, markdown, reference
 from axisbus.eds.model import Eds
-from axisbus.eds.report import compare, export_values, search, show
+from axisbus.eds.report import compare, export_values, show
 from axisbus.eds.report.consequences import EdsDifference
 from axisbus.eds.report.pdo_text import ASCII, BOXES
-from axisbus.eds.report.search import SearchResult
-from axisbus.eds.report.show import Screen
+from axisbus.eds.report.show import Screen, SearchResult
 from axisbus.errors import ArgumentError, EdsError
 from axisbus.wording import counted
 
@@ -76,7 +75,7 @@ def show_command(file: str, wanted: str | None, node: int | None, expand: bool, 
     """
     eds = open_eds(file)
     node_id = node_of(eds, node)
-    found = search.find(eds, wanted) if wanted is not None else None
+    found = show.find(eds, wanted) if wanted is not None else None
     if as_json:
         say_json(export_values.whole(eds, node_id) if found is None else _json(eds, found, node_id))
         return OK
