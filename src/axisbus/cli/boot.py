@@ -9,7 +9,7 @@ import click
 
 from axisbus.boot.report import NodeReport
 from axisbus.cell import reader
-from axisbus.cell.can_simple.modules import canopen_nodes
+from axisbus.cell.other_protocols import canopen_nodes
 from axisbus.cli.shared.attach_or_open import running, take_option
 from axisbus.cli.shared.common import (
     FAILURE,
