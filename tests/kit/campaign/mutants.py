@@ -149,10 +149,11 @@ def _astray(original: Callable[..., None]) -> Callable[..., None]:
 
 
 def _aimed_at_once(_: Any) -> Callable[..., None]:
-    def aim(self: RampedWay, image: Any) -> None:
-        self._early.target = self._late.target = self._target
+    def send(self: RampedWay, _: Any) -> None:
+        self._sent = self._taken = self._target
+        self._due.clear()
 
-    return aim
+    return send
 
 
 def _not_back(original: Callable[..., int]) -> Callable[..., int]:
@@ -289,7 +290,7 @@ MUTANTS: Mapping[str, Mutant] = {
     ),
     "aimed-at-once": Mutant(
         "a drive counts as going to a new velocity from the cycle on in which it was sent, and the difference stays",
-        ((RampedWay, "_aim", _aimed_at_once), (RampedWay, "_settle", _nothing)),
+        ((RampedWay, "_send", _aimed_at_once), (RampedWay, "_settle", _nothing)),
     ),
 }
 
