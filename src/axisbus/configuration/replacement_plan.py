@@ -104,7 +104,7 @@ class ReplacementPlan:
 
     @property
     def order(self) -> ReplacementOrder:
-        """The order for the one who does the steps at the device."""
+        """The order with which ``DriveReplacement`` does the steps at the device."""
         was = None if self.node.was is None else self.node.was.serial
         swapped = bool(was and self.drive.serial and was != self.drive.serial)
         return ReplacementOrder(self.node.node_id, self.drive, self.steps, self.node.configuration, swapped)
@@ -117,7 +117,7 @@ class ReplacementPlan:
         )
 
     def rows(self) -> list[tuple[str, str, str]]:
-        """Return what was there and what is there: title, value before, value now; unknown values are empty."""
+        """Return the numbers of the old and of the new drive: title, old value, new value; unknown values are empty."""
         now, was = asdict(self.drive), self.node.was
         before = {} if was is None else asdict(was)
         texts = [
