@@ -1,10 +1,10 @@
-"""The groups of subcommands ``eds``, ``lss``, ``od``, ``config``, ``bridge``, ``fleet`` and ``record``, one table each."""
+"""The groups of subcommands: eds, lss, od, config, program, bridge, fleet and record, one table each."""
 
 from __future__ import annotations
 
 import click
 
-from axisbus.cli.shared.lazy import LazyGroup
+from axisbus.cli.shared.lazy import HELP_OPTIONS, LazyGroup
 
 # -- ``axisbus eds``: the workbench for EDS and DCF files ------------------------------------------------------------------
 
@@ -41,9 +41,7 @@ EDS_COMMANDS = {
 }
 
 
-@click.group(
-    "eds", cls=LazyGroup, table=EDS_COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}
-)
+@click.group("eds", cls=LazyGroup, table=EDS_COMMANDS)
 def eds() -> None:
     """Check, fix, show, compare and document EDS and DCF files.
 
@@ -62,9 +60,7 @@ LSS_COMMANDS = {
 }
 
 
-@click.group(
-    "lss", cls=LazyGroup, table=LSS_COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}
-)
+@click.group("lss", cls=LazyGroup, table=LSS_COMMANDS)
 def lss() -> None:
     """Set node-IDs and bit rates over the bus (CiA 305), on a bus where no machine is running.
 
@@ -82,7 +78,7 @@ OD_COMMANDS = {
 }
 
 
-@click.group("od", cls=LazyGroup, table=OD_COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group("od", cls=LazyGroup, table=OD_COMMANDS)
 def od() -> None:
     """Read, write, list and watch the objects of a node.
 
@@ -108,13 +104,37 @@ CONFIG_COMMANDS = {
 }
 
 
-@click.group(
-    "config", cls=LazyGroup, table=CONFIG_COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}
-)
+@click.group("config", cls=LazyGroup, table=CONFIG_COMMANDS)
 def config() -> None:
     """Back up, compare and restore the configuration of a node as a DCF.
 
     Exit codes: 0 all well, 1 something differs or was refused, 2 wrong use, 3 the bus or a drive failed.
+    """
+
+
+# -- ``axisbus program``: the program (firmware) of a node -----------------------------------------------------------------
+
+PROGRAM_COMMANDS = {
+    "show": (
+        "axisbus.cli.program:show_command",
+        "Show the versions and the state of a node's program.",
+    ),
+    "write": (
+        "axisbus.cli.program:write_command",
+        "Replace the program of a node by that of a file.",
+    ),
+    "verify": (
+        "axisbus.cli.program:verify_command",
+        "Compare the program of a node with a file; writes nothing.",
+    ),
+}
+
+
+@click.group("program", cls=LazyGroup, table=PROGRAM_COMMANDS)
+def program() -> None:
+    """Show, write and verify the program (firmware) of a node that has the objects 1F50h to 1F57h of CiA 302-3.
+
+    Exit codes: 0 all well, 1 something differs or was refused, 2 wrong use, 3 the bus or a node failed.
     """
 
 
@@ -131,9 +151,7 @@ BRIDGE_COMMANDS = {
 }
 
 
-@click.group(
-    "bridge", cls=LazyGroup, table=BRIDGE_COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}
-)
+@click.group("bridge", cls=LazyGroup, table=BRIDGE_COMMANDS)
 def bridge() -> None:
     """Connect a machine to the systems of a plant. A bridge is one more client of the machine: ending or killing it changes no
     cycle.
@@ -158,9 +176,7 @@ FLEET_COMMANDS = {
 }
 
 
-@click.group(
-    "fleet", cls=LazyGroup, table=FLEET_COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}
-)
+@click.group("fleet", cls=LazyGroup, table=FLEET_COMMANDS)
 def fleet() -> None:
     """See and stop the cells of a plant over its Zenoh network.
 
@@ -181,7 +197,6 @@ RECORD_COMMANDS = {
     "export": ("axisbus.cli.record.files:export_command", "Write a recording as CSV or Parquet."),
     "diff": ("axisbus.cli.record.files:diff_command", "Compare two recordings of the same job."),
 }
-_RECORD_HELP = ("-h", "--help")
 
 
 class _RecordGroup(LazyGroup):
@@ -189,7 +204,7 @@ class _RecordGroup(LazyGroup):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Insert the omitted subcommand."""
-        if args and args[0] not in RECORD_COMMANDS and args[0] not in _RECORD_HELP:
+        if args and args[0] not in RECORD_COMMANDS and args[0] not in HELP_OPTIONS:
             args = [_RECORD_START, *args]
         return super().parse_args(ctx, args)
 
@@ -198,7 +213,6 @@ class _RecordGroup(LazyGroup):
     "record",
     cls=_RecordGroup,
     table=RECORD_COMMANDS,
-    context_settings={"help_option_names": list(_RECORD_HELP)},
 )
 def record() -> None:
     """Record each cycle of a cell's axes into an MCAP file: axisbus record cell.toml -o run.mcap

@@ -37,7 +37,7 @@ _OWN: Table = {
         "Back up, compare and restore the configuration of a node as a DCF.",
     ),
     "save": ("axisbus.cli.save", "Make a node store its parameters (1010h)."),
-    "program": ("axisbus.cli.program.group", "Show, write and verify the program (firmware) of a node."),
+    "program": ("axisbus.cli.groups:program", "Show, write and verify the program (firmware) of a node."),
     "nameplate": ("axisbus.cli.nameplate", "Show, save and compare what identifies the nodes of a cell."),
     "boot": ("axisbus.cli.boot", "Boot the nodes of a cell, and report on each; energises nothing."),
     "replace": (
@@ -107,7 +107,7 @@ def _of_plugins() -> Table:
 COMMANDS = _Commands()
 
 
-@click.group(cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=LazyGroup, table=COMMANDS)
 @click.version_option(__version__, prog_name="axisbus")
 def cli() -> None:
     """A CANopen CiA 402 master: servo drives on a CAN bus as named axes.

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.lss.common import (
-    NumberType,
     Where,
     as_numbers,
     choose,
@@ -18,6 +17,7 @@ from axisbus.cli.lss.common import (
     slave_options,
 )
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_json, say_next
+from axisbus.cli.shared.options import NumberType
 
 if TYPE_CHECKING:
     from axisbus.bus.lss import NodeIdGiven

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from axisbus.cli.shared.buses import open_bus
-from axisbus.cli.shared.options import PATH, Seconds, bus_options, bus_words
+from axisbus.cli.shared.options import PATH, NumberType, Seconds, bus_options, bus_words
 from axisbus.errors import UserError
 from axisbus.wording import counted
 
@@ -24,25 +24,6 @@ if TYPE_CHECKING:
 
 _REDRAW = 0.1  # s
 _FLOOR = 0.015  # s, as in cia305.dialogue.LssTiming
-
-
-class NumberType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """An integer in any notation of Python, such as 0x1F or 31; with ``bits``, an unsigned one of that size."""
-
-    name = "number"
-
-    def __init__(self, bits: int | None = None) -> None:
-        self._bits = bits
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """Convert text to a number."""
-        try:
-            number = int(value, 0) if isinstance(value, str) else int(value)
-        except ValueError:
-            self.fail(f"{value!r} is not a number (write 31 or 0x1F)", param, ctx)
-        if self._bits is not None and not 0 <= number < 1 << self._bits:
-            self.fail(f"{value!r} is not a number of {counted(self._bits, 'bit')}", param, ctx)
-        return number
 
 
 @dataclass(frozen=True, slots=True)

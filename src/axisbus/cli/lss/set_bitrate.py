@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cli.lss.common import NumberType, Where, lss_options, open_master, slave_option
+from axisbus.cli.lss.common import Where, lss_options, open_master, slave_option
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_json, say_next
-from axisbus.cli.shared.options import Seconds
+from axisbus.cli.shared.options import NumberType, Seconds
 
 if TYPE_CHECKING:
     from axisbus.bus.link.bitrate_change import ChangedOver

@@ -13,12 +13,14 @@ Table = Mapping[
     str, tuple[str, str]
 ]  # name -> (module with ``command``, or ``module:name``; one line for --help)
 
+HELP_OPTIONS = ("-h", "--help")
+
 
 class LazyGroup(click.Group):
-    """A group with a table of its subcommands; imports only the requested one."""
+    """A group with a table of its subcommands; imports only the requested one. Its help is shown by ``-h`` too."""
 
     def __init__(self, *args: Any, table: Table, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
+        super().__init__(*args, context_settings={"help_option_names": list(HELP_OPTIONS)}, **kwargs)
         self._table = table
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  # click's signature

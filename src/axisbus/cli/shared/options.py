@@ -12,6 +12,7 @@ import click
 
 from axisbus.cli.shared.axes import once
 from axisbus.cli.shared.completion import complete_channel, complete_interface
+from axisbus.wording import counted
 
 Decorated = Callable[..., Any]
 _OWN_OPTIONS = {"interface": "-i", "channel": "-c", "bitrate": "-b"}
@@ -139,6 +140,25 @@ _SLOWEST, _FASTEST = 5_000, 1_000_000  # bit/s of classic CAN
 
 _UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}
 _TIME = re.compile(r"(?P<number>.*?\d\.?)\s*(?P<unit>ms|s|min|h)")
+
+
+class NumberType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """An integer in any notation of Python, such as 0x1F or 31; with ``bits``, an unsigned one of that size."""
+
+    name = "number"
+
+    def __init__(self, bits: int | None = None) -> None:
+        self._bits = bits
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Convert text to a number."""
+        try:
+            number = int(value, 0) if isinstance(value, str) else int(value)
+        except ValueError:
+            self.fail(f"{value!r} is not a number (write 31 or 0x1F)", param, ctx)
+        if self._bits is not None and not 0 <= number < 1 << self._bits:
+            self.fail(f"{value!r} is not a number of {counted(self._bits, 'bit')}", param, ctx)
+        return number
 
 
 class Seconds(click.ParamType):  # type: ignore[type-arg,unused-ignore]

@@ -70,7 +70,7 @@ COMMANDS = {
 }
 
 
-@click.group(cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=LazyGroup, table=COMMANDS)
 def command() -> None:
     """Find and inspect GIM6010-8 modules, in any of their protocols.
 

@@ -31,9 +31,7 @@ COMMANDS = {
 }
 
 
-@click.group(
-    "modbus", cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}
-)
+@click.group("modbus", cls=LazyGroup, table=COMMANDS)
 def command() -> None:
     """Use a GIM6010-8 over RS485, by Modbus RTU: needs the extra axisbus[modbus].
 

@@ -16,7 +16,7 @@ from axisbus.cli.shared.attached_nodes import joined, open_nodes
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_error, say_json, say_next, say_note
 from axisbus.cli.shared.completion import complete_node
 from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
-from axisbus.cli.shared.options import PATH, Seconds
+from axisbus.cli.shared.options import PATH, NumberType, Seconds
 from axisbus.configuration import guarded_write
 from axisbus.configuration.program_image import ProgramImage, read_image
 from axisbus.wording import counted
@@ -27,37 +27,18 @@ if TYPE_CHECKING:
     from axisbus.machine.node_access import NodeAccess
 
 
-class ProgramNumber(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """An unsigned number, decimal or hexadecimal (0x...), up to ``largest``."""
-
-    name = "number"
-
-    def __init__(self, largest: int) -> None:
-        self._largest = largest
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """Turn text into a number."""
-        try:
-            number = int(str(value), 0)
-        except ValueError:
-            number = -1
-        if not 0 <= number <= self._largest:
-            self.fail(f"{value!r} is not a number from 0 to 0x{self._largest:X}", param, ctx)
-        return number
-
-
 def file_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that define how the bytes are taken from FILE."""
     for decorate in (
         click.option(
             "--start",
-            type=ProgramNumber(0xFFFF_FFFF),
+            type=NumberType(32),
             metavar="ADDRESS",
             help="Address of the first byte, if it is not the lowest one in FILE.",
         ),
         click.option(
             "--fill",
-            type=ProgramNumber(0xFF),
+            type=NumberType(8),
             metavar="BYTE",
             help="Byte for the gaps in FILE, such as 0xFF.",
         ),
@@ -201,7 +182,7 @@ def _show_verification(node_id: int, result: ProgramVerification) -> None:
 @file_options
 @click.option(
     "--identification",
-    type=ProgramNumber(0xFFFF_FFFF),
+    type=NumberType(32),
     metavar="NUMBER",
     help="The value that 1F56h:01 must have afterwards, by the manufacturer's documents.",
 )

@@ -1,1 +1,0 @@
-"""``axisbus program``: show, write and verify the program of a node."""
