@@ -148,7 +148,7 @@ class CanComms(NodeServices):
         self.io: CanIoPort | None = None
         self.guarding: float | None = None
 
-    #  # -- services for boot-up -----------------------------------------------------------------------------------------
+    # -- services for boot-up -----------------------------------------------------------------------------------------
 
     @property
     def find_tries(self) -> int:

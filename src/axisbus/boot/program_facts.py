@@ -8,13 +8,12 @@ usual checksums of its bytes, and proves nothing if it does not.
 
 from __future__ import annotations
 
-import binascii
 import zlib
 from dataclasses import dataclass, field
 from typing import Protocol
 
 from axisbus.cell.program_file import deadline_for
-from axisbus.cia301 import abort
+from axisbus.cia301 import abort, sdo
 from axisbus.cia301 import objects as o
 from axisbus.cia302.program import (
     DATE,
@@ -211,7 +210,7 @@ def checksums(data: bytes) -> dict[str, int]:
     """Return the usual checksums of a program, by name."""
     return {
         "CRC-32": zlib.crc32(data),
-        "CRC-16 of CiA 301": binascii.crc_hqx(data, 0),
+        "CRC-16 of CiA 301": sdo.checksum(data),
         "sum of its bytes": sum(data) & 0xFFFF_FFFF,
     }
 
