@@ -150,7 +150,7 @@ def _astray(original: Callable[..., None]) -> Callable[..., None]:
 
 def _aimed_at_once(_: Any) -> Callable[..., None]:
     def send(self: RampedWay, _: Any) -> None:
-        self._sent = self._taken = self._target
+        self._taken = self._target
         self._due.clear()
 
     return send

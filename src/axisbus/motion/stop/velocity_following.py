@@ -116,7 +116,6 @@ class RampedWay:
         "_position",
         "_prompt",
         "_rates",
-        "_sent",
         "_settles_at",
         "_stamp",
         "_taken",
@@ -154,7 +153,7 @@ class RampedWay:
         self._from_rest = False
         self._on_ramp = on_ramp
         self._rates = _Rates.of(up, down)
-        self._taken = self._sent = 0.0  # the last velocity that is surely taken, and the last that was sent
+        self._taken = 0.0  # the last velocity that is surely taken
         self._due: deque[tuple[float, float]] = deque()  # until when each velocity sent since is surely taken
         self._begin(0.0)
         self.behind: float | None = None
@@ -206,11 +205,15 @@ class RampedWay:
             self._advance(position, stamp - self._stamp)
             self._position, self._stamp = position, stamp
 
+    @property
+    def _sent(self) -> float:
+        """The last velocity that was sent."""
+        return self._due[-1][1] if self._due else self._taken
+
     def _begin(self, speed: float) -> None:
         self._prompt, self._low, self._high = _Ramp(speed, 0), _Ramp(speed, -1), _Ramp(speed, 1)
 
     def _send(self, image: AxisImage) -> None:
-        self._sent = self._target
         self._due.append((image.now + self._delay + image.velocity_transfer, self._target))
 
     def _advance(self, position: int, dt: float) -> None:
@@ -220,7 +223,7 @@ class RampedWay:
         made, kept = position - self._position, 1.0 - min(1.0, dt / self._memory())
         before = self._prompt.speed
         for ramp, target in (
-            (self._prompt, self._sent),
+            (self._prompt, possible[-1]),
             (self._low, min(possible)),
             (self._high, max(possible)),
         ):
