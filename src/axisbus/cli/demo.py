@@ -141,9 +141,8 @@ def _fault(machine: Machine, tally: DemoResult) -> None:
     tally.say("states: " + ", ".join(f"{axis.name} {axis.state.value}" for axis in axes))
     tally.say(f"reset and enable {victim.name}; its position was not lost")
     victim.reset().wait()
-    wait(
-        axis.enable() for axis in axes
-    )  # the others too: a computer that paused while they halted has switched them off
+    # The others too: a computer that paused while they halted has switched them off.
+    wait(axis.enable() for axis in axes)
 
 
 def _note(machine: Machine, tally: DemoResult, what: str, targets: list[float]) -> None:

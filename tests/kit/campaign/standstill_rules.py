@@ -114,11 +114,7 @@ class Rest:
 
     def _was_released(self, name: str) -> bool:
         """Whether the axis is blocked, or was a moment ago."""
-        facts = self._facts
-        return any(
-            trouble.what == "jam" and trouble.until > facts.now - _JUST
-            for trouble in facts.troubled(name, _JUST)
-        )
+        return any(trouble.what == "jam" for trouble in self._facts.troubled(name, _JUST))
 
     def _stays_where_it_was_stopped(self, name: str) -> None:
         if name not in self._stood:
