@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from axisbus import eds
-from axisbus.cli import program
+from axisbus.cli.program import _Announced
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns
@@ -157,7 +157,7 @@ def test_ctrl_c_says_that_the_node_has_no_program_and_how_to_continue(
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(program._Announced, "__call__", interrupt)
+        patch.setattr(_Announced, "__call__", interrupt)
         code, _, err = axisbus("program", "write", file, NODE, *bus, "--raw")
     assert code == 130
     assert "node 5 cannot be used until a write has succeeded; run this command again" in err

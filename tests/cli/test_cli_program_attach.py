@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.cli import program
+from axisbus.cli.program import _Announced
 from axisbus.errors import ArgumentError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
@@ -141,7 +141,7 @@ def test_if_the_command_is_ended_the_core_continues(axisbus, opened, file, tmp_p
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(program._Announced, "__call__", interrupt)
+        patch.setattr(_Announced, "__call__", interrupt)
         code, _, err = axisbus("program", "write", firmware, "y", "--cell", file, "--raw", "--take")
     assert code == 130
     assert "the core of the machine goes on writing the program of node 2; do not switch it off" in err
