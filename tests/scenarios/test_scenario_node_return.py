@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -388,6 +389,35 @@ def test_an_axis_is_not_reset_while_its_node_is_booted(tmp_path: Path) -> None:
         errors = [handle.error for handle in handles]
         assert any(error is not None and "is being booted" in error.message for error in errors)
         assert not witness.energised
+
+
+@pytest.mark.parametrize("restarted", [False, True])
+@pytest.mark.parametrize("command", ["halt", "stop", "quick_stop", "disable", "coast", "reset", "group"])
+def test_a_command_given_during_a_boot_up_ends(tmp_path: Path, command: str, restarted: bool) -> None:
+    with cell(tmp_path, "xy", GROUP) as (simulation, witness):
+        machine, handles = simulation.machine, list[Handle]()
+        x = machine["x"]
+        calls: dict[str, Callable[[], Handle]] = {
+            "coast": partial(x.disable, coast=True),
+            "group": machine.group("all").quick_stop,
+        }
+        call = calls.get(command) or getattr(x, command)
+        for delay in (0.005, 0.02, 0.05, 0.08, 0.1, 0.12):
+            if restarted:
+                switch_off(machine, "x")
+                machine.sleep(1.0)
+                switch_on(machine, "x")
+                machine.sleep(1.0)
+            simulation.after(delay, lambda: handles.append(call()))
+            with suppress(BootError):  # a stop may take the place of one of its transfers
+                machine.node(1).boot()
+        machine.sleep(2.0)
+        assert len(handles) == 6
+        assert not any(handle.busy for handle in handles)
+        assert all(handle.done or handle.exception() for handle in handles)
+        assert not witness.energised
+        boot(machine, "x")
+        assert_usable(simulation, machine["x"])
 
 
 def test_an_aborted_boot_up_leaves_the_axis_in_error_stop_until_the_next_one(tmp_path: Path) -> None:

@@ -146,8 +146,10 @@ class AxisCore:
         """Begin as a new object, in ErrorStop with ``error``: the node was booted again. Nothing of before remains.
 
         ``absolute``: the drive has kept its count of positions, so a confirmed position remains confirmed. Groups, pairs and
-        couplings refer to this object, so it is not replaced. Every command must have ended (``take_out``).
+        couplings refer to this object, so it is not replaced. Commands end with ``error``; ``take_out`` has ended those of before,
+        but a stop or a disable is accepted during the boot-up.
         """
+        self._end_because(error)
         confirmed = self._confirmed_origin if absolute else None
         self.__init__(parameters, capabilities)  # type: ignore[misc]
         self.state, self.error = AxisState.ERRORSTOP, error
@@ -178,7 +180,7 @@ class AxisCore:
 
         No other axis is stopped for this, because the axis is at rest without power.
         """
-        self.abandon(lambda name: StateError(f"{name} was ended: {error.message}"))
+        self._end_because(error)
         self.state, self.error, self.powered = AxisState.ERRORSTOP, error, False
         self.node_boots = True
         self.supervision.lost = True
@@ -384,6 +386,9 @@ class AxisCore:
             image.demand is not None,
         )
         return _tuple(Snapshot, values)
+
+    def _end_because(self, error: AxisbusError) -> None:
+        self.abandon(lambda name: StateError(f"{name} was ended: {error.message}"))
 
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
         """End every ticket, with the error that ``ended`` creates for its name: the scan has ended."""
