@@ -30,7 +30,7 @@ downloads = st.builds(
 )
 requests = uploads | downloads
 delays = st.sampled_from([0.0, 0.001, 0.3, 0.6])
-late = st.none() | st.sampled_from([(0x1000, 0), (0x6041, 0)])
+late = st.lists(st.sampled_from([(0x1000, 0), (0x1001, 0), (0x6041, 0)]), unique=True).map(tuple)
 
 
 def feed(session: SdoSession, frame: bytes, dt: float) -> tuple[bytes, ...]:

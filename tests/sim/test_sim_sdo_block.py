@@ -402,3 +402,34 @@ def test_random_loss_never_gives_wrong_data(seed, rate):
     wire.settle()
     assert written.failure is not None or wire.content == BIG[5000:9000]
     assert wire.content in (BIG[:5000], BIG[5000:9000])
+
+
+# -- requests that were abandoned and are answered late ----
+
+
+def test_the_late_answer_to_an_abandoned_barrier_does_not_pass_the_next_one():
+    """A cancelled request may still be at its barrier. Its answer comes when the next request is at a barrier of its own."""
+    write = SdoTransferRequest(0x6040, 0, b"\x02\x00", TIMEOUT, 1)
+    first = SdoSession(write)
+    first.start()
+    first.elapse(TIMEOUT)
+    second = SdoSession(SdoTransferRequest(0x1001, 0, None, TIMEOUT, 1), late=first.late)
+    assert hexed(second.start()) == ["4000100000000000"]
+    second.give_up()
+    third = SdoSession(write, late=second.late)
+    assert hexed(third.start()) == ["4001100000000000"]
+    assert third.receive(raw("6040600000000000")) == ()
+    assert third.receive(raw("4300100092010400")) == ()
+    assert hexed(third.receive(raw("4f01100000000000"))) == ["2b40600002000000"]
+    assert third.late == ()
+
+
+def test_a_server_without_1018h_is_asked_again_for_the_barrier_abandoned_longest_ago():
+    late: tuple[tuple[int, int], ...] = ((0x6040, 0),)
+    barriers = []
+    for _ in range(5):
+        session = SdoSession(SdoTransferRequest(0x6041, 0, None, TIMEOUT, 1), late=late)
+        barriers += hexed(session.start())
+        session.elapse(TIMEOUT)
+        late = session.late
+    assert [barrier[2:8] for barrier in barriers] == ["001000", "011000", "181000", "001000", "011000"]

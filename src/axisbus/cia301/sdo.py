@@ -80,6 +80,7 @@ class SdoTransferAttempt:
         self.block_refused: int | None = (
             None  # abort code of a server that refused the initiation of a block transfer
         )
+        self.entry = (index, subindex)
         self._multiplexer = index.to_bytes(2, "little") + bytes([subindex])
         self._timeout = timeout
         self._waited = 0.0

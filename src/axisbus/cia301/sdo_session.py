@@ -3,9 +3,11 @@
 Theory of operation
 -------------------
 An attempt without an answer, or with a garbled one, is ended by an abort. Before the next attempt comes a *barrier*: the client
-reads the mandatory object 1000h, and discards all frames that arrive before its answer. A server answers in order. So the late
-answer to an abandoned request can never be taken for the answer to a later one, not even for the same object. A barrier without an
-answer counts as a failed attempt. ``late`` and ``no_block`` hold the information for the next request.
+reads a mandatory object, and discards all frames that arrive before its answer. A server answers in order. So the late answer to an
+abandoned request can never be taken for the answer to a later one, not even for the same object. The barrier itself may be
+abandoned and answered late, so the next one reads another object: one to which no answer may still come, or the one that was
+abandoned longest ago. A barrier without an answer counts as a failed attempt. ``late`` and ``no_block`` hold the information for
+the next request.
 
 Large data is sent in blocks if the server supports blocks. After a block transfer has failed, the last attempt uses the normal
 transfer.
@@ -17,7 +19,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from axisbus.cia301 import abort as codes
-from axisbus.cia301.objects import DEVICE_TYPE, ERROR_REGISTER
+from axisbus.cia301.objects import DEVICE_TYPE, ERROR_REGISTER, IDENTITY
 from axisbus.cia301.sdo import (
     BLOCK_FROM,
     LONGEST,
@@ -43,7 +45,8 @@ BROKEN_DIALOGUE = frozenset(
         codes.WRONG_CHECKSUM,
     }
 )
-_BARRIER = 64  # bytes; 1000h has 4, 1001h has 1
+_BARRIERS = ((DEVICE_TYPE, 0), (ERROR_REGISTER, 0), (IDENTITY, 0))
+_BARRIER_MOST = 64  # bytes; 1000h has 4, the others have 1
 
 
 class SdoTransferRequest(NamedTuple):
@@ -73,11 +76,11 @@ class SdoSession:
         self,
         request: SdoTransferRequest,
         *,
-        late: tuple[int, int] | None = None,
+        late: tuple[tuple[int, int], ...] = (),
         no_block: bool = False,
         urgent: bool = False,
     ) -> None:
-        """``late`` is the object of an earlier request that may still be answered; ``urgent``: the first attempt has no barrier."""
+        """``late``: objects of requests that may still be answered, oldest first; ``urgent``: the first attempt has no barrier."""
         self.late = late
         self.no_block = no_block
         self.done = False
@@ -165,15 +168,18 @@ class SdoSession:
 
     def _begin_attempt(self) -> Frames:
         self._dialogue = self._made()
-        if self.late is None or (self._urgent and self._attempt == 0):
+        if not self.late or (self._urgent and self._attempt == 0):
             return self._dialogue.start()
-        index = ERROR_REGISTER if self.late == (DEVICE_TYPE, 0) else DEVICE_TYPE
-        self._barrier = Upload(index, 0, self._request.timeout, most=_BARRIER)
+        index, subindex = min(_BARRIERS, key=self._abandoned_at)
+        self._barrier = Upload(index, subindex, self._request.timeout, most=_BARRIER_MOST)
         return self._barrier.start()
+
+    def _abandoned_at(self, wanted: tuple[int, int]) -> int:
+        return self.late.index(wanted) if wanted in self.late else -1
 
     def _passed_barrier(self) -> Frames:
         self._keep_strays()
-        self._barrier = self.late = None
+        self._barrier, self.late = None, ()
         self.answers_others = True
         return self._dialogue.start()
 
@@ -189,8 +195,8 @@ class SdoSession:
         return self._begin_attempt()
 
     def _abandoned(self, code: int) -> Frames:
-        if self._barrier is None:
-            self.late = (self._request.index, self._request.subindex)
+        asked = self._current.entry
+        self.late = (*(each for each in self.late if each != asked), asked)
         return (self._current.abort(code),)
 
     def _keep_strays(self) -> None:

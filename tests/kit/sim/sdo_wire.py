@@ -41,7 +41,7 @@ class SdoWire:
         self.heard = 0.0  # when the session last got the time
         self._to_server: deque[tuple[float, bytes]] = deque()
         self._to_client: deque[tuple[float, bytes]] = deque()
-        self._late: tuple[int, int] | None = None
+        self._late: tuple[tuple[int, int], ...] = ()
 
     @property
     def pipes(self) -> tuple[deque[tuple[float, bytes]], deque[tuple[float, bytes]]]:

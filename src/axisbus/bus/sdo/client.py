@@ -71,7 +71,7 @@ class SdoClient:
         self._line = SdoConnection(channel, node_id, *(cob_ids or (None, None)))
         self._lock = self.clock.lock()
         self._calls: list[Call] = []
-        self._late: tuple[int, int] | None = None  # the object of a request that may still be answered
+        self._late: tuple[tuple[int, int], ...] = ()  # objects of requests that may still be answered
         self._no_block = False  # whether the server has shown that it does not support block transfers
 
     # -- bytes --------------------------------------------------------------------------------------------------------------------

@@ -140,7 +140,7 @@ def _converse(line: SdoConnection, call: Call, session: SdoSession, progress: Pr
     asked = clock.now()
     _send(line, call, session.start())
     then, told = clock.now(), None
-    clear = session.late is None  # else the next answer may belong to an earlier request
+    clear = not session.late  # else the next answer may belong to an earlier request
     while not session.done:
         frame = line.receive(session.remaining)
         now = clock.now()
@@ -154,7 +154,7 @@ def _converse(line: SdoConnection, call: Call, session: SdoSession, progress: Pr
             asked = then
             _send(line, call, answer)
             then = clock.now()
-            clear = session.late is None
+            clear = not session.late
         if progress is not None and told != session.progress:
             told = session.progress
             progress(*told)
