@@ -51,6 +51,8 @@ class Travel:
             facts.names, -math.inf
         )  # when a drive last held its motor beside its demand
         self._mode: dict[str, tuple[int, float]] = {}  # the displayed mode of the drive, and since when
+        # When the master last did not know yet that the drive is enabled: its target is the read position, with its noise.
+        self._unseen = dict.fromkeys(facts.names, -math.inf)
 
     def ended(self, asked: GivenCommand) -> None:
         """A move that is done is at its target, and at standstill."""
@@ -74,6 +76,8 @@ class Travel:
             self._pushed[name] = self._facts.now
         if drive.axis.drift:
             self._crept[name] = self._facts.now
+        if self._facts.core[name].state is AxisState.DISABLED:
+            self._unseen[name] = self._facts.now
         if self._mode.get(name, (None,))[0] != drive.mode_display:
             self._mode[name] = drive.mode_display, self._facts.now
         samples = self._facts.cell.record(name).since(self._seen[name])
@@ -216,10 +220,12 @@ class Travel:
 
     def _jolts(self, name: str, samples: list[PlantSample], of: str, allowed: float) -> list[float]:
         """The accelerations beyond the allowed ones, in deg/s²."""
-        found = []
+        found, grain = [], _QUANTUM
+        if self._facts.now - self._unseen[name] < _SEIZED:
+            grain += 2.0 * self._facts.drive[name].params.noise
         for before, after in pairwise(_speeds(samples, of)):
             change = abs(after[0] - before[0]) / min(before[1], after[1])
-            noise = _QUANTUM / abs(self._facts.cell.scale_of(name)) / min(before[1], after[1]) ** 2
+            noise = grain / abs(self._facts.cell.scale_of(name)) / min(before[1], after[1]) ** 2
             if change > 1.1 * allowed + 2.0 * noise:
                 found.append(change)
         return found
