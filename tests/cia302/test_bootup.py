@@ -109,6 +109,15 @@ def test_an_identity_that_the_node_does_not_have_is_not_the_expected_one(letter,
     assert (outcome.letter, outcome.got, outcome.abort) == (b.Letter[letter], None, MISSING)
 
 
+@pytest.mark.parametrize("subindex", [1, 2, 3, 4])
+def test_a_node_that_falls_silent_while_its_identity_is_read_is_not_called_another_device(subindex):
+    slave = Slave()
+    slave.dies_at = b.Read(0x1018, subindex)
+    outcome = slave.run(plan())
+    assert (outcome.letter, outcome.step, outcome.address) == (None, "identity", (0x1018, subindex))
+    assert outcome.tries == b.TRIES
+
+
 def test_a_lenient_expectation_accepts_a_node_that_does_not_report_the_value():
     slave = Slave()
     del slave.objects[0x1018, 2]

@@ -30,6 +30,7 @@ class Slave:
         }
         self.state = NmtState.PRE_OPERATIONAL
         self.dead = False
+        self.dies_at: b.Request | None = None
         self.beats = True
         self.guards = True
         self.refuses: dict[tuple[int, int], int] = {}
@@ -53,6 +54,7 @@ class Slave:
 
     def answer(self, request: b.Request) -> b.Answer:
         """Answer one request."""
+        self.dead = self.dead or request == self.dies_at
         if isinstance(request, b.Local):
             return b.Got(self.may_disturb, 0.0)
         loss = (

@@ -301,6 +301,27 @@ def test_a_supply_that_fails_during_the_boot_up_lets_it_fail_and_be_repeated(tmp
         assert_usable(simulation, machine["x"])
 
 
+def test_a_node_that_falls_silent_while_its_identity_is_read_is_reported_as_silent(tmp_path: Path) -> None:
+    with cell(tmp_path, "x") as (simulation, _):
+        machine, steps = simulation.machine, set[str]()
+        switch_off(machine, "x")
+        machine.sleep(1.0)
+        for delay in (0.010, 0.0105, 0.011, 0.0115):
+            switch_on(machine, "x")
+            machine.sleep(1.0)
+            simulation.after(delay, lambda: switch_off(machine, "x"))
+            with pytest.raises(BootError, match="answer") as caught:
+                machine.node(1).boot()
+            steps.add(caught.value.step)
+            assert machine["x"].error is not None
+            assert machine["x"].error.message == caught.value.message
+        assert "identity" in steps
+        switch_on(machine, "x")
+        machine.sleep(1.0)
+        boot(machine, "x")
+        assert_usable(simulation, machine["x"])
+
+
 def test_a_node_that_restarts_again_after_its_boot_up_is_lost_again(tmp_path: Path) -> None:
     with cell(tmp_path, "x") as (simulation, _):
         machine = simulation.machine

@@ -120,7 +120,7 @@ class _Run(ProgramSteps):
             self._note(address=address)
             answer: Answer | None = None
             if address != (o.DEVICE_TYPE, 0):
-                answer = yield from self._must(Read(*address), letter)
+                answer = yield from self._must(Read(*address))
                 self._learn(address, answer)
             self._compare(address, letter, answer)
         self._did("identified")
