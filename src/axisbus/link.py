@@ -19,6 +19,7 @@ from typing import Protocol, TypeVar
 from axisbus.cia301.dropped_frames import Drop
 from axisbus.cia301.frame import BusTraffic, CanFrame
 from axisbus.cia301.sdo_counts import SdoCount
+from axisbus.cia302.types import Address
 from axisbus.cia401.port import IoPort
 from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.port import BusCycle, Port
@@ -75,8 +76,12 @@ class CellConnection(Protocol[Booted, Parts, Incident, Event]):
     def clock(self) -> Clock:
         """The clock in which everything blocks; nodes are booted at the same time, each in a thread of this clock."""
 
-    def boot(self, node_id: int) -> Booted:
-        """Boot and configure a node, and return the result, an error included; blocks."""
+    def boot(self, node_id: int, before: Mapping[Address, int] | None = None) -> Booted:
+        """Boot and configure a node, and return the result, an error included; blocks.
+
+        ``before``: the identity (1018h) of the only device that may be booted, as far as devices report it; None: any that fits the
+        cell file.
+        """
 
     def begin(self) -> None:
         """Make the cycle, with the nodes that have come up."""

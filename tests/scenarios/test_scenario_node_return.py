@@ -448,7 +448,7 @@ def test_an_aborted_boot_up_leaves_the_axis_in_error_stop_until_the_next_one(tmp
     with cell(tmp_path, "x") as (simulation, _):
         machine = simulation.machine
         node, before = machine.node(1), machine._core.runtime.link.boot
-        machine._core.runtime.link.boot = lambda _: abort()
+        machine._core.runtime.link.boot = lambda *_: abort()
         with pytest.raises(KeyboardInterrupt):
             node.boot()
         machine._core.runtime.link.boot = before
@@ -497,6 +497,91 @@ def test_a_node_that_restarts_continuously_is_booted_three_times_only(tmp_path: 
         assert booted == 3
         boot(machine, "x")
         assert_usable(simulation, machine["x"])
+
+
+def swap(machine: Machine, serial: int, **what: int) -> None:
+    """Put another drive in the place of that of node 1, while the supply is off."""
+    switch_off(machine, "x")
+    machine.sleep(2.0)
+    machine.simulated_node(1).swap(serial, **what)
+    switch_on(machine, "x")
+    machine.sleep(6.0)
+
+
+def assert_booted_automatically(machine: Machine) -> None:
+    """Node 1 was booted without a command, and its axis waits for a reset."""
+    assert machine.simulated_node(1).device.nmt is NmtState.OPERATIONAL
+    assert_waits_for_reset(machine["x"])
+
+
+@pytest.mark.parametrize(
+    ("what", "letter", "differs"),
+    [
+        ({"serial": 4712}, "O", "its serial number is 0x1268 (4712), it was 0x1267 (4711)"),
+        ({"serial": 4712, "revision": 9}, "N", "its serial number is 0x1268 (4712), it was 0x1267 (4711)"),
+        ({"serial": 4711, "revision": 9}, "N", "its revision number is 0x9 (9), it was 0x10001 (65537)"),
+        ({"serial": 4711, "product_code": 9}, "M", "its product code is 0x9 (9), it was 0x7 (7)"),
+    ],
+)
+def test_another_drive_is_not_booted_automatically_in_the_place_of_the_one_before(
+    tmp_path: Path, what: dict[str, int], letter: str, differs: str
+) -> None:
+    with rejoining(tmp_path, "xy") as simulation:
+        machine, device = simulation.machine, simulation.device("x")
+        device.swap(4711, revision=0x10001, product_code=7)
+        machine.sleep(1.0)
+        boot(machine, "x")
+        swap(machine, **{"revision": 0x10001, "product_code": 7, **what})
+        error = machine["x"].error
+        assert isinstance(error, BootError)
+        assert (error.letter, error.step) == (letter, "identity")
+        assert "node 1 has returned as another device" in error.message
+        assert differs in error.observed
+        assert "axisbus replace CELL 1" in error.remedy
+        assert "axisbus boot CELL --node 1" in error.remedy
+        machine.sleep(5.0)
+        assert device.nmt is NmtState.PRE_OPERATIONAL
+        assert device.read(0x1017) == 0  # nothing was written
+        with pytest.raises(NodeStateError):
+            machine["x"].reset().wait(5)
+
+
+def test_another_drive_that_was_booted_by_a_call_is_the_one_that_is_booted_automatically_from_then_on(
+    tmp_path: Path,
+) -> None:
+    with rejoining(tmp_path, "x") as simulation:
+        machine, device = simulation.machine, simulation.device("x")
+        device.swap(4711)
+        machine.sleep(1.0)
+        boot(machine, "x")
+        swap(machine, 4712)
+        assert device.nmt is NmtState.PRE_OPERATIONAL
+        boot(machine, "x")
+        machine.sleep(2.0)
+        switch_off(machine, "x")
+        machine.sleep(2.0)
+        switch_on(machine, "x")
+        machine.sleep(4.0)
+        assert_booted_automatically(machine)
+        machine.sleep(60.0)  # the next boot-ups are not in a row with these
+        swap(machine, 4711)
+        assert device.nmt is NmtState.PRE_OPERATIONAL
+        swap(machine, 4712)
+        assert_booted_automatically(machine)
+        assert_usable(simulation, machine["x"])
+
+
+@pytest.mark.parametrize(("before", "now"), [(0, 4711), (4711, 0), (0, 0)])
+def test_a_drive_without_a_serial_number_cannot_be_told_apart_and_is_booted_automatically(
+    tmp_path: Path, before: int, now: int
+) -> None:
+    with rejoining(tmp_path, "x") as simulation:
+        machine = simulation.machine
+        machine.simulated_node(1).swap(before)
+        machine.sleep(1.0)
+        boot(machine, "x")
+        swap(machine, now)
+        assert_booted_automatically(machine)
 
 
 # -- the position ----------------------------------------------------------------------------------------------------------

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
-from axisbus.boot.failure import expected
 from axisbus.boot.objects import NodeObjects, read_int
 from axisbus.boot.stop_report import NO_WATCHDOG, Watchdog, WatchdogReport
 from axisbus.cell.axis_description import limit_writes
@@ -14,7 +13,7 @@ from axisbus.cell.writes import CellWrite, axis_writes, is_fixed, node_writes
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import watched_node
-from axisbus.cia302.types import BootPlan, Setting
+from axisbus.cia302.types import Address, BootPlan, Expected, Setting
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import BootError, SdoAbort
@@ -36,8 +35,17 @@ def writes_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> list[Ce
     return writes
 
 
-def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int, late: bool = False) -> BootPlan:
-    """Return the boot-up plan of a node from the cell file and the EDS; ``late``: the node appears while the machine runs.
+def plan_of(
+    cell: CellConfig,
+    node_id: int,
+    eds: Eds,
+    identity: Mapping[Address, Expected],
+    find_tries: int,
+    late: bool = False,
+) -> BootPlan:
+    """Return the boot-up plan of a node from the cell file and the EDS.
+
+    ``identity``: the expected one; ``late``: the node appears while the machine runs.
 
     Raises:
         ArgumentError: a key of an ``objects`` table names no object.
@@ -47,7 +55,7 @@ def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int, late: boo
     writes = writes_of(cell, node_id, Dictionary(eds, node_id))
     return BootPlan(
         node_id,
-        identity=expected(node, eds),
+        identity=identity,
         find_tries=find_tries,
         program=wanted_program(cell, node, late),
         restore=node.restore_defaults,

@@ -17,9 +17,9 @@ from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, BootError, SdoAbort, SdoError
 from axisbus.wording import counted
 
-_OTHER_DEVICE = {letter for _, _, letter in IDENTITY}
+OTHER_DEVICE = {letter for _, _, letter in IDENTITY}
 # Letters of failures that the node's own errors do not explain: the node does not answer, or is another device.
-SILENT_OR_STRANGE = {Letter.A, Letter.B, *_OTHER_DEVICE}
+SILENT_OR_STRANGE = {Letter.A, Letter.B, *OTHER_DEVICE}
 
 
 _OTHER_VALUE = "give a value that the drive accepts (its manual lists them), or leave the line out"
@@ -47,7 +47,7 @@ _ERROR_CONTROL = {
 
 def as_error(outcome: BootOutcome, node: NodeConfig, cause: AxisbusError | None) -> AxisbusError:
     """Return the error of a failed boot-up; ``cause`` is the error of its last request that failed, None if there is none."""
-    if outcome.letter in _OTHER_DEVICE:
+    if outcome.letter in OTHER_DEVICE:
         error = another_device(outcome, node)
     elif outcome.letter is Letter.J:
         error = _configuration(outcome, cause)
@@ -156,9 +156,9 @@ _PROFILE = 0xFFFF  # mask of the low word of 1000h; the high word holds the devi
 _VENDOR = (o.IDENTITY, o.VENDOR_ID)
 _PRODUCT = (o.IDENTITY, o.PRODUCT_CODE)
 _REVISION = (o.IDENTITY, o.REVISION_NUMBER)
-_SERIAL = (o.IDENTITY, o.SERIAL_NUMBER)
+SERIAL = (o.IDENTITY, o.SERIAL_NUMBER)
 _NAMES = {address: name for address, name, _ in IDENTITY} | {(o.DEVICE_TYPE, 0): "device profile"}
-_SHORT = {_VENDOR: "vendor", _PRODUCT: "product", _REVISION: "revision", _SERIAL: "serial"}
+_SHORT = {_VENDOR: "vendor", _PRODUCT: "product", _REVISION: "revision", SERIAL: "serial"}
 
 
 def expected(node: NodeConfig, eds: Eds) -> dict[Address, Expected]:
@@ -169,10 +169,22 @@ def expected(node: NodeConfig, eds: Eds) -> dict[Address, Expected]:
     for address, value in ((_VENDOR, eds.identity.vendor_id), (_PRODUCT, eds.identity.product_code)):
         if value:
             found[address] = Expected(value, lenient=True)
-    for address, value in ((_REVISION, node.revision), (_SERIAL, node.serial)):
+    for address, value in ((_REVISION, node.revision), (SERIAL, node.serial)):
         if value is not None:
             found[address] = Expected(value)
     return found
+
+
+def unspecified(before: Mapping[Address, int], wanted: Mapping[Address, Expected]) -> dict[Address, int]:
+    """Return the reported parts of the identity ``before`` (1018h) that cell file and EDS leave open; 0 is no report."""
+    return {
+        address: value for address, value in before.items() if value and address in _SHORT.keys() - wanted
+    }
+
+
+def as_before(before: Mapping[Address, int]) -> dict[Address, Expected]:
+    """Return these parts of an identity as expected ones. A device that does not report a part cannot be told apart by it."""
+    return {address: Expected(value, lenient=True) for address, value in before.items()}
 
 
 def text(found: Mapping[Address, int]) -> str:
@@ -192,7 +204,7 @@ def another_device(outcome: BootOutcome, node: NodeConfig) -> BootError:
     """Return the error of a node that is not the expected device."""
     index, subindex = outcome.address or (o.DEVICE_TYPE, 0)
     address = (index, subindex)
-    by_cell = address in (_REVISION, _SERIAL)
+    by_cell = address in (_REVISION, SERIAL)
     says = "cell.toml says" if by_cell else "the EDS says"
     seen = "not there" if outcome.got is None else _number(address, outcome.got)
     return BootError(
@@ -205,6 +217,30 @@ def another_device(outcome: BootOutcome, node: NodeConfig) -> BootError:
         observed=f"{index:04X}h:{subindex:02X} is {seen}, {says} {_number(address, outcome.expected)}",
         remedy=_remedy(address, by_cell),
     )
+
+
+def swapped(outcome: BootOutcome, before: Mapping[Address, int], serial: int | None) -> BootError:
+    """Return the error of a node that has returned as another device; ``serial`` is the number of that device, if it has one."""
+    assert outcome.address is not None
+    node, (index, subindex) = outcome.node, outcome.address
+    found = {outcome.address: outcome.got, SERIAL: serial}
+    return BootError(
+        f"node {node} has returned as another device, and is not booted automatically: its {_NAMES[outcome.address]} differs",
+        node=node,
+        step="identity",
+        index=index,
+        subindex=subindex,
+        observed="; ".join(
+            f"its {_NAMES[address]} is {_seen(value)}, it was {_seen(before.get(address))}"
+            for address, value in found.items()
+        ),
+        remedy=f"configure the new drive: axisbus replace CELL {node}; or boot it with the parameters that it has: "
+        f"axisbus boot CELL --node {node}",
+    )
+
+
+def _seen(value: object) -> str:
+    return f"0x{value:X} ({value})" if isinstance(value, int) else "not reported"
 
 
 def name(objects: NodeObjects) -> str:

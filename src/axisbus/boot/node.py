@@ -16,6 +16,7 @@ bus that it uses beside SDO.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Protocol, TypeVar
@@ -24,7 +25,14 @@ from axisbus.boot import dcf, error_state, io, nameplate_comparison, program_tex
 from axisbus.boot import failure as ids
 from axisbus.boot.configure import DriveMonitoringSetup, plan_of
 from axisbus.boot.demand import demand_text
-from axisbus.boot.failure import NAMES_NO_ERROR, SILENT_OR_STRANGE, as_error, at_step
+from axisbus.boot.failure import (
+    NAMES_NO_ERROR,
+    OTHER_DEVICE,
+    SILENT_OR_STRANGE,
+    as_error,
+    at_step,
+    with_facts,
+)
 from axisbus.boot.objects import NodeObjects, Progress, read_int
 from axisbus.boot.report import AxisReport, Booted, NodeReport
 from axisbus.boot.requests import Answerer, Locals, Nmt
@@ -53,7 +61,7 @@ from axisbus.drives import registry
 from axisbus.drives.plugin import GENERIC
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
-from axisbus.errors import AxisbusError, BootError, ConfigError, NodeError, NodeTimeout
+from axisbus.errors import AxisbusError, BootError, ConfigError, NodeError, NodeTimeout, SdoError
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.promises import promises
 from axisbus.wording import counted
@@ -122,10 +130,12 @@ class NodeBoot:
         progress: Progress | None = None,
         late: bool = False,
         again: bool = False,
+        before: Mapping[Address, int] | None = None,
     ) -> None:
         """``progress(done, all)`` gets the bytes of a program download; ``late``: the node boots while the machine runs.
 
         ``again``: this machine has booted the node before, so a drive found enabled is one that the machine may have to stop.
+        ``before``: the identity of the only device that is booted; None: any that fits cell file and EDS.
         """
         self._cell = cell
         self._node: NodeConfig = cell.nodes[node_id]
@@ -135,6 +145,8 @@ class NodeBoot:
         self._progress = progress
         self._late = late
         self._again = again
+        self._identity = ids.expected(self._node, eds)
+        self._before = ids.unspecified(before or {}, self._identity)
         self._report = NodeReport(node_id)
         self._axes = [of_make(axis, self._node, eds) for axis in cell.axes_of(node_id)]
         self._power: dict[str, PowerState] = {}
@@ -153,7 +165,8 @@ class NodeBoot:
         answerer = Answerer(self._objects, self._comms, self._locals(), self._progress)
         try:
             tries = self._comms.find_tries
-            plan = plan_of(self._cell, self._objects.node_id, self._eds, tries, self._late)
+            identity = self._identity | ids.as_before(self._before)
+            plan = plan_of(self._cell, self._objects.node_id, self._eds, identity, tries, self._late)
             self._finish(answerer.run(boot_up(plan)), answerer)
         except AxisbusError as error:
             self._report.error = at_step(self._objects.node_id, "configuration", error)
@@ -173,7 +186,7 @@ class NodeBoot:
         report.steps = list(outcome.done)
         if not outcome.ok:
             cause = self._comms.nobody() if outcome.letter is Letter.B else answerer.error
-            report.error = as_error(outcome, self._node, cause)
+            report.error = self._failure(outcome, cause)
             if outcome.letter not in SILENT_OR_STRANGE:
                 self._add_errors(report.error, always=outcome.step == "start")
             return
@@ -187,6 +200,14 @@ class NodeBoot:
             report.configured = f"{counted(outcome.written, 'object')} written and read back"
             if self._by_dcf:
                 report.configured += f", {self._by_dcf} have the values of its DCF"
+
+    def _failure(self, outcome: BootOutcome, cause: AxisbusError | None) -> AxisbusError:
+        if outcome.letter not in OTHER_DEVICE or outcome.address not in self._before:
+            return as_error(outcome, self._node, cause)
+        serial = outcome.identity.get(ids.SERIAL)
+        with self._comms.trying(1, DEADLINE), suppress(SdoError):
+            serial = serial or read_int(self._objects, *ids.SERIAL)  # if another part of the identity differs
+        return with_facts(ids.swapped(outcome, self._before, serial), outcome)
 
     def _add_errors(self, error: AxisbusError, *, always: bool) -> None:
         """Add the errors that the node reports. If it reports none, add that only if ``always`` is set."""

@@ -32,6 +32,7 @@ from axisbus.cia301.dropped_frames import Drop
 from axisbus.cia301.frame import BusTraffic, CanFrame
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia301.sdo_counts import SdoCount
+from axisbus.cia302.types import Address
 from axisbus.cia401.port import IoPort
 from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.port import Port
@@ -116,7 +117,7 @@ class CanLink:
             stack.callback(self._heartbeat.end)
             self._stack = stack.pop_all()
 
-    def boot(self, node_id: int) -> Booted:
+    def boot(self, node_id: int, before: Mapping[Address, int] | None = None) -> Booted:
         """As ``CellConnection.boot``."""
         if node_id in self._others:
             return self._others.of(node_id).boot(node_id, FIND_TIME)
@@ -137,6 +138,7 @@ class CanLink:
             progress,
             late=late,
             again=events is not None,
+            before=before,
         ).run()
         self._booted[node_id] = booted
         if not late:

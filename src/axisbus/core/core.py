@@ -18,6 +18,7 @@ from axisbus.boot.report import Booted
 from axisbus.bus.node.events import BAD, NodeEvent
 from axisbus.cell.gantry import gantries_of
 from axisbus.cell.model import AUTOMATIC, CellConfig
+from axisbus.cia302.types import Address
 from axisbus.cia401.port import SignalValidity
 from axisbus.cia402.ip_as_csp import as_csp_capable
 from axisbus.cia402.port import Port, Waiter
@@ -37,6 +38,7 @@ from axisbus.core.late_boot import (
     being_written,
     boot_interrupted,
     booted_again,
+    identity_of,
     not_booted,
     not_written,
     program_not_written,
@@ -433,7 +435,7 @@ class Core:
             BootError: the boot-up has failed; its axes remain in ErrorStop, and the node may be booted again.
         """
         with self._booting_of(node_id):
-            return self._boot_again(node_id, _nothing)
+            return self._boot_again(node_id)
 
     def find_replacement(self, node_id: int) -> list[FoundDrive]:
         """Return the drives that may replace that of a node; blocks for up to about 12 s, raises as ``find_drives``."""
@@ -461,16 +463,29 @@ class Core:
                     "it is operational, and it is not known to be another drive than before",
                     "switch the drive off and on; or end the machine, and replace the drive then",
                 )
-            self._boot_again(node_id, configure)
+            self._boot_again(node_id, prepare=configure)
         return outcomes[0]
 
-    def _boot_again(self, node_id: int, prepare: Callable[[], None]) -> Booted:
-        """Take the axes of a node out of the scan, ``prepare`` the node, boot it, and let its axes begin again."""
+    def _rejoin(self, node_id: int) -> Booted:
+        """Boot a node that has returned, as ``boot_node``, but no other device than the one that was booted last."""
+        with self._booting_of(node_id):
+            return self._boot_again(node_id, identity_of(self.runtime.booted[node_id]))
+
+    def _boot_again(
+        self,
+        node_id: int,
+        before: Mapping[Address, int] | None = None,
+        prepare: Callable[[], None] = _nothing,
+    ) -> Booted:
+        """Take the axes of a node out of the scan, ``prepare`` the node, boot it, and let its axes begin again.
+
+        ``before``: as for ``CellConnection.boot``.
+        """
         names = self._await_rest(node_id)
         self._in_scan(lambda: self.scan.take_out(names, being_booted(node_id)))
         try:
             prepare()
-            booted, ports = self.runtime.boot_late(node_id)
+            booted, ports = self.runtime.boot_late(node_id, before)
         except BaseException as error:  # such as Ctrl-C in this thread
             why = error if isinstance(error, AxisbusError) else boot_interrupted(node_id)
             self._leave_out(names, why)
@@ -620,7 +635,7 @@ class Core:
                 and self.cell.nodes[node_id].rejoin == AUTOMATIC
                 and self.runtime.nodes[node_id].has_objects
             ):
-                needs, boot = partial(self._has_returned, node_id), partial(self.boot_node, node_id)
+                needs, boot = partial(self._has_returned, node_id), partial(self._rejoin, node_id)
                 found.append(ReturningNode(node_id, needs, boot))
         return found
 

@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from axisbus.cia302.types import IDENTITY, Address
 from axisbus.cia402.port import Port
 from axisbus.clock import Clock
 from axisbus.errors import (
@@ -34,9 +35,7 @@ log = logging.getLogger("axisbus")
 
 REJOINS = 3  # automatic boot-ups of a node in a row
 _STEADY = 60.0  # seconds after a boot-up from which the next one does not count as in a row with it
-_ANOTHER_DEVICE = frozenset(
-    "CDMNO"
-)  # letters of CiA 302-2: device type, vendor, product, revision, serial number
+_ANOTHER_DEVICE = frozenset(letter.name for _, _, letter in IDENTITY)
 ASK_EVERY = 1.0  # seconds
 LEAVE_TIME = 6.0  # seconds for a boot-up in progress at the end
 
@@ -57,7 +56,8 @@ class LateNode:
 class ReturningNode:
     """A node that is booted automatically when it has returned; holds its last boot-ups.
 
-    ``needs_boot``: whether it has restarted, or left operational, and answers; ``boot`` boots it. Both block for their transfers.
+    ``needs_boot``: whether it has restarted, or left operational, and answers; ``boot`` boots it if it is the same device as
+    before. Both block for their transfers. Another device is left alone until it is gone again, or was booted by a command.
     """
 
     node_id: int
@@ -65,12 +65,16 @@ class ReturningNode:
     boot: Callable[[], object]
     tries: int = 0  # boot-ups in a row, each within ``_STEADY`` after the one before
     tried_at: float = -math.inf
+    another: bool = False  # another device has answered
 
     def step(self, now: float) -> None:
         """Boot the node if it needs that; ``now`` in seconds. Errors are logged, and the axes of the node show them."""
         if self.tries >= REJOINS and now - self.tried_at < _STEADY:
             return
         if not self.needs_boot():
+            self.another = False
+            return
+        if self.another:
             return
         self.tries = 1 if now - self.tried_at >= _STEADY else self.tries + 1
         self.tried_at = now
@@ -79,18 +83,17 @@ class ReturningNode:
         except StateError as error:  # such as an axis that is being stopped
             log.info("%s", error)
         except BootError as error:
-            if error.letter in _ANOTHER_DEVICE:
-                self.tries, self.tried_at = REJOINS, math.inf
+            self.another = error.letter in _ANOTHER_DEVICE
             log.warning("node %d was not booted again: %s", self.node_id, error)
         else:
             log.warning("node %d was booted again; its axes wait for a reset", self.node_id)
         if self.tries >= REJOINS:
             log.warning(
-                "node %d: no further automatic boot-up %s; boot it by a command: axisbus boot CELL --node %d",
+                "node %d: no further automatic boot-up for %g s, after %d in a row; boot it by a command: "
+                "axisbus boot CELL --node %d",
                 self.node_id,
-                "of another device"
-                if self.tried_at == math.inf
-                else f"for {_STEADY:g} s, after {self.tries} in a row",
+                _STEADY,
+                self.tries,
                 self.node_id,
             )
 
@@ -185,10 +188,15 @@ def absent_axis(name: str, booted: Booted) -> StateError:
     )
 
 
+def identity_of(booted: Booted) -> Mapping[Address, int] | None:
+    """Return the identity of a node at its last boot-up (1000h, 1018h), as far as it reported one."""
+    return None if booted.report.outcome is None else booted.report.outcome.identity
+
+
 def same_device(before: Booted, now: Booted) -> bool:
     """Whether the node has the same identity (1018h) as when it was booted before, as far as it reports one."""
-    first, second = before.report.outcome, now.report.outcome
-    return first is not None and second is not None and first.identity == second.identity
+    first, second = identity_of(before), identity_of(now)
+    return first is not None and first == second
 
 
 def not_booted(node_id: int, observed: str, remedy: str) -> StateError:

@@ -11,6 +11,7 @@ from axisbus.boot.report import Booted
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.parallel import in_parallel
+from axisbus.cia302.types import Address
 from axisbus.cia402.port import Port
 from axisbus.core.late_boot import LateNode
 from axisbus.core.node_access_parts import NodeParts
@@ -117,9 +118,11 @@ class Runtime:
         nmt = self.nodes[node_id].node.nmt
         return bool(nmt.bootups == self._bootups[node_id] and nmt.operational(self.link.clock.now()))
 
-    def boot_late(self, node_id: int) -> tuple[Booted, Mapping[str, Port]]:
-        """Boot a node while the scan runs; its ports are those of before if it does not come up."""
-        booted = self.link.boot(node_id)
+    def boot_late(
+        self, node_id: int, before: Mapping[Address, int] | None = None
+    ) -> tuple[Booted, Mapping[str, Port]]:
+        """Boot a node while the scan runs, ``before`` as for the link; its ports are those of before if it does not come up."""
+        booted = self.link.boot(node_id, before)
         self._bootups[node_id] = self.nodes[node_id].node.nmt.bootups
         self.nodes[node_id] = self.link.parts(node_id)
         return booted, self.link.ports(node_id)
