@@ -317,6 +317,11 @@ def test_a_restarted_module_gets_nothing_more(scenario):
     refused = cell.failure_of(cell.machine.io["lamp"].set(True))
     assert isinstance(refused, NodeError)
     assert "restarted" in refused.observed
+    assert "axisbus boot CELL --node 5" in refused.remedy
+    with pytest.raises(StaleError) as caught:
+        _ = cell.machine.io["part"].value
+    assert "restarted" in caught.value.observed
+    assert "axisbus boot CELL --node 5" in caught.value.remedy
 
 
 def test_a_master_that_falls_silent_leaves_outputs_to_the_module(scenario):
@@ -468,8 +473,13 @@ def test_a_drive_found_enabled_keeps_its_outputs(scenario):
     refused = cell.failure_of(cell.machine.io["relay"].set(True))
     assert isinstance(refused, StateError)
     assert "found with an enabled drive" in refused.observed
+    assert "disable a drive that is enabled; then boot the node" in refused.remedy
     cell.machine.io["lamp"].set(True).wait(1)
     assert word(cell) == 8
+    cell.machine["x"].disable().wait(5)
+    assert cell.machine.node(1).boot().ok
+    cell.machine.io["relay"].set(True).wait(1)
+    assert devices[1].io.get(0x60FE, 1) == 1 << 16
 
 
 @pytest.mark.parametrize("supply", ["stays", "fails"])
@@ -496,3 +506,33 @@ def test_outputs_of_a_node_that_is_booted_again_are_safe_until_they_are_set_agai
         assert io["part"].value is False
     cell.machine.close()
     assert (word(cell) >> 3 & 1, word(cell) >> 7 & 1, word(cell, 0x6411)) == (0, 1, 500)
+
+
+def test_a_module_that_lost_its_supply_is_booted_as_its_error_says_and_the_axes_are_used_again(scenario):
+    """The loss of the module stops the cell. The part leaves while the module has no supply."""
+    cell = with_io(scenario)
+    io, node = cell.machine.io, cell.machine.simulated_node(5)
+    module(cell).set_bit(0x6000, 1, 2, True)
+    io["lamp"].set(True).wait(1)
+    cell.turning()
+    node.switch_off()
+    cell.must_be_still("x", within=2.0, stages=ENABLED)
+    module(cell).set_bit(0x6000, 1, 2, False)
+    node.switch_on()
+    cell.run(1.0)
+    for name in ("part", "lamp"):
+        with pytest.raises(StaleError) as caught:
+            _ = io[name].value
+        assert "axisbus boot CELL --node 5" in caught.value.remedy
+    assert cell.machine.node(5).boot().ok
+    settle(cell)
+    assert (io["part"].value, io["lamp"].value, word(cell)) == (False, False, 0)
+    assert 0.0 <= io["part"].age <= 0.02
+    module(cell).set_bit(0x6000, 1, 2, True)
+    io["lamp"].set(True).wait(1)
+    settle(cell)
+    assert (io["part"].value, io["lamp"].value, word(cell)) == (True, True, 8)
+    axis = cell.machine["x"]
+    axis.reset().wait(5)
+    axis.enable().wait(5)
+    axis.move_relative(3.0).wait(5)

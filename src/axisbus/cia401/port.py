@@ -19,7 +19,7 @@ class SignalValidity(Enum):
     OLD = "it has not come for longer than it may stay away"
     SILENT = "its node is lost: its heartbeat or guarding answer stays away"
     NOT_OPERATIONAL = "its node is not operational: it has left that state, by its own error or by the command of another master"
-    RESTARTED = "its node has restarted, and lost its configuration; open the machine again"
+    RESTARTED = "its node has restarted, and lost its configuration"
     BUS_OFF = "the CAN controller is bus-off"
     QUEUE_FULL = "the transmit queue of the CAN adapter is full"
     NOT_BOOTED = "its node did not boot, or was found with an enabled drive and was left unchanged"

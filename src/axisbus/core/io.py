@@ -139,7 +139,8 @@ def _not_there(name: str, what: str) -> AxisbusError:
     return StateError(
         f"{what} was not sent: {name} is not present",
         observed="its node did not boot, or was found with an enabled drive and was left unchanged",
-        remedy="read the report of its node; switch the drive off and open the machine again",
+        remedy="read the report of its node; disable a drive that is enabled; then boot the node (axisbus boot CELL --node N; in "
+        "a program: machine.node(N).boot())",
     )
 
 

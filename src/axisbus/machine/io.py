@@ -11,7 +11,7 @@ from axisbus.cia401.port import SignalValidity
 from axisbus.cia401.signal import IoPoint, Value
 from axisbus.errors import ArgumentError, SignalTimeout, StaleError, UnknownNameError
 from axisbus.machine.handle import Handle, patience
-from axisbus.motion.io import IoReading, SetOutputs
+from axisbus.motion.io import IoReading, SetOutputs, remedy_for
 from axisbus.motion.numbers import told
 from axisbus.session import IO
 
@@ -128,7 +128,7 @@ class Signal:
         raise StaleError(
             f"{self.name} ({self._point.object_text} of node {self._point.node}) is unknown",
             observed=silent or known.value,
-            remedy="check the node's supply and cable, and the machine's events about it",
+            remedy=f"{remedy_for(known, self._point.node)}; the machine's events say more about the node",
         )
 
     def _not_in_time(

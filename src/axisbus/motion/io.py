@@ -27,10 +27,14 @@ from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.port import Sample
 from axisbus.errors import AxisbusError, NodeError
 from axisbus.motion.command_status import CommandStatus, Status
+from axisbus.motion.stop.diagnosis import boot_node
 
-_REMEDY = (
-    "check its supply and cable; when it is back, its outputs get their safe values until they are set again"
-)
+_SAFE_UNTIL_SET = "its outputs get their safe values until they are set again"
+
+
+def remedy_for(known: SignalValidity, node: int) -> str:
+    """Return what to do about the inputs and outputs of a node that are unknown."""
+    return boot_node(node) if known is SignalValidity.RESTARTED else f"check supply and cable of node {node}"
 
 
 class NodeIo:
@@ -68,7 +72,7 @@ class NodeIo:
             f"{what} was not sent: {name} cannot be reached",
             node=self.node_id,
             observed=self._known.value,
-            remedy=_REMEDY,
+            remedy=self._remedy(),
         )
 
     def set(self, values: Mapping[str, int], ticket: CommandStatus) -> None:
@@ -89,7 +93,7 @@ class NodeIo:
             NodeError(
                 "the outputs were not confirmed: their node was booted again",
                 node=self.node_id,
-                remedy=_REMEDY,
+                remedy=f"set them again: {_SAFE_UNTIL_SET}",
             )
         )
         self._set = earlier._set & self.points.keys()
@@ -116,8 +120,11 @@ class NodeIo:
             f"{what} is not confirmed: its node was lost before it answered",
             node=self.node_id,
             observed=self._known.value,
-            remedy=_REMEDY,
+            remedy=self._remedy(),
         )
+
+    def _remedy(self) -> str:
+        return f"{remedy_for(self._known, self.node_id)}; when it is back, {_SAFE_UNTIL_SET}"
 
     # -- the cycle -----------------------------------------------------------------------------------------------------
 

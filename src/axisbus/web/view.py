@@ -223,7 +223,7 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
     (re.compile(call), words)
     for call, words in (
         (r" \(axis\.error\)", ""),
-        (r"; in a program: \S+\(\d+\)\.(?:command\(NmtCommand\.START\)|boot\(\))", ""),
+        (r"; in a program: \S+\(\w+\)\.(?:command\(NmtCommand\.START\)|boot\(\))", ""),
         (r"; in a program: machine\.reconnect\(\)", ""),
         (
             r"close the machine,? and open it again",

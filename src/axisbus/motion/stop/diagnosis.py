@@ -254,9 +254,14 @@ def start_and_reset(node: int) -> str:
     )
 
 
-def boot_and_reset(node: int) -> str:
+def boot_node(node: int) -> str:
     """Return how to configure and start a node that has restarted, while the machine runs."""
-    return f"boot it (axisbus boot CELL --node {node}; in a program: machine.node({node}).boot()), and reset the axis: axis.reset()"
+    return f"boot it (axisbus boot CELL --node {node}; in a program: machine.node({node}).boot())"
+
+
+def boot_and_reset(node: int) -> str:
+    """Return how to bring an axis back whose node has restarted, while the machine runs."""
+    return f"{boot_node(node)}, and reset the axis: axis.reset()"
 
 
 def when_back(node: int) -> str:
