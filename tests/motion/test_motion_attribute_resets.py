@@ -138,6 +138,7 @@ KEPT = {
         "kind",
         "ladder",
         "locks",
+        "power_note",
         "reason",
     },  # a stop continues without power
     "supervision.following": {"_parameters", "_window"},

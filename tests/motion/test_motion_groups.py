@@ -27,7 +27,7 @@ from axisbus.sim.fault_injection import NEVER
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
 from kit.motion.plant_recorder import ENABLED, SWITCHED_ON, Watch
-from kit.motion.rig import PERIOD, rig
+from kit.motion.rig import PERIOD, Rig, rig
 
 
 def watches(r) -> dict[str, Watch]:
@@ -574,6 +574,50 @@ def test_a_fault_stops_the_moving_axes_of_its_group_and_no_others():
     assert r.axes["y"].state is AxisState.STANDSTILL
     assert moves["z"].busy
     assert abs(r.drive_of("z").axis.motor.velocity) > 90_000
+
+
+def quick_stop_for_want_of_a_statusword(r: Rig) -> None:
+    port, until = r.ports["y"], r.now + 0.1
+    read = port.read
+    port.read = lambda now: read(now)._replace(statusword=None) if now < until else read(now)
+
+
+def drive_that_switches_off(r: Rig) -> None:
+    r.drive_of("y").power.force(9)
+
+
+@pytest.mark.parametrize(
+    ("cause", "why"),
+    [
+        (quick_stop_for_want_of_a_statusword, "its statusword (6041h) was missing during the halt"),
+        (drive_that_switches_off, "its drive switched off by itself during the halt"),
+    ],
+    ids=["statusword missing", "drive off"],
+)
+def test_an_axis_that_lost_its_power_in_a_stop_of_the_policy_says_why(cause, why):
+    """It is Disabled without an error of its own, so the error of its command must not say that it is enabled."""
+    r = rig("xy").enabled()
+    moving = r.axes["y"].move_absolute(300.0)
+    r.run(0.5)
+    r.drive_of("x").fault(0x2310)
+    r.until(lambda: r.scan.axes["y"].ladder is not None)
+    cause(r)
+    r.run(2.0)
+    stopped = moving.exception()
+    assert isinstance(stopped, Stopped)
+    assert "if its stop has taken its power (it is Disabled), enable it" in stopped.remedy
+    assert (r.axes["y"].state, r.axes["y"].error) == (AxisState.DISABLED, None)
+    with pytest.raises(StateError, match="y is Disabled") as caught:
+        r.axes["y"].move_absolute(0.0).wait(1)
+    assert why in caught.value.observed
+    assert "the last stop (y was stopped because x: " in caught.value.observed
+    r.axes["x"].reset().wait(2)
+    r.axes["y"].enable().wait(2)
+    r.axes["y"].move_absolute(0.0).wait(5)
+    r.axes["y"].disable().wait(2)
+    with pytest.raises(StateError, match="y is Disabled") as caught:
+        r.axes["y"].move_absolute(0.0).wait(1)
+    assert caught.value.observed == ""
 
 
 def test_a_drive_found_moving_is_not_stopped_by_the_policy():

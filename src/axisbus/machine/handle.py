@@ -30,7 +30,7 @@ class Handle:
     handle is a coroutine as well (``asyncio.create_task(handle)``, ``asyncio.gather``), in any number of tasks at once. If the
     handle of a failed command is dropped and its status was never read, the failure is logged with the command's name. ``note``
     holds a remark about a successful end. For a stop it says by which evidence, if not by its position, the axis was seen at
-    standstill.
+    standstill, or why the axis has lost its power although it was to keep it.
     """
 
     __slots__ = (

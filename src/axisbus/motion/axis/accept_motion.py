@@ -601,4 +601,5 @@ def refusal(core: AxisCore, ticket: CommandStatus, state: AxisState) -> StateErr
     if state is AxisState.ERRORSTOP and not core.image.operational:
         todo = not_to_be_reset(ticket.name, core.parameters.node, core.image, stopping=False).remedy
     why = f": {core.error.message}" if core.error is not None else ""
-    return StateError(f"{ticket.name}: {core.parameters.name} {what}{why}", remedy=todo)
+    observed = core.stopping.power_note if state is AxisState.DISABLED else ""
+    return StateError(f"{ticket.name}: {core.parameters.name} {what}{why}", observed=observed, remedy=todo)

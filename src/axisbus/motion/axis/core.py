@@ -61,7 +61,7 @@ from axisbus.motion.parameters import AxisParameters, HoldsLoad
 from axisbus.motion.probing.probes import Probes
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.active_stop import REMEDIES, StopKind, Stopping, stop_error
+from axisbus.motion.stop.active_stop import REMEDIES, StopKind, Stopping, power_note, stop_error
 from axisbus.motion.stop.coast_down import CoastDown, FaultReaction
 from axisbus.motion.stop.diagnosis import DriveHistory, FaultDiagnosis, chained, enrich, join_remedies
 from axisbus.motion.stop.standstill import StandstillWaiters
@@ -576,6 +576,7 @@ class AxisCore:
             self._end_stop(Replaced(f"{self.stopping.name} was replaced by {ticket.name}"))
         self.touched = True
         self._stopped_for_sure = False
+        self.stopping.power_note = ""
         if activity.mode is ModeOfOperation.HOMING:
             self.forget_position()  # until it is done
             why = f"was ended by {ticket.name}, after which the drive counts its positions from the new home"
@@ -842,6 +843,7 @@ class AxisCore:
             enrich(error, image, self.history)
         elif self.state is not AxisState.ERRORSTOP:
             self.state = self._state_after_stop(seen)
+            self.stopping.power_note = power_note(self.stopping)
         self._end_stop(error)
 
     def _state_after_stop(self, seen: PowerState) -> AxisState:
@@ -852,7 +854,7 @@ class AxisCore:
         return AxisState.STOPPING if locked else AxisState.STANDSTILL
 
     def _end_stop(self, error: AxisbusError | None) -> None:
-        note = "" if self.ladder is None else self.ladder.witness
+        note = "" if self.ladder is None else self.ladder.witness or self.stopping.power_note
         for ticket in self.stopping.drop():
             ticket.note = note
             self.finish(ticket, error)

@@ -30,8 +30,8 @@ class StopKind(IntEnum):
 
 # Remedy for a command that a stop has ended; none if the stop was requested for this axis.
 REMEDIES = {
-    StopKind.POLICY: "first clear the error of the axis that failed (its error has the remedy); this axis is enabled at "
-    "standstill and accepts commands again",
+    StopKind.POLICY: "first clear the error of the axis that failed (its error has the remedy); this axis accepts "
+    "commands again at standstill; if its stop has taken its power (it is Disabled), enable it: axis.enable()",
 }
 
 
@@ -56,6 +56,7 @@ class Stopping:
         self.kind = StopKind.HALT
         self.locks = False  # MC_Stop was requested: the axis stays in Stopping
         self.reason = ""
+        self.power_note = ""  # why the last stop took the power of an axis that was to keep it
         self.set_going_at = -math.inf  # when motion was last requested from the drive
 
     @property
@@ -85,6 +86,7 @@ class Stopping:
             self.join(ticket)
         self.locks = self.locks or kind is StopKind.STOP
         if self.ladder is None:
+            self.power_note = ""
             self.ladder = self._ladder(then, rung, led_by)
             self.kind, self.reason = kind, reason
             return
@@ -181,6 +183,20 @@ def stop_error(ladder: StopSequence, name: str) -> AxisbusError | None:
         observed=seen,
         remedy=_remedy_for_late(ladder, name),
     )
+
+
+def power_note(stopping: Stopping) -> str:
+    """Return why a stop that has ended took the power of an axis that was to keep it; empty if it did not."""
+    ladder = stopping.ladder
+    if ladder is None or not ladder.took_power or stopping.kind is StopKind.QUICK_STOP:
+        return ""
+    if ladder.blind:
+        why = "its statusword (6041h) was missing during the halt, so that only a quick stop was safe"
+    elif StopLevel.QUICK_STOP in ladder.path:
+        why = "it was stopped by a quick stop, after which its drive switches off (605Ah)"
+    else:
+        why = "its drive switched off by itself during the halt"
+    return f"the last stop ({stopping.reason}) took its power: {why}; {_seen(ladder)}"
 
 
 def _remedy_for_late(ladder: StopSequence, name: str) -> str:

@@ -110,6 +110,7 @@ class StopSequence:
         self._standing: StandstillCheck
         self._relief: HoldSetPoint | None = None
         self._disabling = False
+        self._holds = False  # the axis had power when the stop began, and was to keep it
         self._was_off = False  # or is being switched off: the master does not want any later enable
         self._rest_by: float | None = None  # until when a motor without power may turn
         self._by_sdo = SdoPath(parameters)
@@ -151,6 +152,11 @@ class StopSequence:
         """Whether the power stage is to be switched off at the end."""
         return self._then is AfterStop.DISABLE
 
+    @property
+    def took_power(self) -> bool:
+        """Whether the axis had power, was to keep it, and is seen without it."""
+        return self._holds and not self.takes_power and self.seen not in _MAY_DRIVE
+
     def harden(self, then: AfterStop, rung: StopLevel) -> None:
         """Combine with another requested stop: use the harder one of both, and give no more time to a running step."""
         if then is AfterStop.DISABLE:
@@ -165,6 +171,7 @@ class StopSequence:
         """
         if self._deadline is None:
             self._was_off = order.goal is PowerState.SWITCH_ON_DISABLED
+            self._holds = order.goal in ENERGISED
             self._blind_hold = len(self.path) == 1 and self._is_held_unseen(image)
             self._begin_rung(image)
         self._stands_now = self._standing.seen(image)
