@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.configuration.replacement import DriveReplacement
+from axisbus.configuration.replacement_order import ReplacementStep
 from axisbus.eds import load
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
@@ -262,6 +263,8 @@ def test_a_drive_is_replaced_in_a_running_machine_by_a_command_that_takes_contro
         assert code == 0, err
         assert "joined the running machine" in err
         assert "6. boot it into the running machine" in out
+        shown = [line.removeprefix("note: ") for line in err.splitlines() if "node 1: " in line]
+        assert shown == [f"node 1: {step.value}" for step in ReplacementStep]
         assert f"next: axisbus reset {file} x" in out
         assert not handle.active  # control was taken, which halts the axes
         assert abs(turns(machine, 2)) < 0.1

@@ -70,6 +70,7 @@ def _core_messages() -> Conversations:
         m.CoreQuery(4, "sdo", 1, (0x1000, 0, b"\0\1", None, 1.5)),
         m.CoreReply(3, (True, {"x": 1.0}, frozenset({1}), [b"", 5])),
         m.CoreReply(4, None, told),
+        m.CoreProgress(5, "find"),
         m.CoreReply(5, (Fraction(3, 4), datetime(2026, 1, 1, tzinfo=UTC))),
         m.AddGroup("xy", ("x", "y")),
         m.Observe(True),

@@ -33,6 +33,7 @@ from axisbus.configuration.replacement_order import (
     ReplacementOrder,
     ReplacementOutcome,
     ReplacementStep,
+    Tell,
 )
 from axisbus.configuration.replacement_plan import (
     NodeToReplace,
@@ -49,7 +50,6 @@ from axisbus.machine.machine_node import MachineNode
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.configuration.replacement import Tell
     from axisbus.eds.model import Eds
 
 _FILE = "The DCF with the configuration of the old drive; by default that of CELL, else a backup beside CELL."
@@ -249,7 +249,7 @@ def _place(
         return _Place(
             True,
             node.find_replacement,
-            lambda order, _: node.replace_drive(order),
+            node.replace_drive,
             lambda: MachineNode(machine.node(node_id)),
         )
     from axisbus.configuration.replacement import DriveReplacement, find_drives

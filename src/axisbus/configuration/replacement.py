@@ -5,7 +5,7 @@ LSS is used on a bus in operation only by the core of the running machine itself
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from axisbus.bus.lss import LssMaster
@@ -21,6 +21,7 @@ from axisbus.configuration.replacement_order import (
     ReplacementOrder,
     ReplacementOutcome,
     ReplacementStep,
+    Tell,
 )
 from axisbus.configuration.restore import Restore, RestoreReport, ValueEnd
 from axisbus.drives import registry
@@ -35,8 +36,6 @@ _BOOT_TIME = 10.0  # seconds that the new drive may need to answer
 _LATE = 3.0
 _SLICE = 0.05
 _SHOWN = 5
-
-Tell = Callable[[ReplacementStep], None]
 
 
 def find_drives(

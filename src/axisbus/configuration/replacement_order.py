@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -19,6 +20,9 @@ class ReplacementStep(Enum):
     VERIFY = "read every object again"
     BOOT = "boot it into the running machine; its axes then wait for a reset"
     RECORD = "write its nameplate into the record"
+
+
+Tell = Callable[[ReplacementStep], None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,13 @@ from axisbus.cia402.ip_as_csp import as_csp_capable
 from axisbus.cia402.port import Port, Waiter
 from axisbus.clock import Clock, VirtualClock
 from axisbus.configuration.replacement import DriveReplacement, find_drives
-from axisbus.configuration.replacement_order import FoundDrive, ReplacementOrder, ReplacementOutcome
+from axisbus.configuration.replacement_order import (
+    FoundDrive,
+    ReplacementOrder,
+    ReplacementOutcome,
+    ReplacementStep,
+    Tell,
+)
 from axisbus.core.inprocess import InProcess
 from axisbus.core.io import IoScan, add_io, confirm_safe_outputs, not_safe, unconfirmed
 from axisbus.core.late_boot import (
@@ -139,8 +145,11 @@ class CoreInterface(Protocol):
     def find_replacement(self, node_id: int) -> list[FoundDrive]:
         """Return the drives that may replace that of a node; blocks. Raises StateError, LssError."""
 
-    def replace_drive(self, order: ReplacementOrder) -> ReplacementOutcome:
-        """Configure and boot the new drive of a node while the scan runs; blocks. Raises StateError, BootError and others."""
+    def replace_drive(self, order: ReplacementOrder, tell: Tell = lambda _: None) -> ReplacementOutcome:
+        """Configure and boot the new drive of a node while the scan runs; blocks. Raises StateError, BootError and others.
+
+        ``tell`` is called in this thread as each step begins.
+        """
 
     def write_program(
         self, node_id: int, order: ProgramOrder, progress: Progress | None = None
@@ -443,8 +452,10 @@ class Core:
         known = (*self.cell.nodes, self.cell.bus.master_id)
         return find_drives(self.runtime.nodes[node_id].node, known, in_operation=True)
 
-    def replace_drive(self, order: ReplacementOrder) -> ReplacementOutcome:
+    def replace_drive(self, order: ReplacementOrder, tell: Tell = lambda _: None) -> ReplacementOutcome:
         """Configure the new drive of a node as ordered, and boot it while the scan runs, as ``boot_node`` does.
+
+        ``tell`` is called in this thread as each step begins.
 
         Raises:
             StateError: as ``boot_node``; or the node is neither lost nor another drive than before.
@@ -454,7 +465,8 @@ class Core:
 
         def configure() -> None:
             node, makes = self.runtime.nodes[node_id].node, self.cell.nodes[node_id].makes
-            outcomes.append(DriveReplacement(node, order, makes, in_operation=True).run())
+            outcomes.append(DriveReplacement(node, order, makes, in_operation=True, tell=tell).run())
+            tell(ReplacementStep.BOOT)
 
         with self._booting_of(node_id):
             if not order.swapped and self.runtime.is_operational(node_id):

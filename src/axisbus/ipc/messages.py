@@ -210,6 +210,14 @@ class CoreReply:
 
 
 @dataclass(frozen=True, slots=True)
+class CoreProgress:
+    """The progress of a request that has not been answered yet, such as the step that begins."""
+
+    number: int
+    value: Any = None
+
+
+@dataclass(frozen=True, slots=True)
 class Leave:
     """Stop every axis, and leave the nodes."""
 
@@ -322,6 +330,7 @@ Message = (
     | Tap
     | CoreQuery
     | CoreReply
+    | CoreProgress
     | Leave
     | Left
     | CommandEvents

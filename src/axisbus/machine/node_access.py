@@ -28,7 +28,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import NodeTimeout, StateError
 
 if TYPE_CHECKING:
-    from axisbus.configuration.replacement_order import FoundDrive, ReplacementOrder, ReplacementOutcome
+    from axisbus.configuration.replacement_order import FoundDrive, ReplacementOrder, ReplacementOutcome, Tell
     from axisbus.core.core import CoreInterface
 
 Key = int | str | tuple[int | str, int]
@@ -195,17 +195,18 @@ class NodeAccess:
         """
         return self._running().find_replacement(self.node_id)
 
-    def replace_drive(self, order: ReplacementOrder) -> ReplacementOutcome:
+    def replace_drive(self, order: ReplacementOrder, tell: Tell = lambda _: None) -> ReplacementOutcome:
         """Configure and boot the new drive of this node, for ``axisbus replace``; blocks for up to about a minute.
 
-        The other axes continue, and nothing is enabled. The axes of the node begin again, as after ``boot``.
+        The other axes continue, and nothing is enabled. The axes of the node begin again, as after ``boot``. ``tell`` is called in
+        this thread as each step begins.
 
         Raises:
             StateError: an axis of the node is enabled or commanded, or the node is neither lost nor another drive.
             OwnershipError: this program has no control.
             Other errors as ``boot`` and ``configuration.replacement.DriveReplacement.run``.
         """
-        return self._running().replace_drive(order)
+        return self._running().replace_drive(order, tell)
 
     def _running(self) -> CoreInterface:
         if self._core is None:

@@ -24,7 +24,7 @@ from axisbus.cia301.incident import Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo import SdoTransferType
 from axisbus.clock import REAL, Clock
-from axisbus.configuration.replacement_order import FoundDrive, ReplacementOrder, ReplacementOutcome
+from axisbus.configuration.replacement_order import FoundDrive, ReplacementOrder, ReplacementOutcome, Tell
 from axisbus.core.files import load_dictionaries
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.process.launch import Processes
@@ -126,9 +126,9 @@ class RemoteCore:
         found: list[FoundDrive] = self._calls.ask("find_replacement", node_id)
         return found
 
-    def replace_drive(self, order: ReplacementOrder) -> ReplacementOutcome:
+    def replace_drive(self, order: ReplacementOrder, tell: Tell = lambda _: None) -> ReplacementOutcome:
         """As ``CoreInterface.replace_drive``; the core does it, also if this program ends meanwhile."""
-        outcome: ReplacementOutcome = self._calls.ask("replace_drive", order.node_id, order)
+        outcome: ReplacementOutcome = self._calls.ask("replace_drive", order.node_id, order, progress=tell)
         return outcome
 
     def write_program(

@@ -226,7 +226,11 @@ class ClientHandler:
         """Execute a request that boots a node; the node's facts are sent to every client by ``NodeJoined``."""
         title, work = _OF_BOOT_UP[message.what]
         self._require_control(f"{title} node {message.node}")
-        return work(self._clients.core, message.node, *message.arguments)
+
+        def tell(step: object) -> None:
+            self.stream.send(m.CoreProgress(message.number, step))
+
+        return work(self._clients.core, tell, message.node, *message.arguments)
 
     def _take_program_data(self, node_id: int, offset: int, data: bytes) -> None:
         self._require_control(f"writing the program of node {node_id}")
@@ -325,11 +329,12 @@ _TAKES: dict[type, Callable[[ClientHandler, Any], None]] = {
 }
 
 
-# Requests that boot a node, or find its new drive: only for the client with control. Each with its title.
+# Requests that boot a node, or find its new drive: only for the client with control. Each with its title; the second
+# argument of the function sends each step to the client.
 _OF_BOOT_UP: dict[str, tuple[str, Callable[..., object]]] = {
-    "boot": ("booting", lambda core, node: _none(core.boot_node(node))),
-    "find_replacement": ("replacing", lambda core, node: core.find_replacement(node)),
-    "replace_drive": ("replacing", lambda core, _, order: core.replace_drive(order)),
+    "boot": ("booting", lambda core, _, node: _none(core.boot_node(node))),
+    "find_replacement": ("replacing", lambda core, _, node: core.find_replacement(node)),
+    "replace_drive": ("replacing", lambda core, tell, _, order: core.replace_drive(order, tell)),
 }
 
 

@@ -6,6 +6,7 @@ import itertools
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -27,6 +28,15 @@ _SLICE = 0.1  # seconds; waiting in slices lets signal handlers run on every pla
 Take = Callable[[Any], None]
 
 
+class _PendingRequest:
+    """A request without an answer yet; the reading thread adds its progress and its reply, and sets ``news``."""
+
+    def __init__(self) -> None:
+        self.news = threading.Event()
+        self.progress = deque[Any]()
+        self.reply: m.CoreReply | None = None
+
+
 class RpcClient:
     """Holds the connection, the pending requests, and the function for each kind of message.
 
@@ -42,12 +52,17 @@ class RpcClient:
         gone: Callable[[], None],
     ) -> None:
         self._stream = stream
-        self._soon: dict[type, Take] = {m.CoreReply: self._answered, m.Logged: _log, **soon}
+        self._soon: dict[type, Take] = {
+            m.CoreReply: self._answered,
+            m.CoreProgress: self._progressed,
+            m.Logged: _log,
+            **soon,
+        }
         self._later = dict(later)
         self._gone = gone
         self._told: UnboundedQueue[object] = UnboundedQueue(REAL)
         self._numbers = itertools.count(1)
-        self._waiting: dict[int, tuple[threading.Event, list[m.CoreReply]]] = {}
+        self._waiting: dict[int, _PendingRequest] = {}
         self.last: dict[tuple[int, str], Any] = {}  # answers of a core that has left
         self._over = False
         self._inherited = False
@@ -73,8 +88,12 @@ class RpcClient:
         if not self._inherited:
             self._stream.send(message)
 
-    def ask(self, what: str, node: int = 0, *arguments: Any) -> Any:
+    def ask(
+        self, what: str, node: int = 0, *arguments: Any, progress: Callable[[Any], None] = lambda _: None
+    ) -> Any:
         """Send a request to the core, and return its answer; blocks meanwhile. After the core has left, its last answers are used.
+
+        ``progress`` is called in this thread with each value that the core sends before the answer.
 
         Raises:
             AxisbusError: the error there; ScanError if the core is gone, StateError in a forked child.
@@ -83,20 +102,28 @@ class RpcClient:
             raise inherited(what)
         if (node, what) in self.last:
             return self.last[node, what]
-        number, answered, answers = next(self._numbers), threading.Event(), list[m.CoreReply]()
-        self._waiting[number] = (answered, answers)
+        number, request = next(self._numbers), _PendingRequest()
+        self._waiting[number] = request
         try:
             # packed here, so that a value that cannot be sent raises here
             self.send(m.CODEC.pack(m.CoreQuery(number, what, node, arguments)))
-            while not _wait_a_moment(answered) and not self._over:
-                pass
+            ended = False
+            while not ended:
+                _wait_a_moment(request.news)
+                request.news.clear()
+                ended = (
+                    request.reply is not None or self._over
+                )  # looked at first: all progress came before it
+                while request.progress:
+                    progress(request.progress.popleft())
         finally:
             del self._waiting[number]
-        if not answers:
+        reply = request.reply
+        if reply is None:
             raise self.gone(f"{what} was asked")
-        if answers[0].error is not None:
-            raise answers[0].error
-        return answers[0].value
+        if reply.error is not None:
+            raise reply.error
+        return reply.value
 
     def gone(self, what: str, rescued: m.Rescued | None = None) -> ScanError:
         """Return the error of an action that the end of the connection makes impossible; ``rescued``: see ``gone``."""
@@ -128,8 +155,8 @@ class RpcClient:
         finally:
             self._over = True
             self._told.put(None)
-            for answered, _ in list(self._waiting.values()):
-                answered.set()
+            for request in list(self._waiting.values()):
+                request.news.set()
             self._stream.finish()
 
     def _take(self, message: object) -> None:
@@ -157,15 +184,21 @@ class RpcClient:
             log.error("while a callback of the program ran: %s", one_line(error), exc_info=error)
 
     def _answered(self, answer: m.CoreReply) -> None:
-        waiting = self._waiting.get(answer.number)
-        if waiting is not None:
-            waiting[1].append(answer)
-            waiting[0].set()
+        request = self._waiting.get(answer.number)
+        if request is not None:
+            request.reply = answer
+            request.news.set()
+
+    def _progressed(self, told: m.CoreProgress) -> None:
+        request = self._waiting.get(told.number)
+        if request is not None:
+            request.progress.append(told.value)
+            request.news.set()
 
 
 @sheltered  # the answering thread uses its lock too
-def _wait_a_moment(answered: threading.Event) -> bool:
-    return answered.wait(_SLICE)
+def _wait_a_moment(news: threading.Event) -> None:
+    news.wait(_SLICE)
 
 
 def _lost(what: str) -> ScanError:
