@@ -76,8 +76,13 @@ class CellConnection(Protocol[Booted, Parts, Incident, Event]):
     def clock(self) -> Clock:
         """The clock in which everything blocks; nodes are booted at the same time, each in a thread of this clock."""
 
-    def boot(self, node_id: int, before: Mapping[Address, int] | None = None) -> Booted:
-        """Boot and configure a node, and return the result, an error included; blocks.
+    def boot(
+        self,
+        node_id: int,
+        before: Mapping[Address, int] | None = None,
+        tell: Callable[[str], None] = lambda _: None,
+    ) -> Booted:
+        """Boot and configure a node, and return the result, an error included; blocks. ``tell`` gets each step as it begins.
 
         ``before``: the identity (1018h) of the only device that may be booted, as far as devices report it; None: any that fits the
         cell file.

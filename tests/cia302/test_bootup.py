@@ -48,6 +48,15 @@ def test_a_good_node_is_booted_in_the_order_of_the_standard():
     assert outcome.ok
     assert outcome.letter is None
     reads = [(each.index, each.subindex) for each in slave.asked if isinstance(each, b.Read)]
+    steps = [
+        each.known.step
+        for each in slave.asked
+        if isinstance(each, b.Local) and each.phase is b.BootPhase.STEP
+    ]
+    assert steps == [
+        *("find", "identity", "state", "pre-operational", "program", "restore", "configuration"),
+        *("error control", "completion", "start"),
+    ]
     assert reads[:5] == [(0x1000, 0), (0x1018, 1), (0x1018, 2), (0x1018, 3), (0x1018, 4)]
     assert slave.wrote() == [(0x6065, 0, 3000), (0x6067, 0, 20), (0x1017, 0, 100)]
     assert slave.commands() == [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.START]

@@ -251,7 +251,9 @@ def test_a_program_boots_a_node_of_its_core(opened):
     for axis in opened:
         axis.disable().wait(20)
     parts = opened.node(2).parts
-    assert opened.node(2).boot().ok
+    steps: list[str] = []
+    assert opened.node(2).boot(steps.append).ok
+    assert (steps[0], steps[-1], len(steps)) == ("find", "start", 10)
     assert opened.node(2).parts is not parts
     opened["y"].reset().wait(20)
     enabled(opened["y"]).move_relative(1.0).wait(20)

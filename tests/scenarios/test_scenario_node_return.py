@@ -260,6 +260,22 @@ def test_the_pair_of_a_gantry_is_square_as_found_after_one_side_has_returned(tmp
         assert simulation.position("y") - simulation.position("x") == pytest.approx(apart, abs=0.3)
 
 
+def test_a_boot_up_names_each_step_as_it_begins(tmp_path: Path) -> None:
+    with cell(tmp_path, "x") as (simulation, _):
+        machine, steps = simulation.machine, list[str]()
+        assert machine.node(1).boot(steps.append).ok
+        assert steps == [
+            *("find", "identity", "state", "pre-operational", "program", "restore", "configuration"),
+            *("error control", "completion", "start"),
+        ]
+        steps.clear()
+        switch_off(machine, "x")
+        machine.sleep(1.0)
+        with pytest.raises(BootError):
+            machine.node(1).boot(steps.append)
+        assert steps == ["find"]
+
+
 # -- boot-ups that fail, are repeated or refused --------------------------------------------------------------------------
 
 

@@ -131,11 +131,13 @@ class NodeBoot:
         late: bool = False,
         again: bool = False,
         before: Mapping[Address, int] | None = None,
+        tell: Callable[[str], None] = lambda _: None,
     ) -> None:
         """``progress(done, all)`` gets the bytes of a program download; ``late``: the node boots while the machine runs.
 
         ``again``: this machine has booted the node before, so a drive found enabled is one that the machine may have to stop.
         ``before``: the identity of the only device that is booted; None: any that fits cell file and EDS.
+        ``tell`` gets the name of each step as it begins.
         """
         self._cell = cell
         self._node: NodeConfig = cell.nodes[node_id]
@@ -145,6 +147,7 @@ class NodeBoot:
         self._progress = progress
         self._late = late
         self._again = again
+        self._tell = tell
         self._identity = ids.expected(self._node, eds)
         self._before = ids.unspecified(before or {}, self._identity)
         self._report = NodeReport(node_id)
@@ -174,6 +177,7 @@ class NodeBoot:
 
     def _locals(self) -> Locals:
         return {
+            BootPhase.STEP: lambda known: self._tell(known.step),
             BootPhase.LOOK: lambda known: self._step("state", partial(self._look, known)),
             BootPhase.PREPARE: lambda known: self._step("configuration", partial(self._prepare, known)),
             BootPhase.CONFIGURE: lambda _: self._step("configuration", self._apply_dcf),

@@ -94,6 +94,7 @@ class _Run(ProgramSteps):
             ("start", self._start),
         ):
             self._note(step=name, address=None, tries=0)
+            yield Local(BootPhase.STEP, self.outcome)
             yield from step()
 
     # -- identity ----------------------------------------------------------------------------------------------------

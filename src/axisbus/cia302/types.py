@@ -280,6 +280,7 @@ class BootOutcome:
 class BootPhase(Enum):
     """Points of a boot-up at which the application has a part of its own."""
 
+    STEP = "a step begins"
     LOOK = "identified: may it be disturbed?"
     PREPARE = "about to be configured, or found configured"
     CONFIGURE = "1020h is not the expected one: about to be downloaded"

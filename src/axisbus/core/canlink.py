@@ -117,7 +117,12 @@ class CanLink:
             stack.callback(self._heartbeat.end)
             self._stack = stack.pop_all()
 
-    def boot(self, node_id: int, before: Mapping[Address, int] | None = None) -> Booted:
+    def boot(
+        self,
+        node_id: int,
+        before: Mapping[Address, int] | None = None,
+        tell: Callable[[str], None] = lambda _: None,
+    ) -> Booted:
         """As ``CellConnection.boot``."""
         if node_id in self._others:
             return self._others.of(node_id).boot(node_id, FIND_TIME)
@@ -139,6 +144,7 @@ class CanLink:
             late=late,
             again=events is not None,
             before=before,
+            tell=tell,
         ).run()
         self._booted[node_id] = booted
         if not late:

@@ -77,10 +77,15 @@ _OUTPUTS_TIME = 0.5  # seconds until outputs have been sent as safe; a few cycle
 
 
 Joined = Callable[[Booted], None]
+TellStep = Callable[[str], None]
 
 
 def _nothing() -> None:
     """Do nothing."""
+
+
+def _ignore(_: object) -> None:
+    """Show no step."""
 
 
 class CoreInterface(Protocol):
@@ -139,13 +144,16 @@ class CoreInterface(Protocol):
     def await_values(self) -> None:
         """Block until every axis has its first values since the scan began, or the scan has ended, at most a second."""
 
-    def boot_node(self, node_id: int) -> Booted:
-        """Boot one node while the scan runs; blocks. Raises StateError, BootError."""
+    def boot_node(self, node_id: int, tell: TellStep = _ignore) -> Booted:
+        """Boot one node while the scan runs; blocks. Raises StateError, BootError.
+
+        ``tell`` is called in this thread with the name of each step as it begins.
+        """
 
     def find_replacement(self, node_id: int) -> list[FoundDrive]:
         """Return the drives that may replace that of a node; blocks. Raises StateError, LssError."""
 
-    def replace_drive(self, order: ReplacementOrder, tell: Tell = lambda _: None) -> ReplacementOutcome:
+    def replace_drive(self, order: ReplacementOrder, tell: Tell = _ignore) -> ReplacementOutcome:
         """Configure and boot the new drive of a node while the scan runs; blocks. Raises StateError, BootError and others.
 
         ``tell`` is called in this thread as each step begins.
@@ -433,7 +441,7 @@ class Core:
         elif self._pump is not None and not self.scan.ended:
             self.scan.end()
 
-    def boot_node(self, node_id: int) -> Booted:
+    def boot_node(self, node_id: int, tell: TellStep = _ignore) -> Booted:
         """Boot one node while the scan runs: one that was lost, has restarted, or is only to be configured again.
 
         The other axes continue. The node's axes begin again, in ErrorStop until they are reset; nothing is enabled. Blocks for the
@@ -444,7 +452,7 @@ class Core:
             BootError: the boot-up has failed; its axes remain in ErrorStop, and the node may be booted again.
         """
         with self._booting_of(node_id):
-            return self._boot_again(node_id)
+            return self._boot_again(node_id, tell=tell)
 
     def find_replacement(self, node_id: int) -> list[FoundDrive]:
         """Return the drives that may replace that of a node; blocks for up to about 12 s, raises as ``find_drives``."""
@@ -452,7 +460,7 @@ class Core:
         known = (*self.cell.nodes, self.cell.bus.master_id)
         return find_drives(self.runtime.nodes[node_id].node, known, in_operation=True)
 
-    def replace_drive(self, order: ReplacementOrder, tell: Tell = lambda _: None) -> ReplacementOutcome:
+    def replace_drive(self, order: ReplacementOrder, tell: Tell = _ignore) -> ReplacementOutcome:
         """Configure the new drive of a node as ordered, and boot it while the scan runs, as ``boot_node`` does.
 
         ``tell`` is called in this thread as each step begins.
@@ -488,16 +496,17 @@ class Core:
         node_id: int,
         before: Mapping[Address, int] | None = None,
         prepare: Callable[[], None] = _nothing,
+        tell: TellStep = _ignore,
     ) -> Booted:
         """Take the axes of a node out of the scan, ``prepare`` the node, boot it, and let its axes begin again.
 
-        ``before``: as for ``CellConnection.boot``.
+        ``before`` and ``tell``: as for ``CellConnection.boot``.
         """
         names = self._await_rest(node_id)
         self._in_scan(lambda: self.scan.take_out(names, being_booted(node_id)))
         try:
             prepare()
-            booted, ports = self.runtime.boot_late(node_id, before)
+            booted, ports = self.runtime.boot_late(node_id, before, tell)
         except BaseException as error:  # such as Ctrl-C in this thread
             why = error if isinstance(error, AxisbusError) else boot_interrupted(node_id)
             self._leave_out(names, why)

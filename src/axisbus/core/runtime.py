@@ -119,10 +119,13 @@ class Runtime:
         return bool(nmt.bootups == self._bootups[node_id] and nmt.operational(self.link.clock.now()))
 
     def boot_late(
-        self, node_id: int, before: Mapping[Address, int] | None = None
+        self,
+        node_id: int,
+        before: Mapping[Address, int] | None = None,
+        tell: Callable[[str], None] = lambda _: None,
     ) -> tuple[Booted, Mapping[str, Port]]:
-        """Boot a node while the scan runs, ``before`` as for the link; its ports are those of before if it does not come up."""
-        booted = self.link.boot(node_id, before)
+        """Boot a node while the scan runs, as ``CellConnection.boot``; its ports are those of before if it does not come up."""
+        booted = self.link.boot(node_id, before, tell)
         self._bootups[node_id] = self.nodes[node_id].node.nmt.bootups
         self.nodes[node_id] = self.link.parts(node_id)
         return booted, self.link.ports(node_id)

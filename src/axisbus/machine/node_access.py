@@ -169,14 +169,14 @@ class NodeAccess:
             raise
         self._await_cycle()
 
-    def boot(self) -> NodeReport:
+    def boot(self, progress: Callable[[str], None] = lambda _: None) -> NodeReport:
         """Boot the node while the machine runs, as at the opening (CiA 302-2), and return its report; energises nothing.
 
         For a node that was lost or has restarted, and for one that is to be configured again. The other axes continue. Its own axes
         begin again in ErrorStop: reset and enable them, and home those that need it (an axis with ``absolute`` in its homing table
         stays homed). Nothing else of before remains: overrides, couplings, interrupted paths. Blocks for the boot-up, at most some
         seconds, longer if its program is replaced; a stop that is under way ends first. Several nodes may be booted at the same
-        time, in several threads.
+        time, in several threads. ``progress`` is called in this thread with the name of each step as it begins.
 
         Raises:
             StateError: an axis of the node is enabled or commanded, two devices have its node-ID, the node uses CAN Simple, or the
@@ -184,7 +184,7 @@ class NodeAccess:
             OwnershipError: this program has no control.
             BootError: the boot-up has failed, or the drive is still enabled; the node may be booted again.
         """
-        return self._running().boot_node(self.node_id).report
+        return self._running().boot_node(self.node_id, progress).report
 
     def find_replacement(self) -> list[FoundDrive]:
         """Return the drives that may replace that of this node, for ``axisbus replace``; blocks for up to about 12 s.
@@ -195,18 +195,18 @@ class NodeAccess:
         """
         return self._running().find_replacement(self.node_id)
 
-    def replace_drive(self, order: ReplacementOrder, tell: Tell = lambda _: None) -> ReplacementOutcome:
+    def replace_drive(self, order: ReplacementOrder, progress: Tell = lambda _: None) -> ReplacementOutcome:
         """Configure and boot the new drive of this node, for ``axisbus replace``; blocks for up to about a minute.
 
-        The other axes continue, and nothing is enabled. The axes of the node begin again, as after ``boot``. ``tell`` is called in
-        this thread as each step begins.
+        The other axes continue, and nothing is enabled. The axes of the node begin again, as after ``boot``. ``progress`` is called
+        in this thread with each step as it begins.
 
         Raises:
             StateError: an axis of the node is enabled or commanded, or the node is neither lost nor another drive.
             OwnershipError: this program has no control.
             Other errors as ``boot`` and ``configuration.replacement.DriveReplacement.run``.
         """
-        return self._running().replace_drive(order, tell)
+        return self._running().replace_drive(order, progress)
 
     def _running(self) -> CoreInterface:
         if self._core is None:

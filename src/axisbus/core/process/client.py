@@ -111,9 +111,9 @@ class RemoteCore:
     def await_values(self) -> None:
         """As ``CoreInterface.await_values``; the core has already done that."""
 
-    def boot_node(self, node_id: int) -> Booted:
+    def boot_node(self, node_id: int, tell: Callable[[str], None] = lambda _: None) -> Booted:
         """As ``CoreInterface.boot_node``; the core boots the node."""
-        self._calls.ask("boot", node_id)
+        self._calls.ask("boot", node_id, progress=tell)
         return self.booted[node_id]
 
     def reconnect(self) -> list[StopResult]:

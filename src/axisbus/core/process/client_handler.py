@@ -332,7 +332,7 @@ _TAKES: dict[type, Callable[[ClientHandler, Any], None]] = {
 # Requests that boot a node, or find its new drive: only for the client with control. Each with its title; the second
 # argument of the function sends each step to the client.
 _OF_BOOT_UP: dict[str, tuple[str, Callable[..., object]]] = {
-    "boot": ("booting", lambda core, _, node: _none(core.boot_node(node))),
+    "boot": ("booting", lambda core, tell, node: _none(core.boot_node(node, tell))),
     "find_replacement": ("replacing", lambda core, _, node: core.find_replacement(node)),
     "replace_drive": ("replacing", lambda core, tell, _, order: core.replace_drive(order, tell)),
 }
