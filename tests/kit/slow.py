@@ -218,6 +218,7 @@ SLOW = {
         "test_pages.py::test_the_messages_that_are_explained_are_printed",
         "trace/test_trace_session.py::test_every_frame_is_decoded_without_complaint",
         "web/test_web_acceptor.py",
+        "web/test_web_boot.py",
     ),
     "they try hundreds of random cases, or every combination": (
         "drives/test_can_simple_port_random.py",

@@ -35,6 +35,7 @@ CONTROLS = {
     "move_velocity",
     "torque_control",
     "jog",
+    "boot",
     "take_command",
     "write_object",
     "verify",

@@ -318,6 +318,34 @@ def test_a_link_opens_one_page_once_which_may_stop_the_motions_of_others(scene, 
         driver.switch_to.window(first)
 
 
+def test_a_node_that_has_lost_its_supply_is_booted_by_a_button_of_the_cell(scene, x):
+    page, machine, button = x.page, scene.machine, "#boots [data-node='1']"
+    page.view("cell")
+    assert not page.one(button).is_displayed()
+    machine.simulated_node(1).switch_off()
+    until(lambda: page.one(button).is_displayed())
+    page.one(button).click()
+    until(lambda: page.text("#boot-state") == "Node 1 is being booted: step find.")
+    assert not page.one(button).is_enabled()
+    page.pictures("boot")
+    assert "node 1 does not answer" in until_text(page, "#told", "node 1")
+    page.told()
+    assert page.text("#boot-state") == ""
+    machine.simulated_node(1).switch_on()
+    time.sleep(1.0)
+    page.one(button).click()
+    until_text(page, "#nodes", "node 1 was booted again")
+    until(lambda: not page.one(button).is_displayed())
+    assert page.one("#told").text == ""
+    for name in "xy":
+        page.view(f"axis-{name}")
+        page.press("reset")
+        until(lambda name=name: machine[name].state is not AxisState.ERRORSTOP)
+    page.view("axis-x")
+    page.press("enable")
+    until(lambda: x.axis.state is AxisState.STANDSTILL)
+
+
 def test_the_console_of_the_browser_stays_empty(scene):
     told = [entry for entry in scene.page.driver.get_log("browser") if "/enter" not in entry["message"]]
     assert told == []

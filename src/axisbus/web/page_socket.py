@@ -148,6 +148,7 @@ class PageSocket:
             "heard": place.heard,
             "dead": self._machine.session.dead,
             "cell_age": now - self._cell_seen,
+            "boots": self._desk.boots.news(),
             "objects": self._desk.objects.news(place.seat.number, now),
             "page": place.seat.number,
             "verified": self._verified(place),

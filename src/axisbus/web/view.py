@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 from axisbus.boot.report import NodeReport
 from axisbus.bus.link.controller import WHAT_TO_CHECK, CanErrorState
-from axisbus.bus.node.events import BAD
+from axisbus.bus.node.events import BAD, NodeEventKind
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.cia402.state import PowerState
-from axisbus.errors import AxisbusError, StaleError, seen_of
+from axisbus.errors import AxisbusError, BootError, NodeStateError, StaleError, seen_of
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
@@ -224,6 +224,7 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
     for call, words in (
         (r" \(axis\.error\)", ""),
         (r"; in a program: \S+\(\w+\)\.(?:command\(NmtCommand\.START\)|boot\(\))", ""),
+        (r"\(axisbus boot CELL --node (\d+)\)", r"(Boot node \1 in the view Cell)"),
         (r"; in a program: machine\.reconnect\(\)", ""),
         (
             r"close the machine,? and open it again",
@@ -250,6 +251,16 @@ def in_page_terms(text: str) -> str:
 # -- The nodes, the bus, the cycle and the incidents as texts; newest first ------------------------------------------------
 
 _SHOWN = 30  # incidents
+# Events after which a node is lost, or has lost its configuration.
+_ENDED_BY_BOOT = frozenset(
+    {
+        NodeEventKind.LOST,
+        NodeEventKind.UNANSWERED,
+        NodeEventKind.BOOT_UP,
+        NodeEventKind.STATE,
+        NodeEventKind.UNKNOWN,
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,6 +314,7 @@ def _node(machine: Machine, report: NodeReport) -> Values:
         "letter": letter,
         "boot": "" if outcome is None else outcome.sentence,
         "wrong": _wrong(machine, report),
+        "needs_boot": _needs_boot(machine, report),
         "axes": [axis.name for axis in report.axes],
         "warnings": list(report.warnings),
     }
@@ -333,6 +345,18 @@ def _wrong(machine: Machine, report: NodeReport) -> dict[str, str] | None:
     if node.events and node.events[-1].kind in BAD:
         return _plainly(str(node.events[-1]))
     return None if node.nmt is NmtState.OPERATIONAL else _plainly(f"its NMT state is {node.nmt.text}")
+
+
+def _needs_boot(machine: Machine, report: NodeReport) -> bool:
+    """Return whether a node is lost, has restarted, or did not boot; its axes cannot be used before it is booted."""
+    node = machine.node(report.node_id)
+    if not node.parts.has_objects or machine.session.silent is not None:
+        return False
+    if report.error is not None or node.nmt is not NmtState.OPERATIONAL:
+        return True
+    errors = (machine[axis.name].error for axis in report.axes)
+    lost = bool(node.events) and node.events[-1].kind in _ENDED_BY_BOOT
+    return lost or any(isinstance(error, (NodeStateError, BootError)) for error in errors)
 
 
 def _plainly(message: str) -> dict[str, str]:

@@ -15,6 +15,7 @@ from axisbus.web.access.lease import PageLease, Refusal, Seat
 from axisbus.web.access.tokens import PageSession, Role
 from axisbus.web.commands.acts import direction_of, jog, perform, take_command
 from axisbus.web.commands.authorize import PageAction, decide
+from axisbus.web.commands.node_boots import NodeBoots
 from axisbus.web.commands.object_requests import VERBS as OBJECT_VERBS
 from axisbus.web.commands.object_requests import ObjectRequests
 from axisbus.web.commands.request import PageRequest, read
@@ -76,6 +77,7 @@ class PageClients:
         self.lease = PageLease()
         self.objects = ObjectRequests()
         self.trials = Trials(machine)
+        self.boots = NodeBoots(machine)
         self.places: dict[int, PageClient] = {}
 
     def sit(self, session: PageSession, peer: str) -> PageClient:
@@ -163,6 +165,8 @@ class PageClients:
             self._give_link(place, now)
         elif act.verb is PageVerb.TAKE_COMMAND:
             self._take_command(place, now)
+        elif act.verb is PageVerb.BOOT:
+            place.under_way.append(self.boots.begin(ask.node))
         elif act.verb in OBJECT_VERBS:
             self._of_objects(place, ask, now)
         elif act.verb in (PageVerb.STEP_POSITION, PageVerb.STEP_VELOCITY):

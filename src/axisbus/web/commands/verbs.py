@@ -30,6 +30,7 @@ class PageVerb(Enum):
     MOVE_VELOCITY = "move_velocity"
     TORQUE_CONTROL = "torque_control"
     JOG = "jog"
+    BOOT = "boot"
     READ_OBJECTS = "read_objects"
     KEEP_READING = "keep_reading"
     WRITE_OBJECT = "write_object"
@@ -86,6 +87,7 @@ VERBS = {
     PageVerb.MOVE_VELOCITY: VerbRequirements(needs=("velocity",), takes=("acceleration",)),
     PageVerb.TORQUE_CONTROL: VerbRequirements(sure=True, needs=("torque",), takes=("slope",)),
     PageVerb.JOG: VerbRequirements(needs=("direction",), takes=_RAMPS),
+    PageVerb.BOOT: VerbRequirements(axis=False),
     PageVerb.READ_OBJECTS: VerbRequirements(controls=False, axis=False, objects=range(1, ASKED + 1)),
     PageVerb.KEEP_READING: VerbRequirements(controls=False, axis=False, objects=range(KEPT + 1)),
     PageVerb.WRITE_OBJECT: VerbRequirements(axis=False, objects=range(1, 2)),

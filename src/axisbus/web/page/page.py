@@ -48,7 +48,7 @@ def add_page(application: FastAPI, machine: Machine, pages: Pages) -> None:
         with Tag("div", classes="axisbus"):
             nav = _head(name)
             with Tag("main") as main:
-                _cell_view()
+                _cell_view(machine)
                 signals = scope_view(name)
                 node_views.objects_view(machine)
                 node_views.config_view(machine)
@@ -98,7 +98,7 @@ def _head(name: str) -> Tag:
     return nav
 
 
-def _cell_view() -> None:
+def _cell_view(machine: Machine) -> None:
     with Tag("section", data_view="cell", aria_label="Cell"):
         Tag("h1", "Cell")
         with scrolled("Nodes"), Tag("table"):
@@ -106,6 +106,12 @@ def _cell_view() -> None:
                 for title in ("Node", "Device", "NMT state", "Boot-up", "Axes", "Faults"):
                     Tag("th", title, scope="col")
             Tag("tbody", id="nodes", classes="live")
+        with Tag("div", classes="row", id="boots"):
+            for node in machine.cell.nodes:
+                if machine.node(node).parts.has_objects:
+                    title = f"Boot {node_views.named(machine, node)}"
+                    button(title, "boot", data_node=str(node), hidden="hidden")
+        Tag("p", "", "hint", id="boot-state", role="status")
         Tag("h2", "Axes")
         Tag("div", classes="tiles live", id="tiles")
         Tag("h2", "Bus and cycle")

@@ -43,6 +43,7 @@
     const verb = node.dataset.do;
     if (verb === "quick_stop_all") return quickStop();
     const message = { do: verb, axis: axisOf(node), sure };
+    if (node.dataset.node) message.node = Number(node.dataset.node);
     if (node.closest("fieldset")) message.values = valuesOf(node);
     const stops = STOPS.includes(verb);
     if (stops) withdraw();
@@ -270,6 +271,7 @@
     if (!cell || !one("#nodes")) return;
     command = cell.command;
     one("#nodes").replaceChildren(...cell.nodes.map(nodeRow));
+    for (const node of all("#boots button")) node.hidden = !cell.nodes.some((each) => String(each.node) === node.dataset.node && each.needs_boot);
     one("#beside").replaceChildren(...cell.beside.map((line) => make("li", line)));
     const found = cell.incidents.map(incident);
     one("#incidents").replaceChildren(...(found.length ? found : [make("li", "None.")]));
@@ -293,6 +295,10 @@
     for (const text of one_.lines) line.append(make("div", text, "lines"));
     if (one_.remedy) line.append(make("div", `remedy: ${one_.remedy}`, "remedy"));
     return line;
+  }
+  function showBoots(boots) {
+    for (const node of all("#boots button")) node.disabled = boots.some((each) => String(each.node) === node.dataset.node);
+    put(one("#boot-state"), boots.map(({ node, step }) => `Node ${node} is being booted: ${step}.`).join(" "));
   }
   function showOwn(own) {
     document.body.classList.toggle("dead", own.dead !== null);
@@ -324,6 +330,7 @@
     letGo(own);
     showCell(news.cell);
     showOwn(own);
+    showBoots(own.boots);
     document.dispatchEvent(new CustomEvent("axisbus-own", { detail: own }));
     freshness();
     if (performance.now() - beaten > IDLE && !held) idle(); // also where the browser holds the clocks of a hidden page up
