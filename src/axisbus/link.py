@@ -108,7 +108,7 @@ class CellConnection(Protocol[Booted, Parts, Incident, Event]):
         """Return the parts for direct access to a node, even if the node has not come up."""
 
     def answers(self, node_id: int) -> bool:
-        """Whether a node answers now; blocks for one request."""
+        """Whether a node answers now; also False if a stop takes the place of the request. Blocks for one request."""
 
     def ready(self) -> None:
         """Block until the scan may begin its first cycle, for example for another device's SYNC; raises as ``BusCycle``."""

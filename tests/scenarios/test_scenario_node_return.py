@@ -500,6 +500,23 @@ def test_a_node_with_rejoin_automatic_is_booted_and_waits_for_a_reset(tmp_path: 
         assert_usable(simulation, machine["x"])
 
 
+def test_a_node_is_booted_automatically_although_stops_have_cut_off_the_questions_whether_it_answers(
+    tmp_path: Path,
+) -> None:
+    with rejoining(tmp_path, "x") as simulation:
+        machine = simulation.machine
+        enable(machine["x"])
+        switch_off(machine, "x")
+        machine.sleep(3.0)
+        for _ in range(30):
+            machine["x"].quick_stop()
+            machine.sleep(0.07)
+        switch_on(machine, "x")
+        machine.sleep(5.0)
+        assert_waits_for_reset(machine["x"])
+        assert_usable(simulation, machine["x"])
+
+
 def test_a_node_that_restarts_continuously_is_booted_three_times_only(tmp_path: Path) -> None:
     with rejoining(tmp_path, "x") as simulation:
         machine, device = simulation.machine, simulation.device("x")

@@ -46,7 +46,7 @@ from axisbus.core.realtime_setup import SPIN
 from axisbus.core.simulated_nodes import SimulatedNode, devices
 from axisbus.drives.registry import make_of
 from axisbus.eds.model import Eds
-from axisbus.errors import BusError, BusOff, StateError
+from axisbus.errors import BusError, BusOff, Interrupted, StateError
 from axisbus.link import NodeShutdown, StopResult, Unsafe
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns
@@ -219,7 +219,10 @@ class CanLink:
 
     def answers(self, node_id: int) -> bool:
         """As ``CellConnection.answers``: an SDO upload of 1000h."""
-        return self._nodes[node_id].answers_sdo()
+        try:
+            return self._nodes[node_id].answers_sdo()
+        except Interrupted:
+            return False
 
     def ready(self) -> None:
         """As ``CellConnection.ready``; raises SyncError if another device should send SYNC and does not."""

@@ -11,12 +11,14 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from axisbus.cia302.types import IDENTITY, Address
 from axisbus.cia402.port import Port
 from axisbus.clock import Clock
 from axisbus.errors import (
+    AdapterError,
     AxisbusError,
     BootError,
     BusOff,
@@ -142,28 +144,28 @@ class LateBoot:
         for node in list(self._nodes.values()):
             if self._stop.is_set():
                 return
-            self._try(node)
+            self._attempt(node.node_id, partial(self._try, node))
         for returning in self._returning:
             if self._stop.is_set():
                 return
-            try:
-                returning.step(self._clock.now())
-            except (BusOff, TransmitQueueFull):  # the bus may come back, and the node with it
-                continue
-            except AxisbusError:  # the channel failed: the scan reports it
-                self._stop.set()
+            self._attempt(returning.node_id, partial(returning.step, self._clock.now()))
+
+    def _attempt(self, node_id: int, work: Callable[[], None]) -> None:
+        """Do something with a node; whatever the error, the nodes are polled again, unless the channel has failed."""
+        try:
+            work()
+        except (BusOff, TransmitQueueFull):  # the bus may come back, and the node with it
+            pass
+        except (AdapterError, ScanError):  # the scan reports it
+            self._stop.set()
+        except AxisbusError as error:
+            log.warning("node %d was not booted: %s", node_id, error)
 
     def _try(self, node: LateNode) -> None:
         """Boot a node that answers; if it falls silent again, keep polling it."""
-        try:
-            if not node.answers():
-                return
-            booted, ports = node.boot()
-        except (BusOff, TransmitQueueFull):  # the bus may come back, and the node with it
+        if not node.answers():
             return
-        except AxisbusError:  # the channel failed: the scan reports it
-            self._stop.set()
-            return
+        booted, ports = node.boot()
         if not booted.report.absent:
             del self._nodes[node.node_id]
             with suppress(StateError, ScanError):  # the machine is being closed
