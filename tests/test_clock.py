@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from axisbus.clock import REAL, Clock, VirtualClock, poll_until, sleep_until
+from axisbus.clock import REAL, Clock, FairLock, VirtualClock, poll_until, sleep_until
 from axisbus.errors import StateError
 
 HOUR = 3600.0
@@ -167,6 +167,32 @@ def test_a_lock_that_is_held_while_waiting_lets_the_next_in_later(clock: Clock) 
     assert order == ["first", "other"]
     assert lock.acquire(timeout=0.01)
     lock.release()
+
+
+def test_a_fair_lock_is_given_to_the_one_who_waits_although_the_holder_asks_again_at_once(
+    clock: Clock,
+) -> None:
+    lock, held, end = FairLock(clock), list[float](), clock.event()
+
+    def hold() -> None:
+        while not end.is_set():
+            with lock:
+                held.append(clock.now())
+                clock.sleep(0.02)
+
+    thread = clock.thread(hold, "holds the lock again and again")
+    thread.start()
+    clock.sleep(0.01)
+    with lock:
+        assert len(held) == 1
+        assert lock.locked()
+        assert not lock.acquire(timeout=0.05)
+    clock.sleep(0.05)
+    end.set()
+    thread.join(5)
+    assert not thread.is_alive()
+    assert len(held) > 1
+    assert not lock.locked()
 
 
 def test_a_thread_knows_itself(clock: Clock) -> None:

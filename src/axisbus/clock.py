@@ -135,6 +135,49 @@ def poll_until(clock: Clock, done: Callable[[], bool], deadline: float, period: 
     return True
 
 
+class FairLock:
+    """A lock for threads of a clock, which get it in the order in which they ask; it may be held while waiting.
+
+    A thread that takes another lock again at once can keep the others from it for ever.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._changed = clock.condition()
+        self._turns: deque[object] = deque()  # the first holds the lock
+
+    def acquire(self, timeout: float | None = None) -> bool:
+        """Take the lock, and return whether that was possible within ``timeout`` seconds (None: wait without a limit)."""
+        turn = object()
+        with self._changed:
+            self._turns.append(turn)
+            taken = False
+            try:
+                taken = self._changed.wait_for(lambda: self._turns[0] is turn, timeout)
+            finally:
+                if not taken:
+                    self._turns.remove(turn)
+                    self._changed.notify_all()
+        return taken
+
+    def release(self) -> None:
+        """Release the lock."""
+        with self._changed:
+            self._turns.popleft()
+            self._changed.notify_all()
+
+    def locked(self) -> bool:
+        """Whether a thread holds the lock."""
+        return bool(self._turns)
+
+    def __enter__(self) -> bool:
+        return self.acquire()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
+
+
 class SystemClock:
     """The monotonic clock of the computer, and Python's threads."""
 

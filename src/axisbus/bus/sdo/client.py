@@ -21,6 +21,7 @@ from axisbus.cia301.datatypes import DataType, Value, encode, size_in_bytes
 from axisbus.cia301.sdo import LONGEST, Garbled, SdoAborted, SdoTransferType
 from axisbus.cia301.sdo_counts import SdoOutcome, end_of
 from axisbus.cia301.sdo_session import BROKEN_DIALOGUE, SdoSession, SdoTransferRequest
+from axisbus.clock import FairLock
 from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, Interrupted, SdoAbort, SdoError, SdoTimeout
@@ -69,7 +70,7 @@ class SdoClient:
         self.clock = channel.clock
         self._channel = channel
         self._line = SdoConnection(channel, node_id, *(cob_ids or (None, None)))
-        self._lock = self.clock.lock()
+        self._lock = FairLock(self.clock)  # the worker polls again at once after each answer
         self._calls: list[Call] = []
         self._late: tuple[tuple[int, int], ...] = ()  # objects of requests that may still be answered
         self._no_block = False  # whether the server has shown that it does not support block transfers
