@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems tell Python not to write bytecode. Then each of the many processes that the tests start would compile all modules.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help dist matrix demo quick test test-real test-web test-socketcan check bench scenarios bench-cycle bench-core bench-clients bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
+.PHONY: help dist matrix demo quick test test-sweeps test-real test-web test-socketcan check bench scenarios bench-cycle bench-core bench-clients bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
 
 help:                     ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1\t/p' Makefile | expand -t 16
@@ -17,10 +17,13 @@ demo: $(READY)            ## run the demo on the simulated cell; writes demo-out
 quick: $(READY)           ## run the quick tests in two processes, after each edit
 	$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile
 
-test: $(READY)            ## run all tests whose result does not depend on the load of the computer, in two processes
+test: $(READY)            ## run the tests whose result does not depend on the load of the computer, except sweeps, in two processes
 	@echo "collecting the tests: up to a minute before the first result"
 	test -d tests/__pycache__ || $(BIN)/python -m pytest --collect-only -qq > /dev/null || true
-	$(BIN)/python -m pytest -m "not real_time" -n 2 --dist loadfile
+	$(BIN)/python -m pytest -m "not real_time and not sweep" -n 2 --dist loadfile
+
+test-sweeps: $(READY)     ## run the sweeps: random runs, every combination, makers' files; the load of the computer does not matter
+	$(BIN)/python -m pytest -m sweep -n 2 --dist loadfile
 
 test-real: $(READY)       ## run the tests that need real processes, sockets, a browser or the kernel
 	$(BIN)/python -m pytest -m real_time -n 2 --dist loadfile

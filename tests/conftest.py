@@ -21,7 +21,7 @@ from hypothesis import HealthCheck, settings
 
 from kit import scan_file_access
 from kit.scenarios import golden as scenario_golden
-from kit.slow import is_real_time, is_slow, is_virtual_time, shares_virtual_time
+from kit.slow import is_real_time, is_slow, is_sweep, is_virtual_time, shares_virtual_time
 
 if TYPE_CHECKING:
     from kit import command_line
@@ -86,6 +86,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         test = getattr(item, "originalname", item.name)
         if is_slow(item.path, test):
             item.add_marker(pytest.mark.slow)
+        if is_sweep(item.path, test):
+            item.add_marker(pytest.mark.sweep)
         if is_real_time(item.path, test):
             item.add_marker(pytest.mark.real_time)
         elif is_virtual_time(item.path, test):
@@ -104,14 +106,14 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
     """Fail where all scenarios have passed and golden messages are left over."""
     if not _kept or exitstatus != 0:
         return
-    if choice := scenario_golden.half(session):
+    if choice := scenario_golden.part(session):
         if (cache := getattr(session.config, "cache", None)) is None:
             return
         cache.set(f"golden/{choice}", sorted(_used))
-        halves = [cache.get(f"golden/{each}", None) for each in scenario_golden.HALVES]
-        if None in halves:
+        parts = [cache.get(f"golden/{each}", None) for each in scenario_golden.PARTS]
+        if None in parts:
             return
-        _used.update(name for names in halves for name in names)
+        _used.update(name for names in parts for name in names)
     if _kept - _used:
         print(f"\nno scenario uses these golden messages: {', '.join(sorted(_kept - _used))}")
         session.exitstatus = pytest.ExitCode.TESTS_FAILED

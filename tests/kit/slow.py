@@ -330,7 +330,45 @@ SHARED_VIRTUAL_TIME = (
     "core/test_core_client.py",
     "gateway/test_gateway_opcua.py",
 )
-NAMES = frozenset((*(name for names in SLOW.values() for name in names), *SHARED_VIRTUAL_TIME))
+# Tests of hundreds of cases each, which need no real time: ``make test-sweeps`` runs them, ``make test`` does not.
+SWEEPS = (
+    "boot/test_boot_program_write.py::test_after_a_loss_of_the_supply_at_any_frame_the_next_write_succeeds",
+    "cell/test_cell_schema.py::test_a_value_of_another_kind_is_refused",
+    "cell/test_cell_schema.py::test_no_value_that_the_reader_accepts_is_refused_by_the_schema",
+    "check/test_check_machine_agreement.py::test_check_and_machine_agree_on_every_makers_file",
+    "cia305/test_lss_exclusion.py",
+    "cia305/test_lss_scan.py::test_any_single_frame_may_be_lost",
+    "configuration/test_configuration_replacement.py::test_killed_before_any_frame_and_run_again",
+    "drives/test_can_simple_port_random.py",
+    "eds/test_eds_check_planted_defects.py",
+    "eds/test_eds_device_doc.py::test_every_real_file_becomes_a_page_with_a_drawing_for_each_pdo",
+    "eds/test_eds_fix.py::test_fix_repairs_findings_of_check",
+    "eds/test_eds_fix.py::test_fixed_real_files_are_read_with_the_same_content",
+    "eds/test_eds_show.py::test_every_real_file_is_shown_with_each_of_its_objects",
+    "eds/test_eds_time_and_memory.py",
+    "motion/test_motion_fast_path.py",
+    "motion/test_motion_groups_random.py",
+    "motion/test_motion_remote_trajectory_axis.py",
+    "scenarios/test_scenario_arguments.py::test_no_absurd_number_ends_the_scan_or_raises_a_foreign_error",
+    "scenarios/test_scenario_blended_moves.py::test_any_sequence_of_moves_keeps_the_limits_and_ends_at_the_last_target",
+    "scenarios/test_scenario_feed_forward.py::test_random_plays_hold_the_rules_in_every_sync",
+    "scenarios/test_scenario_gantry.py::test_random_commands_keep_the_beam_square_and_within_its_limits",
+    "scenarios/test_scenario_groups.py::test_all_axes_are_energised_or_none_in_whichever_cycle_one_is_disabled",
+    "scenarios/test_scenario_groups.py::test_all_axes_start_in_one_sync_from_any_modes_of_their_drives",
+    "scenarios/test_scenario_groups.py::test_all_axes_start_or_none_in_whichever_cycle_one_is_removed",
+    "scenarios/test_scenario_handshake.py::test_a_replacement_at_any_moment_of_the_handshake_ends_at_the_last_target",
+    "scenarios/test_scenario_limits.py::test_a_trajectory_at_all_its_limits_is_followed_to_its_end",
+    "scenarios/test_scenario_limits.py::test_an_axis_under_torque_keeps_its_limits_of_position_and_velocity",
+    "scenarios/test_scenario_random.py",
+    "scenarios/test_scenario_random_cells.py",
+    "scenarios/test_scenario_random_motion_limits.py",
+    "scenarios/test_scenario_setpoint_without_ack.py::test_a_new_move_replaces_the_old_at_any_moment",
+    "scenarios/test_scenario_superimposed.py::test_random_additions_never_make_the_sum_too_fast_or_too_hard",
+    "sim/test_sim_sdo_block.py",
+    "sim/test_sim_sdo_sweep.py",
+    "system/test_system_types.py",
+)
+NAMES = frozenset((*(name for names in SLOW.values() for name in names), *SHARED_VIRTUAL_TIME, *SWEEPS))
 IN_REAL_TIME = frozenset(name for names in REAL_TIME.values() for name in names)
 IN_VIRTUAL_TIME = frozenset((*SLOW[VIRTUAL_TIME], *ALSO_VIRTUAL_TIME, *SHARED_VIRTUAL_TIME))
 
@@ -338,6 +376,11 @@ IN_VIRTUAL_TIME = frozenset((*SLOW[VIRTUAL_TIME], *ALSO_VIRTUAL_TIME, *SHARED_VI
 def is_slow(path: Path, test: str = "") -> bool:
     """Whether a folder, a file or one of its tests (by its function's name) is named here, or is within a named one."""
     return bool(_names(path, test) & NAMES)
+
+
+def is_sweep(path: Path, test: str = "") -> bool:
+    """Whether a test tries hundreds of cases, and needs no real time."""
+    return bool(_names(path, test) & set(SWEEPS)) and not is_real_time(path, test)
 
 
 def is_real_time(path: Path, test: str = "") -> bool:

@@ -63,14 +63,15 @@ def whole(session: pytest.Session) -> bool:
     """Whether all scenarios are in this run."""
     here = {item.path for item in session.items if item.path.parent == FOLDER.parent}
     chosen = session.config.getoption("keyword") or any("::" in name for name in session.config.args)
-    return here == set(FOLDER.parent.glob("test_*.py")) and not chosen and not half(session)
+    return here == set(FOLDER.parent.glob("test_*.py")) and not chosen and not part(session)
 
 
-HALVES = ("not real_time", "real_time")  # the choices of ``make test`` and ``make test-real``
+# The choices of ``make test``, ``make test-sweeps`` and ``make test-real``, which together are all tests.
+PARTS = ("not real_time and not sweep", "sweep", "real_time")
 
 
-def half(session: pytest.Session) -> str:
-    """The choice of a run of half of the tests; empty if it has another choice or none."""
+def part(session: pytest.Session) -> str:
+    """The choice of a run of one of the parts; empty if it has another choice or none."""
     choice = str(session.config.getoption("markexpr"))
     folders = all((session.config.invocation_params.dir / name).is_dir() for name in session.config.args)
-    return choice if choice in HALVES and folders and not session.config.getoption("keyword") else ""
+    return choice if choice in PARTS and folders and not session.config.getoption("keyword") else ""
