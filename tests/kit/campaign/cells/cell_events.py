@@ -19,6 +19,7 @@ from kit.plant_probe import ENABLED, OFF
 
 QUIET = 3.0  # s without trouble after which an axis counts as healthy
 _FOR_SERVICE = 4.0  # s that a step of bringing into service may take
+_FOR_BOOT_UP = 120.0  # s that the boot-up of a node may take, over a link that loses or delays frames
 _RESTS = (AxisState.STANDSTILL,)
 _PLACES = frozenset(
     {"move_absolute", "move_led", "move_waiting"}
@@ -187,7 +188,9 @@ def _boot_nodes(judge: Judge) -> None:
 
         thread = clock.thread(boot, f"boot of node {node_id}")
         thread.start()
+        end = facts.now + _FOR_BOOT_UP
         while thread.is_alive():
+            facts.must(facts.now < end, "every boot-up ends", f"that of node {node_id} has not")
             judge.run(0.05)
 
 

@@ -84,6 +84,7 @@ RULES = (
     "a time-out ends in a halt",
     "back from beyond a limit",
     "usable after a reset",
+    "every boot-up ends",
     "who shares a fault stops",
     "a drive that hears is stopped",
     "a stop that is done stands",
