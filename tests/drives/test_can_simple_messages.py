@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.can_simple import codec, discrepancies, error_query, messages
+from axisbus.drives.gim6010.can_simple import codec, error_query, messages
 from axisbus.drives.gim6010.can_simple.codec import (
     DecodedMessage,
     MessageRequest,
@@ -20,6 +20,7 @@ from axisbus.drives.gim6010.can_simple.fields import FieldEncoding, GearSide
 from axisbus.drives.gim6010.can_simple.identifier import can_id, split
 from axisbus.drives.gim6010.can_simple.messages import MESSAGES, Direction, MessageRequestMethod, named
 from axisbus.errors import ArgumentError, LimitError
+from kit.can_simple import discrepancies
 
 # Typed from the manual a second time: command, name, sender of data, and the fields' types with the first byte of each.
 MANUAL = """\

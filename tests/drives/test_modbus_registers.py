@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.can_simple.messages import MESSAGES
-from axisbus.drives.gim6010.modbus import open_points, requests
+from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.registers import BY_NAME, ERROR_FLAGS, REGISTERS, Bank, RegisterKind, named
 from axisbus.drives.gim6010.modbus.requests import ModbusFunction, ModbusRequest, Reply, fits
 from axisbus.errors import ArgumentError, LimitError
+from kit.modbus import open_points
 
 # Typed off the manual a second time: function that reads, first address, registers, letter of the value, requests that it shows.
 MANUAL = """\

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from axisbus.drives.gim6010 import faults
-from axisbus.drives.gim6010.can_simple.discrepancies import NOTES
 from axisbus.drives.gim6010.can_simple.fields import MessageField
 from axisbus.drives.gim6010.can_simple.messages import MESSAGES, Message
+from kit.can_simple.discrepancies import NOTES
 
 Row = tuple[str, ...]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.drives.gim6010.modbus.open_points import NOTES
 from axisbus.drives.gim6010.modbus.registers import REGISTERS, Register
+from kit.modbus.open_points import NOTES
 
 Row = tuple[str, ...]
 _ACCESS = {"r": "read", "w": "write", "rw": "read, write"}

@@ -1,7 +1,7 @@
 """The Modbus RTU registers as one table (manual v2.2, 4.3.2, 4.3.3), from which they are read, written and documented.
 
 If the manual does not document a property of a register, but that of the parameter with the same name over USB and CAN Simple
-(unit, side of the gear, bounds), the table uses the latter; ``open_points`` lists these cases.
+(unit, side of the gear, bounds), the table uses the latter; docs/gim6010-8.md lists these cases.
 """
 
 from __future__ import annotations
