@@ -52,17 +52,19 @@ class FieldType:
 
 
 BIT = FieldType("bit", 1)
-UINT8 = FieldType("uint8", 8)
-UINT16 = FieldType("uint16", 16)
-UINT32 = FieldType("uint32", 32)
-UINT64 = FieldType("uint64", 64)
-INT16 = FieldType("int16", 16, FieldEncoding.SIGNED)
-INT32 = FieldType("int32", 32, FieldEncoding.SIGNED)
 FLOAT32 = FieldType("float32", 32, FieldEncoding.FLOAT)
-BYTES4 = FieldType("4 bytes", 32)
-MIT8 = FieldType("8 bits", 8, high_first=True)
-MIT12 = FieldType("12 bits, highest first", 12, high_first=True)
-MIT16 = FieldType("16 bits, highest first", 16, high_first=True)
+_TYPES = {
+    each.name: each
+    for each in (
+        BIT,
+        FLOAT32,
+        *(FieldType(f"uint{bits}", bits) for bits in (8, 16, 32, 64)),
+        *(FieldType(f"int{bits}", bits, FieldEncoding.SIGNED) for bits in (16, 32)),
+        FieldType("4 bytes", 32),
+        FieldType("8 bits", 8, high_first=True),
+        *(FieldType(f"{bits} bits, highest first", bits, high_first=True) for bits in (12, 16)),
+    )
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,3 +169,19 @@ class MessageField:
         return LimitError(
             f"{self.name}: {value:.10g}{unit} cannot be sent", remedy=f"give a value {bounds}{unit}"
         )
+
+
+def from_row(row: Mapping[str, str], values: Mapping[int, str]) -> MessageField:
+    """Return the field of a row of a table, whose columns are named as the attributes; an empty cell is the default."""
+    return MessageField(
+        row["name"],
+        _TYPES[row["type"]],
+        int(row.get("start", 0)),
+        row["unit"],
+        int(row.get("per_unit") or 1),
+        GearSide(row["side"]),
+        values,
+        float(row["low"] or -math.inf),
+        float(row["high"] or math.inf),
+        row["path"],
+    )

@@ -21,7 +21,7 @@ from enum import Enum
 from functools import lru_cache
 
 from axisbus.drives.gim6010.can_simple.codec import Unexpected, short
-from axisbus.drives.gim6010.can_simple.fields import BIT, UINT8, UINT32, MessageField
+from axisbus.drives.gim6010.can_simple.fields import BIT, MessageField
 from axisbus.drives.gim6010.can_simple.identifier import Identifier
 from axisbus.drives.gim6010.can_simple.messages import HEARTBEAT_FIELDS, LENGTH
 
@@ -37,9 +37,8 @@ class HeartbeatLayout(Enum):
     NEWEST = "firmware 0.5.13 and later"
 
 
-_ERROR_AND_STATE = (MessageField("Axis_Error", UINT32), MessageField("Axis_State", UINT8, 32))
 _BY_BYTES = (
-    *_ERROR_AND_STATE,
+    *HEARTBEAT_FIELDS[:2],  # error and state
     MessageField("Motor_Fault", BIT, 5 * 8),
     MessageField("Encoder_Fault", BIT, 6 * 8),
     MessageField("Controller_Fault", BIT, 7 * 8),
