@@ -210,3 +210,6 @@ def test_the_errors_of_the_axis_are_reported_and_cleared():
     assert parameters.axis_error == 0x4000
     parameters.clear_errors()
     assert parameters.axis_error == 0
+    station.module.dials.encoder_error = 4  # its cause remains, and so does the error of the axis
+    with pytest.raises(NodeError, match=r"got the command to clear its errors, .* is 00000100h"):
+        parameters.clear_errors()

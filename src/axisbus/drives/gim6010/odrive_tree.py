@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
-from axisbus.drives.gim6010.parameters.interface import Value
+from axisbus.drives.gim6010.parameters.values import Value
 from axisbus.drives.gim6010.usb_parameters import Gone
 from axisbus.errors import AdapterError, NodeTimeout, StateError, UserError
 

@@ -15,7 +15,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Protocol
 
-from axisbus.drives.gim6010.can_simple import endpoint_messages
 from axisbus.drives.gim6010.can_simple.endpoints import (
     VERSION_ENDPOINTS,
     Endpoint,
@@ -26,8 +25,9 @@ from axisbus.drives.gim6010.can_simple.endpoints import (
 )
 from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
-from axisbus.drives.gim6010.parameters import rules, values
-from axisbus.drives.gim6010.parameters.interface import Value
+from axisbus.drives.gim6010.parameters import rules
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.parameters.values import Value
 from axisbus.errors import ArgumentError, NodeError, NodeTimeout, StateError
 
 SOURCE = "the module's own list"
@@ -46,19 +46,22 @@ _LOOK = 0.05
 _WIDEST = 8  # bytes of a value
 
 
-class UsbParameters:
-    """Parameters of one module; holds its tree, and the values written since the last save."""
+class UsbParameters(ModuleParameters):
+    """``ModuleParameters`` of one module on USB; holds its tree."""
 
     widest = _WIDEST
+    remedies = (
+        "the module limits this value, or does not accept it",
+        "write it again, and check whether the value remains after switching the module off and on",
+    )
 
     def __init__(self, tree: Tree) -> None:
         """Prepare; nothing is read before ``open``."""
+        super().__init__()
         self._tree = tree
+        self._node = 0
         self.serial = tree.serial
-        self.firmware = Firmware(0, 0, 0)
-        self.node = 0
         self._own: EndpointList | None = None
-        self._written: dict[str, Value] = {}
 
     def open(self) -> None:
         """Read its list, version and node ID; blocks.
@@ -69,7 +72,17 @@ class UsbParameters:
         nodes = [{**member, "name": path} for path, member in self._tree.members.items()]
         self._own = parse(json.dumps(nodes), SOURCE)
         self.firmware = Firmware(*(int(self.read(path)) for path in VERSION_ENDPOINTS))
-        self.node = int(self.read(rules.NODE_ID))
+        self._node = int(self.read(rules.NODE_ID))
+
+    @property
+    def node(self) -> int:
+        """Its node ID on CAN and RS485."""
+        return self._node
+
+    @property
+    def name(self) -> str:
+        """The module in messages, by its serial number."""
+        return f"module {self.serial:X}h on USB"
 
     @property
     def listed(self) -> EndpointList:
@@ -78,63 +91,38 @@ class UsbParameters:
             raise StateError("the list of the module was not read", remedy="open it first")
         return self._own
 
-    def endpoint(self, path: str) -> Endpoint:
-        """Return the description of a parameter; see ``ModuleParameters.endpoint``."""
-        return found_in(self.listed.endpoints, path, "parameter", SOURCE)
-
-    def read(self, path: str) -> Value:
-        """Return a parameter's value in RAM; see ``ModuleParameters.read``."""
-        endpoint = self.endpoint(path)
-        if not endpoint.readable:
-            raise ArgumentError(f"{endpoint.path} cannot be read", remedy="it is write-only")
-        if not rules.travels(endpoint, self.widest):
-            raise ArgumentError(f"{endpoint.path} is of type {endpoint.type}, which holds no number")
-        with self._there():
-            return self._of(endpoint.path, self._tree.read(endpoint.path))
-
-    def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
-        """Write a parameter into RAM and return the stored value; see ``ModuleParameters.write``."""
-        endpoint = self.endpoint(path)
-        rules.require_setting(endpoint, by_name=by_name)
-        endpoint_messages.value_bytes(endpoint, value, self.widest)
-        return self._put(endpoint, value)
-
     def set_node_id(self, new: int) -> None:
         """Change its node ID (0 to 63) in RAM and read it back; blocks. Does not check other nodes. Raises as ``write``."""
         if new not in NODES:
             raise ArgumentError(
                 f"{new} is not a node ID of a module", remedy="give a whole number from 0 to 63"
             )
-        self.node = int(self._put(self.endpoint(rules.NODE_ID), new))
+        self._node = int(self._put(self.endpoint(rules.NODE_ID), new))
 
-    def _put(self, endpoint: Endpoint, value: Value) -> Value:
-        self.require_idle()
+    def _fetch(self, endpoint: Endpoint) -> Value:
+        with self._there():
+            found = self._tree.read(endpoint.path)
+        if isinstance(found, bool | int | float):
+            return found
+        raise NodeError(
+            f"{self.name}: {endpoint.path} was reported as {found!r}, which is not a number", node=self.node
+        )
+
+    def _store(self, endpoint: Endpoint, value: Value) -> Value:
         with self._there():
             self._tree.write(endpoint.path, value)
-        held = self.read(endpoint.path)
-        if not values.same(held, value):
-            raise NodeError(
-                f"{self._name}: {endpoint.path} holds {values.show(held)} after {values.show(value)} was written",
-                node=self.node,
-                remedy="the module limits this value, or does not accept it",
-            )
-        self._written[endpoint.path] = held
-        return held
+        return self._fetch(endpoint)
 
-    def save(self) -> None:
-        """Save RAM to flash, wait until the module is back on its port, and verify all written values."""
+    def _save(self) -> None:
+        """Save, and wait until the module is back on its port."""
         self.save_and_leave()
         self._tree = self._tree.again(_BACK)
         firmware = self.firmware
         self.open()
-        lost = [path for path, value in self._written.items() if not values.same(self.read(path), value)]
-        if lost or firmware != self.firmware:
+        if firmware != self.firmware:
             raise NodeError(
-                f"{self._name} was saved, and has lost {', '.join(lost) or 'its firmware'}",
-                node=self.node,
-                remedy="write it again, and check whether the value remains after switching the module off and on",
+                f"{self.name} was saved, and has lost its firmware", node=self.node, remedy=self.remedies[1]
             )
-        self._written.clear()
 
     def save_and_leave(self) -> None:
         """Save like ``save``, but do not wait for the restart, for changes after which the module does not return."""
@@ -145,7 +133,7 @@ class UsbParameters:
             return
         if not self._goes():
             raise NodeError(
-                f"{self._name} got the command to save, and does not restart",
+                f"{self.name} got the command to save, and does not restart",
                 node=self.node,
                 remedy="nothing is known to be saved: read the values again after switching it off and on",
             )
@@ -163,31 +151,18 @@ class UsbParameters:
         """
         return {category: int(self.read(path)) for category, path in _WORDS.items()}
 
-    def clear_errors(self) -> None:
-        """Clear its errors; see ``ModuleParameters.clear_errors``."""
-        self.require_idle()
+    def _clear(self) -> None:
         with self._there():
             self._tree.call(self._function(_CLEAR))
-        left = self.axis_error
-        if left:
-            raise NodeError(
-                f"{self._name} got the command to clear its errors, and the error word of its axis is {left:08X}h",
-                node=self.node,
-                remedy="remove the cause first: docs/gim6010-8.md explains the bits",
-            )
 
     def require_idle(self) -> None:
         """Check that there is no power on its motor; see ``ModuleParameters.require_idle``."""
         state = int(self.read(_STATE))
         if state != IDLE:
             raise StateError(
-                f"{self._name} is in {state_words(state)}, and only one that is idle is written or saved",
+                f"{self.name} is in {state_words(state)}, and only one that is idle is written or saved",
                 remedy="stop and disable it with the program that controls it, then give the command again",
             )
-
-    @property
-    def _name(self) -> str:
-        return f"module {self.serial:X}h on USB"
 
     def _function(self, path: str) -> str:
         return found_in(self.listed.functions, path, "function", SOURCE).path
@@ -203,13 +178,6 @@ class UsbParameters:
             return True
         return False
 
-    def _of(self, path: str, found: object) -> Value:
-        if isinstance(found, bool | int | float):
-            return found
-        raise NodeError(
-            f"{self._name}: {path} was reported as {found!r}, which is not a number", node=self.node
-        )
-
     @contextmanager
     def _there(self) -> Iterator[None]:
         """Raise ``NodeTimeout`` if the module leaves its port in this block."""
@@ -217,7 +185,7 @@ class UsbParameters:
             yield
         except Gone as gone:
             raise NodeTimeout(
-                f"{self._name} is no longer there",
+                f"{self.name} is no longer there",
                 node=self.node,
                 observed=str(gone),
                 remedy="it restarts, or was unplugged: check its cable and supply, then give the command again",

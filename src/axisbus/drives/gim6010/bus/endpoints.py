@@ -22,12 +22,12 @@ from axisbus.drives.gim6010.bus.limits_by_message import ModuleByMessage
 from axisbus.drives.gim6010.can_simple import endpoint_messages
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
 from axisbus.drives.gim6010.can_simple.endpoint_messages import EndpointAnswer
-from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList, Firmware, FittedList
+from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList, Firmware
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
-from axisbus.drives.gim6010.parameters import rules, values
-from axisbus.drives.gim6010.parameters.interface import Value
+from axisbus.drives.gim6010.parameters.interface import ParametersByNumber
+from axisbus.drives.gim6010.parameters.values import Value
 from axisbus.errors import BusError, NodeError, NodeTimeout, StateError
 
 TIMEOUT = 0.1  # s for an answer
@@ -42,22 +42,17 @@ _LOOK = 0.05
 _LISTEN = 0.3  # s for the first heartbeats after a restart
 
 
-class CanSimpleParameters:
+class CanSimpleParameters(ParametersByNumber):
     """``ModuleParameters`` of one module on a channel; holds state: the answers, and the values written since the last save."""
-
-    widest = rules.NARROW
 
     def __init__(self, line: SimpleLine) -> None:
         """``line`` must not be open yet. Nothing is sent before ``open``."""
+        super().__init__()
         self.line = line
         self._answers: deque[EndpointAnswer] = deque(maxlen=64)
         self._odd: list[str] = []
         self._asked: Counter[int] = Counter()  # by endpoint: number of answers that may still come
         self._strangers = 0
-        self._fitted: FittedList | None = None
-        self.serial = 0
-        self.firmware = Firmware(0, 0, 0)
-        self.written: dict[str, Value] = {}
         for command in endpoint_messages.COMMANDS:
             line.hear(command, self._receiver(command))
 
@@ -71,71 +66,44 @@ class CanSimpleParameters:
         """
         self.line.listen()
         self.firmware = self._version()
-        self._fitted = FittedList(listed, made_for, self.firmware)
-        self._prove()
-        (self.serial,) = self._numbers((endpoint_messages.request_serial(self.line.node),))
+        self._fit(listed, made_for)
+        (self.serial,) = self._numbers((endpoint_messages.request_serial(self.node),))
 
     @property
-    def listed(self) -> EndpointList:
-        """The parameters of the module's firmware."""
-        return self._list.listed
+    def node(self) -> int:
+        """Its node ID of CAN Simple."""
+        return self.line.node
 
-    def endpoint(self, path: str) -> Endpoint:
-        """Return the description of a parameter in this firmware; see ``ModuleParameters.endpoint``."""
-        return self._list.endpoint(path)
-
-    def read(self, path: str) -> Value:
-        """Return a parameter's value in RAM; see ``ModuleParameters.read``. Blocks for at most about 0.3 s."""
-        endpoint = self._list.endpoint(path)
-        frame = endpoint_messages.read(self.line.node, self._list, path)
+    def _fetch(self, endpoint: Endpoint) -> Value:
+        """Read a value; blocks for at most about 0.3 s."""
         self.line.require_there()
+        frame = endpoint_messages.read(self.node, self._list, endpoint.path)
         return endpoint_messages.value(endpoint, self._ask(frame, endpoint.id, endpoint.path).data)
 
-    def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
-        """Write a parameter into RAM and return the value read back; see ``ModuleParameters.write``."""
-        endpoint = self._list.endpoint(path)
-        rules.require_setting(endpoint, by_name=by_name)
-        frame = endpoint_messages.write(self.line.node, self._list, path, value, by_name=by_name)
-        self.require_idle()
+    def _store(self, endpoint: Endpoint, value: Value) -> Value:
         self._require_alone()
-        self.line.send(frame)
+        # ``write`` has checked whether a protected parameter was named
+        self.line.send(endpoint_messages.write(self.node, self._list, endpoint.path, value, by_name=True))
         self.line.clock.sleep(PACE)
-        held = self.read(path)
-        if not values.same(held, value):
-            raise NodeError(
-                f"module {self.line.node}: {endpoint.path} holds {values.show(held)} after {values.show(value)} was written",
-                node=self.line.node,
-                remedy="the module refuses this value, or this parameter over CAN: try it over USB",
-            )
+        held = self._fetch(endpoint)
         self.line.require_there()
-        self.written[endpoint.path] = held
         return held
 
-    def save(self) -> None:
-        """Save RAM to flash with the message Save_Configuration, wait for the restart, and read back all written values."""
-        written = dict(self.written)
-        began = self._save()
-        self._come_back(began)
-        lost = [path for path, value in written.items() if not values.same(self.read(path), value)]
-        if lost:
-            raise NodeError(
-                f"module {self.line.node} restarted and has lost {', '.join(lost)}",
-                node=self.line.node,
-                remedy="the written values did not reach its flash: save them over USB",
-            )
-        self.written.clear()
+    def _save(self) -> None:
+        """Save with the message Save_Configuration."""
+        self._come_back(self._save_and_restart())
 
     def save_and_leave(self) -> None:
         """Save as ``save`` does, but return when the restart begins, because the module will not be reachable after it."""
-        self._save()
+        self._save_and_restart()
 
-    def _save(self) -> float:
+    def _save_and_restart(self) -> float:
         """Save and wait until the module begins to restart; return when the save was requested (s, monotonic)."""
         self.require_idle()
         self._require_alone()
         began = self.line.clock.now()
         restarts = self.line.beats.restarts
-        self.line.send(encode(self.line.node, _SAVE))
+        self.line.send(encode(self.node, _SAVE))
         self._wait_for_restart(restarts, began)
         return began
 
@@ -145,8 +113,7 @@ class CanSimpleParameters:
         last = self.line.beats.last
         return 0 if last is None else last.axis_error
 
-    def clear_errors(self) -> None:
-        """Clear the errors with a message; see ``ModuleParameters.clear_errors``."""
+    def _clear(self) -> None:
         ModuleByMessage(self.line).clear()
 
     def require_idle(self) -> None:
@@ -161,19 +128,12 @@ class CanSimpleParameters:
             state = int(self.read(_STATE))
         if state != IDLE:
             raise StateError(
-                f"module {self.line.node} is in {state_words(state)}, and only an idle module can be written or saved",
+                f"module {self.node} is in {state_words(state)}, and only an idle module can be written or saved",
                 remedy="stop and disable it with the program that controls it, then give the command again",
             )
 
-    # -- proof that the list fits ----------------------------------------------------------------------------------------------
-
-    @property
-    def _list(self) -> FittedList:
-        assert self._fitted is not None, "open it first"
-        return self._fitted
-
     def _version(self) -> Firmware:
-        major, minor, revision = self._numbers(endpoint_messages.request_version(self.line.node), again=True)
+        major, minor, revision = self._numbers(endpoint_messages.request_version(self.node), again=True)
         return Firmware(major & 0xFF, minor & 0xFF, revision & 0xFF)
 
     def _numbers(self, frames: tuple[Outgoing, ...], *, again: bool = False) -> list[int]:
@@ -187,15 +147,9 @@ class CanSimpleParameters:
                 self._require_alone()
         return found
 
-    def _prove(self) -> None:
-        found = self.read(rules.NODE_ID)
-        if found != self.line.node:
-            self._fitted = None
-            raise rules.unfitting(self.line.node, values.show(found))
-
     def _require_alone(self) -> None:
         if self._strangers:
-            raise several(self.line.node)
+            raise several(self.node)
 
     # -- one question, one answer ---------------------------------------------------------------------------------------------
 
@@ -212,8 +166,8 @@ class CanSimpleParameters:
                 return self._answers.popleft()
         self.line.require_there()
         raise NodeTimeout(
-            f"module {self.line.node} does not answer for {what}",
-            node=self.line.node,
+            f"module {self.node} does not answer for {what}",
+            node=self.node,
             observed=self._seen(),
             remedy=f"check its protocol: axisbus gim6010 find; {_USB}",
         )
@@ -232,7 +186,7 @@ class CanSimpleParameters:
         return f"{_TRIES} requests, {TIMEOUT:g} s each; {beats}{odd}"
 
     def _receiver(self, command: int) -> Receiver:
-        identifier = can_id(self.line.node, command)
+        identifier = can_id(self.node, command)
 
         def take(data: bytes, _: float) -> None:
             found = endpoint_messages.answer(identifier, data)
@@ -257,8 +211,8 @@ class CanSimpleParameters:
                 return
             self.line.clock.sleep(_LOOK)
         raise NodeError(
-            f"module {self.line.node} got the command to save, and does not restart",
-            node=self.line.node,
+            f"module {self.node} got the command to save, and does not restart",
+            node=self.node,
             observed=f"it has continued as before for {_RESTARTS:g} s",
             remedy="it is not known whether the values were saved: save over USB, or read them again after a power cycle",
         )
@@ -285,8 +239,8 @@ class CanSimpleParameters:
             except NodeError as error:  # the module is restarting, so silence is expected
                 seen = error.message
         raise NodeTimeout(
-            f"module {self.line.node} does not come back after saving",
-            node=self.line.node,
+            f"module {self.node} does not come back after saving",
+            node=self.node,
             observed=f"no sign of it in {_BACK:g} s; {seen}",
             remedy="search for it: axisbus gim6010 find; a new bit rate or protocol is active from now on",
         )

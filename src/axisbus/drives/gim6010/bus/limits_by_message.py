@@ -8,6 +8,7 @@ from axisbus.drives.gim6010.bus.can_simple_client import LISTEN, SimpleLine
 from axisbus.drives.gim6010.can_simple.codec import encode, request
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.parameters import rules
 from axisbus.errors import NodeError, StateError
 
 _LIMITS, _LINEAR, _CLEAR = (named(each) for each in ("Set_Limits", "Set_Linear_Count", "Clear_Errors"))
@@ -90,13 +91,9 @@ class ModuleByMessage:
         self.line.send(encode(self.line.node, _CLEAR))
         self.require_idle(_AFTER)
         last = self.line.beats.last
-        if last is None or last.axis_error:
-            word = "unknown" if last is None else f"{last.axis_error:08X}h"
-            raise NodeError(
-                f"module {self.line.node} got the command to clear its errors, and the error word of its axis is {word}",
-                node=self.line.node,
-                remedy="read its meaning: axisbus gim6010 errors",
-            )
+        word = None if last is None else last.axis_error
+        if word != 0:
+            raise rules.not_cleared(f"module {self.line.node}", self.line.node, word)
 
     def _ask(self) -> tuple[int, int]:
         """Return the counts; the request is a data frame of eight zeros (works without remote frames), then a remote frame."""

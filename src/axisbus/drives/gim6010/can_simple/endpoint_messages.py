@@ -78,10 +78,19 @@ def read(node: int, listed: FittedList, path: str) -> Outgoing:
         ArgumentError: the node ID is invalid, the list has no such parameter, it is not readable, or longer than four bytes.
     """
     endpoint = listed.endpoint(path)
+    require_readable(endpoint)
+    return _frame(node, _READ, endpoint.id, 0)
+
+
+def require_readable(endpoint: Endpoint, most: int = _BYTES) -> None:
+    """Check that a parameter can be read, and that its value has at most ``most`` bytes.
+
+    Raises:
+        ArgumentError: it is not readable, holds no number, or is longer.
+    """
     if not endpoint.readable:
         raise ArgumentError(f"{endpoint.path} cannot be read", remedy="it is write-only")
-    _letter(endpoint)
-    return _frame(node, _READ, endpoint.id, 0)
+    _letter(endpoint, most)
 
 
 def write(
@@ -177,7 +186,9 @@ def _check(endpoint: Endpoint, letter: str, value: Number | bool) -> None:
 
 def _letter(endpoint: Endpoint, most: int = _BYTES) -> str:
     letter = FORMATS[endpoint.type]
-    if not letter or struct.calcsize(f"<{letter}") > most:
+    if not letter:
+        raise ArgumentError(f"{endpoint.path} is of type {endpoint.type}, which holds no number")
+    if struct.calcsize(f"<{letter}") > most:
         raise ArgumentError(
             f"{endpoint.path} is of type {endpoint.type}, which does not fit into {counted(8 * most, 'bit')}",
             remedy="read or write it over USB",

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, Firmware
 from axisbus.drives.gim6010.can_simple.protected_parameters import protected
 from axisbus.drives.gim6010.parameters import rules, values
-from axisbus.drives.gim6010.parameters.interface import ModuleParameters, Value
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.parameters.values import Value
 from axisbus.errors import ArgumentError, NodeTimeout, StateError
 
 _KIND, _VERSION = "axisbus gim6010 backup", 1

@@ -6,7 +6,7 @@ import struct
 
 from axisbus.drives.gim6010.can_simple.endpoints import FORMATS, Endpoint
 from axisbus.drives.gim6010.can_simple.protected_parameters import protected
-from axisbus.errors import ArgumentError
+from axisbus.errors import ArgumentError, NodeError
 
 NODE_ID = "axis0.config.can.node_id"
 NARROW = 4  # bytes of a value over CAN Simple and Modbus
@@ -73,4 +73,14 @@ def unfitting(node: int, found: object) -> ArgumentError:
         f"the list does not fit module {node}: by it the module's node ID is {found}",
         observed="the version is the same, and the numbers of its endpoints are not",
         remedy="get the list of this firmware version from the manufacturer; nothing was written",
+    )
+
+
+def not_cleared(name: str, node: int, word: int | None) -> NodeError:
+    """Return the error of a module ``name`` whose axis still has an error word (None: unknown) after its errors were cleared."""
+    left = "unknown" if word is None else f"{word:08X}h"
+    return NodeError(
+        f"{name} got the command to clear its errors, and the error word of its axis is {left}",
+        node=node,
+        remedy="read its meaning: axisbus gim6010 errors",
     )

@@ -6,8 +6,9 @@ import math
 import struct
 
 from axisbus.drives.gim6010.can_simple.endpoints import Endpoint
-from axisbus.drives.gim6010.parameters.interface import Value
 from axisbus.errors import ArgumentError
+
+Value = int | float | bool
 
 _BOOLEANS = {"true": True, "1": True, "on": True, "false": False, "0": False, "off": False}
 _WILD = {"nan", "inf", "-inf"}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from axisbus.drives.gim6010.parameters.interface import ModuleParameters, Value
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.parameters.values import Value
 from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
 from axisbus.errors import ArgumentError, StateError
 

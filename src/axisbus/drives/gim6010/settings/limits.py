@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from axisbus.drives.gim6010.can_simple.messages import HIGHEST_CURRENT
-from axisbus.drives.gim6010.parameters.interface import Value
+from axisbus.drives.gim6010.parameters.values import Value
 from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
 from axisbus.errors import ArgumentError, LimitError
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from axisbus.drives.gim6010.can_simple.endpoint_messages import value_bytes
 from axisbus.drives.gim6010.parameters import rules, values
-from axisbus.drives.gim6010.parameters.interface import ModuleParameters, Value
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.parameters.values import Value
 
 Tell = Callable[[str], None]
 

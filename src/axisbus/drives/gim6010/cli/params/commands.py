@@ -16,8 +16,8 @@ from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.parameters.backup import RestorePlan
-    from axisbus.drives.gim6010.parameters.interface import ModuleParameters, Value
-
+    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.parameters.values import Value
 
 # -- ``axisbus gim6010 params get``: read parameters by name -----------------------------------------------------------
 
