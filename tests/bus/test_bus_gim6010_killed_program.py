@@ -13,8 +13,7 @@ from axisbus.drives.gim6010.bus.node_id import set_node_id
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.drives.gim6010.discovery import report_text
 from axisbus.drives.gim6010.discovery.finder import ProbeScope
-from axisbus.drives.gim6010.settings import bitrate
-from axisbus.drives.gim6010.settings.parameter_batch import apply
+from axisbus.drives.gim6010.settings.parameter_settings import apply, bit_rate
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
 from axisbus.drives.gim6010.sim.module import Module
 from kit.module_search import search
@@ -46,7 +45,7 @@ def to_canopen(channel):
 
 def set_bitrate(channel):
     def act(module):
-        apply(module, bitrate.wanted(1_000_000), lambda _: None)
+        apply(module, bit_rate(1_000_000), lambda _: None)
         module.save_and_leave()
 
     parameters(channel, act)

@@ -148,6 +148,24 @@ def test_limits_termination_watchdogs_and_rate(over, module):
     assert (code, module.usb_read("can.config.baud_rate")) == (0, 500000), err
 
 
+@pytest.mark.parametrize(
+    ("typed", "repeated"),
+    [
+        (("limits", "--velocity", "12.50"), "limits --velocity 12.5"),
+        (("watchdog", "--break-timeout", "500ms"), "watchdog --break-timeout 0.5s"),
+        (("watchdog", "--off"), "watchdog --off"),
+        (("termination", "on"), "termination on"),
+        (("endstops", "--min", "on", "--max", "off"), "endstops --min on --max off"),
+        (("brake-resistor", "--ohm", 2, "--ramp", 26, 27.5), "brake-resistor --ohm 2 --ramp 26 27.5"),
+        (("brake-resistor", "--off"), "brake-resistor --off"),
+    ],
+)
+def test_the_command_that_saves_a_setting_is_printed(over, typed, repeated):
+    code, out, err = over(*typed)
+    assert code == 0, err
+    assert out.splitlines()[-1].endswith(f"save it: axisbus gim6010 {repeated} --usb --save")
+
+
 def test_errors_are_printed_by_name(over, module):
     assert over("errors") == (0, "no error\n", "")
     module.dials.motor_error = 0x40

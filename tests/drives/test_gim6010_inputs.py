@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.settings import brake_resistor, endstops
+from axisbus.drives.gim6010.settings.parameter_settings import brake_resistor, endstops
 from axisbus.drives.gim6010.settings.pulse_inputs import Follows, Mapping, Pulses
 from axisbus.errors import ArgumentError, LimitError
 
@@ -85,7 +85,7 @@ def test_invalid_pulses_are_refused(given_):
 
 
 def test_a_brake_resistor_is_switched_on_last_and_its_power_is_reported():
-    wanted = brake_resistor.wanted(2.0, 0.0, (26.0, 28.0))
+    wanted = brake_resistor(2.0, 0.0, (26.0, 28.0))
     assert [path.removeprefix("config.") for path, _ in wanted.values] == [
         "brake_resistance",
         "max_regen_current",
@@ -113,15 +113,15 @@ def test_a_brake_resistor_is_switched_on_last_and_its_power_is_reported():
 )
 def test_an_invalid_brake_resistor_is_refused(given_):
     with pytest.raises(ArgumentError):
-        brake_resistor.wanted(*given_)
+        brake_resistor(*given_)
 
 
 def test_a_switch_gets_its_pin_before_it_is_switched_on():
-    assert endstops.wanted(True, False).values == (
+    assert endstops(True, False).values == (
         ("axis0.min_endstop.config.gpio_num", 1),
         ("axis0.min_endstop.config.enabled", True),
         ("axis0.max_endstop.config.enabled", False),
     )
-    assert endstops.wanted(None, True).values[0] == ("axis0.max_endstop.config.gpio_num", 2)
+    assert endstops(None, True).values[0] == ("axis0.max_endstop.config.gpio_num", 2)
     with pytest.raises(ArgumentError, match="no switch"):
-        endstops.wanted(None, None)
+        endstops(None, None)

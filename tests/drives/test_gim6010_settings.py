@@ -8,8 +8,18 @@ import pytest
 
 from axisbus.drives.gim6010.discovery.finder import ProbeScope
 from axisbus.drives.gim6010.discovery.results import findings
-from axisbus.drives.gim6010.settings import bitrate, limits, termination, watchdog, zero
-from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch, apply, shown
+from axisbus.drives.gim6010.settings import watchdog, zero
+from axisbus.drives.gim6010.settings.parameter_settings import (
+    PATHS,
+    ParameterBatch,
+    apply,
+    bit_rate,
+    check,
+    limits,
+    require_alone,
+    shown,
+    termination,
+)
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError, LimitError, NodeError, StateError
@@ -41,14 +51,14 @@ def applied(wanted, module=None, **more):
 @pytest.mark.parametrize(
     ("wanted", "held"),
     [
-        (termination.wanted(on=False), {R120: 0}),
-        (termination.wanted(on=True), {R120: 1}),
-        (limits.wanted(20.0, 15.0), {VEL: 20.0, CUR: 15.0}),
-        (limits.wanted(None, 50.0), {VEL: 30.0, CUR: 50.0}),
+        (termination(on=False), {R120: 0}),
+        (termination(on=True), {R120: 1}),
+        (limits(20.0, 15.0), {VEL: 20.0, CUR: 15.0}),
+        (limits(None, 50.0), {VEL: 30.0, CUR: 50.0}),
         (watchdog.wanted(0.5, None), {BREAK: 500, WATCH: 0, WATCH_TIME: 0.0}),
         (watchdog.wanted(None, 0.25), {BREAK: 0, WATCH: 1, WATCH_TIME: 0.25}),
         (watchdog.wanted(65.535, 2.0), {BREAK: 65535, WATCH: 1, WATCH_TIME: 2.0}),
-        (bitrate.wanted(1_000_000), {BAUD: 1_000_000}),
+        (bit_rate(1_000_000), {BAUD: 1_000_000}),
     ],
     ids=lambda each: ",".join(map(str, each)) if isinstance(each, dict) else "",
 )
@@ -69,11 +79,11 @@ def test_the_watchdogs_are_switched_off_both():
 
 
 def test_present_values_are_shown():
-    assert list(shown(PlainParameters(Module(5)), limits.PATHS)) == [f"{VEL} = 30", f"{CUR} = 45"]
+    assert list(shown(PlainParameters(Module(5)), PATHS["limits"])) == [f"{VEL} = 30", f"{CUR} = 45"]
 
 
 def test_the_changes_of_a_setting_are_also_printed_as_steps_over_usb():
-    steps = termination.wanted(on=False).over_usb
+    steps = termination(on=False).over_usb
     assert f"odrv0.{R120} = False" in steps
     assert steps[-1].startswith("odrv0.save_configuration()")
     assert [step for step in watchdog.wanted(0.5, None).over_usb if BREAK in step] == [f"odrv0.{BREAK} = 500"]
@@ -82,13 +92,13 @@ def test_the_changes_of_a_setting_are_also_printed_as_steps_over_usb():
 @pytest.mark.parametrize(
     ("make", "error"),
     [
-        (lambda: limits.wanted(None, None), ArgumentError),
-        (lambda: limits.wanted(0.0, None), ArgumentError),
-        (lambda: limits.wanted(-1.0, 10.0), ArgumentError),
-        (lambda: limits.wanted(math.nan, None), ArgumentError),
-        (lambda: limits.wanted(math.inf, None), ArgumentError),
-        (lambda: limits.wanted(1.0, 50.001), LimitError),
-        (lambda: limits.wanted(1.0, 0.0), ArgumentError),
+        (lambda: limits(None, None), ArgumentError),
+        (lambda: limits(0.0, None), ArgumentError),
+        (lambda: limits(-1.0, 10.0), ArgumentError),
+        (lambda: limits(math.nan, None), ArgumentError),
+        (lambda: limits(math.inf, None), ArgumentError),
+        (lambda: limits(1.0, 50.001), LimitError),
+        (lambda: limits(1.0, 0.0), ArgumentError),
         (lambda: watchdog.wanted(None, None), ArgumentError),
         (lambda: watchdog.wanted(0.0, None), ArgumentError),
         (lambda: watchdog.wanted(0.0004, None), ArgumentError),
@@ -97,8 +107,8 @@ def test_the_changes_of_a_setting_are_also_printed_as_steps_over_usb():
         (lambda: watchdog.wanted(math.nan, None), ArgumentError),
         (lambda: watchdog.wanted(None, 0.0), ArgumentError),
         (lambda: watchdog.wanted(None, math.inf), ArgumentError),
-        (lambda: bitrate.wanted(300_000), ArgumentError),
-        (lambda: bitrate.wanted(0), ArgumentError),
+        (lambda: bit_rate(300_000), ArgumentError),
+        (lambda: bit_rate(0), ArgumentError),
     ],
 )
 def test_no_missing_setting_is_guessed(make, error):
@@ -119,17 +129,17 @@ def test_no_setting_is_written_if_one_of_several_is_invalid():
 
 def test_a_setting_that_the_module_does_not_accept_is_reported():
     with pytest.raises(NodeError):
-        applied(termination.wanted(on=False), stubborn=[R120])
+        applied(termination(on=False), stubborn=[R120])
 
 
 def test_an_enabled_module_is_left_alone():
     bench = Bench(Module(5))
     bench.enable()
     for wanted in (
-        termination.wanted(on=False),
-        limits.wanted(1.0, 1.0),
+        termination(on=False),
+        limits(1.0, 1.0),
         watchdog.off(),
-        bitrate.wanted(1_000_000),
+        bit_rate(1_000_000),
     ):
         with pytest.raises(StateError):
             applied(wanted, bench.module)
@@ -137,14 +147,14 @@ def test_an_enabled_module_is_left_alone():
 
 
 def test_a_resistor_on_another_pin_is_not_switched():
-    termination.require_switch(PlainParameters(Module(5)))
+    check(PlainParameters(Module(5)), termination(on=False))
     with pytest.raises(StateError, match="r120_gpio_num is 6"):
-        termination.require_switch(PlainParameters(Module(5, r120_gpio_num=6)))
+        check(PlainParameters(Module(5, r120_gpio_num=6)), termination(on=False))
 
 
 def test_rates_that_the_manual_does_not_name_are_reported():
-    assert all(bitrate.wanted(rate).notes == () for rate in (500_000, 1_000_000))
-    assert "over USB only" in bitrate.wanted(250_000).notes[0]
+    assert all(bit_rate(rate).notes == () for rate in (500_000, 1_000_000))
+    assert "over USB only" in bit_rate(250_000).notes[0]
 
 
 # -- another bit rate ----------------------------------------------------------------------------------------------------------
@@ -156,7 +166,7 @@ def surveyed(*modules, **more):
 
 
 def test_a_module_that_is_alone_gets_another_rate():
-    bitrate.require_alone(*surveyed(Module(5)), 5)
+    require_alone(*surveyed(Module(5)), 5)
 
 
 @pytest.mark.parametrize(
@@ -170,13 +180,13 @@ def test_a_module_that_is_alone_gets_another_rate():
 )
 def test_the_bit_rate_is_not_changed_if_the_module_is_not_alone(others):
     with pytest.raises(StateError, match="not alone"):
-        bitrate.require_alone(*surveyed(Module(16), *others), 16)
+        require_alone(*surveyed(Module(16), *others), 16)
 
 
 def test_foreign_traffic_counts_as_another_node():
     found = surveyed(Module(16), strangers=lambda _: [(0x7E9, b"1")])
     with pytest.raises(StateError, match="7E9h"):
-        bitrate.require_alone(*found, 16)
+        require_alone(*found, 16)
 
 
 def found_at_rate(module, rate):
@@ -191,7 +201,7 @@ def test_cut_off_at_each_step_it_is_found_at_one_rate(cut, at):
     module = Module(5, dials=ModuleDials(line_bitrate=500_000))
     found = PlainParameters(module, cut=cut)
     try:
-        apply(found, bitrate.wanted(1_000_000), lambda _: None)
+        apply(found, bit_rate(1_000_000), lambda _: None)
         found.save()
     except Cut:
         assert cut is not None

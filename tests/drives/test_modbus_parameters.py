@@ -8,7 +8,7 @@ from axisbus.drives.gim6010.can_simple.endpoints import Firmware
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 from axisbus.drives.gim6010.settings import zero
-from axisbus.drives.gim6010.settings.parameter_batch import apply
+from axisbus.drives.gim6010.settings.parameter_settings import apply
 from axisbus.drives.gim6010.sim import firmware
 from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
 from axisbus.errors import ArgumentError, NodeError, StateError

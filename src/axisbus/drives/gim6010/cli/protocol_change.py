@@ -66,7 +66,7 @@ def _by_another_way(asked: ModuleSelection) -> int:
     from axisbus.drives.gim6010 import node_id_preconditions
     from axisbus.drives.gim6010.cli.settings.common import put
     from axisbus.drives.gim6010.parameters import rules
-    from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
+    from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
 
     with opened(asked) as module:
         node_id_preconditions.require_canopen((), int(module.read(rules.NODE_ID)))
@@ -154,7 +154,7 @@ def to_can_simple_command(
 
 def _to_can_simple_over_usb(usb: str) -> int:
     from axisbus.drives.gim6010.cli.settings.common import put
-    from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
+    from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
 
     with on_usb(usb) as module:
         put(module, ParameterBatch(((_TO_CAN_SIMPLE_PROTOCOL, _CAN_SIMPLE),)), save=True)

@@ -17,7 +17,7 @@ from axisbus.drives.gim6010.can_simple import endpoint_messages
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware, FittedList
 from axisbus.drives.gim6010.discovery.questions import ProbeFrame, SimpleFacts, endpoint
 from axisbus.drives.gim6010.parameters import rules, values
-from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
+from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
 from axisbus.errors import ArgumentError
 
 BREAK = "can.config.break_timeout"

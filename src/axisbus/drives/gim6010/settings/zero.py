@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 
 from axisbus.drives.gim6010.parameters.interface import ModuleParameters
-from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
+from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
 from axisbus.errors import NodeError, StateError
 
 OFFSET, USED = "axis0.encoder.config.index_offset", "axis0.encoder.config.use_index_offset"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -20,12 +20,16 @@ from axisbus.drives.gim6010.cli.ports import modbus_words_of as words_of
 from axisbus.drives.gim6010.cli.ports import usb_words_of as usb_words
 
 if TYPE_CHECKING:
+    from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
     from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
+    from axisbus.drives.gim6010.bus.limits_by_message import ModuleByMessage
     from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware
     from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
     from axisbus.drives.gim6010.parameters.backup import ParameterBackup
     from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+
+_Client = TypeVar("_Client")
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,23 +106,41 @@ def opened(asked: ModuleSelection) -> Iterator[ModuleParameters]:
             yield module
         return
     listed, made_for = list_of(asked)
-    with _over_can(asked) if asked.serial is None else _over_modbus(asked.serial) as listing:
+    with _by_endpoints(asked) if asked.serial is None else _over_modbus(asked.serial) as listing:
         listing.open(listed, made_for)
         yield listing
 
 
 @contextmanager
-def _over_can(asked: ModuleSelection) -> Iterator[CanSimpleParameters]:
+def _over_can(asked: ModuleSelection, make: Callable[[SimpleLine], _Client]) -> Iterator[_Client]:
+    """Make a client of the module on its bus, before its connection is opened."""
     if asked.node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
     asked.line.check()
     from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
-    from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
 
     with ExitStack() as stack:
         line = SimpleLine(open_bus(stack, None, *asked.line), asked.node)
-        module = CanSimpleParameters(line)
+        client = make(line)
         stack.enter_context(line)
+        yield client
+
+
+@contextmanager
+def by_message(asked: ModuleSelection) -> Iterator[ModuleByMessage]:
+    """Open the module to set it by messages alone, without a list of endpoints; raises as ``opened``."""
+    require_can(asked, "it is a message of CAN Simple")
+    from axisbus.drives.gim6010.bus.limits_by_message import ModuleByMessage
+
+    with _over_can(asked, ModuleByMessage) as module:
+        yield module
+
+
+@contextmanager
+def _by_endpoints(asked: ModuleSelection) -> Iterator[CanSimpleParameters]:
+    from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
+
+    with _over_can(asked, CanSimpleParameters) as module:
         yield module
 
 

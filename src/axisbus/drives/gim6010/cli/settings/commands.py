@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.options import Seconds
-from axisbus.drives.gim6010.cli.params.module import ModuleSelection, module_options
-from axisbus.drives.gim6010.cli.settings.common import end, over_usb, put, save_option, show, with_module
+from axisbus.drives.gim6010.cli.params.module import ModuleSelection, by_message, module_options
+from axisbus.drives.gim6010.cli.settings.common import change, end, over_usb, save_option, show, typed
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
@@ -33,26 +32,18 @@ def limits_command(asked: ModuleSelection, velocity: float | None, current: floa
     one message (Set_Limits) that owners have seen to work, but that nothing confirms: the limits apply until the next start,
     and --save is refused. Over --modbus they are registers, read back.
     """
-    from axisbus.drives.gim6010.settings import limits
+    from axisbus.drives.gim6010.settings.parameter_settings import PATHS, limits
 
     if velocity is None and current is None:
-        return show(asked, limits.PATHS)
-    wanted = limits.wanted(velocity, current)
+        return show(asked, PATHS["limits"])
+    wanted = limits(velocity, current)
     _say_output(velocity)
+    given = {"velocity": velocity, "current": current}
     if asked.listed is None and asked.serial is not None:
-        return _by_register(asked, asked.serial, {"velocity": velocity, "current": current}, save=save)
+        return _by_register(asked, asked.serial, given, save=save)
     if asked.listed is None and asked.usb is None:
         return _by_message(asked, velocity, current, save=save)
-    code = with_module(asked, lambda module: put(module, wanted, save=save), wanted.over_usb)
-    if code == OK:
-        end(asked, _typed({"velocity": velocity, "current": current}), saved=save)
-    return code
-
-
-def _typed(limits: Mapping[str, float | None]) -> str:
-    return " ".join(
-        ["limits", *(f"--{name} {value:g}" for name, value in limits.items() if value is not None)]
-    )
+    return change(asked, wanted, typed("limits", given), save=save)
 
 
 def _by_register(
@@ -69,7 +60,7 @@ def _by_register(
             say(f"{name} = {show(named(name), module.write(name, value))} (was {before})")
         if save:
             module.save()
-    end(asked, _typed(limits), saved=save)
+    end(asked, typed("limits", limits), saved=save)
     return OK
 
 
@@ -91,13 +82,7 @@ def _by_message(asked: ModuleSelection, velocity: float | None, current: float |
         raise click.UsageError(
             "unconfirmed limits are not saved: give the firmware's list with --list, or save over USB"
         )
-    from axisbus.drives.gim6010.bus.limits_by_message import ModuleByMessage
-    from axisbus.drives.gim6010.cli.settings.message_client import line_of
-
-    with ExitStack() as stack:
-        line = line_of(asked, stack)
-        module = ModuleByMessage(line)
-        stack.enter_context(line)
+    with by_message(asked) as module:
         module.set_limits(velocity, current)
     say(
         f"sent to module {asked.node}: {velocity:g} turns/s and {current:g} A; nothing confirms it, and its next start undoes it"
@@ -134,17 +119,14 @@ def watchdog_command(
         return show(asked, watchdog.PATHS)
     wanted = watchdog.off() if switched_off else watchdog.wanted(broken, axis)
 
-    def act(module: ModuleParameters) -> None:
-        put(module, wanted, save=save)
-        if switched_off and not save:
-            _clear(module)
-
-    code = with_module(asked, act, wanted.over_usb)
-    if code == OK:
-        given = (("--break-timeout", broken), ("--axis-timeout", axis))
-        times = " ".join(f"{name} {value:g}s" for name, value in given if value is not None)
-        end(asked, f"watchdog {times or '--off'}", saved=save)
-    return code
+    given = {"break-timeout": broken, "axis-timeout": axis}
+    return change(
+        asked,
+        wanted,
+        "watchdog --off" if switched_off else typed("watchdog", given, unit="s"),
+        save=save,
+        afterwards=_clear if switched_off and not save else None,
+    )
 
 
 def _clear(module: ModuleParameters) -> None:
@@ -170,20 +152,11 @@ def termination_command(asked: ModuleSelection, state: str | None, save: bool) -
     Written as a parameter and read back, only to a module that is idle. If it answers no endpoint, the steps over USB are
     shown.
     """
-    from axisbus.drives.gim6010.settings import termination
+    from axisbus.drives.gim6010.settings.parameter_settings import PATHS, termination
 
     if state is None:
-        return show(asked, (termination.ENABLED, termination.PIN))
-    wanted = termination.wanted(on=state == "on")
-
-    def act(module: ModuleParameters) -> None:
-        termination.require_switch(module)
-        put(module, wanted, save=save)
-
-    code = with_module(asked, act, wanted.over_usb)
-    if code == OK:
-        end(asked, f"termination {state}", saved=save)
-    return code
+        return show(asked, PATHS["termination"])
+    return change(asked, termination(on=state == "on"), f"termination {state}", save=save)
 
 
 # -- ``axisbus gim6010 endstops``: the module's own two limit switches -------------------------------------------------
@@ -202,22 +175,12 @@ def endstops_command(asked: ModuleSelection, lowest: str | None, highest: str | 
 
     Written as parameters and read back, only to a module that is idle. Refused for hardware that has none (3.7).
     """
-    from axisbus.drives.gim6010.settings import endstops
+    from axisbus.drives.gim6010.settings.parameter_settings import PATHS, endstops
 
     if lowest is None and highest is None:
-        return show(asked, endstops.PATHS)
-    wanted = endstops.wanted(*(None if each is None else each == "on" for each in (lowest, highest)))
-
-    def act(module: ModuleParameters) -> None:
-        endstops.require_hardware(module)
-        put(module, wanted, save=save)
-
-    code = with_module(asked, act, wanted.over_usb)
-    if code == OK:
-        given = (("--min", lowest), ("--max", highest))
-        words = " ".join(f"{name} {state}" for name, state in given if state is not None)
-        end(asked, f"endstops {words}", saved=save)
-    return code
+        return show(asked, PATHS["endstops"])
+    wanted = endstops(*(None if each is None else each == "on" for each in (lowest, highest)))
+    return change(asked, wanted, typed("endstops", {"min": lowest, "max": highest}), save=save)
 
 
 # -- ``axisbus gim6010 brake-resistor``: the resistor that dissipates the energy of a braking motor --------------------
@@ -254,33 +217,20 @@ def brake_resistor_command(
     --ohm goes with --max-regen, with --ramp, or with both. Written as parameters and read back, only to a module that is idle.
     A ramp that ends above the module's own overvoltage limit is refused.
     """
-    from axisbus.drives.gim6010.settings import brake_resistor as resistor
+    from axisbus.drives.gim6010.settings.parameter_settings import PATHS, brake_resistor, no_brake_resistor
 
-    given = ohm is not None or max_regen is not None or ramp is not None
-    if switched_off and given:
+    given = {"ohm": ohm, "max-regen": max_regen, "ramp": ramp}
+    is_given = any(value is not None for value in given.values())
+    if switched_off and is_given:
         raise click.UsageError("--off excludes all other options")
-    if not switched_off and not given:
-        return show(asked, resistor.PATHS)
-    if not switched_off and ohm is None:
-        raise click.UsageError("give the resistance with --ohm")
-    wanted = resistor.off() if ohm is None else resistor.wanted(ohm, max_regen, ramp)
-
-    def act(module: ModuleParameters) -> None:
-        resistor.require_below_trip(module, ramp)
-        put(module, wanted, save=save)
-
-    code = with_module(asked, act, wanted.over_usb)
-    if code == OK:
-        end(asked, f"brake-resistor {_brake_resistor_typed(ohm, max_regen, ramp)}", saved=save)
-    return code
-
-
-def _brake_resistor_typed(ohm: float | None, max_regen: float | None, ramp: Ramp | None) -> str:
+    if switched_off:
+        return change(asked, no_brake_resistor(), "brake-resistor --off", save=save)
+    if not is_given:
+        return show(asked, PATHS["brake-resistor"])
     if ohm is None:
-        return "--off"
-    current = "" if max_regen is None else f" --max-regen {max_regen:g}"
-    volts = "" if ramp is None else f" --ramp {ramp[0]:g} {ramp[1]:g}"
-    return f"--ohm {ohm:g}{current}{volts}"
+        raise click.UsageError("give the resistance with --ohm")
+    wanted = brake_resistor(ohm, max_regen, ramp)
+    return change(asked, wanted, typed("brake-resistor", given), save=save)
 
 
 # -- ``axisbus gim6010 pulses``: the meaning of a pulse of pulse and direction, and how to configure it ----------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -14,7 +14,7 @@ from axisbus.errors import NodeError
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.parameters.interface import ModuleParameters
-    from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
+    from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
 
 Act = Callable[["ModuleParameters"], None]
 
@@ -54,7 +54,7 @@ def with_module(asked: ModuleSelection, act: Act, steps: Sequence[str]) -> int:
 
 def show(asked: ModuleSelection, paths: tuple[str, ...]) -> int:
     """Print the present values of parameters."""
-    from axisbus.drives.gim6010.settings.parameter_batch import shown
+    from axisbus.drives.gim6010.settings.parameter_settings import shown
 
     def act(module: ModuleParameters) -> None:
         for line in shown(module, paths):
@@ -65,7 +65,7 @@ def show(asked: ModuleSelection, paths: tuple[str, ...]) -> int:
 
 def put(module: ModuleParameters, wanted: ParameterBatch, *, save: bool) -> None:
     """Write all parameters, and save them if requested; if that fails midway, print which are in RAM."""
-    from axisbus.drives.gim6010.settings.parameter_batch import apply
+    from axisbus.drives.gim6010.settings.parameter_settings import apply
 
     told: list[str] = []
 
@@ -85,6 +85,43 @@ def put(module: ModuleParameters, wanted: ParameterBatch, *, save: bool) -> None
         raise
     for note in wanted.notes:
         say(f"  note: {note}")
+
+
+def change(
+    asked: ModuleSelection,
+    wanted: ParameterBatch,
+    command: str,
+    *,
+    save: bool,
+    afterwards: Act | None = None,
+) -> int:
+    """Write all parameters, and save them if requested; print how to save them with ``command``, as ``typed``."""
+
+    def act(module: ModuleParameters) -> None:
+        put(module, wanted, save=save)
+        if afterwards is not None:
+            afterwards(module)
+
+    code = with_module(asked, act, wanted.over_usb)
+    if code == OK:
+        end(asked, command, saved=save)
+    return code
+
+
+def typed(command: str, options: Mapping[str, object], unit: str = "") -> str:
+    """Return a command with its options as typed, without those that were not given; times have a ``unit``."""
+    return " ".join(
+        [
+            command,
+            *(f"--{name} {_value(value)}{unit}" for name, value in options.items() if value is not None),
+        ]
+    )
+
+
+def _value(value: object) -> str:
+    if isinstance(value, tuple):
+        return " ".join(map(_value, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def end(asked: ModuleSelection, command: str, *, saved: bool) -> None:

@@ -28,9 +28,9 @@ def command(asked: ModuleSelection, rate: int) -> int:
     --modbus and --usb there is no search: the rate is that of its CAN interface, which need not be connected.
     """
     from axisbus.drives.gim6010 import node_id_preconditions
-    from axisbus.drives.gim6010.settings import bitrate
+    from axisbus.drives.gim6010.settings.parameter_settings import BIT_RATE, bit_rate, require_alone
 
-    wanted, node = bitrate.wanted(rate), asked.node
+    wanted, node = bit_rate(rate), asked.node
     require_list(asked)
     if not asked.over_can:
         with opened(asked) as module:
@@ -41,10 +41,10 @@ def command(asked: ModuleSelection, rate: int) -> int:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
     finder, found = survey(asked.line)
     node_id_preconditions.require_one(finder, found, node)
-    bitrate.require_alone(finder, found, node)
+    require_alone(finder, found, node)
     try:
         with opened(asked) as module:
-            if module.read(bitrate.PATH) == rate:
+            if module.read(BIT_RATE) == rate:
                 say(
                     f"module {node} already has {rate} bit/s, in RAM; its next start restores the rate of its flash"
                 )

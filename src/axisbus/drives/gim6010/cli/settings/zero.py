@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import time
-from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.shared.common import OK, say
-from axisbus.drives.gim6010.cli.params.module import ModuleSelection, module_options
+from axisbus.drives.gim6010.cli.params.module import ModuleSelection, by_message, module_options
 from axisbus.drives.gim6010.cli.settings.common import over_usb, put, with_module
 from axisbus.errors import StateError
 
@@ -65,13 +64,7 @@ def set_zero(module: ModuleParameters) -> None:
 
 
 def _until_restart(asked: ModuleSelection) -> int:
-    from axisbus.drives.gim6010.bus.limits_by_message import ModuleByMessage
-    from axisbus.drives.gim6010.cli.settings.message_client import line_of
-
-    with ExitStack() as stack:
-        line = line_of(asked, stack)
-        module = ModuleByMessage(line)
-        stack.enter_context(line)
+    with by_message(asked) as module:
         module.set_zero()
     say(f"module {asked.node} counts from 0 at its present position, until its next start")
     return OK
