@@ -9,9 +9,8 @@ import click
 
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
-from axisbus.cli.shared.options import bus_options
 from axisbus.drives.gim6010.cli.confirm import ask, end_by, yes_option
-from axisbus.drives.gim6010.cli.discovery import BusOptions, without_remote
+from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, without_remote
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
@@ -23,15 +22,12 @@ PRE_CALIBRATED = ("axis0.motor.config.pre_calibrated", "axis0.encoder.config.pre
 
 @click.command("calibrate")
 @click.argument("what", type=click.Choice(["motor", "encoder", "full"]))
-@bus_options
+@line_options
 @click.option("--node", required=True, type=click.IntRange(0, 63), help="The module's node ID.")
 @yes_option
 def command(
     what: str,
-    interface: str | None,
-    channel: str | None,
-    bitrate: int | None,
-    option: tuple[str, ...],
+    line: BusOptions,
     node: int,
     yes: bool,
 ) -> int:
@@ -47,7 +43,7 @@ def command(
     from axisbus.drives.gim6010.calibration.kinds import CalibrationKind, explanation
     from axisbus.drives.gim6010.calibration.procedure_run import Calibration
 
-    line, kind = BusOptions(interface, channel, bitrate, option), CalibrationKind[what.upper()]
+    kind = CalibrationKind[what.upper()]
     line.check()
     ask(explanation(kind, node), yes=yes)
     calibration = Calibration(node, kind, remote=not without_remote(line))

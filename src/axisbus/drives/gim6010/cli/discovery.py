@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import open_bus, opening_of, require_rate
-from axisbus.cli.shared.options import bus_words, parse_options
+from axisbus.cli.shared.options import Decorated, bus_options, bus_words, parse_options
 
 if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import BitRateTraffic
@@ -49,6 +50,29 @@ class BusOptions(NamedTuple):
         from axisbus.bus.link import other_rates
 
         return other_rates.possible(self.interface or "", parse_options(self.option))
+
+
+def line_options(function: Decorated) -> Decorated:
+    """Add the bus options to a command, as the outermost of its options; it gets them together as ``line``."""
+
+    @functools.wraps(function)
+    def packed(
+        interface: str | None, channel: str | None, bitrate: int | None, option: tuple[str, ...], **rest: Any
+    ) -> Any:
+        return function(line=BusOptions(interface, channel, bitrate, option), **rest)
+
+    return bus_options(packed)
+
+
+def require_node(node: int | None) -> int:
+    """Return the node ID of the option --node.
+
+    Raises:
+        UsageError: it is not given.
+    """
+    if node is None:
+        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
+    return node
 
 
 def without_remote(line: BusOptions) -> bool:

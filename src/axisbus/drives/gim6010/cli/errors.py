@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_json
-from axisbus.cli.shared.options import bus_options
-from axisbus.drives.gim6010.cli.discovery import BusOptions, look
+from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, look
 from axisbus.drives.gim6010.cli.modbus.registers import tell_errors as over_modbus
 from axisbus.drives.gim6010.cli.ports import modbus_options, on_usb, usb_options
 
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command("errors")
-@bus_options
+@line_options
 @modbus_options
 @usb_options
 @click.option("--node", type=click.IntRange(0, 127), help="The module's node ID.")
@@ -31,10 +30,7 @@ if TYPE_CHECKING:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the errors as JSON.")
 def command(
-    interface: str | None,
-    channel: str | None,
-    bitrate: int | None,
-    option: tuple[str, ...],
+    line: BusOptions,
     node: int | None,
     serial: ModbusTarget | None,
     usb: str | None,
@@ -59,7 +55,7 @@ def command(
         raise click.UsageError("give the module's node ID with --node, or a word with --word axis=0x40")
     if serial is not None:
         return over_modbus(serial, as_json=as_json)
-    found = _ours(BusOptions(interface, channel, bitrate, option), node)
+    found = _ours(line, node)
     if as_json:
         say_json([each.plain for each in found])
     for each in () if as_json else found:
@@ -68,7 +64,7 @@ def command(
     if not found:
         say_error(
             f"no module with node ID {node} was heard, and none answers a request\n"
-            f"  remedy:   list the modules: axisbus gim6010 find {BusOptions(interface, channel, bitrate, option).words}"
+            f"  remedy:   list the modules: axisbus gim6010 find {line.words}"
         )
         return FAILURE
     return WRONG if any(each.errors for each in found) else OK

@@ -9,8 +9,7 @@ import click
 from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
-from axisbus.cli.shared.options import bus_options
-from axisbus.drives.gim6010.cli.discovery import BusOptions, look
+from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, look
 
 if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import BitRateTraffic
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command("find")
-@bus_options
+@line_options
 @click.option(
     "--ask",
     type=click.Choice(["none", "heard", "all"]),
@@ -27,10 +26,7 @@ if TYPE_CHECKING:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
 def command(
-    interface: str | None,
-    channel: str | None,
-    bitrate: int | None,
-    option: tuple[str, ...],
+    line: BusOptions,
     ask: str | None,
     as_json: bool,
 ) -> int:
@@ -46,7 +42,7 @@ def command(
     from axisbus.drives.gim6010.discovery.results import findings
 
     asked = {None: None, "none": ProbeScope.NOBODY, "heard": ProbeScope.HEARD, "all": ProbeScope.ALL}[ask]
-    line, finder = BusOptions(interface, channel, bitrate, option), Finder(ask=asked)
+    finder = Finder(ask=asked)
     elsewhere = look(line, finder, quiet=as_json)
     found = findings(finder)
     if as_json:

@@ -50,9 +50,10 @@ def _target(port: str | None, parity: str | None, given: dict[str, Any]) -> Modb
         if parity is not None:
             raise click.UsageError("--parity needs --modbus")
         return None
-    if given["interface"] is not None or given["channel"] is not None:
+    line: BusOptions = given["line"]
+    if line.interface is not None or line.channel is not None:
         raise click.UsageError("give a CAN bus with -i and -c, or a serial port with --modbus, not both")
-    rate = given["bitrate"] or RATES[-1]
+    rate = line.bitrate or RATES[-1]
     if rate not in RATES:
         raise click.UsageError(f"-b {rate} with --modbus: give one of {', '.join(map(str, RATES))} bit/s")
     if not given["node"]:
@@ -75,14 +76,7 @@ def modbus_words_of(serial: ModbusTarget | None, line: BusOptions, node: int | N
 _DIGITS = 12  # digits of a serial number, as odrive writes it
 ANY = ""  # any module that is connected
 # Arguments of a command that select another connection to the module, and the options as typed.
-_OTHERS = {
-    "interface": "-i",
-    "channel": "-c",
-    "bitrate": "-b",
-    "serial": "--modbus",
-    "node": "--node",
-    "listed": "--list",
-}
+_OTHERS = {"serial": "--modbus", "node": "--node", "listed": "--list"}
 
 
 def usb_options(function: Decorated) -> Decorated:
@@ -117,7 +111,9 @@ def _wanted(usb: bool, serial: str | None, given: dict[str, Any]) -> str | None:
         if serial is not None:
             raise click.UsageError("--serial needs --usb")
         return None
-    others = [typed for name, typed in _OTHERS.items() if given.get(name) is not None]
+    line: BusOptions = given["line"]
+    others = [typed for typed, value in zip(("-i", "-c", "-b"), line, strict=False) if value is not None]
+    others += [typed for name, typed in _OTHERS.items() if given.get(name) is not None]
     if others:
         raise click.UsageError(f"--usb needs no {' and no '.join(others)}: the module on the port is meant")
     if serial is not None and (not serial or set(serial) - set(string.hexdigits)):

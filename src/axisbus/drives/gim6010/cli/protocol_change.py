@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
-from axisbus.cli.shared.options import bus_options
-from axisbus.drives.gim6010.cli.discovery import BusOptions, survey
+from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, require_node, survey
 from axisbus.drives.gim6010.cli.params.module import ModuleSelection, module_options, opened, require_list
 from axisbus.drives.gim6010.cli.ports import on_usb, usb_options
 
@@ -41,12 +40,10 @@ def to_canopen_command(asked: ModuleSelection) -> int:
     from axisbus.drives.gim6010 import node_id_preconditions
     from axisbus.errors import NodeError
 
-    node = asked.node
     require_list(asked)
     if not asked.over_can:
         return _by_another_way(asked)
-    if node is None:
-        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
+    node = require_node(asked.node)
     finder, found = survey(asked.line)
     node_id_preconditions.require_one(finder, found, node)
     node_id_preconditions.require_canopen(found, node)
@@ -113,14 +110,11 @@ _TO_CAN_SIMPLE_PROTOCOL, _CAN_SIMPLE = "can.config.protocol", 1
 
 
 @click.command("to-can-simple")
-@bus_options
+@line_options
 @usb_options
 @click.option("--node", type=click.IntRange(0, 127), help="The module's node ID; not with --usb.")
 def to_can_simple_command(
-    interface: str | None,
-    channel: str | None,
-    bitrate: int | None,
-    option: tuple[str, ...],
+    line: BusOptions,
     node: int | None,
     usb: str | None,
 ) -> int:
@@ -131,12 +125,10 @@ def to_can_simple_command(
     """
     if usb is not None:
         return _to_can_simple_over_usb(usb)
-    if node is None:
-        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
+    node = require_node(node)
     from axisbus.drives.gim6010.discovery.results import ProtocolsFound
     from axisbus.drives.gim6010.node_id_preconditions import OVER_USB
 
-    line = BusOptions(interface, channel, bitrate, option)
     found = [each for each in survey(line, node)[1] if each.ours and node in each.addresses]
     if not found:
         say_error(

@@ -9,8 +9,7 @@ import click
 
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import OK, say, say_error, say_next
-from axisbus.cli.shared.options import bus_options
-from axisbus.drives.gim6010.cli.discovery import BusOptions, survey
+from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, survey
 from axisbus.drives.gim6010.cli.modbus.registers import rename
 from axisbus.drives.gim6010.cli.ports import modbus_options, on_usb, usb_options
 from axisbus.drives.gim6010.cli.ports import usb_words_of as usb_words
@@ -21,17 +20,14 @@ if TYPE_CHECKING:
 
 @click.command("set-id")
 @click.argument("new", type=click.IntRange(0, 63))
-@bus_options
+@line_options
 @modbus_options
 @usb_options
 @click.option("--node", type=click.IntRange(0, 63), help="Its present node ID; not with --usb.")
 @click.option("--no-save", is_flag=True, help="Leave it in RAM: the next start restores the old one.")
 def command(
     new: int,
-    interface: str | None,
-    channel: str | None,
-    bitrate: int | None,
-    option: tuple[str, ...],
+    line: BusOptions,
     node: int | None,
     serial: ModbusTarget | None,
     usb: str | None,
@@ -43,7 +39,6 @@ def command(
     modules have the old ID, or if the module is not idle. Over --modbus it looks for NEW only, over --usb there is no search.
     Saving restarts the module.
     """
-    line = BusOptions(interface, channel, bitrate, option)
     from axisbus.drives.gim6010 import node_id_preconditions
     from axisbus.drives.gim6010.bus.node_id import set_node_id
 

@@ -13,7 +13,7 @@ from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.cli.shared.options import Seconds
 from axisbus.drives.gim6010.cli.confirm import ask, end_by, yes_option
-from axisbus.drives.gim6010.cli.discovery import without_remote
+from axisbus.drives.gim6010.cli.discovery import require_node, without_remote
 from axisbus.drives.gim6010.cli.params.module import (
     ModuleSelection,
     module_options,
@@ -76,11 +76,10 @@ def command(
     from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial, explanation
 
     require_can(asked, "the step is commanded and measured over CAN")
-    if asked.node is None:
-        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
+    node = require_node(asked.node)
     asked.line.check()
     gains = Gains(pos_gain, vel_gain, vel_integrator_gain)
-    trial = ModuleTrial(asked.node, Loop(loop), size, seconds, velocity, acceleration)
+    trial = ModuleTrial(node, Loop(loop), size, seconds, velocity, acceleration)
     if asked.listed is not None:
         require_list(asked)
     search = None if raise_to is None else search_for(trial, gains, raise_to)

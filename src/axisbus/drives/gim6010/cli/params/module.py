@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from axisbus.cli.shared.buses import open_bus
-from axisbus.cli.shared.options import PATH, Decorated, bus_options
-from axisbus.drives.gim6010.cli.discovery import BusOptions
+from axisbus.cli.shared.options import PATH, Decorated
+from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, require_node
 from axisbus.drives.gim6010.cli.params.endpoint_list import read_list, text_of
 from axisbus.drives.gim6010.cli.ports import modbus_options, on_usb, usb_options
 from axisbus.drives.gim6010.cli.ports import modbus_words_of as words_of
@@ -64,10 +64,7 @@ def module_options(function: Decorated) -> Decorated:
 
     @functools.wraps(command)
     def packed(
-        interface: str | None,
-        channel: str | None,
-        bitrate: int | None,
-        option: tuple[str, ...],
+        line: BusOptions,
         node: int | None,
         listed: Path | None,
         made_for: str | None,
@@ -75,7 +72,6 @@ def module_options(function: Decorated) -> Decorated:
         usb: str | None,
         **rest: Any,
     ) -> Any:
-        line = BusOptions(interface, channel, bitrate, option)
         return command(asked=ModuleSelection(line, node, listed, made_for, serial, usb), **rest)
 
     function = modbus_options(usb_options(packed))
@@ -89,7 +85,7 @@ def module_options(function: Decorated) -> Decorated:
         click.option("--node", type=click.IntRange(0, 63), help="The module's node ID."),
     ):
         function = decorate(function)
-    return bus_options(function)
+    return line_options(function)
 
 
 @contextmanager
@@ -114,13 +110,12 @@ def opened(asked: ModuleSelection) -> Iterator[ModuleParameters]:
 @contextmanager
 def _over_can(asked: ModuleSelection, make: Callable[[SimpleLine], _Client]) -> Iterator[_Client]:
     """Make a client of the module on its bus, before its connection is opened."""
-    if asked.node is None:
-        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
+    node = require_node(asked.node)
     asked.line.check()
     from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
 
     with ExitStack() as stack:
-        line = SimpleLine(open_bus(stack, None, *asked.line), asked.node)
+        line = SimpleLine(open_bus(stack, None, *asked.line), node)
         client = make(line)
         stack.enter_context(line)
         yield client

@@ -9,7 +9,7 @@ import click
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
 from axisbus.cli.shared.options import BitRate
-from axisbus.drives.gim6010.cli.discovery import BusOptions, survey
+from axisbus.drives.gim6010.cli.discovery import BusOptions, require_node, survey
 from axisbus.drives.gim6010.cli.params.module import ModuleSelection, module_options, opened, require_list
 from axisbus.drives.gim6010.cli.settings.common import over_usb, put
 from axisbus.errors import NodeError
@@ -30,15 +30,14 @@ def command(asked: ModuleSelection, rate: int) -> int:
     from axisbus.drives.gim6010 import node_id_preconditions
     from axisbus.drives.gim6010.settings.parameter_settings import BIT_RATE, bit_rate, require_alone
 
-    wanted, node = bit_rate(rate), asked.node
+    wanted = bit_rate(rate)
     require_list(asked)
     if not asked.over_can:
         with opened(asked) as module:
             put(module, wanted, save=True)
         say("saved: its CAN interface uses this rate when CAN is its interface")
         return OK
-    if node is None:
-        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
+    node = require_node(asked.node)
     finder, found = survey(asked.line)
     node_id_preconditions.require_one(finder, found, node)
     require_alone(finder, found, node)
