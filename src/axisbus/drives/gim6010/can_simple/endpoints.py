@@ -208,6 +208,29 @@ def proposed_version(file_name: str) -> Firmware | None:
     return None if found is None else Firmware.parse(found[1])
 
 
+def with_version(text: bytes, name: str, made_for: str | None) -> tuple[EndpointList, Firmware]:
+    """Return the list in the file ``name`` and its firmware, by that name or by ``made_for`` (None: not given).
+
+    Raises:
+        ArgumentError: it is no such list, or of an unknown firmware, or the two versions differ.
+    """
+    listed = parse(text, name)
+    named, given = proposed_version(name), None if made_for is None else Firmware.parse(made_for)
+    if named is not None and given is not None and named != given:
+        raise ArgumentError(
+            f"{name} is for firmware {named} by its name, and the node must have {given}",
+            remedy=f"get the list of firmware {given} from the manufacturer, or correct that version",
+        )
+    version = named or given
+    if version is None:
+        raise ArgumentError(
+            f"{name} does not give its firmware version",
+            remedy='name it endpoints_0.5.13.json if it is for that version, or give the version: firmware = "0.5.13" in the '
+            "node of the cell file, --made-for 0.5.13 for a command",
+        )
+    return listed, version
+
+
 @dataclass(frozen=True, slots=True)
 class FittedList:
     """A list that was ``made_for`` the firmware version that the module ``reported``; it can be made only if they agree.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from axisbus.cell.model import BusConfig, CellConfig, NodeConfig
 from axisbus.cell.other_protocols import NodeFrame
-from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware, parse, proposed_version
+from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware, with_version
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import LENGTH, named
 from axisbus.drives.gim6010.can_simple.periodic import FACTORY
@@ -107,23 +107,7 @@ def list_of(node: NodeConfig, folder: Path) -> tuple[EndpointList, Firmware] | N
             f"{path} cannot be read: {getattr(error, 'strerror', error)}",
             remedy="give the firmware's list of endpoints (the manufacturer's JSON file), a path relative to the cell file",
         ) from error
-    return parse(text, path.name), _made_for(path.name, node.firmware)
-
-
-def _made_for(name: str, firmware: str | None) -> Firmware:
-    named, given = proposed_version(name), None if firmware is None else Firmware.parse(firmware)
-    if named is not None and given is not None and named != given:
-        raise ArgumentError(
-            f"{name} is for firmware {named} by its name, and the node must have {given}",
-            remedy=f"get the list of firmware {given} from the manufacturer, or correct firmware",
-        )
-    made_for = named or given
-    if made_for is None:
-        raise ArgumentError(
-            f"{name} does not give its firmware version",
-            remedy='name it endpoints_0.5.13.json if it is for that version, or add firmware = "0.5.13" to the node',
-        )
-    return made_for
+    return with_version(text, path.name, node.firmware)
 
 
 # -- Modules on a serial line (``[bus] interface = "modbus"``): the options of their relay -----------------------------

@@ -20,20 +20,11 @@ def read_list(path: Path | None, made_for: str | None) -> tuple[EndpointList, Fi
         UsageError: the list or its firmware is not given.
         UserError, ArgumentError: the file cannot be read, or is not a list.
     """
-    from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse, proposed_version
+    from axisbus.drives.gim6010.can_simple.endpoints import with_version
 
     if path is None:
         raise click.UsageError("give the firmware's list of endpoints with --list (available from the maker)")
-    listed = parse(text_of(path), path.name)
-    named = proposed_version(path.name)
-    if made_for is None and named is None:
-        raise click.UsageError(f"{path.name} does not name its firmware: give for example --made-for 0.5.13")
-    version = Firmware.parse(made_for or str(named))
-    if named is not None and named != version:
-        raise click.UsageError(
-            f"{path.name} is for firmware {named} by its name, and --made-for says {version}"
-        )
-    return listed, version
+    return with_version(text_of(path), path.name, made_for)
 
 
 def text_of(path: Path) -> bytes:
