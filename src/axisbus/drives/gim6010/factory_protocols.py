@@ -50,7 +50,8 @@ _HEARTBEAT, _POSITION = 0x01, 0x09
 _RESERVED = (
     frozenset(range(0x001, 0x080)) | frozenset(range(0x6E0, 0x700)) | frozenset(range(0x780, 0x7E4))
 )  # CiA 301 7.3.5, without the SRDOs of EN 50325-5 and LSS
-_HEARTBEAT_29 = 0x48
+_HEARTBEAT_29, _TYPE_SHIFT = 0x48, 18
+_SEQUENCE = 0x3  # bits of a 29-bit identifier that vary
 _FLAGS = 0x8F  # motor, encoder, controller, system fault, trajectory done (bit 7)
 _LEGACY_FLAGS = 0x89  # flags of firmware 0.5.11 and earlier, in the last byte
 
@@ -117,8 +118,8 @@ class ProtocolListener:
         self.frames += 1
         if not frame.extended:
             self._standard(frame)
-        elif frame.can_id >> 18 & 0xFF == _HEARTBEAT_29 and not frame.remote:
-            self._keep(frame, frame.can_id & ~0x3)
+        elif is_beat(frame):
+            self._keep(frame, frame.can_id & ~_SEQUENCE)
 
     @property
     def speakers(self) -> list[Speaker]:
@@ -131,7 +132,7 @@ class ProtocolListener:
         if frame.error or frame.remote:
             return None
         if frame.extended:
-            key = frame.can_id & ~0x3
+            key = frame.can_id & ~_SEQUENCE
             return self._judge(key, True) if (key, True) in self._heard else None
         beat = frame.can_id & ~0x1F | _HEARTBEAT
         if (beat, False) not in self._heard:
@@ -343,3 +344,44 @@ def _extended(can_id: int, data: Sequence[bytes], pace: _Pace) -> Speaker | None
     if not (1 <= node <= 254 and pace.plausible and _counts([each[0] >> 5 for each in data], 8)):
         return None
     return Speaker(Protocol.EXTENDED, node, can_id, pace.period, None)
+
+
+# -- The 29-bit protocol: recognised by its heartbeats, and never used for requests ------------------------------------
+#
+# Theory of operation. Only one heartbeat identifier is published: 19200404h, of node 1. Its type 48h is in bits 25 to 18; bits 17
+# to 10 and bits 9 to 2 both contain 1. It is not published which of the two is the sender; if they differ, both are reported.
+# Several heartbeats of one identifier, with a possible heartbeat period, count as a module.
+
+
+def is_beat(frame: CanFrame) -> bool:
+    """Return whether a frame has the identifier of a heartbeat of the 29-bit protocol."""
+    return frame.extended and not frame.remote and frame.can_id >> _TYPE_SHIFT & 0xFF == _HEARTBEAT_29
+
+
+def addresses(can_id: int) -> tuple[int, ...]:
+    """Return the values of the two address fields of a 29-bit identifier, without duplicates."""
+    return tuple(dict.fromkeys((can_id >> 10 & 0xFF, can_id >> 2 & 0xFF)))
+
+
+@dataclass(slots=True)
+class Heartbeat29:
+    """Follows the heartbeats of the 29-bit protocol on a bus: the times of the last ones of each identifier."""
+
+    _times: dict[int, deque[float]] = field(default_factory=dict)
+
+    def note(self, frame: CanFrame) -> None:
+        """Take any frame; frames must come in order of time."""
+        key = frame.can_id & ~_SEQUENCE
+        if is_beat(frame) and (key in self._times or len(self._times) < _MOST):
+            self._times.setdefault(key, deque(maxlen=_KEPT)).append(frame.time)
+
+    @property
+    def modules(self) -> tuple[int, ...]:
+        """Identifiers of the heartbeats of modules, without the sequence, lowest first."""
+        return tuple(sorted(key for key, times in self._times.items() if _beats(list(times))))
+
+
+def _beats(times: list[float]) -> bool:
+    if len(times) < ENOUGH:
+        return False
+    return _PERIOD[0] <= median(after - before for before, after in pairwise(times)) <= _PERIOD[1]

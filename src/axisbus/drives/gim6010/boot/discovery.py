@@ -16,8 +16,8 @@ from axisbus.clock import Clock
 from axisbus.drives.gim6010.bus.run import Sends, send
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import can_id
-from axisbus.drives.gim6010.discovery.protocol_29bit import is_beat
 from axisbus.drives.gim6010.discovery.questions import ProbeFrame
+from axisbus.drives.gim6010.factory_protocols import is_beat
 
 T = TypeVar("T")
 

@@ -20,8 +20,13 @@ from axisbus.drives.gim6010.can_simple.coexistence import canopen_identifiers
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import COMMANDS, can_id, split
 from axisbus.drives.gim6010.can_simple.states import STATES
-from axisbus.drives.gim6010.discovery.protocol_29bit import Heartbeat29, addresses
-from axisbus.drives.gim6010.factory_protocols import Protocol, ProtocolListener, Speaker
+from axisbus.drives.gim6010.factory_protocols import (
+    Heartbeat29,
+    Protocol,
+    ProtocolListener,
+    Speaker,
+    addresses,
+)
 
 _KEPT = 64  # heartbeats of a node that are evaluated
 _DOUBTFUL = 8  # frames that look like heartbeats, on an identifier of another node

@@ -15,8 +15,8 @@ from axisbus.drives.gim6010.can_simple.heartbeat import ALL, HeartbeatLayout, He
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, state_words
 from axisbus.drives.gim6010.discovery import questions
 from axisbus.drives.gim6010.discovery.finder import Finder
-from axisbus.drives.gim6010.discovery.protocol_29bit import addresses
 from axisbus.drives.gim6010.discovery.questions import CanopenFacts, SimpleFacts
+from axisbus.drives.gim6010.factory_protocols import addresses
 
 _SEVERAL = (
     "several modules have this node ID: the values may be from any of them; connect them one by one and give each "
