@@ -1,79 +1,108 @@
-"""``axisbus gim6010``: find and inspect modules of this product family, in any of their protocols."""
+"""``axisbus gim6010`` with its groups ``params`` and ``modbus``: find and inspect modules, in any of their protocols."""
 
 from __future__ import annotations
 
 import click
 
-from axisbus.cli.shared.lazy import LazyGroup
-
-COMMANDS = {
-    "find": ("axisbus.drives.gim6010.cli.find", "Find the modules on a bus, and show the protocol of each."),
-    "errors": ("axisbus.drives.gim6010.cli.errors", "Show every error of a module, and what to check."),
-    "params": (
-        "axisbus.drives.gim6010.cli.params.group",
-        "Read, write, back up and restore parameters by name.",
-    ),
-    "set-id": ("axisbus.drives.gim6010.cli.set_id", "Give a module that speaks CAN Simple another node ID."),
-    "set-bitrate": (
-        "axisbus.drives.gim6010.cli.settings.set_bitrate",
-        "Give a module that is alone another bit rate.",
-    ),
-    "zero": ("axisbus.drives.gim6010.cli.settings.zero", "Set the present position of a module as its zero."),
-    "limits": (
-        "axisbus.drives.gim6010.cli.settings.commands:limits_command",
-        "Show or set a module's limits of velocity and current.",
-    ),
-    "termination": (
-        "axisbus.drives.gim6010.cli.settings.commands:termination_command",
-        "Switch a module's terminating resistor.",
-    ),
-    "watchdog": (
-        "axisbus.drives.gim6010.cli.settings.commands:watchdog_command",
-        "Show, arm or switch off the watchdogs that detect a dead master.",
-    ),
-    "endstops": (
-        "axisbus.drives.gim6010.cli.settings.commands:endstops_command",
-        "Switch a module's own limit switches.",
-    ),
-    "brake-resistor": (
-        "axisbus.drives.gim6010.cli.settings.commands:brake_resistor_command",
-        "Switch a braking resistor.",
-    ),
-    "pwm": (
-        "axisbus.drives.gim6010.cli.settings.commands:pwm_command",
-        "Map the pulses of a remote control, and show the steps.",
-    ),
-    "pulses": (
-        "axisbus.drives.gim6010.cli.settings.commands:pulses_command",
-        "Show the size of a pulse of pulse and direction, and the steps.",
-    ),
-    "calibrate": (
-        "axisbus.drives.gim6010.cli.calibrate",
-        "Calibrate a module, which turns its motor; asks before.",
-    ),
-    "modbus": (
-        "axisbus.drives.gim6010.cli.modbus.group",
-        "Read, write, move and stop a module over RS485 (Modbus RTU).",
-    ),
-    "tune": (
-        "axisbus.drives.gim6010.cli.tune",
-        "Try gains by a measured step, which turns a module; asks before.",
-    ),
-    "to-canopen": (
-        "axisbus.drives.gim6010.cli.protocol_change:to_canopen_command",
-        "Change a module from CAN Simple to CANopen.",
-    ),
-    "to-can-simple": (
-        "axisbus.drives.gim6010.cli.protocol_change:to_can_simple_command",
-        "Change a module back to CAN Simple, or show the steps.",
-    ),
-}
+from axisbus.cli.shared.lazy import LazyGroup, Table
 
 
-@click.group(cls=LazyGroup, table=COMMANDS)
+def _table(**rows: tuple[str, str]) -> Table:
+    """Return the table of a group; each row is a module of this package (or ``module:name``), and its line of help."""
+    return {name.replace("_", "-"): (f"{__package__}.{place}", text) for name, (place, text) in rows.items()}
+
+
+@click.group(
+    cls=LazyGroup,
+    table=_table(
+        find=("find", "Find the modules on a bus, and show the protocol of each."),
+        errors=("errors", "Show every error of a module, and what to check."),
+        params=("group:params", "Read, write, back up and restore parameters by name."),
+        set_id=("set_id", "Give a module that speaks CAN Simple another node ID."),
+        set_bitrate=("settings.set_bitrate", "Give a module that is alone another bit rate."),
+        zero=("settings.zero", "Set the present position of a module as its zero."),
+        limits=("settings.commands:limits_command", "Show or set a module's limits of velocity and current."),
+        termination=("settings.commands:termination_command", "Switch a module's terminating resistor."),
+        watchdog=(
+            "settings.commands:watchdog_command",
+            "Show, arm or switch off the watchdogs that detect a dead master.",
+        ),
+        endstops=("settings.commands:endstops_command", "Switch a module's own limit switches."),
+        brake_resistor=("settings.commands:brake_resistor_command", "Switch a braking resistor."),
+        pwm=("settings.commands:pwm_command", "Map the pulses of a remote control, and show the steps."),
+        pulses=(
+            "settings.commands:pulses_command",
+            "Show the size of a pulse of pulse and direction, and the steps.",
+        ),
+        calibrate=("calibrate", "Calibrate a module, which turns its motor; asks before."),
+        modbus=("group:modbus", "Read, write, move and stop a module over RS485 (Modbus RTU)."),
+        tune=("tune", "Try gains by a measured step, which turns a module; asks before."),
+        to_canopen=("protocol_change:to_canopen_command", "Change a module from CAN Simple to CANopen."),
+        to_can_simple=(
+            "protocol_change:to_can_simple_command",
+            "Change a module back to CAN Simple, or show the steps.",
+        ),
+    ),
+)
 def command() -> None:
     """Find and inspect GIM6010-8 modules, in any of their protocols.
 
     No command here enables or turns a module, except those that ask before, and modbus move, velocity and torque. All of it was
     tried on simulated modules only.
+    """
+
+
+@click.group(
+    cls=LazyGroup,
+    table=_table(
+        get=("params.commands:get_command", "Read parameters by name."),
+        set=("params.commands:set_command", "Write parameters by name, each read back; --save stores them."),
+        dump=("params.commands:dump_command", "Read every parameter that can be read."),
+        backup=("params.commands:backup_command", "Write the settings of a module into a file."),
+        restore=("params.commands:restore_command", "Write the settings of a backup to a module."),
+        diff=(
+            "params.commands:diff_command",
+            "Show the differences between backups, or a backup and a module.",
+        ),
+    ),
+)
+def params() -> None:
+    """Read and write a module's parameters by their names (without odrv0.), over CAN Simple, Modbus RTU (--modbus) or USB
+    (--usb).
+
+    Except over USB, the list of endpoints (--list) is needed, the maker's file for exactly this firmware. A list that does not
+    fit is refused: numbers differ between firmwares, and a wrong one may erase the module. It calls no function.
+    """
+
+
+@click.group(
+    cls=LazyGroup,
+    table=_table(
+        find=("modbus.find", "Ask one node ID after the other; show the state of each module found."),
+        state=("modbus.registers:state_command", "Show a module: state, errors, modes, position, supply."),
+        errors=(
+            "modbus.registers:errors_command",
+            "Show every error of a module, and what to check; clear them.",
+        ),
+        read=("modbus.registers:read_command", "Read registers, and parameters by their names."),
+        write=(
+            "modbus.registers:write_command",
+            "Write settings, each read back; give it another node ID; save.",
+        ),
+        move=("modbus.motion:move_command", "Enable a module and move it to a position."),
+        velocity=("modbus.motion:velocity_command", "Enable a module and turn it at a velocity."),
+        torque=("modbus.motion:torque_command", "Enable a module and apply a torque."),
+        zero=("modbus.registers:zero_command", "Set the present position to 0, and save it."),
+        calibrate=(
+            "modbus.motion:calibrate_command",
+            "Calibrate motor and encoder: the output may turn; asks first.",
+        ),
+        stop=("modbus.motion:stop_command", "Stop a module, whichever master enabled it."),
+    ),
+)
+def modbus() -> None:
+    """Use a GIM6010-8 over RS485, by Modbus RTU: needs the extra axisbus[modbus].
+
+    Only move, velocity, torque and calibrate energise its motor. A module cannot detect a dead master over Modbus. Positions
+    and velocities are turns of the rotor; 8 of these are one turn of the output. All was tried on simulated modules only.
     """
