@@ -93,7 +93,7 @@ def test_a_watchdog_process_imports_what_stops_other_protocols_before_it_is_need
     done = subprocess.run(
         [sys.executable, "-c", RESCUING, str(path)], capture_output=True, text=True, check=True
     )
-    assert "axisbus.drives.gim6010.core.stop" in done.stdout.split()
+    assert "axisbus.drives.gim6010.core.part" in done.stdout.split()
 
 
 def test_the_description_agrees_with_the_plug_in() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from axisbus import Machine, wait
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.drives.gim6010.core import simulated_modules
+from axisbus.drives.gim6010.core import part
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import AxisbusError, DriveError, StateError
 from axisbus.motion.states import AxisState
@@ -132,14 +132,14 @@ def test_closing_in_motion_leaves_it_at_standstill_and_off(tmp_path, stop):
 
 def _begins(monkeypatch, begin) -> None:
     """Let the simulated module of the next cell begin otherwise."""
-    made = simulated_modules._module
+    made = part._module
 
     def changed(cell, node_id):
         module = made(cell, node_id)
         begin(module)
         return module
 
-    monkeypatch.setattr(simulated_modules, "_module", changed)
+    monkeypatch.setattr(part, "_module", changed)
 
 
 def test_a_module_found_enabled_stays_enabled_until_the_axis_is_enabled(tmp_path, monkeypatch):

@@ -14,7 +14,7 @@ import pytest
 
 from axisbus.cell import reader
 from axisbus.cia301.nmt import NmtState
-from axisbus.drives.gim6010.core import simulated_modules
+from axisbus.drives.gim6010.core import part
 from axisbus.errors import AxisbusError, ScanError, StateError
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
@@ -65,14 +65,14 @@ class Cell:
 
 def _has_been_on(monkeypatch) -> None:
     """Let the module in this process have counted for a while: a gap in a young count may be a restart, on a busy computer too."""
-    made = simulated_modules._module
+    made = part._module
 
     def older(cell, node_id):
         module = made(cell, node_id)
         module._talk._life = 100
         return module
 
-    monkeypatch.setattr(simulated_modules, "_module", older)
+    monkeypatch.setattr(part, "_module", older)
 
 
 @pytest.fixture
