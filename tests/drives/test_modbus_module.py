@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 
 from axisbus.drives.gim6010.modbus.dialogue import ModbusRefused
-from axisbus.drives.gim6010.modbus.module import ModbusModule
+from axisbus.drives.gim6010.modbus.module import ModbusModule, set_node_id
 from axisbus.drives.gim6010.modbus.registers import REGISTERS, RegisterKind
-from axisbus.drives.gim6010.modbus.set_node_id import set_node_id
 from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
 from axisbus.errors import ArgumentError, LimitError, NodeError, NodeTimeout, StateError
 from kit.modbus.virtual_wire import VirtualWire

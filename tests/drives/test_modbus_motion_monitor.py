@@ -6,10 +6,15 @@ import math
 
 import pytest
 
-from axisbus.drives.gim6010.modbus.motion.course import ModbusCommand, ModbusControlMode
-from axisbus.drives.gim6010.modbus.motion.halting import RampHalt, TrapezoidHalt
-from axisbus.drives.gim6010.modbus.motion.look import StatusRead, look
-from axisbus.drives.gim6010.modbus.motion.watch import ModbusMotionStatus, MoveWatch, TurnWatch
+from axisbus.drives.gim6010.modbus.module import StatusRead, look
+from axisbus.drives.gim6010.modbus.motion.course import (
+    ModbusCommand,
+    ModbusControlMode,
+    ModbusMotionStatus,
+    MoveWatch,
+    TurnWatch,
+)
+from axisbus.drives.gim6010.modbus.motion.ladder import RampHalt, TrapezoidHalt
 from kit.modbus.rig import Rig
 
 

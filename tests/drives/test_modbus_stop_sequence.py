@@ -9,15 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.modbus.motion.halting import (
+from axisbus.drives.gim6010.modbus.module import StatusRead
+from axisbus.drives.gim6010.modbus.motion.ladder import (
     HaltInputs,
+    ModbusStopSequence,
+    ModbusStopStep,
     RampHalt,
+    Send,
     TrapezoidHalt,
     ramped,
     trapezoid_time,
 )
-from axisbus.drives.gim6010.modbus.motion.ladder import ModbusStopSequence, ModbusStopStep, Send
-from axisbus.drives.gim6010.modbus.motion.look import StatusRead
 
 STEP = 0.05
 

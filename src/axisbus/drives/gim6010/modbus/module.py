@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.fields import Number
-from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.dialogue import ModbusClient
 from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS, Register, RegisterKind, named
@@ -254,3 +255,156 @@ class ModbusModule:
 
 def _show(register: Register, words: tuple[int, ...]) -> str:
     return f"{register.value(words):.7g}"
+
+
+# -- Change the node ID: the new ID must be unused, and the module must answer under it before it is saved -------------
+
+
+_NODE_ID = named("node_id")
+
+
+def set_node_id(module: ModbusModule, new: int, *, save: bool = True) -> ModbusModule:
+    """Change a module's node ID to ``new`` (1 to 63), and return the module under its new address; blocks.
+
+    If this is interrupted before saving, the module has the new ID until it is switched off, and the old one afterwards.
+
+    Raises:
+        ArgumentError, LimitError: the ID is invalid. StateError: the module is not idle, or a module already answers to ``new``.
+        NodeError: no answer, or it does not accept the ID.
+    """
+    request = requests.write(_NODE_ID, new)
+    moved = ModbusModule(module.wire, new)
+    if new == module.device:
+        raise StateError(f"the module already has the node ID {new}", remedy="give another one")
+    module.require_idle("its node ID is written")
+    if moved.answers():
+        raise StateError(
+            f"another module on this line already answers to node ID {new}; nothing was written",
+            remedy="give an ID that is free",
+        )
+    module.dialogue.write(request)
+    found = _found(module, moved, new)
+    if not save:
+        return found
+    found.save_and_leave()
+    return _saved(module, moved, new)
+
+
+def _found(module: ModbusModule, moved: ModbusModule, new: int) -> ModbusModule:
+    """Return the module under the address at which it answers with the new ID in its register."""
+    for each in (moved, module):
+        if each.answers() and int(each.read(_NODE_ID.name)) == new:
+            return each
+    raise NodeError(
+        f"module {module.device} does not accept node ID {new}",
+        node=module.device,
+        observed="neither with the new ID nor with the old one does a module confirm the new ID",
+        remedy="ask for both: axisbus gim6010 modbus state --node ...; switched off and on, it has the old one again",
+    )
+
+
+def _saved(module: ModbusModule, moved: ModbusModule, new: int) -> ModbusModule:
+    """Return the module under its new address once it answers there."""
+    try:
+        moved.wait_back()
+    except NodeTimeout as error:
+        raise NodeTimeout(
+            f"module {module.device} does not answer to node ID {new} after it was saved",
+            node=new,
+            observed=f"a module answers with {module.device}" if module.answers() else error.observed,
+            remedy="switch it off and on, and ask for both IDs",
+        ) from error
+    return moved
+
+
+# -- Find the modules on a line: one request to each node ID, and the state of those that answer; nothing is written ---
+
+
+@dataclass(frozen=True, slots=True)
+class Present:
+    """A module that answers: its node ID, state and supply voltage (V); ``trouble``: its errors, or why its data are incomplete."""
+
+    device: int
+    state: int | None = None
+    voltage: float | None = None
+    trouble: str = ""
+
+    def __str__(self) -> str:
+        state = "its state is not known" if self.state is None else state_words(self.state)
+        supply = "" if self.voltage is None else f", {self.voltage:.1f} V"
+        return f"node {self.device}: {state}{supply}" + (f"; {self.trouble}" if self.trouble else "")
+
+
+def present(wire: Wire, devices: Iterable[int]) -> Iterator[Present | int]:
+    """Send a request to each of ``devices`` (1 to 247); yield the modules found, and the number of each that does not answer.
+
+    Blocks for the wire's ``timeout`` for each that does not answer.
+
+    Raises:
+        AdapterError: the line is gone.
+    """
+    for device in devices:
+        module = ModbusModule(wire, device)
+        try:
+            answers = module.answers()
+        except NodeError as error:  # an exception is an answer, too
+            yield Present(device, trouble=error.message)
+            continue
+        yield _look(module) if answers else device
+
+
+def _look(module: ModbusModule) -> Present:
+    try:
+        state, voltage, errors = module.state, float(module.read("bus_voltage")), module.errors()
+    except NodeError as error:
+        return Present(module.device, trouble=error.message)
+    return Present(module.device, state, voltage, "; ".join(errors.lines))
+
+
+# -- One reading of the state; values that are not valid in idle are unknown -------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class StatusRead:
+    """One reading; ``at`` is the time of its first request, in s of the wire's clock. Turns and turns/s are those of the rotor.
+
+    ``position`` and ``velocity`` are None if they are not valid: in any state except closed loop, or if they are not numbers.
+    """
+
+    at: float
+    state: int
+    flags: int
+    position: float | None = None
+    velocity: float | None = None
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the motor is energised and in closed loop."""
+        return self.state == CLOSED_LOOP
+
+
+def look(module: ModbusModule, tries: int) -> StatusRead:
+    """Read the state of a module; blocks for at most about 0.7 s for each try.
+
+    Raises:
+        NodeError: no answer, or an exception. AdapterError: the line is gone.
+    """
+    at = module.wire.now()
+    state, flags = int(_ask(module, "motor_state", tries)), int(_ask(module, "error_flags", tries))
+    if state != CLOSED_LOOP:
+        return StatusRead(at, state, flags)
+    position, velocity = (
+        _number(module, "position_feedback", tries),
+        _number(module, "velocity_feedback", tries),
+    )
+    return StatusRead(at, state, flags, position, velocity)
+
+
+def _number(module: ModbusModule, name: str, tries: int) -> float | None:
+    found = _ask(module, name, tries)
+    return found if math.isfinite(found) else None
+
+
+def _ask(module: ModbusModule, name: str, tries: int) -> float:
+    register = named(name)
+    return register.value(module.dialogue.read(requests.read(register), tries))

@@ -57,7 +57,7 @@ def command(port: str, rates: str, parity: str, highest: int) -> int:
 
 def _at(line: ModbusTarget, highest: int) -> list[bool]:
     """Query all node IDs at one rate; return for each module whether it has no error."""
-    from axisbus.drives.gim6010.modbus.discovery import Present, present
+    from axisbus.drives.gim6010.modbus.module import Present, present
     from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
 
     good = []

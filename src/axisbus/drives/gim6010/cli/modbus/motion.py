@@ -157,7 +157,7 @@ def stop_command(target: ModbusTarget) -> int:
     Each Ctrl-C goes to the next step at once. The stop is also sent if the module does not answer. Exit code 3 if it is not
     confirmed as stopped. Another master that continues to command the module enables it again: stop that master first.
     """
-    from axisbus.drives.gim6010.modbus.motion.stopping import stop
+    from axisbus.drives.gim6010.modbus.motion.driver import stop
 
     with opened(target) as module:
         stop(module, tell=say)

@@ -151,7 +151,7 @@ def state_command(target: ModbusTarget, as_json: bool) -> int:
     It commands nothing. Exit code 1 when there is an error. In idle, position and velocity are not shown: they may be outdated.
     """
     from axisbus.drives.gim6010.can_simple.states import state_words
-    from axisbus.drives.gim6010.modbus.motion.look import look
+    from axisbus.drives.gim6010.modbus.module import look
     from axisbus.drives.gim6010.modbus.registers import named
     from axisbus.drives.gim6010.parameters import values
 
@@ -287,7 +287,7 @@ def _saved(module: ModbusModule, known: ModbusParameters | None) -> str:
 
 def rename(target: ModbusTarget, new: int, *, save: bool) -> int:
     """Set another node ID in a module, and print how to reach it then; return the exit code."""
-    from axisbus.drives.gim6010.modbus.set_node_id import set_node_id
+    from axisbus.drives.gim6010.modbus.module import set_node_id
 
     with opened(target) as module:
         found = set_node_id(module, new, save=save)

@@ -6,14 +6,16 @@ from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.motion.course import (
     ModbusCommand,
     ModbusControlMode,
+    ModbusMotionStatus,
+    MoveWatch,
+    TurnWatch,
     require_finite,
     require_positive,
     require_torque,
     wrong,
 )
-from axisbus.drives.gim6010.modbus.motion.halting import LONGEST_STEP, ramped, trapezoid_time
+from axisbus.drives.gim6010.modbus.motion.ladder import LONGEST_STEP, ramped, trapezoid_time
 from axisbus.drives.gim6010.modbus.motion.power import PLACE, PoweredModule
-from axisbus.drives.gim6010.modbus.motion.watch import ModbusMotionStatus, MoveWatch, TurnWatch
 from axisbus.drives.gim6010.modbus.registers import named
 from axisbus.errors import ArgumentError, LimitError
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from axisbus.drives.gim6010.can_simple.states import IDLE
 from axisbus.drives.gim6010.modbus import requests
-from axisbus.drives.gim6010.modbus.module import ModbusModule
+from axisbus.drives.gim6010.modbus.module import ModbusModule, StatusRead, look
 from axisbus.drives.gim6010.modbus.motion.ladder import ModbusStopSequence, Send, StopOutcome
-from axisbus.drives.gim6010.modbus.motion.look import StatusRead, look
+from axisbus.drives.gim6010.modbus.motion.signals import ModbusSignalHandlers
 from axisbus.drives.gim6010.modbus.registers import named
 from axisbus.errors import AdapterError, DriveError, NodeError
 
@@ -78,3 +78,29 @@ def not_stopped(module: ModbusModule, outcome: StopOutcome) -> DriveError:
         f"module {module.device}: {outcome.text}",
         remedy="first look at the machine; if it turns, switch its supply off",
     )
+
+
+# -- Stop a module that this program has not enabled, or that does not answer ------------------------------------------
+
+
+def stop(module: ModbusModule, *, tell: Callable[[str], None]) -> None:
+    """Run the stop sequence, beginning with velocity 0; each signal starts the next step. Blocks; ``tell`` gets the outcome.
+
+    A module in idle gets nothing; a module that does not answer gets the requests of every step.
+
+    Raises:
+        DriveError: it is not confirmed as stopped.
+    """
+    signals = ModbusSignalHandlers()
+    signals.install()
+    try:
+        with signals.sheltered():
+            if is_idle(module):
+                tell(f"module {module.device}: it is in idle: there is no power to be stopped")
+                return
+            outcome = descend(module, ModbusStopSequence(None), lambda: signals.count)
+    finally:
+        signals.restore()
+    if not outcome.ok:
+        raise not_stopped(module, outcome)
+    tell(f"module {module.device}: {outcome.text}")

@@ -17,13 +17,18 @@ from typing import Self
 
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
 from axisbus.drives.gim6010.modbus import requests
-from axisbus.drives.gim6010.modbus.module import ModbusModule
-from axisbus.drives.gim6010.modbus.motion.course import ModbusCommand, ModbusControlMode, fault, turns, wrong
+from axisbus.drives.gim6010.modbus.module import ModbusModule, StatusRead, look
+from axisbus.drives.gim6010.modbus.motion.course import (
+    ModbusCommand,
+    ModbusControlMode,
+    ModbusMotionStatus,
+    fault,
+    turns,
+    wrong,
+)
 from axisbus.drives.gim6010.modbus.motion.driver import PERIOD, descend, is_idle, not_stopped
 from axisbus.drives.gim6010.modbus.motion.ladder import ModbusStopSequence, ModbusStopStep, StopOutcome
-from axisbus.drives.gim6010.modbus.motion.look import StatusRead, look
 from axisbus.drives.gim6010.modbus.motion.signals import ModbusSignalHandlers
-from axisbus.drives.gim6010.modbus.motion.watch import ModbusMotionStatus
 from axisbus.drives.gim6010.modbus.registers import named
 from axisbus.errors import CommandError, StateError, TransitionError, UncommandedMotion
 

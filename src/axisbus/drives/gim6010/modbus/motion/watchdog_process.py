@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import Self
 
 from axisbus.drives.gim6010.modbus.module import ModbusModule
-from axisbus.drives.gim6010.modbus.motion.stopping import stop
+from axisbus.drives.gim6010.modbus.motion.driver import stop
 from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire, libraries
 from axisbus.errors import AdapterError, AxisbusError, StateError
 from axisbus.system.signals import OWN_GROUP, present
