@@ -9,7 +9,7 @@ import pytest
 
 from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
 from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
-from axisbus.drives.gim6010.bus.node_id import set_node_id
+from axisbus.drives.gim6010.bus.settings_by_message import set_node_id
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.drives.gim6010.discovery import report_text
 from axisbus.drives.gim6010.discovery.finder import ProbeScope

@@ -8,7 +8,7 @@ import pytest
 
 from axisbus.bus.link.channel import Channel
 from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
-from axisbus.drives.gim6010.bus.limits_by_message import ModuleByMessage
+from axisbus.drives.gim6010.bus.settings_by_message import ModuleByMessage
 from axisbus.drives.gim6010.sim.constants import AxisError
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import LimitError, NodeError, StateError

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 import pytest
 
 from axisbus.bus.link.channel import Channel
-from axisbus.drives.gim6010.bus.node_id import set_node_id
+from axisbus.drives.gim6010.bus.settings_by_message import set_node_id
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import NodeError, StateError

@@ -15,8 +15,7 @@ from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.registers import REGISTERS, named
 from axisbus.drives.gim6010.modbus.requests import ModbusTimeout
 from axisbus.drives.gim6010.modbus.serial_wire import SerialWire
-from axisbus.drives.gim6010.sim.modbus.framing import framed
-from axisbus.drives.gim6010.sim.modbus.station import Station
+from axisbus.drives.gim6010.sim.modbus.station import Station, framed
 from axisbus.drives.gim6010.sim.modbus.terminal import served
 from axisbus.errors import AdapterError, NodeTimeout, UserError
 

@@ -40,8 +40,7 @@ from axisbus.drives.gim6010.modbus import requests as modbus
 from axisbus.drives.gim6010.modbus.registers import named as modbus_named
 from axisbus.drives.gim6010.modbus.requests import ModbusTimeout, fits
 from axisbus.drives.gim6010.modbus.serial_wire import SerialWire, libraries
-from axisbus.drives.gim6010.sim.modbus.framing import framed
-from axisbus.drives.gim6010.sim.modbus.station import Station
+from axisbus.drives.gim6010.sim.modbus.station import Station, framed
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.eds import load
 from axisbus.eds.dictionary import DictionaryEntry

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.sim.modbus.framing import Frames, checksum, framed
-from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
+from axisbus.drives.gim6010.sim.modbus.station import Frames, LineDials, Station, checksum, framed
 from axisbus.drives.gim6010.sim.module import Module
 
 

@@ -7,8 +7,7 @@ from collections.abc import Callable
 
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.drives.gim6010.modbus.requests import ModbusRequest, ModbusTimeout, Reply
-from axisbus.drives.gim6010.sim.modbus.framing import checksum, framed
-from axisbus.drives.gim6010.sim.modbus.station import Station
+from axisbus.drives.gim6010.sim.modbus.station import Station, checksum, framed
 
 _TURN = 0.002  # s from a request to its answer
 _STEP = 0.001

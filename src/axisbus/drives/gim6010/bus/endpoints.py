@@ -18,7 +18,7 @@ from collections import Counter, deque
 
 from axisbus.bus.link.channel import Receiver
 from axisbus.drives.gim6010.bus.can_simple_client import PACE, SimpleLine, several
-from axisbus.drives.gim6010.bus.limits_by_message import ModuleByMessage
+from axisbus.drives.gim6010.bus.settings_by_message import ModuleByMessage
 from axisbus.drives.gim6010.can_simple import endpoint_messages
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
 from axisbus.drives.gim6010.can_simple.endpoint_messages import EndpointAnswer

@@ -19,8 +19,11 @@ def _table(**rows: tuple[str, str]) -> Table:
         errors=("errors", "Show every error of a module, and what to check."),
         params=("group:params", "Read, write, back up and restore parameters by name."),
         set_id=("set_id", "Give a module that speaks CAN Simple another node ID."),
-        set_bitrate=("settings.set_bitrate", "Give a module that is alone another bit rate."),
-        zero=("settings.zero", "Set the present position of a module as its zero."),
+        set_bitrate=(
+            "settings.commands:set_bitrate_command",
+            "Give a module that is alone another bit rate.",
+        ),
+        zero=("settings.commands:zero_command", "Set the present position of a module as its zero."),
         limits=("settings.commands:limits_command", "Show or set a module's limits of velocity and current."),
         termination=("settings.commands:termination_command", "Switch a module's terminating resistor."),
         watchdog=(

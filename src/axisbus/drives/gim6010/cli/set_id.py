@@ -40,7 +40,7 @@ def command(
     Saving restarts the module.
     """
     from axisbus.drives.gim6010 import node_id_preconditions
-    from axisbus.drives.gim6010.bus.node_id import set_node_id
+    from axisbus.drives.gim6010.bus.settings_by_message import set_node_id
 
     if usb is not None:
         return _over_usb(usb, new, save=not no_save)

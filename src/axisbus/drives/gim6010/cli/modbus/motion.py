@@ -17,9 +17,9 @@ from axisbus.drives.gim6010.cli.modbus.target_module import (
     list_options,
     opened,
     parameters,
+    read_list,
     target_options,
 )
-from axisbus.drives.gim6010.cli.params.endpoint_list import read_list
 
 # -- ``axisbus gim6010 modbus move``: enable a module, move it with a trapezoidal profile, stop it and switch it off ----
 

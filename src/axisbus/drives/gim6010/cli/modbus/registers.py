@@ -15,7 +15,7 @@ from axisbus.drives.gim6010.cli.modbus.target_module import (
     parameters,
     target_options,
 )
-from axisbus.drives.gim6010.cli.settings.zero import set_zero
+from axisbus.drives.gim6010.cli.settings.common import set_zero
 from axisbus.errors import ArgumentError
 
 if TYPE_CHECKING:

@@ -13,10 +13,11 @@ import click
 
 from axisbus.cli.shared.common import say_note
 from axisbus.cli.shared.options import PATH, Decorated
-from axisbus.drives.gim6010.cli.params.endpoint_list import read_list
 from axisbus.drives.gim6010.modbus.registers import RATES
+from axisbus.errors import UserError
 
 if TYPE_CHECKING:
+    from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware
     from axisbus.drives.gim6010.modbus.module import ModbusModule
     from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
     from axisbus.drives.gim6010.modbus.motion.watchdog_process import ModbusWatchdogProcess
@@ -82,16 +83,8 @@ def target_options(function: Decorated) -> Decorated:
     return function
 
 
-def list_options(function: Decorated) -> Decorated:
-    """Add --list and --made-for to a command with ``target_options``, as part of its ``target``."""
-    command = function
-
-    @functools.wraps(command)
-    def packed(target: ModbusTarget, listed: Path | None, made_for: str | None, **rest: Any) -> Any:
-        full = ModbusTarget(target.port, target.node, target.rate, target.parity, listed, made_for)
-        return command(target=full, **rest)
-
-    function = packed
+def endpoint_options(function: Decorated) -> Decorated:
+    """Add --list and --made-for, as ``listed`` and ``made_for``."""
     for decorate in (
         click.option(
             "--made-for", metavar="VERSION", help="The list's firmware, if its name does not contain it."
@@ -101,6 +94,19 @@ def list_options(function: Decorated) -> Decorated:
         ),
     ):
         function = decorate(function)
+    return function
+
+
+def list_options(function: Decorated) -> Decorated:
+    """Add --list and --made-for to a command with ``target_options``, as part of its ``target``."""
+    command = function
+
+    @functools.wraps(command)
+    def packed(target: ModbusTarget, listed: Path | None, made_for: str | None, **rest: Any) -> Any:
+        full = ModbusTarget(target.port, target.node, target.rate, target.parity, listed, made_for)
+        return command(target=full, **rest)
+
+    function = endpoint_options(packed)
     return target_options(function)
 
 
@@ -173,3 +179,32 @@ def parameters(target: ModbusTarget, module: ModbusModule) -> ModbusParameters:
     found = ModbusParameters(module)
     found.open(*read_list(target.listed, target.made_for))
     return found
+
+
+# -- The given list of the firmware's endpoints, and the firmware that it belongs to -----------------------------------
+
+
+def read_list(path: Path | None, made_for: str | None) -> tuple[EndpointList, Firmware]:
+    """Return the list of endpoints in a file, and its firmware, by the file's name or by ``made_for``.
+
+    Raises:
+        UsageError: the list or its firmware is not given.
+        UserError, ArgumentError: the file cannot be read, or is not a list.
+    """
+    from axisbus.drives.gim6010.can_simple.endpoints import with_version
+
+    if path is None:
+        raise click.UsageError("give the firmware's list of endpoints with --list (available from the maker)")
+    return with_version(text_of(path), path.name, made_for)
+
+
+def text_of(path: Path) -> bytes:
+    """Return the contents of a file.
+
+    Raises:
+        UserError: the file cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise UserError(f"{path} cannot be read", observed=str(error.strerror)) from error

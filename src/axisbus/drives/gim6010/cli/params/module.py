@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from axisbus.cli.shared.buses import open_bus
-from axisbus.cli.shared.options import PATH, Decorated
+from axisbus.cli.shared.options import Decorated
 from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, require_node
-from axisbus.drives.gim6010.cli.params.endpoint_list import read_list, text_of
+from axisbus.drives.gim6010.cli.modbus.target_module import endpoint_options, read_list, text_of
 from axisbus.drives.gim6010.cli.ports import modbus_options, on_usb, usb_options
 from axisbus.drives.gim6010.cli.ports import modbus_words_of as words_of
 from axisbus.drives.gim6010.cli.ports import usb_words_of as usb_words
@@ -22,7 +22,7 @@ from axisbus.drives.gim6010.cli.ports import usb_words_of as usb_words
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
     from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
-    from axisbus.drives.gim6010.bus.limits_by_message import ModuleByMessage
+    from axisbus.drives.gim6010.bus.settings_by_message import ModuleByMessage
     from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware
     from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
@@ -74,18 +74,8 @@ def module_options(function: Decorated) -> Decorated:
     ) -> Any:
         return command(asked=ModuleSelection(line, node, listed, made_for, serial, usb), **rest)
 
-    function = modbus_options(usb_options(packed))
-    for decorate in (
-        click.option(
-            "--made-for", metavar="VERSION", help="The list's firmware, if its name does not contain it."
-        ),
-        click.option(
-            "--list", "listed", type=PATH, help="The firmware's list of endpoints, as endpoints_0.5.13.json."
-        ),
-        click.option("--node", type=click.IntRange(0, 63), help="The module's node ID."),
-    ):
-        function = decorate(function)
-    return line_options(function)
+    node_option = click.option("--node", type=click.IntRange(0, 63), help="The module's node ID.")
+    return line_options(node_option(endpoint_options(modbus_options(usb_options(packed)))))
 
 
 @contextmanager
@@ -125,7 +115,7 @@ def _over_can(asked: ModuleSelection, make: Callable[[SimpleLine], _Client]) -> 
 def by_message(asked: ModuleSelection) -> Iterator[ModuleByMessage]:
     """Open the module to set it by messages alone, without a list of endpoints; raises as ``opened``."""
     require_can(asked, "it is a message of CAN Simple")
-    from axisbus.drives.gim6010.bus.limits_by_message import ModuleByMessage
+    from axisbus.drives.gim6010.bus.settings_by_message import ModuleByMessage
 
     with _over_can(asked, ModuleByMessage) as module:
         yield module

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ import click
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
 from axisbus.cli.shared.options import Decorated
 from axisbus.drives.gim6010.cli.params.module import ModuleSelection, opened, require_list
-from axisbus.errors import NodeError
+from axisbus.errors import NodeError, StateError
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.parameters.interface import ModuleParameters
@@ -131,3 +132,28 @@ def end(asked: ModuleSelection, command: str, *, saved: bool) -> None:
     else:
         say("in RAM only: it is lost at the next start")
         say_next(f"save it: axisbus gim6010 {command} {asked.words} --save")
+
+
+_BETWEEN = 0.3  # s between two readings that show whether it turns
+
+
+def set_zero(module: ModuleParameters) -> None:
+    """Set and save a module's zero, and check its position after the restart; blocks.
+
+    Raises:
+        StateError: it is not idle, turns, or reports no credible position: then the steps over USB are printed.
+        NodeError: it does not answer, or is not at its zero afterwards.
+    """
+    from axisbus.drives.gim6010.parameters import rules
+    from axisbus.drives.gim6010.settings import zero
+
+    module.require_idle()
+    first = zero.look(module)
+    time.sleep(_BETWEEN)
+    try:
+        wanted = zero.wanted(first, zero.look(module))
+    except StateError:
+        over_usb(zero.STEPS)
+        raise
+    put(module, wanted, save=True)
+    zero.verify(int(module.read(rules.NODE_ID)), float(wanted.values[0][1]), zero.look(module))
