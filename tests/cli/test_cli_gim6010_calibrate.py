@@ -12,8 +12,7 @@ import pytest
 
 from axisbus.bus.link.channel import Channel
 from axisbus.drives.gim6010.bus.run import run_guarded
-from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
-from axisbus.drives.gim6010.calibration.procedure_run import Calibration
+from axisbus.drives.gim6010.calibration import Calibration, CalibrationKind
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
 from axisbus.drives.gim6010.sim.module import Module
 from kit import command_line

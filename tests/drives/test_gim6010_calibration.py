@@ -10,10 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.cia301.frame import CanFrame
-from axisbus.drives.gim6010.calibration import kinds, procedure_run
-from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
-from axisbus.drives.gim6010.calibration.procedure_run import Calibration
-from axisbus.drives.gim6010.calibration.result import RotorRotation
+from axisbus.drives.gim6010 import calibration
+from axisbus.drives.gim6010.calibration import (
+    Calibration,
+    CalibrationKind,
+    RotorRotation,
+)
 from axisbus.drives.gim6010.sim import axis
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
 from axisbus.drives.gim6010.sim.firmware import Firmware
@@ -316,8 +318,8 @@ def test_a_heartbeat_from_before_the_command_does_not_count_as_its_answer():
 
 
 def test_a_calibration_that_never_ends_is_ended_by_the_time_limit(monkeypatch):
-    assert procedure_run.LONGEST == 300.0  # five minutes (manual v2.2, 3.1.4)
-    monkeypatch.setattr(procedure_run, "LONGEST", 5.0)
+    assert calibration.LONGEST == 300.0  # five minutes (manual v2.2, 3.1.4)
+    monkeypatch.setattr(calibration, "LONGEST", 5.0)
     found, one, sent = calibrated(CalibrationKind.MOTOR, bench(calibration_time=1e6))
     assert "not ended within 5 s" in found.why
     assert states(sent)[-1] == IDLE
@@ -378,8 +380,8 @@ def test_the_explanation_names_the_motion_and_its_limit():
         (CalibrationKind.ENCODER, "more than one turn"),
         (CalibrationKind.FULL, "more than one turn"),
     ):
-        text = "\n".join(kinds.explanation(kind, 5))
+        text = "\n".join(calibration.explanation(kind, 5))
         assert words in text
         assert "module 5" in text
         assert "take every load off" in text
-    assert "turns slowly" not in "\n".join(kinds.explanation(CalibrationKind.MOTOR, 5))
+    assert "turns slowly" not in "\n".join(calibration.explanation(CalibrationKind.MOTOR, 5))

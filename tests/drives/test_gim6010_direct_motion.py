@@ -7,8 +7,7 @@ import random
 import pytest
 
 from axisbus.cia301.frame import CanFrame
-from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
-from axisbus.drives.gim6010.calibration.procedure_run import Calibration
+from axisbus.drives.gim6010.calibration import Calibration, CalibrationKind
 from axisbus.drives.gim6010.direct_motion import HeartbeatMonitor, PowerOff
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
 from axisbus.drives.gim6010.sim.module import Module

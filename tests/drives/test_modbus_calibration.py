@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
+from axisbus.drives.gim6010.calibration import CalibrationKind
 from axisbus.drives.gim6010.modbus.module import Present, present
 from axisbus.drives.gim6010.modbus.motion.calibrating import Calibrating
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters

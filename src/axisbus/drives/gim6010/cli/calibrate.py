@@ -13,9 +13,7 @@ from axisbus.drives.gim6010.cli.confirm import ask, end_by, yes_option
 from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, without_remote
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
-    from axisbus.drives.gim6010.calibration.procedure_run import Calibration
-    from axisbus.drives.gim6010.calibration.result import CalibrationResult
+    from axisbus.drives.gim6010.calibration import Calibration, CalibrationKind, CalibrationResult
 
 PRE_CALIBRATED = ("axis0.motor.config.pre_calibrated", "axis0.encoder.config.pre_calibrated")
 
@@ -40,8 +38,7 @@ def command(
     """
     from axisbus.bus.link import ownership
     from axisbus.drives.gim6010.bus.run import run_guarded
-    from axisbus.drives.gim6010.calibration.kinds import CalibrationKind, explanation
-    from axisbus.drives.gim6010.calibration.procedure_run import Calibration
+    from axisbus.drives.gim6010.calibration import Calibration, CalibrationKind, explanation
 
     kind = CalibrationKind[what.upper()]
     line.check()

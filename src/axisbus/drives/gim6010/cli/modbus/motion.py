@@ -180,7 +180,7 @@ def calibrate_command(what: str, target: ModbusTarget, yes: bool) -> int:
     emergency stop, and the state of the module after that is shown. Nothing is saved. Exit code 0 only if the calibration was
     completed without an error.
     """
-    from axisbus.drives.gim6010.calibration.kinds import CalibrationKind, explanation
+    from axisbus.drives.gim6010.calibration import CalibrationKind, explanation
     from axisbus.drives.gim6010.modbus.motion.calibrating import Calibrating
 
     kind = CalibrationKind[what.upper()]

@@ -12,10 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from axisbus.drives.gim6010.calibration import result
-from axisbus.drives.gim6010.calibration.kinds import ON_THE_WAY, CalibrationKind
-from axisbus.drives.gim6010.calibration.procedure_run import BEGINS, LONGEST
-from axisbus.drives.gim6010.calibration.result import CalibrationResult, RotorRotation
+from axisbus.drives.gim6010.calibration import (
+    BEGINS,
+    LONGEST,
+    CalibrationKind,
+    CalibrationResult,
+    RotorRotation,
+    judge,
+    strange,
+    too_far,
+)
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
 from axisbus.drives.gim6010.modbus.motion.course import fault
 from axisbus.drives.gim6010.modbus.motion.driver import PERIOD, descend
@@ -66,7 +72,7 @@ class Calibrating:
         try:
             with self._signals.sheltered():
                 self._guarded_run()
-                return result.judge(self.kind, self._seen, self._module.errors().lines, self.turned)
+                return judge(self.kind, self._seen, self._module.errors().lines, self.turned)
         finally:
             self._signals.restore()
 
@@ -120,19 +126,18 @@ class Calibrating:
         return False
 
     def _note(self, state: int) -> None:
-        if state not in ON_THE_WAY:
-            raise self._broken_off(
-                f"the module is in {state_words(state)}, which does not belong to a calibration"
-            )
+        why = strange(state)
+        if why:
+            raise self._broken_off(why)
         if state not in self._seen[-1:]:
             self._seen.append(state)
             self._tell(f"{state_words(state)}, {self._passed:.1f} s")
 
     def _look_where_it_is(self) -> None:
         self.turned.take(int(self._parameters.read(COUNT)))
-        if self.turned.farthest > self.kind.farthest:
-            turns = f"{self.turned.farthest:.1f} rotor turns"
-            raise self._broken_off(f"the rotor has turned by {turns}, farther than a calibration may turn it")
+        why = too_far(self.kind, self.turned)
+        if why:
+            raise self._broken_off(why)
 
     def _require_guarded(self) -> None:
         if not self._guarded():
