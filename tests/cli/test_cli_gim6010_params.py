@@ -48,7 +48,7 @@ def test_values_are_read_and_written_and_the_output_names_ram_or_flash(params):
         code, out, _ = params("set", f"{LIMIT}=12.5", f"{KT}=0.1", channel=channel)
         assert code == 0
         assert f"{LIMIT} = 12.5 (was 30)" in out
-        assert "note: is the factor for every torque" in out
+        assert f"note: {KT} is the factor for every torque" in out
         assert "in RAM only" in out
         assert module.restarts == 0
         code, out, _ = params("set", f"{GAIN}=7", "--save", channel=channel)
@@ -75,6 +75,18 @@ def test_no_value_is_written_if_one_of_several_is_invalid(params):
             assert word in err
     assert module.usb_read(LIMIT) == 30
     assert not module.energised
+
+
+def test_a_value_that_is_not_taken_leaves_the_ones_before_it_in_ram_with_their_notes(params):
+    module = Module(5, dials=ModuleDials(protocol_by_usb=True))
+    with modules_on_bus(module) as channel:
+        code, out, err = params("set", f"{KT}=0.1", "can.config.protocol=2", f"{LIMIT}=12.5", channel=channel)
+    assert code == 3
+    assert "can.config.protocol holds 1 after 2 was written" in err
+    assert "1 of 3 were written into RAM before the error" in err
+    assert f"note: {KT} is the factor for every torque" in out
+    assert module.usb_read(KT) == pytest.approx(0.1)
+    assert module.usb_read(LIMIT) == 30
 
 
 def test_a_list_is_refused_that_does_not_fit(params, folder):

@@ -16,6 +16,8 @@ class PlainParameters:
     ``cut`` ends it before the act of this number, as a kill would.
     """
 
+    widest = rules.NARROW
+
     def __init__(self, module: Module, *, silent=(), stubborn=(), cut: int | None = None) -> None:
         self.module = module
         self.listed = parse(json.dumps(module.json()), "a list")

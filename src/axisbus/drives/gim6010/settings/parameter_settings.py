@@ -78,7 +78,7 @@ def check(module: ModuleParameters, wanted: ParameterBatch) -> None:
     for path, value in wanted.values:
         endpoint = module.endpoint(path)
         rules.require_setting(endpoint, by_name=True)
-        value_bytes(endpoint, value)
+        value_bytes(endpoint, value, module.widest)
 
 
 def apply(module: ModuleParameters, wanted: ParameterBatch, tell: Tell) -> None:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_error, say_json, say_next
+from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.options import PATH
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.drives.gim6010.cli.params.module import ModuleSelection, backup_of, module_options, opened
+from axisbus.drives.gim6010.cli.settings.common import put, save_option
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
@@ -46,36 +47,25 @@ def get_command(asked: ModuleSelection, paths: tuple[str, ...], as_json: bool) -
 @click.command("set")
 @click.argument("settings", nargs=-1, required=True, metavar="PATH=VALUE...")
 @module_options
-@click.option(
-    "--save", is_flag=True, help="Then save RAM to flash; the module restarts, and all values are read again."
-)
+@save_option
 def set_command(asked: ModuleSelection, settings: tuple[str, ...], save: bool) -> int:
     """Write parameters into RAM, each read back; only to a module that is idle. Without --save a restart undoes it.
 
     Settings measured on this module, its zero, and its address and interface may be written here, because each is named;
     parameters that move or enable it may not. All are checked before the first is written.
     """
-    from axisbus.drives.gim6010.parameters import values
+    from axisbus.drives.gim6010.can_simple.protected_parameters import protected
+    from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
 
     with opened(asked) as module:
-        wanted = [_parsed(module, text) for text in settings]
-        done = 0
-        try:
-            for path, value in wanted:
-                before = module.read(path)
-                held = module.write(path, value, by_name=True)
-                say(f"{path} = {values.show(held)} (was {values.show(before)})")
-                _warn(path)
-                done += 1
-            if save:
-                module.save()
-        except BaseException:
-            if done:
-                say_error(
-                    f"{done} of {len(wanted)} were written into RAM before the error; switching it off and on undoes them"
-                )
-            raise
-    _end(module, asked, saved=save)
+        wanted = tuple(_parsed(module, text) for text in settings)
+        notes = tuple(f"{path} {found.why}" for path, _ in wanted if (found := protected(path)) is not None)
+        put(module, ParameterBatch(wanted, notes), save=save)
+    if save:
+        say(f"saved: module {module.serial:08X}h restarted, and has all of it")
+    else:
+        say("in RAM only: it is lost at the next start")
+        say_next(f"save it: axisbus gim6010 params set ... {asked.words} --save")
     return OK
 
 
@@ -85,33 +75,13 @@ def _parsed(module: ModuleParameters, text: str) -> tuple[str, Value]:
     Raises:
         UsageError, ArgumentError: the text has another form, the parameter is unknown, or it must not be written.
     """
-    from axisbus.drives.gim6010.can_simple.endpoint_messages import value_bytes
-    from axisbus.drives.gim6010.parameters import rules, values
+    from axisbus.drives.gim6010.parameters import values
 
     path, sign, value = text.partition("=")
     if not sign or not value:
         raise click.UsageError(f"{text}: write PATH=VALUE")
     endpoint = module.endpoint(path.strip())
-    rules.require_setting(endpoint, by_name=True)
-    found = values.parse(endpoint, value.strip())
-    value_bytes(endpoint, found, module.widest)
-    return endpoint.path, found
-
-
-def _warn(path: str) -> None:
-    from axisbus.drives.gim6010.can_simple.protected_parameters import protected
-
-    found = protected(path)
-    if found is not None:
-        say(f"  note: {found.why}")
-
-
-def _end(module: ModuleParameters, asked: ModuleSelection, *, saved: bool) -> None:
-    if saved:
-        say(f"saved: module {module.serial:08X}h restarted, and has all of it")
-    else:
-        say("in RAM only: it is lost at the next start")
-        say_next(f"save it: axisbus gim6010 params set ... {asked.words} --save")
+    return endpoint.path, values.parse(endpoint, value.strip())
 
 
 # -- ``axisbus gim6010 params dump``: read every parameter of a module -------------------------------------------------
@@ -186,9 +156,7 @@ def backup_command(asked: ModuleSelection, output: Path | None, force: bool) -> 
 @click.option("--other-module", is_flag=True, help="Allow a backup of another module.")
 @click.option("--other-firmware", is_flag=True, help="Allow a backup of another firmware.")
 @click.option("--dry-run", is_flag=True, help="Show the values that would be written, and write nothing.")
-@click.option(
-    "--save", is_flag=True, help="Then save RAM to flash; the module restarts, and all values are read again."
-)
+@save_option
 def restore_command(
     asked: ModuleSelection,
     file: Path,
@@ -204,16 +172,20 @@ def restore_command(
     measured on a module, its zero, and its address and interface are not written, unless each is named with --include.
     """
     from axisbus.drives.gim6010.parameters import backup, rules
-    from axisbus.drives.gim6010.parameters import backup as bulk_read
+    from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
 
     kept = backup_of(file)
     with opened(asked) as module:
         backup.require_same(kept, module, other_module=other_module, other_firmware=other_firmware)
-        present = bulk_read.read_all(module, filter(rules.kept, module.listed.endpoints.values())).values
+        present = backup.read_all(module, filter(rules.kept, module.listed.endpoints.values())).values
         plan = backup.plan(kept, module, present, frozenset(include))
         _tell(plan, dry_run=dry_run)
         if not dry_run and plan.writes:
-            _write(module, plan, frozenset(include), save=save)
+            put(module, ParameterBatch(plan.writes), save=save)
+            where = (
+                "saved: the module restarted, and has all of it" if save else "in RAM only: --save stores it"
+            )
+            say(f"{counted(len(plan.writes), 'setting')} restored, {where}")
     return OK
 
 
@@ -226,26 +198,6 @@ def _tell(plan: RestorePlan, *, dry_run: bool) -> None:
         say(f"would write {path} = {values.show(value)}")
     if not plan.writes:
         say("there is nothing to be written")
-
-
-def _write(module: ModuleParameters, plan: RestorePlan, named: frozenset[str], *, save: bool) -> None:
-    from axisbus.drives.gim6010.parameters import values
-
-    done = 0
-    try:
-        for path, value in plan.writes:
-            say(f"{path} = {values.show(module.write(path, value, by_name=path in named))}")
-            done += 1
-        if save:
-            module.save()
-    except BaseException:
-        if done:
-            say_error(
-                f"{done} of {len(plan.writes)} were written into RAM before the error; switching it off and on undoes them"
-            )
-        raise
-    where = "saved: the module restarted, and has all of it" if save else "in RAM only: --save stores it"
-    say(f"{counted(done, 'setting')} restored, {where}")
 
 
 # -- ``axisbus gim6010 params diff``: compare two backups, or a backup and a module ------------------------------------

@@ -65,7 +65,7 @@ def show(asked: ModuleSelection, paths: tuple[str, ...]) -> int:
 
 
 def put(module: ModuleParameters, wanted: ParameterBatch, *, save: bool) -> None:
-    """Write all parameters, and save them if requested; if that fails midway, print which are in RAM."""
+    """Write all parameters, and save them if requested; if that fails midway, print how many are in RAM. Then print the notes."""
     from axisbus.drives.gim6010.settings.parameter_settings import apply
 
     told: list[str] = []
@@ -84,8 +84,9 @@ def put(module: ModuleParameters, wanted: ParameterBatch, *, save: bool) -> None
                 f"{len(told)} of {len(wanted.values)} were written into RAM before the error; switching it off and on undoes this"
             )
         raise
-    for note in wanted.notes:
-        say(f"  note: {note}")
+    finally:
+        for note in wanted.notes if told else ():
+            say(f"  note: {note}")
 
 
 def change(
