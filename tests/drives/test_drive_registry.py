@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -170,6 +171,78 @@ def test_explain_has_the_texts_of_the_makes(install: Install, axisbus: command_l
     install(BOTH)
     assert "Stranger servo: the flux capacitor is empty" in axisbus("explain", "FF42h").out
     assert "Stranger" not in axisbus("explain", "FF44h").out
+
+
+COMMANDS = (
+    CODE
+    + """
+import click
+
+
+@click.group("stranger")
+def tools() -> None:
+    \"\"\"Set up a stranger's servo.\"\"\"
+
+
+@tools.command("tune")
+@click.option("--gain", type=float, required=True, help="In 1/s.")
+def tune(gain: float) -> None:
+    \"\"\"Set the gain of a stranger's servo.\"\"\"
+    click.echo(f"gain {gain:g}")
+
+
+NOTHING = 5
+"""
+)
+
+
+def test_a_package_adds_a_group_of_commands_with_its_help(
+    install: Install, axisbus: command_line.Run
+) -> None:
+    install(f"{BOTH}\n[axisbus_commands]\nstranger = stranger_drives:tools", COMMANDS)
+    assert re.search(r"\n  stranger +A command of the package stranger_drives 1\.2\.\n", axisbus("-h").out)
+    for option in ("-h", "--help"):
+        group, command = axisbus("stranger", option).out, axisbus("stranger", "tune", option).out
+        assert "Usage: axisbus stranger [OPTIONS] COMMAND" in group
+        assert "Set up a stranger's servo." in group
+        assert "  tune  Set the gain of a stranger's servo." in group
+        assert "Usage: axisbus stranger tune [OPTIONS]" in command
+        assert "In 1/s.  [required]" in command
+    assert axisbus("stranger", "tune", "--gain", "2.5")[:2] == (0, "gain 2.5\n")
+
+
+@pytest.mark.parametrize(
+    ("code", "entry", "error"),
+    [
+        ("1 / 0\n", "stranger_drives:tools", "ZeroDivisionError: division by zero"),
+        (COMMANDS, "stranger_drives.cli:tools", "ModuleNotFoundError"),
+        (COMMANDS, "stranger_drives:wrong", "AttributeError"),
+        (COMMANDS, "stranger_drives:NOTHING", "stranger_drives:NOTHING is not a command of click"),
+    ],
+)
+@pytest.mark.parametrize("words", [(), ("-h",), ("tune", "--gain", "1")])
+def test_a_command_of_a_package_that_fails_is_named_and_stops_no_other(
+    install: Install, axisbus: command_line.Run, code: str, entry: str, error: str, words: tuple[str, ...]
+) -> None:
+    install(f"[axisbus_commands]\nstranger = {entry}", code)
+    result = axisbus("stranger", *words)
+    assert result.code == 1
+    assert "the command stranger of the package stranger_drives 1.2 cannot be loaded" in result.err
+    assert error in result.err
+    assert "update or uninstall the package stranger_drives 1.2" in result.err
+    assert "A command of the package stranger_drives" in axisbus("-h").out
+    assert axisbus("no-such-command").code == 2
+    assert axisbus("drives", "list").code == 0
+
+
+def test_a_command_of_axisbus_is_not_replaced_by_a_package(
+    install: Install, axisbus: command_line.Run
+) -> None:
+    both = "gim6010 = stranger_drives:tools\nmove = stranger_drives:tools"
+    install(f"[axisbus_commands]\n{both}", COMMANDS)
+    assert "stranger" not in axisbus("-h").out
+    assert "Find and inspect GIM6010-8 modules" in axisbus("gim6010", "-h").out
+    assert "Usage: axisbus move" in axisbus("move", "-h").out
 
 
 def test_nothing_is_loaded_before_a_plug_in_is_needed() -> None:

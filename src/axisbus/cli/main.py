@@ -5,12 +5,17 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from axisbus.cli.shared.lazy import LazyGroup, Table
 from axisbus.version import __version__
 
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+_GROUP = "axisbus_commands"  # entry points of other packages, each a command of click
 # In the order of commissioning.
 _OWN: Table = {
     "demo": ("axisbus.cli.demo", "Demonstrate axisbus on the simulated cell, and draw the motion."),
@@ -83,10 +88,11 @@ _BEFORE = "lss"  # the command that those of the drive plug-ins precede
 
 
 class _Commands(Mapping[str, tuple[str, str]]):
-    """The table of all commands; the plug-ins are asked only for a name that is no command of axisbus itself."""
+    """The table of all commands; other packages are asked only for a name that is no command of axisbus itself."""
 
     def __getitem__(self, name: str) -> tuple[str, str]:
-        return _OWN[name] if name in _OWN else _of_plugins()[name]
+        own = _of_axisbus(name)
+        return _of_plugins()[name] if own is None else own
 
     def __iter__(self) -> Iterator[str]:
         for name in _OWN:
@@ -99,15 +105,72 @@ class _Commands(Mapping[str, tuple[str, str]]):
 
 
 def _of_plugins() -> Table:
+    others = {
+        name: (entry.value, f"A command of {_package(entry)}.") for name, entry in _of_packages().items()
+    }
+    return {**others, **_of_own_plugins()}
+
+
+def _of_axisbus(name: str) -> tuple[str, str] | None:
+    """Return the row of a command of axisbus itself, without asking other packages."""
+    return _OWN[name] if name in _OWN else _of_own_plugins().get(name)
+
+
+def _of_own_plugins() -> Table:
     from axisbus.drives.descriptions import descriptions
 
     return {name: command for each in descriptions() for name, command in each.commands.items()}
 
 
+def _of_packages() -> dict[str, EntryPoint]:
+    """Return the commands of other packages by name; those of axisbus precede one with the same name."""
+    from importlib.metadata import entry_points
+
+    found = sorted(entry_points(group=_GROUP), key=lambda entry: entry.name)
+    return {entry.name: entry for entry in found if _of_axisbus(entry.name) is None}
+
+
+def _package(entry: EntryPoint) -> str:
+    return "a package" if entry.dist is None else f"the package {entry.dist.name} {entry.dist.version}"
+
+
 COMMANDS = _Commands()
 
 
-@click.group(cls=LazyGroup, table=COMMANDS)
+class _AllCommands(LazyGroup):
+    """The group of all commands; a command of another package that cannot be loaded becomes one that reports the error."""
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return one subcommand."""
+        other = None if _of_axisbus(cmd_name) else _of_packages().get(cmd_name)
+        try:
+            found = super().get_command(ctx, cmd_name)
+        except Exception as error:
+            if other is None:
+                raise
+            return _unusable(other, f"{type(error).__name__}: {error}")
+        if other is not None and not isinstance(found, click.Command):
+            return _unusable(other, f"{other.value} is not a command of click")
+        return found
+
+
+def _unusable(entry: EntryPoint, why: str) -> click.Command:
+    """Return a command that takes any arguments, and raises the error of loading the command of a package."""
+    from axisbus.errors import UserError
+
+    def fail() -> None:
+        package = _package(entry)
+        raise UserError(
+            f"the command {entry.name} of {package} cannot be loaded",
+            observed=why,
+            remedy=f"update or uninstall {package}",
+        )
+
+    anything: dict[str, Any] = {"ignore_unknown_options": True, "allow_extra_args": True}
+    return click.Command(entry.name, callback=fail, context_settings=anything, add_help_option=False)
+
+
+@click.group(cls=_AllCommands, table=COMMANDS)
 @click.version_option(__version__, prog_name="axisbus")
 def cli() -> None:
     """A CANopen CiA 402 master: servo drives on a CAN bus as named axes.
