@@ -13,7 +13,7 @@ import signal
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
@@ -26,6 +26,7 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
 from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
 from axisbus.drives.gim6010.bus.run import send
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.coexistence import identifiers
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
@@ -73,10 +74,7 @@ class MitControl:
             SecondMasterError: another program of axisbus has the channel. AdapterError: it cannot be opened.
         """
         with ExitStack() as stack:
-            lock = ownership.take(interface, channel)
-            if lock is not None:
-                stack.enter_context(lock)
-            made = cls(stack.enter_context(Channel.open(interface, channel, bitrate, **options)), settings)
+            made = cls(_alone(stack, interface, channel, bitrate, options), settings)
             made._stack.push(stack.pop_all().__exit__)
         return made
 
@@ -206,14 +204,14 @@ class MitControl:
             with self._came:
                 self._came.notify_all()
 
-    def _turn(self, leader: MitLeader) -> list[object]:
+    def _turn(self, leader: MitLeader) -> list[Outgoing]:
         while self._heard:
             leader.receive(self._heard.popleft())
-        return list(leader.step(time.monotonic()))
+        return leader.step(time.monotonic())
 
-    def _send(self, leader: MitLeader, frame: object) -> None:
+    def _send(self, leader: MitLeader, frame: Outgoing) -> None:
         try:
-            send(self._channel, frame)  # type: ignore[arg-type]
+            send(self._channel, frame)
         except AxisbusError as error:
             leader.leave(f"the bus: {error.message}")
 
@@ -349,11 +347,18 @@ def read_mit_ranges(
         raise UserError(f"{endpoints} cannot be read", observed=str(error.strerror)) from error
     listed, version = parse(text, str(endpoints)), Firmware.parse(made_for)
     with ExitStack() as stack:
-        lock = ownership.take(interface, channel)
-        if lock is not None:
-            stack.enter_context(lock)
-        line = SimpleLine(stack.enter_context(Channel.open(interface, channel, bitrate, **options)), node)
+        line = SimpleLine(_alone(stack, interface, channel, bitrate, options), node)
         module = CanSimpleParameters(line)
         stack.enter_context(line)
         module.open(listed, version)
         return ranges_of(module)
+
+
+def _alone(
+    stack: ExitStack, interface: str, channel: str, bitrate: int | None, options: Mapping[str, object]
+) -> Channel:
+    """Open a channel that no other program of axisbus has, until ``stack`` closes it."""
+    lock = ownership.take(interface, channel)
+    if lock is not None:
+        stack.enter_context(lock)
+    return stack.enter_context(Channel.open(interface, channel, bitrate, **options))

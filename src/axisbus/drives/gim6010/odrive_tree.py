@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from typing import Any, NoReturn
 
 from axisbus.drives.gim6010.parameters.values import Value
-from axisbus.drives.gim6010.usb_parameters import Gone
 from axisbus.errors import AdapterError, NodeTimeout, StateError, UserError
 
 FIND = 10.0  # s to find a connected module
@@ -16,8 +15,16 @@ ALONE = 1.0  # s to find a second one
 _LIST = "_dev"  # attribute of odrive's objects with the device data; there is no public one
 
 
+class Gone(Exception):  # named for what happened; only ``usb_parameters`` catches it
+    """The module is no longer on the port: it restarts, or was unplugged."""
+
+
 class OdriveTree:
-    """``Tree`` of one module that odrive has found."""
+    """The object tree of one module that odrive has found; use it from one thread only.
+
+    Paths are those of the module's own list, without ``odrv0.``. ``members`` is that list: by path, the JSON data of each parameter
+    and function.
+    """
 
     def __init__(
         self, found: Any, find: Callable[[str, float], Any], gone: tuple[type[Exception], ...]
@@ -32,27 +39,34 @@ class OdriveTree:
 
     @property
     def serial(self) -> int:
-        """As ``Tree.serial``."""
+        """Serial number, as reported by the port."""
         return int(self._name, 16)
 
-    def read(self, path: str) -> Value:
-        """As ``Tree.read``."""
+    def read(self, path: str) -> object:
+        """Return a value; blocks.
+
+        Raises:
+            Gone: the module is no longer there.
+        """
         with self._connected():
-            found: Value = getattr(*self._at(path))
-        return found
+            return getattr(*self._at(path))
 
     def write(self, path: str, value: Value) -> None:
-        """As ``Tree.write``."""
+        """Write a value; blocks. Raises as ``read``."""
         with self._connected():
             setattr(*self._at(path), value)
 
     def call(self, path: str) -> None:
-        """As ``Tree.call``."""
+        """Call a function without arguments; blocks. Raises as ``read``."""
         with self._connected():
             getattr(*self._at(path))()
 
     def again(self, seconds: float) -> OdriveTree:
-        """As ``Tree.again``."""
+        """Return the same module once it is back on the port; blocks for at most ``seconds``.
+
+        Raises:
+            NodeTimeout: it did not come back.
+        """
         return OdriveTree(self._find(self._name, seconds), self._find, self._gone)
 
     def _at(self, path: str) -> tuple[Any, str]:

@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Protocol
 
 from axisbus.drives.gim6010.can_simple.endpoints import (
     VERSION_ENDPOINTS,
@@ -25,6 +24,7 @@ from axisbus.drives.gim6010.can_simple.endpoints import (
 )
 from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.odrive_tree import Gone, OdriveTree
 from axisbus.drives.gim6010.parameters import rules
 from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 from axisbus.drives.gim6010.parameters.values import Value
@@ -55,7 +55,7 @@ class UsbParameters(ModuleParameters):
         "write it again, and check whether the value remains after switching the module off and on",
     )
 
-    def __init__(self, tree: Tree) -> None:
+    def __init__(self, tree: OdriveTree) -> None:
         """Prepare; nothing is read before ``open``."""
         super().__init__()
         self._tree = tree
@@ -190,44 +190,3 @@ class UsbParameters(ModuleParameters):
                 observed=str(gone),
                 remedy="it restarts, or was unplugged: check its cable and supply, then give the command again",
             ) from gone
-
-
-# -- Interface to the object tree of a module on USB: its contents, and access to one value at a time ------------------
-#
-# Implementations are a USB port, and a simulation for tests.
-
-
-class Gone(Exception):  # named for what happened; only ``parameters`` catches it
-    """The module is no longer on the port: it restarts, or was unplugged."""
-
-
-class Tree(Protocol):
-    """Object tree of one module; use it from one thread only. Paths are those of its own list, without ``odrv0.``."""
-
-    @property
-    def serial(self) -> int:
-        """Serial number, as reported by the port."""
-
-    @property
-    def members(self) -> Mapping[str, Mapping[str, Any]]:
-        """Its endpoint list: by path, the JSON data of each parameter and function."""
-
-    def read(self, path: str) -> Value:
-        """Return a value; blocks.
-
-        Raises:
-            Gone: the module is no longer there. NodeError: it does not report the value.
-        """
-
-    def write(self, path: str, value: Value) -> None:
-        """Write a value; blocks. Raises as ``read``."""
-
-    def call(self, path: str) -> None:
-        """Call a function without arguments; blocks. Raises as ``read``."""
-
-    def again(self, seconds: float) -> Tree:
-        """Return the same module once it is back on the port; blocks for at most ``seconds``.
-
-        Raises:
-            NodeTimeout: it did not come back.
-        """

@@ -13,6 +13,7 @@ from typing import Protocol
 from axisbus.bus.link.channel import Channel, require_other_thread
 from axisbus.bus.link.controller import CanErrorState
 from axisbus.cia301.frame import CanFrame
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.errors import AdapterError, AxisbusError
 from axisbus.system.signals import present
 
@@ -33,7 +34,7 @@ class ModuleProcedure(Protocol):
     def trouble(self, words: str) -> None:
         """Handle a request that was not acknowledged or not sent."""
 
-    def step(self, now: float) -> RequestFrame | None:
+    def step(self, now: float) -> Outgoing | None:
         """Advance to ``now`` and return the frame to send, if any."""
 
 
@@ -64,7 +65,7 @@ def run(channel: Channel, dialogue: ModuleProcedure) -> None:
         channel.check()
 
 
-def _send(channel: Channel, dialogue: ModuleProcedure, request: RequestFrame) -> None:
+def _send(channel: Channel, dialogue: ModuleProcedure, request: Outgoing) -> None:
     try:
         send(channel, request)
     except AdapterError as error:
@@ -93,26 +94,10 @@ class _Watch:
         return next((each for each in errors if _NO_ACKNOWLEDGE in each), "")
 
 
-# -- A frame of CAN Simple or CANopen that a dialogue sends: a data frame, or a remote frame that requests data --------
+# -- The frames that a dialogue sends: data frames, or remote frames that request data ----------------------------------
 
 
 _LENGTH = 8  # bytes that a remote frame requests
-
-
-class RequestFrame(Protocol):
-    """A frame to send: 11-bit identifier and data, or ``remote`` without data."""
-
-    @property
-    def can_id(self) -> int:
-        """The identifier."""
-
-    @property
-    def data(self) -> bytes:
-        """The data of a data frame."""
-
-    @property
-    def remote(self) -> bool:
-        """Whether it is a remote frame."""
 
 
 class Sends(Protocol):
@@ -125,7 +110,7 @@ class Sends(Protocol):
         """Send a remote frame."""
 
 
-def send(channel: Sends, request: RequestFrame) -> None:
+def send(channel: Sends, request: Outgoing) -> None:
     """Send the frame; raises as ``Channel.send``."""
     if request.remote:
         channel.send_remote(request.can_id, _LENGTH)
@@ -147,27 +132,14 @@ _SIGNALS = present("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 _PARTINGS = 3
 
 
-class Interruptible(Protocol):
+class Interruptible(ModuleProcedure, Protocol):
     """A dialogue with a cleanup of its own, which takes a limited time."""
 
     news: deque[str]
 
     @property
-    def done(self) -> bool:
-        """As ``ModuleProcedure.done``."""
-
-    @property
-    def parting(self) -> Sequence[RequestFrame]:
+    def parting(self) -> Sequence[Outgoing]:
         """Final frames that remove the power if the dialogue cannot continue."""
-
-    def note(self, frame: CanFrame) -> None:
-        """As ``ModuleProcedure.note``."""
-
-    def trouble(self, words: str) -> None:
-        """As ``ModuleProcedure.trouble``."""
-
-    def step(self, now: float) -> RequestFrame | None:
-        """As ``ModuleProcedure.step``."""
 
     def interrupt(self, why: str) -> None:
         """Make the dialogue start its cleanup."""
@@ -184,7 +156,7 @@ class _Told:
     def done(self) -> bool:
         return self._dialogue.done and not self._dialogue.news
 
-    def step(self, now: float) -> RequestFrame | None:
+    def step(self, now: float) -> Outgoing | None:
         request = None if self._dialogue.done else self._dialogue.step(now)
         if request is None and self._dialogue.news:
             self._tell(self._dialogue.news.popleft())
