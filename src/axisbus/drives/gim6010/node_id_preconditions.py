@@ -11,21 +11,6 @@ from axisbus.drives.gim6010.discovery.finder import Finder
 from axisbus.drives.gim6010.discovery.results import DiscoveredModule, ProtocolsFound
 from axisbus.errors import ArgumentError, StateError
 
-OVER_USB = {
-    ProtocolsFound.CANOPEN: (
-        "connect it by USB and open odrivetool",
-        "odrv0.can.config.protocol = 2",
-        "odrv0.save_configuration(), after which it restarts",
-        "switch it off and on, and search for it: axisbus gim6010 find",
-    ),
-    ProtocolsFound.CAN_SIMPLE: (
-        "connect it by USB and open odrivetool",
-        "odrv0.can.config.protocol = 1",
-        "odrv0.save_configuration(), after which it restarts",
-        "switch it off and on, and search for it: axisbus gim6010 find",
-    ),
-}
-
 
 def require_one(finder: Finder, found: Sequence[DiscoveredModule], node: int) -> DiscoveredModule:
     """Return the only module of CAN Simple with this node ID, if it is idle.

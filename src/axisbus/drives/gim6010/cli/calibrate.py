@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.drives.gim6010.cli.confirm import ask, end_by, yes_option
-from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, without_remote
+from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, run_alone, without_remote
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.calibration import Calibration, CalibrationKind, CalibrationResult
@@ -36,21 +34,13 @@ def command(
     Ctrl-C, SIGTERM, a lost module, an error and too many turns end it by idle, then ESTOP, and the state of the module after that
     is shown. Nothing is saved. Exit code 0 only if the calibration was completed without an error.
     """
-    from axisbus.bus.link import ownership
-    from axisbus.drives.gim6010.bus.run import run_guarded
     from axisbus.drives.gim6010.calibration import Calibration, CalibrationKind, explanation
 
     kind = CalibrationKind[what.upper()]
     line.check()
     ask(explanation(kind, node), yes=yes)
     calibration = Calibration(node, kind, remote=not without_remote(line))
-    with ExitStack() as stack:
-        lock = ownership.take(
-            line.interface or "", line.channel
-        )  # another program on the bus could also move this module
-        if lock is not None:
-            stack.enter_context(lock)
-        number = run_guarded(open_bus(stack, None, *line), calibration, say)
+    number = run_alone(line, calibration)  # another program on the bus could also move this module
     code = _tell(calibration, line)
     end_by(number)
     return code

@@ -10,10 +10,12 @@ import click
 
 from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import open_bus, opening_of, require_rate
+from axisbus.cli.shared.common import say
 from axisbus.cli.shared.options import Decorated, bus_options, bus_words, parse_options
 
 if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import BitRateTraffic
+    from axisbus.drives.gim6010.bus.run import Interruptible
     from axisbus.drives.gim6010.discovery.finder import Finder
     from axisbus.drives.gim6010.discovery.results import DiscoveredModule
 
@@ -133,3 +135,19 @@ def survey(line: BusOptions, node: int | None = None) -> tuple[Finder, tuple[Dis
             remedy=f"give -b {elsewhere.bitrate}",
         )
     return finder, findings(finder)
+
+
+def run_alone(line: BusOptions, procedure: Interruptible) -> int:
+    """Run a procedure that moves a module, as the only program on the bus; return the signal that ended it (0: none). Blocks.
+
+    Raises:
+        BusError: another program uses the bus, or it cannot be opened.
+    """
+    from axisbus.bus.link import ownership
+    from axisbus.drives.gim6010.bus.run import run_guarded
+
+    with ExitStack() as stack:
+        lock = ownership.take(line.interface or "", line.channel)
+        if lock is not None:
+            stack.enter_context(lock)
+        return run_guarded(open_bus(stack, None, *line), procedure, say)

@@ -11,6 +11,8 @@ from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_ne
 from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, require_node, survey
 from axisbus.drives.gim6010.cli.params.module import ModuleSelection, module_options, opened, require_list
 from axisbus.drives.gim6010.cli.ports import on_usb, usb_options
+from axisbus.drives.gim6010.cli.settings.common import over_usb, put
+from axisbus.errors import NodeError
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.discovery.results import DiscoveredModule
@@ -18,12 +20,7 @@ if TYPE_CHECKING:
 
 # -- ``axisbus gim6010 to-canopen``: switch a module from CAN Simple to CANopen, as far as possible over CAN -----------
 
-_PROTOCOL, _CANOPEN = "can.config.protocol", 2
-
-
 _INTERFACE, _CAN = "config.comm_intf_mux", 0
-
-
 _BACK = 25.0  # s, the time of a restart as reported by owners
 
 
@@ -38,7 +35,7 @@ def to_canopen_command(asked: ModuleSelection) -> int:
     only after CAN becomes its interface, and the command says so.
     """
     from axisbus.drives.gim6010 import node_id_preconditions
-    from axisbus.errors import NodeError
+    from axisbus.drives.gim6010.settings.parameter_settings import CANOPEN, PROTOCOL
 
     require_list(asked)
     if not asked.over_can:
@@ -49,25 +46,24 @@ def to_canopen_command(asked: ModuleSelection) -> int:
     node_id_preconditions.require_canopen(found, node)
     try:
         with opened(asked) as module:
-            module.write(_PROTOCOL, _CANOPEN, by_name=True)
-            say(f"{_PROTOCOL} = {_CANOPEN}, in RAM; saving, which restarts it")
+            module.write(PROTOCOL, CANOPEN, by_name=True)
+            say(f"{PROTOCOL} = {CANOPEN}, in RAM; saving, which restarts it")
             module.save_and_leave()
     except NodeError as error:
         say_error(str(error))
-        _over_usb()
+        _to_canopen_over_usb()
         return FAILURE
     return _verify(asked, node)
 
 
 def _by_another_way(asked: ModuleSelection) -> int:
     from axisbus.drives.gim6010 import node_id_preconditions
-    from axisbus.drives.gim6010.cli.settings.common import put
     from axisbus.drives.gim6010.parameters import rules
-    from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
+    from axisbus.drives.gim6010.settings.parameter_settings import CANOPEN, protocol
 
     with opened(asked) as module:
         node_id_preconditions.require_canopen((), int(module.read(rules.NODE_ID)))
-        put(module, ParameterBatch(((_PROTOCOL, _CANOPEN),)), save=True)
+        put(module, protocol(CANOPEN), save=True)
         on_can = module.read(_INTERFACE) == _CAN
     say("saved: it speaks CANopen" + ("" if on_can else " once CAN is its interface"))
     say("check first that no other node on that bus has its node ID: axisbus gim6010 find")
@@ -90,45 +86,39 @@ def _verify(asked: ModuleSelection, node: int) -> int:
     say_error(
         f"node {node} was saved and restarted, and is not found in CANopen; heard at its node ID: {seen}"
     )
-    _over_usb()
+    _to_canopen_over_usb()
     return FAILURE
 
 
-def _over_usb() -> None:
-    from axisbus.drives.gim6010.discovery.results import ProtocolsFound
-    from axisbus.drives.gim6010.node_id_preconditions import OVER_USB
+def _to_canopen_over_usb() -> None:
+    from axisbus.drives.gim6010.settings.parameter_settings import CANOPEN, SEARCH, protocol
 
-    say("do this over USB:")
-    for step in OVER_USB[ProtocolsFound.CANOPEN]:
-        say(f"  {step}")
+    over_usb((*protocol(CANOPEN).over_usb, SEARCH))
 
 
 # -- ``axisbus gim6010 to-can-simple``: switch a module from CANopen back to CAN Simple, which no known object does ----
-
-
-_TO_CAN_SIMPLE_PROTOCOL, _CAN_SIMPLE = "can.config.protocol", 1
 
 
 @click.command("to-can-simple")
 @line_options
 @usb_options
 @click.option("--node", type=click.IntRange(0, 127), help="The module's node ID; not with --usb.")
-def to_can_simple_command(
-    line: BusOptions,
-    node: int | None,
-    usb: str | None,
-) -> int:
+def to_can_simple_command(line: BusOptions, node: int | None, usb: str | None) -> int:
     """Change a module from CANopen back to CAN Simple, over --usb; otherwise show the steps, and write nothing.
 
     No object of CANopen is known that changes the protocol. Exit code 0 if it already speaks CAN Simple, or does now, 1 if the
     steps are shown, 3 if no module has this node ID.
     """
-    if usb is not None:
-        return _to_can_simple_over_usb(usb)
-    node = require_node(node)
     from axisbus.drives.gim6010.discovery.results import ProtocolsFound
-    from axisbus.drives.gim6010.node_id_preconditions import OVER_USB
+    from axisbus.drives.gim6010.settings.parameter_settings import CAN_SIMPLE, SEARCH, protocol
 
+    wanted = protocol(CAN_SIMPLE)
+    if usb is not None:
+        with on_usb(usb) as module:
+            put(module, wanted, save=True)
+        say("saved: it restarted, and speaks CAN Simple")
+        return OK
+    node = require_node(node)
     found = [each for each in survey(line, node)[1] if each.ours and node in each.addresses]
     if not found:
         say_error(
@@ -138,17 +128,6 @@ def to_can_simple_command(
     if all(each.protocol is ProtocolsFound.CAN_SIMPLE for each in found):
         say(f"node {node} already speaks CAN Simple")
         return OK
-    say(f"change node {node} to CAN Simple over USB:")
-    for step in OVER_USB[ProtocolsFound.CAN_SIMPLE]:
-        say(f"  {step}")
+    say(f"change node {node} to CAN Simple:")
+    over_usb((*wanted.over_usb, SEARCH))
     return WRONG
-
-
-def _to_can_simple_over_usb(usb: str) -> int:
-    from axisbus.drives.gim6010.cli.settings.common import put
-    from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
-
-    with on_usb(usb) as module:
-        put(module, ParameterBatch(((_TO_CAN_SIMPLE_PROTOCOL, _CAN_SIMPLE),)), save=True)
-    say("saved: it restarted, and speaks CAN Simple")
-    return OK

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.cli.shared.options import Seconds
 from axisbus.drives.gim6010.cli.confirm import ask, end_by, yes_option
-from axisbus.drives.gim6010.cli.discovery import require_node, without_remote
+from axisbus.drives.gim6010.cli.discovery import require_node, run_alone, without_remote
 from axisbus.drives.gim6010.cli.params.module import (
     ModuleSelection,
     module_options,
@@ -182,16 +180,10 @@ def try_once(asked: ModuleSelection, trial: ModuleTrial, gains: Gains) -> tuple[
     Raises:
         BusError: another program uses the bus, or it cannot be opened.
     """
-    from axisbus.bus.link import ownership
-    from axisbus.drives.gim6010.bus.run import run_guarded
     from axisbus.drives.gim6010.tuning.runner import ModuleTuning
 
     tuning = ModuleTuning(trial, gains, remote=not without_remote(asked.line))
-    with ExitStack() as stack:
-        lock = ownership.take(asked.line.interface or "", asked.line.channel)
-        if lock is not None:
-            stack.enter_context(lock)
-        return tuning, run_guarded(open_bus(stack, None, *asked.line), tuning, say)
+    return tuning, run_alone(asked.line, tuning)
 
 
 def tell(tuning: ModuleTuning) -> int:

@@ -300,3 +300,16 @@ def require_alone(finder: Finder, found: Sequence[DiscoveredModule], node: int) 
             observed=f"there are also: {', '.join(others)}",
             remedy="connect it alone: at another bit rate it would destroy the others' frames",
         )
+
+
+# -- The protocol on CAN, which takes effect with the next restart too -------------------------------------------------
+
+
+PROTOCOL = "can.config.protocol"
+CAN_SIMPLE, CANOPEN = 1, 2
+SEARCH = "switch it off and on, and search for it: axisbus gim6010 find"  # the last step over USB
+
+
+def protocol(value: int) -> ParameterBatch:
+    """Return the parameters that set the protocol, ``CAN_SIMPLE`` or ``CANOPEN``."""
+    return ParameterBatch(((PROTOCOL, value),))
