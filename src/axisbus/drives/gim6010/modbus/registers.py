@@ -98,13 +98,11 @@ class Register:
         return self.field.take(raw.to_bytes(2 * self.count, "little"))
 
 
+# The permitted values: of the states only those that do not move the motor; 4.3.3 lists neither voltage control nor MIT.
 _LISTED: Mapping[str, Mapping[int, str]] = {
-    "state_control": {
-        1: "idle",
-        8: "closed loop",
-    },  # the only states requested here: the others move the motor
-    "control_mode": {mode: CONTROL_MODES[mode] for mode in (1, 2, 3)},  # 4.3.3 lists no voltage control
-    "input_mode": {mode: INPUT_MODES[mode] for mode in (1, 2, 3, 5, 6)},  # nor MIT
+    "state_control": {1: "idle", 8: "closed loop"},
+    "control_mode": {mode: CONTROL_MODES[mode] for mode in (1, 2, 3)},
+    "input_mode": {mode: INPUT_MODES[mode] for mode in (1, 2, 3, 5, 6)},
 }
 # From ``registers.tsv``, with the bounds of the same parameters over CAN Simple.
 REGISTERS = tuple(

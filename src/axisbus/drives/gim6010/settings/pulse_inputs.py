@@ -71,7 +71,7 @@ _WIRE = "the signal goes to the contact of CANH, 5 V at most, with its ground on
 
 
 @dataclass(frozen=True, slots=True)
-class Mapping:
+class PulseMapping:
     """Maps a pulse of 1 ms to ``low`` and of 2 ms to ``high`` of ``follows``, in units of the rotor."""
 
     follows: Follows

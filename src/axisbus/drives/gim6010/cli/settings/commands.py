@@ -35,6 +35,7 @@ from axisbus.errors import NodeError
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
     from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+    from axisbus.drives.gim6010.settings.pulse_inputs import PulseMapping, Pulses
 
 
 # -- ``axisbus gim6010 limits``: the module's own limits of velocity and current ---------------------------------------
@@ -267,12 +268,15 @@ def pulses_command(per_turn: int, turns: int, circular: bool) -> int:
     """
     from axisbus.drives.gim6010.settings.pulse_inputs import Pulses
 
-    pulses = Pulses(per_turn, turns, circular)
-    for line in pulses.table:
+    return _tell_input(Pulses(per_turn, turns, circular))
+
+
+def _tell_input(of_pulses: Pulses | PulseMapping) -> int:
+    for line in of_pulses.table:
         say(line)
-    for note in pulses.notes:
+    for note in of_pulses.notes:
         say(f"  note: {note}")
-    over_usb(pulses.steps)
+    over_usb(of_pulses.steps)
     return OK
 
 
@@ -289,15 +293,9 @@ def pwm_command(follows: str, low: float, high: float) -> int:
 
     Sends nothing and writes nothing: the parameter that follows the pulses is set by a reference that only USB has.
     """
-    from axisbus.drives.gim6010.settings.pulse_inputs import Follows, Mapping
+    from axisbus.drives.gim6010.settings.pulse_inputs import Follows, PulseMapping
 
-    mapping = Mapping(Follows[follows.upper()], low, high)
-    for line in mapping.table:
-        say(line)
-    for note in mapping.notes:
-        say(f"  note: {note}")
-    over_usb(mapping.steps)
-    return OK
+    return _tell_input(PulseMapping(Follows[follows.upper()], low, high))
 
 
 # -- ``axisbus gim6010 set-bitrate``: set the bit rate of a module that is alone on its bus ----------------------------
