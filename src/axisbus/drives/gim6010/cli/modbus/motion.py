@@ -8,6 +8,7 @@ import click
 
 from axisbus.cli.shared.common import OK, say, say_note
 from axisbus.cli.shared.options import Seconds
+from axisbus.drives.gim6010.calibration import CalibrationKind, explanation
 from axisbus.drives.gim6010.cli.calibrate import PRE_CALIBRATED, tell_judged
 from axisbus.drives.gim6010.cli.confirm import ask, yes_option
 from axisbus.drives.gim6010.cli.modbus.target_module import (
@@ -19,6 +20,15 @@ from axisbus.drives.gim6010.cli.modbus.target_module import (
     parameters,
     read_list,
     target_options,
+)
+from axisbus.drives.gim6010.modbus.motion import driver
+from axisbus.drives.gim6010.modbus.motion.calibrating import Calibrating
+from axisbus.drives.gim6010.modbus.motion.course import (
+    ModbusControlMode,
+    require_finite,
+    require_positive,
+    require_torque,
+    turns,
 )
 
 # -- ``axisbus gim6010 modbus move``: enable a module, move it with a trapezoidal profile, stop it and switch it off ----
@@ -44,13 +54,6 @@ def move_command(
     MOVES A REAL MOTOR. Ctrl-C halts it, each further Ctrl-C is the next step of the stop sequence: velocity 0, idle, emergency
     stop. In the end it has no power: a hanging load falls.
     """
-    from axisbus.drives.gim6010.modbus.motion.course import (
-        ModbusControlMode,
-        require_finite,
-        require_positive,
-        turns,
-    )
-
     if (to is None) == (by is None):
         raise click.UsageError("give a position with --to, or a distance with --by")
     wanted, relative = (to, False) if to is not None else (by or 0.0, True)
@@ -86,12 +89,6 @@ def velocity_command(
     MOVES A REAL MOTOR. If the computer or the cable fails, it keeps turning: the module does not detect it. Ctrl-C as in modbus
     move.
     """
-    from axisbus.drives.gim6010.modbus.motion.course import (
-        ModbusControlMode,
-        require_finite,
-        require_positive,
-    )
-
     require_finite(velocity=velocity)
     require_positive(acceleration=acceleration)
     with axis(target) as turned:
@@ -127,13 +124,6 @@ def torque_command(
     MOVES A REAL MOTOR. If the computer or the cable fails, the torque remains: the module does not detect it. The actual torque
     depends on the module's torque constant, for which the manual has three values. Ctrl-C as in modbus move.
     """
-    from axisbus.drives.gim6010.modbus.motion.course import (
-        ModbusControlMode,
-        require_finite,
-        require_positive,
-        require_torque,
-    )
-
     require_finite(torque=torque)
     require_positive(slope=slope, most=most, max_velocity=max_velocity)
     require_torque(torque, most)
@@ -157,10 +147,8 @@ def stop_command(target: ModbusTarget) -> int:
     Each Ctrl-C goes to the next step at once. The stop is also sent if the module does not answer. Exit code 3 if it is not
     confirmed as stopped. Another master that continues to command the module enables it again: stop that master first.
     """
-    from axisbus.drives.gim6010.modbus.motion.driver import stop
-
     with opened(target) as module:
-        stop(module, tell=say)
+        driver.stop(module, tell=say)
     return OK
 
 
@@ -180,9 +168,6 @@ def calibrate_command(what: str, target: ModbusTarget, yes: bool) -> int:
     emergency stop, and the state of the module after that is shown. Nothing is saved. Exit code 0 only if the calibration was
     completed without an error.
     """
-    from axisbus.drives.gim6010.calibration import CalibrationKind, explanation
-    from axisbus.drives.gim6010.modbus.motion.calibrating import Calibrating
-
     kind = CalibrationKind[what.upper()]
     read_list(target.listed, target.made_for)  # before any question is asked or port opened
     ask(explanation(kind, target.node, watchdog_process=True), yes=yes)

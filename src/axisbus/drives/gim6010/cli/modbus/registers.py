@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
+from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, state_words
 from axisbus.drives.gim6010.cli.modbus.target_module import (
     ModbusTarget,
     list_options,
@@ -16,13 +17,15 @@ from axisbus.drives.gim6010.cli.modbus.target_module import (
     target_options,
 )
 from axisbus.drives.gim6010.cli.settings.common import set_zero
+from axisbus.drives.gim6010.modbus.module import ModbusModule, look, require_setting, set_node_id
+from axisbus.drives.gim6010.modbus.registers import ALIVE_IN_CLOSED_LOOP, BY_NAME, REGISTERS, Register, named
+from axisbus.drives.gim6010.modbus.requests import write
+from axisbus.drives.gim6010.parameters import values
 from axisbus.errors import ArgumentError
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.can_simple.fields import Number
-    from axisbus.drives.gim6010.modbus.module import ModbusModule
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
-    from axisbus.drives.gim6010.modbus.registers import Register
 
 
 # -- Parse and format values of registers and parameters ---------------------------------------------------------------
@@ -30,8 +33,6 @@ if TYPE_CHECKING:
 
 def is_parameter(name: str) -> bool:
     """Whether a name is a parameter of the list of endpoints: these have a point, except a few of the first level."""
-    from axisbus.drives.gim6010.modbus.registers import BY_NAME
-
     return "." in name or name not in BY_NAME
 
 
@@ -87,10 +88,6 @@ def read_command(target: ModbusTarget, names: tuple[str, ...], as_json: bool) ->
     Values of several registers are read whole. Position and velocity are only updated in closed loop, and may be outdated
     otherwise; in JSON they are null then.
     """
-    from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP
-    from axisbus.drives.gim6010.modbus.registers import ALIVE_IN_CLOSED_LOOP, REGISTERS, named
-    from axisbus.drives.gim6010.parameters import values
-
     wanted = names or tuple(
         each.name for each in REGISTERS if each.readable and each.name != "endpoint_return"
     )
@@ -118,8 +115,6 @@ def read_command(target: ModbusTarget, names: tuple[str, ...], as_json: bool) ->
 
 
 def _require_list(name: str) -> None:
-    from axisbus.drives.gim6010.modbus.registers import BY_NAME
-
     raise click.UsageError(
         f"{name!r} is not a register ({', '.join(BY_NAME)}); a parameter of the firmware needs its list of endpoints: --list"
     )
@@ -150,11 +145,6 @@ def state_command(target: ModbusTarget, as_json: bool) -> int:
 
     It commands nothing. Exit code 1 when there is an error. In idle, position and velocity are not shown: they may be outdated.
     """
-    from axisbus.drives.gim6010.can_simple.states import state_words
-    from axisbus.drives.gim6010.modbus.module import look
-    from axisbus.drives.gim6010.modbus.registers import named
-    from axisbus.drives.gim6010.parameters import values
-
     with opened(target) as module:
         seen = look(module, tries=3)
         found = {name: module.read(name) for name in _SHOWN}
@@ -226,8 +216,6 @@ def write_command(target: ModbusTarget, pairs: tuple[str, ...], save: bool) -> i
     enable, move or stop are not settings, and are not written here. Modes, parameters, node ID and saving need a module in
     idle.
     """
-    from axisbus.drives.gim6010.modbus.registers import named
-
     wanted = dict(map(pair, pairs))
     if not wanted and not save:
         raise click.UsageError("give NAME=VALUE, or --save")
@@ -253,10 +241,6 @@ def write_command(target: ModbusTarget, pairs: tuple[str, ...], save: bool) -> i
 
 def _check(wanted: dict[str, str]) -> None:
     """Refuse invalid settings before the port is opened."""
-    from axisbus.drives.gim6010.modbus.module import require_setting
-    from axisbus.drives.gim6010.modbus.registers import named
-    from axisbus.drives.gim6010.modbus.requests import write
-
     for name, text in wanted.items():
         register = named(name)
         require_setting(register)
@@ -264,9 +248,6 @@ def _check(wanted: dict[str, str]) -> None:
 
 
 def _written(module: ModbusModule, known: ModbusParameters | None, name: str, text: str) -> str:
-    from axisbus.drives.gim6010.modbus.registers import named
-    from axisbus.drives.gim6010.parameters import values
-
     if known is not None and is_parameter(name):
         endpoint = known.endpoint(name)
         before = values.show(known.read(name))
@@ -287,8 +268,6 @@ def _saved(module: ModbusModule, known: ModbusParameters | None) -> str:
 
 def rename(target: ModbusTarget, new: int, *, save: bool) -> int:
     """Set another node ID in a module, and print how to reach it then; return the exit code."""
-    from axisbus.drives.gim6010.modbus.module import set_node_id
-
     with opened(target) as module:
         found = set_node_id(module, new, save=save)
     if save:

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.options import PATH
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
+from axisbus.drives.gim6010.can_simple.protected_parameters import protected
 from axisbus.drives.gim6010.cli.params.module import ModuleSelection, backup_of, module_options, opened
 from axisbus.drives.gim6010.cli.settings.common import put, save_option
-from axisbus.wording import counted
-
-if TYPE_CHECKING:
-    from axisbus.drives.gim6010.parameters.backup import RestorePlan
-    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.parameters import backup, rules, values
+from axisbus.drives.gim6010.parameters.backup import RestorePlan, differences
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 from axisbus.drives.gim6010.parameters.values import Value
+from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
+from axisbus.errors import ArgumentError
+from axisbus.wording import counted
 
 # -- ``axisbus gim6010 params get``: read parameters by name -----------------------------------------------------------
 
@@ -29,8 +30,6 @@ from axisbus.drives.gim6010.parameters.values import Value
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
 def get_command(asked: ModuleSelection, paths: tuple[str, ...], as_json: bool) -> int:
     """Read parameters by PATH, such as axis0.controller.config.vel_limit, as they are in RAM."""
-    from axisbus.drives.gim6010.parameters import values
-
     with opened(asked) as module:
         found = {path: module.read(path) for path in paths}
     if as_json:
@@ -54,9 +53,6 @@ def set_command(asked: ModuleSelection, settings: tuple[str, ...], save: bool) -
     Settings measured on this module, its zero, and its address and interface may be written here, because each is named;
     parameters that move or enable it may not. All are checked before the first is written.
     """
-    from axisbus.drives.gim6010.can_simple.protected_parameters import protected
-    from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
-
     with opened(asked) as module:
         wanted = tuple(_parsed(module, text) for text in settings)
         notes = tuple(f"{path} {found.why}" for path, _ in wanted if (found := protected(path)) is not None)
@@ -75,8 +71,6 @@ def _parsed(module: ModuleParameters, text: str) -> tuple[str, Value]:
     Raises:
         UsageError, ArgumentError: the text has another form, the parameter is unknown, or it must not be written.
     """
-    from axisbus.drives.gim6010.parameters import values
-
     path, sign, value = text.partition("=")
     if not sign or not value:
         raise click.UsageError(f"{text}: write PATH=VALUE")
@@ -96,9 +90,6 @@ def dump_command(asked: ModuleSelection, under: str, as_json: bool) -> int:
 
     Parameters of more than 32 bits can be read only over USB, and are left out otherwise. Exit code 1 when one is not answered.
     """
-    from axisbus.drives.gim6010.parameters import backup, values
-    from axisbus.errors import ArgumentError
-
     with opened(asked) as module, progress_bar("reading", quiet=as_json) as tell:
         wanted = module.listed.under(under)
         if not wanted:
@@ -126,8 +117,6 @@ def backup_command(asked: ModuleSelection, output: Path | None, force: bool) -> 
 
     The settings in flash may differ: to back up those of the flash, save first, or switch the module off and on.
     """
-    from axisbus.drives.gim6010.parameters import backup
-
     require_free(output, force=force)
     with opened(asked) as module, progress_bar("reading") as tell:
         taken = backup.take(module, tell)
@@ -171,9 +160,6 @@ def restore_command(
     Refused if the backup is of another module, by its serial number, or of another firmware, unless you allow it. Settings
     measured on a module, its zero, and its address and interface are not written, unless each is named with --include.
     """
-    from axisbus.drives.gim6010.parameters import backup, rules
-    from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
-
     kept = backup_of(file)
     with opened(asked) as module:
         backup.require_same(kept, module, other_module=other_module, other_firmware=other_firmware)
@@ -190,8 +176,6 @@ def restore_command(
 
 
 def _tell(plan: RestorePlan, *, dry_run: bool) -> None:
-    from axisbus.drives.gim6010.parameters import values
-
     for path, why in plan.left:
         say(f"left: {path}: {why}")
     for path, value in plan.writes if dry_run else ():
@@ -212,8 +196,6 @@ def diff_command(asked: ModuleSelection, one: Path, other: Path | None) -> int:
 
     Exit code 1 when something differs.
     """
-    from axisbus.drives.gim6010.parameters.backup import differences
-
     if other is not None and (asked.line.interface is not None or not asked.over_can):
         raise click.UsageError(
             "give a second file, or a module with -i and -c (or --modbus), --node and --list, or --usb, not both"
@@ -228,7 +210,5 @@ def diff_command(asked: ModuleSelection, one: Path, other: Path | None) -> int:
 
 
 def _of_module(asked: ModuleSelection) -> Mapping[str, Value]:
-    from axisbus.drives.gim6010.parameters import backup
-
     with opened(asked) as module:
         return backup.take(module).values
