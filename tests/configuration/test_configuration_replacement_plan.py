@@ -149,7 +149,17 @@ def test_a_note_is_read_again():
     assert not plan(NODE, [AT]).note.by_lss
 
 
-@pytest.mark.parametrize("text", ["{", "[" * 100_000, "[]", '{"kind": "axisbus nameplates", "format": 1}'])
-def test_another_file_is_no_note(text: str):
-    with pytest.raises(ArgumentError, match="file: not the note of a replacement"):
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("{", "not JSON"),
+        ("[" * 100_000, "not JSON"),
+        ("[]", "not the note of a replacement"),
+        ('{"kind": "axisbus nameplates", "format": 1}', "not the note of a replacement"),
+        ('{"kind": "axisbus replacement", "format": 2}', "its format 2 is not supported"),
+    ],
+)
+def test_another_file_is_no_note(text: str, why: str):
+    with pytest.raises(ArgumentError, match=f"file: {why}") as caught:
         parse_note(text, "file")
+    assert "delete it" in caught.value.remedy

@@ -161,6 +161,8 @@ def test_a_backup_is_read_as_it_was_written(settings, serial):
     [
         "", "{", "[]", "{}", "[" * 100000,
         json.dumps({"kind": "else"}),
+        backup.ParameterBackup(1, V13, {}).text().replace('"values": {}', '"values": []'),
+        backup.ParameterBackup(1, V13, {}).text().replace('"firmware"', '"fw"'),
         backup.ParameterBackup(1, V13, {"a": 1}).text().replace('"version": 1', '"version": 2'),
         backup.ParameterBackup(1, V13, {"a": 1}).text().replace('"a": 1', '"a": null'),
         backup.ParameterBackup(1, V13, {"a": 1}).text().replace('"a": 1', '"a": "x"'),

@@ -20,6 +20,7 @@ from axisbus.cia301 import objects as o
 from axisbus.drives.registry import of_identity
 from axisbus.eds import builtin
 from axisbus.errors import ArgumentError, UserError
+from axisbus.json_document import read_document
 
 _KIND, _FORMAT = "axisbus nameplates", 1
 _REMEDY = "give a file that axisbus nameplate --save has written, or save it again"
@@ -210,14 +211,9 @@ def parse(text: str, source: str) -> tuple[str, list[Nameplate]]:
     Raises:
         ArgumentError: it is not such a file, or of another format.
     """
-    try:
-        found = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ArgumentError(f"{source}: not JSON: {error}", remedy=_REMEDY) from None
-    if not isinstance(found, dict) or found.get("kind") != _KIND:
-        raise ArgumentError(f"{source}: not a file of nameplates", remedy=_REMEDY)
-    if found.get("format") != _FORMAT:
-        raise ArgumentError(f"{source}: its format {found.get('format')!r} is not supported", remedy=_REMEDY)
+    found = read_document(
+        text, source, kind=_KIND, version=_FORMAT, what="a file of nameplates", remedy=_REMEDY
+    )
     nodes = found.get("nodes")
     if not isinstance(nodes, list):
         raise ArgumentError(f"{source}: it has no list of nodes", remedy=_REMEDY)

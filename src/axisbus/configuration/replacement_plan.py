@@ -16,7 +16,8 @@ from pathlib import Path
 
 from axisbus.configuration.nameplate import TITLES, Nameplate, value_text
 from axisbus.configuration.replacement_order import FoundDrive, ReplacementOrder, ReplacementStep
-from axisbus.errors import ArgumentError, StateError
+from axisbus.errors import StateError
+from axisbus.json_document import read_document
 
 _KIND, _FORMAT = "axisbus replacement", 1
 _SHOWN = ("device_name", "vendor", "product", "revision", "serial", "hardware_version", "software_version")
@@ -48,15 +49,9 @@ def parse_note(text: str, source: str) -> UnfinishedReplacement:
     Raises:
         ArgumentError: it is no such note.
     """
-    try:
-        found = json.loads(text)
-    except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict) or (found.get("kind"), found.get("format")) != (_KIND, _FORMAT):
-        raise ArgumentError(
-            f"{source}: not the note of a replacement of a drive",
-            remedy="delete it, and run axisbus replace again",
-        )
+    remedy = "delete it, and run axisbus replace again"
+    what = "the note of a replacement of a drive"
+    found = read_document(text, source, kind=_KIND, version=_FORMAT, what=what, remedy=remedy)
     node, serial = found.get("node"), found.get("serial")
     return UnfinishedReplacement(
         node if isinstance(node, int) else 0,

@@ -12,9 +12,10 @@ from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 from axisbus.drives.gim6010.parameters.values import Value
 from axisbus.errors import ArgumentError, NodeTimeout, StateError
+from axisbus.json_document import read_document
 
 _KIND, _VERSION = "axisbus gim6010 backup", 1
-_KEYS = {"kind", "version", "serial", "firmware", "values"}
+_REMEDY = f"give a file of format {_VERSION} that params backup has written"
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,21 +50,13 @@ def read(text: str, source: str) -> ParameterBackup:
     Raises:
         ArgumentError: it is not a backup, or of another version.
     """
-    try:
-        found = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ArgumentError(
-            f"{source}: not JSON: {error}", remedy="give a file that params backup has written"
-        ) from None
-    if not isinstance(found, dict) or found.get("kind") != _KIND or not found.keys() >= _KEYS:
-        raise ArgumentError(
-            f"{source}: not a backup of a GIM6010-8", remedy="give a file that params backup has written"
-        )
-    if found["version"] != _VERSION or not isinstance(found["values"], dict):
-        raise ArgumentError(
-            f"{source}: its backup format {found['version']!r} is not supported",
-            remedy=f"give a backup of format {_VERSION}",
-        )
+    what = "a backup of a GIM6010-8"
+    found = read_document(
+        text, source, kind=_KIND, version=_VERSION, what=what, remedy=_REMEDY, key="version"
+    )
+    for key in ("serial", "firmware", "values"):
+        if key not in found or (key == "values" and not isinstance(found[key], dict)):
+            raise ArgumentError(f"{source}: not {what}: it has no {key}", remedy=_REMEDY)
     try:
         serial = int(str(found["serial"]), 16)
     except ValueError:
