@@ -31,7 +31,13 @@ from axisbus.motion.override import require_factor
 from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.active_stop import StopKind
-from axisbus.motion.stop.diagnosis import boot_and_reset, first_observation, nmt_text, not_to_be_reset
+from axisbus.motion.stop.diagnosis import (
+    boot_and_reset,
+    first_observation,
+    nmt_text,
+    not_to_be_reset,
+    when_back,
+)
 from axisbus.motion.stop.policy import GroupFault
 from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel
 
@@ -85,7 +91,7 @@ def _require_enable(core: AxisCore, ticket: CommandStatus) -> None:
         raise StateError(
             f"{ticket.name}: node {core.parameters.node} is not operational",
             observed=nmt_text(core.image),
-            remedy="check its supply and cable, and open the machine again (axisbus boot cell.toml shows its answers)",
+            remedy=f"check its supply and cable; {when_back(core.parameters.node)}",
         )
 
 

@@ -14,7 +14,7 @@ from axisbus.motion.commands import Probe, ProbeAbort
 from axisbus.motion.moves.activity import require_position
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.probing.arming import Arming, ProbeFunction
-from axisbus.motion.stop.diagnosis import boot_and_reset, nmt_text
+from axisbus.motion.stop.diagnosis import boot_and_reset, nmt_text, when_back
 
 
 @dataclass(slots=True)
@@ -183,7 +183,7 @@ class Probes:
             raise StateError(
                 f"{ticket.name}: node {self._parameters.node} is not operational",
                 observed=nmt_text(image) if image.bus is None else image.bus.message,
-                remedy="check its supply and cable, and open the machine again (axisbus boot cell.toml shows its answers)",
+                remedy=f"check its supply and cable; {when_back(self._parameters.node)}",
             )
 
     def _lost(self, image: AxisImage) -> NodeError:
