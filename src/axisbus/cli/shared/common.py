@@ -246,7 +246,7 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"give \w+ = \.\.\.(?: \([^)]*\))? in the call, or", "write"),
         (r"the call does not give it, and", "no option gives it, and"),
         (r"(then )?close the machine,? (?:and|which)[^;]*", rf"\1{_AGAIN}"),
-        (r"; in a program: \S+\(\d+\)\.(?:command\(NmtCommand\.START\)|boot\(\))", ""),
+        (r"; in a program: \S+\(\w+\)\.(?:command\(NmtCommand\.START\)|boot\(\))", ""),
         (r"; in a program: machine\.reconnect\(\)", ""),
         (r"--cell CELL", "--cell CELL"),
         (r"(?:close it, and )?open (?:the machine|it) again(?: to continue)?", "repeat the command"),
