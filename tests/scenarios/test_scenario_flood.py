@@ -81,17 +81,19 @@ def test_four_threads_that_command_without_a_pause_take_no_cycles_and_keep_no_st
     cycles, begin = scan.lateness.cycles, time.monotonic()
     for thread in threads:
         thread.start()
-    time.sleep(1.5)
-    if ENDLESS[what].life is not None:  # a motion that is replaced in each cycle has never begun
-        cell.must_move("x")
-    halt = cell["y"].halt()
-    cell.must_be_still("y", within=1.5, stages=ENABLED, for_good=0.3)
-    share = (scan.lateness.cycles - cycles) * scan.period / (time.monotonic() - begin)
-    assert halt.done
-    assert share > 0.5
-    over.set()
-    for thread in threads:
-        thread.join()
+    try:
+        time.sleep(1.5)
+        if ENDLESS[what].life is not None:  # a motion that is replaced in each cycle has never begun
+            cell.must_move("x")
+        halt = cell["y"].halt()
+        cell.must_be_still("y", within=1.5, stages=ENABLED, for_good=0.3)
+        share = (scan.lateness.cycles - cycles) * scan.period / (time.monotonic() - begin)
+        assert halt.done
+        assert share > 0.5
+    finally:  # else they take the computer from all tests after this one
+        over.set()
+        for thread in threads:
+            thread.join()
     cell.x.halt()
     cell.must_be_still("x", within=2.0, stages=ENABLED)
     assert not scan.ended
