@@ -611,7 +611,6 @@ class Core:
         axis, touched = self.cell.axes[name], core.touched
         boots = not core.parameters.virtual and self.runtime.nodes[axis.node].has_objects
         error = (adapter_reopened if boots else adapter_reopened_without_boot)(name, axis.node)
-        core.take_out(error)
         core.begin_again(core.parameters, core.capabilities, error, absolute=axis.homing.absolute)
         core.touched = touched
         if boots:
