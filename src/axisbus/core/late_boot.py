@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from axisbus.cia302.types import IDENTITY, Address
+from axisbus.boot.failure import OTHER_DEVICE
+from axisbus.cia302.types import Address
 from axisbus.cia402.port import Port
 from axisbus.clock import Clock
 from axisbus.errors import (
@@ -37,7 +38,7 @@ log = logging.getLogger("axisbus")
 
 REJOINS = 3  # automatic boot-ups of a node in a row
 _STEADY = 60.0  # seconds after a boot-up from which the next one does not count as in a row with it
-_ANOTHER_DEVICE = frozenset(letter.name for _, _, letter in IDENTITY)
+_ANOTHER_DEVICE = frozenset(letter.name for letter in OTHER_DEVICE)
 ASK_EVERY = 1.0  # seconds
 LEAVE_TIME = 6.0  # seconds for a boot-up in progress at the end
 
