@@ -55,7 +55,7 @@ def test_scan_names_the_protocol_of_the_modules(axisbus):
         code, out, _ = axisbus("scan", "-i", "virtual", "-c", "factory-scan")
     assert code == 1
     assert "2 modules speak CAN Simple, not CANopen: node 0 (001h every" in out
-    assert "odrv0.can.config.protocol = 2" in out
+    assert "axisbus gim6010 to-canopen changes its protocol" in out
     assert "check supply" not in out
     assert "next:" not in out
 
@@ -87,7 +87,7 @@ def test_init_reports_can_simple_modules_too(axisbus, tmp_path):
     assert result.code == 1
     assert "1 module speaks CAN Simple, not CANopen: node 1" in result.err
     assert re.search(
-        r"\n  remedy:   a GIM6010-8 leaves its factory like this .*odrv0\.can\.config\.protocol = 2",
+        r"\n  remedy:   a GIM6010-8 leaves its factory like this .*axisbus gim6010 to-canopen changes its protocol",
         result.err,
     )
     assert result.err.count("remedy:") == 1

@@ -18,6 +18,7 @@ from axisbus.configuration.replacement_plan import (
     UnfinishedReplacement,
     plan,
 )
+from axisbus.drives.gim6010.sim.module import Module
 from axisbus.eds import dcf, loads, writer
 from axisbus.eds.io import reader
 from axisbus.sim.build import device_from_eds
@@ -41,15 +42,15 @@ Swap = Callable[[Device], None]
 class Bench:
     """The drives, the backup of the first one, and the note of its replacement, over several programs."""
 
-    def __init__(self, folder: Path) -> None:
-        """The old drive has been configured, stored and backed up; then it has no supply."""
+    def __init__(self, folder: Path, *guests: Module) -> None:
+        """The old drive has been configured, stored and backed up; then it has no supply. ``guests`` are on the bus as well."""
         self._eds = loads(with_identity(VENDOR, PRODUCT).encode(), "drive.eds")
         self.clock = VirtualClock()
         self.device, self.other = (
             device_from_eds(self._eds, node_id, seed=node_id, serial=serial)
             for node_id, serial in ((NODE, OLD), (OTHER, 1))
         )
-        self.wire = VirtualWire(self.clock, [self.device, self.other])
+        self.wire = VirtualWire(self.clock, [self.device, self.other], guests)
         self.file = folder / "old.dcf"
         self.note: UnfinishedReplacement | None = None
         self.downloads: list[tuple[int, int]] = []

@@ -25,6 +25,7 @@ from axisbus.configuration.replacement_order import (
 )
 from axisbus.configuration.restore import Restore, RestoreReport, ValueEnd
 from axisbus.drives import registry
+from axisbus.drives.foreign_protocols import ForeignProtocols
 from axisbus.drives.plugin import DrivePlugin
 from axisbus.eds.io import reader
 from axisbus.errors import NodeError, NodeTimeout, StateError
@@ -47,13 +48,16 @@ def find_drives(
     are those that it has, and the master's), and the drives without a node-ID. ``in_operation``: the machine of the cell runs.
 
     Raises:
-        StateError: the bus is in operation, or several drives have the same identity.
+        StateError: the bus is in operation, several drives have the same identity, or only devices with another protocol than
+            CANopen were found.
         LssError, AdapterError: as ``LssMaster.find`` and ``discover.scan``.
     """
     if node.answers_sdo() or node.answers_sdo():  # one answer may be lost
         return [_drive(node.node_id, node.identity())]
     expected = {node.node_id, *others}
-    scanned = discover.scan(node.channel, [each for each in cob.NODE_IDS if each not in expected])
+    foreign = ForeignProtocols()
+    unexpected = [each for each in cob.NODE_IDS if each not in expected]
+    scanned = discover.scan(node.channel, unexpected, listening=foreign)
     found = [_drive(each.node_id, each.identity) for each in scanned if each.answers_sdo]
     for slave in LssMaster(node.channel, beside_operation=in_operation).find().slaves:
         if slave.has_node_id:
@@ -67,6 +71,13 @@ def find_drives(
         found.append(FoundDrive(None, *slave.address.parts))
     if not found and _answers_within(node, _LATE):  # see ``_LATE``
         return [_drive(node.node_id, node.identity())]
+    of_cell = {*others} - {node.node_id}
+    if not found and any(each.plain["node_id"] not in of_cell for each in foreign.speakers):
+        raise StateError(
+            f"no drive with CANopen was found that could replace that of node {node.node_id}; nothing was written",
+            observed="; ".join(foreign.heard()),
+            remedy="; ".join(foreign.remedies()),
+        )
     return found
 
 

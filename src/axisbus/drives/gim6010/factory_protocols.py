@@ -235,14 +235,11 @@ class ProtocolListener:
         return can_id not in _RESERVED and can_id & 0x7F in self._canopen
 
 
-_SWITCH = (
-    "over USB, in odrivetool, set odrv0.can.config.protocol = 2 and a node ID from 1 to 127 that is free, save, and switch "
-    "it off and on"
-)
+_SWITCH = "axisbus gim6010 set-id gives it a free node ID from 1 to 63, and axisbus gim6010 to-canopen changes its protocol"
 REMEDIES = {
     Protocol.CAN_SIMPLE: f"a GIM6010-8 leaves its factory like this (500 kbit/s, node ID 0 or 1): {_SWITCH}",
-    Protocol.EXTENDED: "the manufacturer's firmware 0.6.8 and later may use it, and the manual does not describe it: try "
-    f"its instructions for CAN Simple ({_SWITCH}), or ask the manufacturer",
+    Protocol.EXTENDED: "the manufacturer's firmware 0.6.8 and later may use it, and the manual does not describe it: ask the "
+    f"manufacturer, or try over USB whether it can be changed ({_SWITCH}, both with --usb)",
 }
 
 
