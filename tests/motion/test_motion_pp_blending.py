@@ -117,6 +117,19 @@ def test_a_deceleration_that_would_be_written_too_late_is_not_taken(down, kept):
     assert (asked.velocity, asked.acceleration) == (weak.velocity, weak.acceleration)
 
 
+@pytest.mark.parametrize(("last", "kept"), [(220_000, True), (450_000, False)])
+def test_a_deceleration_that_was_not_taken_is_compared_again_at_each_further_end(last, kept):
+    """The drive still brakes with the first one, not with that of the move whose end comes next."""
+    weak = profile(200_000.0, 100_000.0)
+    play = Passed("previous", FAST, weak)
+    third = CommandStatus("third")
+    play.passing.add(BlendedTarget(last, weak, BufferMode("blending_previous"), third), play.drive.now)
+    (_, second), *rest = play.requested_at()
+    assert second.down == (400_000.0 if kept else 100_000.0)
+    assert {each.down for _, each in rest} == ({400_000.0} if kept else set())
+    assert bool(third.note) == kept
+
+
 def test_a_drive_without_6084h_keeps_the_acceleration_with_which_it_brakes_as_well():
     without = Drive().parameters.objects - {0x6084}
     weak = profile(100_000.0, 100_000.0)

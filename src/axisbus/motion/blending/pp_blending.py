@@ -97,6 +97,7 @@ class PpBlending:
                 asked, self._asked_at = self._braking(before.profile, after.profile, image), image.now
                 if asked is not after.profile:
                     after.ticket.note = brakes_harder()
+                    self._parts[1] = after._replace(profile=asked)  # the drive has it when the next end comes
         if ahead <= 0:
             self._pass(before, after, image)
         return asked
