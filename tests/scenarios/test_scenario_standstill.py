@@ -218,6 +218,55 @@ def test_a_jam_on_a_drive_without_6062h_ends_without_power(scenario, golden, way
         golden("held_without_6062h", error)
 
 
+@pytest.mark.parametrize("after", [0.05 * number for number in range(2, 20)])
+@pytest.mark.parametrize("acceleration", [0.5, 4.0])
+def test_a_halt_of_a_move_that_has_just_begun_is_not_taken_for_a_jam(scenario, acceleration, after):
+    """The drive keeps its halt bit until it has the set-point, and the motion is so gentle that it begins like a standstill."""
+    port = {"inputs": {"demand": ValueTransport.NONE}}
+    cell = scenario.simulated("x", port=port, period="50ms", heartbeat="200ms").enabled()
+    cell.x.move_relative(1000.0, velocity=300.0, acceleration=acceleration)
+    cell.run(after)
+    cell.x.halt().wait(5)
+    assert cell.x.state is AxisState.STANDSTILL
+    assert cell.stage() == ENABLED
+
+
+SLOW = {  # starts of a motion that looks like a standstill, at a velocity in deg/s
+    "pp": lambda x, velocity: x.move_relative(1000.0, velocity=velocity),
+    "pv": lambda x, velocity: x.move_velocity(velocity),
+    "pv, gently": lambda x, velocity: x.move_velocity(velocity, acceleration=0.5),
+    "csv": lambda x, velocity: x.cyclic_velocity(velocity, acceleration=0.5),
+}
+
+
+@pytest.mark.parametrize("after", [0.4, 3.0])
+@pytest.mark.parametrize("velocity", [0.05, 0.2])
+@pytest.mark.parametrize("start", SLOW.values(), ids=list(SLOW))
+def test_a_halt_of_a_slow_motion_is_not_taken_for_a_jam(scenario, start, velocity, after):
+    cell = scenario.simulated("x", port={"inputs": {"demand": ValueTransport.NONE}}).enabled()
+    start(cell.x, velocity)
+    cell.run(after)
+    cell.x.halt().wait(5)
+    assert cell.x.state is AxisState.STANDSTILL
+    assert cell.stage() == ENABLED
+
+
+@pytest.mark.parametrize("velocity", [0.2, 1.0])
+@pytest.mark.parametrize("start", [SLOW["pp"], SLOW["pv"]], ids=["pp", "pv"])
+def test_a_jam_of_a_slow_motion_ends_without_power(scenario, start, velocity):
+    port = {"inputs": {"demand": ValueTransport.NONE}}
+    cell = scenario.simulated(
+        "x", port=port, axis="following_error = 1000.0\nstandstill_window = 0.1"
+    ).enabled()
+    start(cell.x, velocity)
+    cell.run(2.0)
+    cell.jam()
+    cell.run(2.0)
+    error = cell.failure_of(cell.x.halt())
+    assert "it is not known whether its drive still pulls it" in str(error)
+    assert cell.stage() in OFF
+
+
 def test_a_halt_on_a_drive_without_6062h_leaves_it_no_old_target(scenario):
     cell = scenario.simulated("x", port={"inputs": {"demand": ValueTransport.NONE}}).enabled()
     going(cell, "pp")

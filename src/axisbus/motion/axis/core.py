@@ -282,7 +282,7 @@ class AxisCore:
         ):  # a target in csp pulls as long as the axis has not reached it
             self.stopping.set_going_at = image.now
         image.led.note(image.now, image.mode, image.shown_demand, order.target_position, is_edge)
-        if image.override == 0.0:
+        if image.override == 0.0 or order.halt:
             image.led.hold_back(image.now)
         if self.forward is not None:
             order.velocity_offset, order.torque_offset = offsets_of(self, self.forward)

@@ -124,7 +124,7 @@ class ReferenceTracker:
             self.trust.gives(target)
 
     def hold_back(self, now: float) -> None:
-        """Note that an override of 0 keeps the axis at standstill until ``now``: the time of its set-point starts then."""
+        """Note that an override of 0, or a halt, holds the axis until ``now``: the time of its set-point starts then."""
         if self.set_point is not None:
             self.set_point_at = now
 

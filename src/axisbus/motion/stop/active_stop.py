@@ -103,6 +103,7 @@ class Stopping:
             start=rung,
             follow=led_by.leading,
             leaving=led_by.leaving,
+            course=led_by.course,
             resisted_since=led_by.resisted_since,
             set_going_at=self.set_going_at,
         )

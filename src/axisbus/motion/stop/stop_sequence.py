@@ -34,6 +34,7 @@ from axisbus.motion.stop.coast_down import CoastDown
 from axisbus.motion.stop.hold_setpoint import HoldSetPoint, is_blind, needs_relief, pushes
 from axisbus.motion.stop.sdo_path import SdoPath
 from axisbus.motion.stop.standstill import StandstillCheck
+from axisbus.motion.stop_deceleration import CommandedMotion
 
 
 class StopLevel(IntEnum):
@@ -67,6 +68,8 @@ _NOT_RELIEVED = (
 )
 _CSV = ModeOfOperation.CYCLIC_SYNC_VELOCITY
 _STARTS = 0.3  # seconds after which a drive has begun to move, unless something holds it
+_FEEDBACK = 3.0  # scan periods from a command to the position that shows its effect
+_UNSEEN = 2.0  # times the tolerance of a standstill: a shorter way may look like one, because of noise
 _MAY_DRIVE = ENERGISED | {PowerState.UNKNOWN}
 _NMT_STOP_TIME = 0.1
 # The key in [axes.NAME.stop] that gives the time of each step.
@@ -88,6 +91,7 @@ class StopSequence:
         start: StopLevel = StopLevel.HALT,
         follow: Leading | None = None,
         leaving: ModeSwitch | None = None,
+        course: CommandedMotion | None = None,
         resisted_since: float = math.inf,
         set_going_at: float = -math.inf,
     ) -> None:
@@ -95,13 +99,14 @@ class StopSequence:
 
         ``leaving``: a requested change from the mode of that trajectory to another one. The drive may have accepted the change
         already, and a return to the old mode for one cycle would cause a jolt. So the change is completed, along the path.
-        ``resisted_since``: see ``Activity``. ``set_going_at``: when motion was last requested from the drive, in seconds of the
-        scan's clock.
+        ``course``, ``resisted_since``: see ``Activity``. ``set_going_at``: when motion was last requested from the drive, in
+        seconds of the scan's clock.
         """
         self._parameters = parameters
         self._then = then
         self._follow = follow
         self._leaving = leaving
+        self._course = course
         self._resisted_since = resisted_since
         self._set_going_at = set_going_at
         self._last_target: int | None = None  # of the trajectory along which the axis brakes
@@ -190,14 +195,28 @@ class StopSequence:
     def _is_held_unseen(self, image: AxisImage) -> bool:
         if image.flight.awaits_mode(image.mode, image.now - self._parameters.timing.mode):
             return False  # it has stopped for another mode, which the drive may have taken without having shown it yet
-        if image.now > self._resisted_since + _STARTS and image.pull is None:
+        if image.now > self._resisted_since + self._time_to_be_seen() and image.pull is None:
             return True
-        led = image.led
-        began = led.searching_since if image.mode == ModeOfOperation.HOMING else led.set_point_at
-        since = max(
-            began, image.still.rested_since
-        )  # a motion that reverses stands for a moment at its turning point
-        return image.standstill and image.now > since + _STARTS and is_blind(image, self._parameters)
+        if not image.standstill or not is_blind(image, self._parameters):
+            return False
+        rested = image.still.rested_since  # a motion that reverses stands for a moment at its turning point
+        if image.mode == ModeOfOperation.HOMING:
+            return image.now > max(image.led.searching_since, rested) + _STARTS
+        return image.now > max(image.led.set_point_at, rested) + self._time_to_be_seen()
+
+    def _time_to_be_seen(self) -> float:
+        """Return the seconds within which the position shows a commanded motion, if nothing holds the axis.
+
+        A slow motion, and the beginning of a gentle one, look like a standstill for a while.
+        """
+        parameters, course = self._parameters, self._course or CommandedMotion()
+        time = _STARTS + _FEEDBACK * parameters.scan_period + course.soft
+        tolerance = _UNSEEN * parameters.standstill_tolerance
+        if course.up:
+            time += tolerance / parameters.timing.standstill_time / course.up
+        if course.speed is not None:
+            time += 2.0 * tolerance / abs(course.speed) if course.speed else math.inf
+        return time
 
     def _begin_rung(self, image: AxisImage) -> None:
         self._deadline = image.now + self._time(self.rung)
