@@ -314,6 +314,17 @@ def test_two_slow_answers_in_succession_are_a_delay_and_one_is_a_busy_node() -> 
     assert steps == pytest.approx([0, 0, 0, 0, 0, 0, 0, 0, 0.196, 0.196, 0, 0])
 
 
+def test_while_answers_become_slower_the_next_request_follows_at_once() -> None:
+    trips, lag = RoundTrips(), LinkLag()
+    trips.note(0.0, 0.004)
+    doubts = []
+    for asked, taken in ((1.0, 0.004), (2.0, 0.08), (3.0, 0.25), (4.0, 0.32), (5.0, 0.34), (6.0, 0.004)):
+        trips.note(asked, asked + taken)
+        lag.step(trips)
+        doubts.append(lag.doubtful)
+    assert doubts == [False, True, True, True, False, False]
+
+
 def test_a_node_without_a_count_is_polled_and_its_values_are_as_old_as_its_answers_show() -> None:
     trips = RoundTrips()
     changing, timed = (SimpleNamespace(frames=1, latest=(b"", 10.0)) for _ in range(2))

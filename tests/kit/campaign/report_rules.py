@@ -20,6 +20,7 @@ _READS = 2.0  # s in which an error may say that its code is being read: a stall
 _NEAR = 1.5  # deg by which a position that is shown may be off
 _COUNTS = 1.5  # increments, the same: of a coarse encoder
 _USUAL_AGE = 1.2  # s: the age of a value that is sent on change only, or polled
+_BY_ANSWERS = 0.1  # s, besides: a delay that grows is known by the second slow answer only (docs/stopping.md)
 _REFUSED = (CommandError, StateError, LimitError)  # the command cannot be executed; no fault
 _TOO_LATE = "come too late"  # of process data that the master takes for delayed
 _COUNTED = range(1, 241)  # transmission types of a TPDO that answers SYNC
@@ -137,6 +138,8 @@ class Truth:
         blind = any(trouble.what in _BLIND for trouble in facts.troubled(name, _BLIND_FOR))
         longest = facts.core[name].capabilities.max_age.get("position", 0.1)  # as it travels
         known_for = max(0.1, longest) + 5 * facts.scene.period
+        if not self._are_tpdos_counted(name):
+            known_for += _BY_ANSWERS
         age = _USUAL_AGE if blind or _polled(facts, name) else known_for
         positions = facts.cell.positions(name, facts.cell.moment(name) - blocked - age)
         low, high = min(positions) - near, max(positions) + near

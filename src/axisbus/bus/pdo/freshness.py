@@ -110,7 +110,8 @@ def pdo_age(pdo: PlannedPdo, scan_period: float) -> float:
 # between frames count as lost frames for as long as the SDO client tries.
 #
 # If TPDOs are not counted (event-driven, or with the SYNC of another device), the master sends a request twice a second, and two
-# slow answers in succession count as the delay (``LinkLag``). After the first slow answer the next request follows at once.
+# slow answers in succession count as the delay (``LinkLag``). After the first slow answer, and after each one that is slower still,
+# the next request follows at once.
 
 
 GRACE = 0.25  # seconds
@@ -253,9 +254,9 @@ class LinkLag:
 
     @property
     def doubtful(self) -> bool:
-        """Whether the newest answer was slow, and the one before was not."""
+        """Whether the newest answer was slow, and slower than the one before: the delay may grow."""
         before, newest = self._delays
-        return newest > LEAST >= before
+        return newest > LEAST and (before <= LEAST or newest - before > LEAST)
 
     def step(self, trips: RoundTrips) -> float:
         """Return the delay in seconds that two answers in succession show, 0 if it is below ``LEAST``."""
