@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -192,6 +193,33 @@ def test_a_halt_under_torque_that_would_coast_beyond_a_limit_becomes_a_quick_sto
     assert cell.speed("x") > 200.0
     cell["x"].halt()
     must_end_within(cell, "x", -180.0, 180.0)
+
+
+HARD = {  # motions to +170 deg whose own ramps are much harder than the quick stop
+    "csp": lambda x: x.follow(TrapezoidalTrajectory(x.position, 170.0, 340.0, 3600.0)),
+    "pp": lambda x: x.move_absolute(170.0, velocity=340.0, acceleration=3600.0, deceleration=3600.0),
+    "pv": lambda x: x.move_velocity(340.0, acceleration=3600.0, deceleration=3600.0),
+}
+
+
+@pytest.mark.parametrize("after", [0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+@pytest.mark.parametrize("torque", [0.05, 1.0])
+@pytest.mark.parametrize("begin", HARD.values(), ids=list(HARD))
+def test_a_torque_that_replaces_a_motion_keeps_the_limits_with_a_quick_stop_that_brakes_less(
+    scenario, begin, torque, after
+):
+    text = JOINTS.replace('quick_stop = "ramp"', 'quick_stop = "slow-ramp"')
+    cell = scenario.simulated(text=text.replace("deceleration = 720.0", "deceleration = 360.0"))
+    cell["x"].enable().wait(5)
+    cell["x"].home().wait(5)
+    begin(cell["x"])
+    cell.run(after)
+    with contextlib.suppress(LimitError):
+        cell["x"].torque_control(torque, slope=5.0)
+    cell.run(3.0)
+    lowest, highest = cell.farthest("x")
+    assert -180.0 <= lowest
+    assert highest <= 180.0
 
 
 @pytest.mark.parametrize("load", ["brake", "torque"])

@@ -83,7 +83,7 @@ def move(core: AxisCore, command: c.Move, ticket: CommandStatus, gate: StartBarr
         profile_writes(given, core.parameters, _M.PROFILE_POSITION),
         gate,
         profile.jerk,
-        _exit_for(core, profile),
+        _exit_for(core, profile.down, _soft(core, profile)),
     )
     core.begin(
         PositionMove(target, profile, core.parameters, prepare, core.running.in_flight, factor),
@@ -364,8 +364,11 @@ def torque(core: AxisCore, command: c.TorqueControl, ticket: CommandStatus, gate
     if command.slope is not None and parameters.has(objects.TORQUE_SLOPE):
         writes.append((objects.TORQUE_SLOPE, 0, command.slope))
     writes += slow_ramp_writes(parameters, by_torque=True)
-    require_stop(core, _M.PROFILE_TORQUE, CommandedMotion(by_torque=True), ticket)
-    prepare = _prepare(core, _M.PROFILE_TORQUE, writes, gate)
+    course = CommandedMotion(by_torque=True)
+    require_stop(core, _M.PROFILE_TORQUE, course, ticket)
+    down = stop_of(parameters, course)[1]
+    require_braking(core, down, ticket)
+    prepare = _prepare(core, _M.PROFILE_TORQUE, writes, gate, may_leave=_exit_for(core, down))
     activity = TorqueMove(command.torque, command.timeout, parameters, prepare, command.slope)
     core.begin(activity, ticket, AxisState.CONTINUOUS_MOTION)
     core.aim(None)
@@ -495,9 +498,14 @@ def _prepare(
     )
 
 
-def _exit_for(core: AxisCore, profile: MoveProfile) -> Callable[[AxisImage], bool] | None:
-    """Return whether the axis may leave the set-points of the master for a move with ``profile``; None: at any time."""
-    leading, down, soft = core.led_along, profile.down, _soft(core, profile)
+def _exit_for(
+    core: AxisCore, down: float | None, soft: float = 0.0
+) -> Callable[[AxisImage], bool] | None:
+    """Return whether the axis may leave the set-points of the master for a command that brakes with ``down``; None: at any time.
+
+    ``down`` in position increments per s²; ``soft``: seconds by which a limited jerk prolongs that ramp.
+    """
+    leading = core.led_along
     if leading is None or not down:
         return None
     if isinstance(leading, VelocityRamp):

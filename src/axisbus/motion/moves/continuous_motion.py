@@ -166,7 +166,6 @@ class TorqueMove(Prepared):
 
     mode = ModeOfOperation.PROFILE_TORQUE
     goes_on = True
-    course = CommandedMotion(by_torque=True)
 
     def __init__(
         self,
@@ -184,10 +183,18 @@ class TorqueMove(Prepared):
         self._prepare = prepare
         self._commanded_at: float | None = None
         self.reached = False
+        self._leave_path()
+
+    def _leave_path(self) -> None:
+        """Note that the torque moves the axis, once it leaves a path of the master: until then a halt brakes it along this path."""
+        if self.course is None and (self.leading is None or self.leaving is not None):
+            self.course = CommandedMotion(by_torque=True)
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once the torque is reached. Must be stepped further to keep it."""
-        if not self._prepare.step(image, order):
+        ready = self._prepare.step(image, order)
+        self._leave_path()
+        if not ready:
             return False
         order.target_torque = self._torque
         order.halt = False
