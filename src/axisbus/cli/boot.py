@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from pathlib import Path
 
@@ -26,10 +27,12 @@ from axisbus.cli.shared.options import PATH, beside_option
 from axisbus.core.process.launch import expected
 from axisbus.errors import BootError, StateError
 from axisbus.link import alarm
+from axisbus.machine.node_access import NodeAccess
 from axisbus.machine.opening import boot
 from axisbus.wording import counted
 
 _LABEL = "booting"
+_STEPS = 10  # of a boot-up (cia302.bootup)
 _RECONNECT_HELP = "Open the CAN adapter of the running machine again, after it was unplugged or its link was down; then boot nodes."
 _NODE_HELP = "Boot this node of the running machine, whose other axes continue; may be repeated."
 
@@ -150,7 +153,7 @@ def _boot_in_machine(
                 say_error(alarm(stopped))
         for node in [machine.node(node_id) for node_id in dict.fromkeys(nodes)]:
             try:
-                report = node.boot()
+                report = _boot_node(node, quiet=as_json)
             except (BootError, StateError) as error:
                 report = NodeReport(node.node_id, error=error)
             reports.append(report)
@@ -166,3 +169,16 @@ def _boot_in_machine(
     elif any(report.axes for report in reports):
         say_next(f"axisbus reset {cell} {' '.join(axis.name for report in reports for axis in report.axes)}")
     return FAILURE if failed or unsure else OK
+
+
+def _boot_node(node: NodeAccess, *, quiet: bool) -> NodeReport:
+    """Boot a node of the running machine; on a terminal a line shows the step that runs."""
+    with progress_line(_LABEL, quiet=quiet) as line:
+        done = itertools.count()
+
+        def tell(step: str) -> None:
+            if line is not None:
+                line.label(f"{_LABEL} node {node.node_id}: {step}")
+                line.tell(next(done), _STEPS)
+
+        return node.boot(tell)

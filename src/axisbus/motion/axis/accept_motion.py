@@ -498,9 +498,7 @@ def _prepare(
     )
 
 
-def _exit_for(
-    core: AxisCore, down: float | None, soft: float = 0.0
-) -> Callable[[AxisImage], bool] | None:
+def _exit_for(core: AxisCore, down: float | None, soft: float = 0.0) -> Callable[[AxisImage], bool] | None:
     """Return whether the axis may leave the set-points of the master for a command that brakes with ``down``; None: at any time.
 
     ``down`` in position increments per s²; ``soft``: seconds by which a limited jerk prolongs that ramp.
