@@ -774,6 +774,22 @@ def test_a_ramp_begins_at_the_speed_of_the_positions_if_the_last_velocity_is_old
     assert goes.speed == pytest.approx(5.0 / T)
 
 
+@pytest.mark.parametrize("cycles", [1, 5, 10])  # less than the 0.4 s after which it counts as settled
+def test_an_axis_that_gets_another_velocity_while_it_settles_has_no_following_error(cycles):
+    """Its motor came to rest later than the ramp, by its lag; this distance does not count for the next velocity."""
+    drive = Drive(ages={"position": 10.0, "velocity": 10.0})
+    way, place = RampedWay(0, 1.0, 10_000.0, 10_000.0, 100.0), 0.0
+    way.step(drive.cycle(position=0, velocity=2000)[0])
+    for cycle in range(20 + cycles):  # the ramp takes 20 cycles; the motor is 0.1 s late
+        place += T * min(2000.0, max(0.0, 2000.0 - 10_000.0 * T * (cycle - 10)))
+        way.step(drive.cycle(position=round(place))[0])
+    assert way.behind < -150.0
+    way.aim(200)
+    for _ in range(3):
+        way.step(drive.cycle(position=round(place))[0])
+    assert abs(way.behind) < 10.0
+
+
 def test_a_moving_axis_does_not_lag_and_a_held_one_does():
     drive = Drive(ages={"position": 10.0, "velocity": 10.0})
     way, position, speed = ramped(drive, 1000, up=6400.0), 0.0, 0.0

@@ -16,7 +16,8 @@ axis between both has no following error. (A drive that takes a fast velocity at
 than with any one delay for both; if it slows down weakly, much more.) A third ramp takes each velocity at once; it gives the lag.
 
 After an override of 0, or a velocity of 0, the axis settles later than the ramps, by its lag. ``_SETTLED`` seconds after both ramps
-have come to rest, the axis is assumed to be at its commanded position. Any later motion counts.
+have come to rest, or if another velocity is given before, the axis is assumed to be at its commanded position. Any later motion
+counts.
 
 The following distance of a motor with a constant lag is the lag multiplied by the velocity that the motor itself has gained.
 Until the ramp ends, the motor has gained less velocity than the ramp, by the lag multiplied by the acceleration: in the first
@@ -200,6 +201,8 @@ class RampedWay:
             self._send(image)
             return
         if self._sent != self._target:
+            if not self._low.speed and not self._high.speed:
+                self._settled()
             self._send(image)
         if stamp > self._stamp:
             self._advance(position, stamp - self._stamp)
@@ -239,9 +242,13 @@ class RampedWay:
         if self._low.speed or self._high.speed:
             self._settles_at = now + _SETTLED
         elif now >= self._settles_at:
-            self._settles_at = math.inf
-            for ramp in (self._prompt, self._low, self._high):
-                ramp.behind = ramp.gained = ramp.stirred = 0.0
+            self._settled()
+
+    def _settled(self) -> None:
+        """Assume that the axis is at its commanded position."""
+        self._settles_at = math.inf
+        for ramp in (self._prompt, self._low, self._high):
+            ramp.behind = ramp.gained = ramp.stirred = 0.0
 
     def _take_lag(self, ramp: _Ramp) -> None:
         if abs(ramp.gained) * _LAG_TIME <= NOISE:
