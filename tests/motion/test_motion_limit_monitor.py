@@ -256,6 +256,24 @@ def test_a_demand_received_seldom_gives_only_the_lag(sign, late, found_at):
     assert 10 * led**2 + (20 * led / T) ** 2 / (2 * DOWN) == pytest.approx(100_000, rel=0.05)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("demands", [1, 2, 3])
+def test_the_first_demands_received_seldom_give_the_lag_already(sign, demands):
+    axis = Bounded(sign * 1000, ages={"position": 1.0, "demand": 9.0})
+    found, place = None, 50_000 - sign * 50_000
+    for cycle in range(100):
+        demand = {"demand": place + sign * 5000} if cycle % 20 == 10 and cycle <= 20 * demands else {}
+        axis.drive.cycle(statusword=0x0237, position=place, **demand)
+        axis.guard.look(axis.drive.image)
+        if axis.rest(course=turning(sign * 1000)) is not None:
+            found = cycle
+            break
+        place += sign * 1000
+    assert found is not None
+    # Five cycles of lag besides the four until the stop acts, and the braking distance.
+    assert 1000 * (found + 4 + 5) + (1000 / T) ** 2 / (2 * DOWN) == pytest.approx(100_000, abs=1500)
+
+
 def test_a_demand_ahead_counts_for_the_braking_distance():
     axis = Bounded(1000).to(90_000, demand=3000)
     assert axis.guard.overrun(axis.drive.image, DOWN) == 100.2

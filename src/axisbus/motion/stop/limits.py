@@ -289,15 +289,22 @@ class LimitMonitor:
 
     def _leads(self, image: AxisImage) -> bool:
         """Whether the demand belongs to this motion: a drive may keep an old demand in a mode that has none."""
-        if image.demand is None or image.position is None or not self._demand.is_known:
+        if image.demand is None or image.position is None:
             return False
-        velocity, _ = self._demand.motion
+        if not self._demand.is_known and not self._is_seldom(image):
+            return False
+        velocity, _ = (self._demand if self._demand.is_known else self._position).motion
         return 0.0 < abs(image.lead or 0.0) <= _LONGEST_LAG * abs(velocity)
+
+    def _is_seldom(self, image: AxisImage) -> bool:
+        """Whether the demand arrives less often than the position; of the first demands, whether the next one has not come yet."""
+        spacing = self._demand.spacing if self._demand.is_known else image.position_stamp - image.demand_stamp
+        return spacing > _SELDOM * self._position.spacing
 
     def _stop(self, image: AxisImage, course: CommandedMotion, ramp: float | None) -> float | None:
         """Return where the axis would come to rest, in units, if this is beyond the limits; None otherwise."""
         leads = self._leads(image) and not course.by_torque
-        seldom = leads and self._demand.spacing > _SELDOM * self._position.spacing
+        seldom = leads and self._is_seldom(image)
         self._take_lag(image, seldom=seldom)
         lag = self._shown_lag if leads else self._known_lag
         stop = self._beyond(image, self._position, course, ramp, 0.0 if course.by_torque else lag)
