@@ -218,7 +218,7 @@ def test_a_torque_that_replaces_a_motion_keeps_the_limits_with_a_quick_stop_that
         cell["x"].torque_control(torque, slope=5.0)
     cell.run(3.0)
     lowest, highest = cell.farthest("x")
-    assert -180.0 <= lowest
+    assert lowest >= -180.0
     assert highest <= 180.0
 
 
