@@ -484,7 +484,7 @@ AT_ONCE = SimpleNamespace(mode=1, ends_at_rest=False)
 
 
 def at_rest(rests_from: float = -math.inf) -> SimpleNamespace:
-    return SimpleNamespace(mode=1, ends_at_rest=True, rests_from=rests_from)
+    return SimpleNamespace(mode=1, ends_at_rest=True, rests_from=rests_from, settling=0.0)
 
 
 def test_standstill_from_before_the_axis_could_start_is_no_arrival():
@@ -527,13 +527,15 @@ def test_only_a_homing_may_end_with_a_demand_elsewhere(mode, arrives):
     assert ended is arrives
 
 
-def test_a_command_that_ends_at_standstill_waits_for_it_at_most_two_seconds():
+@pytest.mark.parametrize("settling", [0.0, 0.5])
+def test_a_command_that_ends_at_standstill_waits_for_it_two_seconds_longer_than_its_motion_takes(settling):
     drive = Drive()
     arrival = ArrivalCheck(drive.parameters)
     drive.cycle(statusword=ENABLED, mode=1, position=0)
     arrival.begin(AT_ONCE, drive.now)
     assert arrival.complete(AT_ONCE, True, drive.image)
     move = at_rest()
+    move.settling = settling
     arrival.begin(move, drive.now)
     assert not arrival.complete(move, False, drive.image)
     position = 0
@@ -542,7 +544,7 @@ def test_a_command_that_ends_at_standstill_waits_for_it_at_most_two_seconds():
         for _ in range(200):
             position += 10
             assert not arrival.complete(move, True, drive.cycle(position=position)[0])
-    assert drive.now - began == 2.0 + T
+    assert drive.now - began == 2.0 + settling + T
     arrival.begin(move, drive.now)
     for _ in range(4):
         assert not arrival.complete(move, True, drive.cycle(position=position)[0])

@@ -329,6 +329,15 @@ def test_a_drive_that_lags_trips_nothing(scenario, lag, velocity):
     assert cell.x.state is AxisState.STANDSTILL
 
 
+@pytest.mark.parametrize("velocity", [0.5, 1.0, 2.0, 60.0])
+def test_a_slow_move_whose_drive_reports_a_wide_window_early_ends_well(scenario, velocity):
+    cell = scenario.simulated("x", axis="position_window = 2.0").enabled()
+    cell.device().write(0x6067, 0, 200)
+    cell.x.move_relative(4.0, velocity=velocity).wait(20)
+    cell.must_be_still(within=0.1, stages=ENABLED)
+    assert cell.where() == pytest.approx(4.0, abs=0.1)
+
+
 # -- the drive leaves its mode -------------------------------------------------------------------------------------------
 
 

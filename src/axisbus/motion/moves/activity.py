@@ -63,7 +63,8 @@ class Activity(ABC):
     ``behind``: increments by which the axis is behind its commanded position, if the command knows this better than 6062h.
     ``led_speed``: the commanded speed in increments per s. ``lag``: see ``RampedWay`` (None: not known). ``ramped``: the monitor of
     the velocity ramp that the drive is on (None: it is on none). ``rests_from``: the time (s) from which its end may be seen,
-    because an axis at standstill may not have started yet. ``resisted_since``: the time (s) since which an axis that must turn is
+    because an axis at standstill may not have started yet. ``settling``: the seconds that the rest of its motion takes when its
+    drive reports the end, because it is within a window of the target. ``resisted_since``: the time (s) since which an axis that must turn is
     at standstill, while no value shows its drive's set-point (infinite: it turns, or the set-point is seen). Until it is
     ``in_effect``, the axis may continue as the previous command requested.
     """
@@ -80,6 +81,7 @@ class Activity(ABC):
     lag: float | None = None
     ramped: RampedWay | None = None
     rests_from: float = -math.inf
+    settling: float = 0.0
     resisted_since: float = math.inf
     in_effect: bool = True
 

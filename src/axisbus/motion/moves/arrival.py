@@ -16,7 +16,7 @@ _PASSED = 0.5
 class ArrivalCheck:
     """Holds the standstill check of the running command, and the deadline for standstill after the command's own end."""
 
-    __slots__ = ("_deadline", "_parameters", "_reported", "_since", "_standing")
+    __slots__ = ("_deadline", "_parameters", "_reported", "_since", "_standing", "_time")
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
@@ -24,6 +24,7 @@ class ArrivalCheck:
         self._since = 0.0
         self._reported = 0.0  # when the end was last reported
         self._deadline: float | None = None
+        self._time = 0.0  # seconds from the end to that deadline
 
     def begin(self, activity: Activity, now: float) -> None:
         """Begin with a new command; values received before do not count."""
@@ -53,17 +54,18 @@ class ArrivalCheck:
         if not done or stands:
             return done
         if self._deadline is None:
-            self._deadline = image.now + self._parameters.timing.progress
+            self._time = self._parameters.timing.progress + activity.settling
+            self._deadline = image.now + self._time
         if image.now > self._deadline:
             raise self._late(standing.why_not(image))
         return False
 
     def _late(self, why: str) -> MotionTimeout:
-        name, time = self._parameters.name, self._parameters.timing.progress
+        name, time = self._parameters.name, self._time
         return MotionTimeout(
             f"{name}: the axis does not come to standstill",
             axis=name,
-            observed=f"the drive reported the end of the motion {time:g} s ago, but standstill of the axis was not observed "
+            observed=f"the drive reported the end of the motion {time:.3g} s ago, but standstill of the axis was not observed "
             f"since: {why}",
             remedy="check whether it oscillates (tuning), is driven by its load, or is blocked; standstill_velocity and "
             f"standstill_window in [axes.{name}] define standstill",

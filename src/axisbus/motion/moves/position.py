@@ -24,6 +24,7 @@ from axisbus.motion.stop_deceleration import CommandedMotion
 
 _WINDOW_FLOOR = 20  # increments
 _WINDOW_SHARE = 0.02  # of the move's distance
+_NEARLY_STILL = 2.0  # times the speed that counts as standstill
 
 
 class PositionMove(Prepared):
@@ -60,7 +61,7 @@ class PositionMove(Prepared):
         self._before = before
         self._start: int | None = None
         self._window = parameters.position_window
-        self._earliest_end = -math.inf  # see ``_duration_within_window``
+        self._earliest_end = -math.inf  # see ``_unseen_duration``
         self._is_taken = False
         self._watch = _ArrivalWatch(target, profile, parameters)
         self._passing: PpBlending | None = None  # set once moves have joined it
@@ -109,7 +110,7 @@ class PositionMove(Prepared):
         if not self._is_taken:
             self._is_taken = self.in_effect = True
             self.rests_from = image.now
-            self._earliest_end = image.now + self._duration_within_window(image)
+            self._earliest_end = image.now + self._unseen_duration(image)
             if self._passing is not None and self.set_point.target == self._target:
                 self._passing.taken(image.now)
         if self._obeyed is not None:
@@ -191,17 +192,20 @@ class PositionMove(Prepared):
         here = image.position if image.position is not None else target
         self._watch.begin(image, abs(target - here))
 
-    def _duration_within_window(self, image: AxisImage) -> float:
-        """Return the seconds that the rest of the move takes from standstill if the axis is within the window already.
+    def _unseen_duration(self, image: AxisImage) -> float:
+        """Return the seconds that the rest of the move takes from standstill if neither bit 10 nor the position shows its end.
 
-        Then bit 10 may stay set during the whole motion, and an axis that begins gently cannot yet be told from one at standstill.
-        0 if the axis is still outside the window, or if a value is not known.
+        If the axis is within the window already, bit 10 may stay set during the whole motion, and an axis that begins gently cannot
+        yet be told from one at standstill. A move that is hardly faster than a standstill cannot be told from one at any time.
+        0 for all other moves, or if a value is not known.
         """
         profile, window = self._profile, self._window
         if image.position is None or window is None or not profile.speed or not profile.ramp:
             return 0.0
         distance = abs(self.set_point.target - image.position)
-        if distance > window:
+        parameters = self._parameters
+        slow = _NEARLY_STILL * parameters.standstill_tolerance / parameters.timing.standstill_time
+        if distance > window and profile.speed > slow:
             return 0.0
         soft = profile.soft_seconds(abs(self._parameters.units.position.factor))
         return duration(distance, profile.speed, profile.ramp) + soft
@@ -221,7 +225,10 @@ class PositionMove(Prepared):
         if image.now < self._earliest_end and distance > self._parameters.standstill_tolerance:
             self.rests_from = image.now
             return False
-        return distance <= self._window
+        if distance > self._window:
+            return False
+        self.settling = self._unseen_duration(image)
+        return True
 
 
 class _ArrivalWatch:
