@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
+from itertools import product
+
 import pytest
 
 from axisbus.cia402.modes import FACTS, ModeOfOperation
@@ -396,3 +399,26 @@ def test_a_drive_found_moving_is_halted_and_given_up_after_the_time_of_a_halt():
 
 def test_every_mode_of_the_standard_has_its_conduct():
     assert CONDUCT.keys() == FACTS.keys()
+
+
+def after(state: int, word: int) -> int:
+    """Return the state of the drive after a controlword (CiA 402-2, transitions 2 to 10)."""
+    if word == 0x00:
+        return DISABLED
+    if state == DISABLED or word == 0x06:
+        return READY if word == 0x06 else DISABLED
+    if word == 0x0F and state == READY:
+        return READY
+    return ENABLED if word == 0x0F else SWITCHED_ON
+
+
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("sent", [*product((0x00, 0x06, 0x07), repeat=3)])
+def test_words_of_an_ended_command_that_are_still_on_their_way_do_not_take_the_power_again(sent, moving):
+    drive = Drive()
+    activity, on_the_way, states, ended = enable(drive, moving=moving), deque(sent), [DISABLED], False
+    while not ended:
+        states.append(after(states[-1], on_the_way.popleft()))
+        ended = activity.step(*drive.cycle(statusword=states[-2], mode=1, position=700))
+        on_the_way.append(drive.order.controlword(drive.image.state))
+    assert set(states[states.index(ENABLED) :]) == {ENABLED}

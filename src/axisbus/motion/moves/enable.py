@@ -22,6 +22,10 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.standstill import StandstillCheck
 from axisbus.motion.stop.standstill_monitor import StandstillMonitor
 
+# The states without power, the lowest first.
+_POWERLESS = (PowerState.SWITCH_ON_DISABLED, PowerState.READY_TO_SWITCH_ON, PowerState.SWITCHED_ON)
+_STEADY = 3  # statuswords with an unchanged state, after which no word of an earlier command acts any more
+
 
 class _EnableStep(Enum):
     MODE = 1
@@ -67,6 +71,10 @@ class EnableActivity(Activity):
         self._enabled = False
         self._found_enabled: bool | None = None
         self._step = _EnableStep.MODE
+        self._lowest: PowerState | None = None  # state without power that was seen
+        self._shown = PowerState.UNKNOWN
+        self._unchanged = 0  # statuswords (by event: cycles) for which the state has not changed
+        self._stamp = -math.inf  # of the last statusword
 
     def _choose(self, candidates: Sequence[ModeOfOperation]) -> None:
         self._others = list(candidates)
@@ -76,6 +84,7 @@ class EnableActivity(Activity):
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the drive is enabled, in the resting mode."""
         self._refuse(image)
+        self._watch_state(image)
         if not self._taken_over and not self._found_out(image, order):
             return False
         if self._awaits_position(image, order) or self._awaits_rest(image, order):
@@ -87,10 +96,11 @@ class EnableActivity(Activity):
             self._step is _EnableStep.MODE
             and self._mode_settled(image)
             and self._offsets_settled(image, order)
+            and (image.state not in _POWERLESS or self._unchanged >= _STEADY)
         ):
             self._step = _EnableStep.SWITCH_ON
         if self._step is _EnableStep.MODE:
-            order.goal = image.state if image.state in TARGETS else None
+            self._stay(image, order)
             return False
         if self._step is _EnableStep.SWITCH_ON and not self._switched_on(image, order):
             return False
@@ -101,6 +111,27 @@ class EnableActivity(Activity):
         self._enabled = True
         rests = self._rest.after(image, found=self._found_enabled)
         return self._confirmed(image) and self._braked(image, order) and rests
+
+    def _watch_state(self, image: AxisImage) -> None:
+        if image.state in _POWERLESS:
+            seen = image.state if self._lowest is None else self._lowest
+            self._lowest = min(image.state, seen, key=_POWERLESS.index)
+        if image.state is not self._shown:
+            self._shown, self._unchanged = image.state, 0
+        elif image.statusword_by_event or image.statusword_stamp > self._stamp:
+            self._unchanged += 1
+        self._stamp = image.statusword_stamp
+
+    def _stay(self, image: AxisImage, order: CycleOutputs) -> None:
+        """Keep the drive in its state; without power, in the lowest state seen, so that each cycle sends the same word.
+
+        Words of an ended command may still be on their way, and change the state. If the master answered each state with the word
+        for that state, these words would be late as well, and repeat the changes until the drive gets its power and loses it again.
+        """
+        if image.state in _POWERLESS:
+            order.goal = self._lowest
+        else:
+            order.goal = image.state if image.state in TARGETS else None
 
     def _braked(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether a drive found moving has come to rest: its halt brakes it on its own ramp, whatever the cause of the motion."""
@@ -152,7 +183,7 @@ class EnableActivity(Activity):
         if image.now > self._position_deadline:
             require_position(image, self._parameters.name, "enabling")
         preload(order, None)
-        order.goal = image.state if image.state in TARGETS else None
+        self._stay(image, order)
         self._walk.hold(image)
         return True
 
@@ -161,7 +192,7 @@ class EnableActivity(Activity):
         if not self._rest.before(image):
             return False
         preload(order, None)
-        order.goal = image.state if image.state in TARGETS else None
+        self._stay(image, order)
         self._walk.hold(image)
         return True
 
