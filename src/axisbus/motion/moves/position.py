@@ -195,19 +195,18 @@ class PositionMove(Prepared):
     def _unseen_duration(self, image: AxisImage) -> float:
         """Return the seconds that the rest of the move takes from standstill if neither bit 10 nor the position shows its end.
 
-        If the axis is within the window already, bit 10 may stay set during the whole motion, and an axis that begins gently cannot
-        yet be told from one at standstill. A move that is hardly faster than a standstill cannot be told from one at any time.
-        0 for all other moves, or if a value is not known.
+        If the axis is within the window before it is fast, bit 10 may stay set during the whole motion, and an axis that begins
+        gently cannot yet be told from one at standstill. A move that is hardly faster than a standstill cannot be told from one at
+        any time. 0 for all other moves, or if a value is not known.
         """
-        profile, window = self._profile, self._window
+        profile, window, parameters = self._profile, self._window, self._parameters
         if image.position is None or window is None or not profile.speed or not profile.ramp:
             return 0.0
         distance = abs(self.set_point.target - image.position)
-        parameters = self._parameters
+        soft = profile.soft_seconds(abs(parameters.units.position.factor))
         slow = _NEARLY_STILL * parameters.standstill_tolerance / parameters.timing.standstill_time
-        if distance > window and profile.speed > slow:
+        if distance > window + slow * (slow / profile.ramp + soft) and profile.speed > slow:
             return 0.0
-        soft = profile.soft_seconds(abs(self._parameters.units.position.factor))
         return duration(distance, profile.speed, profile.ramp) + soft
 
     def _arrived(self, image: AxisImage) -> bool:
