@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from axisbus.errors import AxisbusError, LimitError, MotionTimeout
 from axisbus.motion.moves.profile import braking_distance
 from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
-from axisbus.motion.parameters import AxisLimits, Defaults
+from axisbus.motion.parameters import AxisLimits, Defaults, HomingParameters
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.position_limits import (
     Room,
@@ -30,11 +30,12 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.motor import MotorParams
 from kit.motion.plant_recorder import HALT, Watch
-from kit.motion.rig import PERIOD, rig
+from kit.motion.rig import GENERIC, PERIOD, rig
 
 LIMITS = (0.0, 60.0)
 NOISE = MotorParams(noise=2.0)  # ±2 increments, of 1000 in a degree
 SLACK = 0.006  # deg: noise and rounding of a position
+MODULE = GENERIC.with_name("gim6010-8.eds")  # without a profile jerk
 
 
 # The arithmetic.
@@ -529,3 +530,17 @@ def test_position_limits_farther_away_do_not_hide_the_end_of_the_count(way):
     assert isinstance(handle.exception(), LimitError)
     assert all(target > 0 for target in watch.targets)
     assert watch.transitions == []
+
+
+@pytest.mark.parametrize("start", [59.5, 90.0])  # it would leave the limits, or is beyond them
+@pytest.mark.parametrize("buffer", [False, "blending_low"])
+@pytest.mark.parametrize("jerk", [None, 5_000.0])
+@pytest.mark.parametrize("file", [GENERIC, MODULE], ids=["drive limits the jerk", "master limits the jerk"])
+def test_before_the_homing_that_an_axis_needs_no_kind_of_move_is_bound_by_the_limits(
+    file, jerk, buffer, start
+):
+    homing = HomingParameters(method=37, required=True)
+    motor = MotorParams(start_position=1_000 * start)
+    r = rig(file=file, motor=motor, homing=homing, limits=AxisLimits(position=LIMITS)).enabled()
+    r.axis.move_relative(2.0, jerk=jerk, buffer=buffer).wait(5)
+    assert r.drive.axis.motor.position == pytest.approx(1_000 * (start + 2.0), abs=50)

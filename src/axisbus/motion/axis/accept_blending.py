@@ -71,9 +71,9 @@ def _begin(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate:
     target = accept_motion.target_of(core, _turned(core, command, end), ticket)
     part, profile = _part(core, command, target, ticket), command.move.profile
     if profile.softness is None:
-        moves = BlendedMoves(part, core.parameters, gate)
+        moves = BlendedMoves(part, core.path_parameters, gate)
     else:
-        moves = JerkLimitedBlendedMoves(part, core.parameters, gate, _cycles(core, profile, ticket))
+        moves = JerkLimitedBlendedMoves(part, core.path_parameters, gate, _cycles(core, profile, ticket))
     core.begin(moves, ticket, AxisState.DISCRETE_MOTION)
     core.aim(target)
 
@@ -90,7 +90,7 @@ def _take_up(core: AxisCore, move: CspMove, ticket: CommandStatus) -> None:
         return
     leg = _leg(core, move.profile, move.target, BufferMode.BUFFERED)
     moves = BlendedMoves(
-        BlendedCommand(leg, move.target, ticket, move.profile.timeout), core.parameters, OPEN
+        BlendedCommand(leg, move.target, ticket, move.profile.timeout), core.path_parameters, OPEN
     )
     moves.take_up(going, move)
     core.running.activity = moves
@@ -103,7 +103,7 @@ def _take_up_softly(core: AxisCore, move: JerkLimitedMove, ticket: CommandStatus
         return
     leg = _leg(core, move.profile, move.target, BufferMode.BUFFERED)._replace(up=ramp, down=ramp)
     part = BlendedCommand(leg, move.target, ticket, move.profile.timeout)
-    moves = JerkLimitedBlendedMoves(part, core.parameters, OPEN, move.window)
+    moves = JerkLimitedBlendedMoves(part, core.path_parameters, OPEN, move.window)
     if way is None:
         move.cancel(core.order)
     else:

@@ -69,7 +69,7 @@ def move(core: AxisCore, command: c.Move, ticket: CommandStatus, gate: StartBarr
         _move_softly(core, target, profile, ticket, gate)
         return
     if leading is not None and profile.jerk is None and profile.speed and profile.up and profile.down:
-        _go_on(core, CspMove(target, profile, core.parameters, gate, leading), ticket)
+        _go_on(core, CspMove(target, profile, core.path_parameters, gate, leading), ticket)
         core.aim(target)
         return
     require_objects(core.parameters, _M.PROFILE_POSITION, ticket)
@@ -130,7 +130,7 @@ def _move_softly(
     soft = core.activity if isinstance(core.activity, JerkLimitedMove) else None
     before = path_of(core) or (soft if soft is not None and soft.has_begun else None)
     require_lead(core, profile, ticket, before)
-    move = JerkLimitedMove(target, profile, core.parameters, gate, ticket.name, before)
+    move = JerkLimitedMove(target, profile, core.path_parameters, gate, ticket.name, before)
     if before is not None:
         _go_on(core, move, ticket)
     else:

@@ -25,6 +25,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from copy import copy
+from dataclasses import replace
 
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.modes import ModeOfOperation
@@ -242,6 +243,14 @@ class AxisCore:
     def bounded(self) -> bool:
         """Whether the position limits apply: if homing is required, they apply only after it."""
         return self.homed or not self._needs_homing
+
+    @property
+    def path_parameters(self) -> AxisParameters:
+        """The parameters for a path of the axis: without position limits as long as they do not apply."""
+        parameters = self.parameters
+        if self.bounded:
+            return parameters
+        return replace(parameters, limits=replace(parameters.limits, position=None))
 
     # -- one cycle ---------------------------------------------------------------------------------------------------
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 from axisbus.errors import AxisbusError, StateError
@@ -19,7 +18,7 @@ from axisbus.motion.group.segments import Place, Straight
 from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.override import FASTER
-from axisbus.motion.parameters import AxisLimits, AxisParameters
+from axisbus.motion.parameters import AxisLimits
 
 _NEAR = 1e-6  # units: end points no farther apart count as equal
 MOST = 2000  # segments (lines and corners) ahead; a path that would exceed this is rejected
@@ -58,7 +57,7 @@ class PathMotion:
         self.travel = PathSpeed()
         self.planned: bool = False
         self.follows = {
-            name: Follow(None, _bounds_of(core), gate, self.travel) for name, core in self._axes.items()
+            name: Follow(None, core.path_parameters, gate, self.travel) for name, core in self._axes.items()
         }
 
     @property
@@ -272,14 +271,6 @@ class PathMotion:
         core = self._axes[name]
         place = self.follows[name].reference(core.image) - core.image.origin
         return core.parameters.units.position.to_units(place)
-
-
-def _bounds_of(core: AxisCore) -> AxisParameters:
-    """Return an axis's parameters for a path; without position limits if the axis must be homed and is not homed yet."""
-    parameters = core.parameters
-    return (
-        parameters if core.bounded else replace(parameters, limits=replace(parameters.limits, position=None))
-    )
 
 
 def _hardest(core: AxisCore) -> float:
