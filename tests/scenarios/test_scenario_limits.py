@@ -13,7 +13,7 @@ import pytest
 from axisbus import eds
 from axisbus.cia402.port import ValueTransport
 from axisbus.eds import builtin
-from axisbus.errors import LimitError, MotionTimeout, Replaced, StaleError
+from axisbus.errors import LimitError, MotionTimeout, Replaced, StaleError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import device_from_eds, motor_from_eds
@@ -514,6 +514,47 @@ def test_the_speed_of_the_motor_is_limited_if_the_drive_defines_its_unit(scenari
     cell["y"].move_absolute(90.0, velocity=360, acceleration=3600).wait(5)
     cell["y"].move_absolute(-90.0, velocity=360, acceleration=3600).wait(5)
     assert cell.top_speed("y") == pytest.approx(360.0, abs=0.1)  # its own limits do not slow it down
+
+
+def test_limits_in_the_drive_do_not_allow_another_position(scenario):
+    """They would stay where they are: in csp the drive would leap from a position beyond them to the limit."""
+    cell = scenario.simulated("x", axis=IN_DRIVE).enabled()
+    error = cell.failure_of(cell.x.set_position(45.0))
+    assert isinstance(error, StateError)
+    assert "limits_in_drive" in str(error)
+    assert cell.x.position == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("place", [120.0, -120.0])
+@pytest.mark.parametrize("required", [True, False])
+def test_an_axis_beyond_the_limits_in_its_drive_is_not_moved_by_csp(scenario, required, place):
+    def beyond():
+        dictionary = eds.load(builtin.resolve("builtin:gim6010-8", Path()))
+        scale = 131072 / 360
+        return {
+            node: Device(
+                dictionary, node, params=replace(motor_from_eds(dictionary), start_position=place * scale)
+            )
+            for node in (1, 2, 3)
+        }
+
+    text = JOINTS.replace("max_acceleration = 3600.0", "max_acceleration = 3600.0\nlimits_in_drive = true")
+    text = text.replace("method = 35 ", f"required = {str(required).lower()}\nmethod = 35 ")
+    text = text.replace("position_limits = [-180.0, 180.0]", "position_limits = [-90.0, 90.0]")
+    cell = scenario.simulated(text=text, devices=beyond)
+    x = cell["x"]
+    x.enable().wait(5)
+    moment = cell.moment("x")
+    error = cell.failure_of(
+        x.move_relative(-place / 240, velocity=1.0, acceleration=10.0, jerk=500.0)
+    )  # by csp
+    assert isinstance(error, StateError)
+    assert "607Dh" in str(error)
+    cell.run(0.5)
+    low, high = cell.farthest("x", since=moment)
+    assert high - low < 0.1
+    x.move_relative(-place).wait(10)  # the drive moves back by itself
+    x.move_relative(place / 240, velocity=1.0, acceleration=10.0, jerk=500.0).wait(5)
 
 
 def test_an_axis_that_the_master_turns_has_its_limits_turned_in_the_drive(scenario):

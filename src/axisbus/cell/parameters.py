@@ -88,6 +88,9 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: DrivePlugin | N
         scan_period=cell.bus.scan_period,
         feed_forward=feed_forward(axis, drive.number(objects.POLARITY)),
         interpolated=interpolates(drive),
+        limits_in_drive=axis.limits_in_drive
+        and axis.position_limits is not None
+        and objects.SOFTWARE_POSITION_LIMIT in drive.objects,
     )
 
 

@@ -186,7 +186,7 @@ def in_drive(case: CheckContext) -> Problems:
             yield case.note(
                 axis.at.of(LIMITS_IN_DRIVE),
                 f"axis {axis.name}: 607Dh is relative to the drive's own zero",
-                "it equals position_limits after the axis is homed, and set_position does not shift it",
+                "it equals position_limits after the axis is homed; set_position is refused, because it would not shift it",
                 "check that the drive ignores it while it searches its home",
             )
 

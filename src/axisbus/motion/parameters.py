@@ -257,6 +257,9 @@ class AxisParameters:
     scan_period: float = 0.01
     feed_forward: FeedForward | None = None
     interpolated: bool = False  # the drive uses ip for what this API calls csp
+    limits_in_drive: bool = (
+        False  # the drive has the position limits as well (607Dh), relative to its own zero
+    )
 
     @property
     def standstill_tolerance(self) -> float:

@@ -387,7 +387,36 @@ def set_position(core: AxisCore, command: c.SetPosition, ticket: CommandStatus, 
     if core.state in MOVING or core.state is AxisState.STOPPING:
         raise StateError(f"{ticket.name}: the axis moves", remedy="set the position at standstill")
     require_position(core.image, core.parameters.name, "setting the position")
+    require_own_zero(core.parameters, ticket)
     core.at_rest(ticket, partial(_call_position, core, command.position))
+
+
+def require_own_zero(parameters: AxisParameters, ticket: CommandStatus) -> None:
+    """Raise StateError if the drive limits the position itself: its limits would be at other places than those of the master."""
+    if parameters.limits_in_drive:
+        raise StateError(
+            f"{ticket.name}: limits_in_drive does not allow another position",
+            observed="the position limits in the drive (607Dh) are relative to its own zero, and would stay where they are",
+            remedy=f"home {parameters.name}, with offset in [axes.{parameters.name}.homing]; or delete limits_in_drive in "
+            f"[axes.{parameters.name}]",
+        )
+
+
+def require_within_drive(core: AxisCore, ticket: CommandStatus) -> None:
+    """Raise StateError if the axis is beyond the limits of its drive, which would move it there in one cycle of csp."""
+    parameters, position, edges = core.parameters, core.image.position, core.parameters.position_edges
+    if not parameters.limits_in_drive or position is None or edges is None:
+        return
+    window = max(NOISE, parameters.place_window)
+    if edges[0] - window <= position <= edges[1] + window:
+        return
+    units = parameters.units.position
+    raise StateError(
+        f"{ticket.name}: in csp the drive would leap to its own position limit (607Dh, by limits_in_drive)",
+        observed=f"its count is at {units.to_units(position):g} {units.unit}, its limits are "
+        f"{' and '.join(f'{edge:g}' for edge in parameters.limits.position or ())}",
+        remedy=f"home {parameters.name}, or move it back with move_absolute, jog or move_velocity",
+    )
 
 
 def _call_position(core: AxisCore, position: int) -> None:
@@ -460,6 +489,8 @@ def _coupled(core: AxisCore, ticket: CommandStatus) -> Coupled:
 def require_cyclic(core: AxisCore, ticket: CommandStatus, mode: ModeOfOperation) -> None:
     """Raise StateError unless the axis has the mode, and its values are in synchronous PDOs (DESIGN: freshness)."""
     require_mode(core.parameters, mode, ticket)
+    if mode is _M.CYCLIC_SYNC_POSITION:
+        require_within_drive(core, ticket)
     how, needs = core.capabilities, _CYCLIC[mode]
     sources = {"statusword": how.inputs.get("statusword", ValueTransport.NONE)}
     sources |= {name: how.inputs.get(name, ValueTransport.NONE) for name in needs.inputs}

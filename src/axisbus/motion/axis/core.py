@@ -246,9 +246,9 @@ class AxisCore:
 
     @property
     def path_parameters(self) -> AxisParameters:
-        """The parameters for a path of the axis: without position limits as long as they do not apply."""
+        """The parameters for a path of the axis: without position limits as long as they do not apply, in the drive neither."""
         parameters = self.parameters
-        if self.bounded:
+        if self.bounded or parameters.limits_in_drive:
             return parameters
         return replace(parameters, limits=replace(parameters.limits, position=None))
 

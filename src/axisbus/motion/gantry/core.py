@@ -24,7 +24,7 @@ from typing import Any
 
 from axisbus.errors import AxisbusError, SkewError, StateError
 from axisbus.motion import commands as c
-from axisbus.motion.axis.accept_motion import require_count, require_within_limits
+from axisbus.motion.axis.accept_motion import require_count, require_own_zero, require_within_limits
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.gantry import commands as g
@@ -325,6 +325,8 @@ class GantryCore(GroupCore):
             raise StateError(f"{ticket.name}: the beam moves", remedy="set the position at standstill")
         if skew is None or None in here:
             raise self.watch.error(f"{ticket.name}: not set")
+        for core in self.axes.values():
+            require_own_zero(core.parameters, ticket)
         second = command.position + self.parameters.offset + (0.0 if command.square else skew)
         for core, place in zip(self.axes.values(), (command.position, second), strict=True):
             set_place(core, place)
