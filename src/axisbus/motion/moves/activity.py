@@ -65,8 +65,8 @@ class Activity(ABC):
     the velocity ramp that the drive is on (None: it is on none). ``rests_from``: the time (s) from which its end may be seen,
     because an axis at standstill may not have started yet. ``settling``: the seconds that the rest of its motion takes when its
     drive reports the end, because it is within a window of the target. ``resisted_since``: the time (s) since which an axis that
-    must turn is at standstill, while no value shows its drive's set-point (infinite: it turns, or the set-point is seen). Until it is
-    ``in_effect``, the axis may continue as the previous command requested.
+    must turn is at standstill, while no value shows its drive's set-point (infinite: it turns, or the set-point is seen). Until it
+    is ``in_effect``, the axis may continue as the previous command requested.
     """
 
     mode: ClassVar[ModeOfOperation | None] = None
