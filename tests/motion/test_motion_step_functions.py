@@ -790,6 +790,17 @@ def test_an_axis_that_gets_another_velocity_while_it_settles_has_no_following_er
     assert abs(way.behind) < 10.0
 
 
+def test_what_a_held_axis_has_missed_counts_for_the_next_velocity_as_well():
+    drive = Drive(ages={"position": 10.0, "velocity": 10.0})
+    way = ramped(drive, 100, up=6400.0, down=6400.0)
+    for target in (100, 0, 100, 0, 100):
+        way.aim(target)
+        missed = way.behind
+        for _ in range(8):
+            way.step(drive.cycle(position=0)[0])
+        assert way.behind > 0.9 * missed + (10.0 if target else 0.0)
+
+
 def test_a_moving_axis_does_not_lag_and_a_held_one_does():
     drive = Drive(ages={"position": 10.0, "velocity": 10.0})
     way, position, speed = ramped(drive, 1000, up=6400.0), 0.0, 0.0

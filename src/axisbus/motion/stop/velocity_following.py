@@ -16,8 +16,8 @@ axis between both has no following error. (A drive that takes a fast velocity at
 than with any one delay for both; if it slows down weakly, much more.) A third ramp takes each velocity at once; it gives the lag.
 
 After an override of 0, or a velocity of 0, the axis settles later than the ramps, by its lag. ``_SETTLED`` seconds after both ramps
-have come to rest, or if another velocity is given before, the axis is assumed to be at its commanded position. Any later motion
-counts.
+have come to rest, the axis is assumed to be at its commanded position. Any later motion counts. If another velocity is given
+before that, the distance that the axis has settled so far does not count for it.
 
 The following distance of a motor with a constant lag is the lag multiplied by the velocity that the motor itself has gained.
 Until the ramp ends, the motor has gained less velocity than the ramp, by the lag multiplied by the acceleration: in the first
@@ -110,6 +110,7 @@ class RampedWay:
         "_delay",
         "_due",
         "_from_rest",
+        "_heading",
         "_high",
         "_low",
         "_on_ramp",
@@ -152,6 +153,7 @@ class RampedWay:
         self._changed = -math.inf
         self._settles_at = math.inf
         self._from_rest = False
+        self._heading = 0.0  # the last velocity other than 0
         self._on_ramp = on_ramp
         self._rates = _Rates.of(up, down)
         self._taken = 0.0  # the last velocity that is surely taken
@@ -201,7 +203,7 @@ class RampedWay:
             self._send(image)
             return
         if self._sent != self._target:
-            if not self._low.speed and not self._high.speed:
+            if not self._low.speed and not self._high.speed and self.behind * self._heading < 0.0:
                 self._settled()
             self._send(image)
         if stamp > self._stamp:
@@ -233,6 +235,7 @@ class RampedWay:
             ramp.ramp(target, self._rates, dt, made, kept)
         if self._prompt.speed != before:
             self._changed = self._stamp
+        self._heading = self._prompt.speed or self._heading
         self._settle(self._stamp + dt)
         if self._from_rest and self._stamp - self._changed <= _LAG_TIME:
             self._take_lag(self._prompt)
