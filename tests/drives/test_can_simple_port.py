@@ -556,6 +556,7 @@ def test_a_rotor_turned_by_hand_without_power_is_counted(made, turn):
     for _ in range(100):
         motor.position += turn * COUNTS / 100
         r.run(PERIOD)
+    r.run(2 * PERIOD)  # until the last position has arrived
     assert r.core.image.position == pytest.approx(r.module.position * COUNTS, abs=5)
     r.run(0.3)
     r.axis.enable().wait(5)

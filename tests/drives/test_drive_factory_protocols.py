@@ -157,7 +157,7 @@ def test_the_message_names_both_protocols_and_the_remedy():
     assert lines[0].startswith(
         "2 modules speak CAN Simple, not CANopen: node 0 (001h every 100 ms: idle), node 1"
     )
-    assert "protocol = 2" in lines[1]
+    assert "axisbus gim6010 to-canopen changes its protocol" in lines[1]
     assert lines[2].startswith(
         "1 module speaks the 29-bit protocol of newer firmware, not CANopen: node 7 (1920041Ch"
     )
