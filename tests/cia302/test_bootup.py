@@ -87,7 +87,7 @@ def test_letter_b_the_node_does_not_answer():
     outcome = slave.run(plan(find_tries=4))
     assert (outcome.letter, outcome.step, outcome.address) == (b.Letter.B, "find", (0x1000, 0))
     assert outcome.tries == 4
-    assert outcome.elapsed == pytest.approx(0.5 + 0.3 + 4 * 0.5)
+    assert outcome.elapsed == pytest.approx(0.5 + 0.3 + 0.3 + 4 * 0.5)
 
 
 @pytest.mark.parametrize(
@@ -292,6 +292,16 @@ def test_a_node_left_in_the_state_stopped_is_woken():
     assert outcome.ok
     assert slave.commands()[0] is NmtCommand.ENTER_PRE_OPERATIONAL
     assert outcome.done[0].startswith("woken")
+
+
+@pytest.mark.parametrize("keep_alive", [False, True])
+def test_a_node_in_the_state_stopped_that_sends_no_heartbeat_is_woken_unless_it_may_have_to_stay_operational(
+    keep_alive,
+):
+    slave = Slave()
+    slave.state = NmtState.STOPPED
+    assert slave.run(plan(keep_alive=keep_alive)).ok is not keep_alive
+    assert slave.commands()[:1] == ([] if keep_alive else [NmtCommand.ENTER_PRE_OPERATIONAL])
 
 
 def test_a_failure_of_the_applications_own_part_ends_it_without_a_letter():

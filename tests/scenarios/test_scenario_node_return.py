@@ -338,6 +338,26 @@ def test_a_node_that_falls_silent_while_its_identity_is_read_is_reported_as_sile
         assert_usable(simulation, machine["x"])
 
 
+def test_a_node_that_was_stopped_by_nmt_while_it_started_is_booted(tmp_path: Path) -> None:
+    """It answers no SDO at first, so the stop sequence ends with an NMT stop; after that it sends neither heartbeat nor answers."""
+    with cell(tmp_path, "x") as (simulation, witness):
+        machine, node = simulation.machine, simulation.machine.simulated_node(1)
+        enable(machine["x"])
+        machine["x"].move_velocity(45.0).wait(5)
+        switch_off(machine, "x")
+        machine.sleep(1.0)
+        node.device.dials.sdo_silent = True
+        switch_on(machine, "x")
+        machine.sleep(8.0)
+        node.device.dials.sdo_silent = False
+        machine.sleep(1.0)
+        assert node.device.nmt is NmtState.STOPPED
+        witness.begin()
+        boot(machine, "x")
+        assert_waits_for_reset(machine["x"])
+        assert not witness.energised
+
+
 def test_a_node_that_restarts_again_after_its_boot_up_is_lost_again(tmp_path: Path) -> None:
     with cell(tmp_path, "x") as (simulation, _):
         machine = simulation.machine

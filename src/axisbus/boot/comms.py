@@ -86,14 +86,16 @@ class NodeServices:
         self.clock = node.channel.clock
         self._node = node
 
-    def command(self, command: NmtCommand, deadline: float) -> NmtState:
+    def command(self, command: NmtCommand, deadline: float, *, always: bool = False) -> NmtState:
         """Send an NMT command and wait for its confirmation; send nothing if the node already reports the requested state. Blocks.
+
+        ``always``: send it in any case.
 
         Raises:
             NodeTimeout: the node does not confirm it within ``deadline`` seconds.
         """
         monitor = self._node.nmt
-        if monitor.assumed or monitor.state is not RESULT[command]:
+        if always or monitor.assumed or monitor.state is not RESULT[command]:
             self._node.command(command, deadline)
         return monitor.state
 

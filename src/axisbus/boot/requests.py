@@ -21,8 +21,8 @@ class Nmt(Protocol):
     def clock(self) -> Clock:
         """The clock in which they block."""
 
-    def command(self, command: NmtCommand, deadline: float) -> NmtState:
-        """Send an NMT command and return the confirmed state; raises ``NodeTimeout``."""
+    def command(self, command: NmtCommand, deadline: float, *, always: bool = False) -> NmtState:
+        """Send an NMT command and return the confirmed state; raises ``NodeTimeout``. ``always``: see ``BootNmtCommand``."""
 
     def listen(self, deadline: float) -> NmtState | None:
         """Return the state of the next heartbeat, None if none comes."""
@@ -90,7 +90,7 @@ class Answerer:
                 with self._nmt.trying(b.TRIES, b.DEADLINE):
                     return self._local[request.phase](request.known)
             case b.BootNmtCommand():
-                return self._nmt.command(request.command, request.deadline)
+                return self._nmt.command(request.command, request.deadline, always=request.always)
             case b.Listen():
                 return self._nmt.listen(request.deadline)
             case b.GuardRequest():

@@ -110,11 +110,18 @@ class _Run(ProgramSteps):
         self._did("found")
 
     def _wake(self) -> Step:
-        """Switch a node in the NMT state *stopped*, which has no SDO server, to pre-operational; that energises nothing."""
+        """Switch a node in the NMT state *stopped*, which has no SDO server, to pre-operational; that energises nothing.
+
+        A node that sends no heartbeat, for example because it has restarted, does not tell its state. It gets the command as well,
+        unless it may be operational and is to stay so.
+        """
         answer = yield from self._ask(Listen(_LEAST_LISTEN, tries=1))
-        if isinstance(answer, Got) and answer.value is NmtState.STOPPED:
+        stopped = isinstance(answer, Got) and answer.value is NmtState.STOPPED
+        if stopped:
             self._did("woken: it was in the NMT state stopped")
-            yield BootNmtCommand(NmtCommand.ENTER_PRE_OPERATIONAL, deadline=_LEAST_LISTEN, tries=1)
+        if stopped or (isinstance(answer, NoReply) and not self.plan.keep_alive):
+            command = NmtCommand.ENTER_PRE_OPERATIONAL
+            yield from self._ask(BootNmtCommand(command, deadline=_LEAST_LISTEN, tries=1, always=True))
 
     def _identify(self) -> Step:
         for address, _, letter in IDENTITY:

@@ -164,11 +164,15 @@ class Pause:
 
 @dataclass(frozen=True, slots=True)
 class BootNmtCommand:
-    """Send an NMT command and wait for its confirmation; for the resets, the boot-up message. The answer is the NMT state."""
+    """Send an NMT command and wait for its confirmation; for the resets, the boot-up message. The answer is the NMT state.
+
+    ``always``: also if the node has reported the state before, which may have changed since.
+    """
 
     command: NmtCommand
     deadline: float = 2.0
     tries: int = 5
+    always: bool = False
 
 
 @dataclass(frozen=True, slots=True)
