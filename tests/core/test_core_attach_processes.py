@@ -87,7 +87,8 @@ def test_a_client_that_ends_while_it_has_control_leaves_nothing_in_motion(machin
     ) as program:
         assert program.stdout is not None
         assert program.stdout.readline() == "moves\n"
-        assert turns(machine, 2) == pytest.approx(30.0, abs=1.0)
+        # In csp the speed between two set-points varies with the time at which a busy computer sends them.
+        assert turns(machine, 2) == pytest.approx(30.0, abs=10.0 if way == "follow" else 1.0)
         program.send_signal(number)
         program.wait(20)
     until = time.monotonic() + 10.0
