@@ -16,7 +16,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.acceptor_attacks import ATTACKS
 from kit.connection_flood import Crowd
-from kit.scenarios.core_process import own_cell, turns, under_way
+from kit.scenarios.core_process import mean_speed, own_cell, turns, under_way
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
@@ -87,8 +87,7 @@ def test_a_client_that_ends_while_it_has_control_leaves_nothing_in_motion(machin
     ) as program:
         assert program.stdout is not None
         assert program.stdout.readline() == "moves\n"
-        # In csp the speed between two set-points varies with the time at which a busy computer sends them.
-        assert turns(machine, 2) == pytest.approx(30.0, abs=10.0 if way == "follow" else 1.0)
+        assert mean_speed(machine, 2) == pytest.approx(30.0, abs=1.0)
         program.send_signal(number)
         program.wait(20)
     until = time.monotonic() + 10.0

@@ -47,6 +47,15 @@ def under_way(axis: Axis) -> Handle:
     return handle
 
 
+def mean_speed(machine: Machine, node_id: int = 1, seconds: float = 1.0) -> float:
+    """How fast the plant turns over some time, in deg/s; in csp a busy computer makes single periods longer or shorter."""
+    begin, place = time.monotonic(), machine.simulated_node(node_id).drive().axis.motor.position
+    time.sleep(seconds)
+    there, end = machine.simulated_node(node_id).drive().axis.motor.position, time.monotonic()
+    speed: float = (there - place) / SCALE / (end - begin)
+    return speed
+
+
 def turns(machine: Machine, node_id: int = 1) -> float:
     """How fast the plant turns, in deg/s."""
     velocity: float = machine.simulated_node(node_id).drive().axis.motor.velocity
