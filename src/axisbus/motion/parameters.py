@@ -257,14 +257,17 @@ class AxisParameters:
     scan_period: float = 0.01
     feed_forward: FeedForward | None = None
     interpolated: bool = False  # the drive uses ip for what this API calls csp
-    limits_in_drive: bool = (
-        False  # the drive has the position limits as well (607Dh), relative to its own zero
-    )
+    limits_in_drive: bool = False  # 607Dh has the position limits as well, from the drive's own zero
 
     @property
     def standstill_tolerance(self) -> float:
         """Increments by which an axis at standstill may go within ``standstill_time``."""
         return max(0.5 * NOISE, (self.standstill_speed or 0.0) * self.timing.standstill_time)
+
+    @property
+    def unseen_speed(self) -> float:
+        """Speed in increments per s up to which a motion may look like a standstill: twice the speed that counts as one."""
+        return 2.0 * self.standstill_tolerance / self.timing.standstill_time
 
     @property
     def pull_window(self) -> float:

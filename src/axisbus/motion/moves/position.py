@@ -24,7 +24,6 @@ from axisbus.motion.stop_deceleration import CommandedMotion
 
 _WINDOW_FLOOR = 20  # increments
 _WINDOW_SHARE = 0.02  # of the move's distance
-_NEARLY_STILL = 2.0  # times the speed that counts as standstill
 
 
 class PositionMove(Prepared):
@@ -204,7 +203,7 @@ class PositionMove(Prepared):
             return 0.0
         distance = abs(self.set_point.target - image.position)
         soft = profile.soft_seconds(abs(parameters.units.position.factor))
-        slow = _NEARLY_STILL * parameters.standstill_tolerance / parameters.timing.standstill_time
+        slow = parameters.unseen_speed
         if distance > window + slow * (slow / profile.ramp + soft) and profile.speed > slow:
             return 0.0
         return duration(distance, profile.speed, profile.ramp) + soft

@@ -69,7 +69,6 @@ _NOT_RELIEVED = (
 _CSV = ModeOfOperation.CYCLIC_SYNC_VELOCITY
 _STARTS = 0.3  # seconds after which a drive has begun to move, unless something holds it
 _FEEDBACK = 3.0  # scan periods from a command to the position that shows its effect
-_UNSEEN = 2.0  # times the tolerance of a standstill: a shorter way may look like one, because of noise
 _MAY_DRIVE = ENERGISED | {PowerState.UNKNOWN}
 _NMT_STOP_TIME = 0.1
 # The key in [axes.NAME.stop] that gives the time of each step.
@@ -211,11 +210,10 @@ class StopSequence:
         """
         parameters, course = self._parameters, self._course or CommandedMotion()
         time = _STARTS + _FEEDBACK * parameters.scan_period + course.soft
-        tolerance = _UNSEEN * parameters.standstill_tolerance
         if course.up:
-            time += tolerance / parameters.timing.standstill_time / course.up
-        if course.speed is not None:
-            time += 2.0 * tolerance / abs(course.speed) if course.speed else math.inf
+            time += parameters.unseen_speed / course.up
+        if course.speed is not None:  # until it has gone twice as far as noise may
+            time += 4.0 * parameters.standstill_tolerance / abs(course.speed) if course.speed else math.inf
         return time
 
     def _begin_rung(self, image: AxisImage) -> None:
