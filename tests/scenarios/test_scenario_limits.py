@@ -553,7 +553,7 @@ def test_an_axis_beyond_the_limits_in_its_drive_is_not_moved_by_csp(scenario, re
     cell.run(0.5)
     low, high = cell.farthest("x", since=moment)
     assert high - low < 0.1
-    x.move_relative(-place).wait(10)  # the drive moves back by itself
+    x.move_relative(-place).wait(10)  # in pp, where the drive plans the motion
     x.move_relative(place / 240, velocity=1.0, acceleration=10.0, jerk=500.0).wait(5)
 
 

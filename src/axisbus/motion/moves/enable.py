@@ -125,8 +125,8 @@ class EnableActivity(Activity):
     def _stay(self, image: AxisImage, order: CycleOutputs) -> None:
         """Keep the drive in its state; without power, in the lowest state seen, so that each cycle sends the same word.
 
-        Words of an ended command may still be on their way, and change the state. If the master answered each state with the word
-        for that state, these words would be late as well, and repeat the changes until the drive gets its power and loses it again.
+        Controlwords of a command that has ended may still be in transit, and change the state. If the master sent a new word after
+        each change, that word would be late as well: the changes would repeat until the drive gets its power and loses it again.
         """
         if image.state in _POWERLESS:
             order.goal = self._lowest
