@@ -545,6 +545,49 @@ def test_an_optional_node_that_appears_as_another_device_is_reported_in_virtual_
         assert not made[2].operational
 
 
+def test_an_optional_node_that_was_booted_by_a_call_is_not_booted_once_more(tmp_path):
+    path, made = virtual_line(tmp_path)
+    with Machine.simulated(path, made) as machine:
+        with pytest.raises(BootError, match="node 2 does not answer"):
+            machine.node(2).boot()
+        made[2].dials.dead = False
+        machine.node(2).boot()
+        machine.sleep(3.0)
+        machine["y"].enable().wait(5)
+        machine.sleep(3.0)
+        assert machine["y"].error is None
+        assert machine.reports[1].ok
+
+
+def test_an_optional_node_that_did_not_boot_is_booted_by_the_call_that_the_error_names(tmp_path):
+    path, made = virtual_line(tmp_path, "serial = 99")
+    with Machine.simulated(path, made) as machine:
+        made[2].dials.dead = False
+        machine.sleep(2.5)
+        with pytest.raises(StateError) as caught:
+            machine["y"]
+        assert caught.value.remedy.endswith(
+            "then boot it (axisbus boot CELL --node 2; in a program: machine.node(2).boot())"
+        )
+        made[2].swap(99)
+        machine.sleep(1.0)
+        machine.node(2).boot()
+        machine["y"].enable().wait(5)
+
+
+def test_an_optional_node_that_appeared_late_is_booted_again_automatically_if_it_shall_be(tmp_path):
+    path, made = virtual_line(tmp_path, 'rejoin = "automatic"')
+    with Machine.simulated(path, made) as machine:
+        made[2].dials.dead = False
+        machine.sleep(3.0)
+        machine.simulated_node(2).switch_off()
+        machine.sleep(2.0)
+        machine.simulated_node(2).switch_on()
+        machine.sleep(4.0)
+        machine["y"].reset().wait(5)
+        machine["y"].enable().wait(5)
+
+
 # -- reports of error control, in virtual time ---------------------------------------------------------------------------
 
 

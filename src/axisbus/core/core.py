@@ -6,7 +6,6 @@ import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from enum import Enum, auto
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
@@ -36,7 +35,6 @@ from axisbus.core.io import IoScan, add_io, confirm_safe_outputs, not_safe, unco
 from axisbus.core.late_boot import (
     LEAVE_TIME,
     LateBoot,
-    LateNode,
     ReturningNode,
     adapter_reopened,
     adapter_reopened_without_boot,
@@ -256,11 +254,7 @@ class Core:
             gantries_of(cell),
         )
         clock = runtime.link.clock
-        late = {
-            node_id: replace(each, answers=partial(self._answers, each))
-            for node_id, each in runtime.late.items()
-        }
-        self._pickup = LateBoot(clock, late, self._join, self._returning())
+        self._pickup = LateBoot(clock, runtime.absent, self._boot_absent, self._returning())
         self._pump: VirtualWaiter | None = None
         if isinstance(clock, VirtualClock):
             self._pump = VirtualWaiter(self.scan, clock, lambda: self._after_cycle())
@@ -633,8 +627,16 @@ class Core:
     def _booting_of(
         self, node_id: int, refuse: Callable[[int, str, str], StateError] = not_booted
     ) -> Iterator[None]:
-        """Claim the node for one boot-up or one write of its program; closing waits for its end, but not for long."""
+        """Claim a CANopen node for one boot-up or one write of its program; closing waits for its end, but not for long."""
         self._require_objects(node_id, refuse)
+        with self._claim(node_id, refuse):
+            yield
+
+    @contextmanager
+    def _claim(
+        self, node_id: int, refuse: Callable[[int, str, str], StateError] = not_booted
+    ) -> Iterator[None]:
+        """Claim any node, as ``_booting_of``."""
         with self._lock:
             if node_id in self._booting:
                 raise refuse(
@@ -646,24 +648,37 @@ class Core:
         finally:
             self._booting.discard(node_id)
 
+    def _boot_absent(self, node_id: int) -> bool:
+        """Boot an optional node that was absent, if it answers; return whether it has been booted, by this or by a call.
+
+        The boot-up may have failed: then the node is booted again by a call only.
+        """
+        if node_id in self._booting or (
+            node_id in self.runtime.absent and not self.runtime.link.answers(node_id)
+        ):
+            return False
+        with self._claim(node_id):
+            if node_id not in self.runtime.absent:
+                return True
+            booted, ports = self.runtime.boot_late(node_id)
+            if booted.report.absent:  # it has fallen silent again
+                return False
+            with suppress(StateError, ScanError):  # the machine is being closed
+                self._join(node_id, booted, ports)
+        return True
+
     def _returning(self) -> list[ReturningNode]:
         """Return the nodes that are booted automatically when they have returned."""
-        found = []
-        for node_id, booted in self.runtime.booted.items():
-            if (
-                booted.report.ok
-                and self.cell.nodes[node_id].rejoin == AUTOMATIC
-                and self.runtime.nodes[node_id].has_objects
-            ):
-                needs, boot = partial(self._has_returned, node_id), partial(self._rejoin, node_id)
-                found.append(ReturningNode(node_id, needs, boot))
-        return found
-
-    def _answers(self, late: LateNode) -> bool:
-        return late.node_id not in self._booting and late.answers()
+        return [
+            ReturningNode(node_id, partial(self._has_returned, node_id), partial(self._rejoin, node_id))
+            for node_id, parts in self.runtime.nodes.items()
+            if self.cell.nodes[node_id].rejoin == AUTOMATIC and parts.has_objects
+        ]
 
     def _has_returned(self, node_id: int) -> bool:
-        return node_id not in self._booting and self.runtime.has_returned(node_id)
+        """Whether a node that was booted before has restarted or left operational, and answers."""
+        was_booted = node_id not in self._booting and self.runtime.booted[node_id].report.ok
+        return was_booted and self.runtime.has_returned(node_id)
 
     def _await_rest(self, node_id: int) -> list[str]:
         """Return the axes of a node when none of them is being stopped any more, or the time for a stop has passed."""

@@ -1,22 +1,21 @@
 """Nodes that are booted while the machine runs: optional ones that were absent, and nodes that have returned.
 
-An optional node that was absent is polled periodically, and booted when it answers (``LateBoot``). A node that was lost is booted
-by a call (``Core.boot_node``), or periodically as well if its table says ``rejoin = "automatic"``. Neither enables a drive.
+An optional node that was absent is polled periodically, and booted when it answers (``LateBoot``), unless a call has booted it. A
+node that was lost is booted by a call (``Core.boot_node``), or periodically as well if its table says ``rejoin = "automatic"``.
+Neither enables a drive.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 from axisbus.boot.failure import OTHER_DEVICE
 from axisbus.cia302.types import Address
-from axisbus.cia402.port import Port
 from axisbus.clock import Clock
 from axisbus.errors import (
     AdapterError,
@@ -29,7 +28,7 @@ from axisbus.errors import (
     StateError,
     TransmitQueueFull,
 )
-from axisbus.motion.stop.diagnosis import boot_and_reset
+from axisbus.motion.stop.diagnosis import boot_and_reset, boot_node
 
 if TYPE_CHECKING:
     from axisbus.boot.report import Booted
@@ -41,18 +40,6 @@ _STEADY = 60.0  # seconds after a boot-up from which the next one does not count
 _ANOTHER_DEVICE = frozenset(letter.name for letter in OTHER_DEVICE)
 ASK_EVERY = 1.0  # seconds
 LEAVE_TIME = 6.0  # seconds for a boot-up in progress at the end
-
-
-@dataclass(frozen=True, slots=True)
-class LateNode:
-    """An absent node: ``answers`` asks whether it is present, ``boot`` boots it and returns the result.
-
-    Both block for their SDO transfers.
-    """
-
-    node_id: int
-    answers: Callable[[], bool]
-    boot: Callable[[], tuple[Booted, Mapping[str, Port]]]
 
 
 @dataclass(slots=True)
@@ -107,14 +94,17 @@ class LateBoot:
     def __init__(
         self,
         clock: Clock,
-        nodes: Mapping[int, LateNode],
-        join: Callable[[int, Booted, Mapping[str, Port]], None],
+        absent: Iterable[int],
+        boot: Callable[[int], bool],
         returning: Sequence[ReturningNode] = (),
     ) -> None:
-        """``join`` adds a node after its boot-up, successful or not; it runs in the polling thread."""
+        """``boot`` is called for the node-IDs in ``absent`` in the polling thread, until it returns that the node has been booted.
+
+        It blocks for its SDO transfers.
+        """
         self._clock = clock
-        self._nodes = dict(nodes)
-        self._join = join
+        self._absent = list(absent)
+        self._boot = boot
         self._returning = returning
         self._stop = clock.event()
         self._thread = clock.thread(self._run, "axisbus optional nodes")
@@ -128,7 +118,7 @@ class LateBoot:
 
     def start(self) -> None:
         """Begin to poll, if any node is absent, or is to be booted when it returns."""
-        if self._nodes or self._returning:
+        if self._absent or self._returning:
             self._thread.start()
 
     def stop(self) -> None:
@@ -138,14 +128,14 @@ class LateBoot:
             self._thread.join(LEAVE_TIME)
 
     def _run(self) -> None:
-        while (self._nodes or self._returning) and not self._stop.wait(ASK_EVERY):
+        while (self._absent or self._returning) and not self._stop.wait(ASK_EVERY):
             self._ask_all()
 
     def _ask_all(self) -> None:
-        for node in list(self._nodes.values()):
+        for node_id in list(self._absent):
             if self._stop.is_set():
                 return
-            self._attempt(node.node_id, partial(self._try, node))
+            self._attempt(node_id, partial(self._try, node_id))
         for returning in self._returning:
             if self._stop.is_set():
                 return
@@ -162,15 +152,9 @@ class LateBoot:
         except AxisbusError as error:
             log.warning("node %d was not booted: %s", node_id, error)
 
-    def _try(self, node: LateNode) -> None:
-        """Boot a node that answers; if it falls silent again, keep polling it."""
-        if not node.answers():
-            return
-        booted, ports = node.boot()
-        if not booted.report.absent:
-            del self._nodes[node.node_id]
-            with suppress(StateError, ScanError):  # the machine is being closed
-                self._join(node.node_id, booted, ports)
+    def _try(self, node_id: int) -> None:
+        if self._boot(node_id):
+            self._absent.remove(node_id)
 
 
 def absent_axis(name: str, booted: Booted) -> StateError:
@@ -185,9 +169,9 @@ def absent_axis(name: str, booted: Booted) -> StateError:
     return StateError(
         f"axis {name} cannot be used: node {node} is optional and did not boot",
         observed="" if error is None else error.message,
-        remedy="remove that cause, and open the machine again"
+        remedy=f"remove that cause, and {boot_node(node)}"
         if error is None or not error.remedy
-        else error.remedy,
+        else f"{error.remedy}; then {boot_node(node)}",
     )
 
 

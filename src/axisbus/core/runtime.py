@@ -13,7 +13,6 @@ from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.parallel import in_parallel
 from axisbus.cia302.types import Address
 from axisbus.cia402.port import Port
-from axisbus.core.late_boot import LateNode
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.node_shutdown import partings
 from axisbus.core.simulated_nodes import SimulatedNode
@@ -30,7 +29,7 @@ CellLink = CellConnection[Booted, NodeParts, ControllerEvent, NodeEvent]
 class Runtime:
     """A cell on its link, booted but not yet scanned; holds the boot result of each node.
 
-    ``late`` are optional nodes that may come later, ``stand_ins`` the simulated drives, if there are any.
+    ``stand_ins`` are the simulated drives, if there are any.
     """
 
     def __init__(
@@ -57,11 +56,11 @@ class Runtime:
         self._bootups = {  # boot-up messages before the end of the last boot-up
             node_id: parts.node.nmt.bootups for node_id, parts in self.nodes.items() if parts.has_objects
         }
-        self.late = {
-            node_id: LateNode(node_id, partial(link.answers, node_id), partial(self.boot_late, node_id))
-            for node_id, one in self.booted.items()
-            if one.report.absent
-        }
+
+    @property
+    def absent(self) -> list[int]:
+        """The optional nodes that have not appeared yet."""
+        return [node_id for node_id, booted in self.booted.items() if booted.report.absent]
 
     @property
     def ports(self) -> dict[str, Port]:
