@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
+from axisbus.configuration.replacement_plan import NodeToReplace, plan
 from axisbus.errors import AxisbusError
 from axisbus.machine.handle import Handle
 from axisbus.motion.states import AxisState
@@ -25,6 +27,8 @@ _PLACES = frozenset(
     {"move_absolute", "move_led", "move_waiting"}
 )  # absolute moves reach their target from any motion
 _NUDGES = (1, 2, 3, 5, 20)  # increments
+_SWAPPED = 2  # one of so many boot-ups is that of a new drive
+_NEW_SERIAL = 4711
 _MODULE_IS_WELL = 7  # every number that it divides is a fault of the module beside the axes
 
 
@@ -174,24 +178,49 @@ def serve(judge: Judge) -> None:
 
 
 def _boot_nodes(judge: Judge) -> None:
-    """Boot the nodes that have restarted, while the axes of the others continue; each boot-up may fail."""
+    """Boot the nodes that have restarted, while the axes of the others continue; each boot-up may fail.
+
+    Some have a new drive meanwhile, which is found and booted as ``axisbus replace`` does.
+    """
     facts, machine = judge.facts, judge.facts.cell.machine
     runtime, clock = machine._core.runtime, machine._core.clock
-    for node_id in sorted({machine.cell.axes[name].node for name in facts.names}):
+    for name in facts.names:
+        node_id = machine.cell.axes[name].node
         if not runtime.nodes[node_id].has_objects or not runtime.has_returned(node_id):
             continue
         facts.tally["node booted again"] += 1
-
-        def boot(node_id: int = node_id) -> None:
-            with suppress(AxisbusError):
-                machine.node(node_id).boot()
-
-        thread = clock.thread(boot, f"boot of node {node_id}")
+        boot = _boot
+        if (node_id + facts.tally["node booted again"]) % _SWAPPED == 0:
+            _swap(judge, name, node_id)
+            boot = _replace
+        thread = clock.thread(partial(boot, facts, node_id), f"boot of node {node_id}")
         thread.start()
         end = facts.now + _FOR_BOOT_UP
         while thread.is_alive():
             facts.must(facts.now < end, "every boot-up ends", f"that of node {node_id} has not")
             judge.run(0.05)
+
+
+def _swap(judge: Judge, name: str, node_id: int) -> None:
+    """Put another drive in the place of that of an axis, while its supply is off."""
+    judge.happen("loses_supply", name, 0.0)
+    judge.run(0.5)
+    judge.facts.cell.machine.simulated_node(node_id).swap(_NEW_SERIAL)
+    judge.happen("supply_returns", name, 0.0)
+    judge.run(0.5)
+
+
+def _boot(facts: Facts, node_id: int) -> None:
+    with suppress(AxisbusError):
+        facts.cell.machine.node(node_id).boot()
+
+
+def _replace(facts: Facts, node_id: int) -> None:
+    node = facts.cell.machine.node(node_id)
+    with suppress(AxisbusError):
+        new = NodeToReplace(node_id, "cell.toml", running=True)
+        node.replace_drive(plan(new, node.find_replacement()).order)
+        facts.tally["drive replaced"] += 1
 
 
 def _step(judge: Judge, step: str, names: str) -> GivenCommand | None:
