@@ -183,6 +183,15 @@ MATRIX = [
 
 @pytest.mark.parametrize(("plant", "mode", "way"), MATRIX)
 def test_after_a_completed_stop_the_axis_stays_at_standstill(scenario, plant, mode, way):
+    must_stay_at_standstill(scenario, plant, mode, way)
+
+
+@pytest.mark.parametrize(("plant", "mode", "way"), MATRIX[::19])  # each plant, mode and way occurs
+def test_after_one_of_these_stops_the_axis_stays_at_standstill(scenario, plant, mode, way):
+    must_stay_at_standstill(scenario, plant, mode, way)
+
+
+def must_stay_at_standstill(scenario, plant, mode, way):
     names = "xy" if way == "lost-node" else "x"
     limits = "position_limits = [-3000.0, 300.0]" if way == "limit" else ""
     cell = cell_on(scenario, PLANTS[plant], names, search=mode == "hm", limits=limits)
