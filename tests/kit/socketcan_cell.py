@@ -95,6 +95,12 @@ class Stage:
         with self.stand_ins.lock:
             return [abs(device.drives[0].axis.motor.velocity) for device in self.devices]
 
+    def supply(self, *nodes: int, on: bool) -> None:
+        """Take the supply of nodes away, or give it back."""
+        with self.stand_ins.lock:
+            for node in nodes:
+                self.devices[node - 1].dials.unpowered = not on
+
     def energised(self) -> list[bool]:
         """Which power stages drive their motors."""
         with self.stand_ins.lock:

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from functools import partial
 
 import can
 import pytest
@@ -15,6 +16,7 @@ import pytest
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, AxisbusError, BusOff
+from axisbus.machine.machine import Machine
 from axisbus.machine.opening import boot
 from kit.can_interface import LINK
 from kit.socketcan_cell import ip, until
@@ -182,6 +184,50 @@ def test_a_link_that_was_down_is_opened_again_by_the_same_machine(ends, make_sta
                     axis.reset().wait(5)
                 assert machine.node(node).boot().ok
                 axis.reset().wait(10)
+
+
+def test_drives_that_lose_their_supply_in_mid_move_are_booted_again_by_the_same_machine(stage):
+    with stage.open() as machine:
+        for _ in range(2):
+            handles = stage.travelling(machine)
+            stage.supply(1, 2, on=False)
+            for handle in handles:
+                with pytest.raises(AxisbusError):
+                    handle.wait(20)
+            stage.supply(1, 2, on=True)
+            for node, axis in enumerate(machine, start=1):
+                until(partial(boots, machine, node), 20)
+                axis.reset().wait(10)
+            assert stage.energised() == [False, False]
+            assert stage.speeds() == [0, 0]
+        for axis in machine:
+            axis.enable().wait(20)
+        for handle in [axis.move_relative(5_000) for axis in machine]:
+            handle.wait(20)
+
+
+def test_an_axis_moves_on_while_the_drive_of_another_loses_its_supply_and_is_booted_again(stage):
+    text = stage.file.read_text("utf-8")
+    stage.file.write_text(text.replace("[bus]", '[bus]\non_lost_node = "report"'), "utf-8")
+    with stage.open() as machine:
+        lost, moving = stage.travelling(machine)
+        stage.supply(1, on=False)
+        with pytest.raises(AxisbusError):
+            lost.wait(20)
+        stage.supply(1, on=True)
+        until(partial(boots, machine, 1), 20)
+        machine["x"].reset().wait(10)
+        assert moving.busy
+        assert stage.speeds()[1] > 1000
+        assert stage.energised() == [False, True]
+
+
+def boots(machine: Machine, node: int) -> bool:
+    """Whether a node boots: just after its supply has returned, it does not answer yet."""
+    try:
+        return machine.node(node).boot().ok
+    except AxisbusError:
+        return False
 
 
 class LossyWire:
