@@ -10,8 +10,7 @@ import can
 
 from axisbus.bus.link.frame_queue import UnboundedQueue
 from axisbus.clock import REAL
-from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware
-from axisbus.drives.gim6010.modbus.can_emulation import Relay
+from axisbus.drives.gim6010.modbus.can_emulation import Listed, Relay
 from axisbus.drives.gim6010.modbus.registers import FACTORY_RATE
 from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
 from axisbus.errors import AdapterError, AxisbusError, one_line
@@ -30,9 +29,10 @@ class RelayedBus(can.BusABC):
         channel: str,
         bitrate: int = FACTORY_RATE,
         parity: str = "none",
-        modules: Mapping[int, tuple[EndpointList, Firmware]] | None = None,
+        modules: Mapping[int, Listed | None] | None = None,
+        calibrates: bool = False,
     ) -> None:
-        """Open ``channel``, a serial port, and begin to poll the ``modules``.
+        """Open ``channel``, a serial port, and begin to poll the ``modules``; ``calibrates`` as for ``Relay``.
 
         Raises:
             UserError: the extra is not installed. AdapterError: the port cannot be opened. ValueError: no such parity.
@@ -44,7 +44,7 @@ class RelayedBus(can.BusABC):
         except KeyError:
             raise ValueError(f"parity {parity!r}: give none, even or odd") from None
         self._wire = SerialWire(channel, rate=bitrate, parity=bits, timeout=_TIMEOUT)
-        self._relay = Relay(self._wire, modules or {})
+        self._relay = Relay(self._wire, modules or {}, calibrates=calibrates)
         self._told: UnboundedQueue[can.Message | Exception] = UnboundedQueue(REAL)
         self._gone: Exception | None = None
         self._failed = False

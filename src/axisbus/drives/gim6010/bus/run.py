@@ -169,7 +169,7 @@ def run_guarded(channel: Channel, dialogue: Interruptible, tell: Tell) -> int:
     Raises:
         AdapterError: the channel failed before anything was sent. Any exception of ``tell``, after the dialogue's cleanup.
     """
-    with _signals(dialogue) as caught:
+    with interrupts(dialogue.interrupt) as caught:
         try:
             run(channel, _Told(dialogue, tell))
         except BaseException as error:
@@ -192,14 +192,17 @@ def _leave(channel: Channel, dialogue: Interruptible, error: BaseException) -> N
 
 
 @contextmanager
-def _signals(dialogue: Interruptible) -> Iterator[list[int]]:
-    """Handle signals by ``interrupt``; only in the main thread, in which Python delivers them."""
+def interrupts(interrupt: Callable[[str], object]) -> Iterator[list[int]]:
+    """Handle signals by ``interrupt`` (called with the signal's name), and yield the list of signals.
+
+    Only in the main thread, in which Python delivers them.
+    """
     caught: list[int] = []
     before = {}
 
     def take(number: int, _: FrameType | None) -> None:
         caught.append(number)
-        dialogue.interrupt(_SIGNALS[number])
+        interrupt(_SIGNALS[number])
 
     if threading.current_thread() is threading.main_thread():
         for number in _SIGNALS:
