@@ -202,10 +202,11 @@ def _on_line(case: CheckContext, node: NodeConfig, module: ModuleConfig) -> Prob
 
 def _modes_on_line(case: CheckContext, name: str, module: ModuleConfig, axis: AxisConfig) -> Problems:
     """Check that the axis has one mode beside homing, and that torque settings and torque mode come together."""
-    if axis.modes is not None and len([mode for mode in axis.modes if mode != _HOMING]) != 1:
+    others = set(axis.modes or ("pp",)) - {_HOMING}
+    if len(others) != 1 or not others <= LINE_MODES.keys():
         yield case.error(
             axis.at.of("modes"),
-            f"axis {axis.name} needs exactly one of pp, pv and tq: it has {', '.join(axis.modes) or 'none'}",
+            f"axis {axis.name} needs exactly one of pp, pv and tq: it has {', '.join(axis.modes or ()) or 'none'}",
             "control mode and input mode are two registers, and the behaviour of an energised module between the two writes "
             "is unknown: they are set in idle",
             'write modes = ["pp", "hm"], ["pv"] or ["tq"]; use one cell file for each mode',

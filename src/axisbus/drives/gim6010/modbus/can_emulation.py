@@ -113,15 +113,23 @@ def error_word(node: int, word: int) -> Told:
 class RelayedModule:
     """Commands and requests to a module that are not carried out yet, and the progress of polling it."""
 
-    def __init__(self, wire: Wire, node: int, listed: Listed | None, *, calibrates: bool = False) -> None:
+    def __init__(
+        self,
+        wire: Wire,
+        node: int,
+        listed: Listed | None,
+        *,
+        device: int | None = None,
+        calibrates: bool = False,
+    ) -> None:
         """``node`` 1 to 63; ``listed``: the list of endpoints of its firmware, which is verified before it is used.
 
-        ``calibrates``: requests for a calibration are carried out.
+        ``device``: its address on the line, if that is not ``node``. ``calibrates``: requests for a calibration are carried out.
         """
         self.node = node
         self._calibrates = calibrates
         self._wire = wire
-        self._module = ModbusModule(wire, node)
+        self._module = ModbusModule(wire, node if device is None else device)
         self._parameters = ModbusParameters(self._module)
         self._list = listed
         self._fits = False
@@ -416,14 +424,22 @@ _BUS_MOST = 1000  # waiting frames; more only arise if the line does not work
 class Relay:
     """The modules of a line; ``take`` may be called from any thread, all other methods from one thread only."""
 
-    def __init__(self, wire: Wire, modules: Mapping[int, Listed | None], *, calibrates: bool = False) -> None:
+    def __init__(
+        self,
+        wire: Wire,
+        modules: Mapping[int, Listed | None],
+        *,
+        devices: Mapping[int, int] | None = None,
+        calibrates: bool = False,
+    ) -> None:
         """``modules``: by node ID (1 to 63) the endpoint list of its firmware, and the firmware version of that list.
 
-        ``calibrates``: requests for a calibration are carried out.
+        ``devices``: by node ID the address on the line, if they differ. ``calibrates``: requests for a calibration are carried out.
         """
         self._wire = wire
         self._modules = {
-            node: RelayedModule(wire, node, listed, calibrates=calibrates) for node, listed in modules.items()
+            node: RelayedModule(wire, node, listed, device=(devices or {}).get(node), calibrates=calibrates)
+            for node, listed in modules.items()
         }
         self._turns = cycle(list(self._modules.values()))
         self._came: deque[tuple[int, bytes, bool]] = deque(maxlen=_BUS_MOST)
