@@ -34,11 +34,12 @@ def rescue(
     *,
     holds: bool = False,
     after: float = 1.0,
-    counts: bool = True,
     longest: float = 12.0,
+    counts: bool = True,
+    brake: float = 6.0,
 ):
     """Let it be stopped; return the rescue, the commands that were sent, and the seconds that it took."""
-    one = ModuleRescue(replace(SETTINGS, quick_stop_holds=holds), counts=counts)
+    one = ModuleRescue(replace(SETTINGS, quick_stop_holds=holds), counts=counts, longest=brake)
     sent, now = [], after
     while not one.text:
         assert now - after < longest
@@ -116,12 +117,22 @@ def test_the_rescue_reports_a_module_that_obeys_nothing_as_not_confirmed(dead):
 def test_a_slow_ramp_is_waited_for_as_long_as_it_brakes():
     module = turning(8.0)
     module.parameters["axis0.controller.config.vel_ramp_rate"] = 1.0
-    one, sent, seconds = rescue(module, longest=40.0)
+    one, sent, seconds = rescue(module, longest=40.0, brake=30.0)
     assert one.ok
     assert 7.0 < seconds < 12.0
     first = next(number for number, (command, _) in enumerate(sent) if command == STATE)
     assert len(sent[:first]) > 200
     assert abs(module.shaft.speed) < 0.01
+
+
+def test_the_watchdog_process_has_gone_through_all_steps_before_a_program_stops_waiting_for_it():
+    """``core.process.launch`` waits 15 s for it, and then kills it."""
+    module = turning(15.0)
+    module.parameters["axis0.controller.config.vel_ramp_rate"] = 0.5
+    one, sent, seconds = rescue(module, {STATE, ESTOP}, longest=15.0)
+    assert not one.ok
+    assert {command for command, _ in sent} == {MODE, VEL, STATE, ESTOP}
+    assert 12.0 < seconds < 12.5
 
 
 @pytest.mark.parametrize("state", [4, 7])

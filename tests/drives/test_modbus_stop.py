@@ -25,7 +25,7 @@ class Stopped(RelayLine):
         self._write("config.torque_ramp_rate", 5.0)
         if control:
             self.begin(control)
-        self.rescue = ModuleRescue(SETTINGS, counts=listed)
+        self.rescue = ModuleRescue(SETTINGS, counts=listed, longest=6.0 if listed else 30.0)
         self.failed = False
         self.station.frames.clear()
 

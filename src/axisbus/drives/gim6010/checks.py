@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -330,7 +331,8 @@ def dangers(case: CheckContext) -> Problems:
             "a module has no ramp for either",
             "do not attach a load that can fall or run away; a stop brakes it first",
         )
-        own = bus.process != "thread"
+        can = sys.platform == "linux"
+        own = can and bus.process != "thread"
         stops = "if the core has its own process, it stops the axis when the program or the core dies"
         yield case.warning(
             line,
@@ -342,7 +344,7 @@ def dangers(case: CheckContext) -> Problems:
             ),
             f"a velocity or a torque continues; {stops}, and nothing stops it when the computer or the bus fails",
             "keep its speed and travel harmless, or cut its power by hardware that monitors the master"
-            + ("" if own else '; process = "own" in [bus]'),
+            + ("" if own or not can else '; process = "own" in [bus]'),
         )
 
 

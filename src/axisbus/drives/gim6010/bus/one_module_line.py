@@ -62,7 +62,7 @@ def stop_on_line(
     settings = ModuleSettings(
         channel_node(device), _FASTEST, _ANY, _ANY, _ANY, _ANY, heartbeat=HEARTBEAT_BY_LINE, relayed=True
     )
-    (found,) = stop_modules(channel, {"module": settings}, counts=False, impatience=impatience)
+    (found,) = stop_modules(channel, {"module": settings}, alone=True, impatience=impatience)
     if not found.ok:
         raise DriveError(
             f"module {device}: {found.text}",

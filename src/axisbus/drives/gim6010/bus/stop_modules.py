@@ -17,22 +17,23 @@ from axisbus.errors import BusError
 from axisbus.link import StopResult
 
 _POLL = 0.005  # s
+_LONGEST = 30.0  # s to brake on a very slow ramp, if nobody waits for a limited time only
 
 
 def stop_modules(
     channel: Channel,
     modules: Mapping[str, ModuleSettings],
     *,
-    counts: bool = True,
+    alone: bool = False,
     impatience: Callable[[], int] = lambda: 0,
 ) -> list[StopResult]:
     """Stop the modules of these axes, all at the same time, and return the result of each; blocks until standstill.
 
-    That is at most 8 s, and 36 s if the ramp of a module is very slow. Each time that ``impatience()`` grows, the next step of the
-    stop sequence begins. ``counts``: the encoder counts are available in idle.
+    That is at most 12 s. ``alone``: the modules belong to no cell: their encoder counts are not available in idle, and a very slow
+    ramp is waited for, for 30 s. Each time that ``impatience()`` grows, the next step of the stop sequence begins.
     """
     heard: deque[CanFrame] = deque()
-    rescues = {name: ModuleRescue(settings, counts=counts) for name, settings in modules.items()}
+    rescues = {name: _rescue(settings, alone) for name, settings in modules.items()}
     ears = {
         can_id: partial(_hear, heard, can_id)
         for settings in modules.values()
@@ -53,6 +54,10 @@ def stop_modules(
         for can_id, ear in ears.items():
             channel.unsubscribe(can_id, ear)
     return [StopResult(name, each.ok, each.text) for name, each in rescues.items()]
+
+
+def _rescue(settings: ModuleSettings, alone: bool) -> ModuleRescue:
+    return ModuleRescue(settings, counts=False, longest=_LONGEST) if alone else ModuleRescue(settings)
 
 
 def _step(channel: Channel, heard: deque[CanFrame], rescues: Mapping[str, ModuleRescue]) -> None:

@@ -103,6 +103,6 @@ def modbus() -> None:
     """Use a GIM6010-8 over RS485, by Modbus RTU: needs the extra axisbus[modbus].
 
     Only calibrate energises its motor. To move a module, make it an axis of a cell file: interface = "modbus" in [bus], then
-    axisbus check, boot, jog and move. A module cannot detect a dead master over Modbus. Positions and velocities are turns of the
+    axisbus check, boot and move. A module cannot detect a dead master over Modbus. Positions and velocities are turns of the
     rotor; 8 of these are one turn of the output. All was tried on simulated modules only.
     """

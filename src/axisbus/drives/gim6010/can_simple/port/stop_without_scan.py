@@ -2,11 +2,11 @@
 
 Theory of operation
 -------------------
-The steps go from soft to hard, and the sequence never returns to a softer one. Each command is repeated. BRAKE ends when standstill
-is seen. It also ends if no position is known for two seconds, or if the motor has not become slower for a second after that time: a
-slow ramp is waited for, at most half a minute. A module in another state than closed loop and idle (a calibration) ignores
-set-points, and is switched off at once. IDLE and ESTOP end when the module is seen in idle, and at standstill by the counts of its
-encoder. If no counts are available (``counts``), the standstill must have been seen before, in closed loop.
+The steps go from soft to hard, and the sequence never returns to a softer one. Each command is repeated. BRAKE ends when
+standstill is seen. It also ends if no position is known for two seconds, or if the motor has not become slower for a second after
+that time: a slow ramp is waited for, at most for ``longest`` seconds. In another state than closed loop and idle (a calibration) a
+module ignores set-points, and is switched off at once. IDLE and ESTOP end when the module is seen in idle, and at standstill by
+the counts of its encoder. If no counts are available (``counts``), the standstill must have been seen before, in closed loop.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _STILL = 0.1  # s without motion, for standstill
 _SLOWER = 0.05  # turns/s by which the lowest speed must fall
 _STUCK = 1.0  # s within which it must
 _STATE_COMES = 0.3  # s to wait for the state of a module without counts: in idle it gets nothing
-_LONGEST = 30.0  # s of BRAKE, however slow the module's ramp is
+_LONGEST = 6.0  # s: a program waits 15 s for its watchdog process, which goes through all steps in that time
 
 
 class RescueStep(Enum):
@@ -39,9 +39,10 @@ class RescueStep(Enum):
 class ModuleRescue:
     """Stop sequence of one module, a pure function of frames and time; ``text`` is the final state, empty until it is known."""
 
-    def __init__(self, settings: ModuleSettings, *, counts: bool = True) -> None:
-        """``counts``: the module's encoder counts are available in idle."""
+    def __init__(self, settings: ModuleSettings, *, counts: bool = True, longest: float = _LONGEST) -> None:
+        """``counts``: the module's encoder counts are available in idle. ``longest`` (s): limit of BRAKE on a slow ramp."""
         self._settings = settings
+        self._longest = longest
         self._counts = counts
         self._hearing = ModuleFeedback(settings)
         self._orders = Orders(settings)
@@ -125,7 +126,7 @@ class ModuleRescue:
     def _becomes_slower(self, now: float) -> bool:
         """Whether the brake acts, so that it is waited for."""
         assert self._since is not None
-        in_time = now - self._slower_at <= _STUCK and now - self._since <= _LONGEST
+        in_time = now - self._slower_at <= _STUCK and now - self._since <= self._longest
         return self.rung is RescueStep.BRAKE and self._slowest is not None and in_time
 
     def _end_in_idle(self, stands: bool) -> None:
