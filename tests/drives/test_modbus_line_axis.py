@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 from itertools import pairwise
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.registers import named
@@ -301,6 +304,147 @@ def test_a_module_that_moves_to_an_old_set_point_when_it_is_enabled_is_stopped()
     rig.axis.enable()
     rig.until(lambda: rig.cycle.failure is not None)
     assert isinstance(rig.cycle.failure, UncommandedMotion)
-    assert "with a set-point of 30" in str(rig.cycle.failure)
+    assert "its set-point 30" in str(rig.cycle.failure)
     rig.until(lambda: rig.is_off)
     assert abs(rig.degrees) < 45.0
+
+
+@pytest.mark.parametrize("mode", [POSITION, VELOCITY], ids=lambda mode: mode.name)
+def test_a_blocked_motor_is_reported_and_stopped(mode):
+    rig = line_rig(mode).enabled()
+    rig.module.dials.blocked = True
+    if mode is POSITION:
+        rig.axis.move_relative(90.0, **RAMPS)
+    else:
+        rig.axis.move_velocity(180.0, acceleration=720.0)
+    rig.until(lambda: rig.axis.state is AxisState.ERRORSTOP, 20.0)
+    assert isinstance(rig.axis.error, AxisbusError)
+    with suppress(AxisbusError):
+        rig.axis.reset().wait(10)
+    rig.axis.disable()
+    rig.until(lambda: rig.is_off)
+
+
+def test_a_position_that_is_no_number_ends_a_motion():
+    rig = moving(POSITION)
+    rig.module.endpoints._live["axis0.encoder.pos_estimate"] = lambda: float("nan")
+    rig.until(lambda: rig.axis.state is AxisState.ERRORSTOP)
+    rig.until(lambda: rig.is_off)
+
+
+def test_a_module_that_another_master_moves_away_is_reported():
+    rig = line_rig(POSITION).enabled()
+    rig.axis.move_relative(45.0, **RAMPS).wait(10)
+    rig.module.usb_write("axis0.controller.input_pos", 30.0)
+    rig.until(lambda: rig.axis.state is AxisState.ERRORSTOP)
+    assert "without" in str(rig.axis.error)
+    assert abs(rig.degrees) < 360.0
+
+
+def test_a_dead_master_is_noticed_by_nothing():
+    """The statement of the page, on the simulated module: without a master, a velocity continues."""
+    rig = moving(VELOCITY)
+    rig.run(1.0)
+    rig.cycle.wire.sleep(20.0)
+    assert rig.velocity == pytest.approx(180.0, rel=0.02)
+
+
+def scenario(rig, mode):
+    """Enable the axis, move it, halt it, and disable it."""
+    rig.axis.enable().wait(5)
+    if mode is POSITION:
+        rig.axis.move_relative(90.0, **RAMPS)
+    elif mode is VELOCITY:
+        rig.axis.move_velocity(180.0, acceleration=720.0)
+    else:
+        rig.axis.torque_control(0.3, slope=5.0)
+    rig.run(0.4)
+    rig.axis.halt().wait(5)
+    rig.axis.disable().wait(5)
+
+
+def ended(rig, mode):
+    """Whether a scenario ran to its end; if it did not, the axis is stopped: see that it has no power then."""
+    try:
+        scenario(rig, mode)
+    except AxisbusError:
+        rig.until(lambda: rig.is_off, 20.0)
+        return False
+    assert rig.is_off
+    assert rig.cycle.failure is None
+    return True
+
+
+@pytest.mark.parametrize("fault", ["silent", "deaf", "wrong_checksum", "short", "late"])
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
+def test_a_lost_or_broken_answer_at_any_request_is_lived_through_or_ends_without_power(mode, fault):
+    lived, steps = 0, range(0, 220, 22)
+    for step in steps:
+        rig = line_rig(mode)
+        asked = [0]
+
+        def spoil(_, rig=rig, asked=asked, step=step):
+            asked[0] += 1
+            if asked[0] == step:
+                if fault == "late":
+                    rig.station.dials.late[len(rig.station.frames)] = 0.31
+                else:
+                    setattr(rig.station.dials, fault, 1)
+
+        rig.cycle.wire.before = spoil
+        lived += ended(rig, mode)
+        assert sum(where == STATE and data[1] == 8 for where, data in rig.written) <= 1
+    assert lived > 0.7 * len(steps)
+
+
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
+def test_an_exception_code_at_any_request_ends_without_power(mode):
+    for step in range(1, 220, 22):
+        rig = line_rig(mode)
+        asked = [0]
+
+        def refuse(request, rig=rig, asked=asked, step=step):
+            asked[0] += 1
+            rig.station.dials.exceptions.clear()
+            if asked[0] == step:
+                rig.station.dials.exceptions[request.address, request.writes] = 4
+
+        rig.cycle.wire.before = refuse
+        ended(rig, mode)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.data())
+def test_random_commands_never_exceed_the_commanded_speed_and_end_without_power(data):
+    mode = data.draw(st.sampled_from([POSITION, VELOCITY]))
+    rig = line_rig(mode, turns=data.draw(st.floats(-20, 20)))
+    asked = [0.0]
+
+    def note(_):
+        assert abs(rig.velocity) <= 1.1 * asked[0] + 15.0
+
+    rig.cycle.wire.before = note
+    speeds = st.floats(20.0, 700.0)
+    with suppress(AxisbusError):
+        rig.axis.enable().wait(5)
+        for _ in range(data.draw(st.integers(1, 4))):
+            velocity = data.draw(speeds)
+            if data.draw(st.integers(0, 4)) == 0:
+                name = data.draw(st.sampled_from(["silent", "deaf", "wrong_checksum"]))
+                setattr(rig.station.dials, name, data.draw(st.integers(1, 4)))
+            asked[0] = max(asked[0], velocity)
+            match data.draw(st.sampled_from(["go", "halt", "run"])):
+                case "go" if mode is POSITION:
+                    rig.axis.move_relative(
+                        data.draw(st.floats(-400, 400)), velocity=velocity, acceleration=1000.0
+                    )
+                case "go":
+                    rig.axis.move_velocity(
+                        data.draw(st.sampled_from([-1, 1])) * velocity, acceleration=1000.0
+                    )
+                case "halt":
+                    rig.axis.halt().wait(5)
+                    assert abs(rig.velocity) < 9.0
+            rig.run(0.4)
+        rig.axis.disable().wait(10)
+    rig.until(lambda: rig.is_off, 20.0)

@@ -364,7 +364,8 @@ class RelayedModule:
         place, target = self._ask("position_feedback"), self._ask("position_setpoint")
         if not abs(target - place) <= _PLACE:
             raise UncommandedMotion(
-                f"module {self.node} was enabled at {place:.4f} turns with a set-point of {target:.4f} turns",
+                f"module {self.node} was enabled in another position than its set-point",
+                observed=f"in turns of the rotor, its position is {place:.4f} and its set-point {target:.4f}",
                 remedy="its firmware stores an old set-point, to which it would move: do not use positions over Modbus with it",
             )
 
