@@ -230,3 +230,41 @@ def test_a_calibration_that_is_killed_is_ended_by_its_watchdog_process(line, tmp
     assert "the program that moved it is dead: it is stopped now" in err
     assert line.plant("axis0.current_state") == 1
     assert line.is_off
+
+
+@pytest.fixture
+def calibrating(line, tmp_path):
+    """A program that calibrates the module, in the middle of it."""
+    words = ("gim6010", "modbus", "calibrate", "full", "--port", line.path, "--node", "1", "--yes")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "axisbus", *words, "--list", "endpoints_0.5.13.json"],
+        stderr=subprocess.PIPE,
+        cwd=tmp_path,
+        text=True,
+    )
+    while line.plant("axis0.current_state") in (0, 1):
+        assert process.poll() is None
+        time.sleep(0.01)
+    yield process
+    process.kill()
+    process.wait()
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (getattr(signal, "SIGTSTP", 0), 130)]
+)
+def test_a_signal_ends_a_calibration_by_idle(line, calibrating, number, code):
+    calibrating.send_signal(number)
+    _, err = calibrating.communicate(timeout=30)
+    assert calibrating.returncode == code, err
+    assert "was not completed" in err
+    assert line.plant("axis0.current_state") == 1
+
+
+def test_a_reading_that_is_refused_during_a_calibration_does_not_prevent_idle(line, calibrating):
+    with line._lock:
+        line.station.dials.exceptions = {(0x02, False): 4}
+    _, err = calibrating.communicate(timeout=30)
+    assert calibrating.returncode == 3, err
+    assert "NOT CONFIRMED" in err
+    assert line.plant("axis0.current_state") == 1

@@ -60,15 +60,18 @@ def run(channel: Channel, dialogue: ModuleProcedure) -> None:
                 channel.clock.sleep(_TICK)
             else:
                 watch.sent = True
-                _send(channel, dialogue, request)
+                _send(channel, dialogue, request, knows_failure=bool(sign) and channel.failure is not None)
     if not watch.sent:
         channel.check()
 
 
-def _send(channel: Channel, dialogue: ModuleProcedure, request: Outgoing) -> None:
+def _send(channel: Channel, dialogue: ModuleProcedure, request: Outgoing, *, knows_failure: bool) -> None:
+    """Send a frame; if the dialogue knows that the channel has failed, its frames remove the power, and are sent nevertheless."""
     try:
         send(channel, request)
     except AdapterError as error:
+        if knows_failure and not request.remote:
+            channel.send_urgent([(request.can_id, request.data)])
         dialogue.trouble(error.message)
 
 
@@ -128,7 +131,8 @@ def send(channel: Sends, request: Outgoing) -> None:
 
 
 Tell = Callable[[str], None]
-_SIGNALS = present("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+# Ctrl-Z too: a program that is suspended follows nothing.
+_SIGNALS = present("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK", "SIGTSTP")
 _PARTINGS = 3
 
 
