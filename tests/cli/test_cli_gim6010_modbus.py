@@ -235,6 +235,7 @@ def test_a_calibration_that_is_killed_is_ended_by_its_watchdog_process(line, tmp
 @pytest.fixture
 def calibrating(line, tmp_path):
     """A program that calibrates the module, in the middle of it."""
+    line.station.module.dials.calibration_time = 20.0
     words = ("gim6010", "modbus", "calibrate", "full", "--port", line.path, "--node", "1", "--yes")
     process = subprocess.Popen(
         [sys.executable, "-m", "axisbus", *words, "--list", "endpoints_0.5.13.json"],

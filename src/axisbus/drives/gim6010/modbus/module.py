@@ -377,11 +377,6 @@ class StatusRead:
     position: float | None = None
     velocity: float | None = None
 
-    @property
-    def is_closed(self) -> bool:
-        """Whether the motor is energised and in closed loop."""
-        return self.state == CLOSED_LOOP
-
 
 def look(module: ModbusModule, tries: int) -> StatusRead:
     """Read the state of a module; blocks for at most about 0.7 s for each try.
