@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 
+from axisbus.drives.gim6010 import checks
 from kit import command_line
 from kit.modbus.on_terminal import LISTED, module_on_terminal
 
@@ -112,6 +114,16 @@ def test_it_is_checked_booted_and_moved(cell):
     assert code == 0, err
     assert abs(cell.place - 90.0) < 1.0
     assert cell.is_off
+
+
+def test_check_says_that_nothing_stops_it_when_the_program_is_killed_on_a_system_without_a_core_process(
+    cell, monkeypatch
+):
+    said = "and nothing stops it when this program is killed"
+    assert said not in cell("check").out
+    monkeypatch.setattr(checks, "sys", SimpleNamespace(platform="win32"))
+    found = cell("check")
+    assert said in found.out + found.err
 
 
 def test_it_is_turned_at_a_velocity(cell):
