@@ -267,3 +267,19 @@ def test_a_calibration_is_passed_on_only_if_the_owner_of_the_line_asks_for_it():
     line.give(wanted, wanted)
     line.settle()
     assert line.states == [7]  # once, in idle only
+
+
+def test_a_module_whose_address_is_no_node_id_of_can_simple_gets_another_one_on_the_channel():
+    station = Station(1)
+    relay = Relay(VirtualWire(station), {63: None}, devices={63: 1})
+    heard = [can_id >> 5 for _ in range(4) for can_id, _ in relay.work()]
+    assert set(heard) == {63}
+    assert {frame[0] for frame in station.frames} == {1}
+
+
+def test_without_a_list_the_position_of_an_idle_module_is_not_sent():
+    line = RelayLine(listed=False)
+    line.work(10)
+    assert {can_id & 0x1F for can_id, _ in line.told} == {1}
+    line.enable()
+    assert line.hearing.place.joined

@@ -270,6 +270,20 @@ def test_a_module_that_was_found_enabled_is_left_so_and_braked_and_switched_off_
 
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
+def test_a_module_that_was_found_enabled_is_braked_and_switched_off_by_a_quick_stop(mode):
+    rig = line_rig(mode)
+    for path, value in (("config.control_mode", 2), ("config.input_mode", 2)):
+        rig.module.usb_write(f"axis0.controller.{path}", value)
+    rig.module.usb_write("axis0.requested_state", 8)
+    rig.run(0.3)
+    rig.module.usb_write("axis0.controller.input_vel", 3.0)
+    rig.until(lambda: rig.velocity > 100.0)
+    rig.axis.quick_stop().wait(10)
+    rig.until(lambda: rig.is_off)
+    assert abs(rig.velocity) < 5.0
+
+
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 def test_a_module_that_another_program_switches_off_is_not_enabled_again(mode):
     rig = moving(mode)
     rig.module.usb_write("axis0.requested_state", 1)
@@ -448,3 +462,15 @@ def test_random_commands_never_exceed_the_commanded_speed_and_end_without_power(
             rig.run(0.4)
         rig.axis.disable().wait(10)
     rig.until(lambda: rig.is_off, 20.0)
+
+
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
+def test_an_adapter_that_holds_its_bytes_slows_the_readings_and_loses_nothing(mode):
+    rig = moving(mode, delay=0.03)
+    rig.run(3.0)
+    assert rig.axis.state is not AxisState.ERRORSTOP
+    rig.axis.halt().wait(10)
+    assert abs(rig.velocity) < 0.1
+    rig.axis.disable().wait(10)
+    assert rig.is_off
+    assert rig.cycle.failure is None
