@@ -35,8 +35,7 @@ endpoints = "{listed}"
 node = 1
 unit = "deg"
 scale = "131072/360"
-max_velocity = 1000
-max_acceleration = 4000
+{fastest}max_acceleration = 4000
 {axis}
 [axes.arm.defaults]
 velocity = 180.0
@@ -53,9 +52,11 @@ class Cell:
         self._file, self._port = folder / "cell.toml", terminal.path
         self.write()
 
-    def write(self, axis="", torque=""):
+    def write(self, axis="", torque="", fastest="max_velocity = 1000\n"):
         slope = "torque_slope = 20.0\n" if "rated_torque" in axis else ""
-        text = CELL.format(port=self._port, listed=LISTED, axis=axis, torque=torque, slope=slope)
+        text = CELL.format(
+            port=self._port, listed=LISTED, axis=axis, torque=torque, slope=slope, fastest=fastest
+        )
         self._file.write_text(text, "utf-8")
 
     def __call__(self, command, *words):
@@ -151,6 +152,13 @@ def test_commands_of_another_mode_name_the_key_of_the_cell_file(cell):
         assert code != 0
         assert "modes = [...] of [axes.arm]" in err or "rated_torque" in err
     assert cell.is_off
+
+
+def test_torques_without_a_highest_velocity_are_refused_by_check(cell):
+    cell.write('modes = ["tq"]\nrated_torque = 5.0', TORQUE, fastest="")
+    code, out, err = cell("check")
+    assert code != 0
+    assert "axis arm has the mode tq, and no max_velocity" in out + err
 
 
 def test_a_module_that_another_program_has_enabled_is_stopped_without_a_machine(cell):

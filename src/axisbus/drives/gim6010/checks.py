@@ -230,6 +230,13 @@ def _modes_on_line(case: CheckContext, name: str, module: ModuleConfig, axis: Ax
             f"missing: {', '.join(missing)}",
             "add it; docs/gim6010-8.md has an example",
         )
+    if has_torque and axis.max_velocity is None:
+        yield case.error(
+            axis.at.of("modes"),
+            f"axis {axis.name} has the mode tq, and no max_velocity",
+            "a torque that no load holds back accelerates the motor, and only the master stops it at a velocity",
+            f"write max_velocity = ... in [axes.{axis.name}]: if the axis becomes faster, it is stopped",
+        )
 
 
 # -- Check that the axis of a module uses only the functions of its port, and warn of its dangers ----------------------
