@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -20,7 +18,6 @@ pytestmark = [
     pytest.mark.timeout(120),
     pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals"),
 ]
-MOVE = ("--velocity", "20", "--acceleration", "200", "--deceleration", "200")
 
 
 class Line:
@@ -127,25 +124,6 @@ def test_a_missing_port_or_module_is_reported(line):
     assert line("state", node=0).code == 2
 
 
-def test_a_move_of_the_module_arrives_and_switches_the_module_off_afterwards(line):
-    code, out, err = line("move", "--to", "2.5", *MOVE)
-    assert code == 0, err
-    assert "nothing in this module is known to notice a dead master" in err
-    assert float(re.search(r"at (-?[\d.]+) turns", out)[1]) == pytest.approx(2.5, abs=0.05)
-    assert "it stood, and is in idle, without power" in err
-    assert line.is_off
-    code, out, _ = line("move", "--by", "-1", *MOVE)
-    assert code == 0
-    assert line.is_off
-    code, _, err = line("velocity", "-5", "--acceleration", "100", "--for", "0.1")
-    assert code == 0, err
-    code, out, err = line(
-        "torque", "0.01", "--slope", "1", "--most", "0.1", "--max-velocity", "50", "--for", "0.1"
-    )
-    assert code == 0, err
-    assert line.is_off
-
-
 def test_another_node_id_and_the_zero(line):
     line.station.module.motor.position = 2.3 * 16384
     code, out, err = line("zero", "--list", "endpoints_0.5.13.json")
@@ -164,100 +142,40 @@ def test_a_motion_that_another_program_has_enabled_is_stopped(line):
     line.plant("axis0.requested_state", 8)
     line.plant("axis0.controller.input_vel", 5.0)
     code, out, _ = line("stop")
-    assert (code, "it stood, and is in idle" in out) == (0, True)
+    assert (code, "module 1: stands, without power" in out) == (0, True)
     assert line.is_off
     code, out, _ = line("stop")
-    assert (code, "there is no power to be stopped" in out) == (0, True)
+    assert (code, "is in idle, without power, and was not seen in closed loop" in out) == (0, True)
 
 
-# -- programs of their own ------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def sim():
-    """``axisbus sim --modbus 1``, and the port that it has printed."""
-    command = [sys.executable, "-m", "axisbus", "sim", "--modbus", "1", "--modbus", "2:0.5.14"]
-    ran = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    told = ran.stdout.readline()
-    assert (
-        "2 simulated modules GIM6010-8 on RS485: node 1 with firmware 0.5.13, node 2 with firmware 0.5.14"
-        in told
-    )
-    yield re.search(r"--port (\S+) --node 1", ran.stdout.readline())[1]
+def test_a_stop_is_repeated_until_it_is_seen_on_a_slow_ramp_and_ctrl_c_goes_to_the_next_step(line, tmp_path):
+    line.plant("axis0.controller.config.vel_ramp_rate", 0.1)
+    line.plant("axis0.controller.config.control_mode", 2)
+    line.plant("axis0.controller.config.input_mode", 2)
+    line.plant("axis0.requested_state", 8)
+    line.plant("axis0.controller.input_vel", 5.0)
+    time.sleep(2.0)
+    words = ("gim6010", "modbus", "stop", "--port", line.path, "--node", "1")
+    ran = subprocess.Popen([sys.executable, "-m", "axisbus", *words], stderr=subprocess.PIPE, text=True)
+    while line.plant("axis0.controller.input_vel") != 0.0:
+        assert ran.poll() is None
+        time.sleep(0.01)
+    time.sleep(0.5)
+    assert not line.is_off
     ran.send_signal(signal.SIGINT)
-    ran.communicate(timeout=20)
-    assert ran.returncode == 0
-
-
-def turning(port):
-    command = [
-        sys.executable,
-        "-m",
-        "axisbus",
-        "gim6010",
-        "modbus",
-        "velocity",
-        "1",
-        "--port",
-        port,
-        "--node",
-        "1",
-    ]
-    ran = subprocess.Popen(
-        [*command, "--acceleration", "20"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    told = ran.stdout.readline()
-    if "has 1 turns/s" not in told:
-        ran.kill()
-        pytest.fail(told + ran.communicate()[1])
-    return ran
-
-
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_ctrl_c_and_sigterm_stop_the_motor_and_end_the_program(sim, monkeypatch, capsys, number, code):
-    ran = turning(sim)
-    ran.send_signal(number)
-    _, err = ran.communicate(timeout=30)
-    assert ran.returncode == code, err
-    assert "it stood, and is in idle, without power" in err
-    out = command_line.runner(monkeypatch, capsys)(
-        "gim6010", "modbus", "state", "--port", sim, "--node", "1"
-    ).out
-    assert "module 1 is in idle" in out
-
-
-def test_if_the_program_is_killed_its_watchdog_process_stops_the_motor(sim, monkeypatch, capsys):
-    run = command_line.runner(monkeypatch, capsys)
-    ran = turning(sim)
-    ran.kill()
-    _, err = ran.communicate(
-        timeout=30
-    )  # the watchdog process has its standard error until it has done its work
-    assert "nothing in this module is known to notice a dead master" in err
-    assert "the program that moved it is dead: it is stopped now" in err
-    assert err.endswith("module 1: it stood, and is in idle, without power\n")
-    state = json.loads(run("gim6010", "modbus", "state", "--json", "--port", sim, "--node", "1").out)
-    assert state["state"] == 1
-
-
-@pytest.mark.skipif(shutil.which("pgrep") is None, reason="its process is found by pgrep")
-def test_killing_the_watchdog_process_ends_the_motion(sim):
-    ran = turning(sim)
-    found = subprocess.run(["pgrep", "-P", str(ran.pid)], capture_output=True, text=True).stdout.split()
-    assert len(found) == 1
-    os.kill(int(found[0]), signal.SIGKILL)
-    _, err = ran.communicate(timeout=30)
+    _, err = ran.communicate(timeout=20)
     assert ran.returncode == 3
-    assert "the watchdog process of this motion has ended" in err
-    assert "it stood, and is in idle, without power" in err
+    assert "whether it is at standstill is NOT known" in err
+    assert line.plant("axis0.current_state") == 1
 
 
-def test_without_a_watchdog_process_nothing_is_enabled(line, monkeypatch):
+def test_a_calibration_without_a_watchdog_process_is_not_begun(line, monkeypatch):
     monkeypatch.setattr(sys, "executable", "/bin/false")
-    code, _, err = line("velocity", "5", "--acceleration", "10")
+    code, _, err = line("calibrate", "motor", "--list", "endpoints_0.5.13.json", "--yes")
     assert code == 1
     assert "could not be started; nothing was enabled" in err
-    assert {frame[1] for frame in line.station.frames} <= {3, 4}
+    assert line.plant("axis0.current_state") == 1
+    assert (0x06, 0x63) not in {(frame[1], frame[3]) for frame in line.station.frames}
 
 
 def test_modules_on_the_line_are_found(line, monkeypatch, capsys):
@@ -312,3 +230,42 @@ def test_a_calibration_that_is_killed_is_ended_by_its_watchdog_process(line, tmp
     assert "the program that moved it is dead: it is stopped now" in err
     assert line.plant("axis0.current_state") == 1
     assert line.is_off
+
+
+@pytest.fixture
+def calibrating(line, tmp_path):
+    """A program that calibrates the module, in the middle of it."""
+    line.station.module.dials.calibration_time = 20.0
+    words = ("gim6010", "modbus", "calibrate", "full", "--port", line.path, "--node", "1", "--yes")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "axisbus", *words, "--list", "endpoints_0.5.13.json"],
+        stderr=subprocess.PIPE,
+        cwd=tmp_path,
+        text=True,
+    )
+    while line.plant("axis0.current_state") in (0, 1):
+        assert process.poll() is None
+        time.sleep(0.01)
+    yield process
+    process.kill()
+    process.wait()
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (getattr(signal, "SIGTSTP", 0), 130)]
+)
+def test_a_signal_ends_a_calibration_by_idle(line, calibrating, number, code):
+    calibrating.send_signal(number)
+    _, err = calibrating.communicate(timeout=30)
+    assert calibrating.returncode == code, err
+    assert "was not completed" in err
+    assert line.plant("axis0.current_state") == 1
+
+
+def test_a_reading_that_is_refused_during_a_calibration_does_not_prevent_idle(line, calibrating):
+    with line._lock:
+        line.station.dials.exceptions = {(0x02, False): 4}
+    _, err = calibrating.communicate(timeout=30)
+    assert calibrating.returncode == 3, err
+    assert "NOT CONFIRMED" in err
+    assert line.plant("axis0.current_state") == 1

@@ -2,87 +2,30 @@
 
 from __future__ import annotations
 
+import itertools
 from contextlib import suppress
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple import error_query
+from axisbus.drives.gim6010.can_simple.codec import encode
 from axisbus.drives.gim6010.can_simple.endpoint_messages import request_version
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
-from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
-from axisbus.drives.gim6010.can_simple.port.setpoints import TRAPEZOID, VELOCITY, Orders
-from axisbus.drives.gim6010.can_simple.port.settings import HEARTBEAT_BY_LINE, ModuleSettings
+from axisbus.drives.gim6010.can_simple.messages import named as message_named
+from axisbus.drives.gim6010.can_simple.port.setpoints import TRAPEZOID, VELOCITY
 from axisbus.drives.gim6010.modbus.can_emulation import Relay
-from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
+from axisbus.drives.gim6010.sim.modbus.station import Station
 from axisbus.errors import ArgumentError, AxisbusError, DriveError
+from kit.modbus.relay_line import ORDERS, SETTINGS, STATE, RelayLine
 from kit.modbus.virtual_wire import VirtualWire, list_of
 
-SETTINGS = ModuleSettings(1, 20.0, 10.0, 40.0, 80.0, 0.02, heartbeat=HEARTBEAT_BY_LINE, relayed=True)
-ORDERS = Orders(SETTINGS)
-STATE, CONTROL, INPUT, POSITION, VELOCITY_SET, ESTOP = 0x63, 0x64, 0x65, 0x66, 0x68, 0x61
-
-
-class Line:
-    """One station behind a relay; its answers go into a ``ModuleFeedback``."""
-
-    def __init__(self, **dials):
-        self.station = Station(dials=LineDials(**dials))
-        self.wire = VirtualWire(self.station, timeout=0.1)
-        self.relay = Relay(self.wire, {1: list_of(self.station)})
-        self.hearing = ModuleFeedback(SETTINGS)
-        self.told = []
-        self.wire.sleep(0.0)
-
-    @property
-    def plant(self):
-        return self.station.module
-
-    def give(self, *frames):
-        for each in frames:
-            self.relay.take(each.can_id, each.data, each.remote)
-
-    def work(self, pieces=1):
-        for _ in range(pieces):
-            for can_id, data in self.relay.work():
-                self.told.append((can_id, data))
-                self.hearing.take(CanFrame(self.wire.time, can_id, data), self.wire.time)
-
-    def settle(self):
-        for _ in range(50):
-            if self.relay.is_idle:
-                return
-            self.work()
-
-    def until(self, seconds):
-        end = self.wire.time + seconds
-        while self.wire.time < end:
-            self.work()
-
-    def enable(self):
-        self.give(ORDERS.limits(), ORDERS.velocity(0.0), ORDERS.mode(TRAPEZOID), ORDERS.closed_loop())
-        self.settle()
-        self.until(0.5)
-
-    @property
-    def written(self):
-        """The writes on the line: address and value, in order."""
-        return [
-            (int.from_bytes(frame[2:4], "big"), frame[4:6] if frame[1] == 6 else frame[7:])
-            for frame in self.station.frames
-            if frame[1] in (0x06, 0x10)
-        ]
-
-    @property
-    def states(self):
-        """The states that were asked for."""
-        return [int.from_bytes(data, "big") for address, data in self.written if address == STATE]
+CONTROL, INPUT, POSITION, VELOCITY_SET, ESTOP = 0x64, 0x65, 0x66, 0x68, 0x61
 
 
 def test_the_relay_polls_state_and_position_and_in_closed_loop_the_estimates():
-    line = Line()
+    line = RelayLine()
     line.plant.motor.position = 0.25 * 16384
     line.work(20)
     assert line.hearing.beat.state == 1
@@ -96,7 +39,7 @@ def test_the_relay_polls_state_and_position_and_in_closed_loop_the_estimates():
 
 
 def test_a_module_is_enabled_and_moved_and_stopped():
-    line = Line()
+    line = RelayLine()
     line.enable()
     assert line.states == [8]
     line.give(*ORDERS.profile(5.0, 20.0, 20.0), ORDERS.position(2.0))
@@ -109,7 +52,7 @@ def test_a_module_is_enabled_and_moved_and_stopped():
 
 
 def test_a_stop_is_sent_before_all_that_waits_and_removes_it():
-    line = Line()
+    line = RelayLine()
     line.enable()
     line.station.frames.clear()
     line.give(*ORDERS.profile(5.0, 20.0, 20.0), ORDERS.position(9.0), *ORDERS.brake(), ORDERS.idle())
@@ -122,7 +65,7 @@ def test_a_stop_is_sent_before_all_that_waits_and_removes_it():
 
 
 def test_the_same_stop_given_time_and_again_waits_once():
-    line = Line()
+    line = RelayLine()
     line.enable()
     line.station.frames.clear()
     for _ in range(30):
@@ -132,7 +75,7 @@ def test_the_same_stop_given_time_and_again_waits_once():
 
 
 def test_closed_loop_is_not_commanded_to_a_module_that_is_in_it():
-    line = Line()
+    line = RelayLine()
     line.enable()
     line.give(ORDERS.closed_loop(), ORDERS.closed_loop())
     line.settle()
@@ -140,7 +83,7 @@ def test_closed_loop_is_not_commanded_to_a_module_that_is_in_it():
 
 
 def test_modes_are_not_changed_under_power():
-    line = Line()
+    line = RelayLine()
     line.enable()
     line.give(ORDERS.mode(TRAPEZOID))
     line.settle()  # they are these already
@@ -151,7 +94,7 @@ def test_modes_are_not_changed_under_power():
 
 
 def test_a_brake_under_power_is_written_in_an_order_in_which_each_step_brakes():
-    line = Line()
+    line = RelayLine()
     line.enable()
     line.station.frames.clear()
     line.give(ORDERS.mode(VELOCITY), ORDERS.velocity(0.0))
@@ -160,7 +103,7 @@ def test_a_brake_under_power_is_written_in_an_order_in_which_each_step_brakes():
 
 
 def test_a_value_that_the_module_does_not_hold_is_an_error():
-    line = Line(clamps={0x70: 3.0})
+    line = RelayLine(clamps={0x70: 3.0})
     line.give(*ORDERS.profile(5.0, 20.0, 20.0), ORDERS.position(1.0))
     with pytest.raises(DriveError, match="trajectory_velocity holds 3"):
         line.settle()
@@ -168,7 +111,7 @@ def test_a_value_that_the_module_does_not_hold_is_an_error():
 
 @pytest.mark.parametrize("silent", [1, 2])
 def test_values_whose_answers_are_lost_are_read_back_or_written_again(silent):
-    line = Line()
+    line = RelayLine()
     line.enable()
     line.station.dials.silent = silent
     line.give(ORDERS.position(1.5))
@@ -178,7 +121,7 @@ def test_values_whose_answers_are_lost_are_read_back_or_written_again(silent):
 
 
 def test_a_silent_line_drops_waiting_orders_but_no_stop():
-    line = Line()
+    line = RelayLine()
     line.enable()
     line.station.dials.deaf = -1
     line.give(*ORDERS.profile(5.0, 20.0, 20.0), ORDERS.position(1.5))
@@ -194,7 +137,7 @@ def test_a_silent_line_drops_waiting_orders_but_no_stop():
 
 
 def test_a_lost_answer_loses_no_command():
-    line = Line()
+    line = RelayLine()
     line.enable()
     line.station.dials.silent = 1
     line.work()  # the orders given to it are lost
@@ -204,7 +147,7 @@ def test_a_lost_answer_loses_no_command():
 
 
 def test_after_a_refused_order_only_a_stop_is_sent_of_those_behind_it():
-    line = Line(clamps={0x70: 3.0})
+    line = RelayLine(clamps={0x70: 3.0})
     line.enable()
     line.give(*ORDERS.profile(5.0, 20.0, 20.0), ORDERS.position(1.0))
     with pytest.raises(DriveError):
@@ -216,7 +159,7 @@ def test_after_a_refused_order_only_a_stop_is_sent_of_those_behind_it():
 
 
 def test_a_silence_is_no_heartbeat_and_an_answer_after_a_long_one_is_a_restart():
-    line = Line()
+    line = RelayLine()
     line.until(0.5)
     line.station.dials.deaf = -1
     line.until(2.0)
@@ -228,7 +171,7 @@ def test_a_silence_is_no_heartbeat_and_an_answer_after_a_long_one_is_a_restart()
 
 
 def test_errors_are_reported_by_part_and_by_word():
-    line = Line()
+    line = RelayLine()
     line.work(4)
     line.plant.axis.encoder_error = 0x10
     line.work(4)
@@ -243,7 +186,7 @@ def test_errors_are_reported_by_part_and_by_word():
 
 
 def test_endpoints_are_read_and_never_written():
-    line = Line()
+    line = RelayLine()
     line.work(4)
     line.give(*request_version(1))
     line.work(8)
@@ -283,7 +226,7 @@ def test_a_module_that_is_not_there_leaves_the_line_to_the_others():
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.tuples(st.integers(0x20, 0x3F), st.binary(max_size=8), st.booleans()), max_size=12))
 def test_random_frames_request_no_state_but_idle_and_closed_loop(frames):
-    line = Line()
+    line = RelayLine()
     for can_id, data, remote in frames:
         line.relay.take(can_id, data, remote)
     with suppress(AxisbusError):  # an invalid value
@@ -291,3 +234,52 @@ def test_random_frames_request_no_state_but_idle_and_closed_loop(frames):
     assert set(line.states) <= {1, 8}
     written = {address for address, _ in line.written}
     assert not written & {0x62, 0x7E, 0x80, 0xA2}  # neither node ID, restart, save, nor a parameter
+
+
+def test_set_points_of_a_ramp_replace_each_other_and_alternate_with_readings():
+    line = RelayLine()
+    line.give(ORDERS.mode(VELOCITY), ORDERS.closed_loop())
+    line.settle()
+    line.until(0.5)
+    line.station.frames.clear()
+    line.station.dials.delay = 0.02  # an adapter that holds its bytes
+    beats = []
+    for number in range(50):
+        line.give(ORDERS.velocity(0.1 * number))
+        until = line.wire.time + 0.02
+        while line.wire.time < until:
+            line.work()
+            beats.append(line.hearing.beat_at)
+    line.settle()
+    sent = [data for address, data in line.written if address == VELOCITY_SET]
+    assert 5 < len(sent) < 40
+    assert line.plant.usb_read("axis0.controller.input_vel") == pytest.approx(4.9)
+    assert max(b - a for a, b in itertools.pairwise(beats)) < SETTINGS.heartbeat
+
+
+def test_a_calibration_is_passed_on_only_if_the_owner_of_the_line_asks_for_it():
+    wanted = encode(1, message_named("Set_Axis_State"), {"Axis_Requested_State": 7})
+    line = RelayLine()
+    line.give(wanted)
+    line.settle()
+    assert line.states == []
+    line = RelayLine(calibrates=True)
+    line.give(wanted, wanted)
+    line.settle()
+    assert line.states == [7]  # once, in idle only
+
+
+def test_a_module_whose_address_is_no_node_id_of_can_simple_gets_another_one_on_the_channel():
+    station = Station(1)
+    relay = Relay(VirtualWire(station), {63: None}, devices={63: 1})
+    heard = [can_id >> 5 for _ in range(4) for can_id, _ in relay.work()]
+    assert set(heard) == {63}
+    assert {frame[0] for frame in station.frames} == {1}
+
+
+def test_without_a_list_the_position_of_an_idle_module_is_not_sent():
+    line = RelayLine(listed=False)
+    line.work(10)
+    assert {can_id & 0x1F for can_id, _ in line.told} == {1}
+    line.enable()
+    assert line.hearing.place.joined

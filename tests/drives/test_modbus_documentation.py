@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.drives.gim6010.modbus.motion.power import DEAD_MASTER
+from axisbus.boot.stop_report import Watchdog
+from axisbus.drives.gim6010.boot.module import watchdog_of
+from axisbus.drives.gim6010.settings.watchdog import Armed
 from kit.modbus import documentation
 from kit.pages import ROOT, rows, text_of
 
@@ -26,8 +28,10 @@ def test_no_cell_breaks_its_row():
         assert [cell for row in made() for cell in row if "|" in cell or "\n" in cell or not cell] == []
 
 
-def test_that_nothing_notices_a_dead_master_is_reported_on_the_page_as_at_opening():
+def test_that_nothing_notices_a_dead_master_is_on_the_page_and_reported_by_boot():
     page = " ".join(text_of(PAGE).split())
     assert "**Nothing in a module is known to notice a dead master over Modbus.**" in page
     assert "a velocity or a torque continues and a position is held" in page
-    assert "a velocity or a torque continues and a position is held" in DEAD_MASTER
+    boot = watchdog_of(Armed(), None, relayed=True)
+    assert boot.kind is Watchdog.NONE
+    assert "Positions hold, a velocity or a torque continues" in boot.text

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from axisbus.drives.gim6010.modbus.dialogue import ModbusRefused
-from axisbus.drives.gim6010.modbus.module import ModbusModule, set_node_id
+from axisbus.drives.gim6010.modbus.module import ModbusModule, look, set_node_id
 from axisbus.drives.gim6010.modbus.registers import REGISTERS, RegisterKind
 from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
 from axisbus.errors import ArgumentError, LimitError, NodeError, NodeTimeout, StateError
@@ -36,6 +36,16 @@ def test_position_and_voltage_are_in_their_units():
     assert module.state == 1
 
 
+def test_a_position_that_may_be_outdated_is_not_reported():
+    station, wire, module = line(dead_in_idle=False)
+    station.module.motor.position = 3.25 * 16384
+    assert module.read("position_feedback") == 3.25
+    assert (look(module, 1).position, look(module, 1).velocity) == (None, None)
+    station.module.usb_write("axis0.requested_state", 8)
+    wire.sleep(0.1)
+    assert look(module, 1).position == pytest.approx(3.25, abs=0.001)
+
+
 SETTINGS = [each for each in REGISTERS if each.kind is RegisterKind.SETTING]
 
 
@@ -60,8 +70,8 @@ def test_a_value_that_is_not_kept_is_reported():
 @pytest.mark.parametrize(
     ("name", "value", "error"),
     [
-        ("position_setpoint", 1.0, "modbus move"),
-        ("state_control", 8, "modbus move"),
+        ("position_setpoint", 1.0, "axisbus move"),
+        ("state_control", 8, "axisbus move"),
         ("emergency_stop", 1, "modbus stop"),
         ("node_id", 5, "set_node_id"),
         ("endpoint_value", 5, "--list"),

@@ -98,6 +98,7 @@ REAL_TIME = {
     ),
     "a terminal of the kernel carries the bytes of a serial line, and pymodbus waits for them": (
         "cli/test_cli_gim6010_modbus.py",
+        "cli/test_cli_modbus_cell.py",
         "machine/test_machine_modbus.py",
     ),
     "a program or a library with threads of its own, that is not ours, is at the other end": (
@@ -242,7 +243,6 @@ SLOW = {
         "bus/test_bus_frame_queue.py::test_the_waits_of_sdo_and_lss_end_however_short",
         "check/test_check_damaged_files.py",
         "drives/test_drive_factory_protocols.py",
-        "drives/test_modbus_axis.py",
     ),
     "axisbus is started as on another operating system": ("system/test_system_played.py",),
     "they take large files, or a whole program's text": (

@@ -156,7 +156,7 @@ def test_a_quick_stop_brakes_the_module_and_switches_its_power_off(line, arm):
 
 
 def test_modes_that_it_does_not_have_are_refused_before_anything_is_sent(line, arm):
-    with pytest.raises(AxisbusError, match="pv"):
+    with pytest.raises(AxisbusError, match=r"pv(?s:.)*modes = \[\.\.\.\] of \[axes\.arm\]"):
         arm.move_velocity(10.0, acceleration=100.0).wait(5)
     with pytest.raises(AxisbusError, match="torque"):
         arm.torque_control(10.0, slope=10.0).wait(5)
@@ -276,17 +276,32 @@ from axisbus import Machine
 with Machine.open(sys.argv[1]) as machine:
     arm = machine["arm"]
     arm.enable().wait(10)
-    arm.home(method=35).wait(10)
-    arm.move_absolute(2000.0, velocity=180.0, acceleration=720.0)
+    if "pv" in open(sys.argv[1]).read():
+        arm.move_velocity(180.0, acceleration=720.0)
+    else:
+        arm.home(method=35).wait(10)
+        arm.move_absolute(2000.0, velocity=180.0, acceleration=720.0)
     time.sleep(60)
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_a_program_that_ends_stops_the_motor_and_takes_its_power(line, number):
+VELOCITY = 'modes = ["pv"]\n'
+
+
+@pytest.mark.parametrize(
+    ("number", "more"),
+    [
+        (signal.SIGINT, ""),
+        (signal.SIGTERM, ""),
+        (signal.SIGKILL, ""),
+        (signal.SIGINT, VELOCITY),
+        (signal.SIGKILL, VELOCITY),
+    ],
+)
+def test_a_program_that_ends_stops_the_motor_and_takes_its_power(line, number, more):
     """Its core is in a process of its own, which runs the stop sequence when the program is gone."""
     process = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, str(line.cell("own"))], stderr=subprocess.DEVNULL
+        [sys.executable, "-c", PROGRAM, str(line.cell("own", more))], stderr=subprocess.DEVNULL
     )
     line.until(lambda: line.velocity > 150.0, 20.0)
     process.send_signal(number)
@@ -296,9 +311,10 @@ def test_a_program_that_ends_stops_the_motor_and_takes_its_power(line, number):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the processes are found as Linux tells them")
-def test_the_watchdog_process_of_a_killed_core_stops_the_motor(line):
+@pytest.mark.parametrize("more", ["", VELOCITY], ids=["position", "velocity"])
+def test_the_watchdog_process_of_a_killed_core_stops_the_motor(line, more):
     process = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, str(line.cell("own"))], stderr=subprocess.DEVNULL
+        [sys.executable, "-c", PROGRAM, str(line.cell("own", more))], stderr=subprocess.DEVNULL
     )
     line.until(lambda: line.velocity > 150.0, 20.0)
     children = Path(f"/proc/{process.pid}/task").glob("*/children")

@@ -128,7 +128,7 @@ def _is_of(cell: CellConfig, claim: ChannelClaim, answer: StopAnswer) -> bool:
 
 
 def stop_beside(cell: CellConfig, names: Collection[str] | None = None) -> list[StopResult]:
-    """Stop every axis of a cell on its bus, or those of ``names``; blocks until all are at standstill, at most about 10 s.
+    """Stop every axis of a cell on its bus, or those of ``names``; blocks until all are at standstill, at most about 12 s.
 
     Energises and configures nothing.
 

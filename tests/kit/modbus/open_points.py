@@ -19,7 +19,7 @@ NOTES = (
         "a dead master",
         "no register of 4.3 monitors the master",
         "NOTHING in the module is known to detect a dead master over Modbus: a velocity or a torque continues, a position "
-        "is held. axisbus prints this whenever a command opens a module to move it",
+        "is held. `axisbus check` and `axisbus boot` report this",
     ),
     OpenPoint(
         "example 2 of 4.3.4",
@@ -69,7 +69,8 @@ NOTES = (
     OpenPoint(
         "ramps of velocity and torque",
         "input modes 2 and 6 have one rate each, without a register",
-        "axisbus makes the requested ramp in steps; the module's own ramp may make it slower. Step 2 brakes on that ramp alone",
+        "axisbus makes the requested ramp in steps; the module's own ramp may make it slower. A stop outside "
+        "the machine brakes on that ramp alone",
     ),
     OpenPoint(
         "values of fewer than 32 bits at 31h and A2h",

@@ -1,9 +1,8 @@
-"""A module that is moved over a wire in virtual time: its commands, its true motion, and its final state."""
+"""A module on a wire in virtual time: its registers, and the module itself."""
 
 from __future__ import annotations
 
 from axisbus.drives.gim6010.modbus.module import ModbusModule
-from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
 from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
 from kit.modbus.virtual_wire import VirtualWire
 
@@ -12,7 +11,7 @@ _SETTINGS = {"axis0.controller.config.vel_ramp_rate": RAMP, "axis0.controller.co
 
 
 class Rig:
-    """One station with a quick ramp, its wire, and an axis that reports into ``said``."""
+    """One station with a quick ramp, and its wire."""
 
     def __init__(self, turns: float = 0.0, **dials: object) -> None:
         self.station = Station(dials=LineDials(**dials))
@@ -21,23 +20,12 @@ class Rig:
         self.plant.motor.position = turns * 16384
         self.wire = VirtualWire(self.station)
         self.module = ModbusModule(self.wire, 1)
-        self.said: list[str] = []
         self.wire.sleep(0.0)
 
     @property
     def plant(self):
         """The module itself."""
         return self.station.module
-
-    @property
-    def axis(self) -> ModbusAxis:
-        """A new axis on it."""
-        return ModbusAxis(self.module, tell=self.said.append)
-
-    @property
-    def velocity(self) -> float:
-        """Its true velocity in turns/s."""
-        return self.plant.shaft.speed
 
     @property
     def written(self) -> list[str]:
@@ -47,14 +35,3 @@ class Rig:
     def rest(self, seconds: float = 0.5) -> None:
         """Let time pass without a word."""
         self.wire.sleep(seconds)
-
-    def at(self, number: int, act) -> None:
-        """Do something once, before the request of this number (from now on, from 0)."""
-        left = [number]
-
-        def before(request) -> None:
-            left[0] -= 1
-            if left[0] == -1:
-                act(request)
-
-        self.wire.before = before

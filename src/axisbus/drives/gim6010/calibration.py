@@ -1,4 +1,4 @@
-"""Calibration of a module: its kinds and their motion, its result, and its procedure over CAN Simple; pure.
+"""Calibration of a module: its kinds and their motion, its result, and its procedure over CAN Simple or a relay; pure.
 
 Theory of operation
 -------------------
@@ -6,13 +6,15 @@ The calibration is requested once: a repeated request would restart it. The hear
 the requested 3), and idle at the end. The encoder's count, requested periodically, shows the rotation of the rotor. At the end the
 error words are requested, and the result is judged by all of these.
 
+On RS485 the relay (``modbus.can_emulation``) reads the registers, and presents heartbeat, count and error words as these messages.
+
 Silence, a restart, a state that does not belong to a calibration, too many turns, and a time-out end the procedure
 (``ModuleMotionProcedure``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -206,7 +208,7 @@ class RotorRotation:
         return max(self.high, -self.low)
 
 
-# -- The procedure over CAN Simple -------------------------------------------------------------------------------------
+# -- The procedure -------------------------------------------------------------------------------------
 
 
 _STATE, _COUNT = named("Set_Axis_State"), named("Get_Encoder_Count")
@@ -214,6 +216,9 @@ BEGINS = 2.0  # s until the heartbeat must show the calibration
 LONGEST = 300.0  # s: the manual says to cancel it after five minutes
 _COUNTS = 0.03  # s between two requests for the count
 _WORD, _TRIES = 0.15, 2  # s to wait for an error word, and requests for it
+
+
+_UNGUARDED = "its watchdog process has ended: nothing would end the calibration if this program were killed"
 
 
 class CalibrationPhase(Enum):
@@ -227,8 +232,17 @@ class CalibrationPhase(Enum):
 class Calibration(ModuleMotionProcedure):
     """One calibration and its observations. ``verdict`` is None if it was aborted; ``why`` is then the reason."""
 
-    def __init__(self, node: int, kind: CalibrationKind, *, remote: bool = True) -> None:
+    def __init__(
+        self,
+        node: int,
+        kind: CalibrationKind,
+        *,
+        remote: bool = True,
+        guarded: Callable[[], bool] = lambda: True,
+    ) -> None:
         """``node`` 0 to 63; ``remote``: whether the bus carries remote frames.
+
+        ``guarded`` returns whether the watchdog process of the calibration still runs; if it does not, the calibration is ended.
 
         Raises:
             ArgumentError: the node ID is invalid.
@@ -238,6 +252,7 @@ class Calibration(ModuleMotionProcedure):
         self.verdict: CalibrationResult | None = None
         self.turned = RotorRotation()
         self._remote = remote
+        self._guarded = guarded
         self._phase = CalibrationPhase.BEGINNING
         self._seen: list[int] = []
         self._words: dict[str, int] = {}
@@ -287,7 +302,7 @@ class Calibration(ModuleMotionProcedure):
         return encode(self.node, _STATE, {"Axis_Requested_State": self.kind.value})
 
     def _lead(self, now: float) -> Outgoing | None:
-        lost = self._pulse.lost(now)
+        lost = self._pulse.lost(now) or ("" if self._guarded() else _UNGUARDED)
         if lost:  # checked first: a restarted module shows idle, too
             self._end(lost)
             return None

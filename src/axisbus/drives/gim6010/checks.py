@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -19,7 +20,14 @@ from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
 from axisbus.drives.gim6010.cell.drive import drive_of
-from axisbus.drives.gim6010.cell.module import MODBUS, READERS, TORQUE, ModuleConfig
+from axisbus.drives.gim6010.cell.module import (
+    LINE_MODES,
+    MODBUS,
+    READERS,
+    TORQUE,
+    ModuleConfig,
+    line_mode,
+)
 from axisbus.drives.gim6010.cell.modules import is_line, list_of, module_of, modules_of, settings_of
 from axisbus.drives.gim6010.modbus.registers import RATES
 from axisbus.eds.model import Eds
@@ -28,7 +36,7 @@ from axisbus.errors import ArgumentError, LimitError
 _FOREIGN = Firmware(0, 6, 8)  # from here on another protocol was seen, with identifiers of 29 bits
 _SHOWN = 3
 _ON_LINE = range(1, 64)
-_NOT_ON_LINE = (*TORQUE[1:], "filter_bandwidth")
+_HOMING = "hm"
 
 
 def _modules(case: CheckContext) -> Iterator[tuple[NodeConfig, ModuleConfig]]:
@@ -101,6 +109,7 @@ def _of_axis(case: CheckContext, node: NodeConfig, module: ModuleConfig, axis: A
             case.cell.bus.scan_period,
             axis.stop.quick_stop,
             relayed=node.protocol == MODBUS,
+            modes=axis.modes,
         )
     except (ArgumentError, LimitError) as error:
         yield case.error(
@@ -174,15 +183,15 @@ def _on_line(case: CheckContext, node: NodeConfig, module: ModuleConfig) -> Prob
             "no register contains the position of an idle rotor",
             'endpoints = "endpoints_0.5.13.json", the manufacturer\'s list for its firmware',
         )
-    for key in _NOT_ON_LINE:
-        if getattr(module, key) is not None:
-            yield case.error(
-                module.at.of(key),
-                f"{name} has {key}, which does not exist on RS485",
-                "its modes are set only in idle: an axis has profile position and homing",
-                f"leave {key} out; torques and velocities: axisbus gim6010 modbus",
-            )
+    if module.filter_bandwidth is not None:
+        yield case.error(
+            module.at.of("filter_bandwidth"),
+            f"{name} has filter_bandwidth, which does not exist on RS485",
+            "only a path in csp uses the filter, and a module on RS485 does not have this mode",
+            "leave filter_bandwidth out",
+        )
     for axis in case.cell.axes_of(node.node_id):
+        yield from _modes_on_line(case, name, module, axis)
         if axis.stop.quick_stop is not None and axis.stop.quick_stop.endswith("-hold"):
             yield case.error(
                 axis.at.line,
@@ -190,6 +199,44 @@ def _on_line(case: CheckContext, node: NodeConfig, module: ModuleConfig) -> Prob
                 "a quick stop brakes by velocity 0; a module changes back to positions only in idle",
                 'leave quick_stop out of its [stop], or write quick_stop = "ramp"',
             )
+
+
+def _modes_on_line(case: CheckContext, name: str, module: ModuleConfig, axis: AxisConfig) -> Problems:
+    """Check that the axis has one mode beside homing, and that torque settings and torque mode come together."""
+    others = set(axis.modes or ("pp",)) - {_HOMING}
+    if len(others) != 1 or not others <= LINE_MODES.keys():
+        yield case.error(
+            axis.at.of("modes"),
+            f"axis {axis.name} needs exactly one of pp, pv and tq: it has {', '.join(axis.modes or ()) or 'none'}",
+            "control mode and input mode are two registers, and the behaviour of an energised module between the two writes "
+            "is unknown: they are set in idle",
+            'write modes = ["pp", "hm"], ["pv"] or ["tq"]; use one cell file for each mode',
+        )
+    given = [key for key in TORQUE[1:] if getattr(module, key) is not None]
+    has_torque = line_mode(axis.modes) is LINE_MODES["tq"]
+    if given and not has_torque:
+        yield case.error(
+            module.at.of(given[0]),
+            f"{name} has {given[0]}, and its axis {axis.name} has no torques",
+            'on RS485 an axis has one mode, and torques only with modes = ["tq"]',
+            f'write modes = ["tq"] in [axes.{axis.name}], or leave {given[0]} out',
+        )
+    missing = [key for key in TORQUE if getattr(module, key) is None]
+    missing += [] if axis.rated_torque is not None else [f"rated_torque in [axes.{axis.name}]"]
+    if has_torque and missing:
+        yield case.error(
+            axis.at.of("modes"),
+            f"axis {axis.name} has the mode tq, and {name} does not have all that torques need",
+            f"missing: {', '.join(missing)}",
+            "add it; docs/gim6010-8.md has an example",
+        )
+    if has_torque and axis.max_velocity is None:
+        yield case.error(
+            axis.at.of("modes"),
+            f"axis {axis.name} has the mode tq, and no max_velocity",
+            "a torque that no load holds back accelerates the motor, and only the master stops it at a velocity",
+            f"write max_velocity = ... in [axes.{axis.name}]: if the axis becomes faster, it is stopped",
+        )
 
 
 # -- Check that the axis of a module uses only the functions of its port, and warn of its dangers ----------------------
@@ -291,7 +338,8 @@ def dangers(case: CheckContext) -> Problems:
             "a module has no ramp for either",
             "do not attach a load that can fall or run away; a stop brakes it first",
         )
-        own = bus.process != "thread"
+        can = sys.platform == "linux"
+        own = can and bus.process != "thread"
         stops = "if the core has its own process, it stops the axis when the program or the core dies"
         yield case.warning(
             line,
@@ -303,7 +351,7 @@ def dangers(case: CheckContext) -> Problems:
             ),
             f"a velocity or a torque continues; {stops}, and nothing stops it when the computer or the bus fails",
             "keep its speed and travel harmless, or cut its power by hardware that monitors the master"
-            + ("" if own else '; process = "own" in [bus]'),
+            + ("" if own or not can else '; process = "own" in [bus]'),
         )
 
 

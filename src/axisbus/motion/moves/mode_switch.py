@@ -161,5 +161,5 @@ class ModeSwitch:
                 else ""
             )
             + "use another mode, or check in the drive's manual when it accepts this one (some only while enabled, "
-            "some only with a licence or a wired encoder)",
+            "some only before they are enabled: disable and enable the axis; some only with a licence or a wired encoder)",
         )

@@ -10,14 +10,14 @@ import can
 
 from axisbus.bus.link.frame_queue import UnboundedQueue
 from axisbus.clock import REAL
-from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware
-from axisbus.drives.gim6010.modbus.can_emulation import Relay
+from axisbus.drives.gim6010.modbus.can_emulation import Listed, Relay
 from axisbus.drives.gim6010.modbus.registers import FACTORY_RATE
 from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
 from axisbus.errors import AdapterError, AxisbusError, one_line
 
 _PARTING = 1.5  # s to send pending stop commands when the line is closed
 _IDLE = 0.01  # s
+_LATE = 0.1  # s for the answer to a request of a program that had the line before, and is dead
 _LONG = 3600.0  # s of one wait for a frame, if there is no time-out
 _TIMEOUT = 0.1  # s for an answer: nine bytes, which take a ms, plus the delay of an adapter
 
@@ -30,9 +30,11 @@ class RelayedBus(can.BusABC):
         channel: str,
         bitrate: int = FACTORY_RATE,
         parity: str = "none",
-        modules: Mapping[int, tuple[EndpointList, Firmware]] | None = None,
+        modules: Mapping[int, Listed | None] | None = None,
+        devices: Mapping[int, int] | None = None,
+        calibrates: bool = False,
     ) -> None:
-        """Open ``channel``, a serial port, and begin to poll the ``modules``.
+        """Open ``channel``, a serial port, and begin to poll the ``modules``; ``devices`` and ``calibrates`` as for ``Relay``.
 
         Raises:
             UserError: the extra is not installed. AdapterError: the port cannot be opened. ValueError: no such parity.
@@ -44,7 +46,7 @@ class RelayedBus(can.BusABC):
         except KeyError:
             raise ValueError(f"parity {parity!r}: give none, even or odd") from None
         self._wire = SerialWire(channel, rate=bitrate, parity=bits, timeout=_TIMEOUT)
-        self._relay = Relay(self._wire, modules or {})
+        self._relay = Relay(self._wire, modules or {}, devices=devices, calibrates=calibrates)
         self._told: UnboundedQueue[can.Message | Exception] = UnboundedQueue(REAL)
         self._gone: Exception | None = None
         self._failed = False
@@ -82,6 +84,7 @@ class RelayedBus(can.BusABC):
 
     def _run(self) -> None:
         try:
+            self._wire.drain(_LATE)
             while not self._closing.is_set():
                 self._work()
             until = time.monotonic() + _PARTING

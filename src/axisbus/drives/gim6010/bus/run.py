@@ -60,15 +60,18 @@ def run(channel: Channel, dialogue: ModuleProcedure) -> None:
                 channel.clock.sleep(_TICK)
             else:
                 watch.sent = True
-                _send(channel, dialogue, request)
+                _send(channel, dialogue, request, knows_failure=bool(sign) and channel.failure is not None)
     if not watch.sent:
         channel.check()
 
 
-def _send(channel: Channel, dialogue: ModuleProcedure, request: Outgoing) -> None:
+def _send(channel: Channel, dialogue: ModuleProcedure, request: Outgoing, *, knows_failure: bool) -> None:
+    """Send a frame; if the dialogue knows that the channel has failed, its frames remove the power, and are sent nevertheless."""
     try:
         send(channel, request)
     except AdapterError as error:
+        if knows_failure and not request.remote:
+            channel.send_urgent([(request.can_id, request.data)])
         dialogue.trouble(error.message)
 
 
@@ -128,7 +131,8 @@ def send(channel: Sends, request: Outgoing) -> None:
 
 
 Tell = Callable[[str], None]
-_SIGNALS = present("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+# Ctrl-Z too: a program that is suspended follows nothing.
+_SIGNALS = present("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK", "SIGTSTP")
 _PARTINGS = 3
 
 
@@ -169,7 +173,7 @@ def run_guarded(channel: Channel, dialogue: Interruptible, tell: Tell) -> int:
     Raises:
         AdapterError: the channel failed before anything was sent. Any exception of ``tell``, after the dialogue's cleanup.
     """
-    with _signals(dialogue) as caught:
+    with interrupts(dialogue.interrupt) as caught:
         try:
             run(channel, _Told(dialogue, tell))
         except BaseException as error:
@@ -192,14 +196,17 @@ def _leave(channel: Channel, dialogue: Interruptible, error: BaseException) -> N
 
 
 @contextmanager
-def _signals(dialogue: Interruptible) -> Iterator[list[int]]:
-    """Handle signals by ``interrupt``; only in the main thread, in which Python delivers them."""
+def interrupts(interrupt: Callable[[str], object]) -> Iterator[list[int]]:
+    """Handle signals by ``interrupt`` (called with the signal's name), and yield the list of signals.
+
+    Only in the main thread, in which Python delivers them.
+    """
     caught: list[int] = []
     before = {}
 
     def take(number: int, _: FrameType | None) -> None:
         caught.append(number)
-        dialogue.interrupt(_SIGNALS[number])
+        interrupt(_SIGNALS[number])
 
     if threading.current_thread() is threading.main_thread():
         for number in _SIGNALS:

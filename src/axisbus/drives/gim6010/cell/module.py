@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
+from axisbus.cia402.modes import ModeOfOperation
 from axisbus.drives.gim6010.can_simple.port.settings import (
     HEARTBEAT,
     HEARTBEAT_BY_LINE,
@@ -51,6 +52,18 @@ WORDS: Mapping[str, str] = {
     "them.",
 }
 TORQUE = ("gear_ratio", "torque_constant", "torque_ramp")
+# The modes of a module on RS485 beside homing, of which its axis has one: the mode is set in idle.
+LINE_MODES: Mapping[str, ModeOfOperation] = {
+    "pp": ModeOfOperation.PROFILE_POSITION,
+    "pv": ModeOfOperation.PROFILE_VELOCITY,
+    "tq": ModeOfOperation.PROFILE_TORQUE,
+}
+
+
+def line_mode(modes: Collection[str] | None) -> ModeOfOperation:
+    """Return the mode of a module on RS485 by ``modes`` of its axis: the first of ``LINE_MODES`` that it names, by default pp."""
+    named = [mode for word, mode in LINE_MODES.items() if word in (modes or ())]
+    return named[0] if named else ModeOfOperation.PROFILE_POSITION
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,16 +91,19 @@ class ModuleConfig:
         *,
         remote: bool = True,
         relayed: bool = False,
+        modes: Collection[str] | None = None,
     ) -> ModuleSettings:
         """Return the settings of the module's port.
 
         If ``rated_torque`` (N·m, of the axis, at the output) is None, or a key of ``TORQUE`` is missing, the port has no torques.
         ``period`` (s) is the scan period, ``quick_stop`` the word of ``[axes.NAME.stop]``. ``remote``: whether the bus carries
-        remote frames. ``relayed``: the module is on a serial line.
+        remote frames. ``relayed``: the module is on a serial line, where ``modes`` of its axis select its mode.
 
         Raises:
             ArgumentError, LimitError: a value is not valid for a module.
         """
+        by_line = line_mode(modes)
+        has_torque = not relayed or by_line is ModeOfOperation.PROFILE_TORQUE
         return ModuleSettings(
             node_id,
             self.velocity_limit,
@@ -96,11 +112,12 @@ class ModuleConfig:
             self.acceleration,
             period,
             heartbeat=HEARTBEAT_BY_LINE if relayed else HEARTBEAT,
-            torque=self._torque(rated_torque),
+            torque=self._torque(rated_torque) if has_torque else None,
             filter_bandwidth=self.filter_bandwidth,
             quick_stop_holds=quick_stop is not None and quick_stop.endswith(_HOLDING),
             remote=remote,
             relayed=relayed,
+            line_mode=by_line if relayed else ModeOfOperation.PROFILE_POSITION,
         )
 
     def _torque(self, rated: float | None) -> TorqueSettings | None:

@@ -73,6 +73,7 @@ def settings_of(cell: CellConfig, node_id: int) -> ModuleSettings:
         None if axis is None else axis.stop.quick_stop,
         remote=carries_remote(cell.bus),
         relayed=is_line(cell.bus),
+        modes=None if axis is None else axis.modes,
     )
 
 

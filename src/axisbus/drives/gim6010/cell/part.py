@@ -14,7 +14,7 @@ PART = CellPart(
     descriptions=WORDS,
     tables={
         CAN_SIMPLE: "Properties that a module with CAN Simple does not report.",
-        MODBUS: "The same for a module on RS485: as [nodes.N.can_simple], with endpoints, and without filter and torque.",
+        MODBUS: "The same for a module on RS485: as [nodes.N.can_simple], with endpoints, without filter; torques for the mode tq.",
     },
     settings=lambda protocol, fields: ModuleConfig(**fields, protocol=protocol),
     dictionaries=descriptions,

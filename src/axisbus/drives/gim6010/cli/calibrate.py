@@ -11,7 +11,7 @@ from axisbus.drives.gim6010.cli.confirm import ask, end_by, yes_option
 from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, run_alone, without_remote
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.calibration import Calibration, CalibrationKind, CalibrationResult
+    from axisbus.drives.gim6010.calibration import Calibration
 
 PRE_CALIBRATED = ("axis0.motor.config.pre_calibrated", "axis0.encoder.config.pre_calibrated")
 
@@ -47,13 +47,7 @@ def command(
 
 
 def _tell(calibration: Calibration, line: BusOptions) -> int:
-    if calibration.verdict is None:
-        say_error(
-            f"{calibration.kind.words} was not completed: {calibration.why}\n  observed: {calibration.left}"
-        )
-        return FAILURE
-    hint = f"axisbus gim6010 errors {line.words} --node {calibration.node}"
-    code = tell_judged(calibration.kind, calibration.verdict, calibration.left, hint)
+    code = tell_result(calibration, f"axisbus gim6010 errors {line.words} --node {calibration.node}")
     if code == OK:
         flags = " ".join(f"{path}=true" for path in PRE_CALIBRATED)
         say(f"  axisbus gim6010 params set {flags} {line.words} --node {calibration.node} --list ... --save")
@@ -62,8 +56,15 @@ def _tell(calibration: Calibration, line: BusOptions) -> int:
     return code
 
 
-def tell_judged(kind: CalibrationKind, found: CalibrationResult, left: str, hint: str) -> int:
-    """Print the result of a calibration, the state in which it ``left`` the module, and how to save it; return its exit code."""
+def tell_result(calibration: Calibration, hint: str) -> int:
+    """Print the result of a calibration and the state in which it left the module; return its exit code.
+
+    ``hint``: the command that shows the errors of the module. After success, the caller prints how to save the result.
+    """
+    kind, found, left = calibration.kind, calibration.verdict, calibration.left
+    if found is None:
+        say_error(f"{kind.words} was not completed: {calibration.why}\n  observed: {left}")
+        return FAILURE
     for note in found.notes:
         say(f"  note: {note}")
     if not found.good:

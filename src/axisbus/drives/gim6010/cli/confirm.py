@@ -43,7 +43,7 @@ def end_by(number: int) -> None:
     Raises:
         KeyboardInterrupt, SystemExit: there was one.
     """
-    if number == signal.SIGINT:
+    if number in (signal.SIGINT, getattr(signal, "SIGTSTP", None)):
         raise KeyboardInterrupt
     if number:
         raise SystemExit(128 + number)

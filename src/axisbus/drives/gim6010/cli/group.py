@@ -38,7 +38,7 @@ def _table(**rows: tuple[str, str]) -> Table:
             "Show the size of a pulse of pulse and direction, and the steps.",
         ),
         calibrate=("calibrate", "Calibrate a module, which turns its motor; asks before."),
-        modbus=("group:modbus", "Read, write, move and stop a module over RS485 (Modbus RTU)."),
+        modbus=("group:modbus", "Read, write, calibrate and stop a module over RS485 (Modbus RTU)."),
         tune=("tune", "Try gains by a measured step, which turns a module; asks before."),
         to_canopen=("protocol_change:to_canopen_command", "Change a module from CAN Simple to CANopen."),
         to_can_simple=(
@@ -50,8 +50,7 @@ def _table(**rows: tuple[str, str]) -> Table:
 def command() -> None:
     """Find and inspect GIM6010-8 modules, in any of their protocols.
 
-    No command here enables or turns a module, except those that ask before, and modbus move, velocity and torque. All of it was
-    tried on simulated modules only.
+    No command here enables or turns a module, except those that ask before. All of it was tried on simulated modules only.
     """
 
 
@@ -92,20 +91,18 @@ def params() -> None:
             "modbus.registers:write_command",
             "Write settings, each read back; give it another node ID; save.",
         ),
-        move=("modbus.motion:move_command", "Enable a module and move it to a position."),
-        velocity=("modbus.motion:velocity_command", "Enable a module and turn it at a velocity."),
-        torque=("modbus.motion:torque_command", "Enable a module and apply a torque."),
         zero=("modbus.registers:zero_command", "Set the present position to 0, and save it."),
         calibrate=(
-            "modbus.motion:calibrate_command",
+            "modbus.calibrate_and_stop:calibrate_command",
             "Calibrate motor and encoder: the output may turn; asks first.",
         ),
-        stop=("modbus.motion:stop_command", "Stop a module, whichever master enabled it."),
+        stop=("modbus.calibrate_and_stop:stop_command", "Stop a module, whichever program enabled it."),
     ),
 )
 def modbus() -> None:
     """Use a GIM6010-8 over RS485, by Modbus RTU: needs the extra axisbus[modbus].
 
-    Only move, velocity, torque and calibrate energise its motor. A module cannot detect a dead master over Modbus. Positions
-    and velocities are turns of the rotor; 8 of these are one turn of the output. All was tried on simulated modules only.
+    Only calibrate energises its motor. To move a module, make it an axis of a cell file: interface = "modbus" in [bus], then
+    axisbus check, boot and move. A module cannot detect a dead master over Modbus. Positions and velocities are turns of the
+    rotor; 8 of these are one turn of the output. All was tried on simulated modules only.
     """

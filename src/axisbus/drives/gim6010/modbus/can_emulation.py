@@ -11,9 +11,14 @@ There is no thread: ``work`` does one step of a few exchanges on the line, and r
   the sender would otherwise believe that its value is in effect.
 - **Modes are set only in idle.** They are two registers, and the behaviour of a module between the two writes is unknown. A command
   that would change the modes under power is an error. The brake is the exception: each of its steps brakes, or changes nothing.
-- **Closed loop is requested once, and only in idle**: a module already in closed loop would remove power for a moment.
+- **Closed loop is requested once, and only in idle**, after the requested modes were read back: a module already in closed loop
+  would remove power for a moment.
+- **Set-points of a ramp alternate with readings**, and the newest one replaces the waiting one: otherwise a slow line would carry
+  set-points only. So does a stop that the module has confirmed and that is requested again.
+- **Calibrations are passed on only if the owner of the line asks for them.**
 - If a command may not have been carried out, all waiting commands except stops are discarded.
-- In idle no register contains the position of the rotor: the encoder's count is read by its endpoint.
+- In idle no register contains the position of the rotor: the encoder's count is read by its endpoint. Without a list of endpoints
+  the position is not sent.
 """
 
 from __future__ import annotations
@@ -40,6 +45,7 @@ from axisbus.drives.gim6010.can_simple.messages import named as status_frames_na
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.can_emulation_commands import (
+    BRAKE,
     RegisterCommand,
     RegisterCommandKind,
     Writes,
@@ -48,8 +54,8 @@ from axisbus.drives.gim6010.modbus.can_emulation_commands import (
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS, named
-from axisbus.drives.gim6010.modbus.requests import Wire
-from axisbus.errors import AxisbusError, DriveError, NodeError, NodeTimeout
+from axisbus.drives.gim6010.modbus.requests import ModbusFunction, ModbusRequest, Wire
+from axisbus.errors import AxisbusError, DriveError, NodeError, NodeTimeout, UncommandedMotion
 
 COUNT = "axis0.encoder.count_in_cpr"
 _VOLTAGE = message_named("Get_Bus_Voltage_Current")
@@ -59,6 +65,8 @@ _ACTS = 3  # attempts to write an action such as clearing errors, if no answer c
 _REST = 1.0  # s of pause after ``_PATIENCE`` missing answers: the other modules need the line
 _PATIENCE = 3
 _LIVES = 256
+_TORQUE_CONTROL, _POSITION_CONTROL = ("control_mode", 1), ("control_mode", 3)
+_PLACE = 0.25  # turns of the rotor: allowed deviation of a held position
 _MOST = 100  # waiting commands; more only arise if the line does not work
 
 
@@ -66,6 +74,7 @@ _MOST = 100  # waiting commands; more only arise if the line does not work
 
 
 Told = tuple[int, bytes]
+Listed = tuple[EndpointList, Firmware]  # a list of endpoints, and the firmware that it was made for
 FIRST_LIFE = 0x10  # a life counter from here on cannot be mistaken for the flags of older firmware
 _FAULTS = {"motor": "Motor_Fault", "encoder": "Encoder_Fault", "controller": "Controller_Fault"}
 
@@ -104,17 +113,33 @@ def error_word(node: int, word: int) -> Told:
 class RelayedModule:
     """Commands and requests to a module that are not carried out yet, and the progress of polling it."""
 
-    def __init__(self, wire: Wire, node: int, listed: EndpointList, made_for: Firmware) -> None:
-        """``node`` 1 to 63; ``listed`` and ``made_for``: its list of endpoints, which is verified before it is used."""
+    def __init__(
+        self,
+        wire: Wire,
+        node: int,
+        listed: Listed | None,
+        *,
+        device: int | None = None,
+        calibrates: bool = False,
+    ) -> None:
+        """``node`` 1 to 63; ``listed``: the list of endpoints of its firmware, which is verified before it is used.
+
+        ``device``: its address on the line, if that is not ``node``. ``calibrates``: requests for a calibration are carried out.
+        """
         self.node = node
+        self._calibrates = calibrates
         self._wire = wire
-        self._module = ModbusModule(wire, node)
+        self._module = ModbusModule(wire, node if device is None else device)
         self._parameters = ModbusParameters(self._module)
-        self._list = listed, made_for
+        self._list = listed
         self._fits = False
         self._orders: deque[RegisterCommand] = deque(maxlen=_MOST)
         self._questions: deque[Callable[[], Told | None]] = deque(maxlen=_MOST)
         self._looking: Iterator[Told] = iter(())
+        self._owes_reading = False  # a set-point or a confirmed stop was carried out after the last reading
+        self._stopped_by: RegisterCommand | None = None  # the stop that the module has confirmed last
+        self._modes: Writes = ()  # as requested last
+        self._enabling = False  # closed loop was requested, and not seen yet
         self._life = FIRST_LIFE
         self._resting_until = 0.0
         self._silences = 0
@@ -128,7 +153,7 @@ class RelayedModule:
             if len(self._questions) < _MOST:
                 self._questions.append(question)
         elif isinstance(told, DecodedMessage):
-            self._take(order(told))
+            self._take(order(told, calibrates=self._calibrates))
 
     def _take(self, wanted: RegisterCommand | None) -> None:
         if wanted is None:
@@ -139,13 +164,28 @@ class RelayedModule:
             ]
             self._orders.clear()
             self._orders.extend(waiting)
-        if not self._orders or self._orders[-1] != wanted:
+        if self._orders and _replaces(wanted, self._orders[-1]):
+            self._orders[-1] = wanted
+        else:
             self._orders.append(wanted)
 
     @property
     def is_stopped(self) -> bool:
-        """Whether a stop waits to be carried out."""
-        return any(each.kind is RegisterCommandKind.STOP for each in self._orders)
+        """Whether a stop waits to be carried out before all else."""
+        return any(
+            each.kind is RegisterCommandKind.STOP and not self._comes_after_reading(each)
+            for each in self._orders
+        )
+
+    @property
+    def is_urgent(self) -> bool:
+        """Whether a command waits to be carried out before the next reading."""
+        return not all(self._comes_after_reading(each) for each in self._orders)
+
+    def _comes_after_reading(self, waiting: RegisterCommand) -> bool:
+        return self._owes_reading and (
+            waiting.kind is RegisterCommandKind.SETPOINT or waiting == self._stopped_by
+        )
 
     @property
     def has_orders(self) -> bool:
@@ -166,9 +206,10 @@ class RelayedModule:
             AdapterError: the line is gone. ArgumentError: its list of endpoints does not fit. NodeError: it rejects a request.
             DriveError: it stores another value than was written, or its modes would be changed under power.
         """
-        if self._orders:
+        if self.is_urgent:
             self._attempt(self._orders.popleft())
             return []
+        self._owes_reading = False
         try:
             if self._questions:
                 answer = self._questions.popleft()()
@@ -197,8 +238,15 @@ class RelayedModule:
 
     def _stop(self, writes: Writes) -> None:
         self._resting_until = 0.0
-        for name, value in writes:
-            self._module.dialogue.shout(requests.write(named(name), value))
+        answered = [self._module.dialogue.shout(requests.write(named(name), value)) for name, value in writes]
+        if writes == BRAKE:
+            self._modes = writes
+        self._owes_reading = all(answered)
+        self._stopped_by = RegisterCommand(RegisterCommandKind.STOP, writes) if all(answered) else None
+
+    def _set_point(self, writes: Writes) -> None:
+        self._put(writes)
+        self._owes_reading = True
 
     def _put(self, writes: Writes) -> None:
         for name, value in writes:
@@ -212,6 +260,7 @@ class RelayedModule:
     def _set_modes(self, writes: Writes) -> None:
         if self._module.state == IDLE:
             self._put(writes)
+            self._modes = writes
             return
         if any(self._module.read(name) != value for name, value in writes):
             raise DriveError(
@@ -226,8 +275,20 @@ class RelayedModule:
 
     def _power(self, writes: Writes) -> None:
         if self._module.state == IDLE:
+            self._put(
+                self._modes
+            )  # a brake is not read back, and a stop of another program may have changed them
+            self._enabling = True
             for name, value in writes:
                 self._module.dialogue.write(requests.write(named(name), value))
+
+    def _calibrate(self, writes: Writes) -> None:
+        if self._module.state == IDLE:
+            for name, value in writes:
+                register = named(name)  # whose table does not allow a calibration as a value
+                self._module.dialogue.write(
+                    ModbusRequest(ModbusFunction.WRITE_ONE, register.address, register.count, (int(value),))
+                )
 
     # Requests.
 
@@ -281,7 +342,36 @@ class RelayedModule:
         word = self._ask("driver_error") if int(flags) & _AXIS_FLAG else 0
         self._life = (self._life + 1) % _LIVES
         yield heartbeat(self.node, int(state), int(flags), int(word), self._life)
-        yield self._estimates() if state == CLOSED_LOOP else self._count()
+        if state != CLOSED_LOOP:
+            if self._list is not None:
+                yield self._count(*self._list)
+            return
+        if self._enabling:
+            self._enabling = False
+            self._require_new_target()
+        yield self._estimates()
+        if _TORQUE_CONTROL in self._modes:
+            yield self._current()
+
+    def _require_new_target(self) -> None:
+        """Check that a module in position control was enabled with its position as set-point.
+
+        Raises:
+            UncommandedMotion: it has another set-point, to which it would move.
+        """
+        if _POSITION_CONTROL not in self._modes:
+            return
+        place, target = self._ask("position_feedback"), self._ask("position_setpoint")
+        if not abs(target - place) <= _PLACE:
+            raise UncommandedMotion(
+                f"module {self.node} was enabled in another position than its set-point",
+                observed=f"in turns of the rotor, its position is {place:.4f} and its set-point {target:.4f}",
+                remedy="its firmware stores an old set-point, to which it would move: do not use positions over Modbus with it",
+            )
+
+    def _current(self) -> Told:
+        values = {"Iq_Setpoint": self._ask("iq_setpoint"), "Iq_Measured": self._ask("iq_feedback")}
+        return message(self.node, "Get_Iq", values)
 
     def _estimates(self) -> Told:
         values = {
@@ -290,9 +380,9 @@ class RelayedModule:
         }
         return message(self.node, "Get_Encoder_Estimates", values)
 
-    def _count(self) -> Told:
+    def _count(self, listed: EndpointList, made_for: Firmware) -> Told:
         if not self._fits:
-            self._parameters.open(*self._list)
+            self._parameters.open(listed, made_for)
             self._fits = True
         count = int(self._parameters.read(COUNT))
         return message(self.node, "Get_Encoder_Count", {"Shadow_Count": 0, "Count_In_Cpr": count})
@@ -304,6 +394,12 @@ class RelayedModule:
         return found
 
 
+def _replaces(new: RegisterCommand, waiting: RegisterCommand) -> bool:
+    """Whether a command makes the one before it needless: it is the same, or a newer set-point for the same register."""
+    same = [name for name, _ in new.writes] == [name for name, _ in waiting.writes]
+    return new == waiting or (same and new.kind is waiting.kind is RegisterCommandKind.SETPOINT)
+
+
 def _nothing() -> None:
     """Send no answer: the value is sent cyclically, or not available."""
 
@@ -312,8 +408,10 @@ _CARRIED_OUT: dict[RegisterCommandKind, Callable[[RelayedModule, Writes], None]]
     RegisterCommandKind.STOP: RelayedModule._stop,
     RegisterCommandKind.MODES: RelayedModule._set_modes,
     RegisterCommandKind.VALUES: RelayedModule._put,
+    RegisterCommandKind.SETPOINT: RelayedModule._set_point,
     RegisterCommandKind.ACT: RelayedModule._act,
     RegisterCommandKind.POWER: RelayedModule._power,
+    RegisterCommandKind.CALIBRATION: RelayedModule._calibrate,
 }
 
 
@@ -327,10 +425,23 @@ _BUS_MOST = 1000  # waiting frames; more only arise if the line does not work
 class Relay:
     """The modules of a line; ``take`` may be called from any thread, all other methods from one thread only."""
 
-    def __init__(self, wire: Wire, modules: Mapping[int, tuple[EndpointList, Firmware]]) -> None:
-        """``modules``: by node ID (1 to 63) the endpoint list of its firmware, and the firmware version of that list."""
+    def __init__(
+        self,
+        wire: Wire,
+        modules: Mapping[int, Listed | None],
+        *,
+        devices: Mapping[int, int] | None = None,
+        calibrates: bool = False,
+    ) -> None:
+        """``modules``: by node ID (1 to 63) the endpoint list of its firmware, and the firmware version of that list.
+
+        ``devices``: by node ID the address on the line, if they differ. ``calibrates``: requests for a calibration are carried out.
+        """
         self._wire = wire
-        self._modules = {node: RelayedModule(wire, node, *listed) for node, listed in modules.items()}
+        self._modules = {
+            node: RelayedModule(wire, node, listed, device=(devices or {}).get(node), calibrates=calibrates)
+            for node, listed in modules.items()
+        }
         self._turns = cycle(list(self._modules.values()))
         self._came: deque[tuple[int, bytes, bool]] = deque(maxlen=_BUS_MOST)
 
@@ -360,11 +471,11 @@ class Relay:
                 self._modules[told.node].hear(told)
 
     def _next(self) -> RelayedModule | None:
-        """Return the next module: one with a stop first, then one with commands, then the modules in turn."""
+        """Return the next module: one with a stop first, then one with urgent commands, then the modules in turn."""
         modules = list(self._modules.values())
         for ahead in (
             [each for each in modules if each.is_stopped],
-            [each for each in modules if each.has_orders],
+            [each for each in modules if each.is_urgent],
         ):
             if ahead:
                 return ahead[0]

@@ -24,8 +24,8 @@ _LOOK = 0.1
 _SETTINGS = (RegisterKind.SETTING, RegisterKind.MODE)
 _ELSEWHERE = {
     RegisterKind.ADDRESS: "set_node_id changes it (axisbus gim6010 modbus write node_id=5)",
-    RegisterKind.TARGET: "a set-point is given with a motion (axisbus gim6010 modbus move)",
-    RegisterKind.STATE: "a motion enables, and ends it (axisbus gim6010 modbus move and stop)",
+    RegisterKind.TARGET: "a set-point is given with a motion of an axis in a cell file (axisbus move)",
+    RegisterKind.STATE: "an axis of a cell file enables it (axisbus move), and axisbus gim6010 modbus stop ends it",
     RegisterKind.ACT: "axisbus gim6010 modbus stop stops it, errors --clear clears, write --save saves",
     RegisterKind.ENDPOINT: "parameters are written by their names, with --list",
 }
@@ -376,11 +376,6 @@ class StatusRead:
     flags: int
     position: float | None = None
     velocity: float | None = None
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether the motor is energised and in closed loop."""
-        return self.state == CLOSED_LOOP
 
 
 def look(module: ModbusModule, tries: int) -> StatusRead:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402 import statusword as sw
+from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import PowerState
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
@@ -14,7 +15,7 @@ from axisbus.drives.gim6010.can_simple.port.power_stage import (
     ModulePowerStage,
     Power,
 )
-from axisbus.drives.gim6010.can_simple.port.setpoints import TRAPEZOID, ModuleSetPoints, Orders
+from axisbus.drives.gim6010.can_simple.port.setpoints import BY_LINE, TRAPEZOID, ModuleSetPoints, Orders
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 
 _ALWAYS = sw.VOLTAGE_ENABLED | sw.REMOTE
@@ -27,7 +28,7 @@ class ModuleDrive:
     def __init__(self, settings: ModuleSettings, hearing: ModuleFeedback) -> None:
         self.targets = Targets()
         self.profile = ModuleProfile(settings)
-        self.mode = 0  # 6060h, and so 6061h
+        self.mode = 0  # 6060h
         self.frames: list[Outgoing] = []
         self._settings = settings
         self._hearing = hearing
@@ -39,6 +40,7 @@ class ModuleDrive:
         self._leads: ModuleMode | None = None
         self._word = 0
         self._halted = False
+        self._took_over = False  # the module was found enabled
         self._now = 0.0
 
     def look(self, now: float) -> None:
@@ -47,7 +49,7 @@ class ModuleDrive:
         self._stage.look()
         self._lead.look(now)
         if not self._stage.is_on:
-            self._leads = None
+            self._leads, self._took_over = None, False
         if self._stage.power in _LETTING_GO:
             self._lead.forget()
 
@@ -61,11 +63,17 @@ class ModuleDrive:
         stands = state is PowerState.QUICK_STOP_ACTIVE and self._lead.stands
         return word | (sw.TARGET_REACHED if stands else 0)
 
+    @property
+    def shown_mode(self) -> int:
+        """6061h: velocity control after a torque that was braked on a serial line, until the module has been in idle."""
+        braked = self.mode == ModeOfOperation.PROFILE_TORQUE and self._lead.is_braked and self._lead.stands
+        return ModeOfOperation.PROFILE_VELOCITY if braked else self.mode
+
     # Requests.
 
     def choose(self, mode: int) -> None:
         """Take 6060h; an unsupported mode is ignored, as 6061h then shows."""
-        if mode == self.mode or mode not in self._kinds:
+        if mode == self.mode or mode not in self._kinds or self._lead.is_braked:
             return
         self.mode = mode
         if self._stage.is_on and self._stage.shown is PowerState.OPERATION_ENABLED:
@@ -106,7 +114,7 @@ class ModuleDrive:
 
     def _run(self, word: int, edge: int) -> None:
         """Execute a cycle in closed loop that this program has requested."""
-        if self._stage.shown is PowerState.QUICK_STOP_ACTIVE or self._lead.is_braked:
+        if self._stage.shown is PowerState.QUICK_STOP_ACTIVE or self._must_let_go:
             self._run_quick_stop()
             return
         if self._leads is None:
@@ -119,6 +127,13 @@ class ModuleDrive:
             self._leads.halt(word, edge, not before)
         else:
             self._leads.step(word, edge)
+
+    @property
+    def _must_let_go(self) -> bool:
+        """Whether the module, on a serial line, brakes by velocity 0 and goes to idle at standstill."""
+        return self._took_over or (
+            self._lead.is_braked and self._settings.line_mode is ModeOfOperation.PROFILE_POSITION
+        )
 
     def _run_quick_stop(self) -> None:
         """Command velocity 0 on the module's own ramp; at standstill hold the position, or remove the power."""
@@ -144,9 +159,12 @@ class ModuleDrive:
         hearing = self._hearing
         hearing.trust()
         self._lead.forget()
-        self.frames += [self._orders.limits(), self._orders.velocity(0.0)]
-        self._lead.use(TRAPEZOID)
-        self._flush()
+        if self._settings.relayed:
+            self._prepare_by_line()
+        else:
+            self.frames += [self._orders.limits(), self._orders.velocity(0.0)]
+            self._lead.use(TRAPEZOID)
+            self._flush()
         self.frames.append(self._orders.closed_loop())
         if self._stage.refused == 1:
             hearing.tell(
@@ -154,11 +172,18 @@ class ModuleDrive:
                 "was commanded to closed loop, and its heartbeat reports another state: the command is repeated",
             )
 
+    def _prepare_by_line(self) -> None:
+        """Send the mode first: a relay takes the frame of velocity control for a stop, and discards all frames before a stop."""
+        self._lead.use(BY_LINE[self._settings.line_mode])
+        self._flush()
+        self.frames += [self._orders.limits(), self._orders.velocity(0.0), self._orders.torque(0.0)]
+
     def _take_over(self) -> None:
         """Take control of a module that is in closed loop already."""
         self._hearing.trust()
         self.frames.append(self._orders.limits())
         if self._settings.relayed:  # its modes are unknown, and they are not changed under power
+            self._took_over = True
             self._lead.turn(0.0)
         else:
             self._begin()

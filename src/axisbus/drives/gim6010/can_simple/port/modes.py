@@ -250,16 +250,26 @@ class Torque(ModuleMode):
         self._lead.push(0.0)
 
     def step(self, word: int, edge: int) -> None:  # noqa: ARG002
-        """Send the next torque of the slope."""
+        """Send the next torque of the slope; a module that was braked on a serial line stays braked."""
+        if self._lead.is_braked:
+            self._lead.turn(0.0)
+            return
         wanted = self._profile.torque(self._targets.torque)
         change = self._profile.slope * self._means.settings.period
         self._ramped = max(self._ramped - change, min(self._ramped + change, wanted))
         self._lead.push(self._ramped)
 
     def halt(self, word: int, edge: int, first: bool) -> None:  # noqa: ARG002
-        """Brake on the module's velocity ramp; the torque starts from 0 afterwards."""
+        """Brake on the module's velocity ramp; the torque starts from 0 afterwards.
+
+        On a serial line the brake cannot be left under power: an axis at standstill that got no torque yet is not braked.
+        """
+        at_rest = self._lead.is_pushed and not self._ramped and not self._lead.moves
         self._ramped = 0.0
-        self._lead.turn(0.0)
+        if self._means.settings.relayed and at_rest:
+            self._lead.push(0.0)
+        else:
+            self._lead.turn(0.0)
 
     def bits(self, halted: bool) -> int:
         """Bit 10: the slope has ended; under halt: the motor is at standstill."""
@@ -305,6 +315,13 @@ class ModuleHoming(ModuleMode):
         self._bits = 0
         self._since: float | None = None  # start time; None: not running
 
+    def begin(self) -> None:
+        """Brake to standstill and hold; with torque 0 on a serial line, where torque control cannot be left under power."""
+        if self._means.settings.relayed and self._lead.is_pushed:
+            self._lead.push(0.0)
+        else:
+            super().begin()
+
     def step(self, word: int, edge: int) -> None:  # noqa: ARG002
         """Home at the rising edge of bit 4, as soon as the motor is at standstill."""
         if edge & cw.HOMING_START:
@@ -332,16 +349,12 @@ MODES: dict[int, type[ModuleMode]] = {
 }
 
 
-_RELAYED = (_M.PROFILE_POSITION, _M.HOMING)
-
-
 def modes_of(settings: ModuleSettings) -> dict[int, type[ModuleMode]]:
     """Return the modes that a module supports with its settings: torque needs the torque settings.
 
     On a serial line only modes remain that need a single control and input mode from idle to idle: the two are separate registers,
     and the behaviour of a module under power between the two writes is unknown.
     """
-    if settings.relayed:
-        return {mode: MODES[mode] for mode in _RELAYED}
     left_out = () if settings.torque is not None else (_M.PROFILE_TORQUE,)
-    return {mode: kind for mode, kind in MODES.items() if mode not in left_out}
+    wanted = (settings.line_mode, _M.HOMING) if settings.relayed else tuple(MODES)
+    return {mode: kind for mode, kind in MODES.items() if mode in wanted and mode not in left_out}

@@ -121,7 +121,7 @@ class ModulePort:
             now,
             known and not silent and not self._is_new,
             Sample(drive.statusword, hearing.beat_at) if known else None,
-            Sample(drive.mode, hearing.beat_at) if known else None,
+            Sample(drive.shown_mode, hearing.beat_at) if known else None,
             self._position,
             self._velocity,
             self._torque,
@@ -210,7 +210,7 @@ class ModulePort:
         found: dict[int, Read] = {
             o.STATUSWORD: lambda: drive.statusword,
             o.MODES_OF_OPERATION: lambda: drive.mode,
-            o.MODES_OF_OPERATION_DISPLAY: lambda: drive.mode,
+            o.MODES_OF_OPERATION_DISPLAY: lambda: drive.shown_mode,
             o.POSITION_ACTUAL: _value(lambda: self._position),
             o.VELOCITY_ACTUAL: _value(lambda: self._velocity),
             o.TARGET_POSITION: lambda: drive.targets.position,
@@ -218,6 +218,9 @@ class ModulePort:
         }
         if self.settings.torque is not None:
             found[o.TORQUE_ACTUAL] = _value(lambda: self._torque)
+        if (
+            self.settings.torque is not None or self.settings.relayed
+        ):  # by line, the mode decides, and not the objects
             found[o.TARGET_TORQUE] = lambda: drive.targets.torque
         return {(index, 0): read for index, read in found.items()} | error_objects(self._hearing.trouble)
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 
+from axisbus.cia402.modes import ModeOfOperation
 from axisbus.drives.gim6010.can_simple import codec
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.fields import Number
@@ -73,7 +74,16 @@ class ModuleSetPoints:
     @property
     def is_braked(self) -> bool:
         """Whether the module was braked by velocity 0 on a serial line, where its mode is not changed back under power."""
-        return self._settings.relayed and self._mode == VELOCITY
+        return (
+            self._settings.relayed
+            and self._mode == VELOCITY
+            and self._settings.line_mode is not ModeOfOperation.PROFILE_VELOCITY
+        )
+
+    @property
+    def is_pushed(self) -> bool:
+        """Whether the module is in torque control."""
+        return self._mode == TORQUE
 
     def look(self, now: float) -> None:
         """Begin a cycle at time ``now``."""
@@ -140,10 +150,11 @@ class ModuleSetPoints:
     def rest(self, down: float) -> None:
         """Brake to standstill along a trajectory with deceleration ``down`` (turns/s², above 0), and hold there.
 
-        If position or velocity is unknown, command velocity 0 on the module's own ramp.
+        If position or velocity is unknown, or a module on a serial line is not in position control, command velocity 0 on the
+        module's own ramp.
         """
         here, velocity = self._place.turns, self.velocity
-        if here is None or velocity is None:
+        if here is None or velocity is None or not self._has_positions:
             self.turn(0.0)
             return
         if abs(velocity) <= MOVES and (self.goal is None or abs(self.goal - here) <= _NEAR):
@@ -158,6 +169,10 @@ class ModuleSetPoints:
         ):
             return  # it already brakes, to a position before that one
         self.go(end, 1.1 * speed, down, down)
+
+    @property
+    def _has_positions(self) -> bool:
+        return not self._settings.relayed or BY_LINE[self._settings.line_mode] == TRAPEZOID
 
     def _way_to_rest(self, here: float, velocity: float, down: float) -> tuple[float, float]:
         """Return the signed braking distance and the initial speed, which may have increased since the last measurement."""
@@ -203,6 +218,12 @@ class ModuleSetPoints:
 # set-points paused, and a dead master is a pause.
 TRAPEZOID, FILTER = (3, 5), (3, 3)
 VELOCITY, TORQUE = (2, 2), (1, 6)
+# The control and input mode in which a module on a serial line is enabled.
+BY_LINE = {
+    ModeOfOperation.PROFILE_POSITION: TRAPEZOID,
+    ModeOfOperation.PROFILE_VELOCITY: VELOCITY,
+    ModeOfOperation.PROFILE_TORQUE: TORQUE,
+}
 
 
 class Orders:

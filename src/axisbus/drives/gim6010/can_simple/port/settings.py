@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
+from axisbus.cia402.modes import ModeOfOperation
 from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.can_simple.messages import HIGHEST_CURRENT
 from axisbus.errors import ArgumentError, LimitError
@@ -48,7 +49,7 @@ class ModuleSettings:
     not available. If ``quick_stop_holds``, the module keeps its power after a quick stop and holds the position. ``remote``: the
     bus carries remote frames. ``relayed``: the module is on a serial line and a relay reads its registers one after the other
     (``modbus.can_emulation``). The relay sends all values unasked, more slowly and less reliably than a bus, and the modes are set
-    only in idle.
+    only in idle. Therefore a relayed module has one mode beside homing, ``line_mode``: profile position, velocity or torque.
 
     Raises:
         ArgumentError: the node ID is invalid, or a value is not above 0.
@@ -67,6 +68,7 @@ class ModuleSettings:
     quick_stop_holds: bool = False
     remote: bool = True
     relayed: bool = False
+    line_mode: ModeOfOperation = ModeOfOperation.PROFILE_POSITION
 
     @property
     def fresh(self) -> float:
@@ -89,6 +91,6 @@ class ModuleSettings:
 def _check(settings: TorqueSettings | ModuleSettings, what: str) -> None:
     for each in fields(settings):
         value = getattr(settings, each.name)
-        is_number = isinstance(value, float | int) and not isinstance(value, bool)
+        is_number = isinstance(value, float | int) and not isinstance(value, bool | ModeOfOperation)
         if is_number and each.name != "node" and not 0.0 < value < math.inf:
             raise ArgumentError(f"{each.name} of the {what}: {value!r} is not above 0")

@@ -17,10 +17,11 @@ from axisbus.drives.gim6010.modbus.registers import RATES
 from axisbus.errors import UserError
 
 if TYPE_CHECKING:
+    from axisbus.bus.link.channel import Channel
+    from axisbus.drives.gim6010.bus.modbus_watchdog_process import ModbusWatchdogProcess
     from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware
+    from axisbus.drives.gim6010.modbus.can_emulation import Listed
     from axisbus.drives.gim6010.modbus.module import ModbusModule
-    from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
-    from axisbus.drives.gim6010.modbus.motion.watchdog_process import ModbusWatchdogProcess
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 
 PARITIES = ("none", "even", "odd")
@@ -129,23 +130,27 @@ def opened(target: ModbusTarget) -> Iterator[ModbusModule]:
 
 
 @contextmanager
-def axis(target: ModbusTarget) -> Iterator[ModbusAxis]:
-    """Open the module to move it, with a watchdog process; at the end of the block it is stopped, and the result is printed.
+def line_of(
+    target: ModbusTarget, listed: Listed | None = None, *, calibrates: bool = False
+) -> Iterator[Channel]:
+    """Open the port as the channel of the module, whose registers are polled from now on; ``listed`` and ``calibrates`` as for
+    ``Relay``.
 
     Raises:
-        StateError: the module is not idle, or the watchdog process cannot be started.
-        NodeError: the module does not answer.
-        UserError, AdapterError: as ``opened``.
+        As ``opened``.
     """
-    from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
+    from axisbus.drives.gim6010.bus.one_module_line import open_line
+    from axisbus.drives.gim6010.modbus.serial_wire import Parity
 
-    with opened(target) as module:
-        module.require_idle("it is enabled")
-        with (
-            guard(target) as watchdog,
-            ModbusAxis(module, tell=say_note, guarded=lambda: watchdog.is_there) as found,
-        ):
-            yield found
+    with open_line(
+        target.port,
+        target.node,
+        rate=target.rate,
+        parity=Parity[target.parity.upper()],
+        listed=listed,
+        calibrates=calibrates,
+    ) as channel:
+        yield channel
 
 
 @contextmanager
@@ -155,7 +160,7 @@ def guard(target: ModbusTarget) -> Iterator[ModbusWatchdogProcess]:
     Raises:
         StateError: it cannot be started.
     """
-    from axisbus.drives.gim6010.modbus.motion.watchdog_process import ModbusWatchdogProcess
+    from axisbus.drives.gim6010.bus.modbus_watchdog_process import ModbusWatchdogProcess
     from axisbus.drives.gim6010.modbus.serial_wire import Parity
 
     watchdog = ModbusWatchdogProcess(

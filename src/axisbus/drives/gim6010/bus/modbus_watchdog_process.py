@@ -1,11 +1,11 @@
-"""The watchdog process that stops a module if the program that moves it is killed.
+"""The watchdog process that stops a module if the program that calibrates it outside a cell is killed.
 
 Theory of operation
 -------------------
 No function of a module notices a dead master, so another process must. The watchdog process is started, and ready, before anything
-is enabled. It holds one end of a pipe. If the other end closes without a message, the program is dead, and its port is free. Then
-the watchdog process opens the port and runs the stop sequence, beginning with velocity 0. Signals of the terminal do not reach it.
-It does not help if the computer, the adapter or the cable fails, or if the program hangs.
+is requested. It holds one end of a pipe. If the other end closes without a message, the program is dead, and its port is free. Then
+the watchdog process opens the port and stops the module as ``axisbus gim6010 modbus stop`` does. Signals of the terminal do not
+reach it. It does not help if the computer, the adapter or the cable fails, or if the program hangs.
 """
 
 from __future__ import annotations
@@ -17,16 +17,15 @@ import time
 from types import TracebackType
 from typing import Self
 
-from axisbus.drives.gim6010.modbus.module import ModbusModule
-from axisbus.drives.gim6010.modbus.motion.driver import stop
-from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire, libraries
+from axisbus.bus.link.channel import Channel
+from axisbus.drives.gim6010.bus.one_module_line import open_line, stop_on_line
+from axisbus.drives.gim6010.modbus.serial_wire import Parity, libraries
 from axisbus.errors import AdapterError, AxisbusError, StateError
 from axisbus.system.signals import OWN_GROUP, present
 
 _READY, _OVER = b"ready\n", b"over\n"
 _PATIENCE = 5.0  # s until the port of a dead program is free
 _AGAIN = 0.02
-_LATE = 0.1  # s for an answer to a request of the dead program
 
 
 class ModbusWatchdogProcess:
@@ -88,21 +87,20 @@ def main(arguments: list[str]) -> int:
         return 0
     _say(f"module {device}: the program that moved it is dead: it is stopped now")
     try:
-        wire = _free(port, int(rate), Parity(parity))
-        wire.drain(_LATE)
-        stop(ModbusModule(wire, int(device)), tell=_say)
+        with _free(port, int(device), int(rate), Parity(parity)) as channel:
+            stop_on_line(channel, int(device), tell=_say, impatience=lambda: 0)
     except AxisbusError as error:
         _say(str(error))
         return 3
     return 0
 
 
-def _free(port: str, rate: int, parity: Parity) -> SerialWire:
+def _free(port: str, device: int, rate: int, parity: Parity) -> Channel:
     """Open the port as soon as it is free."""
     end = time.monotonic() + _PATIENCE
     while True:
         try:
-            return SerialWire(port, rate=rate, parity=parity)
+            return open_line(port, device, rate=rate, parity=parity)
         except AdapterError:
             if time.monotonic() > end:
                 raise
