@@ -25,7 +25,6 @@ STATES = {
 }
 # The manual also lists 0 (undefined), for which there is no use.
 REQUESTED_STATES = {state: STATES[state] for state in (IDLE, 3, 4, 7, CLOSED_LOOP)}
-CALIBRATIONS = frozenset({3, 4, 7})  # the motor may turn, and must have no load
 
 
 def state_words(state: int) -> str:
