@@ -395,6 +395,47 @@ def test_a_homing_method_that_the_slave_does_not_have_is_an_error(tmp_path):
         bench.must_be_still(0.0, energised=True)
 
 
+# -- a drive without 6061h ---------------------------------------------------------------------------------------------
+
+
+class Blind(CanworksSlave):
+    """A slave without 6061h: nothing shows whether it has taken a mode."""
+
+    EDS = EdsTable(
+        CanworksSlave.EDS.vendor,
+        CanworksSlave.EDS.product,
+        "\n".join(row for row in CanworksSlave.EDS.rows.splitlines() if not row.startswith("6061"))
+        .replace("1A00.0 U8 rw 2 ", "1A00.0 U8 rw 1 ")
+        .replace("0x60610008", "0x00000000"),
+    )
+
+
+def test_a_drive_without_6061h_takes_no_command_that_needs_another_mode(tmp_path, monkeypatch):
+    monkeypatch.setitem(SLAVES, "blind", Blind)
+    with Bench(tmp_path, "blind") as bench:
+        bench.enabled().x.move_absolute(1.0).wait(10)
+        bench.must_be_still(1.0, energised=True)
+        for command in (lambda: bench.x.home(35), lambda: bench.x.move_velocity(1.0)):
+            failed = bench.failure_of(command())
+            assert isinstance(failed, StateError)
+            assert "6061h" in failed.observed
+            bench.must_be_still(1.0, energised=True)
+        assert not bench.x.homed
+        assert bench.x.error is None
+        assert any("6061h" in doubt for doubt in bench.machine.reports[0].text().splitlines())
+
+
+def test_a_drive_without_6061h_runs_the_one_mode_that_the_cell_file_names(tmp_path, monkeypatch):
+    monkeypatch.setitem(SLAVES, "blind", Blind)
+    with Bench(tmp_path, "blind", axis='modes = ["pv"]') as bench:
+        bench.enabled().x.move_velocity(1.5).wait(10)
+        began = bench.position
+        time.sleep(1.0)
+        assert bench.position - began == pytest.approx(1.5, rel=0.02)
+        bench.x.halt().wait(10)
+        bench.must_be_still(energised=True)
+
+
 # -- missing modes -----------------------------------------------------------------------------------------------------
 
 
