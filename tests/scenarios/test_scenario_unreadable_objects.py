@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -161,6 +162,22 @@ def test_an_eds_is_made_of_a_device_with_any_name(put, axisbus, tmp_path, text, 
     assert axisbus("eds", "from-device", *bus, "1", "-o", target).code == 0
     assert f"DefaultValue={written}\n" in target.read_text("ascii")
     assert axisbus("eds", "check", target).code == 0
+
+
+# -- objects that the drive does not have ------------------------------------------------------------------------------
+
+
+def test_a_drive_that_is_silent_for_objects_that_it_does_not_have_is_booted_and_enabled(put):
+    _, cell = put(MuteForUnknown, broken=0)
+    began = time.monotonic()
+    with Machine.open(cell) as machine:
+        assert time.monotonic() - began < 60.0
+        text = machine.reports[0].text()
+        assert "605Dh missing" in text
+        assert "heartbeat" in text
+        machine["x"].enable().wait(5)
+        machine["x"].move_absolute(0.5, velocity=1.0, acceleration=5.0).wait(10)
+        machine["x"].disable().wait(5)
 
 
 # -- any other object --------------------------------------------------------------------------------------------------

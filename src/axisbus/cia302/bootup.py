@@ -272,7 +272,7 @@ class _Run(ProgramSteps):
         """Configure the node to send heartbeats; return the period in ms that it accepted, None if it cannot send any."""
         self._note(address=(o.PRODUCER_HEARTBEAT, 0))
         answer = yield from self._ask(BootWrite(o.PRODUCER_HEARTBEAT, 0, period))
-        if isinstance(answer, SdoAbortReply):
+        if isinstance(answer, SdoAbortReply) or (isinstance(answer, NoReply) and answer.for_this_only):
             return None
         if not isinstance(answer, Got):
             self._fail(None)
