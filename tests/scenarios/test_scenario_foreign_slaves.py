@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import os
+import re
 import time
 from pathlib import Path
 
@@ -434,6 +435,40 @@ def test_a_drive_without_6061h_runs_the_one_mode_that_the_cell_file_names(tmp_pa
         assert bench.position - began == pytest.approx(1.5, rel=0.02)
         bench.x.halt().wait(10)
         bench.must_be_still(energised=True)
+
+
+# -- a drive that ignores writes of its COB-IDs -------------------------------------------------------------------------
+
+
+class FixedCobIds(CanworksSlave):
+    """A slave that acknowledges writes of its COB-IDs and ignores them; all its PDOs but the first are off."""
+
+    EDS = EdsTable(
+        CanworksSlave.EDS.vendor,
+        CanworksSlave.EDS.product,
+        re.sub(
+            r"(1[48]0[123]\.1 U32 rw \$NODEID\+)(0x\w+)",
+            lambda found: f"{found[1]}{int(found[2], 16) | 0x8000_0000:#x}",
+            CanworksSlave.EDS.rows,
+        ),
+    )
+
+    def _download(self, index: int, subindex: int, data: bytes) -> None:
+        if index not in (*range(0x1400, 0x1404), *range(0x1800, 0x1804)) or subindex != 1:
+            super()._download(index, subindex, data)
+
+
+@pytest.mark.parametrize("node", ["", 'remap = "never"'], ids=["auto", "never"])
+def test_a_drive_that_ignores_writes_of_its_cob_ids_is_used_with_the_pdos_that_are_on(
+    tmp_path, monkeypatch, node
+):
+    monkeypatch.setitem(SLAVES, "fixed", FixedCobIds)
+    monkeypatch.setitem(NODE_LINES, "fixed", node)
+    with Bench(tmp_path, "fixed") as bench:
+        bench.enabled().x.move_absolute(1.0).wait(10)
+        bench.must_be_still(1.0, energised=True)
+        bench.x.disable().wait(5)
+        bench.must_be_still(energised=False)
 
 
 # -- missing modes -----------------------------------------------------------------------------------------------------

@@ -33,8 +33,13 @@ _OBJECT_REFUSED = frozenset({0x0602_0000, 0x0604_0041, 0x0604_0043, 0x0609_0011,
 
 
 _ATTEMPTS = 16
-# Communication parameters that also matter without a change of the mapping, with their keys in the cell file.
-_WITHOUT_REMAP = {"its transmission type": "transmission", "its SYNC start value": "sync_start"}
+_MAPPING = "its mapping"
+# Keys of the cell file for communication parameters.
+_KEYS = {
+    "its COB-ID": "cob_id",
+    "its transmission type": "transmission",
+    "its SYNC start value": "sync_start",
+}
 
 
 class _Refusal(Exception):
@@ -318,8 +323,8 @@ def _checked(sdo: SdoClient, pdo: PlannedPdo) -> PlannedPdo:
     """Read a PDO back; timers may be rounded, everything else must be as written.
 
     Raises:
-        BootError: it has another mapping or COB-ID, or is not switched as requested.
-        _NotKept: it has another transmission type or SYNC start value.
+        BootError: it has another mapping, or cannot be read.
+        _NotKept: another parameter is not as written.
     """
     now = read_pdo(sdo, pdo.receive, pdo.target.number)
     if now is None:
@@ -330,29 +335,34 @@ def _checked(sdo: SdoClient, pdo: PlannedPdo) -> PlannedPdo:
             ("its COB-ID", pdo.target.cob_id, now.cob_id),
             ("its transmission type", pdo.target.transmission_type, now.transmission_type),
             ("its SYNC start value", pdo.target.sync_start, now.sync_start),
-            ("its mapping", pdo.target.mapping, now.mapping),
+            (_MAPPING, pdo.target.mapping, now.mapping),
         ]
     for what, expected, got in checks:
         if expected != got:
             unlike = _unlike(sdo, pdo, what, expected, got)
-            raise _NotKept(unlike) if what in _WITHOUT_REMAP else unlike
+            raise unlike if what == _MAPPING else _NotKept(unlike)
     return replace(pdo, target=now)
 
 
 def _unlike(sdo: SdoClient, pdo: PlannedPdo, what: str, expected: object, got: object) -> BootError:
     at = Indices.of(pdo.receive, pdo.target.number)
-    index = at.mapping if what == "its mapping" else at.communication
-    key = _WITHOUT_REMAP.get(what)
+    index = at.mapping if what == _MAPPING else at.communication
     return BootError(
         f"node {sdo.node_id}: {pdo.name} accepted {what} without an error but reads back another value",
         node=sdo.node_id,
         step=_STEP,
         index=index,
         observed=f"{index:04X}h: written {_words(expected)}, read back {_words(got)}",
-        remedy=f"write {key} = {got} in [nodes.{sdo.node_id}.pdo.{pdo.name.lower()}], the value that the drive keeps"
-        if key is not None and got is not None
-        else 'set remap = "never" for this node, so that the drive keeps its mapping',
+        remedy=_keep_remedy(sdo.node_id, pdo.name.lower(), what, got),
     )
+
+
+def _keep_remedy(node: int, name: str, what: str, got: object) -> str:
+    if what == _MAPPING:
+        return 'set remap = "never" for this node, so that the drive keeps its mapping'
+    if what in _KEYS and got is not None:
+        return f"write {_KEYS[what]} = {got} in [nodes.{node}.pdo.{name}], the value that the drive keeps"
+    return f"leave [nodes.{node}.pdo.{name}] out of the cell file: the drive does not let this PDO be changed"
 
 
 def _words(value: object) -> str:
