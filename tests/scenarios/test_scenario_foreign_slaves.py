@@ -471,6 +471,35 @@ def test_a_drive_that_ignores_writes_of_its_cob_ids_is_used_with_the_pdos_that_a
         bench.must_be_still(energised=False)
 
 
+# -- a drive without 1005h ---------------------------------------------------------------------------------------------
+
+
+class WithoutSync(CanworksSlave):
+    """A slave without 1005h that does not react to SYNC."""
+
+    EDS = EdsTable(
+        CanworksSlave.EDS.vendor,
+        CanworksSlave.EDS.product,
+        "\n".join(row for row in CanworksSlave.EDS.rows.splitlines() if not row.startswith("1005")),
+    )
+
+    def _sync(self) -> None:
+        pass
+
+
+def test_a_drive_without_1005h_gets_a_warning_whose_remedy_works(tmp_path, monkeypatch):
+    monkeypatch.setitem(SLAVES, "without", WithoutSync)
+    with Bench(tmp_path, "without") as bench:
+        assert any("1005h" in each and "sync = false" in each for each in bench.machine.reports[0].warnings)
+    bench = Bench(tmp_path, "without")
+    text = bench.file.read_text().replace("[nodes.1]", "sync = false\n[nodes.1]")
+    bench.file.write_text(text)
+    with bench:
+        assert not any("1005h" in each for each in bench.machine.reports[0].warnings)
+        bench.enabled().x.move_absolute(1.0).wait(10)
+        bench.must_be_still(1.0, energised=True)
+
+
 # -- missing modes -----------------------------------------------------------------------------------------------------
 
 
