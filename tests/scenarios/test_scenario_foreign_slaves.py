@@ -471,6 +471,38 @@ def test_a_drive_that_ignores_writes_of_its_cob_ids_is_used_with_the_pdos_that_a
         bench.must_be_still(energised=False)
 
 
+# -- a slow SDO server -------------------------------------------------------------------------------------------------
+
+
+class SlowServer(CanworksSlave):
+    """A slave whose SDO server needs 0.3 s for each answer; its PDOs are as fast as those of others."""
+
+    def __init__(self, channel: str, node: int = NODE) -> None:
+        super().__init__(channel, node)
+        self.answers: list[tuple[float, bytes]] = []
+
+    def _send(self, can_id: int, data: bytes) -> None:
+        if can_id == 0x580 + self.node:
+            self.answers.append((time.monotonic() + 0.3, data))
+        else:
+            super()._send(can_id, data)
+
+    def _tick(self, now: float) -> None:
+        while self.answers and self.answers[0][0] <= now:
+            super()._send(0x580 + self.node, self.answers.pop(0)[1])
+        super()._tick(now)
+
+
+def test_a_drive_with_a_slow_sdo_server_is_moved_over_its_synchronous_pdos(tmp_path, monkeypatch):
+    monkeypatch.setitem(SLAVES, "slow", SlowServer)
+    with Bench(tmp_path, "slow") as bench:
+        bench.enabled()
+        for goal in (1.0, -1.0):
+            bench.x.move_absolute(goal).wait(15)
+            bench.must_be_still(goal, energised=True)
+        bench.x.disable().wait(5)
+
+
 # -- a drive without 1005h ---------------------------------------------------------------------------------------------
 
 
