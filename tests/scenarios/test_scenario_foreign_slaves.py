@@ -40,6 +40,7 @@ from kit.foreign_slaves import (
     OPERATIONAL,
     PP,
     QUICK_STOP,
+    REACHED,
     SLAVES,
     CanworksSlave,
     EdsTable,
@@ -469,6 +470,27 @@ def test_a_drive_that_ignores_writes_of_its_cob_ids_is_used_with_the_pdos_that_a
         bench.must_be_still(1.0, energised=True)
         bench.x.disable().wait(5)
         bench.must_be_still(energised=False)
+
+
+# -- a drive that never reports its arrival -------------------------------------------------------------------------------
+
+
+class NeverReached(CanworksSlave):
+    """A slave that never sets bit 10 of the statusword."""
+
+    def _status(self, word: int) -> int:
+        return super()._status(word) & ~REACHED
+
+
+def test_a_drive_that_does_not_report_its_arrival_is_named_and_not_a_blocked_axis(tmp_path, monkeypatch):
+    monkeypatch.setitem(SLAVES, "unreported", NeverReached)
+    with Bench(tmp_path, "unreported") as bench:
+        failed = bench.failure_of(bench.enabled().x.move_absolute(1.0))
+        bench.must_be_still(1.0, energised=True)
+        assert "bit 10) is 0" in failed.observed
+        assert "6067h" in failed.remedy
+        assert "csp" in failed.remedy
+        assert "blocked" not in failed.remedy
 
 
 # -- a slow SDO server -------------------------------------------------------------------------------------------------

@@ -163,7 +163,9 @@ class DriveMonitoringSetup:
         try:
             self._objects.write_unchecked(index, subindex, value)
         except SdoAbort as refusal:
-            self._refusals.append(f"{index:04X}h:{subindex:02X} = 0x{value:X} (abort code 0x{refusal.code:08X})")
+            self._refusals.append(
+                f"{index:04X}h:{subindex:02X} = 0x{value:X} (abort code 0x{refusal.code:08X})"
+            )
             return False
         self._before.append((index, subindex, back))
         got = read_int(self._objects, index, subindex)
