@@ -305,8 +305,6 @@ def command(
     """
     require_other_thread(channel, "a confirmed NMT command")
     reports, bootups = monitor.reports, monitor.bootups
-    if wanted is NmtCommand.START:
-        monitor.note_start(channel.syncs.count)
     send(channel, wanted, monitor.node_id)
     if wanted in _RESETS:
         monitor.wait_bootup(timeout, after=bootups)
