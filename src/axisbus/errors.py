@@ -254,7 +254,13 @@ class DuplicateNodeError(NodeError):
 
 
 class SdoError(BusError):
-    """An SDO transfer failed; ``node``, ``index`` and ``subindex`` name the object."""
+    """An SDO transfer failed; ``node``, ``index`` and ``subindex`` name the object.
+
+    ``for_this_only``: the node serves other objects. It has refused this one, or was silent for it only: some drives are silent for
+    an object that they do not have.
+    """
+
+    for_this_only = False
 
     def __init__(
         self, message: str, *, node: int, index: int, subindex: int, observed: str = "", remedy: str = ""
@@ -281,6 +287,7 @@ class SdoAbort(SdoError):
     ) -> None:
         super().__init__(message, node=node, index=index, subindex=subindex, observed=observed, remedy=remedy)
         self.code = code
+        self.for_this_only = True
 
 
 class SdoTimeout(SdoError, TimeoutError):

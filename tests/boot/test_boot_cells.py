@@ -105,6 +105,18 @@ def test_the_modes_are_those_that_objects_and_the_drives_own_6502h_show(tmp_path
         assert "6502h lists ip, but 60C1h is missing" in report.text()
 
 
+def test_a_drive_that_refuses_to_monitor_the_master_is_reported_with_object_and_abort_code(tmp_path):
+    made = device()
+    made.dials.sdo_write_aborts[0x1016, 1] = 0x0604_0043
+    for number in range(4):
+        made.dials.sdo_write_aborts[0x1400 + number, 5] = 0x0601_0002
+    with simulated(cell(tmp_path), made) as machine:
+        report = machine.reports[0]
+        assert report.watchdog.kind is Watchdog.NONE
+        assert "1016h:01 = 0x7F012C (abort code 0x06040043)" in report.watchdog.text
+        assert report.watchdog.text in report.warnings
+
+
 def test_a_heartbeat_consumer_entry_of_another_producer_is_kept(tmp_path):
     made = device()
     entries = made.read(0x1016, 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.pdo.configure import configure
+from axisbus.bus.pdo.configure import configure, set_pdo
 from axisbus.bus.pdo.plan import PdoChange, PdoPlan, PdoRequirements, Policy
 from axisbus.bus.pdo.read import read_pdo, read_pdos
 from axisbus.bus.sdo.client import SdoClient
@@ -274,6 +274,39 @@ def test_a_drive_that_accepts_a_mapping_and_does_not_store_it_is_reported(
     assert "607A:00/32" in error.observed
     assert "60FF:00/32" in error.observed
     assert "remap" in error.remedy
+
+
+def test_a_drive_that_accepts_a_transmission_type_and_does_not_store_it_keeps_its_own(
+    sdo: SdoClient, slave: Slave
+) -> None:
+    original = slave._write
+    before = {key: bytes(value) for key, value in slave.objects.items()}
+
+    def write(index: int, subindex: int, value: bytes) -> int:
+        kept = index in (0x1400, 0x1401, 0x1800, 0x1801) and subindex == 2
+        return 0 if kept else original(index, subindex, value)
+
+    slave.objects[0x1400, 2] = slave.objects[0x1800, 2] = b"\xff"
+    slave._write = write  # type: ignore[method-assign]
+    plan = configure(sdo, PAIR)
+    assert {pdo.target.transmission_type for pdo in plan.active if pdo.before.number == 1} == {255}
+    assert any("transmission type" in note and "FFh" in note for note in plan.notes)
+    assert slave.objects[0x1600, 1] == before[0x1600, 1]  # the mapping is the drive's own again
+
+
+def test_a_requested_transmission_type_that_the_drive_does_not_store_is_an_error_with_the_key_to_write(
+    sdo: SdoClient, slave: Slave
+) -> None:
+    original = slave._write
+    slave.objects[0x1400, 2] = b"\xff"
+
+    def write(index: int, subindex: int, value: bytes) -> int:
+        return 0 if (index, subindex) == (0x1400, 2) else original(index, subindex, value)
+
+    slave._write = write  # type: ignore[method-assign]
+    with pytest.raises(BootError, match="RPDO1 accepted its transmission type") as caught:
+        set_pdo(sdo, True, 1, transmission_type=1)
+    assert "transmission = 255 in [nodes.5.pdo.rpdo1]" in caught.value.remedy
 
 
 def test_a_second_boot_writes_nothing(sdo: SdoClient, slave: Slave) -> None:

@@ -398,3 +398,31 @@ def test_the_times_of_syncs_are_those_of_the_newest_thousand() -> None:
     assert (syncs.count, syncs.time(2000), syncs.time(977)) == (2000, 1000.0, 488.5)
     assert (syncs.time(976), syncs.time(2001)) == (-float("inf"), -float("inf"))
     assert [syncs.number_at(at) for at in (1001.0, 1000.0, 999.9, 700.2)] == [2000, 2000, 1999, 1400]
+
+
+def _slow_server(started: int | None, delay: float) -> list[float]:
+    """Return the lags over 2 s. The SDO server needs 0.3 s; each frame comes ``delay`` seconds after its SYNC."""
+    syncs, trips = SyncTimes(), RoundTrips()
+    trips.note(99.0, 99.3 + delay)
+    slot = SimpleNamespace(frames=0, latest=(b"", -1e9))
+    lags = Lags([(slot, 1, 0.1)], 0.01, syncs, trips, lambda: started)
+    seen = []
+    for cycle in range(200):
+        now = 100.0 + cycle * 0.01
+        syncs.note(now)
+        behind = round(delay / 0.01)
+        if cycle > behind:
+            slot.frames += 1
+            slot.latest = (b"", now - 0.007)
+        lags.look(now, cycle > 20)
+        seen.append(lags.late)
+    return seen
+
+
+def test_a_slow_sdo_server_is_no_delay_of_the_link_if_frames_are_counted_since_the_start_of_the_node():
+    assert max(_slow_server(0, 0.0)) == 0.0
+    assert max(_slow_server(None, 0.0)) > 0.1  # nothing shows it
+
+
+def test_a_delay_that_existed_at_the_start_of_the_node_is_known_by_the_frames_since_then():
+    assert _slow_server(0, 0.2)[-1] == pytest.approx(0.2, abs=0.011)

@@ -182,6 +182,44 @@ def test_letter_j_an_object_that_reads_back_another_value():
     assert (outcome.letter, outcome.expected, outcome.got) == (b.Letter.J, 3000, 2999)
 
 
+def test_letter_j_a_node_that_could_send_heartbeats_but_refuses_this_period():
+    slave = Slave()
+    slave.objects[0x1017, 0] = 0
+    slave.refuses[0x1017, 0] = 0x0609_0032  # too low
+    outcome = slave.run(plan())
+    assert (outcome.letter, outcome.step, outcome.address) == (
+        b.Letter.J,
+        "error control",
+        (0x1017, 0),
+    )
+    assert outcome.abort == 0x0609_0032
+    assert outcome.setting is not None
+    assert outcome.setting.value == 100
+    assert NmtCommand.START not in slave.commands()
+
+
+@pytest.mark.parametrize("abort", [0x0601_0002, 0x0609_0032, 0x0800_0022])
+def test_a_node_that_refuses_another_heartbeat_period_is_monitored_with_its_own(abort):
+    slave = Slave()
+    slave.objects[0x1017, 0] = 500
+    slave.refuses[0x1017, 0] = abort
+    outcome = slave.run(plan())
+    assert outcome.ok
+    assert outcome.control is b.ErrorControl.HEARTBEAT
+    assert outcome.consumer == pytest.approx(1.5)
+    assert any("500 ms" in each and f"0x{abort:08X}" in each for each in outcome.skipped)
+
+
+def test_a_node_that_cannot_write_1017h_is_guarded_and_the_refusal_is_named():
+    slave = Slave()
+    slave.objects[0x1017, 0] = 0
+    slave.refuses[0x1017, 0] = 0x0601_0002
+    outcome = slave.run(plan())
+    assert outcome.ok
+    assert outcome.control is b.ErrorControl.GUARDING
+    assert any("1017h" in each and "0x06010002" in each for each in outcome.skipped)
+
+
 def test_letter_k_no_heartbeat_after_error_control_was_started():
     slave = Slave()
     slave.beats = False

@@ -185,8 +185,9 @@ def test_code_writes_a_module(eds: Command, tmp_path: Path) -> None:
     assert (tmp_path / "drive.py").read_text() == eds("code", DRIVE).out
 
 
-def test_code_refuses_a_name_that_cannot_be_imported(eds: Command, tmp_path: Path) -> None:
-    code, _, err = eds("code", DRIVE, "-o", tmp_path / "my-drive.py")
+@pytest.mark.parametrize("name", ["my-drive.py", "class.py", "drive.txt"])
+def test_code_refuses_a_name_that_cannot_be_imported(eds: Command, tmp_path: Path, name: str) -> None:
+    code, _, err = eds("code", DRIVE, "-o", tmp_path / name)
     assert code == 2
     assert "not the name of a Python module" in err
 

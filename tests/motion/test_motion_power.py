@@ -250,6 +250,18 @@ def test_a_transition_that_is_not_taken_names_the_state_the_words_and_why(number
     assert r.axis.state is AxisState.ERRORSTOP
 
 
+def test_a_drive_that_still_initialises_is_named_so_and_not_its_supply():
+    r = rig()
+    bring_to(r, NOT_READY)
+    r.drive.power._timer = NEVER
+    r.drive.dials.no_voltage = True
+    with pytest.raises(TransitionError, match="not ready to switch on") as caught:
+        r.axis.enable().wait(10)
+    assert "initialises" in caught.value.remedy
+    assert "transition_time" in caught.value.remedy
+    assert "voltage" not in caught.value.remedy
+
+
 def test_a_drive_that_falls_back_again_and_again_is_given_up():
     """Each attempt resets nothing: the time of a state that was seen before is not granted again."""
     r = rig()

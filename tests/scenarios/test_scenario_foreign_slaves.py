@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import os
+import re
 import time
 from pathlib import Path
 
@@ -39,6 +40,7 @@ from kit.foreign_slaves import (
     OPERATIONAL,
     PP,
     QUICK_STOP,
+    REACHED,
     SLAVES,
     CanworksSlave,
     EdsTable,
@@ -393,6 +395,163 @@ def test_a_homing_method_that_the_slave_does_not_have_is_an_error(tmp_path):
         assert "bit 13" in failed.observed
         assert not bench.x.homed
         bench.must_be_still(0.0, energised=True)
+
+
+# -- a drive without 6061h ---------------------------------------------------------------------------------------------
+
+
+class Blind(CanworksSlave):
+    """A slave without 6061h: nothing shows whether it has taken a mode."""
+
+    EDS = EdsTable(
+        CanworksSlave.EDS.vendor,
+        CanworksSlave.EDS.product,
+        "\n".join(row for row in CanworksSlave.EDS.rows.splitlines() if not row.startswith("6061"))
+        .replace("1A00.0 U8 rw 2 ", "1A00.0 U8 rw 1 ")
+        .replace("0x60610008", "0x00000000"),
+    )
+
+
+def test_a_drive_without_6061h_takes_no_command_that_needs_another_mode(tmp_path, monkeypatch):
+    monkeypatch.setitem(SLAVES, "blind", Blind)
+    with Bench(tmp_path, "blind") as bench:
+        bench.enabled().x.move_absolute(1.0).wait(10)
+        bench.must_be_still(1.0, energised=True)
+        for command in (lambda: bench.x.home(35), lambda: bench.x.move_velocity(1.0)):
+            failed = bench.failure_of(command())
+            assert isinstance(failed, StateError)
+            assert "6061h" in failed.observed
+            bench.must_be_still(1.0, energised=True)
+        assert not bench.x.homed
+        assert bench.x.error is None
+        assert any("6061h" in doubt for doubt in bench.machine.reports[0].text().splitlines())
+
+
+def test_a_drive_without_6061h_runs_the_one_mode_that_the_cell_file_names(tmp_path, monkeypatch):
+    monkeypatch.setitem(SLAVES, "blind", Blind)
+    with Bench(tmp_path, "blind", axis='modes = ["pv"]') as bench:
+        bench.enabled().x.move_velocity(1.5).wait(10)
+        began = bench.position
+        time.sleep(1.0)
+        assert bench.position - began == pytest.approx(1.5, rel=0.02)
+        bench.x.halt().wait(10)
+        bench.must_be_still(energised=True)
+
+
+# -- a drive that ignores writes of its COB-IDs -------------------------------------------------------------------------
+
+
+class FixedCobIds(CanworksSlave):
+    """A slave that acknowledges writes of its COB-IDs and ignores them; all its PDOs but the first are off."""
+
+    EDS = EdsTable(
+        CanworksSlave.EDS.vendor,
+        CanworksSlave.EDS.product,
+        re.sub(
+            r"(1[48]0[123]\.1 U32 rw \$NODEID\+)(0x\w+)",
+            lambda found: f"{found[1]}{int(found[2], 16) | 0x8000_0000:#x}",
+            CanworksSlave.EDS.rows,
+        ),
+    )
+
+    def _download(self, index: int, subindex: int, data: bytes) -> None:
+        if index not in (*range(0x1400, 0x1404), *range(0x1800, 0x1804)) or subindex != 1:
+            super()._download(index, subindex, data)
+
+
+@pytest.mark.parametrize("node", ["", 'remap = "never"'], ids=["auto", "never"])
+def test_a_drive_that_ignores_writes_of_its_cob_ids_is_used_with_the_pdos_that_are_on(
+    tmp_path, monkeypatch, node
+):
+    monkeypatch.setitem(SLAVES, "fixed", FixedCobIds)
+    monkeypatch.setitem(NODE_LINES, "fixed", node)
+    with Bench(tmp_path, "fixed") as bench:
+        bench.enabled().x.move_absolute(1.0).wait(10)
+        bench.must_be_still(1.0, energised=True)
+        bench.x.disable().wait(5)
+        bench.must_be_still(energised=False)
+
+
+# -- a drive that never reports its arrival -------------------------------------------------------------------------------
+
+
+class NeverReached(CanworksSlave):
+    """A slave that never sets bit 10 of the statusword."""
+
+    def _status(self, word: int) -> int:
+        return super()._status(word) & ~REACHED
+
+
+def test_a_drive_that_does_not_report_its_arrival_is_named_and_not_a_blocked_axis(tmp_path, monkeypatch):
+    monkeypatch.setitem(SLAVES, "unreported", NeverReached)
+    with Bench(tmp_path, "unreported") as bench:
+        failed = bench.failure_of(bench.enabled().x.move_absolute(1.0))
+        bench.must_be_still(1.0, energised=True)
+        assert "bit 10) is 0" in failed.observed
+        assert "6067h" in failed.remedy
+        assert "csp" in failed.remedy
+        assert "blocked" not in failed.remedy
+
+
+# -- a slow SDO server -------------------------------------------------------------------------------------------------
+
+
+class SlowServer(CanworksSlave):
+    """A slave whose SDO server needs 0.3 s for each answer; its PDOs are as fast as those of others."""
+
+    def __init__(self, channel: str, node: int = NODE) -> None:
+        super().__init__(channel, node)
+        self.answers: list[tuple[float, bytes]] = []
+
+    def _send(self, can_id: int, data: bytes) -> None:
+        if can_id == 0x580 + self.node:
+            self.answers.append((time.monotonic() + 0.3, data))
+        else:
+            super()._send(can_id, data)
+
+    def _tick(self, now: float) -> None:
+        while self.answers and self.answers[0][0] <= now:
+            super()._send(0x580 + self.node, self.answers.pop(0)[1])
+        super()._tick(now)
+
+
+def test_a_drive_with_a_slow_sdo_server_is_moved_over_its_synchronous_pdos(tmp_path, monkeypatch):
+    monkeypatch.setitem(SLAVES, "slow", SlowServer)
+    with Bench(tmp_path, "slow") as bench:
+        bench.enabled()
+        for goal in (1.0, -1.0):
+            bench.x.move_absolute(goal).wait(15)
+            bench.must_be_still(goal, energised=True)
+        bench.x.disable().wait(5)
+
+
+# -- a drive without 1005h ---------------------------------------------------------------------------------------------
+
+
+class WithoutSync(CanworksSlave):
+    """A slave without 1005h that does not react to SYNC."""
+
+    EDS = EdsTable(
+        CanworksSlave.EDS.vendor,
+        CanworksSlave.EDS.product,
+        "\n".join(row for row in CanworksSlave.EDS.rows.splitlines() if not row.startswith("1005")),
+    )
+
+    def _sync(self) -> None:
+        pass
+
+
+def test_a_drive_without_1005h_gets_a_warning_whose_remedy_works(tmp_path, monkeypatch):
+    monkeypatch.setitem(SLAVES, "without", WithoutSync)
+    with Bench(tmp_path, "without") as bench:
+        assert any("1005h" in each and "sync = false" in each for each in bench.machine.reports[0].warnings)
+    bench = Bench(tmp_path, "without")
+    text = bench.file.read_text().replace("[nodes.1]", "sync = false\n[nodes.1]")
+    bench.file.write_text(text)
+    with bench:
+        assert not any("1005h" in each for each in bench.machine.reports[0].warnings)
+        bench.enabled().x.move_absolute(1.0).wait(10)
+        bench.must_be_still(1.0, energised=True)
 
 
 # -- missing modes -----------------------------------------------------------------------------------------------------

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import itertools
 import os
+import time
 from pathlib import Path
 
 import pytest
 
 from axisbus.machine.machine import Machine
-from kit.foreign_slaves import CanworksSlave, SdoRefusal
+from kit.foreign_slaves import CanworksSlave, EdsTable, SdoRefusal
 
 _CHANNELS = itertools.count(1)
 NAME, SPEED = 0x1008, 0x6081
@@ -84,6 +85,20 @@ class MuteForUnknown(Faulty):
         super()._sdo(data)
 
 
+class Unsized(Faulty):
+    """Sends up to 4 octets without their number, and has an object of its vendor."""
+
+    EDS = EdsTable(
+        CanworksSlave.EDS.vendor,
+        CanworksSlave.EDS.product,
+        CanworksSlave.EDS.rows + "\n2001   U16 rw     5             Gain",
+    )
+
+    def _serve_upload(self, data: bytes, index: int, subindex: int) -> bytes:
+        answer = super()._serve_upload(data, index, subindex)
+        return b"\x42" + answer[1:] if answer[0] & 2 else answer
+
+
 class Late(Faulty):
     """Answers for its broken object when the master no longer waits."""
 
@@ -118,6 +133,21 @@ def put(tmp_path, monkeypatch):
         yield begin
         for slave in running:
             slave.__exit__()
+
+
+# -- values without their size -----------------------------------------------------------------------------------------
+
+
+def test_a_backup_of_a_device_that_does_not_send_sizes_does_not_differ_from_it(put, axisbus, tmp_path):
+    bus, _ = put(Unsized, broken=0)
+    target = tmp_path / "made.dcf"
+    assert axisbus("config", "backup", *bus, "1", "--eds", tmp_path / "slave.eds", "-o", target).code == 0
+    assert "ParameterValue=5\n" in target.read_text()
+    code, out, _ = axisbus("config", "diff", *bus, target, "1")
+    assert (code, "2001h" in out) == (0, False), out
+    code, out, _ = axisbus("config", "restore", *bus, target, "1", "--dry-run")
+    assert code == 0
+    assert "0 have another value" in out
 
 
 # -- a name that cannot be read ----------------------------------------------------------------------------------------
@@ -161,6 +191,22 @@ def test_an_eds_is_made_of_a_device_with_any_name(put, axisbus, tmp_path, text, 
     assert axisbus("eds", "from-device", *bus, "1", "-o", target).code == 0
     assert f"DefaultValue={written}\n" in target.read_text("ascii")
     assert axisbus("eds", "check", target).code == 0
+
+
+# -- objects that the drive does not have ------------------------------------------------------------------------------
+
+
+def test_a_drive_that_is_silent_for_objects_that_it_does_not_have_is_booted_and_enabled(put):
+    _, cell = put(MuteForUnknown, broken=0)
+    began = time.monotonic()
+    with Machine.open(cell) as machine:
+        assert time.monotonic() - began < 60.0
+        text = machine.reports[0].text()
+        assert "605Dh missing" in text
+        assert "heartbeat" in text
+        machine["x"].enable().wait(5)
+        machine["x"].move_absolute(0.5, velocity=1.0, acceleration=5.0).wait(10)
+        machine["x"].disable().wait(5)
 
 
 # -- any other object --------------------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 from axisbus.boot.objects import NodeObjects, read_int
 from axisbus.boot.stop_report import NO_WATCHDOG, Watchdog, WatchdogReport
@@ -82,6 +83,7 @@ class DriveMonitoringSetup:
         self._objects = objects
         self._bus = bus
         self._before: list[tuple[int, int, int]] = []  # index, sub-index, original value
+        self._refusals: list[str] = []  # what the drive has refused of this monitoring
         self.guarding: float | None = None
 
     def set_sync(self) -> None:
@@ -96,7 +98,7 @@ class DriveMonitoringSetup:
         if self._bus.heartbeat is None:
             return NO_WATCHDOG
         how = self._consume(self._bus.heartbeat) or self._guard(self._bus.heartbeat)
-        return _report(how, reaction)
+        return self._unarmed() if how is None else _report(how, reaction)
 
     def arm_deadlines(self, numbers: Iterable[int], reaction: str | None) -> WatchdogReport:
         """Make the node monitor the arrival of the RPDOs with these ``numbers`` (from 1): 14xxh:05, as the third choice.
@@ -109,10 +111,14 @@ class DriveMonitoringSetup:
         milliseconds = max(1, round(self._bus.heartbeat * 1000 * HEARTBEATS))
         armed = [number for number in numbers if self._expect_rpdo(number, milliseconds)]
         if not armed:
-            return NO_WATCHDOG
+            return self._unarmed()
         objects = ", ".join(f"{o.RPDO_COMMUNICATION + number - 1:04X}h:05" for number in armed)
         how = f"{objects} expects the master's RPDO within {milliseconds} ms, from the first command on"
         return _report(how, reaction)
+
+    def _unarmed(self) -> WatchdogReport:
+        refused = f"; refused: {', '.join(self._refusals)}" if self._refusals else ""
+        return replace(NO_WATCHDOG, text=NO_WATCHDOG.text + refused)
 
     def _expect_rpdo(self, number: int, milliseconds: int) -> bool:
         index = o.RPDO_COMMUNICATION + number - 1
@@ -156,10 +162,16 @@ class DriveMonitoringSetup:
         """Write and read back; remember the value to restore. The EDS limits are not checked: many are wrong for 1016h."""
         try:
             self._objects.write_unchecked(index, subindex, value)
-        except SdoAbort:
+        except SdoAbort as refusal:
+            self._refusals.append(
+                f"{index:04X}h:{subindex:02X} = 0x{value:X} (abort code 0x{refusal.code:08X})"
+            )
             return False
         self._before.append((index, subindex, back))
-        return read_int(self._objects, index, subindex) == value
+        got = read_int(self._objects, index, subindex)
+        if got != value:
+            self._refusals.append(f"{index:04X}h:{subindex:02X} = 0x{value:X} (it reads back {got})")
+        return got == value
 
     def _free_entry(self) -> int | None:
         """Return the entry that already monitors the master, else the first free one."""
@@ -175,9 +187,7 @@ class DriveMonitoringSetup:
         return free
 
 
-def _report(how: str | None, reaction: str | None) -> WatchdogReport:
-    if how is None:
-        return NO_WATCHDOG
+def _report(how: str, reaction: str | None) -> WatchdogReport:
     if reaction is None:
         return WatchdogReport(
             Watchdog.UNKNOWN, how + "; there is no 6007h: the drive's manual says how it reacts"

@@ -23,6 +23,10 @@ SILENT_OR_STRANGE = {Letter.A, Letter.B, *OTHER_DEVICE}
 
 
 _OTHER_VALUE = "give a value that the drive accepts (its manual lists them), or leave the line out"
+_OTHER_PERIOD = (
+    'write a period that the drive accepts (its manual lists them), such as heartbeat = "1s" in [bus]; heartbeat = "off" does '
+    "without error control"
+)
 NAMES_NO_ERROR = (
     "it reports no error: see its manual for reasons not to start (a PDO mapping that it does not accept, a missing "
     "signal); check whether another NMT master is on the bus"
@@ -104,7 +108,7 @@ def _configuration(outcome: BootOutcome, cause: AxisbusError | None) -> BootErro
         index=index,
         subindex=subindex,
         observed=observed,
-        remedy=remedy or _OTHER_VALUE,
+        remedy=_OTHER_PERIOD if index == o.PRODUCER_HEARTBEAT else remedy or _OTHER_VALUE,
     )
     error.__cause__ = cause
     return error

@@ -307,7 +307,7 @@ class NodeBoot:
             self._parameters[axis.name] = self._step(f"axis {axis.name}", partial(self._axis, axis))
         self._step("inputs and outputs", self._io)
         self._report.warnings += self._step("PDO configuration", self._separate_cob_ids)
-        self._step("configuration", self._look_at_window)
+        self._step("configuration", self._look_at_sync)
         self._step("watchdog", self._arm_deadlines)
         self._add_unread_watchdog()
         self._step("restart", self._require_no_restart)
@@ -329,9 +329,16 @@ class NodeBoot:
     def _separate_cob_ids(self) -> list[str]:
         return self._comms.separate_cob_ids(disturb=not self.found_enabled)
 
-    def _look_at_window(self) -> None:
+    def _look_at_sync(self) -> None:
+        """Warn if the node may not react to SYNC, or may discard RPDOs that come too late after it."""
         if not any(axis.in_one_sync for axis in self._report.axes):
             return
+        if read_int(self._objects, o301.COB_ID_SYNC) is None:
+            self._report.warnings.append(
+                "it has no 1005h (COB-ID SYNC), so it may not react to SYNC: if its values stay unknown, or its axes do not move, "
+                "write sync = false in [bus], or transmission = 255 for each of its PDOs "
+                f"([nodes.{self._objects.node_id}.pdo.tpdo1] ...)"
+            )
         bus, window = self._cell.bus, read_int(self._objects, o301.SYNC_WINDOW)
         if sync_window.misses(window, bus):
             remedy = sync_window.remedy(self._objects.node_id)

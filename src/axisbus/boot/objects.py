@@ -7,7 +7,7 @@ from typing import Protocol
 
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.sdo import SdoTransferType
-from axisbus.errors import SdoAbort
+from axisbus.errors import SdoError
 
 Progress = Callable[[int, int | None], None]  # bytes done, bytes in all (None: unknown)
 
@@ -44,13 +44,15 @@ class NodeObjects(Protocol):
 
 
 def read_int(objects: NodeObjects, index: int, subindex: int = 0) -> int | None:
-    """Return an integer, None if the node has no such object or refuses to read it.
+    """Return an integer, None if the node has no such object, refuses to read it, or is silent for this object only.
 
     Raises:
         SdoTimeout, BusError: the node does not answer.
     """
     try:
         value = objects.read(index, subindex)
-    except SdoAbort:
+    except SdoError as error:
+        if not error.for_this_only:
+            raise
         return None
     return value if isinstance(value, int) else None

@@ -25,7 +25,7 @@ from axisbus.cia302.program import (
     ProgramVersion,
     Version,
 )
-from axisbus.errors import ArgumentError, AxisbusError, SdoAbort, StateError
+from axisbus.errors import ArgumentError, AxisbusError, SdoAbort, SdoError, StateError
 from axisbus.wording import counted
 
 _MOST = 8  # programs of a node that are shown
@@ -237,7 +237,9 @@ def _compared(present: bytes, data: bytes) -> ProgramVerification:
 def _upload(objects: UploadAccess, index: int, subindex: int = 0) -> bytes | None:
     try:
         return objects.upload(index, subindex)
-    except SdoAbort:
+    except SdoError as error:
+        if not error.for_this_only:
+            raise
         return None
 
 

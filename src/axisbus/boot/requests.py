@@ -123,4 +123,6 @@ def _bad_answer(request: b.Request, error: AxisbusError, elapsed: float) -> b.An
     hopeless = isinstance(request, b.Local) or isinstance(error, NodeRefused)
     if hopeless or not isinstance(error, (SdoError, NodeTimeout)):
         return b.Failed(elapsed)
-    return b.SdoAbortReply(error.code, elapsed) if isinstance(error, SdoAbort) else b.NoReply(elapsed)
+    if isinstance(error, SdoAbort):
+        return b.SdoAbortReply(error.code, elapsed)
+    return b.NoReply(elapsed, isinstance(error, SdoError) and error.for_this_only)

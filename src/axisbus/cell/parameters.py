@@ -17,6 +17,7 @@ from axisbus.cia402.options import Ramp
 from axisbus.drives.plugin import DrivePlugin
 from axisbus.drives.registry import make_of
 from axisbus.eds.model import Eds
+from axisbus.motion.modes import RESTING_MODES
 from axisbus.motion.parameters import (
     AxisLimits,
     AxisParameters,
@@ -106,8 +107,16 @@ def modes(drive: Drive, claimed: Collection[ModeOfOperation] | None = None) -> f
     """Return the modes that an axis uses: those of the cell file, else those that 6502h lists, else those with all their objects.
 
     ``claimed``: the modes of the drive's own 6502h (None: of its EDS's). A 6502h that lists no mode is ignored. If the 6502h of a
-    make is known to be wrong, the modes with all their objects are added.
+    make is known to be wrong, the modes with all their objects are added. If a drive has no 6061h, no change of its mode can be
+    confirmed, so only the mode in which it is enabled is used.
     """
+    found = _named_modes(drive, claimed)
+    if len(found) < 2 or not drive.missing((objects.MODES_OF_OPERATION_DISPLAY,)):
+        return found
+    return frozenset([next((mode for mode in RESTING_MODES if mode in found), min(found))])
+
+
+def _named_modes(drive: Drive, claimed: Collection[ModeOfOperation] | None) -> frozenset[ModeOfOperation]:
     if drive.axis.modes is not None:
         return frozenset(_BY_SHORT_NAME[short] for short in drive.axis.modes)
     said = frozenset(claimed or drive.claimed or ())
@@ -137,6 +146,11 @@ def mode_list(drive: Drive, claimed: Set[ModeOfOperation] | None = None) -> Show
         it = "it" if len(unlisted) == 1 else "them"
         unused = "" if modes(drive, claimed) >= runnable else ": not used unless modes = [...] names it"
         doubts.append(f"objects of {', '.join(unlisted)} are present, but 6502h does not list {it}{unused}")
+    used = modes(drive, claimed)
+    if len(used) < len(_named_modes(drive, claimed)):
+        doubts.append(
+            f"6061h is missing, so no change of the mode can be confirmed: only {FACTS[min(used)].short} is used"
+        )
     return ShownModes(tuple(sorted(runnable & claimed)), tuple(doubts))
 
 

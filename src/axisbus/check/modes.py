@@ -160,11 +160,13 @@ def mode_switch(case: CheckContext) -> Problems:
     for drive in case.drives:
         missing = drive.missing((objects.MODES_OF_OPERATION, objects.MODES_OF_OPERATION_DISPLAY))
         if missing and len(drive.runnable) > 1:
+            used = ", ".join(FACTS[mode].short for mode in sorted(modes(drive)))
             yield case.warning(
                 drive.axis.at.line,
                 f"axis {drive.axis.name}: its mode of operation cannot be switched and confirmed",
-                f"{drive.eds.source} lacks {titles(missing)}",
-                "name the drive's own EDS; without these objects only the mode that it starts in can be used",
+                f"{drive.eds.source} lacks {titles(missing)}; the modes that are used: {used}",
+                "name the drive's own EDS; without these objects only one mode can be used, and modes = [...] in "
+                f"[{drive.axis.at.name}] names which",
             )
 
 

@@ -22,6 +22,7 @@ from collections.abc import Generator
 from dataclasses import replace
 
 from axisbus.cia301 import objects as o
+from axisbus.cia301.abort import VALUE_REFUSED
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia302.program_download import ProgramSteps
@@ -269,17 +270,34 @@ class _Run(ProgramSteps):
             yield from self._guard()
 
     def _produces(self, period: int) -> Generator[Request, Answer, int | None]:
-        """Configure the node to send heartbeats; return the period in ms that it accepted, None if it cannot send any."""
+        """Configure the node to send heartbeats; return the period in ms that it has then, None if it cannot send any.
+
+        A node that refuses to change its period is monitored with the one that it has. A node that sends no heartbeat, and could
+        with another period, would not be monitored: letter J.
+        """
         self._note(address=(o.PRODUCER_HEARTBEAT, 0))
         answer = yield from self._ask(BootWrite(o.PRODUCER_HEARTBEAT, 0, period))
-        if isinstance(answer, SdoAbortReply):
+        if isinstance(answer, NoReply) and answer.for_this_only:
             return None
-        if not isinstance(answer, Got):
+        if not isinstance(answer, (Got, SdoAbortReply)):
             self._fail(None)
         got = yield from self._read(o.PRODUCER_HEARTBEAT)
         if got:
             self._note(consumer=max(self.plan.missed * got / 1000, LEAST_CONSUMER))
+        if isinstance(answer, SdoAbortReply) and got is not None:
+            self._period_refused(answer.code, period, got)
         return got
+
+    def _period_refused(self, code: int, period: int, kept: int) -> None:
+        if kept:
+            self._skipped(
+                f"a heartbeat each {period} ms: it refuses this period (1017h, abort code 0x{code:08X}), and keeps {kept} ms"
+            )
+        elif code in VALUE_REFUSED:
+            setting = Setting(o.PRODUCER_HEARTBEAT, 0, period, "heartbeat in [bus], in ms")
+            self._fail(Letter.J, setting=setting, abort=code)
+        else:
+            self._skipped(f"a heartbeat: it refuses to change 1017h (abort code 0x{code:08X})")
 
     def _await_heartbeat(self) -> Step:
         consumer = self.outcome.consumer or 0.0

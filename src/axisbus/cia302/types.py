@@ -212,9 +212,10 @@ class SdoAbortReply:
 
 @dataclass(frozen=True, slots=True)
 class NoReply:
-    """No answer within the deadline."""
+    """No answer within the deadline; ``for_this_only``: the node answered for another object meanwhile."""
 
     elapsed: float = 0.0
+    for_this_only: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,7 +34,7 @@ from axisbus.cia402.objects import MOVING
 from axisbus.drives import registry
 from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.eds.model import Eds
-from axisbus.errors import ArgumentError, SdoAbort, StateError
+from axisbus.errors import ArgumentError, SdoError, StateError
 from axisbus.wording import counted
 
 LISTEN = 0.5  # seconds of listening for another master
@@ -264,7 +264,9 @@ def _require_size(
 def _read(node: ByObjects, entry: DictionaryEntry) -> bytes | None:
     try:
         return node.sdo.upload(entry.index, entry.subindex)
-    except SdoAbort:
+    except SdoError as error:
+        if not error.for_this_only:
+            raise
         return None
 
 
@@ -275,5 +277,7 @@ def _typed(raw: bytes | None, kind: DataType | None) -> Value | None:
 def _number(node: ByObjects, index: int, subindex: int = 0) -> int | None:
     try:
         return int.from_bytes(node.sdo.upload(index, subindex), "little")
-    except SdoAbort:
+    except SdoError as error:
+        if not error.for_this_only:
+            raise
         return None

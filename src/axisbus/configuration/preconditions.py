@@ -11,7 +11,7 @@ from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.clock import poll_until
 from axisbus.configuration import guarded_write
 from axisbus.eds.model import Eds
-from axisbus.errors import SdoAbort, StateError, UserError
+from axisbus.errors import SdoError, StateError, UserError
 
 LISTEN = 1.2  # seconds: longer than the usual heartbeat period of 1 s
 _SLICE = 0.02
@@ -154,5 +154,7 @@ def _state(node: CanopenNode) -> NmtState | None:
 def _heartbeat(node: CanopenNode) -> float:
     try:
         return int.from_bytes(node.sdo.upload(o.PRODUCER_HEARTBEAT), "little") / 1000
-    except SdoAbort:
+    except SdoError as error:
+        if not error.for_this_only:
+            raise
         return 0.0

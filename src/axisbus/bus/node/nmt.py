@@ -59,6 +59,10 @@ class NodeMonitor:
         self.guarded = False
         self.toggle_errors = 0
         self.duplicate = ""  # evidence that a second device has this node-ID
+        self.started: int | None = (
+            None  # SYNCs sent before its only NMT command *start*; None: there was none, or several
+        )
+        self._starts = 0
         self._turns = 0  # reports in a row that equal the report before the last, but not the last
         self._before: NmtState | None = None  # the report before the last
         self._toggle: int | None = None  # of the last answer to a guarding request
@@ -137,6 +141,11 @@ class NodeMonitor:
     def note_duplicate(self, why: str) -> None:
         """Store the evidence that a second device has this node-ID; the first reason remains."""
         self.duplicate = self.duplicate or why
+
+    def note_start(self, syncs: int) -> None:
+        """Record that the NMT command *start* follows, after ``syncs`` SYNCs."""
+        self._starts += 1
+        self.started = syncs if self._starts == 1 else None
 
     def forget_heartbeats(self) -> None:
         """Expect no heartbeat as a confirmation until the next one comes: the node may have restarted while it was not heard."""

@@ -109,6 +109,8 @@ class CanopenNode:
 
     def command(self, wanted: NmtCommand, timeout: float = nmt.CONFIRM_TIMEOUT) -> Confirmation:
         """Send an NMT command and wait until it is confirmed; blocks, raises as ``nmt.command``."""
+        if wanted is NmtCommand.START:
+            self.nmt.note_start(self.channel.syncs.count)
         return nmt.command(self.channel, self.nmt, wanted, timeout=timeout, answers_sdo=self.answers_sdo)
 
     def answers_sdo(self, timeout: float = _PROBE_TIMEOUT) -> bool:

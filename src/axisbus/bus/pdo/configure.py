@@ -33,6 +33,13 @@ _OBJECT_REFUSED = frozenset({0x0602_0000, 0x0604_0041, 0x0604_0043, 0x0609_0011,
 
 
 _ATTEMPTS = 16
+_MAPPING = "its mapping"
+# Keys of the cell file for communication parameters.
+_KEYS = {
+    "its COB-ID": "cob_id",
+    "its transmission type": "transmission",
+    "its SYNC start value": "sync_start",
+}
 
 
 class _Refusal(Exception):
@@ -43,6 +50,14 @@ class _Refusal(Exception):
         self.what = what
         self.abort = abort
         self.index = index
+
+
+class _NotKept(Exception):
+    """The drive accepted a communication parameter, and reads back another value; contains the error if no plan avoids it."""
+
+    def __init__(self, error: BootError) -> None:
+        super().__init__(error.message)
+        self.error = error
 
 
 def configure(
@@ -94,6 +109,11 @@ def negotiate(
         except _Refusal as refusal:
             policy = _less(sdo, policy, refusal)
             learnt.append(f"{refusal.what} (abort code {refusal.abort.code:08X}h)")
+        except _NotKept as refusal:
+            if not policy.communication:
+                raise refusal.error from None
+            policy = replace(policy, communication=False)
+            learnt.append(f"{refusal.error.message} ({refusal.error.observed})")
     raise BootError(f"node {sdo.node_id}: no PDO plan that the drive accepts", node=sdo.node_id, step=_STEP)
 
 
@@ -149,6 +169,8 @@ def set_pdo(
         plan = _apply(sdo, PdoPlan(sdo.node_id, 1, (planned,), {}, {}), rtr)
     except _Refusal as refusal:
         raise _boot_error(sdo, refusal.what, refusal.abort) from refusal.abort
+    except _NotKept as refusal:
+        raise refusal.error from None
     return plan.pdos[0].target
 
 
@@ -168,7 +190,10 @@ def _less(sdo: SdoClient, policy: Policy, refusal: _Refusal) -> Policy:
 
 
 def _apply(sdo: SdoClient, plan: PdoPlan, rtr: bool | None = None) -> PdoPlan:
-    """Configure the drive by the plan; return the plan with the values read back. Raises ``_Refusal`` after restoring."""
+    """Configure the drive by the plan; return the plan with the values read back.
+
+    Raises ``_Refusal`` and ``_NotKept`` after restoring.
+    """
     changed = [pdo for pdo in plan.pdos if pdo.change is not PdoChange.KEEP]
     # An event timer may change while its PDO is on (CiA 301 7.5.2.37). It is changed alone if nothing else may be changed.
     switched = [pdo for pdo in changed if pdo.change is not PdoChange.TIMER]
@@ -181,11 +206,11 @@ def _apply(sdo: SdoClient, plan: PdoPlan, rtr: bool | None = None) -> PdoPlan:
             _write(sdo, pdo)
         for pdo in switched:
             _switch_on(sdo, pdo, rtr)
-    except _Refusal:
+        checked = tuple(_checked(sdo, pdo) if pdo in changed else pdo for pdo in plan.pdos)
+    except (_Refusal, _NotKept):
         for pdo in reversed(touched):
             _restore(sdo, pdo)
         raise
-    checked = tuple(_checked(sdo, pdo) if pdo in changed else pdo for pdo in plan.pdos)
     return replace(plan, pdos=checked)
 
 
@@ -295,7 +320,12 @@ def _restore(sdo: SdoClient, pdo: PlannedPdo) -> None:
 
 
 def _checked(sdo: SdoClient, pdo: PlannedPdo) -> PlannedPdo:
-    """Read a PDO back; timers may be rounded, everything else must be as written."""
+    """Read a PDO back; timers may be rounded, everything else must be as written.
+
+    Raises:
+        BootError: it has another mapping, or cannot be read.
+        _NotKept: another parameter is not as written.
+    """
     now = read_pdo(sdo, pdo.receive, pdo.target.number)
     if now is None:
         raise _unlike(sdo, pdo, "its COB-ID", "a value", "nothing")
@@ -305,25 +335,34 @@ def _checked(sdo: SdoClient, pdo: PlannedPdo) -> PlannedPdo:
             ("its COB-ID", pdo.target.cob_id, now.cob_id),
             ("its transmission type", pdo.target.transmission_type, now.transmission_type),
             ("its SYNC start value", pdo.target.sync_start, now.sync_start),
-            ("its mapping", pdo.target.mapping, now.mapping),
+            (_MAPPING, pdo.target.mapping, now.mapping),
         ]
     for what, expected, got in checks:
         if expected != got:
-            raise _unlike(sdo, pdo, what, expected, got)
+            unlike = _unlike(sdo, pdo, what, expected, got)
+            raise unlike if what == _MAPPING else _NotKept(unlike)
     return replace(pdo, target=now)
 
 
 def _unlike(sdo: SdoClient, pdo: PlannedPdo, what: str, expected: object, got: object) -> BootError:
     at = Indices.of(pdo.receive, pdo.target.number)
-    index = at.mapping if what == "its mapping" else at.communication
+    index = at.mapping if what == _MAPPING else at.communication
     return BootError(
         f"node {sdo.node_id}: {pdo.name} accepted {what} without an error but reads back another value",
         node=sdo.node_id,
         step=_STEP,
         index=index,
         observed=f"{index:04X}h: written {_words(expected)}, read back {_words(got)}",
-        remedy='set remap = "never" for this node, so that the drive keeps its mapping',
+        remedy=_keep_remedy(sdo.node_id, pdo.name.lower(), what, got),
     )
+
+
+def _keep_remedy(node: int, name: str, what: str, got: object) -> str:
+    if what == _MAPPING:
+        return 'set remap = "never" for this node, so that the drive keeps its mapping'
+    if what in _KEYS and got is not None:
+        return f"write {_KEYS[what]} = {got} in [nodes.{node}.pdo.{name}], the value that the drive keeps"
+    return f"leave [nodes.{node}.pdo.{name}] out of the cell file: the drive does not let this PDO be changed"
 
 
 def _words(value: object) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from axisbus.bus.node.node import CanopenNode
@@ -96,13 +96,16 @@ def pdo_age(pdo: PlannedPdo, scan_period: float) -> float:
 #
 # Theory of operation
 # A gateway or an adapter whose queue grows delays every frame a little more than the one before. Each frame is fresh by its
-# reception, but its values are old. There are two indications:
+# reception, but its values are old. There are three indications:
 #
 # - *The count.* A synchronous TPDO answers each SYNC, or each n-th. So the newest frame answers SYNC number ``offset + n *
 #   frames``, and its values were sampled when that SYNC was sent. SYNCs that the master did not send are not counted, so a busy
 #   computer shows no delay. A lost frame (or SYNC) looks like a delay of one period that remains.
 # - *Round trips.* An SDO answer limits the delay: the frames after it were sent after the request. So it distinguishes a lost frame
 #   from a delayed one, and increases ``offset``. It never decreases ``offset``, because a slow answer is no proof.
+#
+# - *The start.* A TPDO that had not come before the NMT command *start* answers only SYNCs after that command: frame *k* the *k*-th
+#   of them, or a later one. So a drive whose SDO server is slow is distinguished from a link that was slow from the beginning.
 #
 # While a frame answers one of the newest SYNCs, its values have the time of its reception. Once it is more than ``allowed``
 # behind, they have the time of the SYNC, and the master sends an SDO request to the drive (``doubtful``). For ``GRACE`` seconds
@@ -143,6 +146,7 @@ class SyncLag:
 
     __slots__ = (
         "_before",
+        "_created",
         "_doubt_since",
         "_gaps",
         "_max_age",
@@ -150,13 +154,22 @@ class SyncLag:
         "_proved",
         "_since",
         "_slot",
+        "_started",
         "_syncs",
         "allowed",
         "every",
         "offset",
     )
 
-    def __init__(self, slot: Counted, syncs: SyncTimes, every: int, period: float, max_age: float) -> None:
+    def __init__(
+        self,
+        slot: Counted,
+        syncs: SyncTimes,
+        every: int,
+        period: float,
+        max_age: float,
+        started: Callable[[], int | None] = lambda: None,
+    ) -> None:
         """Begin to count.
 
         Args:
@@ -164,8 +177,11 @@ class SyncLag:
             syncs: send times of SYNC, one each ``period`` seconds.
             every: number of SYNCs between two of its frames.
             max_age: the seconds for which its values are known.
+            started: returns the number of SYNCs before the node was started; None if that is not known.
         """
         self._slot, self._syncs, self._period, self._max_age = slot, syncs, period, max_age
+        self._started = started
+        self._created = math.inf if slot.frames else syncs.count  # a start before this is of no use
         self.every = every
         self.allowed = every + max(1, math.ceil(JITTER / period))
         self.offset = math.inf  # not known yet
@@ -210,7 +226,8 @@ class SyncLag:
         """Return the number of the SYNC that the newest frame answers, or of an earlier one."""
         syncs, counted = self._syncs, self.every * self._slot.frames
         if self.offset == math.inf:
-            self.offset = syncs.number_at(received - trips.shortest_delay) - counted
+            answered = syncs.number_at(received - trips.shortest_delay)
+            self.offset = max(answered, self._answered_since_start(counted)) - counted
         # A frame beyond the number of SYNCs answers none of them.
         answered = min(int(self.offset) + counted, syncs.count)
         heard = trips.newest[1]
@@ -221,6 +238,11 @@ class SyncLag:
             self._gaps = 0
         self.offset = answered - counted
         return answered
+
+    def _answered_since_start(self, counted: int) -> int:
+        """Return the earliest SYNC that the newest frame can answer, by the frames since the node was started; 0: unknown."""
+        started = self._started()
+        return 0 if started is None or started < self._created else started + 1 + counted - self.every
 
     def _is_behind(self, now: float, received: float, answered: int) -> bool:
         allowed, syncs = self.allowed, self._syncs
@@ -271,16 +293,24 @@ class Lags:
     """The lag of all TPDOs of one port; holds state: the result of ``look``, and the time of the next request."""
 
     def __init__(
-        self, slots: Sequence[tuple[Counted, int, float]], period: float, syncs: SyncTimes, trips: RoundTrips
+        self,
+        slots: Sequence[tuple[Counted, int, float]],
+        period: float,
+        syncs: SyncTimes,
+        trips: RoundTrips,
+        started: Callable[[], int | None] = lambda: None,
     ) -> None:
-        """``slots``: each TPDO with the SYNCs from one frame to the next (0: not counted), and its maximum age in seconds."""
+        """``slots``: each TPDO with the SYNCs from one frame to the next (0: not counted), and its maximum age in seconds.
+
+        ``started``: as in ``SyncLag``.
+        """
         self.syncs = syncs
         self.late = 0.0  # seconds, of the latest TPDO
         self._trips = trips
         self._slots = tuple(slot for slot, _, _ in slots)
         self._max_ages = tuple(age for _, _, age in slots)
         self.counts = tuple(
-            SyncLag(slot, syncs, every, period, age) if every else None for slot, every, age in slots
+            SyncLag(slot, syncs, every, period, age, started) if every else None for slot, every, age in slots
         )
         self._link = LinkLag() if None in self.counts else None
         self._asking = False
@@ -334,4 +364,4 @@ def lags_of(
 ) -> Lags:
     """Return the lags of the TPDOs of a node's port; ``foreign_sync``: another device sends SYNC, so none is counted."""
     counted = [(slot, 0 if foreign_sync else syncs_of(pdo), pdo_age(pdo, scan_period)) for slot, pdo in slots]
-    return Lags(counted, scan_period, node.channel.syncs, node.sdo.trips)
+    return Lags(counted, scan_period, node.channel.syncs, node.sdo.trips, lambda: node.nmt.started)

@@ -29,6 +29,10 @@ from axisbus.wording import counted
 
 TIMEOUT = 0.5
 TRIES = 3
+_SILENCES = (
+    3  # a server that was silent for so many objects is expected to be silent for all that the EDS lacks
+)
+_TRIES_IF_SILENT = 2
 URGENT_LOCK = 0.2  # seconds that an urgent write waits for the running transfer to end
 _URGENT_TURN = 0.01
 _NUMBER, _TEXT = 256, 1 << 16  # bytes that are accepted for an object of such a type
@@ -74,6 +78,7 @@ class SdoClient:
         self._calls: list[Call] = []
         self._late: tuple[tuple[int, int], ...] = ()  # objects of requests that may still be answered
         self._no_block = False  # whether the server has shown that it does not support block transfers
+        self._silences = 0  # objects for which the server was silent while it answered for others
 
     # -- bytes --------------------------------------------------------------------------------------------------------------------
 
@@ -108,9 +113,8 @@ class SdoClient:
         if most is None:
             most = _most(data_type)
         usual = None if data_type is None else size_in_bytes(data_type)
-        request = SdoTransferRequest(
-            index, subindex, None, timeout or self.timeout, tries or self.tries, way, most, usual
-        )
+        tries = tries or self._tries_to_read(index, subindex)
+        request = SdoTransferRequest(index, subindex, None, timeout or self.timeout, tries, way, most, usual)
         return self._run(request, call, progress)
 
     def download(
@@ -267,8 +271,15 @@ class SdoClient:
             self._channel.sdo_counts.note(self.node_id, end, session.retries)
         if session.failure is not None:
             entry, health = self._entry(request), self._channel.health()
-            raise failed(self.node_id, entry, request, session, health)
+            error = failed(self.node_id, entry, request, session, health)
+            self._silences += isinstance(error, SdoTimeout) and error.for_this_only
+            raise error
         return session.data
+
+    def _tries_to_read(self, index: int, subindex: int) -> int:
+        """Return the attempts for an object: fewer, if the EDS lacks it and the server is silent for such objects."""
+        silent = self._silences >= _SILENCES and self.dictionary.has(index, subindex) is False
+        return min(self.tries, _TRIES_IF_SILENT) if silent else self.tries
 
     def _entry(self, request: SdoTransferRequest) -> DictionaryEntry:
         return self.dictionary.entry(request.index, request.subindex)
@@ -291,7 +302,7 @@ def failed(
         return _broken(node_id, doing, request, f"the node aborted with {abort.describe(failure.code)}")
     if isinstance(failure, Garbled):
         return _broken(node_id, doing, request, str(failure))
-    return SdoTimeout(
+    silent = SdoTimeout(
         f"{doing} got no answer in {counted(request.tries, 'attempt')} of {request.timeout:g} s",
         node=node_id,
         index=request.index,
@@ -299,6 +310,8 @@ def failed(
         observed=_what_came(request, session, health),
         remedy=_remedy(request, session),
     )
+    silent.for_this_only = session.answers_others and not _late(request, session)
+    return silent
 
 
 def cancelled(node_id: int, entry: DictionaryEntry, request: SdoTransferRequest) -> Interrupted:

@@ -217,6 +217,8 @@ def _with_node(
 
     node_id = files.address(node).node_id
     given = read_file(named[0]).eds if named else None  # read before the bus is opened
+    if given is not None:
+        files = files.described_by(node_id, given)
     with ExitStack() as stack:
         device = open_nodes(stack, asked, files, [node_id]).node(node_id)
         eds = given or node_reading(files, device)[0].eds

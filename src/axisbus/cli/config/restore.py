@@ -102,7 +102,7 @@ def command(
     eds = _concise_values(file, files, node_id) if concise else _values(file)
     _selection(eds, node_id, eds.identity, wish)  # report missing values before the bus is opened
     with ExitStack() as stack:
-        device = NodeSession(stack, asked, files, [node_id]).node(node_id)
+        device = NodeSession(stack, asked, files.described_by(node_id, eds), [node_id]).node(node_id)
         return _run(stack, device, eds, wish, as_json)
 
 

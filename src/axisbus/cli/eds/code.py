@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import keyword
 from pathlib import Path
 
 import click
@@ -98,7 +99,11 @@ def _require_name(output: Path | None, *, as_c: bool) -> None:
         raise ArgumentError(
             f"{output.name} is not the name of a C header", remedy="give one such as -o drive.h"
         )
-    if not as_c and not (output.suffix == ".py" and output.stem.isidentifier()):
+    if not as_c and not (output.suffix == ".py" and _is_importable(output.stem)):
         raise ArgumentError(
             f"{output.name} is not the name of a Python module", remedy="give one such as -o drive.py"
         )
+
+
+def _is_importable(name: str) -> bool:
+    return name.isidentifier() and not keyword.iskeyword(name)

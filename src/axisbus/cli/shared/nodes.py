@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -86,6 +86,13 @@ class NodeFiles:
             return found
         file = self.cell.nodes[node_id].file
         return None if file is None else load(builtin.resolve(file, self.cell.folder))
+
+    def described_by(self, node_id: int, eds: Eds) -> NodeFiles:
+        """Return these files, with ``eds`` for a node for which none was given.
+
+        Without the types of its objects, the bytes of a device that does not send their number have no certain meaning.
+        """
+        return self if self.eds_for(node_id) is not None else replace(self, eds={**self.eds, node_id: eds})
 
     @property
     def quantities(self) -> Quantities:

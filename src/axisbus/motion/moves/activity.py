@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from axisbus.cia301 import abort
-from axisbus.cia402 import dictionary, modes
+from axisbus.cia402 import dictionary, modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError, MotionTimeout, StaleError
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
@@ -223,6 +223,8 @@ class SdoTransfers:
 def shown_modes(parameters: AxisParameters) -> str:
     """Return the modes in which an axis is used, and their source."""
     shown = ", ".join(modes.short(each) for each in sorted(parameters.modes)) or "none"
+    if len(parameters.modes) == 1 and not parameters.has(objects.MODES_OF_OPERATION_DISPLAY):
+        return f"{shown} (its EDS lacks 6061h, so only the mode in which it is enabled can be used)"
     return f"{shown} (by modes in cell.toml, else by 6502h, else by its objects)"
 
 

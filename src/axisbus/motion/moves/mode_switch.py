@@ -126,7 +126,8 @@ class ModeSwitch:
     def _is_shown(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether 6061h shows the mode, and no mode requested earlier can still take effect."""
         if not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY):
-            return True  # a drive without 6061h has one mode, and is in it
+            order.mode = self._mode  # a drive without 6061h is used in one mode only
+            return True
         if image.mode != self._mode:
             return False
         if order.asked_mode not in (None, self._mode):

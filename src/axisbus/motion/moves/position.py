@@ -292,8 +292,25 @@ class _ArrivalWatch:
             axis=name,
             observed=f"position {where}; {why}; target reached (bit 10) is {int(bool(word & sw.TARGET_REACHED))}, "
             f"statusword 0x{word:04X}" + "".join(f"; {hint}" for hint in sw.hints(word)),
-            remedy="check whether the axis is blocked, whether the drive limits torque or velocity, and whether its "
+            remedy=self._unreported_remedy()
+            if self._is_there(image) and not word & sw.TARGET_REACHED
+            else "check whether the axis is blocked, whether the drive limits torque or velocity, and whether its "
             "position window (6067h) can be met; if it only stops a little short, set position_window in [axes."
             + name
             + "]",
+        )
+
+    def _is_there(self, image: AxisImage) -> bool:
+        """Whether the axis is at its target by its position."""
+        parameters = self._parameters
+        window = max(parameters.position_window or 0, parameters.standstill_tolerance)
+        return image.position is not None and abs(image.position - self._target) <= window
+
+    def _unreported_remedy(self) -> str:
+        name = self._parameters.name
+        return (
+            "the axis is at its target, and its drive does not report it: let the drive accept a wider window (6067h) or a shorter "
+            f"time within it (6068h), by lines in [axes.{name}.objects]; position_window does not change the drive. If the drive "
+            "never sets bit 10 in pp, move the axis in csp, which does not need it: "
+            f'machine.group("{name}").move_linear(...)'
         )

@@ -61,10 +61,20 @@ class StateWalk:
             axis=name,
             observed=f"{command}, statusword 0x{word:04X} for {self._parameters.timing.transition:g} s; "
             f"path: {' > '.join(state.value for state in self.path[-8:])}",
-            remedy="; ".join(statusword.hints(word))
-            or "check enable inputs, safe torque off and supply of the drive; some drives need longer to release a brake "
-            f"(raise transition_time in [axes.{name}])",
+            remedy=_stuck_remedy(image.state, word, name),
         )
+
+
+def _stuck_remedy(state: PowerState, word: int, name: str) -> str:
+    if state is PowerState.NOT_READY_TO_SWITCH_ON:  # the other bits of the statusword have no meaning yet
+        return (
+            "the drive initialises or tests itself, and takes no command meanwhile: wait and enable the axis again; if it always "
+            f"needs longer, raise transition_time in [axes.{name}]; if it never ends, read the drive's errors (axisbus monitor)"
+        )
+    return "; ".join(statusword.hints(word)) or (
+        "check enable inputs, safe torque off and supply of the drive; some drives need longer to release a brake "
+        f"(raise transition_time in [axes.{name}])"
+    )
 
 
 def _blind(image: AxisImage, parameters: AxisParameters, goal: PowerState) -> StaleError:
