@@ -6,8 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from axisbus.cia301.datatypes import Value
-from axisbus.cia301.sdo import SdoTransferType
-from axisbus.errors import SdoError
+from axisbus.cia301.sdo import SdoTransferType, if_served
 
 Progress = Callable[[int, int | None], None]  # bytes done, bytes in all (None: unknown)
 
@@ -49,10 +48,5 @@ def read_int(objects: NodeObjects, index: int, subindex: int = 0) -> int | None:
     Raises:
         SdoTimeout, BusError: the node does not answer.
     """
-    try:
-        value = objects.read(index, subindex)
-    except SdoError as error:
-        if not error.for_this_only:
-            raise
-        return None
+    value = if_served(objects.read, index, subindex)
     return value if isinstance(value, int) else None

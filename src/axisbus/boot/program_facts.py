@@ -15,6 +15,7 @@ from typing import Protocol
 from axisbus.cell.program_file import deadline_for
 from axisbus.cia301 import abort, sdo
 from axisbus.cia301 import objects as o
+from axisbus.cia301.sdo import if_served
 from axisbus.cia302.program import (
     DATE,
     NUMBER,
@@ -25,7 +26,7 @@ from axisbus.cia302.program import (
     ProgramVersion,
     Version,
 )
-from axisbus.errors import ArgumentError, AxisbusError, SdoAbort, SdoError, StateError
+from axisbus.errors import ArgumentError, AxisbusError, SdoAbort, StateError
 from axisbus.wording import counted
 
 _MOST = 8  # programs of a node that are shown
@@ -184,7 +185,7 @@ def verify_program(objects: UploadAccess, found: NodePrograms, data: bytes) -> P
     """Compare a node's first program with ``data``: byte by byte if 1F50h can be read, else by 1F56h. Blocks for the transfer."""
     if found.programs and not found.programs[0].runs:
         return ProgramVerification(False, f"its program does not run: {found.programs[0].control_text}")
-    present = _upload(objects, o.PROGRAM_DATA, NUMBER) if found.can_write else None
+    present = if_served(objects.upload, o.PROGRAM_DATA, NUMBER) if found.can_write else None
     if present is not None:
         return _compared(present, data)
     told = found.identity.identification
@@ -234,22 +235,13 @@ def _compared(present: bytes, data: bytes) -> ProgramVerification:
 # -- objects that a node may not have --------------------------------------------------------------------------------------
 
 
-def _upload(objects: UploadAccess, index: int, subindex: int = 0) -> bytes | None:
-    try:
-        return objects.upload(index, subindex)
-    except SdoError as error:
-        if not error.for_this_only:
-            raise
-        return None
-
-
 def _number(objects: UploadAccess, index: int, subindex: int) -> int | None:
-    data = _upload(objects, index, subindex)
+    data = if_served(objects.upload, index, subindex)
     return None if not data else int.from_bytes(data, "little")
 
 
 def _text(objects: UploadAccess, index: int) -> str:
-    data = _upload(objects, index)
+    data = if_served(objects.upload, index)
     return "" if data is None else data.decode("ascii", "replace").strip("\0 ")
 
 

@@ -18,9 +18,13 @@ from __future__ import annotations
 import binascii
 from collections.abc import Callable
 from enum import Enum
+from typing import TypeVar
 
 from axisbus.cia301 import abort as codes
+from axisbus.errors import SdoError
 from axisbus.wording import counted
+
+T = TypeVar("T")
 
 Frames = tuple[bytes, ...]
 _Handler = Callable[[bytes], Frames | None]
@@ -186,3 +190,17 @@ def check_toggle(frame: bytes, expected: int) -> None:
 
 def _nothing(_frame: bytes) -> None:
     """Accept no frame."""
+
+
+def if_served(read: Callable[[int, int], T], index: int, subindex: int = 0) -> T | None:
+    """Return what ``read`` returns for an object; None if the node refuses it, or is silent for this object only.
+
+    Raises:
+        As ``read`` in other cases: the node does not answer.
+    """
+    try:
+        return read(index, subindex)
+    except SdoError as error:
+        if not error.for_this_only:
+            raise
+        return None

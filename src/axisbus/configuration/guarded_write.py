@@ -27,6 +27,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
 from axisbus.cia301.nmt import watched_node
+from axisbus.cia301.sdo import if_served
 from axisbus.cia402 import objects as c402
 from axisbus.cia402 import state
 from axisbus.cia402.axes import COUNT, first_axis, own_index
@@ -34,7 +35,7 @@ from axisbus.cia402.objects import MOVING
 from axisbus.drives import registry
 from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.eds.model import Eds
-from axisbus.errors import ArgumentError, SdoError, StateError
+from axisbus.errors import ArgumentError, StateError
 from axisbus.wording import counted
 
 LISTEN = 0.5  # seconds of listening for another master
@@ -262,12 +263,7 @@ def _require_size(
 
 
 def _read(node: ByObjects, entry: DictionaryEntry) -> bytes | None:
-    try:
-        return node.sdo.upload(entry.index, entry.subindex)
-    except SdoError as error:
-        if not error.for_this_only:
-            raise
-        return None
+    return if_served(node.sdo.upload, entry.index, entry.subindex)
 
 
 def _typed(raw: bytes | None, kind: DataType | None) -> Value | None:
@@ -275,9 +271,5 @@ def _typed(raw: bytes | None, kind: DataType | None) -> Value | None:
 
 
 def _number(node: ByObjects, index: int, subindex: int = 0) -> int | None:
-    try:
-        return int.from_bytes(node.sdo.upload(index, subindex), "little")
-    except SdoError as error:
-        if not error.for_this_only:
-            raise
-        return None
+    data = if_served(node.sdo.upload, index, subindex)
+    return None if data is None else int.from_bytes(data, "little")

@@ -8,10 +8,11 @@ from axisbus.bus.node.node import CanopenNode, NodeIdentity
 from axisbus.bus.sdo.access import ByObjects
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia301.sdo import if_served
 from axisbus.clock import poll_until
 from axisbus.configuration import guarded_write
 from axisbus.eds.model import Eds
-from axisbus.errors import SdoError, StateError, UserError
+from axisbus.errors import StateError, UserError
 
 LISTEN = 1.2  # seconds: longer than the usual heartbeat period of 1 s
 _SLICE = 0.02
@@ -152,9 +153,4 @@ def _state(node: CanopenNode) -> NmtState | None:
 
 
 def _heartbeat(node: CanopenNode) -> float:
-    try:
-        return int.from_bytes(node.sdo.upload(o.PRODUCER_HEARTBEAT), "little") / 1000
-    except SdoError as error:
-        if not error.for_this_only:
-            raise
-        return 0.0
+    return int.from_bytes(if_served(node.sdo.upload, o.PRODUCER_HEARTBEAT) or b"", "little") / 1000

@@ -10,8 +10,8 @@ from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MAX_BITS, MappedObject, PdoConfiguration
+from axisbus.cia301.sdo import if_served
 from axisbus.eds.dictionary import Dictionary
-from axisbus.errors import SdoError
 
 _LAST = 512
 _PROBED = (*range(1, 9), *range(65, 69))  # if no EDS lists the PDOs
@@ -116,9 +116,5 @@ def _sync_start(sdo: SdoClient, index: int) -> int | None:
 
 
 def read_number(sdo: SdoClient, index: int, subindex: int) -> int | None:
-    try:
-        return int.from_bytes(sdo.upload(index, subindex), "little")
-    except SdoError as error:
-        if not error.for_this_only:
-            raise
-        return None
+    data = if_served(sdo.upload, index, subindex)
+    return None if data is None else int.from_bytes(data, "little")
