@@ -316,6 +316,11 @@ class VirtualClock:
         return thread is not None and self.current is thread
 
     @property
+    def closed(self) -> bool:
+        """Whether it was closed: its time does not pass any more."""
+        return self._closed
+
+    @property
     def current(self) -> VirtualThread | None:
         """The thread of this clock in which the caller runs; None in any other thread."""
         return self._threads.get(threading.get_ident())

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.errors import ArgumentError, BusOff, NodeError, ScanError, StateError
+from axisbus.errors import ArgumentError, BusOff, NodeError, ScanError, StaleError, StateError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
+from axisbus.sim.virtual_can import FrameFaults
 from axisbus.testing import Simulation, simulate
 from kit.can_simple.mixed_cell import MODULE, write
 from kit.cell import cell_text
@@ -105,6 +106,25 @@ def test_actions_happen_at_their_times_in_their_order(file: Path) -> None:
         assert [name for _, name in seen] == ["a", "b"]
         simulation.machine.sleep(0.15)
         assert [(pytest.approx(at), name) for at, name in seen] == [(0.1, "a"), (0.1, "b"), (0.2, "c")]
+
+
+def test_time_passes_after_the_scan_has_failed_and_the_drives_are_stopped_meanwhile(tmp_path: Path) -> None:
+    path = tmp_path / "cell.toml"
+    path.write_text(cell_text("xy", bus='sync_producer = "external"'), encoding="utf-8")
+    machine = Machine.simulated(path)
+    simulation = Simulation(machine)
+    turning(simulation)
+    simulation.after(0.1, lambda: simulation.wire_faults.by_id.update({0x80: FrameFaults(loss=1.0)}))
+    began = simulation.now
+    machine.sleep(1.0)
+    assert simulation.now - began == pytest.approx(1.0, abs=0.01)
+    assert isinstance(machine["x"].error, StaleError)
+    assert all(abs(simulation.drive(name).velocity) < 1 for name in "xy")
+    with pytest.raises(AssertionError, match="within 2 s"):
+        simulation.until(lambda: False, limit=2.0)
+    with pytest.raises(ScanError, match="SYNC"):
+        machine.close()
+    machine.sleep(1.0)  # of a closed machine: nothing more happens, and the call returns
 
 
 @pytest.mark.parametrize("seconds", [-1, float("nan"), float("inf"), "soon"])

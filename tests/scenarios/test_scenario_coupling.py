@@ -74,6 +74,18 @@ def test_a_gear_follows_a_profile_move_of_its_master_without_a_jolt(scenario):
     assert cell.hardest_change("y") < 1500.0
 
 
+@pytest.mark.parametrize("names", ["xy", "xyz"])
+def test_a_gear_follows_a_profile_move_whose_demand_comes_only_at_every_nth_sync(scenario, names):
+    """On a busy bus, the drives send 6062h less often than 6064h: the slave must notice at once that its master moves."""
+    cell = two(scenario, names, period="2ms", bus="bitrate = 1000000", axis="max_acceleration = 4000.0")
+    cell.end_of(cell["y"].gear_in(cell["x"], 1.0))
+    for distance in (20.0, -20.0):
+        assert cell.end_of(cell["x"].move_relative(distance, velocity=90.0, acceleration=2000.0)) is None
+        cell.run(0.2)
+    assert cell["y"].state is AxisState.SYNCHRONIZED_MOTION
+    assert cell.where("y") == pytest.approx(cell.where("x"), abs=2.0 * INCREMENT)
+
+
 # Shifted.
 
 

@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from axisbus import PointStream, Scara
+from axisbus import PointStream, Scara, TrajectoryPoint, wait
 from axisbus.errors import AxisbusError, Interrupted, LimitError, StateError
 from axisbus.motion.states import AxisState
 from kit.cell import SCALE, Cell
@@ -405,3 +405,59 @@ def test_a_stream_of_the_workspace_is_halted_and_continued_with(scenario):
     assert xy.tool_position == pytest.approx(ring((points.count - 1) * STEP), abs=NEAR)
     assert max(abs(math.dist(p, (160.0, 150.0)) - 40.0) for p in tool(cell, since)) < NEAR
     must_not_jolt(cell)
+
+
+WIDE = f"{AXIS}\nposition_window = 1.0"
+
+
+def must_rest_at(cell: Cell, place: tuple[float, float]) -> None:
+    cell.run(0.2)
+    assert [cell.where(name) for name in "xy"] == pytest.approx(place, abs=0.02)
+    must_not_jolt(cell)
+
+
+@pytest.mark.parametrize("seconds", [0.6, 0.9, 0.98])
+def test_a_start_offset_is_removed_even_if_the_rest_of_the_trajectory_is_short(scenario, seconds):
+    cell = opened(scenario, axis=WIDE)
+    group = cell.machine.group("x", "y")
+    rows = [(0.0, (0.0, 0.0)), (0.5, (20.0, 10.0)), (1.0, (40.0, 20.0))]
+    group.follow([TrajectoryPoint(t, place) for t, place in rows])
+    cell.run(seconds)
+    group.halt().wait(5)
+    wait([cell["x"].move_relative(0.7), cell["y"].move_relative(-0.7)])
+    assert cell.end_of(group.resume()) is None
+    must_rest_at(cell, (40.0, 20.0))
+
+
+def test_a_stream_that_is_resumed_beside_its_path_and_then_ended_rests_at_its_last_point(scenario):
+    cell = opened(scenario, axis=WIDE)
+    group = cell.machine.group("x", "y")
+    points = group.stream(period=STEP, buffer="50ms")
+    feed(cell, points, 0.5)
+    group.halt().wait(5)
+    wait([cell["x"].move_relative(0.7), cell["y"].move_relative(-0.7)])
+    points.resume()
+    assert cell.end_of(points.finish()) is None
+    must_rest_at(cell, place((points.count - 1) * STEP))
+
+
+@pytest.mark.parametrize("seconds", [0.1, 0.3, 1.0])
+def test_a_short_trajectory_from_beside_its_first_point_ends_at_its_last(scenario, seconds):
+    cell = opened(scenario, axis=WIDE)
+    group = cell.machine.group("x", "y")
+    wait([cell["x"].move_absolute(0.7), cell["y"].move_absolute(-0.7)])
+    rows = [(0.0, (0.0, 0.0)), (0.5 * seconds, (0.4, 0.2)), (seconds, (0.8, 0.4))]
+    assert cell.end_of(group.follow([TrajectoryPoint(t, place) for t, place in rows])) is None
+    must_rest_at(cell, (0.8, 0.4))
+
+
+def test_a_stream_that_is_resumed_at_its_last_point_goes_there(scenario):
+    cell = opened(scenario, axis=WIDE)
+    group = cell.machine.group("x", "y")
+    rows = [(0.0, (0.0, 0.0)), (0.5, (20.0, 10.0)), (1.0, (40.0, 20.0))]
+    group.follow([TrajectoryPoint(t, place) for t, place in rows])
+    cell.run(1.0)
+    group.halt().wait(5)
+    wait([cell["x"].move_absolute(40.7), cell["y"].move_absolute(19.4)])
+    assert cell.end_of(group.resume()) is None
+    must_rest_at(cell, (40.0, 20.0))

@@ -93,15 +93,20 @@ class VirtualWaiter:
         return self._pumping == threading.get_ident()
 
     def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
-        """Execute cycles until ``done()`` or until ``timeout`` seconds of virtual time have passed; see ``Waiter``."""
+        """Execute cycles until ``done()`` or until ``timeout`` seconds of virtual time have passed; see ``Waiter``.
+
+        When the scan has failed, time passes all the same: the drives are stopped without the scan.
+        """
         clock, scan = self._clock, self._scan
         until = None if timeout is None else clock.now() + timeout
-        while not done() and not scan.ended:
+        while not done():
             if until is not None and clock.now() >= until:
                 break
-            if clock.current is None:
+            if scan.ended and (until is None or clock.closed):
+                break  # nothing can end this wait
+            if clock.current is None and not scan.ended:
                 self.pump()
-            else:  # a thread of the clock, which runs while the program waits
+            else:  # without a scan, or a thread of the clock, which runs while the program waits
                 clock.sleep(scan.period)
         return done()
 

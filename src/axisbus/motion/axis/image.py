@@ -17,6 +17,7 @@ from axisbus.units import INT32_HALF, INT32_LEAST, unwrap
 
 _HALF = float(INT32_HALF)  # one type for all values compared in every cycle
 _ENABLED = PowerState.OPERATION_ENABLED
+_RARER = 1.5  # spacings of the position: a demand whose spacing is longer comes less often
 _SLOWEST_DEMAND = 0.5  # seconds: a demand that is sent on change arrives within this time if it moves
 _SLOWEST = 1.0  # seconds: positions farther apart give no velocity
 # Seconds between two positions that are enough for a velocity: the noise of an encoder would be a high one in a shorter time.
@@ -306,6 +307,11 @@ class AxisImage:
         if not self.led.counts(self.demand, self.mode):
             return None
         return None if self.awaits_demand else self.lead
+
+    @property
+    def demand_is_rarer(self) -> bool:
+        """Whether the demand comes less often than the position, by the last two samples of each."""
+        return self._demand_spacing > _RARER * (self.position_stamp - self._before_stamp)
 
     @property
     def awaits_demand(self) -> bool:

@@ -141,6 +141,9 @@ class Master:
 # If the demand value (6062h) becomes known while the master moves, it is not used before the master is at standstill. It is ahead
 # of the actual position, and a slave that changed from one to the other would jump.
 #
+# On a busy bus, the drive sends the demand only at every n-th SYNC, but the position at every SYNC. An estimate from such a demand
+# would not notice for several cycles that the master has begun to move, and its slave would then jump. Such a demand is not used.
+#
 # During skipped cycles the drive keeps moving. The distance that it covers without a target for the slave becomes a lag of the
 # slave. A ``LagCorrection`` removes the lag like a critically damped spring: the slave's speed never jumps. The correction speed
 # is at most a tenth of the master's, as long as that is enough to remove the lag within a few seconds.
@@ -239,7 +242,7 @@ class MasterEstimator:
 
     def _start(self) -> None:
         now = self._core.image.now
-        self._by_demand = self._core.image.demand is not None
+        self._by_demand = self._core.image.demand is not None and self._comes_often
         self._due_at = now
         self._syncs.clear()
         self._syncs.append(now - self._period)
@@ -249,11 +252,20 @@ class MasterEstimator:
         core, image = self._core, self._core.image
         inputs = core.capabilities.inputs
         demand = image.demand if self._by is By.COMMAND else None
-        self._by_demand = demand is not None and (self._by_demand or image.standstill)
+        self._by_demand = demand is not None and (self._by_demand or (image.standstill and self._comes_often))
         if demand is not None and self._by_demand:
             return demand, image.demand_stamp, inputs.get("demand")
         assert image.position is not None  # otherwise the node is lost
         return image.position, image.position_stamp, inputs.get("position")
+
+    @property
+    def _comes_often(self) -> bool:
+        """Whether the demand comes as often as the position; if it is sent on change, it comes in each cycle of a motion."""
+        core = self._core
+        return (
+            core.capabilities.inputs.get("demand") is ValueTransport.EVENT_PDO
+            or not core.image.demand_is_rarer
+        )
 
     def _sampled(self, stamp: float, source: ValueTransport | None) -> float:
         """Return the sampling time of a value that arrived at ``stamp``."""

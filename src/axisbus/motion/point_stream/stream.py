@@ -25,7 +25,9 @@ from axisbus.motion.point_stream.curve_fit import at
 
 MOST = 4096  # spans that may wait
 _KEPT = 2  # spans that are stored behind the axes
-_FADE = 0.5  # seconds of the stream within which the axes' start offset is removed
+_FADE = 0.5  # seconds of the stream within which the axes' start offset is removed, if it is at least so long
+_FADE_SHARE = 0.05  # of an axis's limits: the most that the removal of its start offset uses
+_AT_END = 1e-9  # seconds of the stream: a shorter rest counts as none
 _ENDLESS = 1e9  # seconds: the duration of a stream that has not been ended
 _SLOWER = 1e-9  # the smallest decrease that counts as a lower pace
 
@@ -48,22 +50,26 @@ class PointShare:
     """One axis's component of a stream, as the trajectory that it follows."""
 
     def __init__(
-        self, course: StreamTimeline, number: int, begin: float, off: float, duration: float
+        self, course: StreamTimeline, number: int, begin: float, off: float, fade: float, duration: float
     ) -> None:
-        """``number``: index of the axis in a position vector; ``off``: the axis's offset from the stream at ``begin``."""
+        """``number``: index of the axis in a position vector; ``off``: the axis's offset from the stream at ``begin``.
+
+        ``fade``: seconds of the stream within which the offset is removed.
+        """
         self._course = course
         self._number = number
         self._begin = begin
         self._off = off
+        self._fade = fade
         self.duration = duration
 
     def position(self, s: float) -> float:
         """Return the position at ``s`` seconds of the stream."""
         place = self._course.place(min(s, self._course.length))[self._number]
         gone = s - self._begin
-        if gone >= _FADE or not self._off:
+        if gone >= self._fade or not self._off:
             return place
-        left = 1.0 - gone / _FADE
+        left = 1.0 - gone / self._fade
         return place + self._off * left * left * (3.0 - 2.0 * left)
 
 
@@ -85,6 +91,7 @@ class PointStreamMotion:
         }
         self._course = StreamTimeline()
         self._offs: tuple[float, ...] = ()
+        self._fade = 0.0  # seconds of the stream within which these offsets are removed
         self._added: deque[tuple[float, CommandStatus]] = deque()
         self._ends = self._over = False
         self._begins_at = 0.0  # seconds of the stream
@@ -184,6 +191,8 @@ class PointStreamMotion:
         """
         if self.planned:
             before = self.travel.speed
+            if self.travel.t >= self._begins_at + self._fade:
+                self.travel.velocity = 1.0
             self.travel.advance(period)
             self._look(before)
             self._course.forget(self._course.number(self.travel.t) - _KEPT)
@@ -213,14 +222,37 @@ class PointStreamMotion:
             course.add(Span(1e-3, 1e3, here))
             self._offs = tuple(0.0 for _ in here)
         self.planned = True
+        pace = self._plan_fade()
         self._follow_to(course.length if self._ends else _ENDLESS)
-        self.travel.begin(course, 1.0, self._begins_at)
+        self.travel.begin(course, pace, self._begins_at)
+
+    def _plan_fade(self) -> float:
+        """Plan to remove the start offsets on the known part, so that none is left at its end; return the pace meanwhile.
+
+        A known part that is too short for this is passed more slowly. If it is already passed, the axes move to its end at once.
+        """
+        course, least = self._course, max(map(self._shortest_fade, self._axes, self._offs))
+        if self._ends and course.length - self._begins_at <= _AT_END and least:
+            course.add(Span(2.0 * least, 1e3, tuple((x, 0.0, 0.0, 0.0, 0.0, 0.0) for x in course.end)))
+        self._fade = min(course.length - self._begins_at, max(_FADE, least))
+        return 1.0 if self._fade >= least else 0.5 * self._fade / least
+
+    def _shortest_fade(self, axis: str, off: float) -> float:
+        """Return the shortest time in seconds for the removal of an axis's start offset (unit)."""
+        parameters = self._axes[axis].parameters
+        hardest = parameters.limits.acceleration or parameters.path_deceleration
+        seconds = math.sqrt(6.0 * abs(off) / (_FADE_SHARE * hardest)) if hardest else 0.0
+        fastest = parameters.limits.velocity
+        return max(seconds, 1.5 * abs(off) / (_FADE_SHARE * fastest)) if fastest else seconds
 
     def _follow_to(self, duration: float) -> None:
         """Set the duration of the stream, in seconds, for the axes that still follow it."""
         for number, follow in enumerate(self.follows.values()):
             if follow.clock is self.travel:
-                follow.begin(PointShare(self._course, number, self._begins_at, self._offs[number], duration))
+                share = PointShare(
+                    self._course, number, self._begins_at, self._offs[number], self._fade, duration
+                )
+                follow.begin(share)
 
     def _start(self, axis: str) -> float:
         core = self._axes[axis]
@@ -395,6 +427,11 @@ class StreamTimeline:
     def length(self) -> float:
         """Known duration of the stream in seconds."""
         return self.marks[self.count]
+
+    @property
+    def end(self) -> tuple[float, ...]:
+        """The axis positions at the end of the known part."""
+        return self.place(self.length)
 
     @property
     def waiting(self) -> int:
