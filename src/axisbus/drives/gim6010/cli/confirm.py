@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from collections.abc import Iterable
 
@@ -10,6 +9,7 @@ import click
 
 from axisbus.cli.shared.common import say
 from axisbus.cli.shared.options import Decorated
+from axisbus.system.signals import present
 
 
 def yes_option(function: Decorated) -> Decorated:
@@ -43,7 +43,7 @@ def end_by(number: int) -> None:
     Raises:
         KeyboardInterrupt, SystemExit: there was one.
     """
-    if number in (signal.SIGINT, getattr(signal, "SIGTSTP", None)):
+    if number in present("SIGINT", "SIGTSTP"):
         raise KeyboardInterrupt
     if number:
         raise SystemExit(128 + number)
