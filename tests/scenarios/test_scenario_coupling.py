@@ -86,6 +86,21 @@ def test_a_gear_follows_a_profile_move_whose_demand_comes_only_at_every_nth_sync
     assert cell.where("y") == pytest.approx(cell.where("x"), abs=2.0 * INCREMENT)
 
 
+@pytest.mark.parametrize("every", [2, 3, 4, 5, 8])
+def test_a_gear_follows_positions_that_come_only_at_every_nth_sync(scenario, every):
+    """The position of an encoder, or of a drive whose TPDO is sent less often, corrects the estimate in steps."""
+    seldom = {"every": {"position": every}}
+    cell = two(scenario, axis="max_acceleration = 4000.0", port=lambda node, _: seldom if node == 1 else {})
+    cell.end_of(cell["y"].gear_in(cell["x"], 1.0, master_value_source="actual"))
+    for distance in (60.0, -60.0):
+        assert cell.end_of(cell["x"].move_relative(distance, velocity=90.0, acceleration=500.0)) is None
+        cell.run(0.5)
+    assert cell["y"].state is AxisState.SYNCHRONIZED_MOTION
+    assert cell.where("y") == pytest.approx(cell.where("x"), abs=2.0 * INCREMENT)
+    print(every, cell.hardest_change("y"), off(cell, lambda x: x, 0.0, late=2 * CYCLE))
+    assert cell.hardest_change("y") < 2000.0
+
+
 # Shifted.
 
 

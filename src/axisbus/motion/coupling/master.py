@@ -144,14 +144,21 @@ class Master:
 # On a busy bus, the drive sends the demand only at every n-th SYNC, but the position at every SYNC. An estimate from such a demand
 # would not notice for several cycles that the master has begun to move, and its slave would then jump. Such a demand is not used.
 #
+# A position that comes only at every n-th cycle corrects the estimate by so much at once that a slave would jump. Then the master's
+# course from the estimate before to the corrected one is a cubic over 2n cycles, so that its velocity does not jump.
+#
 # During skipped cycles the drive keeps moving. The distance that it covers without a target for the slave becomes a lag of the
 # slave. A ``LagCorrection`` removes the lag like a critically damped spring: the slave's speed never jumps. The correction speed
 # is at most a tenth of the master's, as long as that is enough to remove the lag within a few seconds.
 
 
 _CYCLES = 4.0  # the time constant of the filter, in scan periods
-_THETA = math.exp(-1.0 / _CYCLES)
-_SHARES = 1.0 - _THETA**2, (1.0 - _THETA) ** 2  # of the residual, to correct position and velocity
+_MOST_CYCLES = 32  # from one value to the next; rarer ones count as coming so often
+# Of the residual, to correct position and velocity: by the cycles from one value to the next.
+_SHARES = [
+    (1.0 - theta**2, (1.0 - theta) ** 2)
+    for theta in (math.exp(-n / _CYCLES) for n in range(_MOST_CYCLES + 1))
+]
 _LATE = 2.0  # cycles by which a reported value is older than a commanded one
 _BEFORE = 0.125  # of a period: a drive may answer a SYNC before the scan has read its clock
 _SOON, _AT_LEAST = 3.0, 0.5  # 1/s: highest and lowest natural frequency of the correction
@@ -186,6 +193,26 @@ class LagCorrection:
         return self.value
 
 
+class _Transition:
+    """A cubic from one place and velocity to others; times in seconds."""
+
+    def __init__(
+        self, begin: float, end: float, place: float, velocity: float, goal: float, goal_velocity: float
+    ) -> None:
+        self.end = end
+        self._begin, self._place, self._velocity = begin, place, velocity
+        seconds = end - begin
+        way, faster = goal - place - velocity * seconds, (goal_velocity - velocity) * seconds
+        self._square = (3.0 * way - faster) / seconds**2
+        self._cube = (faster - 2.0 * way) / seconds**3
+
+    def at(self, time: float) -> tuple[float, float]:
+        """Return place and velocity at a time from begin to end."""
+        t = time - self._begin
+        place = self._place + t * (self._velocity + t * (self._square + t * self._cube))
+        return place, self._velocity + t * (2.0 * self._square + 3.0 * t * self._cube)
+
+
 class MasterEstimator:
     """Follows one master by the values that its drive reports; ``velocity`` in units/s."""
 
@@ -201,11 +228,18 @@ class MasterEstimator:
         self._stamp = -math.inf
         self._by_demand = False  # 6062h instead of 6064h gives the master's position
         self._syncs: deque[float] = deque(maxlen=4)
+        self._transition: _Transition | None = None
 
     @property
     def due(self) -> float:
         """The expected position of the master when a target of this cycle takes effect."""
-        return self._place + self.velocity * (self._due_at - self._at)
+        return self._expected(self._due_at)[0]
+
+    def _expected(self, time: float) -> tuple[float, float]:
+        """Return the expected position and velocity at a time (s)."""
+        if self._transition is not None and time < self._transition.end:
+            return self._transition.at(time)
+        return self._place + self.velocity * (time - self._at), self.velocity
 
     def begin(self, origin: int) -> None:
         """Start with the values reported now; ``origin``: the increment that counts as 0."""
@@ -234,7 +268,14 @@ class MasterEstimator:
         # A value expected by SYNC or by request that did not come is late or lost. An event-driven value that did not come is
         # unchanged.
         if stamp != self._stamp:
-            self._correct(seen - origin, self._sampled(stamp, source))
+            before = self._due_at - period
+            expected = self._expected(before)
+            cycles = self._correct(seen - origin, self._sampled(stamp, source))
+            end = before + 2 * cycles * period
+            goal = self._place + self.velocity * (end - self._at)
+            self._transition = (
+                _Transition(before, end, *expected, goal, self.velocity) if cycles > 1 else None
+            )
         elif source is ValueTransport.EVENT_PDO:
             self._correct(seen - origin, image.now - (_LATE - 1.0) * period)
         self._stamp = stamp
@@ -244,6 +285,7 @@ class MasterEstimator:
         now = self._core.image.now
         self._by_demand = self._core.image.demand is not None and self._comes_often
         self._due_at = now
+        self._transition = None
         self._syncs.clear()
         self._syncs.append(now - self._period)
 
@@ -274,11 +316,14 @@ class MasterEstimator:
         before = stamp + _BEFORE * self._period
         return max((sync for sync in self._syncs if sync <= before), default=stamp)
 
-    def _correct(self, seen: int, at: float) -> None:
-        """Extrapolate to time ``at``, and correct the estimate by the reported value."""
+    def _correct(self, seen: int, at: float) -> int:
+        """Extrapolate to time ``at``, and correct the estimate by the reported value; return the cycles since the value before."""
         passed = at - self._at
+        cycles = min(max(round(passed / self._period), 1), _MOST_CYCLES)
+        of_place, of_velocity = _SHARES[cycles]
         self._place += self.velocity * passed
         self._at = at
         off = self._core.parameters.units.position.to_units(seen) - self._place
-        self._place += _SHARES[0] * off
-        self.velocity += _SHARES[1] * off / max(passed, self._period)
+        self._place += of_place * off
+        self.velocity += of_velocity * off / max(passed, self._period)
+        return cycles
