@@ -67,29 +67,11 @@ for _number in ("SIGHUP", "SIGQUIT"):
 _MANY_OBJECTS = 100_000  # from here on a garbage collection takes as long as the opening of a machine
 _freeze = gc.freeze
 QUICK = "not slow"  # the choice of ``make quick``
-_WITHOUT_REAL_TIME = (QUICK, "not real_time and not sweep", "sweep")  # those of other targets of make
 scan_file_access.begin()
 _shared: dict[Path, ExitStack] = {}  # of the file whose tests run now, if they share their virtual time
 _failed: set[str] = set()
 _used: set[str] = set()
 _kept: set[str] = set()
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Keep each of several test processes on one processor if no test runs in real time.
-
-    In virtual time one thread runs at a time, and it would change the processor hundreds of times in each test.
-    """
-    worker = getattr(config, "workerinput", {}).get("workerid", "")  # gw0, gw1 ...
-    if worker and config.option.markexpr in _WITHOUT_REAL_TIME:
-        _stay_on(int(worker.removeprefix("gw")))
-
-
-def _stay_on(number: int) -> None:
-    if not hasattr(os, "sched_setaffinity"):
-        return
-    allowed = sorted(os.sched_getaffinity(0))
-    os.sched_setaffinity(0, {allowed[number % len(allowed)]})
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
