@@ -257,6 +257,20 @@ def test_set_points_of_a_ramp_replace_each_other_and_alternate_with_readings():
     assert max(b - a for a, b in itertools.pairwise(beats)) < SETTINGS.heartbeat
 
 
+def test_a_stop_after_a_set_point_is_sent_before_the_next_reading_although_the_same_stop_was_confirmed_before():
+    line = RelayLine()
+    for order in (ORDERS.mode(VELOCITY), ORDERS.idle(), ORDERS.closed_loop()):
+        line.give(order)
+        line.settle()
+    line.station.frames.clear()
+    line.give(ORDERS.velocity(1.0))
+    while not line.written:
+        line.work()
+    line.give(ORDERS.idle())
+    line.work()
+    assert [address for address, _ in line.written] == [VELOCITY_SET, STATE]
+
+
 def test_a_calibration_is_passed_on_only_if_the_owner_of_the_line_asks_for_it():
     wanted = encode(1, message_named("Set_Axis_State"), {"Axis_Requested_State": 7})
     line = RelayLine()

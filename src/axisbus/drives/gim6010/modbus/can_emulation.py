@@ -137,7 +137,7 @@ class RelayedModule:
         self._questions: deque[Callable[[], Told | None]] = deque(maxlen=_MOST)
         self._looking: Iterator[Told] = iter(())
         self._owes_reading = False  # a set-point or a confirmed stop was carried out after the last reading
-        self._stopped_by: RegisterCommand | None = None  # the stop that the module has confirmed last
+        self._stopped_by: RegisterCommand | None = None  # the last command, if it was a confirmed stop
         self._modes: Writes = ()  # as requested last
         self._enabling = False  # closed loop was requested, and not seen yet
         self._life = FIRST_LIFE
@@ -225,6 +225,7 @@ class RelayedModule:
 
     def _attempt(self, wanted: RegisterCommand) -> None:
         """Carry out a command; if it fails, discard all waiting commands except stops."""
+        self._stopped_by = None  # the next stop is a new one
         try:
             _CARRIED_OUT[wanted.kind](self, wanted.writes)
         except AxisbusError as error:
