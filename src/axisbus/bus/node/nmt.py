@@ -59,9 +59,8 @@ class NodeMonitor:
         self.guarded = False
         self.toggle_errors = 0
         self.duplicate = ""  # evidence that a second device has this node-ID
-        self.started: int | None = (
-            None  # SYNCs sent before its only NMT command *start*; None: there was none, or several
-        )
+        # SYNCs sent before its only NMT command *start*; None: there was none, or several.
+        self.started: int | None = None
         self._starts = 0
         self._turns = 0  # reports in a row that equal the report before the last, but not the last
         self._before: NmtState | None = None  # the report before the last

@@ -29,9 +29,8 @@ from axisbus.wording import counted
 
 TIMEOUT = 0.5
 TRIES = 3
-_SILENCES = (
-    3  # a server that was silent for so many objects is expected to be silent for all that the EDS lacks
-)
+# A server that was silent for so many objects is expected to be silent for all that the EDS lacks.
+_SILENCES = 3
 _TRIES_IF_SILENT = 2
 URGENT_LOCK = 0.2  # seconds that an urgent write waits for the running transfer to end
 _URGENT_TURN = 0.01
