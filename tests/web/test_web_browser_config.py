@@ -69,9 +69,13 @@ def press(page: Page, selector: str) -> None:
 
 
 def saved(scene: SimpleNamespace, ending: str) -> Path:
-    """The newest file of a kind that the browser has saved."""
-    until(lambda: list(scene.folder.glob(f"*.{ending}")), 10.0)
-    return max(scene.folder.glob(f"*.{ending}"), key=lambda path: path.stat().st_mtime)
+    """The newest file of a kind that the browser has saved; it may begin with an empty one, and with one of its own."""
+
+    def files() -> list[Path]:
+        return [path for path in scene.folder.glob(f"*.{ending}") if path.stat().st_size]
+
+    until(lambda: files() and not list(scene.folder.glob("*.crdownload")), 10.0)
+    return max(files(), key=lambda path: path.stat().st_mtime)
 
 
 def backed_up(scene: SimpleNamespace) -> None:
