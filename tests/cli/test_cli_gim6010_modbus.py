@@ -213,25 +213,6 @@ def test_a_calibration_needs_confirmation_and_its_result_is_reported(line):
     assert line.is_off
 
 
-def test_a_calibration_that_is_killed_is_ended_by_its_watchdog_process(line, tmp_path):
-    """Its program is killed in the middle of it: the watchdog process removes the power."""
-    words = ("gim6010", "modbus", "calibrate", "full", "--port", line.path, "--node", "1", "--yes")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "axisbus", *words, "--list", "endpoints_0.5.13.json"],
-        stderr=subprocess.PIPE,
-        cwd=tmp_path,
-        text=True,
-    )
-    while line.plant("axis0.current_state") in (0, 1):
-        assert process.poll() is None
-        time.sleep(0.01)
-    process.kill()
-    _, err = process.communicate(timeout=30)
-    assert "the program that moved it is dead: it is stopped now" in err
-    assert line.plant("axis0.current_state") == 1
-    assert line.is_off
-
-
 @pytest.fixture
 def calibrating(line, tmp_path):
     """A program that calibrates the module, in the middle of it."""
@@ -249,6 +230,15 @@ def calibrating(line, tmp_path):
     yield process
     process.kill()
     process.wait()
+
+
+def test_a_calibration_that_is_killed_is_ended_by_its_watchdog_process(calibrating, line):
+    """Its program is killed in the middle of it: the watchdog process removes the power."""
+    calibrating.kill()
+    _, err = calibrating.communicate(timeout=30)
+    assert "the program that moved it is dead: it is stopped now" in err
+    assert line.plant("axis0.current_state") == 1
+    assert line.is_off
 
 
 @pytest.mark.parametrize(

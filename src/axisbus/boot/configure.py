@@ -83,7 +83,7 @@ class DriveMonitoringSetup:
         self._objects = objects
         self._bus = bus
         self._before: list[tuple[int, int, int]] = []  # index, sub-index, original value
-        self._refusals: list[str] = []  # what the drive has refused of this monitoring
+        self._refusals: list[str] = []  # the writes that the drive has refused
         self.guarding: float | None = None
 
     def set_sync(self) -> None:

@@ -8,7 +8,7 @@ from typing import Protocol
 from axisbus.cia301 import emcy
 from axisbus.cia301 import objects as o
 from axisbus.cia301.emcy import Emcy, ErrorEntry
-from axisbus.cia301.sdo import if_served
+from axisbus.cia301.sdo import number_if_served
 from axisbus.drives.emcy_text import emcy_words, history_words
 from axisbus.drives.plugin import GENERIC, DrivePlugin
 from axisbus.errors import BusError
@@ -78,5 +78,4 @@ def read(objects: ErrorStateUploads, last: Emcy | None = None, ago: float = 0.0)
 
 
 def _number(objects: ErrorStateUploads, index: int, subindex: int) -> int | None:
-    data = if_served(objects.upload, index, subindex)
-    return None if data is None else int.from_bytes(data, "little")
+    return number_if_served(objects.upload, index, subindex)

@@ -204,3 +204,9 @@ def if_served(read: Callable[[int, int], T], index: int, subindex: int = 0) -> T
         if not error.for_this_only:
             raise
         return None
+
+
+def number_if_served(upload: Callable[[int, int], bytes], index: int, subindex: int = 0) -> int | None:
+    """Return the bytes of an object as an unsigned number, or None, as ``if_served``."""
+    data = if_served(upload, index, subindex)
+    return None if data is None else int.from_bytes(data, "little")

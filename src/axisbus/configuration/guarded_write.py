@@ -27,7 +27,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
 from axisbus.cia301.nmt import watched_node
-from axisbus.cia301.sdo import if_served
+from axisbus.cia301.sdo import if_served, number_if_served
 from axisbus.cia402 import objects as c402
 from axisbus.cia402 import state
 from axisbus.cia402.axes import COUNT, first_axis, own_index
@@ -271,5 +271,4 @@ def _typed(raw: bytes | None, kind: DataType | None) -> Value | None:
 
 
 def _number(node: ByObjects, index: int, subindex: int = 0) -> int | None:
-    data = if_served(node.sdo.upload, index, subindex)
-    return None if data is None else int.from_bytes(data, "little")
+    return number_if_served(node.sdo.upload, index, subindex)

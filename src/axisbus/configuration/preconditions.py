@@ -8,7 +8,7 @@ from axisbus.bus.node.node import CanopenNode, NodeIdentity
 from axisbus.bus.sdo.access import ByObjects
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia301.sdo import if_served
+from axisbus.cia301.sdo import number_if_served
 from axisbus.clock import poll_until
 from axisbus.configuration import guarded_write
 from axisbus.eds.model import Eds
@@ -153,4 +153,4 @@ def _state(node: CanopenNode) -> NmtState | None:
 
 
 def _heartbeat(node: CanopenNode) -> float:
-    return int.from_bytes(if_served(node.sdo.upload, o.PRODUCER_HEARTBEAT) or b"", "little") / 1000
+    return (number_if_served(node.sdo.upload, o.PRODUCER_HEARTBEAT) or 0) / 1000

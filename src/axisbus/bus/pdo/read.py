@@ -10,7 +10,7 @@ from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MAX_BITS, MappedObject, PdoConfiguration
-from axisbus.cia301.sdo import if_served
+from axisbus.cia301.sdo import number_if_served
 from axisbus.eds.dictionary import Dictionary
 
 _LAST = 512
@@ -116,5 +116,4 @@ def _sync_start(sdo: SdoClient, index: int) -> int | None:
 
 
 def read_number(sdo: SdoClient, index: int, subindex: int) -> int | None:
-    data = if_served(sdo.upload, index, subindex)
-    return None if data is None else int.from_bytes(data, "little")
+    return number_if_served(sdo.upload, index, subindex)

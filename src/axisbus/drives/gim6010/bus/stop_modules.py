@@ -17,7 +17,7 @@ from axisbus.errors import BusError
 from axisbus.link import StopResult
 
 _POLL = 0.005  # s
-_LONGEST = 30.0  # s to brake on a very slow ramp, if nobody waits for a limited time only
+_LONGEST = 30.0  # s to brake on a very slow ramp, if no program waits for the stop
 
 
 def stop_modules(
