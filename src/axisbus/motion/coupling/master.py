@@ -271,11 +271,10 @@ class MasterEstimator:
             before = self._due_at - period
             expected = self._expected(before)
             cycles = self._correct(seen - origin, self._sampled(stamp, source))
-            end = before + 2 * cycles * period
-            goal = self._place + self.velocity * (end - self._at)
-            self._transition = (
-                _Transition(before, end, *expected, goal, self.velocity) if cycles > 1 else None
-            )
+            self._transition = None
+            if cycles > 1:
+                end = before + 2 * cycles * period
+                self._transition = _Transition(before, end, *expected, *self._expected(end))
         elif source is ValueTransport.EVENT_PDO:
             self._correct(seen - origin, image.now - (_LATE - 1.0) * period)
         self._stamp = stamp
