@@ -18,9 +18,10 @@ import warnings
 from collections import Counter
 from pathlib import Path
 
-from kit.reader_limits import FEW, Reader, fuzzed, inputs
-from kit.readers import READERS
+from kit import gim6010_readers, readers
+from kit.reader_limits import FEW, Reader, fuzzed, inputs, refusals
 
+READERS = {**readers.READERS, **gim6010_readers.READERS}
 MOST_SHOWN = 10  # findings of a reader, each of another kind
 VALID_EVERY = 5000  # inputs between two looks whether the valid ones are read still
 
@@ -63,10 +64,10 @@ def fuzz(name: str, reader: Reader, count: int, seed: int, kept: Path | None, se
 
 
 def _valid_ones(name: str, reader: Reader, path: Path, valid: list[bytes]) -> int:
-    found = [fuzzed(reader, path, data).finding for data in valid]
-    for each in filter(None, found):
-        print(f"{name}: a valid input is refused: {each}")
-    return sum(map(bool, found))
+    found = refusals(reader, path, valid)
+    for each in found:
+        print(f"{name}: {each}")
+    return len(found)
 
 
 def _progress(name: str, number: int, count: int, wrong: int, began: float) -> None:

@@ -18,14 +18,16 @@ from axisbus.boot.report import NodeReport
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.cia301 import abort, emcy, tables
 from axisbus.cia302.types import Letter
-from axisbus.cli.explain import markdown
+from axisbus.cli.explain import markdown, notes_of
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import with_page
+from axisbus.drives import registry
 from axisbus.errors import AxisbusError, BootError, DriveFault, FollowingError, NodeTimeout, SdoAbort
 from axisbus.ipc.errors import from_fields, to_fields
 from axisbus.motion.stop.diagnosis import remedy
 from axisbus.symptoms import lookup
 from axisbus.symptoms.lookup import FAMILIES, SYMPTOMS, page_of
+from axisbus.symptoms.symptom import SymptomNote
 from kit import command_line
 from kit.pages import ROOT
 
@@ -109,13 +111,14 @@ def test_the_remedy_is_of_the_same_kind_as_the_page(code):
 @each_symptom
 def test_the_pages_for_further_reading_exist(symptom):
     assert symptom.read_on
-    for page in symptom.read_on:
+    for page in (*symptom.read_on, *(page for note in notes_of(symptom) for page in note.read_on)):
         assert (ROOT / "docs" / page.partition("#")[0]).exists(), page  # the anchors: when the site is made
 
 
 def typed(symptom):
     """The commands that a page says to type, as lists of words."""
-    spans = re.findall(r"`axisbus ([^`]+)`", " ".join((symptom.seen, *symptom.checks)))
+    noted = [check for note in notes_of(symptom) for check in note.checks]
+    spans = re.findall(r"`axisbus ([^`]+)`", " ".join((symptom.seen, *symptom.checks, *noted)))
     return [[STANDS_FOR.get(word, word) for word in shlex.split(_placeholder_value(span))] for span in spans]
 
 
@@ -150,6 +153,21 @@ def test_a_command_that_is_wrong_would_be_noticed(words):
 
 def test_most_pages_name_commands():
     assert sum(bool(typed(symptom)) for symptom in SYMPTOMS.values()) > len(SYMPTOMS) * 3 // 4
+
+
+def test_every_note_of_a_plug_in_is_on_a_page_that_is_there():
+    noted = {name for notes in registry.parts("symptoms") for name in notes}
+    assert noted <= set(SYMPTOMS)
+
+
+def test_a_note_of_a_plug_in_follows_the_checks():
+    note = SymptomNote("Painted servo", ("Is its paint dry?",), ("drives.md",))
+    text = markdown(SYMPTOMS["drive-fault"], [note])
+    assert text.index("What to check") < text.index(
+        "## If the drive is a Painted servo\n\n- Is its paint dry?"
+    )
+    assert "- docs/drives.md" in text
+    assert "Painted" not in markdown(SYMPTOMS["drive-fault"])
 
 
 # -- which page ----------------------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
-from axisbus.cli.explain import markdown
+from axisbus.cli.explain import markdown, notes_of
 from axisbus.cli.main import COMMANDS
 from axisbus.symptoms.lookup import FAMILIES
 from axisbus.symptoms.symptom import Symptom
@@ -44,8 +44,10 @@ def _index() -> str:
 
 
 def _page(symptom: Symptom, title_of: Title) -> str:
-    text = linked(markdown(symptom, every_code=True, wide=True))
-    read_on = "\n".join(f"- {_link(page, title_of)}" for page in symptom.read_on)
+    notes = notes_of(symptom)
+    text = linked(markdown(symptom, notes, every_code=True, wide=True))
+    pages = dict.fromkeys((*symptom.read_on, *(page for note in notes for page in note.read_on)))
+    read_on = "\n".join(f"- {_link(page, title_of)}" for page in pages)
     return f"{text}\n## Read on\n\n{read_on}\n\nIn a terminal: `axisbus explain {symptom.name}`\n"
 
 

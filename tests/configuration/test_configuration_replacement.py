@@ -8,10 +8,9 @@ import pytest
 
 from axisbus.cia305.services import LssAddress
 from axisbus.configuration.replacement_order import FoundDrive, ReplacementStep
-from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import BusError, NodeError, StateError
 from axisbus.sim.power import Effort
-from kit.replacement_bench import CONFIGURED, NEW, NODE, OTHER, PRODUCT, VENDOR, Bench
+from kit.replacement_bench import CONFIGURED, NEW, NODE, PRODUCT, VENDOR, Bench
 from kit.virtual_channel import Killed
 
 NMT, LSS, FAST_SCAN = 0, 0x7E5, 0x51
@@ -45,21 +44,6 @@ def test_nothing_is_written_to_find_a_drive(bench: Bench):
     bench.swap(node_id=NODE)
     assert [(each.node_id, each.serial) for each in bench.find()] == [(NODE, NEW)]
     assert bench.downloads == []
-
-
-@pytest.mark.parametrize("node_id", [0, NODE])
-def test_a_new_module_with_the_protocol_of_its_factory_is_named_with_the_remedy(tmp_path: Path, node_id: int):
-    bench = Bench(tmp_path, Module(node_id))
-    with pytest.raises(StateError, match=f"replace that of node {NODE}; nothing was written") as refused:
-        bench.find()
-    assert f"1 module speaks CAN Simple, not CANopen: node {node_id}" in str(refused.value)
-    assert "axisbus gim6010 to-canopen" in str(refused.value)
-    bench.swap(node_id=255)
-    assert bench.find() == [FoundDrive(None, VENDOR, PRODUCT, 0, NEW)]
-
-
-def test_a_module_of_the_cell_with_another_protocol_is_not_taken_for_the_new_one(tmp_path: Path):
-    assert Bench(tmp_path, Module(OTHER)).find() == []
 
 
 class Stop(Exception):

@@ -7,7 +7,6 @@ import pytest
 from axisbus.cia301.emcy import decode, parse
 from axisbus.cia301.incident import group
 from axisbus.drives.emcy_text import emcy_words, history_words, incident_words
-from axisbus.drives.gim6010.make import GIM6010
 from axisbus.drives.plugin import DrivePlugin
 
 
@@ -38,10 +37,11 @@ def test_a_short_message_does_not_claim_a_register() -> None:
 
 
 def test_the_make_adds_its_explanation_of_the_code() -> None:
+    make = DrivePlugin("one", explain=lambda code, _: [f"code {code:X}: the supply is low"])
     under_voltage = parse(bytes.fromhex("20 32 05"), 0.0)
-    assert "DC_BUS_UNDER_VOLTAGE: the supply voltage is too low" in emcy_words(under_voltage, GIM6010)
-    assert "DC_BUS" not in emcy_words(under_voltage)
-    assert "DC_BUS_UNDER_VOLTAGE" in history_words(decode(1, 0x3220), GIM6010)
+    assert "code 3220: the supply is low" in emcy_words(under_voltage, make)
+    assert "the supply is low" not in emcy_words(under_voltage)
+    assert "code 3220: the supply is low" in history_words(decode(1, 0x3220), make)
 
 
 def test_the_error_register_narrows_the_explanation_of_the_make() -> None:

@@ -7,26 +7,14 @@ import pytest
 from axisbus.errors import ArgumentError
 from kit import reader_limits
 from kit.frame_mutations import packed, unpacked
-from kit.reader_limits import Limits, Reader, fuzzed, inputs
+from kit.reader_limits import Limits, Reader, few_mutations, fuzzed, inputs
 from kit.readers import READERS
-
-INPUTS = 60
 
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", READERS)
 def test_a_mutated_input_is_read_or_refused_by_its_name(name, tmp_path):
-    reader = READERS[name]
-    path = tmp_path / f"input{reader.suffix}"
-    with reader.holds():
-        valid = reader.valid(tmp_path)
-        for data in valid:
-            assert fuzzed(reader, path, data) == ("", True)
-        made = inputs(valid, 37, reader.mutate)
-        found = [fuzzed(reader, path, made(number), measured=number == 0) for number in range(INPUTS)]
-        assert [each.finding for each in found if each.finding] == []
-        for data in valid:
-            assert fuzzed(reader, path, data) == ("", True)
+    assert few_mutations(READERS[name], tmp_path, seed=37, count=60) == []
 
 
 def _raised(error):
@@ -74,6 +62,15 @@ def test_a_refusal_that_names_the_file_is_no_finding(tmp_path):
     path = tmp_path / "input.x"
     reader = Reader(".x", lambda _: [b""], _raised(ArgumentError(f"{path}, line 3: wrong")))
     assert fuzzed(reader, path, b"x") == ("", False)
+
+
+def test_a_reader_that_refuses_a_valid_input_is_found(tmp_path):
+    path = tmp_path / "input.x"
+    reader = Reader(".x", lambda _: [b""], _raised(ArgumentError(f"{path}, line 3: wrong")))
+    assert (
+        few_mutations(reader, tmp_path, seed=1, count=0)
+        == ["a valid input is refused: with an error of its own"] * 2
+    )
 
 
 def test_frames_are_lines_of_an_input_and_each_number_makes_the_same_one():

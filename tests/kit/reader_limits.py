@@ -117,3 +117,24 @@ def inputs(
         return mutate(drawn.choice(valid), drawn)
 
     return made
+
+
+def few_mutations(reader: Reader, folder: Path, seed: int, count: int) -> list[str]:
+    """Let a reader read its valid inputs, so many mutated ones, and the valid ones once more; return the findings."""
+    path = folder / f"input{reader.suffix}"
+    with reader.holds():
+        valid = reader.valid(folder)
+        made = inputs(valid, seed, reader.mutate)
+        before = refusals(reader, path, valid)
+        found = [fuzzed(reader, path, made(number), measured=number == 0).finding for number in range(count)]
+        return [*before, *filter(None, found), *refusals(reader, path, valid)]
+
+
+def refusals(reader: Reader, path: Path, valid: Sequence[bytes]) -> list[str]:
+    """Return a finding for each valid input that the reader does not read."""
+    read = [fuzzed(reader, path, data) for data in valid]
+    return [
+        f"a valid input is refused: {each.finding or 'with an error of its own'}"
+        for each in read
+        if each.finding or not each.taken
+    ]

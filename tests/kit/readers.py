@@ -6,7 +6,6 @@ kernel and in drivers. Memory and pipes between this package's own processes are
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -21,10 +20,6 @@ from axisbus.configuration.nameplate import Nameplate
 from axisbus.configuration.replacement_plan import UnfinishedReplacement, parse_note
 from axisbus.core.sim_faults_file import load_faults
 from axisbus.drives import drive_file
-from axisbus.drives.gim6010.can_simple import endpoints
-from axisbus.drives.gim6010.can_simple.endpoints import Firmware
-from axisbus.drives.gim6010.parameters import backup
-from axisbus.drives.gim6010.sim.module import Module
 from axisbus.eds import concise
 from axisbus.eds.concise_dcf_values import Configuration, configuration
 from axisbus.eds.io import reader as dictionaries
@@ -128,27 +123,6 @@ def _fault(folder: Path) -> list[bytes]:
     return [path.read_bytes()]
 
 
-_VALUES = {"axis0.config.can.node_id": 1, "axis0.motor.config.current_lim": 10.5, "config.enable_uart": True}
-
-
-def _backup(_: Path) -> list[bytes]:
-    """Return the settings of a GIM6010-8."""
-    found = backup.ParameterBackup(
-        0x1234, Firmware(0, 5, 13), {**_VALUES, "a.b": float("nan"), "a.c": 1 << 40}
-    )
-    return [found.text().encode()]
-
-
-def _restored(path: Path) -> object:
-    return backup.differences(
-        backup.read(path.read_bytes().decode("utf-8", "replace"), str(path)).values, _VALUES
-    )
-
-
-def _endpoints(_: Path) -> list[bytes]:
-    return [json.dumps(Module(1).json()).encode()]
-
-
 def _users(_: Path) -> list[bytes]:
     return [f"# who may call\n{users.line_of('anna', 'right', b's' * 16)}\n".encode()]
 
@@ -197,8 +171,6 @@ OF_FILES: dict[str, Reader] = {
     "MCAP": Reader(".mcap", _recorded(".mcap"), load_recording),
     "CSV": Reader(".csv", _recorded(".csv"), load_recording),
     "kept fault": Reader(".fault", _fault, load_recording),
-    "backup": Reader(".json", _backup, _restored),
-    "endpoints": Reader(".json", _endpoints, lambda path: endpoints.parse(path.read_bytes(), str(path))),
     "users": Reader(".txt", _users, users.read),
     "drive file": Reader(
         ".toml",

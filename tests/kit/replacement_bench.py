@@ -18,11 +18,11 @@ from axisbus.configuration.replacement_plan import (
     UnfinishedReplacement,
     plan,
 )
-from axisbus.drives.gim6010.sim.module import Module
 from axisbus.eds import dcf, loads, writer
 from axisbus.eds.io import reader
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
+from axisbus.sim.node.network import Guest
 from axisbus.sim.power import Effort
 from axisbus.sim.virtual_can import VirtualWire
 from kit.cell import with_identity
@@ -42,7 +42,7 @@ Swap = Callable[[Device], None]
 class Bench:
     """The drives, the backup of the first one, and the note of its replacement, over several programs."""
 
-    def __init__(self, folder: Path, *guests: Module) -> None:
+    def __init__(self, folder: Path, *guests: Guest) -> None:
         """The old drive has been configured, stored and backed up; then it has no supply. ``guests`` are on the bus as well."""
         self._eds = loads(with_identity(VENDOR, PRODUCT).encode(), "drive.eds")
         self.clock = VirtualClock()

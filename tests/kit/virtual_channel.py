@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.bus.link.channel import SEND_PATIENCE, Channel
 from axisbus.clock import VirtualClock
-from axisbus.drives.gim6010.sim.module import Module
+from axisbus.sim.node.network import Guest
 from axisbus.sim.virtual_can import VirtualWire
 
 
@@ -13,24 +13,24 @@ class Killed(BaseException):
 
 
 class KilledChannel(Channel):
-    """Holds its modules and the frames that were sent.
+    """Holds its guests (simulated nodes of other protocols) and the frames that were sent.
 
     ``killed_at``: the frame (counted from 0) before which the program is killed. ``wire`` and its ``clock``: those of the program
-    before, if there was one; without them the modules are on a new wire.
+    before, if there was one; without them the guests are on a new wire.
     """
 
     def __init__(
         self,
-        *modules: Module,
+        *guests: Guest,
         killed_at: int | None = None,
         wire: VirtualWire | None = None,
         clock: VirtualClock | None = None,
     ) -> None:
         clock = clock or VirtualClock()
-        self.modules = modules
+        self.guests = guests
         self.sent: list[tuple[int, bytes]] = []
         self.killed_at = killed_at
-        super().__init__((wire or VirtualWire(clock, (), modules)).connect(), "simulated", clock=clock)
+        super().__init__((wire or VirtualWire(clock, (), guests)).connect(), "simulated", clock=clock)
 
     def send(self, can_id: int, data: bytes, patience: float = SEND_PATIENCE) -> None:
         self._count(can_id, data)

@@ -14,7 +14,6 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.sim.virtual_can import FrameFaults
 from axisbus.testing import Simulation, simulate
-from kit.can_simple.mixed_cell import MODULE, write
 from kit.cell import cell_text
 
 ROOT = Path(__file__).parents[2]
@@ -191,14 +190,6 @@ def test_an_axis_without_a_drive_is_refused(tmp_path: Path, name: str) -> None:
         pytest.raises(ArgumentError, match="axes with a drive in this cell: x"),
     ):
         simulation.drive(name)
-
-
-def test_a_module_with_can_simple_has_no_drive_of_cia_402(tmp_path: Path) -> None:
-    with simulate(write(tmp_path, 'interface = "sim"')) as simulation:
-        module = next(name for name, axis in simulation.machine.cell.axes.items() if axis.node == MODULE)
-        for refused in (simulation.drive, simulation.device, simulation.position):
-            with pytest.raises(StateError, match=r"use \.module"):
-                refused(module)
 
 
 def test_a_machine_in_real_time_is_refused(file: Path) -> None:

@@ -6,7 +6,6 @@ Every wait is for a condition with a generous deadline, so that a busy computer 
 from __future__ import annotations
 
 import itertools
-import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,12 +16,12 @@ import canopen
 import pytest
 from canopen.profiles.p402 import BaseNode402
 
-from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import AdapterError
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns, object_dictionary
 from kit.can_interface import options
 from kit.sim.eds import drive_eds
+from kit.sim.heartbeat_guest import HeartbeatGuest
 from kit.sim.rig import state
 
 DEADLINE = 20.0
@@ -274,14 +273,14 @@ def test_closing_twice_is_harmless_and_a_failure_is_handed_on(channel):
         broken.close()
 
 
-def test_a_module_of_another_protocol_works_beside_the_devices(channel):
-    module = Module(16, eds=drive_eds())
-    with StandIns(devices=[Device(drive_eds(), 40)], guests=[module], **options(channel)):
+def test_a_node_of_another_protocol_works_beside_the_devices(channel):
+    guest = HeartbeatGuest(16)
+    with StandIns(devices=[Device(drive_eds(), 40)], guests=[guest], **options(channel)):
         master = Master(channel)
         try:
             master.until(lambda message: message.arbitration_id == 16 << 5 | 1, "its heartbeat")
-            master.send(16 << 5 | 0x17, "0000000000000000")
-            answer = master.until(lambda message: message.arbitration_id == 16 << 5 | 0x17, "its supply")
-            assert bytes(answer.data) == struct.pack("<ff", 24.0, 0.0)
+            master.send(16 << 5 | 0x17, "0102030405060708")
+            answer = master.until(lambda message: message.arbitration_id == 16 << 5 | 0x17, "its answer")
+            assert bytes(answer.data) == bytes.fromhex("0807060504030201")
         finally:
             master.bus.shutdown()

@@ -15,13 +15,14 @@ import pytest
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.clock import VirtualClock
-from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import StateError
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
+from axisbus.sim.node.network import Guest
 from axisbus.sim.virtual_can import VirtualAdapter, VirtualWire
 from kit.motion.rig import GENERIC as GENERIC_FILE
 from kit.motion.rig import dictionary_of
+from kit.sim.heartbeat_guest import HeartbeatGuest
 from kit.sim.same_frames import SCENARIOS, frames_of
 
 BIT = 1e-6
@@ -55,7 +56,7 @@ class Ear:
 class Bench:
     """A wire with two adapters."""
 
-    def __init__(self, *devices: Device, guests: tuple[Module, ...] = (), bitrate: int = 1_000_000) -> None:
+    def __init__(self, *devices: Device, guests: tuple[Guest, ...] = (), bitrate: int = 1_000_000) -> None:
         self.clock = VirtualClock()
         self.wire = VirtualWire(self.clock, devices, guests, bitrate=bitrate)
         self.one, self.two = self.wire.connect(), self.wire.connect()
@@ -142,7 +143,7 @@ def test_a_late_answer_is_sent_at_its_time() -> None:
 
 
 def test_modules_of_another_protocol_receive_the_nodes_and_each_other() -> None:
-    bench = Bench(node(), guests=(Module(5), Module(6)))
+    bench = Bench(node(), guests=(HeartbeatGuest(5), HeartbeatGuest(6)))
     bench.clock.sleep(1.0)
     assert {0x701, 0xA1, 0xC1} <= set(bench.ear.ids)  # the boot-up message, and heartbeats of both
 

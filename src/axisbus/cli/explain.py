@@ -14,7 +14,7 @@ from axisbus.cli.shared.common import OK, coloured, say, say_next
 from axisbus.errors import UserError
 from axisbus.symptoms import lookup
 from axisbus.symptoms.lookup import page_of_fault
-from axisbus.symptoms.symptom import Symptom
+from axisbus.symptoms.symptom import Symptom, SymptomNote
 from axisbus.wording import counted
 
 
@@ -41,7 +41,8 @@ def command(name: str | None) -> int:
     if name is None:
         _list()
         return OK
-    _show(_wanted(name), _by_makes(name))
+    symptom = _wanted(name)
+    _show(symptom, notes_of(symptom), _by_makes(name))
     return OK
 
 
@@ -63,6 +64,13 @@ def _wanted(name: str) -> Symptom:
     return symptom
 
 
+def notes_of(symptom: Symptom) -> list[SymptomNote]:
+    """Return what the drive plug-ins add to a page. Blocks while their notes are imported."""
+    from axisbus.drives import registry
+
+    return [notes[symptom.name] for notes in registry.parts("symptoms") if symptom.name in notes]
+
+
 def _by_makes(name: str) -> list[str]:
     """Return what the drive plug-ins say about an error code; an empty list for anything else."""
     code = lookup.error_code(name)
@@ -73,8 +81,8 @@ def _by_makes(name: str) -> list[str]:
     return [f"{plugin.name}: {text}" for plugin in registry.plugins() for text in plugin.explain(code, {})]
 
 
-def _show(symptom: Symptom, by_makes: list[str]) -> None:
-    text = markdown(symptom)
+def _show(symptom: Symptom, notes: list[SymptomNote], by_makes: list[str]) -> None:
+    text = markdown(symptom, notes)
     if by_makes:
         text += "\n" + "\n".join(_section("This code in drives of known makes", by_makes)) + "\n"
     if not coloured():
@@ -92,20 +100,26 @@ def _show(symptom: Symptom, by_makes: list[str]) -> None:
 _FEW = 12  # the most codes that are listed on a page
 
 
-def markdown(symptom: Symptom, *, every_code: bool = False, wide: bool = False) -> str:
-    """Return the page; ``every_code``: list all codes; ``wide``: for a web site, which has its own links to further pages."""
+def markdown(
+    symptom: Symptom, notes: Iterable[SymptomNote] = (), *, every_code: bool = False, wide: bool = False
+) -> str:
+    """Return the page, with the ``notes`` of plug-ins.
+
+    ``every_code``: list all codes; ``wide``: for a web site, which has its own links to further pages.
+    """
+    notes = tuple(notes)
+    read_on = dict.fromkeys((*symptom.read_on, *(page for note in notes for page in note.read_on)))
     parts = [
         [f"# {symptom.title}", "", symptom.seen],
         ["## What to check, in this order", "", *_numbered(symptom.checks)],
+        *(list(_section(f"If the drive is a {note.make}", note.checks)) for note in notes),
         list(_section("Errors that refer to this page", _errors(symptom))),
         list(_section("Boot letters (CiA 302-2)", _letters(symptom))),
         list(_section("SDO abort codes (CiA 301)", _aborts(symptom))),
         list(_section("Error codes of a drive (603Fh, EMCY)", _faults(symptom, every_code))),
         []
         if wide
-        else list(
-            _section("Further reading in the documentation", (f"docs/{page}" for page in symptom.read_on))
-        ),
+        else list(_section("Further reading in the documentation", (f"docs/{page}" for page in read_on))),
     ]
     return "\n\n".join("\n".join(lines) for lines in parts if lines) + "\n"
 

@@ -77,14 +77,13 @@ SYMPTOMS = (
             "No node answers: check the supply, both wires, the 60 Ω between them, and the bit rate.",
             "The other nodes answer: check the supply and the plug of this node, and its node-ID (switches, or "
             "`axisbus lss find CELL` if it has none).",
-            "A GIM6010-8 uses CAN Simple when it leaves the factory: `axisbus gim6010 find -i socketcan -c can0`.",
             "It answers sometimes: `axisbus load CELL` shows the load of the bus, `axisbus trace CELL --errors-only` "
             "shows lost frames. A drive that stores its parameters or restarts is silent for seconds.",
         ),
         errors=("NodeTimeout", "SdoTimeout"),
         letters="B",
         aborts=(0x05030000, 0x05040000, 0x05040001, 0x05040002, 0x05040003, 0x05040004),
-        read_on=("commissioning.md#3-nodes-on-the-bus", "gim6010-8.md#finding-modules"),
+        read_on=("commissioning.md#3-nodes-on-the-bus",),
     ),
     Symptom(
         name="node-lost",

@@ -8,7 +8,7 @@ _SHOWS_FAULT = (
     "`axisbus monitor CELL` shows the fault in words, with the emergency messages that came with it. "
     "`axisbus reset CELL` shows the fault and resets it."
 )
-_MANUAL = ("gim6010-8.md#error-bits", "stopping.md#automatic-stops")
+_STOPS = ("stopping.md#automatic-stops",)
 
 SYMPTOMS = (
     Symptom(
@@ -26,8 +26,7 @@ SYMPTOMS = (
             "The drive is in fault: `axisbus reset CELL` shows the fault, and resets it if its cause is removed. For "
             "some faults the supply must be switched off and on.",
             "A brake releases slowly: raise `transition_time` in `[axes.NAME]`.",
-            "The drive is not calibrated, or has no parameters of its motor: see the drive's manual. For a GIM6010-8, "
-            "`axisbus gim6010 errors -i socketcan -c can0 --node NODE` reports it.",
+            "The drive is not calibrated, or has no parameters of its motor: see the drive's manual.",
         ),
         errors=("TransitionError",),
         read_on=("cell-file.md#axesname", "commissioning.md#7-motion"),
@@ -85,7 +84,6 @@ SYMPTOMS = (
             "`axisbus explain CODE` prints the page of a code, such as 0x7305. FF00h and above are "
             "manufacturer-specific: see the drive's manual.",
             "`axisbus od read --cell CELL NODE:1003:1` reads the newest entry in the drive's own list of errors.",
-            "A GIM6010-8 reports more in its own error bits: `axisbus gim6010 errors -i socketcan -c can0 --node NODE`.",
             "Remove the cause, then reset the fault. The reset enables nothing.",
             "`axisbus record faults CELL` records all axes around each fault, for the next time.",
         ),
@@ -105,7 +103,7 @@ SYMPTOMS = (
             "Exxx",
             "Fxxx",
         ),
-        read_on=_MANUAL,
+        read_on=_STOPS,
     ),
     Symptom(
         name="over-current",
@@ -123,7 +121,7 @@ SYMPTOMS = (
             "The axis oscillates or hums: lower the gains of the drive's control loops.",
         ),
         faults=("2xxx", "83xx"),
-        read_on=_MANUAL,
+        read_on=_STOPS,
     ),
     Symptom(
         name="supply-voltage",
@@ -136,10 +134,9 @@ SYMPTOMS = (
             "Too high: the voltage rises when an axis brakes. Use a brake resistor, lower decelerations, or a supply "
             "that can absorb the energy.",
             "A phase is missing, or a fuse has blown.",
-            "On a GIM6010-8 the limits are parameters: 200Ah:09 and 200Ah:0A.",
         ),
         faults=("3xxx", "51xx"),
-        read_on=_MANUAL,
+        read_on=_STOPS,
     ),
     Symptom(
         name="too-hot",
@@ -153,7 +150,7 @@ SYMPTOMS = (
             "Check ventilation, mounting surface and ambient temperature.",
         ),
         faults=("4xxx",),
-        read_on=_MANUAL,
+        read_on=_STOPS,
     ),
     Symptom(
         name="encoder-fault",
@@ -166,9 +163,8 @@ SYMPTOMS = (
             "After a motor or an encoder was replaced: check the drive's settings of encoder type, counts per turn and "
             "pole pairs.",
             "An absolute encoder may need a moment after power-up: reset the fault again.",
-            "Calibration: calibrate a GIM6010-8 only without load and only deliberately.",
         ),
         faults=("72xx", "73xx"),
-        read_on=_MANUAL,
+        read_on=_STOPS,
     ),
 )

@@ -18,7 +18,7 @@ SYMPTOMS = (
             "The direction is wrong: use a negative `scale`, or 607Eh (polarity) in the drive, but not both.",
             "Test it in small steps, with free travel: `axisbus move CELL AXIS=1 --relative --velocity 1`.",
             "The axis runs away at full torque when it is enabled: encoder and motor phases do not match. Switch the "
-            "power off. See the drive's manual for its commutation, and calibrate a GIM6010-8.",
+            "power off. See the drive's manual for its commutation and its calibration.",
             "After a change, all positions, limits and homing directions have another meaning: check each of them.",
         ),
         faults=("7122", "7302"),

@@ -31,3 +31,18 @@ class Symptom:
     aborts: tuple[int, ...] = ()
     faults: tuple[str, ...] = ()
     read_on: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SymptomNote:
+    """What the plug-in of a make adds to the page of a symptom.
+
+    Attributes:
+        make: the name of the drive.
+        checks: what to check if the drive is of this make.
+        read_on: as of a ``Symptom``.
+    """
+
+    make: str
+    checks: tuple[str, ...]
+    read_on: tuple[str, ...] = ()

@@ -31,7 +31,7 @@ def parameters(channel, act):
     line = SimpleLine(channel, 5)
     found = CanSimpleParameters(line)
     with line:
-        found.open(parse(json.dumps(channel.modules[0].json()), "a list"), Firmware(0, 5, 13))
+        found.open(parse(json.dumps(channel.guests[0].json()), "a list"), Firmware(0, 5, 13))
         act(found)
 
 

@@ -15,6 +15,7 @@ from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import AxisbusError, DriveError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.record.load import load
+from axisbus.testing import simulate
 from kit.can_simple.mixed_cell import MODULE, write
 
 SIM = 'interface = "sim"'
@@ -244,3 +245,11 @@ def test_a_break_timeout_that_was_not_read_is_not_fed_and_reported(tmp_path, mon
         with pytest.raises(AxisbusError):
             cell["m"].enable().wait()
         assert not cell.simulated_node(MODULE).module.energised
+
+
+def test_a_module_with_can_simple_has_no_drive_of_cia_402(tmp_path: Path) -> None:
+    with simulate(write(tmp_path, 'interface = "sim"')) as simulation:
+        module = next(name for name, axis in simulation.machine.cell.axes.items() if axis.node == MODULE)
+        for refused in (simulation.drive, simulation.device, simulation.position):
+            with pytest.raises(StateError, match=r"use \.module"):
+                refused(module)
