@@ -43,9 +43,9 @@ TABLES = {
     "GROUP": schema.GROUP,
     "KINEMATICS": schema.KINEMATICS,
 }
-# Rules that a schema cannot express: the larger of two numbers, the bounds of a time, and of a ratio.
+# Rules that the schema does not express: the larger of two numbers, the bounds of a time and of a ratio, a key of other protocols.
 BEYOND = re.compile(
-    r"exchange or correct them|units are us, ms, s and min|is the (?:shortest|longest)|both an axis and a group"
+    r"exchange or correct them|units are us, ms, s and min|is the (?:shortest|longest)|both an axis and a group|speaks CANopen, and"
 )
 
 

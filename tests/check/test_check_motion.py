@@ -312,6 +312,20 @@ def test_a_reserved_homing_method_is_warned_of(tmp_path: Path) -> None:
     assert "homing method 15 is reserved" in cells.only(path, "warning", "method = 15").message
 
 
+def test_homing_method_0_is_no_method(tmp_path: Path) -> None:
+    path = cells.write(tmp_path, ("method = 17", "method = 0"))
+    assert "homing method 0 means" in cells.only(path, "error", "method = 0").message
+
+
+@pytest.mark.parametrize("mode", ["vl", "cstca"])
+def test_a_mode_that_no_command_uses_is_warned_of(tmp_path: Path, mode: str) -> None:
+    path = cells.write(tmp_path, ('"pp", "pv", "hm", "csp"]', f'"pp", "pv", "hm", "csp", "{mode}"]'))
+    found = [each for each in cells.serious(path) if each.rule == "C125"]
+    assert [each.severity.value for each in found] == ["warning"]
+    assert f"axis y: no command uses {mode} (" in found[0].message
+    assert found[0].line == cells.line_of(path, f'"{mode}"]')
+
+
 def test_a_makers_homing_method_is_taken(tmp_path: Path) -> None:
     assert cells.serious(cells.write(tmp_path, ("method = 17", "method = -3"))) == []
 

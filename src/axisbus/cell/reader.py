@@ -221,6 +221,12 @@ class _Reading(Tables):
         for spoken, words in registry.protocols().items():
             if fields.get("protocol") == spoken or spoken in table:
                 return self._module(node_id, path, table, fields, spoken, words)
+        if "firmware" in table:
+            self._error(
+                (*path, "firmware"),
+                f"[nodes.{key}] speaks CANopen, and firmware has no effect",
+                remedy="leave firmware out; [nodes.N.program] requires a program of a CANopen node",
+            )
         if isinstance(raw, dict) and ("eds" in table) == ("dcf" in table):
             both = "eds" in table
             self._error(

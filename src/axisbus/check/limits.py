@@ -131,12 +131,19 @@ _TORQUE_TYPES = {"max_torque": DataType.INTEGER16, "torque_slope": DataType.UNSI
 
 
 def homing_speeds(case: CheckContext) -> Problems:
-    """Check that a homing method has the velocities that it needs, and warn of reserved methods."""
+    """Check that a homing method is one, and has the velocities that it needs, and warn of reserved methods."""
     for axis in case.cell.axes.values():
         given = axis.homing
         if given.method is None:
             continue
         line, at = given.at.of("method"), given.at
+        if given.method == homing.NONE:
+            yield case.error(
+                line,
+                f"axis {axis.name}: homing method 0 means that the drive has no homing method",
+                "6098h: a drive with this value does not home (CiA 402-2 11.3)",
+                "write the method that finds the home position, or delete the key",
+            )
         if homing.describe(given.method) == "reserved":
             yield case.warning(
                 line,

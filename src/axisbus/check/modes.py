@@ -68,6 +68,20 @@ def asked_for(case: CheckContext) -> Problems:
                 )
 
 
+def without_commands(case: CheckContext) -> Problems:
+    """Warn of modes that no command uses."""
+    for axis in case.cell.axes.values():
+        for short in axis.modes or ():
+            mode = _BY_SHORT_NAME[short]
+            if mode not in USED and mode is not _M.INTERPOLATED_POSITION:
+                yield case.warning(
+                    axis.at.of("modes"),
+                    f"axis {axis.name}: no command uses {short} ({mode.text})",
+                    f"commands use {', '.join(FACTS[each].short for each in USED)}",
+                    f'delete "{short}" from modes',
+                )
+
+
 def _moves_otherwise(drive: Drive, mode: ModeOfOperation) -> bool:
     """Whether the default velocities are still used without the mode, for the trajectories of csp."""
     named = drive.axis.modes is not None
@@ -191,6 +205,7 @@ def unclaimed(case: CheckContext) -> Problems:
 CHECKS: tuple[Check, ...] = (
     summary,
     asked_for,
+    without_commands,
     homing_left_out,
     groups,
     cyclic_without_sync,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+NONE = 0  # no method is selected
 METHODS: dict[int, str] = {
-    0: "no homing",
+    NONE: "no homing",
     1: "negative limit switch, then index pulse",
     2: "positive limit switch, then index pulse",
     3: "positive home switch, index pulse on its negative side",

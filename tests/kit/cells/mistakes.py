@@ -43,6 +43,13 @@ SLIPS = [
     ("method = 35", "metod = 35", 64, "unknown key 'metod' in [axes.y.homing]", "did you mean method?"),
     ("[nodes.2]", "[nodes.128]", 20, "'128' is not a node ID", "1 to 127"),
     ("[nodes.2]", "[nodes.0x2]", 20, "'0x2' is not a node ID", "in decimal"),
+    (
+        "[nodes.2]",
+        '[nodes.2]\nfirmware = "1.0"',
+        21,
+        "[nodes.2] speaks CANopen, and firmware has no effect",
+        "leave firmware out",
+    ),
     ("[nodes.1.pdo.tpdo2]", "[nodes.1.pdo.pdo2]", 17, "'pdo2' is not a PDO", "tpdo1"),
     ("master_id = 127", "master_id = 128", 6, "master_id in [bus] cannot be used", "correct master_id"),
     ("master_id = 127", "master_id = true", 6, "master_id in [bus] cannot be used", "correct master_id"),
