@@ -267,6 +267,59 @@ def test_a_value_that_the_drive_refuses_names_the_abort_code(tmp_path):
     assert "pre-operational" in caught.value.remedy
 
 
+class Busy(dict):
+    """Abort codes by object (``sdo_aborts``); the node is busy for its first ``refusals`` requests of these objects."""
+
+    def __init__(self, refusals, *objects, code=0x0800_0022):
+        super().__init__(dict.fromkeys(objects, code))
+        self.left = refusals
+
+    def get(self, key, default=None):
+        if key not in self or not self.left:
+            return default
+        self.left -= 1
+        return self[key]
+
+
+STATUSWORD, MODES, HEARTBEAT, MAPPING = (0x6041, 0), (0x6502, 0), (0x1017, 0), (0x1A00, 0)
+
+
+@pytest.mark.parametrize("code", [0x0800_0020, 0x0800_0021, 0x0800_0022])
+def test_boot_up_repeats_a_request_that_the_node_refuses_because_it_is_busy(tmp_path, code):
+    made = device()
+    made.dials.sdo_aborts = Busy(20, STATUSWORD, MODES, HEARTBEAT, MAPPING, (0x6065, 0), code=code)
+    with simulated(cell(tmp_path), made) as machine:
+        assert made.dials.sdo_aborts.left == 0
+        assert made.read(0x6065) == 3000
+        assert made.read(0x1017) == 100
+        assert machine["x"].modes == simulated_modes(tmp_path)
+
+
+def simulated_modes(folder):
+    with simulated(folder / "cell.toml", device()) as machine:
+        return machine["x"].modes
+
+
+@pytest.mark.parametrize("refused", [STATUSWORD, MODES, HEARTBEAT, MAPPING, (0x1005, 0), (0x1018, 4)])
+def test_a_node_that_stays_busy_is_not_booted_as_if_it_had_no_such_object(tmp_path, refused):
+    made = device()
+    made.dials.sdo_aborts = Busy(10**9, refused)
+    with pytest.raises(BootError, match=r"was refused|cannot be") as caught:
+        simulated(cell(tmp_path), made)
+    assert caught.value.index == refused[0]
+    assert "0x08000022" in caught.value.observed
+    assert "were repeated for 2 s" in caught.value.observed
+
+
+def test_an_enabled_drive_is_left_alone_also_if_it_is_busy_when_its_state_is_read(tmp_path):
+    made = device()
+    made.drive.start_enabled()
+    made.dials.sdo_aborts = Busy(10**9, STATUSWORD)
+    with pytest.raises(BootError, match="6041h"):
+        simulated(cell(tmp_path), made)
+    assert made.read(0x6065) != 3000
+
+
 def test_an_error_of_a_boot_step_is_not_its_own_cause():
     """A program that follows the causes of an error comes to an end."""
     boot, error = NodeBoot.__new__(NodeBoot), BootError("refused", node=3, step="configuration")

@@ -116,6 +116,59 @@ def test_a_torque_axis_is_stopped_ahead_of_its_position_limits():
     assert r.axis.position < 50.0
 
 
+TORQUES = {
+    "tq": lambda r, torque: r.axis.torque_control(torque, slope=100.0),
+    "cst": lambda r, torque: r.axis.cyclic_torque(torque, slope=100.0),
+}
+
+
+def pushed_out(by: str, side: float):
+    """An axis at rest beyond its limit of 50 deg on one side, where a torque has moved it; and how far."""
+    r = rig(
+        motor=replace(FREE, start_position=side * 49_990.0, rated_acceleration=1_000_000.0),
+        limits=AxisLimits(position=(-50.0, 50.0)),
+        defaults=Defaults(velocity=10.0, acceleration=100.0),
+    ).enabled()
+    TORQUES[by](r, side * 5.0)
+    r.until(lambda: r.axis.state is AxisState.ERRORSTOP, 5.0)
+    r.until(lambda: r.core.ladder is None and r.core.image.standstill)
+    out = side * r.axis.position
+    assert out > 50.1
+    r.axis.reset().wait(3)
+    if not r.axis.enabled:
+        r.axis.enable().wait(3)
+    return r, out
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("by", TORQUES)
+def test_a_torque_that_has_moved_an_axis_out_of_its_limits_is_not_repeated(by, side):
+    r, out = pushed_out(by, side)
+    for way in TORQUES.values():
+        with pytest.raises(
+            LimitError, match="is beyond its position limits, and a torque has moved it there"
+        ):
+            way(r, side * 0.3).wait(3)
+        assert r.axis.state is AxisState.STANDSTILL
+    assert side * r.axis.position == pytest.approx(out, abs=0.005)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("by", TORQUES)
+def test_an_axis_that_a_torque_has_moved_out_returns_by_a_torque_and_is_braked_by_one(by, side):
+    r, out = pushed_out(by, side)
+    TORQUES[by](r, side * -1.0)
+    r.until(lambda: side * r.axis.velocity < -2.0)
+    assert 50.05 < side * r.axis.position < out
+    TORQUES[by](r, side * 0.1)  # brakes it
+    r.run(0.02)
+    assert r.axis.error is None
+    TORQUES[by](r, side * -1.0)
+    r.until(lambda: side * r.axis.position < 30.0)
+    r.axis.halt().wait(5)
+    TORQUES[by](r, side * 0.3).wait(3)  # from inside it is accepted again
+
+
 def test_a_torque_that_is_not_reached_in_the_caller_s_time_fails():
     r = rig(motor=FREE, limits=AxisLimits()).enabled()
     r.device.write(0x6072, 0, 50)  # 5 % is all that the drive gives

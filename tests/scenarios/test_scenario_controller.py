@@ -277,3 +277,21 @@ def test_a_loop_that_never_answers_is_not_waited_for():
     assert [loop.due(0.1 * number) for number in range(10)] == [None] * 10
     with pytest.raises(CommandError, match="has given no first answer"):
         loop.due(1.2)
+
+
+def test_a_torque_controller_that_has_moved_an_axis_out_of_its_limits_is_not_begun_again(scenario):
+    cell = opened(scenario, "position_limits = [-50.0, 50.0]\n")
+    cell.x.set_position(49.9).wait(2)
+    cell.x.controller(lambda _: 3.0, output="torque", slope=1000.0)
+    cell.until(lambda: cell.x.error is not None)
+    cell.run(1.0)
+    out = cell.x.position
+    assert out > 50.1
+    cell.x.reset().wait(5)
+    cell.x.enable().wait(5)
+    with pytest.raises(LimitError, match="a torque has moved it there"):
+        cell.x.controller(lambda _: 3.0, output="torque", slope=1000.0).handle.wait(5)
+    cell.run(0.5)
+    assert cell.x.position == pytest.approx(out, abs=0.05)
+    cell.x.move_absolute(0.0).wait(10)
+    assert cell.x.controller(lambda _: 0.0, output="torque", slope=1000.0).handle.busy

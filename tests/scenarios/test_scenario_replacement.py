@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,11 +13,11 @@ import pytest
 from axisbus.cia301.frame import CanFrame
 from axisbus.configuration.dcf_backup import backup
 from axisbus.configuration.nameplate import read_nameplate
-from axisbus.configuration.replacement_order import ReplacementOutcome
+from axisbus.configuration.replacement_order import ReplacementOutcome, ReplacementStep
 from axisbus.configuration.replacement_plan import NodeToReplace, ReplacementPlan, plan
 from axisbus.eds import dcf, writer
 from axisbus.eds.io import reader
-from axisbus.errors import BusError, DriveError, NodeError, StateError
+from axisbus.errors import AxisbusError, BusError, DriveError, NodeError, StateError
 from axisbus.machine.machine_node import MachineNode
 from axisbus.motion.states import AxisState
 from axisbus.sim.power import Effort
@@ -82,11 +83,14 @@ class Bench:
 
 
 @contextmanager
-def bench(folder: Path, names: str = "xyz", more: str = "") -> Iterator[Bench]:
+def bench(folder: Path, names: str = "xyz", more: str = "", *, absolute: bool = False) -> Iterator[Bench]:
     """A machine in virtual time; errors of closing are only suppressed for axes that were lost."""
     (folder / "drive.eds").write_text(with_identity(VENDOR, PRODUCT), encoding="utf-8")
     file = folder / "cell.toml"
-    file.write_text(cell_text(names, eds="drive.eds", more=more), encoding="utf-8")
+    text = cell_text(names, eds="drive.eds", more=more)
+    if absolute:
+        text = text.replace("method = 35", "method = 35\nabsolute = true")
+    file.write_text(text, encoding="utf-8")
     with suppress(DriveError), simulate(file) as simulation:
         yield Bench(folder, simulation)
 
@@ -125,6 +129,36 @@ def test_a_drive_is_replaced_while_the_other_axes_go_on(tmp_path: Path, way: dic
         assert rig.simulation.position("x") == pytest.approx(before, abs=0.05)
         machine["x"].move_relative(3.0).wait(10)
         assert rig.simulation.position("x") == pytest.approx(before + 3.0, abs=0.05)
+
+
+@pytest.mark.parametrize("fails", [False, True])
+@pytest.mark.parametrize("serials", [(OLD, NEW), (0, 0)])
+def test_a_replaced_drive_is_not_homed_even_if_it_keeps_its_position_and_has_no_serial_number(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, serials: tuple[int, int], fails: bool
+) -> None:
+    """``fails``: the supply fails when the new drive is to be booted, so that it is booted by another command."""
+    for name, serial in zip(("OLD", "NEW"), serials, strict=True):
+        monkeypatch.setattr(sys.modules[__name__], name, serial)
+    with bench(tmp_path, "xy", absolute=True) as rig:
+        machine, node = rig.machine, rig.machine.node(NODE)
+        machine["x"].enable().wait(5)
+        machine["x"].home().wait(5)
+        machine["x"].disable().wait(5)
+        rig.swap()
+        progress = (
+            (lambda step: step is ReplacementStep.BOOT and machine.simulated_node(NODE).switch_off())
+            if fails
+            else lambda _: None
+        )
+        with pytest.raises(AxisbusError) if fails else nullcontext():
+            node.replace_drive(rig.plan().order, progress)
+        if fails:
+            machine.simulated_node(NODE).switch_on()
+            machine.sleep(1.0)
+            node.boot()
+        assert not machine["x"].homed
+        machine["x"].reset().wait(5)
+        assert not machine["x"].homed
 
 
 def test_an_axis_with_power_is_not_replaced(tmp_path: Path) -> None:

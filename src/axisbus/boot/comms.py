@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 
 from axisbus.boot.configure import HEARTBEATS
@@ -79,6 +79,9 @@ def _require_synchronous(
             )
 
 
+BUSY_TIME = 2.0  # seconds for which a node may be busy during its boot-up, in all
+
+
 class NodeServices:
     """NMT and the time limits of SDO for one node (``boot.requests.Nmt``); needs no cell file."""
 
@@ -111,6 +114,10 @@ class NodeServices:
     def pause(self, seconds: float) -> None:
         """Wait for ``seconds``; blocks."""
         self.clock.sleep(seconds)
+
+    def repeating_busy(self) -> AbstractContextManager[None]:
+        """Inside the ``with`` block, repeat SDO requests that the node refuses because it is busy, for ``BUSY_TIME`` in all."""
+        return self._node.sdo.repeating_busy(BUSY_TIME)
 
     @contextmanager
     def trying(self, tries: int, deadline: float) -> Iterator[None]:

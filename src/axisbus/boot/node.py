@@ -170,7 +170,9 @@ class NodeBoot:
             tries = self._comms.find_tries
             identity = self._identity | ids.as_before(self._before)
             plan = plan_of(self._cell, self._objects.node_id, self._eds, identity, tries, self._late)
-            self._finish(answerer.run(boot_up(plan)), answerer)
+            with self._comms.repeating_busy():
+                outcome = answerer.run(boot_up(plan))
+            self._finish(outcome, answerer)
         except AxisbusError as error:
             self._report.error = at_step(self._objects.node_id, "configuration", error)
         return Booted(self._report, self._parameters, self._watch, self.found_enabled)

@@ -33,6 +33,9 @@ class Nmt(Protocol):
     def pause(self, seconds: float) -> None:
         """Wait for ``seconds``; blocks."""
 
+    def repeating_busy(self) -> AbstractContextManager[None]:
+        """Inside the ``with`` block, repeat SDO requests that the node refuses because it is busy, for a limited time."""
+
     def trying(self, tries: int, deadline: float) -> AbstractContextManager[None]:
         """Inside the ``with`` block, make each SDO request up to ``tries`` times, with ``deadline`` seconds each."""
 

@@ -28,6 +28,8 @@ WRITE_ONLY = 0x0601_0001
 TOO_LONG = 0x0607_0012
 TOO_SHORT = 0x0607_0013
 GENERAL = 0x0800_0000
+# The object exists, and the device may serve it later: general, under local control, in this device state.
+BUSY = frozenset({0x0800_0020, 0x0800_0021, 0x0800_0022})
 VALUE_REFUSED = frozenset({0x0609_0030, 0x0609_0031, 0x0609_0032})  # invalid, too high, too low
 
 

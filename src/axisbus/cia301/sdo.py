@@ -21,7 +21,7 @@ from enum import Enum
 from typing import TypeVar
 
 from axisbus.cia301 import abort as codes
-from axisbus.errors import SdoError
+from axisbus.errors import SdoAbort, SdoError
 from axisbus.wording import counted
 
 T = TypeVar("T")
@@ -196,12 +196,13 @@ def if_served(read: Callable[[int, int], T], index: int, subindex: int = 0) -> T
     """Return what ``read`` returns for an object; None if the node refuses it, or is silent for this object only.
 
     Raises:
+        SdoAbort: the node is busy (``abort.BUSY``): it has the object, and does not serve it now.
         As ``read`` in other cases: the node does not answer.
     """
     try:
         return read(index, subindex)
     except SdoError as error:
-        if not error.for_this_only:
+        if not error.for_this_only or (isinstance(error, SdoAbort) and error.code in codes.BUSY):
             raise
         return None
 

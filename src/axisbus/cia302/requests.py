@@ -6,7 +6,7 @@ from collections.abc import Generator
 from dataclasses import replace
 from typing import Any
 
-from axisbus.cia301.abort import OBJECT_MISSING
+from axisbus.cia301.abort import BUSY, OBJECT_MISSING
 from axisbus.cia302.types import (
     Answer,
     BootOutcome,
@@ -54,16 +54,16 @@ class BootUpProgress:
     def _must(self, request: Request, letter: Letter | None = None) -> Dialogue:
         """As ``_ask``; silence ends the boot-up with ``letter``, and so does an abort of a request other than ``Read``.
 
-        Some nodes are silent for an object that they do not have, and answer for others. Such a read counts as aborted.
+        Some nodes are silent for an object that they do not have, and answer for others. Such a read counts as aborted. A node that
+        is busy has the object: an abort with such a code ends the boot-up, as that of another request.
         """
         answer = yield from self._ask(request)
         if isinstance(answer, NoReply) and answer.for_this_only and isinstance(request, Read):
             answer = SdoAbortReply(OBJECT_MISSING, answer.elapsed)
         if isinstance(answer, Failed):
             self._fail(None)
-        if isinstance(answer, NoReply) or (
-            isinstance(answer, SdoAbortReply) and not isinstance(request, Read)
-        ):
+        refused = isinstance(answer, SdoAbortReply) and (not isinstance(request, Read) or answer.code in BUSY)
+        if isinstance(answer, NoReply) or refused:
             self._fail(letter, abort=answer.code if isinstance(answer, SdoAbortReply) else None)
         return answer
 

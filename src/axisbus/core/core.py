@@ -465,7 +465,14 @@ class Core:
         """
         node_id, outcomes = order.node_id, list[ReplacementOutcome]()
 
+        def forget_positions() -> None:
+            for axis in self.cell.axes_of(node_id):
+                if axis.name in self.scan.axes:
+                    self.scan.axes[axis.name].forget_position()
+
         def configure() -> None:
+            # Now, because a later boot-up may see the same identity: not every drive has a serial number.
+            self._in_scan(forget_positions)
             node, makes = self.runtime.nodes[node_id].node, self.cell.nodes[node_id].makes
             outcomes.append(DriveReplacement(node, order, makes, in_operation=True, tell=tell).run())
             tell(ReplacementStep.BOOT)

@@ -32,6 +32,7 @@ TRIES = 3
 # A server that was silent for so many objects is expected to be silent for all that the EDS lacks.
 _SILENCES = 3
 _TRIES_IF_SILENT = 2
+BUSY_PAUSE = 0.05  # seconds until a request is repeated that the node has refused because it is busy
 URGENT_LOCK = 0.2  # seconds that an urgent write waits for the running transfer to end
 _URGENT_TURN = 0.01
 _NUMBER, _TEXT = 256, 1 << 16  # bytes that are accepted for an object of such a type
@@ -77,6 +78,8 @@ class SdoClient:
         self._calls: list[Call] = []
         self._late: tuple[tuple[int, int], ...] = ()  # objects of requests that may still be answered
         self._no_block = False  # whether the server has shown that it does not support block transfers
+        self._busy_time = 0.0  # see ``repeating_busy``; as given, and what is left of it
+        self._busy_left = 0.0
         self._silences = 0  # objects for which the server was silent while it answered for others
 
     # -- bytes --------------------------------------------------------------------------------------------------------------------
@@ -169,6 +172,19 @@ class SdoClient:
                 one.cancelled = True
         self._line.wake()
 
+    @contextlib.contextmanager
+    def repeating_busy(self, seconds: float) -> Iterator[None]:
+        """Inside the ``with`` block, repeat requests that the node refuses because it is busy (``abort.BUSY``).
+
+        ``seconds`` is the waiting time for all requests of the block together. Then such a refusal is an ``SdoAbort`` at once.
+        Urgent writes are never repeated.
+        """
+        self._busy_time = self._busy_left = seconds
+        try:
+            yield
+        finally:
+            self._busy_time = self._busy_left = 0.0
+
     @property
     def trips(self) -> RoundTrips:
         """The response times of the node."""
@@ -238,8 +254,21 @@ class SdoClient:
 
     def _run(self, request: SdoTransferRequest, call: Call | None, progress: Progress | None) -> bytes:
         require_other_thread(self._channel, "an SDO transfer")
-        with self._calling(call or Call()) as known, self._lock:
-            return self._attempts(known, request, progress)
+        with self._calling(call or Call()) as known:
+            while True:
+                try:
+                    with self._lock:
+                        return self._attempts(known, request, progress)
+                except SdoAbort as error:
+                    if error.code not in abort.BUSY or not self._busy_time:
+                        raise
+                    if self._busy_left <= 0.0:
+                        error.observed += (
+                            f"; requests refused with such a code were repeated for {self._busy_time:g} s"
+                        )
+                        raise
+                self._busy_left -= BUSY_PAUSE
+                self.clock.sleep(BUSY_PAUSE)
 
     @contextlib.contextmanager
     def _calling(self, call: Call) -> Iterator[Call]:

@@ -12,6 +12,7 @@ from axisbus.motion.axis.accept_motion import (
     require_braking,
     require_cyclic,
     require_motion,
+    require_no_push_out,
     require_objects,
     require_rest,
     require_stop,
@@ -38,6 +39,7 @@ def velocity(core: AxisCore, command: c.CyclicVelocity, ticket: CommandStatus, g
 
 def torque(core: AxisCore, command: c.CyclicTorque, ticket: CommandStatus, gate: StartBarrier) -> None:
     """Command a torque in cyclic synchronous torque mode; a running torque command changes to it."""
+    require_no_push_out(core, command.torque, ticket)
     _lead(core, CyclicTorqueMove, command, ticket, gate)
 
 
@@ -47,6 +49,7 @@ def control(core: AxisCore, command: c.ControllerCommand, ticket: CommandStatus,
         down = abs(command.by.deceleration * core.parameters.units.per_velocity)
         _begin(core, VelocityAnswered, command, ticket, gate, down)
     else:
+        require_no_push_out(core, None, ticket)
         _begin(core, TorqueAnswered, command, ticket, gate)
 
 

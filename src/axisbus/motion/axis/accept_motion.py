@@ -355,6 +355,28 @@ def require_stop(
     )
 
 
+def require_no_push_out(core: AxisCore, torque: int | None, ticket: CommandStatus) -> None:
+    """Raise LimitError if the axis is beyond its position limits, and ``torque`` (None: any) would move it farther out.
+
+    A torque is stopped only after it has moved the axis. Repeated, it would move the axis farther out each time.
+    """
+    if not core.bounded or not core.supervision.guard.is_pushed_out(core.image, torque):
+        return
+    units, limits, position = (
+        core.parameters.units.position,
+        core.parameters.limits.position,
+        core.image.position,
+    )
+    assert limits is not None
+    assert position is not None
+    at = units.to_units(position - core.image.origin)
+    raise LimitError(
+        f"{ticket.name}: {core.parameters.name} is beyond its position limits, and a torque has moved it there",
+        observed=f"at {at:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+        remedy="move it back by a move, a velocity or a jog, or by a torque in the other direction",
+    )
+
+
 def torque(core: AxisCore, command: c.TorqueControl, ticket: CommandStatus, gate: StartBarrier) -> None:
     """Begin MC_TorqueControl."""
     require_motion(core, ticket)
@@ -366,6 +388,7 @@ def torque(core: AxisCore, command: c.TorqueControl, ticket: CommandStatus, gate
     writes += slow_ramp_writes(parameters, by_torque=True)
     course = CommandedMotion(by_torque=True)
     require_stop(core, _M.PROFILE_TORQUE, course, ticket)
+    require_no_push_out(core, command.torque, ticket)
     down = stop_of(parameters, course)[1]
     require_braking(core, down, ticket)
     prepare = _prepare(core, _M.PROFILE_TORQUE, writes, gate, may_leave=_exit_for(core, down))

@@ -71,6 +71,11 @@ class CyclicTorqueMove(Activity):
         return self.reached
 
     @property
+    def torque(self) -> int:
+        """See ``Activity``."""
+        return 0 if self._ramp is None else round(self._ramp.torque)
+
+    @property
     def in_flight(self) -> SetPoint | None:
         """The unfinished handshake of the change of mode."""
         return None if self._ready is None else self._ready.in_flight

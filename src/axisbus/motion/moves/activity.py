@@ -100,6 +100,11 @@ class Activity(ABC):
         """The set-point handshake that has begun and has not ended; it continues if the command is interrupted."""
         return None
 
+    @property
+    def torque(self) -> int:
+        """The torque by which this command moves the axis, in 0.1 % of rated torque; 0: it moves the axis otherwise."""
+        return 0
+
     @abstractmethod
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Do one cycle's work; return True when the command has ended successfully."""

@@ -207,6 +207,11 @@ class TorqueMove(Prepared):
             self._watch(image)
         return self.reached
 
+    @property
+    def torque(self) -> int:
+        """See ``Activity``."""
+        return self._torque
+
     def _allowed(self, torque: int) -> float:
         """Return four times the slope from the present ``torque`` to the new one, plus a margin."""
         return 4.0 * (abs(torque) + abs(self._torque)) / self._slope + 2.0 if self._slope else _UNKNOWN_SLOPE

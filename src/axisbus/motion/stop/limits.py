@@ -67,6 +67,7 @@ class LimitMonitor:
         "_free_since",
         "_lag",
         "_origin",
+        "_outward",
         "_parameters",
         "_position",
         "_room",
@@ -83,6 +84,7 @@ class LimitMonitor:
         self._room = self._edges  # widened to the rest position of an axis that rests beyond them
         self._origin: int | None = None  # to which the room refers
         self._free_since: float | None = None
+        self._outward = 0  # sign of the torque that last moved the axis towards the outside of its limits
         self._lag: float | None = None  # seconds, last measured on targets or on the ramps of commands
         self._shown_lag = 0.0  # seconds, measured with a demand that arrives rarely
         self._shown_at = -math.inf  # when that demand arrived
@@ -157,6 +159,27 @@ class LimitMonitor:
             return None
         course = course or CommandedMotion()
         return self._too_fast(image, course) or (self._too_far(image, course) if bounded else None)
+
+    def note_torque(self, commanded: int, measured: int | None) -> None:
+        """Record the direction of the torque under which the axis is leaving its limits, unless the drive shows another one."""
+        if commanded and (measured is None or measured * commanded > 0):
+            self._outward = 1 if commanded > 0 else -1
+
+    def is_pushed_out(self, image: AxisImage, torque: int | None) -> bool:
+        """Return whether ``torque`` (None: any) would move an axis farther out that is beyond its position limits.
+
+        Only a torque shows its direction of motion: polarity and load decide on it. So this is known after a torque of the same
+        sign has moved the axis out. An axis that moves back may be braked by it.
+        """
+        if self._edges is None or image.position is None or not self._outward:
+            return False
+        low, high = self._edges
+        where = image.position - image.origin
+        if low - NOISE <= where <= high + NOISE:
+            return False
+        velocity = self._position.motion[0] if self._position.is_known else 0.0
+        returns = not image.standstill and (velocity > 0) == (where < low)
+        return not returns and (torque is None or torque * self._outward > 0)
 
     def _follow_back(self, image: AxisImage, edges: Room, where: int) -> None:
         """Widen the limits to the rest position of an axis beyond them; narrow them again while the axis moves back."""

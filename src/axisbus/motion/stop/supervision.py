@@ -157,6 +157,8 @@ class Supervision:
         danger = self.guard.danger(image, state, bounded=bounded, course=course, lag=lag)
         if danger is None:
             return None
+        if activity is not None:
+            self.guard.note_torque(activity.torque, image.torque)
         finding = self._endangered(danger, course)
         stays_inside = activity is not None and activity.stops_at_limit and danger is self.guard.leaving
         return finding._replace(halts=True) if stays_inside and finding.rung is StopLevel.HALT else finding
