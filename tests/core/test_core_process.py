@@ -13,6 +13,9 @@ import pytest
 
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import ArgumentError, ScanError, StateError, Stopped
+from axisbus.ipc.image import size_of
+from axisbus.ipc.messages import Leave
+from axisbus.ipc.rescue_memory import CoreStage, stage_of
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
@@ -136,3 +139,27 @@ def test_a_program_that_closes_when_its_core_dies_gets_the_state_of_its_drives(f
     assert re.search(STOPPED, caught.value.observed)
     assert machine.simulated_node(1).drive().axis.motor.velocity == 0.0
     assert "ended by SIGKILL" in machine.session.dead
+
+
+def test_a_core_that_hangs_while_its_machine_is_closed_is_replaced_and_none_of_its_processes_remains(file):
+    machine = Machine.open(file)
+    core, watchdog = machine._core.process, machine._core._process._watchdog.pid
+    machine["x"].enable().wait(20)
+    machine["x"].move_velocity(50.0).wait(10)
+    leave = machine._core._calls.send
+
+    def hang(message):
+        leave(message)
+        if isinstance(message, Leave):
+            until(lambda: stage_of(machine._core._process.memory, size_of(2)) is CoreStage.LEAVING, 10.0)
+            os.kill(core, signal.SIGSTOP)
+
+    machine._core._calls.send = hang
+    began = time.monotonic()
+    with pytest.raises(ScanError, match="and was killed") as caught:
+        machine.close()
+    assert time.monotonic() - began < 10.0
+    assert re.search(STOPPED, caught.value.observed)
+    for process in (core, watchdog):
+        with pytest.raises(ProcessLookupError):
+            os.kill(process, 0)

@@ -23,10 +23,13 @@ class Core:
     """A core that runs no cycle, and takes its stages at given times; ``killed``: when it was, in s."""
 
     def __init__(
-        self, monkeypatch, stages: dict[float, CoreStage], writer: LifelineWriter, ends: float
+        self, monkeypatch, stages: dict[float, CoreStage | None], writer: LifelineWriter, ends: float
     ) -> None:
+        """``stages``: by the time of their beginning; None: it ends."""
         self.now, self.killed = 0.0, None
-        self._stages, self._writer, self._ends = stages, writer, ends
+        self._ends = min([ends, *(at for at, stage in stages.items() if stage is None)])
+        self._stages = {at: stage for at, stage in stages.items() if stage is not None}
+        self._writer = writer
         clock = SimpleNamespace(monotonic=lambda: self.now, sleep=self._pass)
         monkeypatch.setattr(watchdog_process, "time", clock)
         monkeypatch.setattr(watchdog_process, "_exit_code", lambda _: 0 if self.now >= self._ends else None)
@@ -62,7 +65,13 @@ def rescuer(tmp_path: Path) -> Iterator[CrashStop]:
             {0.0: CoreStage.WAITING, 5.0: CoreStage.RUNNING},
             5.5,
         ),  # the adapter is open again, and the scan does not run
-        ({0.0: CoreStage.LEAVING}, None),
+        ({0.0: CoreStage.LEAVING}, 0.5),  # its scan runs until it has stopped the axes
+        (
+            {0.0: CoreStage.LEAVING, 0.3: CoreStage.RELEASING},
+            20.3,
+        ),  # it has stopped them, and its nodes do not answer, or it hangs
+        ({0.0: CoreStage.RELEASING, 15.0: CoreStage.LEFT, 20.0: None}, None),
+        ({0.0: CoreStage.LEFT}, 10.0),
     ],
 )
 def test_a_core_without_cycles_is_killed_after_the_time_of_its_stage(rescuer, monkeypatch, stages, killed):

@@ -41,6 +41,8 @@ TRIES_FOR = 1.0  # seconds: a driver may take a moment to notice that its last u
 _PAUSE = 0.05
 _HUNG = 0.5  # seconds without a cycle, at least, after which a core that should run counts as hung
 _REOPENING = 10.0  # seconds for a core whose adapter has failed to open it again and to stop its drives; a driver may block
+_RELEASING = 20.0  # seconds for a core that has stopped its axes to end its scan, and to leave its nodes
+_ENDING = 10.0  # seconds for a core that has left its nodes to report it, and to end
 _FAREWELL = 2.0  # seconds for the report to the program
 
 
@@ -54,9 +56,13 @@ class CrashStop:
         self._cell, self._dictionaries = read_once(duty.cell)
         parts_of(self._cell)  # imports the plug-ins of other protocols: a rescue must not wait for that
         bus = self._cell.bus
+        hung = max(_HUNG, 25 * bus.scan_period, _HUNG + (bus.sync_timeout or 0.0))
         self._patience = {
-            CoreStage.RUNNING: max(_HUNG, 25 * bus.scan_period, _HUNG + (bus.sync_timeout or 0.0)),
+            CoreStage.RUNNING: hung,
+            CoreStage.LEAVING: hung,
             CoreStage.LOST: _REOPENING,
+            CoreStage.RELEASING: _RELEASING,
+            CoreStage.LEFT: _ENDING,
         }
 
     @property
@@ -76,7 +82,7 @@ class CrashStop:
     @property
     def is_needed(self) -> bool:
         """Whether the dead core has not left its drives properly."""
-        return self.stage in (CoreStage.RUNNING, CoreStage.LEAVING, CoreStage.LOST, CoreStage.WAITING)
+        return self.stage not in (CoreStage.OPENING, CoreStage.LEFT)
 
     def rescue(self, why: str) -> Rescued:
         """Stop the drives, make outputs safe, report to the program, and return the report; blocks. ``why``: how the core ended."""

@@ -34,6 +34,7 @@ from axisbus.core.process.rescue import BEAT, CrashStop
 from axisbus.core.process.startup_args import StartupArgs
 from axisbus.core.realtime_setup import call_process, take_priority
 from axisbus.errors import AxisbusError
+from axisbus.ipc.rescue_memory import CoreStage
 
 log = logging.getLogger("axisbus")
 _ROUND = 0.02  # seconds
@@ -137,8 +138,14 @@ def _end_of(core: int, rescuer: CrashStop, line: socket.socket) -> str:
             seen, idle = (rescuer.number, stage), 0.0
         if idle > rescuer.patience(stage):
             _kill(core)
-            return f"it ran no cycle for {idle:.2f} s, and was killed"
+            return _killed(stage, idle)
     return _ended(code)
+
+
+def _killed(stage: CoreStage, idle: float) -> str:
+    if stage in (CoreStage.RELEASING, CoreStage.LEFT):  # it has ended its scan
+        return f"it did not end within {idle:.0f} s, and was killed"
+    return f"it ran no cycle for {idle:.2f} s, and was killed"
 
 
 def _ended(code: int) -> str:
