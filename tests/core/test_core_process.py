@@ -8,10 +8,15 @@ import re
 import signal
 import sys
 import time
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
 from axisbus.cia301.nmt import NmtState
+from axisbus.core.process import launch
+from axisbus.core.process.client import RemoteCore
+from axisbus.core.process.rescue import state_of
 from axisbus.errors import ArgumentError, ScanError, StateError, Stopped
 from axisbus.ipc.image import size_of
 from axisbus.ipc.messages import Leave
@@ -28,6 +33,18 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
     pytest.mark.timeout(120),
 ]
+opening = RemoteCore._open
+
+
+def children(process: int) -> dict[str, int]:
+    """The children of a process, by name."""
+    found = {}
+    for each in Path(f"/proc/{process}/task/{process}/children").read_text().split():
+        with suppress(OSError):
+            found[Path(f"/proc/{each}/comm").read_text().strip()] = int(each)
+    return found
+
+
 MORE = '\n[groups.xy]\naxes = ["x", "y"]\n'
 
 
@@ -163,3 +180,39 @@ def test_a_core_that_hangs_while_its_machine_is_closed_is_replaced_and_none_of_i
     for process in (core, watchdog):
         with pytest.raises(ProcessLookupError):
             os.kill(process, 0)
+
+
+def test_a_core_that_is_killed_while_it_opens_a_machine_is_reported_with_the_cause(file, monkeypatch):
+    """Its watchdog process has to stop no drive, and reports how it ended."""
+    started = []
+
+    def kill(watchdog: int) -> None:
+        until(lambda: any(name == "axisbus core" for name in children(watchdog)), 20.0)
+        os.kill(children(watchdog)["axisbus core"], signal.SIGKILL)
+
+    start = launch._start
+
+    def note(duty):
+        started.append(start(duty))
+        return started[-1]
+
+    monkeypatch.setattr(launch, "_start", note)
+    monkeypatch.setattr(RemoteCore, "_open", lambda core: (kill(started[0].pid), opening(core)))
+    with pytest.raises(
+        ScanError, match=r"was being opened, and the core .* has ended: it was ended by SIGKILL"
+    ):
+        Machine.open(file)
+    assert started[0].returncode == 0
+
+
+def test_a_core_that_hangs_without_its_watchdog_process_does_not_remain(file):
+    machine = Machine.open(file)
+    process = machine._core._process
+    os.kill(machine._core.process, signal.SIGSTOP)
+    process._watchdog.kill()
+    began = time.monotonic()
+    process.end()
+    assert time.monotonic() - began < 30.0
+    with pytest.raises(ScanError):
+        machine.close()
+    assert state_of(machine._core.process) in ("", "Z")

@@ -5,9 +5,13 @@ from __future__ import annotations
 import json
 import mmap
 import os
+import select
+import signal
 import socket
 import subprocess
 import sys
+import time
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -106,14 +110,26 @@ class Processes:
         end = (self.line.fileno(), inode_of(self.line))
         numbers = [*map(_number, others), lock.mark]
         self._watchdog = _start(StartupArgs(*own, path_of(cell), axes, signals, *end, *numbers))
+        self._core: int | None = None  # a descriptor of the core's process
         os.close(memory)
         for passed in (line, tell, *others):
             if passed is not None:
                 passed.close()
 
+    def watch_core(self, process: int) -> None:
+        """Remember the core, which lives, by its process ID: ``end`` waits for it too."""
+        if process != os.getpid():  # in tests it runs in threads of this process
+            with suppress(OSError):
+                self._core = os.pidfd_open(process)
+
     def end(self) -> None:
-        """Wait for the end of the processes after leaving; kill a process that hangs. Blocks at most 15 s."""
+        """Wait for the end of the processes after leaving; kill those that hang. Blocks at most 15 s."""
+        until = time.monotonic() + _END
         _see_end(self._watchdog)
+        core, self._core = self._core, None
+        if core is not None:  # its watchdog process may have been killed before, and not by this program
+            _see_core_end(core, max(0.0, until - time.monotonic()))
+            os.close(core)
 
     def abandon(self) -> None:
         """End them before they were asked to open anything; blocks for a moment."""
@@ -148,11 +164,21 @@ def _start(duty: StartupArgs) -> subprocess.Popen[bytes]:
 
 
 def _see_end(process: subprocess.Popen[bytes]) -> None:
+    """Wait for the end of the watchdog process; kill it together with its children, which are in its process group."""
     try:
         process.wait(_END)
     except subprocess.TimeoutExpired:
-        process.kill()
+        os.killpg(process.pid, signal.SIGKILL)
         process.wait()
+
+
+def _see_core_end(core: int, seconds: float) -> None:
+    """Wait for the end of a core; kill one that hangs."""
+    poll = select.poll()
+    poll.register(core, select.POLLIN)
+    if not poll.poll(seconds * 1000.0):
+        with suppress(OSError):
+            signal.pidfd_send_signal(core, signal.SIGKILL)
 
 
 def _environment() -> dict[str, str]:

@@ -88,11 +88,18 @@ class CrashStop:
         """Stop the drives, make outputs safe, report to the program, and return the report; blocks. ``why``: how the core ended."""
         found = rescue_memory.found(self._memory, self._at)
         names = [list(self._cell.axes)[axis] for axis in found.axes]
-        stream = MessageStream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus watchdog")
         rescued = self._stop(why, names, found.frames)
+        self._report(rescued)
+        return rescued
+
+    def report(self, why: str) -> None:
+        """Report to the program how a core ended whose drives need no stop; blocks."""
+        self._report(Rescued(why, (), left=self.stage is CoreStage.LEFT))
+
+    def _report(self, rescued: Rescued) -> None:
+        stream = MessageStream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus watchdog")
         stream.send(rescued)
         stream.close(_FAREWELL)
-        return rescued
 
     def _stop(self, why: str, names: Sequence[str], frames: Sequence[tuple[int, bytes]]) -> Rescued:
         outputs = self._outputs()

@@ -25,6 +25,8 @@ log = logging.getLogger("axisbus")
 _MOMENT = 0.01  # seconds
 _SLICE = 0.1  # seconds; waiting in slices lets signal handlers run on every platform
 
+_MAKE_SURE = "make sure that every axis is at standstill, then open the machine again"
+
 Take = Callable[[Any], None]
 
 
@@ -217,13 +219,28 @@ def gone(what: str, rescued: m.Rescued | None = None) -> ScanError:
         return ScanError(
             f"{what}, and the core of this machine has ended",
             observed="its process or its connection has ended; the state of the drives is not known",
-            remedy="make sure that every axis is at standstill, then open the machine again",
+            remedy=_MAKE_SURE,
+        )
+    if rescued.left:
+        return ScanError(
+            f"{what}, and the core of this machine has ended without a report: {rescued.why}",
+            observed="it had left its nodes, but it is not known whether every axis could be stopped: its report was lost",
+            remedy=_MAKE_SURE,
         )
     danger = alarm(rescued.stopped)
     return ScanError(
         f"{what}, and the core of this machine has ended: {rescued.why}",
         observed="\n            ".join(_lines_of(rescued)),
         remedy=join_remedies(danger, "then open the machine again" if danger else "open the machine again"),
+    )
+
+
+def unanswered(what: str, seconds: float) -> ScanError:
+    """Return the error of an action that a core has not done in time, although its connection has not ended."""
+    return ScanError(
+        f"{what}, and the core of this machine has not answered for {seconds:.0f} s",
+        observed="its process hangs, or the computer does not run it; the state of the drives is not known",
+        remedy=_MAKE_SURE,
     )
 
 

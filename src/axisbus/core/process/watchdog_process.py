@@ -109,7 +109,7 @@ def _kill(core: int) -> None:
 
 
 def _watch(core: int, rescuer: CrashStop, cell: str, line: socket.socket) -> None:
-    """Wait for the end of the core, or kill it; then stop its drives, if it has left any moving, and log the results."""
+    """Wait for the end of the core, or kill it; stop its drives, if it has left any moving; report and log the results."""
     why = _end_of(core, rescuer, line)
     if rescuer.is_needed:
         rescued = rescuer.rescue(why)
@@ -119,6 +119,8 @@ def _watch(core: int, rescuer: CrashStop, cell: str, line: socket.socket) -> Non
                 log.error("%s: %s", each.axis, each.text)
             for output in rescued.unsafe:
                 log.error("%s NOT CONFIRMED as safe: %s", output.output, output.text)
+    else:
+        rescuer.report(why)
 
 
 def _end_of(core: int, rescuer: CrashStop, line: socket.socket) -> str:
