@@ -114,7 +114,10 @@ class CoreServer:
         self._asked = ThreadPoolExecutor(_ASKED, "axisbus asked")
         self._deaf: int | None = None  # the watchdog process, after it was found not to run
         self._leaving = threading.Lock()
-        self._staging = threading.Lock()
+        self._opening = threading.RLock()  # of the next two; a signal handler takes it too
+        self._is_opening = True
+        self._ends_because: str | None = None  # why the core shall leave as soon as it is open
+        self._staging = threading.RLock()
         self._reached = CoreStage.OPENING
         self._left = threading.Event()
 
@@ -173,7 +176,24 @@ class CoreServer:
         except BaseException as error:  # noqa: BLE001  # the program gets whatever error it was
             self._stream.send(m.NotOpened((told(error),)))
             return False
+        finally:
+            self._end_opening()
         return True
+
+    def _end_opening(self) -> None:
+        """Leave if that was requested meanwhile: during opening, nothing can be left yet."""
+        with self._opening:
+            self._is_opening = False
+        if self._ends_because is not None:
+            self._leave(self._ends_because)
+
+    def _require_both(self) -> None:
+        """Check that the program, and the watchdog process, still run, before a drive can be commanded."""
+        if self._ends_because is not None:
+            raise ScanError(
+                f"the machine was not opened: {self._ends_because}",
+                remedy="open the machine again; if it happens again, check the computer's memory and its load",
+            )
 
     def _begin(self, cell: CellConfig, dictionaries: Mapping[int, Eds], wanted: m.OpenCell) -> None:
         self._await_watchdog()
@@ -205,6 +225,7 @@ class CoreServer:
         core.begin(self._joined)
         core.await_values()
         core.session.observe(IdleCollector(cell.bus.scan_period).after_cycle)
+        self._require_both()
         self._stage(CoreStage.RUNNING)
         self._let_in(wanted.cell)
         self._stream.send(self._opened())
@@ -314,6 +335,10 @@ class CoreServer:
 
     def _leave(self, reason: str) -> None:
         """Begin to leave, in a thread of its own: the program may still request a faster stop."""
+        with self._opening:
+            if self._is_opening:
+                self._ends_because = self._ends_because or reason
+                return
         if self._core is not None and self._leaving.acquire(blocking=False):
             log.info("leaving: %s", reason)
             self._core.session.request_stop(reason)
