@@ -13,7 +13,7 @@ from axisbus.core.process import watchdog_process
 from axisbus.core.process.rescue import CrashStop
 from axisbus.core.process.startup_args import StartupArgs
 from axisbus.ipc import image, rescue_memory
-from axisbus.ipc.rescue_memory import CoreStage, LifelineWriter
+from axisbus.ipc.rescue_memory import CoreStage, LifelineWriter, RescueRpdo
 from kit.cell import cell_text
 
 AT = image.size_of(1)
@@ -75,9 +75,31 @@ def rescuer(tmp_path: Path) -> Iterator[CrashStop]:
     ],
 )
 def test_a_core_without_cycles_is_killed_after_the_time_of_its_stage(rescuer, monkeypatch, stages, killed):
-    core = Core(monkeypatch, dict(stages), LifelineWriter(rescuer._memory, AT), ends=60.0)
+    writer = LifelineWriter(rescuer._memory, AT)
+    writer.enter([RescueRpdo(0)])
+    writer.touched(0)
+    core = Core(monkeypatch, dict(stages), writer, ends=60.0)
     watchdog_process._end_of(1, rescuer, SimpleNamespace(send=lambda _: None))
     assert core.killed == (None if killed is None else pytest.approx(killed, abs=0.1))
+
+
+@pytest.mark.parametrize("stage", [CoreStage.RUNNING, CoreStage.LEAVING])
+def test_a_core_that_has_commanded_nothing_has_ten_seconds_without_a_cycle(rescuer, monkeypatch, stage):
+    """As after a pause of a loaded computer between opening and closing: there is nothing to stop."""
+    writer = LifelineWriter(rescuer._memory, AT)
+    writer.enter([RescueRpdo(0)])
+    core = Core(monkeypatch, {0.0: stage}, writer, ends=60.0)
+    watchdog_process._end_of(1, rescuer, SimpleNamespace(send=lambda _: None))
+    assert core.killed == pytest.approx(10.0, abs=0.1)
+
+
+def test_a_core_that_has_set_an_output_is_killed_as_soon_as_one_that_has_commanded_an_axis(
+    rescuer, monkeypatch
+):
+    monkeypatch.setattr(CrashStop, "_outputs", lambda _: ["lamp"])
+    core = Core(monkeypatch, {0.0: CoreStage.RUNNING}, LifelineWriter(rescuer._memory, AT), ends=60.0)
+    watchdog_process._end_of(1, rescuer, SimpleNamespace(send=lambda _: None))
+    assert core.killed == pytest.approx(0.5, abs=0.1)
 
 
 @pytest.mark.parametrize("stage", CoreStage)

@@ -40,7 +40,9 @@ from axisbus.motion.snapshot import Snapshot
 TRIES_FOR = 1.0  # seconds: a driver may take a moment to notice that its last user is dead
 _PAUSE = 0.05
 _HUNG = 0.5  # seconds without a cycle, at least, after which a core that should run counts as hung
+_UNCOMMANDED = 10.0  # the same while no axis was commanded and no output set: there is nothing to stop, and a computer may pause
 _REOPENING = 10.0  # seconds for a core whose adapter has failed to open it again and to stop its drives; a driver may block
+_CYCLING = (CoreStage.RUNNING, CoreStage.LEAVING)  # a core runs cycles
 _RELEASING = 20.0  # seconds for a core that has stopped its axes to end its scan, and to leave its nodes
 _ENDING = 10.0  # seconds for a core that has left its nodes to report it, and to end
 _FAREWELL = 2.0  # seconds for the report to the program
@@ -78,6 +80,16 @@ class CrashStop:
     def patience(self, stage: CoreStage) -> float:
         """Return for how many seconds a core may run no cycle in a stage."""
         return self._patience.get(stage, math.inf)
+
+    def is_hung(self, stage: CoreStage, idle: float) -> bool:
+        """Whether a core that has run no cycle for ``idle`` seconds in a stage shall be killed."""
+        if idle <= self.patience(stage):
+            return False
+        return stage not in _CYCLING or idle > _UNCOMMANDED or self._has_commanded
+
+    @property
+    def _has_commanded(self) -> bool:
+        return bool(rescue_memory.found(self._memory, self._at).axes or self._outputs())
 
     @property
     def is_needed(self) -> bool:

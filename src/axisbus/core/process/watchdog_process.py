@@ -138,7 +138,7 @@ def _end_of(core: int, rescuer: CrashStop, line: socket.socket) -> str:
         stage = rescuer.stage
         if (rescuer.number, stage) != seen:
             seen, idle = (rescuer.number, stage), 0.0
-        if idle > rescuer.patience(stage):
+        if rescuer.is_hung(stage, idle):
             _kill(core)
             return _killed(stage, idle)
     return _ended(code)
