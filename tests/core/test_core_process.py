@@ -6,6 +6,7 @@ import math
 import os
 import re
 import signal
+import subprocess
 import sys
 import time
 from contextlib import suppress
@@ -216,3 +217,29 @@ def test_a_core_that_hangs_without_its_watchdog_process_does_not_remain(file):
     with pytest.raises(ScanError):
         machine.close()
     assert state_of(machine._core.process) in ("", "Z")
+
+
+CLOSED = """
+import os, sys
+from axisbus.machine.machine import Machine
+
+found = os.dup(1)
+for number in (0, 1, 2):
+    os.close(number)
+with Machine.open(sys.argv[1]) as machine:
+    machine["x"].enable().wait(20)
+    machine["x"].move_relative(1.0).wait(20)
+os.write(found, b"moved and closed")
+"""
+
+
+def test_a_program_without_standard_streams_opens_a_machine(file):
+    """Their numbers are those of its connections: the new processes must not take these for their own streams."""
+    path = {"PYTHONPATH": os.pathsep.join(sys.path)}
+    ended = subprocess.run(
+        [sys.executable, "-c", CLOSED, str(file)],
+        capture_output=True,
+        timeout=100,
+        env={**os.environ, **path},
+    )
+    assert ended.stdout == b"moved and closed"

@@ -11,8 +11,9 @@ import socket
 import subprocess
 import sys
 import time
-from contextlib import suppress
-from dataclasses import asdict
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import axisbus
@@ -35,6 +36,7 @@ from axisbus.core.realtime_setup import (
 from axisbus.errors import PlatformError
 from axisbus.ipc.own_socket import inode_of
 
+_FIRST_FREE = 3  # the first descriptor after the standard streams
 _END = 15.0  # seconds for core and watchdog process to end after leaving: a rescue may be in progress
 
 
@@ -154,13 +156,35 @@ def path_of(cell: CellConfig) -> str:
 
 
 def _start(duty: StartupArgs) -> subprocess.Popen[bytes]:
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", "axisbus.core", json.dumps(asdict(duty))],
-        pass_fds=sorted(duty.all),
-        start_new_session=True,
-        stdin=subprocess.DEVNULL,
-        env=_environment(),
-    )
+    with _above_standard_streams(duty) as passed:
+        return subprocess.Popen(
+            [sys.executable, "-P", "-m", "axisbus.core", json.dumps(asdict(passed))],
+            pass_fds=sorted(passed.all),
+            start_new_session=True,
+            stdin=subprocess.DEVNULL,
+            env=_environment(),
+        )
+
+
+@contextmanager
+def _above_standard_streams(duty: StartupArgs) -> Iterator[StartupArgs]:
+    """Return ``duty`` without the descriptors 0 to 2, which the new process has for its standard streams.
+
+    A program whose standard streams are closed gets these numbers for its sockets.
+    """
+    import fcntl  # only this system has it
+
+    numbers = {name: number for name, number in asdict(duty).items() if name in StartupArgs.DESCRIPTORS}
+    copies = {
+        name: fcntl.fcntl(number, fcntl.F_DUPFD_CLOEXEC, _FIRST_FREE)
+        for name, number in numbers.items()
+        if 0 <= number < _FIRST_FREE
+    }
+    try:
+        yield replace(duty, **copies)
+    finally:
+        for copy in copies.values():
+            os.close(copy)
 
 
 def _see_end(process: subprocess.Popen[bytes]) -> None:
