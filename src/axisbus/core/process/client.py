@@ -176,7 +176,7 @@ class RemoteCore:
             return [unanswered("the machine was closed", time.monotonic() - began)]
         if self.joined and not failed:
             return []  # the program that opened the machine has closed it meanwhile
-        return [self._calls.gone("the machine was closed", self.session.rescued)]
+        return [self._calls.gone("the machine was closed")]
 
     def _wait(self, done: Callable[[], bool], seconds: float) -> BaseException | None:
         """Wait for an event; return the exception that interrupts this, to be raised when all axes are at standstill."""
@@ -235,7 +235,7 @@ class RemoteCore:
             raise unanswered(what, _JOINING)
         if self._opened is None:
             self._await_report()
-            raise self._calls.gone(what, self.session.rescued)
+            raise self._calls.gone(what)
         if isinstance(self._opened, m.NotOpened):
             raise _reason(self._opened)
         for node_id, facts in self._opened.nodes.items():
@@ -299,7 +299,7 @@ class RemoteCore:
 
     def _take_left(self, left: m.Left) -> None:
         self._left = left
-        self._calls.last = left.last
+        self._calls.last, self._calls.has_left = left.last, True
         self._news.set()
 
     def _tell_event(self, told: m.NodeTold) -> None:
@@ -311,7 +311,7 @@ class RemoteCore:
         self._joined(self.booted[joined.node])
 
     def _take_rescued(self, rescued: m.Rescued) -> None:
-        self.session.rescued = rescued
+        self._calls.rescued = rescued
 
     def _watchdog_gone(self) -> None:
         self._watchdog_over.set()

@@ -66,6 +66,8 @@ class RpcClient:
         self._numbers = itertools.count(1)
         self._waiting: dict[int, _PendingRequest] = {}
         self.last: dict[tuple[int, str], Any] = {}  # answers of a core that has left
+        self.has_left = False  # whether the core has left, and reported it
+        self.rescued: m.Rescued | None = None  # by its watchdog process: the core has died
         self._over = False
         self._inherited = False
 
@@ -127,9 +129,11 @@ class RpcClient:
             raise reply.error
         return reply.value
 
-    def gone(self, what: str, rescued: m.Rescued | None = None) -> ScanError:
-        """Return the error of an action that the end of the connection makes impossible; ``rescued``: see ``gone``."""
-        return _lost(what) if self._stream.lost else gone(what, rescued)
+    def gone(self, what: str) -> ScanError:
+        """Return the error of an action that the end of the connection makes impossible."""
+        if self.has_left:
+            return ScanError(f"{what}: the machine was closed", remedy="open it again to continue")
+        return _lost(what) if self._stream.lost else gone(what, self.rescued)
 
     def close(self, wait: float = 0.0) -> None:
         """End the connection, at most ``wait`` seconds later, after the queue has been sent."""
