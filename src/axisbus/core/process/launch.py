@@ -10,11 +10,11 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import axisbus
 from axisbus.bus.link import ownership
@@ -125,12 +125,11 @@ class Processes:
                 self._core = os.pidfd_open(process)
 
     def end(self) -> None:
-        """Wait for the end of the processes after leaving; kill those that hang. Blocks at most 15 s."""
-        until = time.monotonic() + _END
+        """Wait for the end of the processes after leaving; kill those that hang. Blocks at most 15 s for each."""
         _see_end(self._watchdog)
         core, self._core = self._core, None
         if core is not None:  # its watchdog process may have been killed before, and not by this program
-            _see_core_end(core, max(0.0, until - time.monotonic()))
+            _see_core_end(core)
             os.close(core)
 
     def abandon(self) -> None:
@@ -175,7 +174,7 @@ def _above_standard_streams(duty: StartupArgs) -> Iterator[StartupArgs]:
     import fcntl  # only this system has it
 
     numbers = {name: number for name, number in asdict(duty).items() if name in StartupArgs.DESCRIPTORS}
-    copies = {
+    copies: dict[str, Any] = {
         name: fcntl.fcntl(number, fcntl.F_DUPFD_CLOEXEC, _FIRST_FREE)
         for name, number in numbers.items()
         if 0 <= number < _FIRST_FREE
@@ -196,11 +195,11 @@ def _see_end(process: subprocess.Popen[bytes]) -> None:
         process.wait()
 
 
-def _see_core_end(core: int, seconds: float) -> None:
+def _see_core_end(core: int) -> None:
     """Wait for the end of a core; kill one that hangs."""
     poll = select.poll()
     poll.register(core, select.POLLIN)
-    if not poll.poll(seconds * 1000.0):
+    if not poll.poll(_END * 1000.0):
         with suppress(OSError):
             signal.pidfd_send_signal(core, signal.SIGKILL)
 
