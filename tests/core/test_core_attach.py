@@ -199,7 +199,7 @@ def test_a_core_that_ends_while_a_client_joins_is_reported(machine, file, monkey
         start(calls)
 
     monkeypatch.setattr(RpcClient, "start", gone)
-    with pytest.raises(ScanError, match="the machine was opened"):
+    with pytest.raises(ScanError, match="the machine was being joined"):
         Machine.attach(file)
 
 

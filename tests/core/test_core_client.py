@@ -9,7 +9,7 @@ import time
 import pytest
 
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.errors import ArgumentError, ConfigError, DriveFault, SdoAbort, StateError
+from axisbus.errors import ArgumentError, ConfigError, DriveFault, ScanError, SdoAbort, StateError
 from axisbus.machine.handle import wait
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
@@ -174,3 +174,14 @@ def test_events_of_a_node_are_reported_in_a_thread_of_this_program(file):
         assert machine.node(2).nmt is NmtState.PRE_OPERATIONAL
         assert [event.node for event in machine.node(2).events] == [2]
         assert machine.events
+
+
+def test_a_command_and_a_request_after_closing_end_because_the_machine_was_closed(file):
+    """The end of the core is no failure: it has reported that it has left every node."""
+    with core_in_threads(), Machine.open(file) as machine:
+        machine["x"].enable().wait(20)
+    until(lambda: machine._core._calls.over, 10.0)
+    with pytest.raises(ScanError, match=r"x\.move_relative\(1 deg\) was ended: the machine was closed"):
+        machine["x"].move_relative(1.0).wait(10)
+    with pytest.raises(ScanError, match="read was asked: the machine was closed"):
+        machine.node(1).sdo[0x1000]

@@ -2,6 +2,7 @@
 
 import logging
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -84,3 +85,12 @@ def test_a_folder_that_cannot_be_created_is_reported_and_the_core_runs_without_a
         LOG.warning("one line")
     assert "there is no journal of this core: " in caplog.text
     assert "one line" in caplog.text
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/dev/full")
+def test_a_full_disk_costs_the_lines_and_nothing_else(monkeypatch, capfd):
+    """Each write fails, and closing the file as well."""
+    monkeypatch.setattr("axisbus.core.process.persistence.journal.path_of", lambda _: Path("/dev/full"))
+    with journal("/a/cell.toml"):
+        LOG.warning("one line")
+    assert capfd.readouterr().err == ""

@@ -6,13 +6,22 @@ import math
 import os
 import re
 import signal
+import subprocess
 import sys
 import time
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
 from axisbus.cia301.nmt import NmtState
+from axisbus.core.process import launch
+from axisbus.core.process.client import RemoteCore
+from axisbus.core.process.rescue import state_of
 from axisbus.errors import ArgumentError, ScanError, StateError, Stopped
+from axisbus.ipc.image import size_of
+from axisbus.ipc.messages import Leave
+from axisbus.ipc.rescue_memory import CoreStage, stage_of
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
@@ -25,6 +34,18 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
     pytest.mark.timeout(120),
 ]
+opening = RemoteCore._open
+
+
+def children(process: int) -> dict[str, int]:
+    """The children of a process, by name."""
+    found = {}
+    for each in Path(f"/proc/{process}/task/{process}/children").read_text().split():
+        with suppress(OSError):
+            found[Path(f"/proc/{each}/comm").read_text().strip()] = int(each)
+    return found
+
+
 MORE = '\n[groups.xy]\naxes = ["x", "y"]\n'
 
 
@@ -136,3 +157,89 @@ def test_a_program_that_closes_when_its_core_dies_gets_the_state_of_its_drives(f
     assert re.search(STOPPED, caught.value.observed)
     assert machine.simulated_node(1).drive().axis.motor.velocity == 0.0
     assert "ended by SIGKILL" in machine.session.dead
+
+
+def test_a_core_that_hangs_while_its_machine_is_closed_is_replaced_and_none_of_its_processes_remains(file):
+    machine = Machine.open(file)
+    core, watchdog = machine._core.process, machine._core._process._watchdog.pid
+    machine["x"].enable().wait(20)
+    machine["x"].move_velocity(50.0).wait(10)
+    leave = machine._core._calls.send
+
+    def hang(message):
+        leave(message)
+        if isinstance(message, Leave):
+            until(lambda: stage_of(machine._core._process.memory, size_of(2)) is CoreStage.LEAVING, 10.0)
+            os.kill(core, signal.SIGSTOP)
+
+    machine._core._calls.send = hang
+    began = time.monotonic()
+    with pytest.raises(ScanError, match="and was killed") as caught:
+        machine.close()
+    assert time.monotonic() - began < 10.0
+    assert re.search(STOPPED, caught.value.observed)
+    for process in (core, watchdog):
+        with pytest.raises(ProcessLookupError):
+            os.kill(process, 0)
+
+
+def test_a_core_that_is_killed_while_it_opens_a_machine_is_reported_with_the_cause(file, monkeypatch):
+    """Its watchdog process has to stop no drive, and reports how it ended."""
+    started = []
+
+    def kill(watchdog: int) -> None:
+        until(lambda: any(name == "axisbus core" for name in children(watchdog)), 20.0)
+        os.kill(children(watchdog)["axisbus core"], signal.SIGKILL)
+
+    start = launch._start
+
+    def note(duty):
+        started.append(start(duty))
+        return started[-1]
+
+    monkeypatch.setattr(launch, "_start", note)
+    monkeypatch.setattr(RemoteCore, "_open", lambda core: (kill(started[0].pid), opening(core)))
+    with pytest.raises(
+        ScanError, match=r"was being opened, and the core .* has ended: it was ended by SIGKILL"
+    ):
+        Machine.open(file)
+    assert started[0].returncode == 0
+
+
+def test_a_core_that_hangs_without_its_watchdog_process_does_not_remain(file):
+    machine = Machine.open(file)
+    process = machine._core._process
+    os.kill(machine._core.process, signal.SIGSTOP)
+    process._watchdog.kill()
+    began = time.monotonic()
+    process.end()
+    assert time.monotonic() - began < 30.0
+    with pytest.raises(ScanError):
+        machine.close()
+    assert state_of(machine._core.process) in ("", "Z")
+
+
+CLOSED = """
+import os, sys
+from axisbus.machine.machine import Machine
+
+found = os.dup(1)
+for number in (0, 1, 2):
+    os.close(number)
+with Machine.open(sys.argv[1]) as machine:
+    machine["x"].enable().wait(20)
+    machine["x"].move_relative(1.0).wait(20)
+os.write(found, b"moved and closed")
+"""
+
+
+def test_a_program_without_standard_streams_opens_a_machine(file):
+    """Their numbers are those of its connections: the new processes must not take these for their own streams."""
+    path = {"PYTHONPATH": os.pathsep.join(sys.path)}
+    ended = subprocess.run(
+        [sys.executable, "-c", CLOSED, str(file)],
+        capture_output=True,
+        timeout=100,
+        env={**os.environ, **path},
+    )
+    assert ended.stdout == b"moved and closed"

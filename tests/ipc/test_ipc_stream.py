@@ -11,9 +11,11 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import pytest
 
+from axisbus.ipc import stream as stream_module
 from axisbus.ipc.own_socket import FarEnd, inode_of
 from axisbus.ipc.stream import MessageStream
 
@@ -82,6 +84,30 @@ def test_a_message_that_cannot_be_packed_does_not_delay_the_others(caplog):
         near.close(5.0)
         assert list(far.messages()) == [b"one", b"three"]
     assert "could not be sent" in caplog.text
+
+
+def test_a_pause_of_the_computer_while_a_connection_is_closed_loses_no_message(monkeypatch):
+    now, packing, paused = [0.0], threading.Event(), threading.Event()
+
+    def slowly(message: object) -> bytes:
+        packing.set()
+        assert paused.wait(10.0)
+        return packed(message)
+
+    def pause() -> float:
+        """Each look at the clock is an hour after the one before; from the second one on the sender runs again."""
+        now[0] += 3600.0
+        if now[0] > 2 * 3600.0:
+            paused.set()
+        return now[0]
+
+    with both() as (near, far):
+        monkeypatch.setattr(near, "_pack", slowly)
+        near.send("the last one")
+        assert packing.wait(10.0)
+        monkeypatch.setattr(stream_module, "time", SimpleNamespace(monotonic=pause), raising=False)
+        near.close(2.0)
+        assert list(far.messages()) == [b"the last one"]
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="POSIX")

@@ -41,7 +41,7 @@ class RealTime:
 
     def __enter__(self) -> RealTime:
         self.thread.start()
-        self.waiter.scan_thread = self.thread.ident
+        self.waiter.scan_thread = self.thread
         return self
 
     def __exit__(self, *_: object) -> None:

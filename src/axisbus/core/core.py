@@ -230,7 +230,9 @@ class Core:
         self._booting: set[int] = set()  # nodes, by calls of ``boot_node``
         self._lock = threading.Lock()
         self._reconnecting = threading.Lock()
-        self.on_adapter_loss: Callable[[AdapterLoss], None] | None = None  # of a core in a process of its own
+        # Of a core in a process of its own:
+        self.on_adapter_loss: Callable[[AdapterLoss], None] | None = None
+        self.on_axes_stopped: Callable[[], None] = _nothing  # by ``leave``, as far as possible
         self._after_cycle: Callable[[], None] = _nothing
         board = IoScan()
         for node_id in runtime.nodes:
@@ -335,6 +337,7 @@ class Core:
         try:
             self._stop_axes(reason)
         finally:
+            self.on_axes_stopped()
             self._pickup.stop()
             self._waiter.wait(lambda: not self._booting, LEAVE_TIME)
             unsafe = unconfirmed(self.scan.io)

@@ -26,7 +26,8 @@ class ThreadWaiter:
 
     def __init__(self) -> None:
         self._condition = threading.Condition()
-        self.scan_thread: int | None = None
+        # The thread and not its identifier: a later thread gets the identifier of one that has ended.
+        self.scan_thread: threading.Thread | None = None
         self._inherited = False
 
     def disown(self) -> None:
@@ -42,7 +43,7 @@ class ThreadWaiter:
         """
         if self._inherited:
             raise inherited("waiting")
-        if threading.get_ident() == self.scan_thread:
+        if threading.current_thread() is self.scan_thread:
             raise StateError("the scan's own thread cannot wait for a command")
         deadline = None if timeout is None else time.monotonic() + timeout
         while self._sleep(done, deadline):

@@ -24,9 +24,9 @@ class EventLoopThread:
         self._thread.start()
 
     @property
-    def thread(self) -> int | None:
-        """The identifier of its thread."""
-        return self._thread.ident
+    def thread(self) -> threading.Thread:
+        """Its thread."""
+        return self._thread
 
     def soon(self, do: Callable[[], None]) -> None:
         """Call ``do`` after the calls that are already due; after the end nothing is called any more."""

@@ -294,13 +294,15 @@ class CoreCondition:
 class Rescued:
     """The core is dead; ``why`` is how it ended, ``stopped`` the results of its watchdog process for the commanded axes.
 
-    Of the outputs that had been set, those in ``safe`` are seen in their safe state, and those in ``unsafe`` are not.
+    Of the outputs that had been set, those in ``safe`` are seen in their safe state, and those in ``unsafe`` are not. ``left``: the
+    core itself had left its nodes before, so nothing was done.
     """
 
     why: str
     stopped: tuple[StopResult, ...]
     unsafe: tuple[Unsafe, ...] = ()
     safe: tuple[str, ...] = ()
+    left: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,6 +40,7 @@ class CoreStage(IntEnum):
     LEFT = 3
     LOST = 4  # its adapter has failed, and its scan has ended: it opens the adapter again to stop its drives
     WAITING = 5  # it has done so, as far as possible: it may open the adapter again on command
+    RELEASING = 6  # it has stopped its axes, as far as possible: it ends its scan, and leaves its nodes
 
 
 class RescueRpdo(NamedTuple):

@@ -15,6 +15,7 @@ import logging
 import socket
 import struct
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -25,6 +26,7 @@ log = logging.getLogger("axisbus")
 _LENGTH = struct.Struct("<I")
 _LARGEST = 1 << 28  # bytes; a larger length is no message
 _READ = 1 << 16
+_SLICE = 0.1  # seconds
 
 
 class MessageStream:
@@ -73,12 +75,18 @@ class MessageStream:
             yield message
 
     def close(self, wait: float = 0.0) -> None:
-        """End the connection after the queue has been sent, at most ``wait`` seconds from now; harmless when repeated."""
+        """End the connection after the queue has been sent, at most ``wait`` seconds from now; harmless when repeated.
+
+        Time in which this process does not run does not count: the last message would be lost by a pause of the computer.
+        """
         if self._closing:
             return
         self._closing = True
         self._nudge()
-        self._thread.join(wait)
+        while wait > 0.0 and self._thread.is_alive():
+            began, part = time.monotonic(), min(wait, _SLICE)
+            self._thread.join(part)
+            wait -= min(part, time.monotonic() - began)
         self._line.shutdown(socket.SHUT_RDWR)
 
     def say_no_more(self) -> None:

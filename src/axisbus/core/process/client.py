@@ -29,7 +29,7 @@ from axisbus.core.files import load_dictionaries
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.process.launch import Processes
 from axisbus.core.process.remote_proxy import SimulatedDrivesHandle
-from axisbus.core.process.rpc_client import RpcClient
+from axisbus.core.process.rpc_client import RpcClient, unanswered
 from axisbus.core.process.session import Errors, RemoteSession
 from axisbus.core.process.shared_counters import SharedCounters
 from axisbus.core.process.trajectory_feeder import Feeder
@@ -51,6 +51,7 @@ log = logging.getLogger("axisbus")
 _SLICE = 0.1  # seconds; waiting in slices lets signal handlers run on every platform
 _CLOSE_MARGIN = 5.0  # seconds for leaving, in addition to the stop sequences
 _RESCUE = 10.0  # seconds until the watchdog process has stopped every drive
+_KILL = 45.0  # seconds until the watchdog process has killed a core that hangs, and stopped every drive
 _FAREWELL = 1.0
 _CHUNK = 1 << 16  # bytes of a program in one message
 _PROGRESS = 0.1  # seconds between two requests for the progress of a write
@@ -154,21 +155,28 @@ class RemoteCore:
 
     def leave(self, reason: str) -> list[AxisbusError]:
         """As ``CoreInterface.leave``; afterwards the process has ended."""
+        began = time.monotonic()
         self._calls.send(m.Leave(reason))
         times = [facts.parameters.stop_times.ladder for facts in self.session.axes.values()]
         interruption = self._wait(
             lambda: self._left is not None or self._calls.over, max(times, default=0.0) + _CLOSE_MARGIN
         )
-        if self._left is None:  # the core has died: wait for its watchdog process, and do not interrupt it
-            interruption = self._wait(self._watchdog_over.is_set, _RESCUE) or interruption
+        if (
+            self._left is None
+        ):  # the core has died, or hangs: wait for its watchdog process, and do not interrupt it
+            seconds = _RESCUE if self._calls.over else _KILL
+            interruption = self._wait(self._watchdog_over.is_set, seconds) or interruption
+        over, failed = self._calls.over, self.session.failed
         self._end()
         if interruption is not None:
             raise interruption
         if self._left is not None:
             return list(self._left.failures)
-        if self.joined and not self.session.failed:
+        if not over:
+            return [unanswered("the machine was closed", time.monotonic() - began)]
+        if self.joined and not failed:
             return []  # the program that opened the machine has closed it meanwhile
-        return [self._calls.gone("the machine was closed", self.session.rescued)]
+        return [self._calls.gone("the machine was closed")]
 
     def _wait(self, done: Callable[[], bool], seconds: float) -> BaseException | None:
         """Wait for an event; return the exception that interrupts this, to be raised when all axes are at standstill."""
@@ -177,6 +185,7 @@ class RemoteCore:
         while not done() and time.monotonic() < until:
             try:
                 self._news.wait(_SLICE)
+                self._news.clear()
             except BaseException as error:  # noqa: BLE001  # a user's own handler
                 interruption = error
         return interruption
@@ -221,8 +230,12 @@ class RemoteCore:
         until = time.monotonic() + (_JOINING if self.joined else math.inf)
         while self._opened is None and not self._calls.over and time.monotonic() < until:
             self._news.wait(_SLICE)
+        what = "the machine was being joined" if self.joined else "the machine was being opened"
+        if self._opened is None and not self._calls.over:
+            raise unanswered(what, _JOINING)
         if self._opened is None:
-            raise self._calls.gone("the machine was opened")
+            self._await_report()
+            raise self._calls.gone(what)
         if isinstance(self._opened, m.NotOpened):
             raise _reason(self._opened)
         for node_id, facts in self._opened.nodes.items():
@@ -230,7 +243,14 @@ class RemoteCore:
         self.session.join(self._opened.axes)
         self.degree, self.process = self._opened.degree, self._opened.process
         self.commanded_by = self._opened.commanded_by if self.joined else ""
+        self._process.watch_core(self.process)
         self._news.clear()
+
+    def _await_report(self) -> None:
+        """Wait for the report of the watchdog process about the end of the core."""
+        until = time.monotonic() + _RESCUE
+        while not self._watchdog_over.wait(_SLICE) and time.monotonic() < until:
+            pass
 
     def _take_node(self, node_id: int, facts: m.NodeFacts) -> None:
         self.booted[node_id] = Booted(facts.report, facts.parameters)
@@ -279,7 +299,7 @@ class RemoteCore:
 
     def _take_left(self, left: m.Left) -> None:
         self._left = left
-        self._calls.last = left.last
+        self._calls.last, self._calls.has_left = left.last, True
         self._news.set()
 
     def _tell_event(self, told: m.NodeTold) -> None:
@@ -291,7 +311,7 @@ class RemoteCore:
         self._joined(self.booted[joined.node])
 
     def _take_rescued(self, rescued: m.Rescued) -> None:
-        self.session.rescued = rescued
+        self._calls.rescued = rescued
 
     def _watchdog_gone(self) -> None:
         self._watchdog_over.set()

@@ -5,11 +5,16 @@ from __future__ import annotations
 import json
 import mmap
 import os
+import select
+import signal
 import socket
 import subprocess
 import sys
-from dataclasses import asdict
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import axisbus
 from axisbus.bus.link import ownership
@@ -31,6 +36,7 @@ from axisbus.core.realtime_setup import (
 from axisbus.errors import PlatformError
 from axisbus.ipc.own_socket import inode_of
 
+_FIRST_FREE = 3  # the first descriptor after the standard streams
 _END = 15.0  # seconds for core and watchdog process to end after leaving: a rescue may be in progress
 
 
@@ -106,14 +112,25 @@ class Processes:
         end = (self.line.fileno(), inode_of(self.line))
         numbers = [*map(_number, others), lock.mark]
         self._watchdog = _start(StartupArgs(*own, path_of(cell), axes, signals, *end, *numbers))
+        self._core: int | None = None  # a descriptor of the core's process
         os.close(memory)
         for passed in (line, tell, *others):
             if passed is not None:
                 passed.close()
 
+    def watch_core(self, process: int) -> None:
+        """Remember the core, which lives, by its process ID: ``end`` waits for it too."""
+        if process != os.getpid():  # in tests it runs in threads of this process
+            with suppress(OSError):
+                self._core = os.pidfd_open(process)
+
     def end(self) -> None:
-        """Wait for the end of the processes after leaving; kill a process that hangs. Blocks at most 15 s."""
+        """Wait for the end of the processes after leaving; kill those that hang. Blocks at most 15 s for each."""
         _see_end(self._watchdog)
+        core, self._core = self._core, None
+        if core is not None:  # its watchdog process may have been killed before, and not by this program
+            _see_core_end(core)
+            os.close(core)
 
     def abandon(self) -> None:
         """End them before they were asked to open anything; blocks for a moment."""
@@ -138,21 +155,53 @@ def path_of(cell: CellConfig) -> str:
 
 
 def _start(duty: StartupArgs) -> subprocess.Popen[bytes]:
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", "axisbus.core", json.dumps(asdict(duty))],
-        pass_fds=sorted(duty.all),
-        start_new_session=True,
-        stdin=subprocess.DEVNULL,
-        env=_environment(),
-    )
+    with _above_standard_streams(duty) as passed:
+        return subprocess.Popen(
+            [sys.executable, "-P", "-m", "axisbus.core", json.dumps(asdict(passed))],
+            pass_fds=sorted(passed.all),
+            start_new_session=True,
+            stdin=subprocess.DEVNULL,
+            env=_environment(),
+        )
+
+
+@contextmanager
+def _above_standard_streams(duty: StartupArgs) -> Iterator[StartupArgs]:
+    """Return ``duty`` without the descriptors 0 to 2, which the new process has for its standard streams.
+
+    A program whose standard streams are closed gets these numbers for its sockets.
+    """
+    import fcntl  # only this system has it
+
+    numbers = {name: number for name, number in asdict(duty).items() if name in StartupArgs.DESCRIPTORS}
+    copies: dict[str, Any] = {
+        name: fcntl.fcntl(number, fcntl.F_DUPFD_CLOEXEC, _FIRST_FREE)
+        for name, number in numbers.items()
+        if 0 <= number < _FIRST_FREE
+    }
+    try:
+        yield replace(duty, **copies)
+    finally:
+        for copy in copies.values():
+            os.close(copy)
 
 
 def _see_end(process: subprocess.Popen[bytes]) -> None:
+    """Wait for the end of the watchdog process; kill it together with its children, which are in its process group."""
     try:
         process.wait(_END)
     except subprocess.TimeoutExpired:
-        process.kill()
+        os.killpg(process.pid, signal.SIGKILL)
         process.wait()
+
+
+def _see_core_end(core: int) -> None:
+    """Wait for the end of a core; kill one that hangs."""
+    poll = select.poll()
+    poll.register(core, select.POLLIN)
+    if not poll.poll(_END * 1000.0):
+        with suppress(OSError):
+            signal.pidfd_send_signal(core, signal.SIGKILL)
 
 
 def _environment() -> dict[str, str]:

@@ -227,6 +227,9 @@ class ClientConnection:
         self.memory = mmap.mmap(image, 0, access=mmap.ACCESS_READ)
         os.close(image)
 
+    def watch_core(self, process: int) -> None:
+        """Do nothing: the core continues."""
+
     def end(self) -> None:
         """Do nothing: the core continues."""
 

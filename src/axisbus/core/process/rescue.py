@@ -40,7 +40,11 @@ from axisbus.motion.snapshot import Snapshot
 TRIES_FOR = 1.0  # seconds: a driver may take a moment to notice that its last user is dead
 _PAUSE = 0.05
 _HUNG = 0.5  # seconds without a cycle, at least, after which a core that should run counts as hung
+_UNCOMMANDED = 10.0  # the same while no axis was commanded and no output set: there is nothing to stop, and a computer may pause
 _REOPENING = 10.0  # seconds for a core whose adapter has failed to open it again and to stop its drives; a driver may block
+_CYCLING = (CoreStage.RUNNING, CoreStage.LEAVING)  # a core runs cycles
+_RELEASING = 20.0  # seconds for a core that has stopped its axes to end its scan, and to leave its nodes
+_ENDING = 10.0  # seconds for a core that has left its nodes to report it, and to end
 _FAREWELL = 2.0  # seconds for the report to the program
 
 
@@ -54,9 +58,13 @@ class CrashStop:
         self._cell, self._dictionaries = read_once(duty.cell)
         parts_of(self._cell)  # imports the plug-ins of other protocols: a rescue must not wait for that
         bus = self._cell.bus
+        hung = max(_HUNG, 25 * bus.scan_period, _HUNG + (bus.sync_timeout or 0.0))
         self._patience = {
-            CoreStage.RUNNING: max(_HUNG, 25 * bus.scan_period, _HUNG + (bus.sync_timeout or 0.0)),
+            CoreStage.RUNNING: hung,
+            CoreStage.LEAVING: hung,
             CoreStage.LOST: _REOPENING,
+            CoreStage.RELEASING: _RELEASING,
+            CoreStage.LEFT: _ENDING,
         }
 
     @property
@@ -73,20 +81,37 @@ class CrashStop:
         """Return for how many seconds a core may run no cycle in a stage."""
         return self._patience.get(stage, math.inf)
 
+    def is_hung(self, stage: CoreStage, idle: float) -> bool:
+        """Whether a core that has run no cycle for ``idle`` seconds in a stage shall be killed."""
+        if idle <= self.patience(stage):
+            return False
+        return stage not in _CYCLING or idle > _UNCOMMANDED or self._has_commanded
+
+    @property
+    def _has_commanded(self) -> bool:
+        return bool(rescue_memory.found(self._memory, self._at).axes or self._outputs())
+
     @property
     def is_needed(self) -> bool:
         """Whether the dead core has not left its drives properly."""
-        return self.stage in (CoreStage.RUNNING, CoreStage.LEAVING, CoreStage.LOST, CoreStage.WAITING)
+        return self.stage not in (CoreStage.OPENING, CoreStage.LEFT)
 
     def rescue(self, why: str) -> Rescued:
         """Stop the drives, make outputs safe, report to the program, and return the report; blocks. ``why``: how the core ended."""
         found = rescue_memory.found(self._memory, self._at)
         names = [list(self._cell.axes)[axis] for axis in found.axes]
-        stream = MessageStream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus watchdog")
         rescued = self._stop(why, names, found.frames)
+        self._report(rescued)
+        return rescued
+
+    def report(self, why: str) -> None:
+        """Report to the program how a core ended whose drives need no stop; blocks."""
+        self._report(Rescued(why, (), left=self.stage is CoreStage.LEFT))
+
+    def _report(self, rescued: Rescued) -> None:
+        stream = MessageStream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus watchdog")
         stream.send(rescued)
         stream.close(_FAREWELL)
-        return rescued
 
     def _stop(self, why: str, names: Sequence[str], frames: Sequence[tuple[int, bytes]]) -> Rescued:
         outputs = self._outputs()

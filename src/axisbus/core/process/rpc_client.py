@@ -25,6 +25,8 @@ log = logging.getLogger("axisbus")
 _MOMENT = 0.01  # seconds
 _SLICE = 0.1  # seconds; waiting in slices lets signal handlers run on every platform
 
+_MAKE_SURE = "make sure that every axis is at standstill, then open the machine again"
+
 Take = Callable[[Any], None]
 
 
@@ -64,6 +66,8 @@ class RpcClient:
         self._numbers = itertools.count(1)
         self._waiting: dict[int, _PendingRequest] = {}
         self.last: dict[tuple[int, str], Any] = {}  # answers of a core that has left
+        self.has_left = False  # whether the core has left, and reported it
+        self.rescued: m.Rescued | None = None  # by its watchdog process: the core has died
         self._over = False
         self._inherited = False
 
@@ -125,9 +129,11 @@ class RpcClient:
             raise reply.error
         return reply.value
 
-    def gone(self, what: str, rescued: m.Rescued | None = None) -> ScanError:
-        """Return the error of an action that the end of the connection makes impossible; ``rescued``: see ``gone``."""
-        return _lost(what) if self._stream.lost else gone(what, rescued)
+    def gone(self, what: str) -> ScanError:
+        """Return the error of an action that the end of the connection makes impossible."""
+        if self.has_left:
+            return ScanError(f"{what}: the machine was closed", remedy="open it again to continue")
+        return _lost(what) if self._stream.lost else gone(what, self.rescued)
 
     def close(self, wait: float = 0.0) -> None:
         """End the connection, at most ``wait`` seconds later, after the queue has been sent."""
@@ -217,13 +223,28 @@ def gone(what: str, rescued: m.Rescued | None = None) -> ScanError:
         return ScanError(
             f"{what}, and the core of this machine has ended",
             observed="its process or its connection has ended; the state of the drives is not known",
-            remedy="make sure that every axis is at standstill, then open the machine again",
+            remedy=_MAKE_SURE,
+        )
+    if rescued.left:
+        return ScanError(
+            f"{what}, and the core of this machine has ended without a report: {rescued.why}",
+            observed="it had left its nodes, but it is not known whether every axis could be stopped: its report was lost",
+            remedy=_MAKE_SURE,
         )
     danger = alarm(rescued.stopped)
     return ScanError(
         f"{what}, and the core of this machine has ended: {rescued.why}",
         observed="\n            ".join(_lines_of(rescued)),
         remedy=join_remedies(danger, "then open the machine again" if danger else "open the machine again"),
+    )
+
+
+def unanswered(what: str, seconds: float) -> ScanError:
+    """Return the error of an action that a core has not done in time, although its connection has not ended."""
+    return ScanError(
+        f"{what}, and the core of this machine has not answered for {seconds:.0f} s",
+        observed="its process hangs, or the computer does not run it; the state of the drives is not known",
+        remedy=_MAKE_SURE,
     )
 
 

@@ -64,6 +64,11 @@ _LOSS_STAGES = {
     AdapterLoss.STOPPED: CoreStage.WAITING,
     AdapterLoss.OVER: CoreStage.RUNNING,
 }
+_NEVER_AFTER = {
+    CoreStage.LEAVING: (CoreStage.RUNNING,),
+    CoreStage.RELEASING: tuple(stage for stage in CoreStage if stage is not CoreStage.LEFT),
+    CoreStage.LEFT: tuple(CoreStage),
+}
 _FAREWELL = 2.0  # seconds for the last message
 _WORDS = 64  # bytes of the watchdog process that are read at a time
 _WATCHDOG_GONE = f"the watchdog process of the core has ended: {NOBODY}"
@@ -109,6 +114,11 @@ class CoreServer:
         self._asked = ThreadPoolExecutor(_ASKED, "axisbus asked")
         self._deaf: int | None = None  # the watchdog process, after it was found not to run
         self._leaving = threading.Lock()
+        self._opening = threading.RLock()  # of the next two; a signal handler takes it too
+        self._is_opening = True
+        self._ends_because: str | None = None  # why the core shall leave as soon as it is open
+        self._staging = threading.RLock()
+        self._reached = CoreStage.OPENING
         self._left = threading.Event()
 
     def run(self) -> None:
@@ -166,7 +176,24 @@ class CoreServer:
         except BaseException as error:  # noqa: BLE001  # the program gets whatever error it was
             self._stream.send(m.NotOpened((told(error),)))
             return False
+        finally:
+            self._end_opening()
         return True
+
+    def _end_opening(self) -> None:
+        """Leave if that was requested meanwhile: during opening, nothing can be left yet."""
+        with self._opening:
+            self._is_opening = False
+        if self._ends_because is not None:
+            self._leave(self._ends_because)
+
+    def _require_both(self) -> None:
+        """Check that the program, and the watchdog process, still run, before a drive can be commanded."""
+        if self._ends_because is not None:
+            raise ScanError(
+                f"the machine was not opened: {self._ends_because}",
+                remedy="open the machine again; if it happens again, check the computer's memory and its load",
+            )
 
     def _begin(self, cell: CellConfig, dictionaries: Mapping[int, Eds], wanted: m.OpenCell) -> None:
         self._await_watchdog()
@@ -194,10 +221,12 @@ class CoreServer:
         core.session.observe(self._faults.after_cycle)
         core.session.observe(self._lifeline.after_cycle)
         core.on_adapter_loss = lambda progress: self._stage(_LOSS_STAGES[progress])
+        core.on_axes_stopped = lambda: self._stage(CoreStage.RELEASING)
         core.begin(self._joined)
         core.await_values()
         core.session.observe(IdleCollector(cell.bus.scan_period).after_cycle)
-        self._lifeline.stage(CoreStage.RUNNING)
+        self._require_both()
+        self._stage(CoreStage.RUNNING)
         self._let_in(wanted.cell)
         self._stream.send(self._opened())
         threading.Thread(target=self._watch_condition, name="axisbus condition", daemon=True).start()
@@ -306,15 +335,23 @@ class CoreServer:
 
     def _leave(self, reason: str) -> None:
         """Begin to leave, in a thread of its own: the program may still request a faster stop."""
+        with self._opening:
+            if self._is_opening:
+                self._ends_because = self._ends_because or reason
+                return
         if self._core is not None and self._leaving.acquire(blocking=False):
             log.info("leaving: %s", reason)
             self._core.session.request_stop(reason)
-            self._stage(CoreStage.LEAVING)
+            # A scan that has failed runs no cycle, which the stage LEAVING would require.
+            self._stage(CoreStage.RELEASING if self._core.session.ended else CoreStage.LEAVING)
             threading.Thread(target=partial(self._do_leave, reason), name="leaving").start()
 
     def _stage(self, stage: CoreStage) -> None:
-        if self._lifeline is not None:
-            self._lifeline.stage(stage)
+        """Store the stage. While the core leaves, the loss of its adapter, and its return, must not give it more time."""
+        with self._staging:
+            if self._lifeline is not None and stage not in _NEVER_AFTER.get(self._reached, ()):
+                self._reached = stage
+                self._lifeline.stage(stage)
 
     def _do_leave(self, reason: str) -> None:
         assert self._core is not None

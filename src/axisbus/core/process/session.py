@@ -109,7 +109,6 @@ class RemoteSession:
         self._observers: tuple[Observer, ...] = ()
         self._taps: dict[HearFrames, frozenset[int]] = {}
         self._busy: dict[int, str] = {}
-        self.rescued: m.Rescued | None = None  # by its watchdog process: the core has died
         self._asked: tuple[float, str] | None = None  # the stop requested by this program
         self._inherited = False
 
@@ -136,7 +135,8 @@ class RemoteSession:
         if self._inherited:
             return "this process was forked from the one that has the machine: nothing is received here"
         if self._condition.dead is None and self._calls.over and not self._condition.ended:
-            return _GONE if self.rescued is None else f"{_GONE}: {self.rescued.why}"
+            rescued = self._calls.rescued
+            return _GONE if rescued is None else f"{_GONE}: {rescued.why}"
         return self._condition.dead
 
     @property
@@ -337,7 +337,7 @@ class RemoteSession:
         """End every command that the core has not ended, because the core is gone."""
         while self._busy:
             number, name = self._busy.popitem()
-            error = self._calls.gone(f"{name} was ended", self.rescued)
+            error = self._calls.gone(f"{name} was ended")
             self.tell(m.CommandEvents((CommandEvent(number, Status.ERROR, error, ""),)))
         self._waiter.notify()
 

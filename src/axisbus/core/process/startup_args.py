@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,6 +15,8 @@ class StartupArgs:
     this machine runs, reserves the adapter, and accepts clients; ``mark`` shows that its link is open. From ``signals`` the program
     reads its signals. The program's end of ``line`` has the descriptor ``end`` there, and ``inode``.
     """
+
+    DESCRIPTORS: ClassVar = ("line", "memory", "tell", "signals", "drives", "far", "control", "lock", "mark")
 
     line: int
     memory: int

@@ -34,6 +34,7 @@ from axisbus.core.process.rescue import BEAT, CrashStop
 from axisbus.core.process.startup_args import StartupArgs
 from axisbus.core.realtime_setup import call_process, take_priority
 from axisbus.errors import AxisbusError
+from axisbus.ipc.rescue_memory import CoreStage
 
 log = logging.getLogger("axisbus")
 _ROUND = 0.02  # seconds
@@ -108,7 +109,7 @@ def _kill(core: int) -> None:
 
 
 def _watch(core: int, rescuer: CrashStop, cell: str, line: socket.socket) -> None:
-    """Wait for the end of the core, or kill it; then stop its drives, if it has left any moving, and log the results."""
+    """Wait for the end of the core, or kill it; stop its drives, if it has left any moving; report and log the results."""
     why = _end_of(core, rescuer, line)
     if rescuer.is_needed:
         rescued = rescuer.rescue(why)
@@ -118,6 +119,8 @@ def _watch(core: int, rescuer: CrashStop, cell: str, line: socket.socket) -> Non
                 log.error("%s: %s", each.axis, each.text)
             for output in rescued.unsafe:
                 log.error("%s NOT CONFIRMED as safe: %s", output.output, output.text)
+    else:
+        rescuer.report(why)
 
 
 def _end_of(core: int, rescuer: CrashStop, line: socket.socket) -> str:
@@ -135,10 +138,16 @@ def _end_of(core: int, rescuer: CrashStop, line: socket.socket) -> str:
         stage = rescuer.stage
         if (rescuer.number, stage) != seen:
             seen, idle = (rescuer.number, stage), 0.0
-        if idle > rescuer.patience(stage):
+        if rescuer.is_hung(stage, idle):
             _kill(core)
-            return f"it ran no cycle for {idle:.2f} s, and was killed"
+            return _killed(stage, idle)
     return _ended(code)
+
+
+def _killed(stage: CoreStage, idle: float) -> str:
+    if stage in (CoreStage.RELEASING, CoreStage.LEFT):  # it has ended its scan
+        return f"it did not end within {idle:.0f} s, and was killed"
+    return f"it ran no cycle for {idle:.2f} s, and was killed"
 
 
 def _ended(code: int) -> str:

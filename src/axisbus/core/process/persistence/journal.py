@@ -13,7 +13,7 @@ import os
 import queue
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from logging.handlers import QueueHandler, QueueListener, RotatingFileHandler
 from pathlib import Path
 
@@ -73,11 +73,19 @@ def journal(cell: str) -> Iterator[None]:
     finally:
         log.removeHandler(handler)
         listener.stop()
-        file.close()
+        with suppress(OSError):  # as in ``_JournalFile``
+            file.close()
+
+
+class _JournalFile(RotatingFileHandler):
+    """A file whose lines are lost, without a message for each of them, while its disk is full."""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802  # the name in logging
+        """Do nothing: the program's log has every warning anyway."""
 
 
 def _file(path: Path) -> logging.Handler:
     path.parent.mkdir(parents=True, exist_ok=True)
-    file = RotatingFileHandler(path, maxBytes=_LARGEST, backupCount=1, encoding="utf-8")
+    file = _JournalFile(path, maxBytes=_LARGEST, backupCount=1, encoding="utf-8")
     file.setFormatter(PrintableFormatter(_FORM))
     return file
