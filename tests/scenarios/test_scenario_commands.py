@@ -99,6 +99,23 @@ def test_a_stop_that_is_repeated_gets_no_more_time(scenario):
     cell.must_be_still(within=0.5, stages=OFF)
 
 
+def test_a_halt_that_has_become_a_quick_stop_is_not_interrupted_by_a_new_move(scenario):
+    """The drive is in quick stop active by then: the move would end with the error that it left operation enabled."""
+    cell = scenario.simulated("x", stop='halt_time = "300ms"')
+    cell.travelling()
+    cell.drive().dials.ignore_halt = True
+    halt = cell.x.halt()
+    cell.run(0.2)
+    assert not halt.done
+    cell.run(0.12)
+    cell.must_move()
+    refused = cell.failure_of(cell.x.move_relative(5.0))
+    assert "x is being stopped" in refused.message
+    assert "stop sequence: halt > quick stop" in refused.observed
+    cell.must_be_still(within=0.5, stages=OFF)
+    assert "the axis stopped only by a harder stop" in str(cell.failure_of(halt))
+
+
 def test_commands_in_the_wrong_state_name_the_command_that_must_be_first(scenario, golden):
     cell = scenario.simulated("x")
     cell.run(0.1)

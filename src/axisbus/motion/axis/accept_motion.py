@@ -645,11 +645,11 @@ def require_mode(parameters: AxisParameters, mode: ModeOfOperation, ticket: Comm
 
 
 def require_no_stop(core: AxisCore, ticket: CommandStatus) -> None:
-    """Raise StateError if a stop runs that only standstill ends; a mere halt may be interrupted."""
+    """Raise StateError if a stop runs that only standstill ends; a halt that has not become harder may be interrupted."""
     if not core.stopping.interruptible:
         raise StateError(
             f"{ticket.name}: {core.parameters.name} is being stopped",
-            observed=core.stopping.reason,
+            observed=core.stopping.explained,
             remedy="wait until it is at standstill",
         )
 

@@ -17,7 +17,7 @@ _MAYBE_ENERGISED = ENERGISED | {PowerState.UNKNOWN}
 
 
 class StopKind(IntEnum):
-    """Why the stop sequence runs; higher is stronger. Only a halt may be interrupted by a new motion command."""
+    """Why the stop sequence runs; higher is stronger."""
 
     HALT = 0
     POLICY = 1
@@ -66,8 +66,15 @@ class Stopping:
 
     @property
     def interruptible(self) -> bool:
-        """Whether a new motion command may interrupt the stop."""
-        return self.ladder is None or self.kind is StopKind.HALT
+        """Whether a new motion command may interrupt the stop: a halt that has not become a harder stop."""
+        return self.ladder is None or (self.kind is StopKind.HALT and self.ladder.rung is StopLevel.HALT)
+
+    @property
+    def explained(self) -> str:
+        """The reason of the running stop, and its steps if it has become harder than it began."""
+        if self.ladder is None or len(self.ladder.path) == 1:
+            return self.reason
+        return f"{self.reason}; {_steps(self.ladder)}"
 
     def ask(
         self,
@@ -211,7 +218,7 @@ def _remedy_for_late(ladder: StopSequence, name: str) -> str:
 
 
 def _seen(ladder: StopSequence) -> str:
-    texts = ["stop sequence: " + " > ".join(rung.text for rung in ladder.path)]
+    texts = [_steps(ladder)]
     if ladder.late:
         texts.append(f"passed: {', '.join(ladder.late)}")
     texts += [text for text in (ladder.unseen, ladder.running_down) if text]
@@ -219,3 +226,7 @@ def _seen(ladder: StopSequence) -> str:
         texts.append("its power remains on because it holds a load")
     texts.append(f"state {ladder.seen.value!r}")
     return "; ".join(texts)
+
+
+def _steps(ladder: StopSequence) -> str:
+    return "stop sequence: " + " > ".join(rung.text for rung in ladder.path)
