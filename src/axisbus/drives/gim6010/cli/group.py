@@ -18,9 +18,12 @@ def _table(**rows: tuple[str, str]) -> Table:
         find=("find", "Find the modules on a bus, and show the protocol of each."),
         errors=("errors", "Show every error of a module, and what to check."),
         params=("group:params", "Read, write, back up and restore parameters by name."),
-        set_id=("set_id", "Give a module that speaks CAN Simple another node ID."),
+        set_id=(
+            "settings.connection:set_id_command",
+            "Give a module that speaks CAN Simple another node ID.",
+        ),
         set_bitrate=(
-            "settings.commands:set_bitrate_command",
+            "settings.connection:set_bitrate_command",
             "Give a module that is alone another bit rate.",
         ),
         zero=("settings.commands:zero_command", "Set the present position of a module as its zero."),
@@ -40,9 +43,9 @@ def _table(**rows: tuple[str, str]) -> Table:
         calibrate=("calibrate", "Calibrate a module, which turns its motor; asks before."),
         modbus=("group:modbus", "Read, write, calibrate and stop a module over RS485 (Modbus RTU)."),
         tune=("tune", "Try gains by a measured step, which turns a module; asks before."),
-        to_canopen=("protocol_change:to_canopen_command", "Change a module from CAN Simple to CANopen."),
+        to_canopen=("settings.connection:to_canopen_command", "Change a module from CAN Simple to CANopen."),
         to_can_simple=(
-            "protocol_change:to_can_simple_command",
+            "settings.connection:to_can_simple_command",
             "Change a module back to CAN Simple, or show the steps.",
         ),
     ),

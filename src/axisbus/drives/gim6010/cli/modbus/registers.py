@@ -252,9 +252,14 @@ def _written(module: ModbusModule, known: ModbusParameters | None, name: str, te
         endpoint = known.endpoint(name)
         before = values.show(known.read(name))
         return f"{name} = {values.show(known.write(name, values.parse(endpoint, text), by_name=True))} (was {before})"
+    return written(module, name, parse(named(name), text))
+
+
+def written(module: ModbusModule, name: str, value: Number) -> str:
+    """Write a register and read it back; return its value and the one before as text. Raises as ``ModbusModule.write``."""
     register = named(name)
     before = show(register, module.read(name))
-    return f"{name} = {show(register, module.write(name, parse(register, text)))} (was {before})"
+    return f"{name} = {show(register, module.write(name, value))} (was {before})"
 
 
 def _saved(module: ModbusModule, known: ModbusParameters | None) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -97,7 +97,7 @@ def change(
     save: bool,
     afterwards: Act | None = None,
 ) -> int:
-    """Write all parameters, and save them if requested; print how to save them with ``command``, as ``typed``."""
+    """Write all parameters, and save them if requested; print how to save them with ``command``, as typed."""
 
     def act(module: ModuleParameters) -> None:
         put(module, wanted, save=save)
@@ -108,22 +108,6 @@ def change(
     if code == OK:
         end(asked, command, saved=save)
     return code
-
-
-def typed(command: str, options: Mapping[str, object], unit: str = "") -> str:
-    """Return a command with its options as typed, without those that were not given; times have a ``unit``."""
-    return " ".join(
-        [
-            command,
-            *(f"--{name} {_value(value)}{unit}" for name, value in options.items() if value is not None),
-        ]
-    )
-
-
-def _value(value: object) -> str:
-    if isinstance(value, tuple):
-        return " ".join(map(_value, value))
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def end(asked: ModuleSelection, command: str, *, saved: bool) -> None:
