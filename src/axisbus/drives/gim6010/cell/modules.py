@@ -10,7 +10,6 @@ from axisbus.cell.other_protocols import NodeFrame
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware, with_version
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import LENGTH, named
-from axisbus.drives.gim6010.can_simple.periodic import FACTORY
 from axisbus.drives.gim6010.can_simple.port.feedback import CURRENT_EVERY, SELDOM
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.cell.module import MODBUS, ModuleConfig
@@ -135,6 +134,7 @@ _ESTIMATES, _COUNT, _CURRENT, _TARGET = (
     "Get_Iq",
     "Set_Input_Pos",
 )
+_FACTORY_PERIOD = 0.01  # s: of the estimates, axis0.config.can.encoder_rate_ms (manual v2.2, 4.1.5)
 
 
 def module_frames(cell: CellConfig) -> Iterator[NodeFrame]:
@@ -148,7 +148,7 @@ def _of_module(cell: CellConfig, node: int) -> Iterator[NodeFrame]:
     period = settings.period
     yield _frame(node, "heartbeat", "Heartbeat", 1 / settings.heartbeat, LENGTH, to_node=False)
     # The master requests the estimates in every cycle from a module that does not send them automatically; the worst case counts.
-    by_itself = 1000 / FACTORY[_ESTIMATES]
+    by_itself = 1 / _FACTORY_PERIOD
     asked = {_ESTIMATES: 1 / period, _COUNT: 1 / SELDOM}
     if settings.torque is not None:
         asked[_CURRENT] = 1 / max(CURRENT_EVERY, period)
