@@ -21,11 +21,12 @@ from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import NODES, can_id, split
 from axisbus.drives.gim6010.can_simple.messages import named
-from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
 from axisbus.drives.gim6010.discovery.bus_snapshot import count_senders
 from axisbus.errors import ArgumentError
 
 LISTEN = 1.5  # s before it begins
+BRAKE_TIME, STILL = 2.0, 0.1  # s of braking at most, and of standstill that ends it
 
 
 class ModuleMotionStage(Enum):
@@ -60,6 +61,8 @@ class ModuleMotionProcedure(ABC):
         self._since: float | None = None
         self._begun = 0.0  # time of the first frame
         self._to_brake = False  # before the power is removed
+        self._braking_since: float | None = None
+        self._still_since: float | None = None
 
     # For subclasses.
 
@@ -83,6 +86,32 @@ class ModuleMotionProcedure(ABC):
         """Brake before the power is removed; setting ``_to_brake`` to False ends the braking."""
         self._to_brake = False
         return None
+
+    def _has_braked(self, now: float, *, stands: bool, longest: float = BRAKE_TIME) -> bool:
+        """End the braking at standstill, without closed loop, or after ``longest`` s; return whether it has ended.
+
+        ``stands``: the module reports standstill now.
+        """
+        if self._braking_since is None:
+            self._braking_since = now
+        self._still_since = (now if self._still_since is None else self._still_since) if stands else None
+        last = self._pulse.last
+        off = last is not None and last.state != CLOSED_LOOP and self._pulse.at > self._braking_since
+        is_still = self._still_since is not None and now - self._still_since >= STILL
+        self._to_brake = not (off or is_still or now - self._braking_since > longest)
+        return not self._to_brake
+
+    def _against(self, now: float, *states: int) -> bool:
+        """End the procedure if the module is lost, has errors, or is in none of these states; return whether that is so."""
+        last, errors = self._pulse.last, self._pulse.errors()
+        why = self._pulse.lost(now)
+        if not why and errors:
+            why = f"the module reports errors: {'; '.join(errors)}"
+        elif not why and last is not None and last.state not in states:
+            why = f"the module is in {state_words(last.state)}"
+        if why:
+            self._end(why)
+        return bool(why)
 
     # For callers.
 

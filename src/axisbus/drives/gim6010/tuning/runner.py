@@ -18,7 +18,7 @@ from enum import Enum
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, decode, encode, request
 from axisbus.drives.gim6010.can_simple.messages import named
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
+from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
 from axisbus.drives.gim6010.direct_motion import ModuleMotionProcedure, ModuleMotionStage
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial
 from axisbus.step_response import Response, measure
@@ -41,8 +41,8 @@ _MODES = {
 START_TIME = 2.0  # s until a heartbeat must show closed loop
 _SAMPLE = 0.005  # s between two requests for the estimate
 _DEAF = 0.25  # s without an estimate
-_AGAIN, BRAKE_TIME = 0.05, 2.0  # s between two brake commands, and of braking at most
-_STANDS, _STILL = 0.05, 0.1  # standstill: turns/s, and s below it
+_AGAIN = 0.05  # s between two brake commands
+_STANDS = 0.05  # turns/s: standstill
 
 
 class TuningPhase(Enum):
@@ -82,8 +82,6 @@ class ModuleTuning(ModuleMotionProcedure):
         self._home = 0.0
         self._samples: list[tuple[float, float]] = []
         self._asked = self._braked = -math.inf
-        self._braking_since: float | None = None
-        self._still: float | None = None
 
     # Reception.
 
@@ -125,23 +123,13 @@ class ModuleTuning(ModuleMotionProcedure):
         return self._queue.popleft()
 
     def _lead(self, now: float) -> Outgoing | None:
-        why = self._against()
-        if why or self._pulse.lost(now):
-            self._end(self._pulse.lost(now) or why)
+        if self._against(now, *_STATES[self._phase]):
             return None
         if self._phase is TuningPhase.PREPARING:
             return self._prepare(now)
         if self._phase is TuningPhase.STARTING:
             return self._start(now)
         return self._move(now)
-
-    def _against(self) -> str:
-        """Return the reason to end the trial: an error, or an unexpected state; otherwise an empty text."""
-        last, errors = self._pulse.last, self._pulse.errors()
-        if errors:
-            return f"the module reports errors: {'; '.join(errors)}"
-        wrong = last is not None and last.state not in _STATES[self._phase]
-        return f"the module is in {state_words(last.state)}" if last is not None and wrong else ""
 
     def _prepare(self, now: float) -> Outgoing:
         frame = self._queue.popleft()
@@ -197,14 +185,9 @@ class ModuleTuning(ModuleMotionProcedure):
 
     def _brake(self, now: float) -> Outgoing | None:
         """Command velocity 0 on the module's own ramp, until standstill, power off or time-out."""
-        self._braking_since = now if self._braking_since is None else self._braking_since
-        place, last = self._place, self._pulse.last
+        place = self._place
         stands = place is not None and now - place[0] < _DEAF and abs(place[2]) <= _STANDS
-        self._still = (now if self._still is None else self._still) if stands else None
-        off = last is not None and last.state != CLOSED_LOOP and self._pulse.at > self._braking_since
-        is_still = self._still is not None and now - self._still >= _STILL
-        if off or is_still or now - self._braking_since > BRAKE_TIME:
-            self._to_brake = False
+        if self._has_braked(now, stands=stands):
             return None
         if not self._queue and now - self._braked < _AGAIN:
             return self._ask(now)
