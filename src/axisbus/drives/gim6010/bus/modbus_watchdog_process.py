@@ -19,7 +19,7 @@ from typing import Self
 
 from axisbus.bus.link.channel import Channel
 from axisbus.drives.gim6010.bus.one_module_line import open_line, stop_on_line
-from axisbus.drives.gim6010.modbus.serial_wire import Parity, libraries
+from axisbus.drives.gim6010.modbus.serial_wire import libraries
 from axisbus.errors import AdapterError, AxisbusError, StateError
 from axisbus.system.signals import OWN_GROUP, present
 
@@ -31,9 +31,9 @@ _AGAIN = 0.02
 class ModbusWatchdogProcess:
     """The watchdog process for one module on a port."""
 
-    def __init__(self, port: str, device: int, *, rate: int, parity: Parity) -> None:
-        """Parameters as for ``SerialWire`` and ``ModbusModule``. Nothing is started before ``with``."""
-        self._arguments = [port, str(device), str(rate), parity.value]
+    def __init__(self, port: str, device: int, *, rate: int, parity: str) -> None:
+        """Parameters as for ``open_line``. Nothing is started before ``with``."""
+        self._arguments = [port, str(device), str(rate), parity]
         self._process: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> Self:
@@ -87,7 +87,7 @@ def main(arguments: list[str]) -> int:
         return 0
     _say(f"module {device}: the program that moved it is dead: it is stopped now")
     try:
-        with _free(port, int(device), int(rate), Parity(parity)) as channel:
+        with _free(port, int(device), int(rate), parity) as channel:
             stop_on_line(channel, int(device), tell=_say, impatience=lambda: 0)
     except AxisbusError as error:
         _say(str(error))
@@ -95,7 +95,7 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _free(port: str, device: int, rate: int, parity: Parity) -> Channel:
+def _free(port: str, device: int, rate: int, parity: str) -> Channel:
     """Open the port as soon as it is free."""
     end = time.monotonic() + _PATIENCE
     while True:

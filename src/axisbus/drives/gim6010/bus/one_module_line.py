@@ -8,7 +8,6 @@ from axisbus.bus.link.channel import Channel
 from axisbus.drives.gim6010.bus.stop_modules import stop_modules
 from axisbus.drives.gim6010.can_simple.port.settings import HEARTBEAT_BY_LINE, ModuleSettings
 from axisbus.drives.gim6010.modbus.can_emulation import Listed
-from axisbus.drives.gim6010.modbus.serial_wire import Parity
 from axisbus.errors import DriveError
 
 _INTERFACE = "modbus"
@@ -27,11 +26,11 @@ def open_line(
     device: int,
     *,
     rate: int,
-    parity: Parity,
+    parity: str,
     listed: Listed | None = None,
     calibrates: bool = False,
 ) -> Channel:
-    """Open a port as the channel of one module; ``listed`` and ``calibrates`` as for ``Relay``.
+    """Open a port as the channel of one module; ``parity`` is none, even or odd, ``listed`` and ``calibrates`` as for ``Relay``.
 
     Raises:
         UserError: the extra is not installed. AdapterError: the port cannot be opened.
@@ -41,7 +40,7 @@ def open_line(
         _INTERFACE,
         port,
         rate,
-        parity=parity.name.lower(),
+        parity=parity,
         modules={node: listed},
         devices={node: device},
         calibrates=calibrates,

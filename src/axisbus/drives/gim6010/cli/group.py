@@ -96,10 +96,10 @@ def params() -> None:
         ),
         zero=("modbus.registers:zero_command", "Set the present position to 0, and save it."),
         calibrate=(
-            "modbus.calibrate_and_stop:calibrate_command",
+            "calibrate:modbus_calibrate_command",
             "Calibrate motor and encoder: the output may turn; asks first.",
         ),
-        stop=("modbus.calibrate_and_stop:stop_command", "Stop a module, whichever program enabled it."),
+        stop=("modbus.registers:stop_command", "Stop a module, whichever program enabled it."),
     ),
 )
 def modbus() -> None:

@@ -24,25 +24,20 @@ if TYPE_CHECKING:
 
 def modbus_options(function: Decorated) -> Decorated:
     """Add --modbus and --parity to a command with bus options and --node; ``serial`` gets a ``ModbusTarget`` or None."""
-    command = function
 
-    @functools.wraps(command)
+    @functools.wraps(function)
     def packed(modbus: str | None, parity: str | None, **rest: Any) -> Any:
-        return command(serial=_target(modbus, parity, rest), **rest)
+        return function(serial=_target(modbus, parity, rest), **rest)
 
-    function = packed
-    for decorate in (
-        click.option(
-            "--parity", type=click.Choice(PARITIES), help="Parity bit of --modbus.  [default: none]"
-        ),
-        click.option(
-            "--modbus",
-            metavar="PORT",
-            help="Use RS485, by this serial port; -b is then the rate of the port.  [default: 115200]",
-        ),
-    ):
-        function = decorate(function)
-    return function
+    parity_option = click.option(
+        "--parity", type=click.Choice(PARITIES), help="Parity bit of --modbus.  [default: none]"
+    )
+    port_option = click.option(
+        "--modbus",
+        metavar="PORT",
+        help="Use RS485, by this serial port; -b is then the rate of the port.  [default: 115200]",
+    )
+    return port_option(parity_option(packed))
 
 
 def _target(port: str | None, parity: str | None, given: dict[str, Any]) -> ModbusTarget | None:
@@ -65,9 +60,7 @@ def modbus_words_of(serial: ModbusTarget | None, line: BusOptions, node: int | N
     """Return the connection to the module as typed, to be repeated in a hint."""
     if serial is None:
         return f"{line.words} --node {node}"
-    rate = "" if serial.rate == RATES[-1] else f" -b {serial.rate}"
-    parity = "" if serial.parity == PARITIES[0] else f" --parity {serial.parity}"
-    return f"--modbus {serial.port} --node {serial.node}{rate}{parity}"
+    return serial.typed("--modbus", "-b")
 
 
 # -- The options --usb and --serial: reach a module by USB, for commands that otherwise use CAN ------------------------
@@ -84,26 +77,21 @@ def usb_options(function: Decorated) -> Decorated:
 
     The command gets as ``usb`` the serial number, or ``ANY``, or None if USB is not used.
     """
-    command = function
 
-    @functools.wraps(command)
+    @functools.wraps(function)
     def packed(usb: bool, serial_number: str | None, **rest: Any) -> Any:
-        return command(usb=_wanted(usb, serial_number, rest), **rest)
+        return function(usb=_wanted(usb, serial_number, rest), **rest)
 
-    function = packed
-    for decorate in (
-        click.option(
-            "--serial",
-            "serial_number",
-            metavar="HEX",
-            help="With --usb: its serial number, if several are connected.",
-        ),
-        click.option(
-            "--usb", is_flag=True, help="Use its USB port; the list of endpoints is read from the module."
-        ),
-    ):
-        function = decorate(function)
-    return function
+    serial_option = click.option(
+        "--serial",
+        "serial_number",
+        metavar="HEX",
+        help="With --usb: its serial number, if several are connected.",
+    )
+    usb_option = click.option(
+        "--usb", is_flag=True, help="Use its USB port; the list of endpoints is read from the module."
+    )
+    return usb_option(serial_option(packed))
 
 
 def _wanted(usb: bool, serial: str | None, given: dict[str, Any]) -> str | None:

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus``: the commands that read and write registers."""
+"""``axisbus gim6010 modbus``: the commands that read and write registers, and ``stop``."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, state_words
 from axisbus.drives.gim6010.cli.modbus.target_module import (
     ModbusTarget,
+    line_of,
     list_options,
     opened,
     parameters,
@@ -299,4 +300,26 @@ def zero_command(target: ModbusTarget) -> int:
         set_zero(parameters(target, module))
     say(f"module {target.node}: its zero is the present position; saved")
     say_next(f"axisbus gim6010 modbus state {target.words}")
+    return OK
+
+
+# -- ``axisbus gim6010 modbus stop``: velocity 0, idle, emergency stop, until a module is at standstill without power ----
+
+
+@click.command("stop")
+@target_options
+def stop_command(target: ModbusTarget) -> int:
+    """Stop a module, whichever program enabled it: velocity 0 on its own ramp, then idle, then emergency stop if idle is not
+    confirmed.
+
+    For a module that is an axis of a cell file, use axisbus stop CELL, which also reaches it in its running machine. Each Ctrl-C
+    goes to the next step at once. The stop is also sent if the module does not answer. Exit code 3 if it is not confirmed as
+    stopped. Another master that continues to command the module enables it again: stop that master first.
+    """
+    from axisbus.drives.gim6010.bus.one_module_line import stop_on_line
+    from axisbus.drives.gim6010.bus.run import interrupts
+
+    signals: list[str] = []
+    with interrupts(signals.append), line_of(target) as channel:
+        stop_on_line(channel, target.node, tell=say, impatience=lambda: len(signals))
     return OK
