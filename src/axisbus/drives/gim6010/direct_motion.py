@@ -19,11 +19,10 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeat, Heartbeats
-from axisbus.drives.gim6010.can_simple.identifier import NODES, can_id, split
+from axisbus.drives.gim6010.can_simple.identifier import can_id, require_node, split
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
 from axisbus.drives.gim6010.discovery.bus_snapshot import count_senders
-from axisbus.errors import ArgumentError
 
 LISTEN = 1.5  # s before it begins
 BRAKE_TIME, STILL = 2.0, 0.1  # s of braking at most, and of standstill that ends it
@@ -277,10 +276,7 @@ class HeartbeatMonitor:
         Raises:
             ArgumentError: the node ID is invalid.
         """
-        if isinstance(node, bool) or node not in NODES:
-            raise ArgumentError(
-                f"{node!r} is not a node ID of CAN Simple", remedy="give a number from 0 to 63"
-            )
+        require_node(node)
         self.node = node
         self.alone = True  # no second module of this node ID was heard
         self._identifier = can_id(node, COMMAND)

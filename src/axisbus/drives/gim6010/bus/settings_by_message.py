@@ -11,6 +11,7 @@ from axisbus.drives.gim6010.bus.can_simple_client import LISTEN, SimpleLine, sev
 from axisbus.drives.gim6010.can_simple.codec import encode, request
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.make import RESTART_BEGINS, RESTART_TIME
 from axisbus.drives.gim6010.parameters import rules
 from axisbus.errors import NodeError, NodeTimeout, StateError
 
@@ -130,8 +131,6 @@ class ModuleByMessage:
 _SET, _SAVE = named("Set_Axis_Node_ID"), named("Save_Configuration")
 _TAKEN = 2.0  # s in which a heartbeat must come under the new ID
 _QUIET = 0.5  # s after that, in which no heartbeat may come under the old ID
-_RESTARTS = 3.0  # s within which the restart after a save must begin
-_BACK = 25.0  # s for a restart, from the experience of owners
 _LOOK = 0.05
 
 
@@ -184,7 +183,7 @@ def _save(before: SimpleLine, after: SimpleLine) -> None:
         )
     after.send(encode(after.node, _SAVE))
     while after.beats.restarts == restarts and after.state is not None:
-        if after.clock.now() > told + _RESTARTS:
+        if after.clock.now() > told + RESTART_BEGINS:
             raise NodeError(
                 f"module {after.node} got the command to save, and does not restart",
                 node=after.node,
@@ -196,7 +195,7 @@ def _save(before: SimpleLine, after: SimpleLine) -> None:
 
 def _back(before: SimpleLine, after: SimpleLine, gone: float) -> None:
     """Wait for the first heartbeat after the restart, under either ID."""
-    while after.clock.now() < gone + _BACK:
+    while after.clock.now() < gone + RESTART_TIME:
         if (before.last_beat or 0.0) > gone:
             raise NodeError(
                 f"the module came back with the node ID {before.node}: the new one was not saved",
@@ -209,6 +208,6 @@ def _back(before: SimpleLine, after: SimpleLine, gone: float) -> None:
     raise NodeTimeout(
         f"module {after.node} does not come back after saving",
         node=after.node,
-        observed=f"no sign of it in {_BACK:g} s",
+        observed=f"no sign of it in {RESTART_TIME:g} s",
         remedy="search for it: axisbus gim6010 find",
     )

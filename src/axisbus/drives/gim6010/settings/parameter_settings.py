@@ -6,13 +6,11 @@ Each function returns the parameters of one setting with its precondition and re
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from axisbus.drives.gim6010.can_simple.endpoint_messages import value_bytes
 from axisbus.drives.gim6010.can_simple.messages import HIGHEST_CURRENT
-from axisbus.drives.gim6010.discovery.finder import Finder
-from axisbus.drives.gim6010.discovery.results import DiscoveredModule
 from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 from axisbus.drives.gim6010.parameters.values import Value
@@ -280,26 +278,6 @@ def bit_rate(rate: int) -> ParameterBatch:
     if rate not in RATES:
         raise ArgumentError(f"{rate} bit/s cannot be set", remedy=f"give one of {', '.join(map(str, RATES))}")
     return ParameterBatch(((BIT_RATE, rate),), () if rate in RATES[2:] else (_UNNAMED,))
-
-
-def require_alone(finder: Finder, found: Sequence[DiscoveredModule], node: int) -> None:
-    """Check that a module is alone on its bus: with another bit rate it would destroy the frames of other nodes.
-
-    Raises:
-        StateError: it is not alone.
-    """
-    others = [
-        f"{each.protocol.value} node {' or '.join(map(str, each.addresses))}"
-        for each in found
-        if each.node != node
-    ]
-    others += [each.words for each in finder.picture.foreign()]
-    if others:
-        raise StateError(
-            f"module {node} is not alone on its bus",
-            observed=f"there are also: {', '.join(others)}",
-            remedy="connect it alone: at another bit rate it would destroy the others' frames",
-        )
 
 
 # -- The protocol on CAN, which takes effect with the next restart too -------------------------------------------------

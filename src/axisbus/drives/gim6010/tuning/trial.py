@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from enum import Enum
 
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
-from axisbus.drives.gim6010.can_simple.identifier import NODES
+from axisbus.drives.gim6010.can_simple.identifier import require_node
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.make import GEAR_RATIO
 from axisbus.errors import ArgumentError
@@ -78,10 +78,7 @@ class ModuleTrial:
     acceleration: float = 0.0
 
     def __post_init__(self) -> None:
-        if isinstance(self.node, bool) or self.node not in NODES:
-            raise ArgumentError(
-                f"{self.node!r} is not a node ID of CAN Simple", remedy="give a number from 0 to 63"
-            )
+        require_node(self.node)
         if not math.isfinite(self.size) or self.size == 0.0:
             raise ArgumentError(
                 f"a step of {self.size!r} is not possible",

@@ -17,12 +17,11 @@ from axisbus.drives.gim6010.cli.modbus.target_module import (
     parameters,
     target_options,
 )
-from axisbus.drives.gim6010.cli.settings.common import set_zero
+from axisbus.drives.gim6010.cli.settings.common import pair, set_zero
 from axisbus.drives.gim6010.modbus.module import ModbusModule, look, require_setting, set_node_id
 from axisbus.drives.gim6010.modbus.registers import ALIVE_IN_CLOSED_LOOP, BY_NAME, REGISTERS, Register, named
 from axisbus.drives.gim6010.modbus.requests import write
 from axisbus.drives.gim6010.parameters import values
-from axisbus.errors import ArgumentError
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.can_simple.fields import Number
@@ -37,34 +36,9 @@ def is_parameter(name: str) -> bool:
     return "." in name or name not in BY_NAME
 
 
-def pair(text: str) -> tuple[str, str]:
-    """Return NAME and VALUE of ``NAME=VALUE``.
-
-    Raises:
-        UsageError: the text has another form.
-    """
-    name, equals, value = text.partition("=")
-    if not equals or not name or not value:
-        raise click.UsageError(f"{text!r}: write NAME=VALUE")
-    return name.strip(), value.strip()
-
-
 def parse(register: Register, text: str) -> Number:
-    """Return a text as a value of the register's type.
-
-    Raises:
-        ArgumentError: the text is not such a value.
-    """
-    found: Number | None
-    try:
-        found = float(text) if register.field.type.name == "float32" else int(text, 0)
-    except ValueError:
-        found = None
-    if found is None or not math.isfinite(found):
-        raise ArgumentError(
-            f"{register.name}: {text!r} is not a value of type {register.field.type.name} that can be written"
-        )
-    return found
+    """Return a text as a value of the register's type; raises as ``values.parse``."""
+    return values.parse(register.name, register.field.type.name, text)
 
 
 def show(register: Register, value: Number) -> str:
@@ -217,7 +191,7 @@ def write_command(target: ModbusTarget, pairs: tuple[str, ...], save: bool) -> i
     enable, move or stop are not settings, and are not written here. Modes, parameters, node ID and saving need a module in
     idle.
     """
-    wanted = dict(map(pair, pairs))
+    wanted = dict(pair(each, "NAME=VALUE") for each in pairs)
     if not wanted and not save:
         raise click.UsageError("give NAME=VALUE, or --save")
     if _NODE_ID in wanted:
@@ -252,7 +226,8 @@ def _written(module: ModbusModule, known: ModbusParameters | None, name: str, te
     if known is not None and is_parameter(name):
         endpoint = known.endpoint(name)
         before = values.show(known.read(name))
-        return f"{name} = {values.show(known.write(name, values.parse(endpoint, text), by_name=True))} (was {before})"
+        value = values.parse(endpoint.path, endpoint.type, text)
+        return f"{name} = {values.show(known.write(name, value, by_name=True))} (was {before})"
     return written(module, name, parse(named(name), text))
 
 

@@ -110,6 +110,18 @@ def change(
     return code
 
 
+def pair(text: str, form: str) -> tuple[str, str]:
+    """Return both sides of a text such as ``PATH=VALUE``, which is its ``form``.
+
+    Raises:
+        UsageError: the text has another form.
+    """
+    name, equals, value = text.partition("=")
+    if not equals or not name or not value:
+        raise click.UsageError(f"{text!r}: write {form}")
+    return name.strip(), value.strip()
+
+
 def end(asked: ModuleSelection, command: str, *, saved: bool) -> None:
     """Print where the settings are now, and how to save them."""
     if saved:

@@ -21,18 +21,17 @@ from axisbus.drives.gim6010.cli.modbus.registers import rename
 from axisbus.drives.gim6010.cli.params.module import ModuleSelection, module_options, opened, require_list
 from axisbus.drives.gim6010.cli.ports import modbus_options, on_usb, usb_options, usb_words_of
 from axisbus.drives.gim6010.cli.settings.common import over_usb, put, with_module
+from axisbus.drives.gim6010.make import RESTART_TIME
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
     from axisbus.drives.gim6010.discovery.results import DiscoveredModule
     from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 
-_BACK = 25.0  # s, the time of a restart as reported by owners
-
 
 def _searched(line: BusOptions, node: int) -> Iterator[list[DiscoveredModule]]:
     """Search for a node until the time of a restart is over; yield the result of each search."""
-    end = time.monotonic() + _BACK
+    end = time.monotonic() + RESTART_TIME
     while time.monotonic() < end:
         yield [each for each in survey(line, node)[1] if each.node == node]
 
@@ -51,7 +50,7 @@ def set_bitrate_command(asked: ModuleSelection, rate: int) -> int:
     --modbus and --usb there is no search: the rate is that of its CAN interface, which need not be connected.
     """
     from axisbus.drives.gim6010 import node_id_preconditions
-    from axisbus.drives.gim6010.settings.parameter_settings import BIT_RATE, bit_rate, require_alone
+    from axisbus.drives.gim6010.settings.parameter_settings import BIT_RATE, bit_rate
 
     wanted = bit_rate(rate)
     require_list(asked)
@@ -63,7 +62,7 @@ def set_bitrate_command(asked: ModuleSelection, rate: int) -> int:
     node = require_node(asked.node)
     finder, found = survey(asked.line)
     node_id_preconditions.require_one(finder, found, node)
-    require_alone(finder, found, node)
+    node_id_preconditions.require_alone(finder, found, node)
 
     def act(module: ModuleParameters) -> None:
         if module.read(BIT_RATE) == rate:
@@ -101,7 +100,7 @@ def _found_again(asked: ModuleSelection, node: int, rate: int) -> int:
         say(f"module {node} is found at {rate} bit/s")
         return OK
     say_error(
-        f"module {node} was saved and restarted, and is not found at {rate} bit/s in {_BACK:g} s\n"
+        f"module {node} was saved and restarted, and is not found at {rate} bit/s in {RESTART_TIME:g} s\n"
         f"  remedy:   look for it at either rate: axisbus gim6010 find {there.words}; {line.words}"
     )
     return FAILURE
