@@ -20,12 +20,11 @@ from axisbus.bus.link.channel import Receiver
 from axisbus.drives.gim6010.bus.can_simple_client import PACE, SimpleLine, several
 from axisbus.drives.gim6010.bus.settings_by_message import ModuleByMessage
 from axisbus.drives.gim6010.can_simple import endpoint_messages
-from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.endpoint_messages import EndpointAnswer
 from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList, Firmware
 from axisbus.drives.gim6010.can_simple.identifier import can_id
-from axisbus.drives.gim6010.can_simple.messages import named
-from axisbus.drives.gim6010.make import RESTART_BEGINS, RESTART_TIME
+from axisbus.drives.gim6010.make import RESTART_TIME
 from axisbus.drives.gim6010.parameters.interface import ParametersByNumber
 from axisbus.drives.gim6010.parameters.values import Value
 from axisbus.errors import BusError, NodeError, NodeTimeout
@@ -35,8 +34,6 @@ _TRIES = 2
 _SECOND = 0.03  # s in which a second module of this node ID would answer, too
 _USB = "odrivetool over USB reads and writes them; many modules answer no endpoint over CAN"
 _STATE = "axis0.current_state"
-_SAVE = named("Save_Configuration")
-_LOOK = 0.05
 _LISTEN = 0.3  # s for the first heartbeats after a restart
 
 
@@ -99,11 +96,10 @@ class CanSimpleParameters(ParametersByNumber):
         """Save and wait until the module begins to restart; return when the save was requested (s, monotonic)."""
         self.require_idle()
         self._require_alone()
-        began = self.line.clock.now()
-        restarts = self.line.beats.restarts
-        self.line.send(encode(self.node, _SAVE))
-        self._wait_for_restart(restarts, began)
-        return began
+        return self.line.save(
+            "it is not known whether the values were saved: save over USB, or read them again after a power cycle",
+            self._is_silent,
+        )
 
     @property
     def axis_error(self) -> int:
@@ -191,21 +187,8 @@ class CanSimpleParameters(ParametersByNumber):
 
     # -- restarts -------------------------------------------------------------------------------------------------------------
 
-    def _wait_for_restart(self, restarts: int, began: float) -> None:
-        """Wait until the heartbeats stop or restart; if the module sends none, until it does not answer."""
-        end = began + RESTART_BEGINS
-        while self.line.clock.now() < end:
-            if self.line.beats.restarts > restarts or self._is_silent():
-                return
-            self.line.clock.sleep(_LOOK)
-        raise NodeError(
-            f"module {self.node} got the command to save, and does not restart",
-            node=self.node,
-            observed=f"it has continued as before for {RESTART_BEGINS:g} s",
-            remedy="it is not known whether the values were saved: save over USB, or read them again after a power cycle",
-        )
-
     def _is_silent(self) -> bool:
+        """Whether the heartbeats have stopped; if the module sends none, whether it no longer answers."""
         if self.line.last_beat is not None:
             return self.line.state is None
         try:

@@ -11,7 +11,7 @@ from axisbus.drives.gim6010.bus.can_simple_client import LISTEN, SimpleLine, sev
 from axisbus.drives.gim6010.can_simple.codec import encode, request
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
-from axisbus.drives.gim6010.make import RESTART_BEGINS, RESTART_TIME
+from axisbus.drives.gim6010.make import RESTART_TIME
 from axisbus.drives.gim6010.parameters import rules
 from axisbus.errors import NodeError, NodeTimeout, StateError
 
@@ -128,7 +128,7 @@ class ModuleByMessage:
 # it is.
 
 
-_SET, _SAVE = named("Set_Axis_Node_ID"), named("Save_Configuration")
+_SET = named("Set_Axis_Node_ID")
 _TAKEN = 2.0  # s in which a heartbeat must come under the new ID
 _QUIET = 0.5  # s after that, in which no heartbeat may come under the old ID
 _LOOK = 0.05
@@ -176,20 +176,14 @@ def _taken(before: SimpleLine, after: SimpleLine) -> None:
 
 
 def _save(before: SimpleLine, after: SimpleLine) -> None:
-    restarts, told = after.beats.restarts, after.clock.now()
     if after.state != IDLE:
         raise StateError(
             f"module {after.node} is no longer idle, and is not saved", remedy="stop and disable it"
         )
-    after.send(encode(after.node, _SAVE))
-    while after.beats.restarts == restarts and after.state is not None:
-        if after.clock.now() > told + RESTART_BEGINS:
-            raise NodeError(
-                f"module {after.node} got the command to save, and does not restart",
-                node=after.node,
-                remedy="its node ID is in RAM only: save it over USB, or it has the old one after its next start",
-            )
-        after.clock.sleep(_LOOK)
+    after.save(
+        "its node ID is in RAM only: save it over USB, or it has the old one after its next start",
+        lambda: after.state is None,
+    )
     _back(before, after, after.clock.now())
 
 

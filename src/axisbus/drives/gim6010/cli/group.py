@@ -16,7 +16,7 @@ def _table(**rows: tuple[str, str]) -> Table:
     cls=LazyGroup,
     table=_table(
         find=("find", "Find the modules on a bus, and show the protocol of each."),
-        errors=("errors", "Show every error of a module, and what to check."),
+        errors=("find:errors_command", "Show every error of a module, and what to check."),
         params=("group:params", "Read, write, back up and restore parameters by name."),
         set_id=(
             "settings.connection:set_id_command",
@@ -60,13 +60,13 @@ def command() -> None:
 @click.group(
     cls=LazyGroup,
     table=_table(
-        get=("params.commands:get_command", "Read parameters by name."),
-        set=("params.commands:set_command", "Write parameters by name, each read back; --save stores them."),
-        dump=("params.commands:dump_command", "Read every parameter that can be read."),
-        backup=("params.commands:backup_command", "Write the settings of a module into a file."),
-        restore=("params.commands:restore_command", "Write the settings of a backup to a module."),
+        get=("params:get_command", "Read parameters by name."),
+        set=("params:set_command", "Write parameters by name, each read back; --save stores them."),
+        dump=("params:dump_command", "Read every parameter that can be read."),
+        backup=("params:backup_command", "Write the settings of a module into a file."),
+        restore=("params:restore_command", "Write the settings of a backup to a module."),
         diff=(
-            "params.commands:diff_command",
+            "params:diff_command",
             "Show the differences between backups, or a backup and a module.",
         ),
     ),

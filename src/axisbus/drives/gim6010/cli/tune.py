@@ -12,7 +12,7 @@ from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_ne
 from axisbus.cli.shared.options import Seconds
 from axisbus.drives.gim6010.cli.confirm import ask, end_by, yes_option
 from axisbus.drives.gim6010.cli.discovery import require_node, run_alone, without_remote
-from axisbus.drives.gim6010.cli.params.module import (
+from axisbus.drives.gim6010.cli.module_selection import (
     ModuleSelection,
     module_options,
     opened,
@@ -22,8 +22,7 @@ from axisbus.drives.gim6010.cli.params.module import (
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.tuning.runner import ModuleTuning
-    from axisbus.drives.gim6010.tuning.search import GainSearch
-    from axisbus.drives.gim6010.tuning.trial import Gains, ModuleTrial
+    from axisbus.drives.gim6010.tuning.trial import Gains, GainSearch, ModuleTrial
 
 
 _PATHS = {
@@ -157,7 +156,7 @@ def _were_taken(gains: Gains, after: dict[str, float]) -> bool:
 
 
 def _advise(tuning: ModuleTuning, gains: Gains, now: dict[str, float]) -> None:
-    from axisbus.drives.gim6010.tuning.search import following, worse
+    from axisbus.drives.gim6010.tuning.trial import following, worse
 
     loop, found = tuning.trial.loop, worse(tuning.there, tuning.back)
     assert found is not None
@@ -206,7 +205,7 @@ def search_for(trial: ModuleTrial, gains: Gains, most: float) -> GainSearch:
         UsageError: the initial gain is not given.
         ArgumentError: it is invalid, or above ``most``.
     """
-    from axisbus.drives.gim6010.tuning.search import GainSearch
+    from axisbus.drives.gim6010.tuning.trial import GainSearch
 
     first = getattr(gains, trial.loop.value)
     if first is None:
@@ -217,7 +216,7 @@ def search_for(trial: ModuleTrial, gains: Gains, most: float) -> GainSearch:
 
 def explained(search: GainSearch) -> Iterator[str]:
     """Yield the explanations of a search that are not part of those of one trial."""
-    from axisbus.drives.gim6010.tuning.search import MOST_TRIALS
+    from axisbus.drives.gim6010.tuning.trial import MOST_TRIALS
 
     yield (
         f"  this is repeated, at most {MOST_TRIALS} times: {search.name} from {search.first:g} on, 30 % more each "
@@ -234,7 +233,7 @@ def run_search(
     Raises:
         KeyboardInterrupt, SystemExit: there was a signal; the module has been released before.
     """
-    from axisbus.drives.gim6010.tuning.search import worse
+    from axisbus.drives.gim6010.tuning.trial import worse
 
     while search.next is not None:
         if search.trials and not yes and not click.confirm(f"Continue with {search.name} {search.next:.4g}?"):

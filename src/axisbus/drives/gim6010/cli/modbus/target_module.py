@@ -18,7 +18,7 @@ from axisbus.errors import UserError
 
 if TYPE_CHECKING:
     from axisbus.bus.link.channel import Channel
-    from axisbus.drives.gim6010.bus.modbus_watchdog_process import ModbusWatchdogProcess
+    from axisbus.drives.gim6010.bus.one_module_line import ModbusWatchdogProcess
     from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware
     from axisbus.drives.gim6010.modbus.can_emulation import Listed
     from axisbus.drives.gim6010.modbus.module import ModbusModule
@@ -163,7 +163,7 @@ def guard(target: ModbusTarget) -> Iterator[ModbusWatchdogProcess]:
     Raises:
         StateError: it cannot be started.
     """
-    from axisbus.drives.gim6010.bus.modbus_watchdog_process import ModbusWatchdogProcess
+    from axisbus.drives.gim6010.bus.one_module_line import ModbusWatchdogProcess
 
     with ModbusWatchdogProcess(target.port, target.node, rate=target.rate, parity=target.parity) as watchdog:
         say_note(_WATCHDOG_NOTE)

@@ -9,7 +9,7 @@ import click
 
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.options import Decorated, Seconds
-from axisbus.drives.gim6010.cli.params.module import ModuleSelection, by_message, module_options
+from axisbus.drives.gim6010.cli.module_selection import ModuleSelection, by_message, module_options
 from axisbus.drives.gim6010.cli.settings.common import (
     Act,
     change,

@@ -10,7 +10,7 @@ import click
 
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
 from axisbus.cli.shared.options import Decorated
-from axisbus.drives.gim6010.cli.params.module import ModuleSelection, opened, require_list
+from axisbus.drives.gim6010.cli.module_selection import ModuleSelection, opened, require_list
 from axisbus.errors import NodeError, StateError
 
 if TYPE_CHECKING:

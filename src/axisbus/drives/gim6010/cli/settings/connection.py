@@ -18,8 +18,16 @@ from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_ne
 from axisbus.cli.shared.options import BitRate
 from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, require_node, survey
 from axisbus.drives.gim6010.cli.modbus.registers import rename
-from axisbus.drives.gim6010.cli.params.module import ModuleSelection, module_options, opened, require_list
-from axisbus.drives.gim6010.cli.ports import modbus_options, on_usb, usb_options, usb_words_of
+from axisbus.drives.gim6010.cli.module_selection import (
+    ModuleSelection,
+    modbus_options,
+    module_options,
+    on_usb,
+    opened,
+    require_list,
+    usb_options,
+    usb_words_of,
+)
 from axisbus.drives.gim6010.cli.settings.common import over_usb, put, with_module
 from axisbus.drives.gim6010.make import RESTART_TIME
 
