@@ -17,10 +17,10 @@ from enum import Enum
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010 import faults
-from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import can_id, require_node, split
-from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.orders import Orders
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
 from axisbus.drives.gim6010.discovery.bus_snapshot import count_senders
 
@@ -55,6 +55,7 @@ class ModuleMotionProcedure(ABC):
         self.why = self.left = ""
         self.confirmed = True
         self._pulse = HeartbeatMonitor(node)
+        self._orders = Orders(node)
         self._letting_go = PowerOff(self._pulse)
         self._wishes: deque[str] = deque()
         self._since: float | None = None
@@ -122,7 +123,7 @@ class ModuleMotionProcedure(ABC):
     @property
     def parting(self) -> tuple[Outgoing, ...]:
         """Frames that remove the power, for a caller that cannot continue."""
-        return (idle(self.node),)
+        return (self._orders.idle(),)
 
     def note(self, frame: CanFrame) -> None:
         """Take a received frame."""
@@ -195,14 +196,8 @@ class ModuleMotionProcedure(ABC):
 # Removes the power of a module: by idle, or by ESTOP if its heartbeat does not show idle in time; reports the final state.
 
 
-_STATE, _ESTOP = named("Set_Axis_State"), named("Estop")
 _AGAIN = 0.05  # s between two frames
 RUNG = 1.5  # s, plus two periods of the heartbeat: deadline for idle, then for ESTOP
-
-
-def idle(node: int) -> Outgoing:
-    """Return the frame that requests idle."""
-    return encode(node, _STATE, {"Axis_Requested_State": IDLE})
 
 
 class PowerOff:
@@ -212,6 +207,7 @@ class PowerOff:
         self.left = ""
         self.confirmed = False
         self._pulse = pulse
+        self._orders = Orders(pulse.node)
         self._estop = False
         self._start: float | None = None  # of the step
         self._last = 0.0  # time of the last frame
@@ -237,7 +233,7 @@ class PowerOff:
             self._late(now)
         elif not now - self._last < _AGAIN - 1e-9:
             self._last = now
-            return encode(self._pulse.node, _ESTOP) if self._estop else idle(self._pulse.node)
+            return self._orders.estop() if self._estop else self._orders.idle()
         return None
 
     def _is_idle(self, start: float) -> bool:

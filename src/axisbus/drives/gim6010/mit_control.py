@@ -28,15 +28,14 @@ from enum import Enum
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple import mit
-from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, decode, encode
+from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, decode
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.mit import MIT_CONTROL, Changed, MitCommand, MitFeedback, Packed
+from axisbus.drives.gim6010.can_simple.orders import MIT
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
-from axisbus.drives.gim6010.direct_motion import BRAKE_TIME, ModuleMotionProcedure, ModuleMotionStage, idle
+from axisbus.drives.gim6010.direct_motion import BRAKE_TIME, ModuleMotionProcedure, ModuleMotionStage
 from axisbus.drives.gim6010.mit_settings import MitSettings
 
-_STATE, _MODE = named("Set_Axis_State"), named("Set_Controller_Mode")
-_POSITION, _MIT_INPUT = 3, 9  # control mode and input mode (manual v2.2, 3.1.7)
 # Messages that only a master sends. Mit_Control is not among them: it is also an answer.
 _OTHERS = frozenset(
     named(each).command
@@ -178,7 +177,7 @@ class MitLeader(ModuleMotionProcedure):
     @property
     def parting(self) -> tuple[Outgoing, ...]:
         """Frames to send if nothing else can be sent any more: damping, then idle."""
-        return self._damping.frame, idle(self.node)
+        return self._damping.frame, self._orders.idle()
 
     def command(self, command: MitCommand, now: float) -> int:
         """Set the command to send from now on; return its number, which ``answered_number`` has once the module answered it."""
@@ -248,7 +247,7 @@ class MitLeader(ModuleMotionProcedure):
 
     def _begin(self) -> Outgoing:
         self._answers, self._due = 0, self._begun
-        return encode(self.node, _MODE, {"Control_Mode": _POSITION, "Input_Mode": _MIT_INPUT})
+        return self._orders.mode(MIT)
 
     def _lead(self, now: float) -> Outgoing | None:
         return _STEPS[self.phase](self, now)
@@ -258,7 +257,7 @@ class MitLeader(ModuleMotionProcedure):
             return None
         if self._answers >= _ANSWERS:
             self.phase, self._at, self._to_brake = MitPhase.STARTING, now, True
-            return encode(self.node, _STATE, {"Axis_Requested_State": CLOSED_LOOP})
+            return self._orders.closed_loop()
         if now - self._begun > ANSWER_TIME:
             self._end("the module does not answer MIT control")
             return None

@@ -10,13 +10,13 @@ from axisbus.bus.link.channel import Channel
 from axisbus.drives.gim6010.bus.can_simple_client import LISTEN, SimpleLine, several
 from axisbus.drives.gim6010.can_simple.codec import encode, request
 from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.orders import Orders
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
 from axisbus.drives.gim6010.make import RESTART_TIME
 from axisbus.drives.gim6010.parameters import rules
 from axisbus.errors import NodeError, NodeTimeout, StateError
 
-_LIMITS, _LINEAR, _CLEAR = (named(each) for each in ("Set_Limits", "Set_Linear_Count", "Clear_Errors"))
-_COUNT = named("Get_Encoder_Count")
+_LINEAR, _COUNT = named("Set_Linear_Count"), named("Get_Encoder_Count")
 _AFTER = 0.4  # s during which the client listens to heartbeats after a command
 _ANSWER = 0.2  # s
 _NEAR = 8  # counts by which an encoder at standstill may flicker
@@ -52,7 +52,7 @@ class ModuleByMessage:
         Raises:
             LimitError: a value that cannot be sent. StateError, NodeError: as ``require_idle``, or the module restarted or left.
         """
-        frame = encode(self.line.node, _LIMITS, {"Velocity_Limit": velocity, "Current_Limit": current})
+        frame = Orders(self.line.node).limits(velocity, current)
         self.require_idle()
         self.line.send(frame)
         self.require_idle(_AFTER)
@@ -92,7 +92,7 @@ class ModuleByMessage:
             StateError, NodeError: as ``require_idle``; the error remains.
         """
         self.require_idle(_AFTER)
-        self.line.send(encode(self.line.node, _CLEAR))
+        self.line.send(Orders(self.line.node).clear())
         self.require_idle(_AFTER)
         last = self.line.beats.last
         word = None if last is None else last.axis_error
