@@ -109,7 +109,7 @@ def test_only_an_idle_module_is_written_or_saved(over, module):
     ):
         code, _, err = over(*words)
         assert code == 1 or "not a node ID of CANopen" in err, (words, err)
-        assert "only one that is idle" in err or "not a node ID of CANopen" in err
+        assert "only an idle module" in err or "not a node ID of CANopen" in err
     assert (module.usb_read(RAMP), module.restarts) == (100.0, 0)
 
 
