@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import deque
+from collections.abc import Mapping
 from enum import Enum
 
 from axisbus.cia301.frame import CanFrame
@@ -344,8 +345,11 @@ class HeartbeatMonitor:
 
     def errors(self) -> list[str]:
         """Return the errors in its last heartbeat, a sentence each."""
-        last = self.last
-        if last is None:
-            return []
-        parts = [f"{part}: its heartbeat reports a fault" for part in last.faults if part != "axis"]
-        return [*faults.words("axis", last.axis_error), *parts]
+        return [] if self.last is None else reported_errors(self.last, {})
+
+
+def reported_errors(beat: Heartbeat, words: Mapping[str, int]) -> list[str]:
+    """Return a sentence for each error in a heartbeat and in the error words by category; empty if there is none."""
+    told = {"axis": beat.axis_error, **words}
+    found = [text for category, word in told.items() for text in faults.words(category, word)]
+    return found + [f"{part}: its heartbeat reports a fault" for part in beat.faults if not told.get(part)]

@@ -115,7 +115,7 @@ def _before(asked: ModuleSelection) -> dict[str, float]:
 
 
 def _tell_where_they_are(gains: Gains) -> None:
-    if any(getattr(gains, name) is not None for name in _PATHS):
+    if gains.given:
         say("  note: the gains that were tried may be in its RAM; its next start restores the old ones")
 
 
@@ -124,10 +124,9 @@ def _tell_gains(
 ) -> bool:
     """Print the gains before and now; return whether the module has the given gains, as far as they can be read."""
     if not before:
-        given = [name for name in _PATHS if getattr(gains, name) is not None]
-        if given:
+        if gains.given:
             say(
-                f"  note: nothing confirms the gains that were sent ({', '.join(given)}): give --list to read them back"
+                f"  note: nothing confirms the gains that were sent ({', '.join(gains.given)}): give --list to read them back"
             )
         return True
     for name, path in _PATHS.items():
@@ -142,12 +141,7 @@ def _tell_gains(
 def _were_taken(gains: Gains, after: dict[str, float]) -> bool:
     from axisbus.drives.gim6010.parameters import values
 
-    given = {name: getattr(gains, name) for name in _PATHS}
-    lost = [
-        _PATHS[name]
-        for name, value in given.items()
-        if value is not None and not values.same(after[name], value)
-    ]
+    lost = [_PATHS[name] for name, value in gains.given.items() if not values.same(after[name], value)]
     if lost:
         say_error(
             f"the module has not accepted {', '.join(lost)}: the step was made with other gains than those given"
@@ -160,8 +154,7 @@ def _advise(tuning: ModuleTuning, gains: Gains, now: dict[str, float]) -> None:
 
     loop, found = tuning.trial.loop, worse(tuning.there, tuning.back)
     assert found is not None
-    given = getattr(gains, loop.value)
-    say_next(following(loop, found, now.get(loop.value) if given is None else given))
+    say_next(following(loop, found, gains.given.get(loop.value, now.get(loop.value))))
 
 
 # -- The trials of ``axisbus gim6010 tune``: one, or the manual's procedure from gain to gain, confirmed before each ----

@@ -51,6 +51,11 @@ class Gains:
                 remedy="give --vel-gain and --vel-integrator-gain",
             )
 
+    @property
+    def given(self) -> dict[str, float]:
+        """The gains that are to be changed, by name."""
+        return {each.name: value for each in fields(self) if (value := getattr(self, each.name)) is not None}
+
     def frames(self, node: int) -> tuple[Outgoing, ...]:
         """Return the frames that set the gains."""
         position = () if self.position is None else (encode(node, _POS_GAIN, {"Pos_Gain": self.position}),)
