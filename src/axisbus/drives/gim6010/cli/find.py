@@ -175,9 +175,9 @@ def _errors_over_usb(usb: str, *, as_json: bool) -> int:
 
 
 def _ours(line: BusOptions, node: int) -> list[DiscoveredModule]:
-    from axisbus.drives.gim6010.discovery.finder import Finder, Only, ProbeScope
+    from axisbus.drives.gim6010.discovery.finder import Finder, ProbeScope
     from axisbus.drives.gim6010.discovery.results import findings
 
-    finder = Finder(ask=ProbeScope.ALL, only=Only(frozenset({node})))
+    finder = Finder(ask=ProbeScope.ALL, only=(node,))
     look(line, finder)
     return [each for each in findings(finder) if each.ours]
