@@ -44,6 +44,15 @@ def _nothing(module: ModuleParameters) -> None:
     """Require nothing of a module, for most settings."""
 
 
+def usb_steps(*lines: str, after: str = "") -> tuple[str, ...]:
+    """Return lines of odrivetool as steps over USB, with connecting and saving; ``after`` describes the restart that follows."""
+    return (
+        "connect it by USB and open odrivetool; it must be idle",
+        *lines,
+        f"odrv0.save_configuration(), after which it restarts{after}",
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class ParameterBatch:
     """Parameters by path with their values, in the order of writing; ``notes`` are remarks for the user.
@@ -58,11 +67,7 @@ class ParameterBatch:
     @property
     def over_usb(self) -> tuple[str, ...]:
         """The same as steps over USB, saved at the end."""
-        return (
-            "connect it by USB and open odrivetool; it must be idle",
-            *(f"odrv0.{path} = {value!r}" for path, value in self.values),
-            "odrv0.save_configuration(), after which it restarts",
-        )
+        return usb_steps(*(f"odrv0.{path} = {value!r}" for path, value in self.values))
 
 
 def check(module: ModuleParameters, wanted: ParameterBatch) -> None:
