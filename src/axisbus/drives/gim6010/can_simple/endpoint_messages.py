@@ -1,4 +1,4 @@
-"""Reading, writing and calling endpoints over CAN: RxSdo and TxSdo (manual v2.2, 4.1.2).
+"""Reading and writing endpoints over CAN: RxSdo and TxSdo (manual v2.2, 4.1.2).
 
 Theory of operation. Requests are sent on RxSdo, as in the manual's detailed part. Answers are accepted on RxSdo and on TxSdo, since
 the manual names both and the maker's own program uses RxSdo. A value has four bytes, so that eight-byte values cannot be
