@@ -92,7 +92,7 @@ REAL_BY_NATURE = {
     "core.process.trajectory_feeder": f"{PROCESS}; a program's own code is called beside it",
     "core.process.watchdog_process": PROCESS,
     "drives.gim6010.bus.modbus_bus": f"{ADAPTER}: a serial port",
-    "drives.gim6010.bus.modbus_watchdog_process": PROCESS,
+    "drives.gim6010.bus.one_module_line": PROCESS,
     "drives.gim6010.sim.modbus.terminal": SERVES,
     "sim.node.network": SERVES,
     "sim.socketcand_server": SERVES,

@@ -6,8 +6,6 @@ import pytest
 
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.coexistence import clashes, free_nodes, in_manual
-from axisbus.drives.gim6010.can_simple.messages import BY_COMMAND
-from axisbus.drives.gim6010.can_simple.periodic import FACTORY, PERIODIC, load
 from axisbus.errors import ArgumentError
 
 # 4.1.4, typed off again: the first CANopen node, and the nodes of CAN Simple that go with it.
@@ -52,18 +50,6 @@ def test_configured_identifiers_count_too():
 def test_an_invalid_node_id_is_refused(simple, canopen):
     with pytest.raises(ArgumentError, match="is not a node ID"):
         clashes(simple, canopen)
-
-
-def test_the_load_of_a_factory_fresh_module():
-    assert {name: period for name, period in FACTORY.items() if period} == {
-        "Heartbeat": 100,
-        "Get_Encoder_Estimates": 10,
-    }
-    assert load(FACTORY, 500_000) == pytest.approx(
-        110 * 135 / 500_000
-    )  # 135 bits: 8 bytes with the most stuff bits
-    assert load(dict.fromkeys(FACTORY, 0), 500_000) == 0
-    assert {each.command for each in PERIODIC} - {None} <= set(BY_COMMAND)
 
 
 # -- error words ----------------------------------------------------------------------------------------------------------------

@@ -171,7 +171,7 @@ def test_a_file_s_name_proposes_a_version(name, version):
 # -- frames -----------------------------------------------------------------------------------------------------------------------
 
 
-def test_reading_writing_and_calling():
+def test_reading_and_writing():
     assert wire.read(5, FITTED, "odrv0.vbus_voltage") == wire.Outgoing(
         0x0A4, bytes.fromhex("00 02 00 00 00 00 00 00")
     )
@@ -180,10 +180,6 @@ def test_reading_writing_and_calling():
     assert (
         wire.write(5, FITTED, "axis0.motor.config.current_lim", 30).data.hex(" ") == "01 f5 00 00 00 00 f0 41"
     )
-    assert [each.data.hex(" ") for each in wire.call(5, FITTED, "axis0.move_to", [1.0])] == [
-        "01 2d 01 00 00 00 80 3f",
-        "01 2c 01 00 00 00 00 00",
-    ]
     assert [each.data[1] for each in wire.request_version(0)] == [9, 10, 11]
 
 
@@ -217,13 +213,6 @@ def test_an_invalid_answer_is_refused(can_id, data):
         (lambda: wire.write(1, FITTED, "axis0.motor.config.current_lim", 1e300), "beyond"),
         (lambda: wire.write(1, FITTED, "axis0.motor.config.pre_calibrated", True), "is protected"),
         (lambda: wire.write(1, FITTED, "can.config.protocol", 2), "is protected"),
-        (
-            lambda: wire.call(1, FITTED, "erase_configuration"),
-            "is protected: it leaves the motor uncalibrated",
-        ),
-        (lambda: wire.call(1, FITTED, "save_configuration"), "is protected"),
-        (lambda: wire.call(1, FITTED, "axis0.move_to"), "takes position"),
-        (lambda: wire.call(1, FITTED, "vbus_voltage"), "no function"),
         (lambda: wire.read(1, FITTED, "tell"), "no parameter"),
     ],
 )
@@ -236,9 +225,6 @@ def test_a_protected_parameter_is_written_if_it_is_named():
     assert (
         wire.write(1, FITTED, "can.config.protocol", 2, by_name=True).data.hex(" ")
         == "01 46 00 00 02 00 00 00"
-    )
-    assert (
-        wire.call(1, FITTED, "save_configuration", by_name=True)[0].data.hex(" ") == "01 de 01 00 00 00 00 00"
     )
     assert protected("axis0.encoder.config.phase_offset_float").kind == "calibration"
     assert protected("axis0.controller.config.vel_limit") is None

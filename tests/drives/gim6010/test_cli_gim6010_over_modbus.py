@@ -97,7 +97,7 @@ def test_the_limits_by_registers_and_by_parameters(over):
     over.put("axis0.requested_state", 8)
     for words in ((), LIST):
         code, _, err = over("limits", "--velocity", 9, *words)
-        assert (code, "only in idle" in err) == (1, True)
+        assert (code, ("only an idle module" if words else "only in idle") in err) == (1, True)
     assert over.value(LIMIT) == 11.0
 
 

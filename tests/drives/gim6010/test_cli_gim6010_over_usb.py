@@ -109,7 +109,7 @@ def test_only_an_idle_module_is_written_or_saved(over, module):
     ):
         code, _, err = over(*words)
         assert code == 1 or "not a node ID of CANopen" in err, (words, err)
-        assert "only one that is idle" in err or "not a node ID of CANopen" in err
+        assert "only an idle module" in err or "not a node ID of CANopen" in err
     assert (module.usb_read(RAMP), module.restarts) == (100.0, 0)
 
 
@@ -232,7 +232,7 @@ def test_a_serial_number_is_accepted_with_usb_alone(monkeypatch, capsys):
 def test_a_module_that_does_not_restart_is_not_reported_as_saved(over, module, monkeypatch):
     from axisbus.drives.gim6010 import usb_parameters
 
-    monkeypatch.setattr(usb_parameters, "_GOES", 0.2)
+    monkeypatch.setattr(usb_parameters, "RESTART_BEGINS", 0.2)
     monkeypatch.setattr(module, "usb_call", lambda _: None)
     code, _, err = over("params", "set", f"{RAMP}=100", "--save")
     assert (code, "does not restart" in err) == (3, True), err

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.discovery import bus_snapshot, report_text
-from axisbus.drives.gim6010.discovery.finder import Bounds, Finder, Only, ProbeScope
+from axisbus.drives.gim6010.discovery.finder import Bounds, Finder, ProbeScope
 from axisbus.drives.gim6010.discovery.results import findings
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
 from axisbus.drives.gim6010.sim.firmware import Firmware
@@ -321,7 +321,7 @@ def test_answers_of_wrong_lengths_are_reported_and_not_used(length):
     must_be_bounded(found)
     one = found.found["CAN Simple", 5]
     assert one.voltage in (None, 24.0)
-    only = Search([], Finder(ask=ProbeScope.ALL, only=Only(frozenset({5}))), answer=answer)
+    only = Search([], Finder(ask=ProbeScope.ALL, only=(5,)), answer=answer)
     assert only.found == {}
 
 
@@ -431,9 +431,7 @@ def test_the_requests_to_one_module_are_bounded(most):
         )
         return [(0x580 + 5, data)]
 
-    found = Search(
-        [], Finder(ask=ProbeScope.ALL, only=Only(frozenset({5})), bounds=Bounds(most=most)), answer=answer
-    )
+    found = Search([], Finder(ask=ProbeScope.ALL, only=(5,), bounds=Bounds(most=most)), answer=answer)
     assert len([each for each in found.sent if each.can_id == 0x605]) == most
 
 

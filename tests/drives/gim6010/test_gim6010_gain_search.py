@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.tuning.search import MOST_TRIALS, GainSearch
-from axisbus.drives.gim6010.tuning.trial import Loop
+from axisbus.drives.gim6010.tuning.trial import MOST_TRIALS, GainSearch, Loop
 from axisbus.errors import ArgumentError
 from axisbus.step_response import Response
 

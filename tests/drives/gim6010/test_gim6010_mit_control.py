@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
-from axisbus.drives.gim6010.mit_control import MitLeader, MitPhase, PositionCrossCheck
+from axisbus.drives.gim6010.mit_control import MitLeader, PositionCrossCheck
 from axisbus.drives.gim6010.mit_settings import MitSettings, ranges_of
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
 from axisbus.drives.gim6010.sim.firmware import Firmware
@@ -45,18 +45,19 @@ class ControllerBench:
             self.bench.run(self.step, self.step)
             for frame in self.bench.heard[self.taken :]:
                 if not self.lose("module", frame.command, frame.time):
-                    self.leader.receive(CanFrame(frame.time, frame.can_id, frame.data))
+                    self.leader.note(CanFrame(frame.time, frame.can_id, frame.data))
             self.taken = len(self.bench.heard)
             program()
-            for frame in self.leader.step(self.bench.now):
+            frame = self.leader.step(self.bench.now)
+            if frame is not None:
                 self.sent.append((self.bench.now, frame.can_id & 0x1F, frame.data))
                 if not self.lose("master", frame.can_id & 0x1F, self.bench.now):
                     self.bench.send(frame.can_id, frame.data, remote=frame.remote)
         return self
 
     def enabled(self):
-        self.run(5.0, lambda: self.leader.phase is MitPhase.RUNNING or self.leader.over)
-        assert self.leader.phase is MitPhase.RUNNING, self.leader.why
+        self.run(5.0, lambda: self.leader.is_running or self.leader.done)
+        assert self.leader.is_running, self.leader.why
         return self
 
     def lead(self, seconds, command):
@@ -68,10 +69,10 @@ class ControllerBench:
                 due[0] += 0.01
                 self.leader.command(command, self.bench.now)
 
-        return self.run(seconds, lambda: self.leader.over, program)
+        return self.run(seconds, lambda: self.leader.done, program)
 
     def left(self):
-        return self.run(20.0, lambda: self.leader.over)
+        return self.run(20.0, lambda: self.leader.done)
 
     def states(self):
         return [int.from_bytes(data[:4], "little") for _, command, data in self.sent if command == SET_STATE]
@@ -101,7 +102,7 @@ def judge(led):
     assert led.states().count(8) <= 1
     if 8 in led.states():  # idle is asked for after it, and never closed loop again
         after = led.states()[led.states().index(8) + 1 :]
-        assert not led.leader.over or (after and set(after) == {1})
+        assert not led.leader.done or (after and set(after) == {1})
 
 
 # -- enabling --------------------------------------------------------------------------------------------------------------------
@@ -150,15 +151,15 @@ def test_reasons_that_prevent_mit_control(dials, before, why):
     led = ControllerBench(one).left()
     assert led.sent == []
     assert re.search(why, led.leader.why)
-    assert led.leader.left == "nothing was sent to it"
+    assert led.leader.left == "nothing was sent that moves it"
 
 
 def test_a_module_that_another_program_commands_is_not_enabled_for_mit_control():
     led = ControllerBench()
     led.run(0.5)
-    led.leader.receive(CanFrame(led.bench.now, 5 << 5 | SET_STATE, bytes([8, *bytes(7)])))
+    led.leader.note(CanFrame(led.bench.now, 5 << 5 | SET_STATE, bytes([8, *bytes(7)])))
     led.left()
-    assert (led.sent, led.leader.left) == ([], "nothing was sent to it")
+    assert (led.sent, led.leader.left) == ([], "nothing was sent that moves it")
     assert "another program commands the module" in led.leader.why
 
 
@@ -187,7 +188,7 @@ def test_under_mit_control_a_stiff_command_moves_the_output_to_its_position():
     cycle = led.leader.answered
     assert (cycle.exact, cycle.saturated) == (True, ())
     assert cycle.feedback.position == pytest.approx(led.output, abs=0.01)
-    led.leader.leave("over")
+    led.leader.interrupt("over")
     led.left()
     judge(led)
     assert (led.leader.confirmed, led.bench.module.energised) == (True, False)
@@ -259,7 +260,7 @@ def spinning(led):
 def test_a_module_is_braked_by_damping_and_then_set_to_idle():
     led = spinning(ControllerBench().enabled())
     assert led.bench.module.shaft.speed * TURN > 3.0
-    led.leader.leave("the program has ended it")
+    led.leader.interrupt("the program has ended it")
     at, since = led.bench.now, len(led.sent)
     led.left()
     frames = led.sent[since:]
@@ -285,8 +286,8 @@ def test_a_module_is_braked_by_damping_and_then_set_to_idle():
         (lambda led: setattr(led.bench.module.dials, "heartbeat_stops", True), "no longer heard"),
         (lambda led: led.bench.order(SET_STATE, IDLE), "is in idle"),
         (lambda led: led.bench.module.restart(), "not answered|restarted"),
-        (lambda led: led.leader.receive(CanFrame(led.bench.now, 5 << 5 | POS, bytes(8))), "another program"),
-        (lambda led: led.leader.leave("Ctrl-C"), "Ctrl-C"),
+        (lambda led: led.leader.note(CanFrame(led.bench.now, 5 << 5 | POS, bytes(8))), "another program"),
+        (lambda led: led.leader.interrupt("Ctrl-C"), "Ctrl-C"),
     ],
     ids=["no command", "estop", "error", "dead", "silent", "idle", "restart", "another master", "asked for"],
 )
@@ -297,7 +298,7 @@ def test_every_end_of_mit_control_leaves_the_module_in_idle(act, why):
         led.left()
     else:
         led.lead(15.0, MitCommand(0.0, 6.0, 0.0, 3.0, 0.0))
-    assert led.leader.over
+    assert led.leader.done
     assert re.search(why, led.leader.why), led.leader.why
     judge(led)
     lost = led.bench.module.dials.dead or led.bench.module.dials.heartbeat_stops
@@ -340,9 +341,9 @@ def test_two_sources_of_the_position_that_disagree_stop_the_module():
 
 def test_a_second_interrupt_leads_to_estop():
     led = spinning(ControllerBench().enabled())
-    led.leader.leave("Ctrl-C")
+    led.leader.interrupt("Ctrl-C")
     led.run(0.01)
-    led.leader.leave("again")  # this alone changes nothing
+    led.leader.interrupt("again")  # this alone changes nothing
     led.run(0.01)
     assert ESTOP not in led.commands()
     led.leader.escalate()
@@ -355,7 +356,7 @@ def test_a_second_interrupt_leads_to_estop():
 
 def test_commands_during_the_stop_are_not_sent():
     led = spinning(ControllerBench().enabled())
-    led.leader.leave("over")
+    led.leader.interrupt("over")
     since = len(led.sent)
     led.lead(10.0, MitCommand(0.0, 60.0, 0.0, 5.0, 40.0))
     assert {data for _, command, data in led.sent[since:] if command == MIT} == {DAMPING}
@@ -373,7 +374,7 @@ def test_at_the_end_of_the_position_s_range_it_is_left():
 def test_a_position_that_wraps_is_left():
     led = ControllerBench().enabled()
     for position in ("FF 00", "01 00"):
-        led.leader.receive(CanFrame(led.bench.now, 5 << 5 | MIT, bytes.fromhex(f"05 {position} 80 08 00")))
+        led.leader.note(CanFrame(led.bench.now, 5 << 5 | MIT, bytes.fromhex(f"05 {position} 80 08 00")))
     assert "may wrap" in led.leader.why
 
 
@@ -418,14 +419,14 @@ def test_no_play_sends_a_frame_of_zeros_or_leaves_it_enabled(commands, leave_at,
     """Any commands, frames lost on both sides, and an end at any moment."""
     lose = (lambda *_: False) if random is None else (lambda *_: random.random() < 0.05)
     led = ControllerBench(made(), lose=lose, step=0.002)
-    led.run(6.0, lambda: led.leader.phase is MitPhase.RUNNING or led.leader.over)
+    led.run(6.0, lambda: led.leader.is_running or led.leader.done)
     for count in range(leave_at):
-        led.run(0.002, lambda: led.leader.over)
+        led.run(0.002, lambda: led.leader.done)
         led.leader.command(commands[count % len(commands)], led.bench.now)
-    led.leader.leave("over")
+    led.leader.interrupt("over")
     led.left()
     judge(led)
-    assert led.leader.over
+    assert led.leader.done
     assert not led.leader.confirmed or not led.bench.module.energised
 
 
@@ -438,7 +439,6 @@ def test_mit_frames_are_never_zeros_for_any_ranges(command, ranges, data):
     kd = int.from_bytes(leader.parting[0].data, "big") >> 12 & 0xFFF
     assert kd >= 1  # it brakes
     assert int.from_bytes(leader.parting[0].data, "big") >> 24 & 0xFFF == 0  # and pulls nowhere
-    leader.phase = MitPhase.RUNNING
     leader.command(command, 0.0)
     assert any(leader._pack(command).frame.data)
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, Firmware, parse
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.drives.gim6010.can_simple.protected_parameters import protected
 from axisbus.drives.gim6010.parameters import backup, rules, values
 from axisbus.drives.gim6010.sim.module import Module
@@ -107,7 +107,7 @@ def test_parameters_that_belong_to_a_backup():
     ],
 )
 def test_text_is_read_by_the_type(kind, text, value):
-    found = values.parse(Endpoint("a", 1, kind, "rw"), text)
+    found = values.parse("a", kind, text)
     assert (found, type(found)) == (value, type(value))
 
 
@@ -117,7 +117,7 @@ def test_text_is_read_by_the_type(kind, text, value):
 )
 def test_text_that_is_no_value_is_refused(kind, text):
     with pytest.raises(ArgumentError, match="a: "):
-        values.parse(Endpoint("a", 1, kind, "rw"), text)
+        values.parse("a", kind, text)
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))

@@ -8,6 +8,7 @@ import pytest
 
 from axisbus.drives.gim6010.discovery.finder import ProbeScope
 from axisbus.drives.gim6010.discovery.results import findings
+from axisbus.drives.gim6010.node_id_preconditions import require_alone
 from axisbus.drives.gim6010.settings import watchdog, zero
 from axisbus.drives.gim6010.settings.parameter_settings import (
     PATHS,
@@ -16,7 +17,6 @@ from axisbus.drives.gim6010.settings.parameter_settings import (
     bit_rate,
     check,
     limits,
-    require_alone,
     shown,
     termination,
 )

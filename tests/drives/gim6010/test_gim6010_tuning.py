@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
 from axisbus.drives.gim6010.sim.module import Module
-from axisbus.drives.gim6010.tuning import search
+from axisbus.drives.gim6010.tuning import trial as search
 from axisbus.drives.gim6010.tuning.runner import ModuleTuning
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial, explanation
 from axisbus.errors import ArgumentError

@@ -14,7 +14,7 @@ from axisbus.drives.gim6010.can_simple.codec import encode
 from axisbus.drives.gim6010.can_simple.endpoint_messages import request_version
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
 from axisbus.drives.gim6010.can_simple.messages import named as message_named
-from axisbus.drives.gim6010.can_simple.port.setpoints import TRAPEZOID, VELOCITY
+from axisbus.drives.gim6010.can_simple.orders import TRAPEZOID, VELOCITY
 from axisbus.drives.gim6010.modbus.can_emulation import Relay
 from axisbus.drives.gim6010.sim.modbus.station import Station
 from axisbus.errors import ArgumentError, AxisbusError, DriveError

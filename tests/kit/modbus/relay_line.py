@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from axisbus.cia301.frame import CanFrame
+from axisbus.drives.gim6010.can_simple.orders import TRAPEZOID, Orders
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
-from axisbus.drives.gim6010.can_simple.port.setpoints import TRAPEZOID, Orders
 from axisbus.drives.gim6010.can_simple.port.settings import HEARTBEAT_BY_LINE, ModuleSettings
 from axisbus.drives.gim6010.modbus.can_emulation import Relay
 from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
 from kit.modbus.virtual_wire import VirtualWire, list_of
 
 SETTINGS = ModuleSettings(1, 20.0, 10.0, 40.0, 80.0, 0.02, heartbeat=HEARTBEAT_BY_LINE, relayed=True)
-ORDERS = Orders(SETTINGS)
+ORDERS = Orders(SETTINGS.node)
 STATE = 0x63
 
 
@@ -52,7 +52,12 @@ class RelayLine:
             self.work()
 
     def enable(self):
-        self.give(ORDERS.limits(), ORDERS.velocity(0.0), ORDERS.mode(TRAPEZOID), ORDERS.closed_loop())
+        self.give(
+            ORDERS.limits(SETTINGS.velocity_limit, SETTINGS.current_limit),
+            ORDERS.velocity(0.0),
+            ORDERS.mode(TRAPEZOID),
+            ORDERS.closed_loop(),
+        )
         self.settle()
         self.until(0.5)
 

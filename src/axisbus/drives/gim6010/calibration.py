@@ -14,19 +14,22 @@ Silence, a restart, a state that does not belong to a calibration, too many turn
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 from axisbus.cia301.frame import CanFrame
-from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple import error_query
 from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, decode, encode, request
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
-from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
-from axisbus.drives.gim6010.direct_motion import PERIODS, ModuleMotionProcedure, ModuleMotionStage
+from axisbus.drives.gim6010.direct_motion import (
+    PERIODS,
+    ModuleMotionProcedure,
+    ModuleMotionStage,
+    reported_errors,
+)
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 from axisbus.drives.gim6010.make import GEAR_RATIO
 
@@ -127,13 +130,6 @@ class CalibrationResult:
     good: bool
     wrong: tuple[str, ...]
     notes: tuple[str, ...]
-
-
-def reported_errors(beat: Heartbeat, words: Mapping[str, int]) -> list[str]:
-    """Return a sentence for each error in a heartbeat and in the error words by category; empty if there is none."""
-    told = {"axis": beat.axis_error, **words}
-    found = [text for category, word in told.items() for text in faults.words(category, word)]
-    return found + [f"{part}: its heartbeat reports a fault" for part in beat.faults if not told.get(part)]
 
 
 def judge(

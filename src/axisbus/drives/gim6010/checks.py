@@ -19,7 +19,6 @@ from axisbus.drives.gim6010.can_simple.endpoints import Firmware
 from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
-from axisbus.drives.gim6010.cell.drive import drive_of
 from axisbus.drives.gim6010.cell.module import (
     LINE_MODES,
     MODBUS,
@@ -28,7 +27,7 @@ from axisbus.drives.gim6010.cell.module import (
     ModuleConfig,
     line_mode,
 )
-from axisbus.drives.gim6010.cell.modules import is_line, list_of, module_of, modules_of, settings_of
+from axisbus.drives.gim6010.cell.modules import drive_of, is_line, list_of, module_of, modules_of, settings_of
 from axisbus.drives.gim6010.modbus.registers import RATES
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, LimitError

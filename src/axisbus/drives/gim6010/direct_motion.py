@@ -13,19 +13,20 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import deque
+from collections.abc import Mapping
 from enum import Enum
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010 import faults
-from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeat, Heartbeats
-from axisbus.drives.gim6010.can_simple.identifier import NODES, can_id, split
-from axisbus.drives.gim6010.can_simple.messages import named
-from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.can_simple.identifier import can_id, require_node, split
+from axisbus.drives.gim6010.can_simple.orders import Orders
+from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
 from axisbus.drives.gim6010.discovery.bus_snapshot import count_senders
-from axisbus.errors import ArgumentError
 
 LISTEN = 1.5  # s before it begins
+BRAKE_TIME, STILL = 2.0, 0.1  # s of braking at most, and of standstill that ends it
 
 
 class ModuleMotionStage(Enum):
@@ -55,11 +56,14 @@ class ModuleMotionProcedure(ABC):
         self.why = self.left = ""
         self.confirmed = True
         self._pulse = HeartbeatMonitor(node)
+        self._orders = Orders(node)
         self._letting_go = PowerOff(self._pulse)
         self._wishes: deque[str] = deque()
         self._since: float | None = None
         self._begun = 0.0  # time of the first frame
         self._to_brake = False  # before the power is removed
+        self._braking_since: float | None = None
+        self._still_since: float | None = None
 
     # For subclasses.
 
@@ -84,6 +88,32 @@ class ModuleMotionProcedure(ABC):
         self._to_brake = False
         return None
 
+    def _has_braked(self, now: float, *, stands: bool, longest: float = BRAKE_TIME) -> bool:
+        """End the braking at standstill, without closed loop, or after ``longest`` s; return whether it has ended.
+
+        ``stands``: the module reports standstill now.
+        """
+        if self._braking_since is None:
+            self._braking_since = now
+        self._still_since = (now if self._still_since is None else self._still_since) if stands else None
+        last = self._pulse.last
+        off = last is not None and last.state != CLOSED_LOOP and self._pulse.at > self._braking_since
+        is_still = self._still_since is not None and now - self._still_since >= STILL
+        self._to_brake = not (off or is_still or now - self._braking_since > longest)
+        return not self._to_brake
+
+    def _against(self, now: float, *states: int) -> bool:
+        """End the procedure if the module is lost, has errors, or is in none of these states; return whether that is so."""
+        last, errors = self._pulse.last, self._pulse.errors()
+        why = self._pulse.lost(now)
+        if not why and errors:
+            why = f"the module reports errors: {'; '.join(errors)}"
+        elif not why and last is not None and last.state not in states:
+            why = f"the module is in {state_words(last.state)}"
+        if why:
+            self._end(why)
+        return bool(why)
+
     # For callers.
 
     @property
@@ -94,7 +124,7 @@ class ModuleMotionProcedure(ABC):
     @property
     def parting(self) -> tuple[Outgoing, ...]:
         """Frames that remove the power, for a caller that cannot continue."""
-        return (idle(self.node),)
+        return (self._orders.idle(),)
 
     def note(self, frame: CanFrame) -> None:
         """Take a received frame."""
@@ -167,14 +197,8 @@ class ModuleMotionProcedure(ABC):
 # Removes the power of a module: by idle, or by ESTOP if its heartbeat does not show idle in time; reports the final state.
 
 
-_STATE, _ESTOP = named("Set_Axis_State"), named("Estop")
 _AGAIN = 0.05  # s between two frames
 RUNG = 1.5  # s, plus two periods of the heartbeat: deadline for idle, then for ESTOP
-
-
-def idle(node: int) -> Outgoing:
-    """Return the frame that requests idle."""
-    return encode(node, _STATE, {"Axis_Requested_State": IDLE})
 
 
 class PowerOff:
@@ -184,6 +208,7 @@ class PowerOff:
         self.left = ""
         self.confirmed = False
         self._pulse = pulse
+        self._orders = Orders(pulse.node)
         self._estop = False
         self._start: float | None = None  # of the step
         self._last = 0.0  # time of the last frame
@@ -209,7 +234,7 @@ class PowerOff:
             self._late(now)
         elif not now - self._last < _AGAIN - 1e-9:
             self._last = now
-            return encode(self._pulse.node, _ESTOP) if self._estop else idle(self._pulse.node)
+            return self._orders.estop() if self._estop else self._orders.idle()
         return None
 
     def _is_idle(self, start: float) -> bool:
@@ -248,10 +273,7 @@ class HeartbeatMonitor:
         Raises:
             ArgumentError: the node ID is invalid.
         """
-        if isinstance(node, bool) or node not in NODES:
-            raise ArgumentError(
-                f"{node!r} is not a node ID of CAN Simple", remedy="give a number from 0 to 63"
-            )
+        require_node(node)
         self.node = node
         self.alone = True  # no second module of this node ID was heard
         self._identifier = can_id(node, COMMAND)
@@ -323,8 +345,11 @@ class HeartbeatMonitor:
 
     def errors(self) -> list[str]:
         """Return the errors in its last heartbeat, a sentence each."""
-        last = self.last
-        if last is None:
-            return []
-        parts = [f"{part}: its heartbeat reports a fault" for part in last.faults if part != "axis"]
-        return [*faults.words("axis", last.axis_error), *parts]
+        return [] if self.last is None else reported_errors(self.last, {})
+
+
+def reported_errors(beat: Heartbeat, words: Mapping[str, int]) -> list[str]:
+    """Return a sentence for each error in a heartbeat and in the error words by category; empty if there is none."""
+    told = {"axis": beat.axis_error, **words}
+    found = [text for category, word in told.items() for text in faults.words(category, word)]
+    return found + [f"{part}: its heartbeat reports a fault" for part in beat.faults if not told.get(part)]

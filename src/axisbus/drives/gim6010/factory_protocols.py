@@ -32,7 +32,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.identifier import split
-from axisbus.drives.gim6010.can_simple.messages import BY_COMMAND
+from axisbus.drives.gim6010.can_simple.messages import command_name
 from axisbus.drives.gim6010.can_simple.states import STATES
 from axisbus.wording import counted
 
@@ -148,14 +148,14 @@ class ProtocolListener:
         if speaker is None:
             return None
         beat = frame.extended or frame.can_id == speaker.can_id
-        name = "heartbeat" if beat else command(frame.can_id)
+        name = "heartbeat" if beat else command_name(split(frame.can_id).command)
         said = heartbeat_words(speaker, frame.data) if beat else ""
         return f"{speaker.protocol.value}, node {speaker.node}, {name}: {said or frame.data.hex(' ').upper() or 'no data'}"
 
     def commands(self, can_ids: Iterable[int]) -> set[int]:
         """Return those of some 11-bit identifiers that a module with CAN Simple takes for commands to it."""
         nodes = {each.node for each in self.speakers if each.protocol is Protocol.CAN_SIMPLE}
-        return {can_id for can_id in can_ids if simple_node(can_id) in nodes}
+        return {can_id for can_id in can_ids if split(can_id).node in nodes}
 
     def heard(self) -> list[str]:
         """Return the modules heard, a line per protocol; empty if there are none."""
@@ -262,17 +262,6 @@ def heartbeat_words(speaker: Speaker, data: bytes) -> str:
         return ""
     error = int.from_bytes(data[:4], "little")
     return f"{STATES[data[4]]}, {'no axis error' if not error else f'axis error {error_words(error)}'}"
-
-
-def simple_node(can_id: int) -> int:
-    """Return the CAN Simple node of an 11-bit identifier."""
-    return can_id >> _COMMAND_BITS
-
-
-def command(can_id: int) -> str:
-    """Return the name of the CAN Simple command of an identifier."""
-    number = split(can_id).command
-    return BY_COMMAND[number].name if number in BY_COMMAND else f"command {number:02X}h"
 
 
 def error_words(error: int) -> str:

@@ -19,6 +19,14 @@ ERROR_REGISTER = (0x1001, 0)
 OBJECTS = (ERROR_BITS_LOW, ERROR_BITS_HIGH, ERROR_REGISTER)
 
 SEE_BITS = 0xFF00
+# The parameter of each category's error word.
+WORD_PATHS = {
+    "axis": "axis0.error",
+    "motor": "axis0.motor.error",
+    "encoder": "axis0.encoder.error",
+    "controller": "axis0.controller.error",
+    "system": "error",
+}
 _NOT_TOLD = "-"
 
 

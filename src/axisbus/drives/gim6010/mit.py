@@ -9,7 +9,6 @@ that does not let Python run, sends nothing any more: only ``break_timeout`` in 
 from __future__ import annotations
 
 import atexit
-import signal
 import threading
 import time
 from collections import deque
@@ -17,20 +16,20 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
-from types import FrameType, TracebackType
-from typing import Any, NoReturn, Self
+from types import TracebackType
+from typing import NoReturn, Self
 
 from axisbus.bus.link import ownership
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
 from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
-from axisbus.drives.gim6010.bus.run import send
+from axisbus.drives.gim6010.bus.run import interrupts, send, send_parting
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.coexistence import identifiers
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
-from axisbus.drives.gim6010.mit_control import MitCycle, MitLeader, MitPhase
+from axisbus.drives.gim6010.mit_control import MitCycle, MitLeader
 from axisbus.drives.gim6010.mit_settings import MitSettings, ranges_of
 from axisbus.errors import ArgumentError, AxisbusError, NodeError, StateError, UserError
 from axisbus.system.signals import present
@@ -39,7 +38,8 @@ _TICKS = 4  # steps of the thread in a period
 _SHORTEST = 0.0005  # s between two of them
 _LONGEST = 15.0  # s for enabling or for the stop sequence
 _ANSWER = 2.0  # s for an answer; the controller gives up long before
-_PARTINGS = 3
+# Ctrl-Z is not among them: a suspended program sends nothing, as one that was killed.
+_SIGNALS = present("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 _KEPT = 1000  # queued frames: more means that the thread does not run
 
 
@@ -56,7 +56,6 @@ class MitControl:
         self._thread: threading.Thread | None = None
         self._stack = ExitStack()
         self._entered = False
-        self._signals = MitSignalHandlers(self._hear_signal)
 
     @classmethod
     def open(
@@ -85,7 +84,7 @@ class MitControl:
             self._stack.callback(self._channel.unsubscribe, can_id, ear)
         self._stack.callback(atexit.unregister, self._at_exit)
         atexit.register(self._at_exit)
-        self._signals.begin()
+        self._stack.enter_context(interrupts(self._hear_signal, _SIGNALS))  # ends first
         self._entered = True
         return self
 
@@ -96,7 +95,6 @@ class MitControl:
         try:
             self._part(error)
         finally:
-            self._signals.end()
             self._stack.close()
 
     # Public commands.
@@ -112,7 +110,7 @@ class MitControl:
         """
         if not self._entered:
             raise StateError("MIT control must be used in a with block, whose end stops the module")
-        if self._leader is not None and self._leader.over and self._thread is not None:
+        if self._leader is not None and self._leader.done and self._thread is not None:
             self._thread.join(_ANSWER)  # it has practically ended
         if self._thread is not None and self._thread.is_alive():
             raise StateError(f"module {self.settings.node} is under MIT control already")
@@ -122,7 +120,7 @@ class MitControl:
             target=self._run, args=(leader,), name="axisbus MIT control", daemon=True
         )
         self._thread.start()
-        self._wait(lambda: leader.phase is MitPhase.RUNNING or leader.over, _LONGEST)
+        self._wait(lambda: leader.is_running or leader.done, _LONGEST)
         return self._running(leader).feedback or self._fail(leader)
 
     def command(self, command: MitCommand) -> MitCycle:
@@ -138,10 +136,10 @@ class MitControl:
         leader = self._running(self._leader)
         with self._came:
             number = leader.command(command, time.monotonic())
-        self._wait(lambda: leader.answered_number >= number or leader.phase is not MitPhase.RUNNING, _ANSWER)
+        self._wait(lambda: leader.answered_number >= number or not leader.is_running, _ANSWER)
         leader = self._running(leader)
         if leader.answered is None or leader.answered_number < number:
-            leader.leave("a command was not answered")
+            leader.interrupt("a command was not answered")
             self._fail(leader)
         return leader.answered
 
@@ -156,9 +154,9 @@ class MitControl:
         leader = self._leader
         if leader is None:
             return "it was not under MIT control"
-        leader.leave("the program has ended it")
-        self._wait(lambda: leader.over, _LONGEST)
-        if not leader.confirmed or not leader.over:
+        leader.interrupt("the program has ended it")
+        self._wait(lambda: leader.done, _LONGEST)
+        if not leader.confirmed or not leader.done:
             raise NodeError(
                 f"it is not known whether module {self.settings.node} is without power",
                 node=self.settings.node,
@@ -170,7 +168,7 @@ class MitControl:
     @property
     def is_active(self) -> bool:
         """Whether the module accepts commands."""
-        return self._leader is not None and self._leader.phase is MitPhase.RUNNING
+        return self._leader is not None and self._leader.is_running
 
     @property
     def feedback(self) -> tuple[MitFeedback, float]:
@@ -191,36 +189,33 @@ class MitControl:
     def _run(self, leader: MitLeader) -> None:
         tick = max(_SHORTEST, self.settings.period / _TICKS)
         try:
-            while not leader.over:
+            while not leader.done:
                 with self._came:
-                    frames = self._turn(leader)
+                    frame = self._turn(leader)
                     self._came.notify_all()
-                for frame in frames:
+                if frame is not None:
                     self._send(leader, frame)
                 time.sleep(tick)
         finally:
-            if not leader.over:
+            if not leader.done:
                 self._give_up(leader)
             with self._came:
                 self._came.notify_all()
 
-    def _turn(self, leader: MitLeader) -> list[Outgoing]:
+    def _turn(self, leader: MitLeader) -> Outgoing | None:
         while self._heard:
-            leader.receive(self._heard.popleft())
+            leader.note(self._heard.popleft())
         return leader.step(time.monotonic())
 
     def _send(self, leader: MitLeader, frame: Outgoing) -> None:
         try:
             send(self._channel, frame)
         except AxisbusError as error:
-            leader.leave(f"the bus: {error.message}")
+            leader.interrupt(f"the bus: {error.message}")
 
     def _give_up(self, leader: MitLeader) -> None:
         """Send damping and idle, because the controller itself has failed."""
-        for _ in range(_PARTINGS):
-            for frame in leader.parting:
-                with suppress(AxisbusError):
-                    send(self._channel, frame)
+        send_parting(self._channel, leader)
         leader.give_up(
             "the thread of this program has failed: damping and idle were sent, and their effect was not checked"
         )
@@ -251,7 +246,7 @@ class MitControl:
         leader = self._leader
         if leader is None:
             return self._entered
-        leader.leave(what)
+        leader.interrupt(what)
         if not self._entered:
             leader.escalate()
         return self._entered
@@ -271,52 +266,17 @@ class MitControl:
             raise StateError(
                 f"module {self.settings.node} is not under MIT control", remedy="enable it first"
             )
-        if leader.phase is not MitPhase.RUNNING:
+        if not leader.is_running:
             self._fail(leader)
         return leader
 
     def _fail(self, leader: MitLeader) -> NoReturn:
         raise NodeError(
-            f"module {self.settings.node} is no longer under MIT control: {leader.why or leader.phase.value}",
+            f"module {self.settings.node} is no longer under MIT control: {leader.why or leader.words}",
             node=self.settings.node,
-            observed=leader.left or f"it is {leader.phase.value}",
+            observed=leader.left or f"it is {leader.words}",
             remedy="clear that cause, then enable it again",
         )
-
-
-# -- Ctrl-C, SIGTERM and SIGHUP under MIT control: the module is stopped at once, and the program leaves its block -----
-
-
-_SIGNALS = present("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
-
-
-class MitSignalHandlers:
-    """Holds the previous handlers. Only in the main thread, where Python runs signal handlers."""
-
-    def __init__(self, hear: Callable[[str], bool]) -> None:
-        """``hear`` gets the signal's name, and returns whether to raise it: as KeyboardInterrupt, or SystemExit."""
-        self._hear = hear
-        self._before: dict[int, Any] = {}
-
-    def begin(self) -> None:
-        """Install the handlers."""
-        if threading.current_thread() is threading.main_thread():
-            for number in _SIGNALS:
-                if signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
-                    self._before[number] = signal.signal(number, self._take)
-
-    def end(self) -> None:
-        """Restore the previous handlers."""
-        for number, handler in self._before.items():
-            signal.signal(number, handler if handler is not None else signal.SIG_DFL)
-        self._before.clear()
-
-    def _take(self, number: int, _: FrameType | None) -> None:
-        if not self._hear(_SIGNALS[number]):
-            return
-        if number == signal.SIGINT:
-            raise KeyboardInterrupt
-        raise SystemExit(128 + number)
 
 
 # -- The ranges of MIT control, read from a module over CAN Simple -----------------------------------------------------

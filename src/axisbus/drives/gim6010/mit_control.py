@@ -10,7 +10,7 @@ frames, so that the output does not jump.
 
 From then on the newest command is sent in each period, with its values limited to their ranges. The shutdown is always the same:
 damping frames until the output is at standstill (at most 2 s), then idle until the heartbeat shows it; if it does not in time,
-ESTOP. The shutdown begins when
+ESTOP (``ModuleMotionProcedure``). The shutdown begins when
 
 - the user requests it, or gives no command for ``command_timeout``;
 - answers or heartbeats are missing;
@@ -23,22 +23,19 @@ No frame of zeros is ever sent: ``mit.pack`` makes none, and ``Outgoing`` reject
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 from enum import Enum
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple import mit
-from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, decode, encode
-from axisbus.drives.gim6010.can_simple.identifier import split
+from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, decode
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.mit import MIT_CONTROL, Changed, MitCommand, MitFeedback, Packed
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
-from axisbus.drives.gim6010.direct_motion import HeartbeatMonitor, PowerOff, idle
+from axisbus.drives.gim6010.can_simple.orders import MIT
+from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
+from axisbus.drives.gim6010.direct_motion import BRAKE_TIME, ModuleMotionProcedure, ModuleMotionStage
 from axisbus.drives.gim6010.mit_settings import MitSettings
 
-_STATE, _MODE = named("Set_Axis_State"), named("Set_Controller_Mode")
-_POSITION, _MIT_INPUT = 3, 9  # control mode and input mode (manual v2.2, 3.1.7)
 # Messages that only a master sends. Mit_Control is not among them: it is also an answer.
 _OTHERS = frozenset(
     named(each).command
@@ -50,16 +47,15 @@ _OTHERS = frozenset(
         "Set_Input_Torque",
     )
 )
-LISTEN = 1.5  # s before anything is sent
 _ANSWERS, ANSWER_TIME = (
     3,
     1.0,
 )  # answers to damping frames before closed loop is requested, and s to wait for them
 START_TIME = 2.0  # s until a heartbeat must show closed loop
 _LOST, _LOST_PERIODS = 0.1, 5  # s, or periods, without an answer
-BRAKE_TIME, BLIND = 2.0, 0.3  # s of braking; and if no answer shows the velocity
+BLIND = 0.3  # s of braking if no answer shows the velocity
 _EDGE = 0.99  # share of the position range that must not be reached
-STANDS, STILL = 0.1, 0.1  # standstill: rad/s of the output, and s below it
+STANDS = 0.1  # rad/s of the output: standstill
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -118,15 +114,11 @@ class PositionCrossCheck:
 
 
 class MitPhase(Enum):
-    """Phase of the control."""
+    """Phase of the control after listening and before its shutdown."""
 
-    LISTENING = "listening"
     ANSWERING = "waiting for answers"
     STARTING = "waiting for closed loop"
     RUNNING = "led"
-    BRAKING = "braking"
-    LETTING_GO = "being let go"
-    OVER = "over"
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,44 +141,43 @@ class MitCycle:
         return not self.saturated
 
 
-class MitLeader:
+class MitLeader(ModuleMotionProcedure):
     """Controller of one module; ``why`` is the reason for the shutdown, ``left`` the state in which it left the module."""
 
     def __init__(self, settings: MitSettings) -> None:
+        super().__init__(settings.node)
         self.settings = settings
-        self.phase = MitPhase.LISTENING
-        self.why = self.left = ""
-        self.confirmed = True
+        self.phase = MitPhase.ANSWERING
         self.feedback: MitFeedback | None = None
         self.feedback_at = -math.inf
         self.answered: MitCycle | None = None  # the newest command with its answer
         self.answered_number = 0
-        self._pulse = HeartbeatMonitor(settings.node)
-        self._letting_go = PowerOff(self._pulse)
         self._damping = self._pack(MitCommand(0.0, 0.0, 0.0, settings.damping, 0.0))
         self._agreement = PositionCrossCheck(settings)
         self._first_answer = -math.inf  # to the newest command
         self._wanted: tuple[MitCommand, float] | None = None
         self._number = 0  # of commands
         self._sent: tuple[MitCommand, Packed, int] | None = None  # the command whose answer is due
-        self._start: float | None = None  # of the phase
+        self._at = -math.inf  # when the phase of waiting for closed loop began
         self._due = -math.inf
         self._answers = 0
-        self._still: float | None = None
-        self._wishes: deque[str] = deque()  # empty text: skip to ESTOP
-        self._others = ""
 
     # Called by the user of the controller.
 
     @property
-    def over(self) -> bool:
-        """Whether the control has ended."""
-        return self.phase is MitPhase.OVER
+    def is_running(self) -> bool:
+        """Whether the module accepts commands."""
+        return self.stage is ModuleMotionStage.LED and self.phase is MitPhase.RUNNING
+
+    @property
+    def words(self) -> str:
+        """The phase, or the stage before and after all phases."""
+        return self.phase.value if self.stage is ModuleMotionStage.LED else self.stage.value
 
     @property
     def parting(self) -> tuple[Outgoing, ...]:
         """Frames to send if nothing else can be sent any more: damping, then idle."""
-        return self._damping.frame, idle(self.settings.node)
+        return self._damping.frame, self._orders.idle()
 
     def command(self, command: MitCommand, now: float) -> int:
         """Set the command to send from now on; return its number, which ``answered_number`` has once the module answered it."""
@@ -194,55 +185,49 @@ class MitLeader:
         self._number += 1
         return self._number
 
-    def leave(self, why: str) -> None:
-        """Request the shutdown with the next step, from any thread or signal handler; no effect if it has begun already."""
-        self._wishes.append(why)
-
     def escalate(self) -> None:
         """Skip to ESTOP with the next step if the shutdown has begun; from any thread or signal handler."""
         self._wishes.append("")
 
     def give_up(self, left: str) -> None:
         """End the control at once: the caller cannot continue it."""
-        self.phase, self.left, self.confirmed = MitPhase.OVER, left, False
+        self.stage, self.left, self.confirmed = ModuleMotionStage.DONE, left, False
         self.why = self.why or left
 
-    def receive(self, frame: CanFrame) -> None:
-        """Take a received frame."""
-        if self._pulse.take(frame) or frame.extended or frame.remote or self.over:
-            return
-        place = split(frame.can_id)
-        if place.node != self.settings.node:
-            return
-        if place.command == MIT_CONTROL.command:
-            self._answer(frame)
-        elif place.command == ESTIMATES:
-            self._estimate(frame)
-        elif place.command in _OTHERS and self.phase is not MitPhase.LETTING_GO:
-            self._others = f"another program commands the module (it was heard to send {frame.can_id:03X}h)"
-
-    def step(self, now: float) -> list[Outgoing]:
-        """Advance to ``now`` and return the frames to send; call it a few times per period until ``over``."""
-        while self._wishes:
-            self._heed(self._wishes.popleft())
-        self._start = now if self._start is None else self._start
-        act = _STEPS.get(self.phase)
-        return [] if act is None else act(self, now)
+    def _heed(self, why: str) -> None:
+        """Begin the shutdown; a second reason changes nothing, only ``escalate`` skips to ESTOP."""
+        if why:
+            self._end(why)
+        elif self.stage is ModuleMotionStage.ENDING:
+            super()._heed(why)
 
     # Reception.
 
+    def _hear(self, command: int, frame: CanFrame) -> None:
+        if self.done:
+            return
+        if command == MIT_CONTROL.command:
+            self._answer(frame)
+        elif command == ESTIMATES:
+            self._estimate(frame)
+        elif command in _OTHERS:
+            self._end(f"another program commands the module (it was heard to send {frame.can_id:03X}h)")
+
+    def _follow(self, time: float) -> None:
+        """Nothing to do: each step evaluates the last heartbeat."""
+
     def _answer(self, frame: CanFrame) -> None:
-        found = mit.read(self.settings.node, frame.data, self.settings.ranges)
+        found = mit.read(self.node, frame.data, self.settings.ranges)
         if not isinstance(found, MitFeedback):
             return
         before = self.feedback
         self.feedback, self.feedback_at = found, frame.time
         self._answers += 1
-        if self.phase is not MitPhase.RUNNING:
+        if not self.is_running:
             return
         jumped = before is not None and abs(found.position - before.position) > self.settings.ranges.position
         if jumped or abs(found.position) >= _EDGE * self.settings.ranges.position:
-            self._leave("its position is at the end of its range, beyond which the firmware may wrap it")
+            self._end("its position is at the end of its range, beyond which the firmware may wrap it")
         elif self._sent is not None:
             command, packed, number = self._sent
             if number != self.answered_number:
@@ -253,143 +238,78 @@ class MitLeader:
         """Compare the position with the encoder's own message, which is valid only in closed loop."""
         last = self._pulse.last
         alive = last is not None and last.state == CLOSED_LOOP and frame.time > self._pulse.at
-        if alive and self.phase is MitPhase.RUNNING and self.feedback is not None:
+        if alive and self.is_running and self.feedback is not None:
             why = self._agreement.take(frame, self.feedback, self.feedback_at, self._pulse.at)
             if why:
-                self._leave(why)
+                self._end(why)
 
-    # Phases.
+    # Sending.
 
-    def _listen(self, now: float) -> list[Outgoing]:
-        if now - self._begun < LISTEN:
-            return []
-        self._pulse.settle()
-        against = self._others or self._pulse.against(now)
-        if against:
-            self._leave(against)
-            return []
-        self._enter(MitPhase.ANSWERING)
-        self._answers = 0
-        mode = {"Control_Mode": _POSITION, "Input_Mode": _MIT_INPUT}
-        self._due = now + self.settings.period
-        return [encode(self.settings.node, _MODE, mode), self._damping.frame]
+    def _begin(self) -> Outgoing:
+        self._answers, self._due = 0, self._begun
+        return self._orders.mode(MIT)
 
-    def _wait_for_answers(self, now: float) -> list[Outgoing]:
-        last = self._pulse.last
+    def _lead(self, now: float) -> Outgoing | None:
+        return _STEPS[self.phase](self, now)
+
+    def _wait_for_answers(self, now: float) -> Outgoing | None:
         if self._against(now, IDLE):
-            return []
-        if self._answers >= _ANSWERS and last is not None:
-            self._enter(MitPhase.STARTING)
-            return [encode(self.settings.node, _STATE, {"Axis_Requested_State": CLOSED_LOOP})]
+            return None
+        if self._answers >= _ANSWERS:
+            self.phase, self._at, self._to_brake = MitPhase.STARTING, now, True
+            return self._orders.closed_loop()
         if now - self._begun > ANSWER_TIME:
-            self._leave("the module does not answer MIT control")
-            return []
+            self._end("the module does not answer MIT control")
+            return None
         return self._damp(now)
 
-    def _wait_for_loop(self, now: float) -> list[Outgoing]:
+    def _wait_for_loop(self, now: float) -> Outgoing | None:
         last = self._pulse.last
         if self._against(now, IDLE, CLOSED_LOOP):
-            return []
-        fresh = self._pulse.at > self._begun and self.feedback_at > self._begun
+            return None
+        fresh = self._pulse.at > self._at and self.feedback_at > self._at
         if fresh and last is not None and last.state == CLOSED_LOOP:
-            self._enter(MitPhase.RUNNING)
+            self.phase = MitPhase.RUNNING
             self._wanted = self._sent = None
-        elif now - self._begun > START_TIME + 2.0 * self._pulse.period:
-            self._leave("the module does not go into closed loop")
-            return []
+        elif now - self._at > START_TIME + 2.0 * self._pulse.period:
+            self._end("the module does not go into closed loop")
+            return None
         return self._damp(now)
 
-    def _lead(self, now: float) -> list[Outgoing]:
+    def _run(self, now: float) -> Outgoing | None:
         if self._against(now, CLOSED_LOOP) or self._is_deaf(now):
-            return []
+            return None
         if self._wanted is None:
             return self._damp(now)
         command, given = self._wanted
         is_answered = self.answered_number == self._number  # until then the program may be waiting for it
         if is_answered and now - max(given, self._first_answer) > self.settings.command_timeout:
-            self._leave(f"the program gave no command for {now - max(given, self._first_answer):.3f} s")
-            return []
+            self._end(f"the program gave no command for {now - max(given, self._first_answer):.3f} s")
+            return None
         if not self._is_due(now):
-            return []
+            return None
         packed = self._pack(command)
         self._sent = (command, packed, self._number)
-        return [packed.frame]
+        return packed.frame
 
-    def _brake(self, now: float) -> list[Outgoing]:
-        last = self._pulse.last
+    def _brake(self, now: float) -> Outgoing | None:
         fresh = now - self.feedback_at <= self._lost
         stands = fresh and self.feedback is not None and abs(self.feedback.velocity) <= STANDS
-        self._still = (now if self._still is None else self._still) if stands else None
-        is_still = self._still is not None and now - self._still >= STILL
-        for_long = now - self._begun > (BRAKE_TIME if fresh else BLIND)
-        off = last is not None and last.state != CLOSED_LOOP and self._pulse.at > self._begun
-        if is_still or for_long or off:
-            self._enter(MitPhase.LETTING_GO)
-            return self._let_go(now)
+        if self._has_braked(now, stands=stands, longest=BRAKE_TIME if fresh else BLIND):
+            return None
         return self._damp(now)
-
-    def _let_go(self, now: float) -> list[Outgoing]:
-        frame = self._letting_go.step(now)
-        if self._letting_go.over:
-            self.left, self.confirmed = self._letting_go.left, self._letting_go.confirmed
-            self.phase = MitPhase.OVER
-        return [] if frame is None else [frame]
-
-    # Shutdown.
-
-    def _heed(self, why: str) -> None:
-        if why:
-            self._leave(why)
-        elif self.phase in (MitPhase.BRAKING, MitPhase.LETTING_GO):
-            self.phase = MitPhase.LETTING_GO
-            self._letting_go.escalate()
-
-    def _leave(self, why: str) -> None:
-        if self.phase in (MitPhase.BRAKING, MitPhase.LETTING_GO, MitPhase.OVER):
-            return
-        self.why = why
-        if self.phase is MitPhase.LISTENING:
-            self.left, self.phase = "nothing was sent to it", MitPhase.OVER
-        else:
-            self._enter(
-                MitPhase.BRAKING
-                if self.phase in (MitPhase.STARTING, MitPhase.RUNNING)
-                else MitPhase.LETTING_GO
-            )
-            self._still = None
-
-    def _against(self, now: float, *states: int) -> bool:
-        """Begin the shutdown if the module is lost, has errors, has another master or another state; return whether it did."""
-        last = self._pulse.last
-        why = self._others or self._pulse.lost(now)
-        if not why and last is not None:
-            errors = self._pulse.errors()
-            if errors:
-                why = f"the module reports errors: {'; '.join(errors)}"
-            elif last.state not in states and self._pulse.at > self._begun:
-                why = f"the module is in {state_words(last.state)}"
-        if why:
-            self._leave(why)
-        return bool(why)
 
     def _is_deaf(self, now: float) -> bool:
         if now - self.feedback_at <= self._lost:
             return False
-        self._leave(f"the module has not answered for {now - self.feedback_at:.3f} s")
+        self._end(f"the module has not answered for {now - self.feedback_at:.3f} s")
         return True
 
     # Helpers.
 
     @property
-    def _begun(self) -> float:
-        return math.inf if self._start is None else self._start
-
-    @property
     def _lost(self) -> float:
         return max(_LOST, _LOST_PERIODS * self.settings.period)
-
-    def _enter(self, phase: MitPhase) -> None:
-        self.phase, self._start = phase, None
 
     def _is_due(self, now: float) -> bool:
         """Whether a frame is due on the grid of periods; a missed frame is not sent later."""
@@ -399,18 +319,15 @@ class MitLeader:
         self._due = following if following > now else now + self.settings.period
         return True
 
-    def _damp(self, now: float) -> list[Outgoing]:
-        return [self._damping.frame] if self._is_due(now) else []
+    def _damp(self, now: float) -> Outgoing | None:
+        return self._damping.frame if self._is_due(now) else None
 
     def _pack(self, command: MitCommand) -> Packed:
-        return mit.pack(self.settings.node, command, self.settings.ranges)
+        return mit.pack(self.node, command, self.settings.ranges)
 
 
 _STEPS = {
-    MitPhase.LISTENING: MitLeader._listen,
     MitPhase.ANSWERING: MitLeader._wait_for_answers,
     MitPhase.STARTING: MitLeader._wait_for_loop,
-    MitPhase.RUNNING: MitLeader._lead,
-    MitPhase.BRAKING: MitLeader._brake,
-    MitPhase.LETTING_GO: MitLeader._let_go,
+    MitPhase.RUNNING: MitLeader._run,
 }

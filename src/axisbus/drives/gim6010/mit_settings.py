@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from axisbus.drives.gim6010.can_simple import mit
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware
-from axisbus.drives.gim6010.can_simple.identifier import NODES
+from axisbus.drives.gim6010.can_simple.identifier import require_node
 from axisbus.drives.gim6010.can_simple.mit import MitRanges
 from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 from axisbus.errors import ArgumentError
@@ -39,10 +39,7 @@ class MitSettings:
     command_timeout: float
 
     def __post_init__(self) -> None:
-        if isinstance(self.node, bool) or self.node not in NODES:
-            raise ArgumentError(
-                f"{self.node!r} is not a node ID of CAN Simple", remedy="give a number from 0 to 63"
-            )
+        require_node(self.node)
         if not isinstance(self.ranges, MitRanges):
             raise ArgumentError(
                 "ranges of MIT control are not given", remedy="give MitRanges as the module has them"

@@ -1,4 +1,4 @@
-"""Preconditions for changing a module's node ID or protocol, checked against the modules found on its bus."""
+"""Preconditions for changing a module's node ID, bit rate or protocol, checked against the modules found on its bus."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Collection, Sequence
 
 from axisbus.cia301 import cob
 from axisbus.drives.gim6010.can_simple.coexistence import clashes, identifiers
-from axisbus.drives.gim6010.can_simple.identifier import NODES
+from axisbus.drives.gim6010.can_simple.identifier import require_node
 from axisbus.drives.gim6010.discovery.finder import Finder
 from axisbus.drives.gim6010.discovery.results import DiscoveredModule, ProtocolsFound
-from axisbus.errors import ArgumentError, StateError
+from axisbus.errors import StateError
 
 
 def require_one(finder: Finder, found: Sequence[DiscoveredModule], node: int) -> DiscoveredModule:
@@ -51,8 +51,7 @@ def require_free(finder: Finder, found: Sequence[DiscoveredModule], new: int) ->
     Raises:
         ArgumentError: the node ID is invalid. StateError: another module has it, or another node uses one of its identifiers.
     """
-    if new not in NODES:
-        raise ArgumentError(f"{new!r} is not a node ID of CAN Simple", remedy="give a number from 0 to 63")
+    require_node(new)
     if any(each.protocol is ProtocolsFound.CAN_SIMPLE and each.node == new for each in found):
         raise StateError(f"another module has the node ID {new} already", remedy="give a free node ID")
     mine = set(identifiers(new))
@@ -86,6 +85,26 @@ def require_canopen(found: Sequence[DiscoveredModule], node: int) -> None:
         if each.protocol is ProtocolsFound.CAN_SIMPLE and each.node not in (None, node)
     ]
     _require_no_clash([each for each in others if each is not None], {*canopen_nodes(found), node})
+
+
+def require_alone(finder: Finder, found: Sequence[DiscoveredModule], node: int) -> None:
+    """Check that a module is alone on its bus: with another bit rate it would destroy the frames of other nodes.
+
+    Raises:
+        StateError: it is not alone.
+    """
+    others = [
+        f"{each.protocol.value} node {' or '.join(map(str, each.addresses))}"
+        for each in found
+        if each.node != node
+    ]
+    others += [each.words for each in finder.picture.foreign()]
+    if others:
+        raise StateError(
+            f"module {node} is not alone on its bus",
+            observed=f"there are also: {', '.join(others)}",
+            remedy="connect it alone: at another bit rate it would destroy the others' frames",
+        )
 
 
 def canopen_nodes(found: Sequence[DiscoveredModule]) -> set[int]:

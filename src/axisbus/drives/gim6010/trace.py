@@ -23,7 +23,7 @@ from axisbus.drives.gim6010.can_simple.codec import (
 from axisbus.drives.gim6010.can_simple.fields import MessageField, Number
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import NODES, can_id, split
-from axisbus.drives.gim6010.can_simple.messages import BY_COMMAND
+from axisbus.drives.gim6010.can_simple.messages import command_name
 from axisbus.drives.gim6010.can_simple.states import state_words
 from axisbus.errors import ArgumentError
 from axisbus.trace.other_protocols import NodeFrameText, TracePart
@@ -86,8 +86,7 @@ def nodes_of(text: str) -> tuple[int, ...]:
 
 
 def _named(command: int, words: Words) -> Words:
-    name = BY_COMMAND[command].name if command in BY_COMMAND else f"command {command:02X}h"
-    return words._replace(what=f"CAN Simple, {name}: {words.what}")
+    return words._replace(what=f"CAN Simple, {command_name(command)}: {words.what}")
 
 
 def _heartbeat(beat: Heartbeat) -> Words:

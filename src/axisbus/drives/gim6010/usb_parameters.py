@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.endpoints import (
     VERSION_ENDPOINTS,
     Endpoint,
@@ -22,26 +23,17 @@ from axisbus.drives.gim6010.can_simple.endpoints import (
     found_in,
     parse,
 )
-from axisbus.drives.gim6010.can_simple.identifier import NODES
-from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.can_simple.identifier import require_node
+from axisbus.drives.gim6010.make import RESTART_BEGINS, RESTART_TIME
 from axisbus.drives.gim6010.odrive_tree import Gone, OdriveTree
 from axisbus.drives.gim6010.parameters import rules
 from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 from axisbus.drives.gim6010.parameters.values import Value
-from axisbus.errors import ArgumentError, NodeError, NodeTimeout, StateError
+from axisbus.errors import NodeError, NodeTimeout, StateError
 
 SOURCE = "the module's own list"
-_STATE, _ERROR = "axis0.current_state", "axis0.error"
-_WORDS = {
-    "axis": _ERROR,
-    "motor": "axis0.motor.error",
-    "encoder": "axis0.encoder.error",
-    "controller": "axis0.controller.error",
-    "system": "error",
-}
+_STATE = "axis0.current_state"
 _SAVE, _CLEAR = "save_configuration", "clear_errors"
-_BACK = 25.0  # s for a restart, from owners' reports
-_GOES = 3.0  # s in which a restart must begin
 _LOOK = 0.05
 _WIDEST = 8  # bytes of a value
 
@@ -93,10 +85,7 @@ class UsbParameters(ModuleParameters):
 
     def set_node_id(self, new: int) -> None:
         """Change its node ID (0 to 63) in RAM and read it back; blocks. Does not check other nodes. Raises as ``write``."""
-        if new not in NODES:
-            raise ArgumentError(
-                f"{new} is not a node ID of a module", remedy="give a whole number from 0 to 63"
-            )
+        require_node(new)
         self._node = int(self._put(self.endpoint(rules.NODE_ID), new))
 
     def _fetch(self, endpoint: Endpoint) -> Value:
@@ -116,7 +105,7 @@ class UsbParameters(ModuleParameters):
     def _save(self) -> None:
         """Save, and wait until the module is back on its port."""
         self.save_and_leave()
-        self._tree = self._tree.again(_BACK)
+        self._tree = self._tree.again(RESTART_TIME)
         firmware = self.firmware
         self.open()
         if firmware != self.firmware:
@@ -141,7 +130,7 @@ class UsbParameters(ModuleParameters):
     @property
     def axis_error(self) -> int:
         """Error word of the axis; blocks."""
-        return int(self.read(_ERROR))
+        return int(self.read(faults.WORD_PATHS["axis"]))
 
     def error_words(self) -> dict[str, int]:
         """Return its error words by category of the fault table; blocks.
@@ -149,27 +138,21 @@ class UsbParameters(ModuleParameters):
         Raises:
             ArgumentError: its firmware has no such parameter. NodeError: no answer.
         """
-        return {category: int(self.read(path)) for category, path in _WORDS.items()}
+        return {category: int(self.read(path)) for category, path in faults.WORD_PATHS.items()}
 
     def _clear(self) -> None:
         with self._there():
             self._tree.call(self._function(_CLEAR))
 
-    def require_idle(self) -> None:
-        """Check that there is no power on its motor; see ``ModuleParameters.require_idle``."""
-        state = int(self.read(_STATE))
-        if state != IDLE:
-            raise StateError(
-                f"{self.name} is in {state_words(state)}, and only one that is idle is written or saved",
-                remedy="stop and disable it with the program that controls it, then give the command again",
-            )
+    def _state(self) -> int:
+        return int(self.read(_STATE))
 
     def _function(self, path: str) -> str:
         return found_in(self.listed.functions, path, "function", SOURCE).path
 
     def _goes(self) -> bool:
         """Return whether it leaves its port within some seconds."""
-        end = time.monotonic() + _GOES
+        end = time.monotonic() + RESTART_BEGINS
         try:
             while time.monotonic() < end:
                 self._tree.read(_STATE)

@@ -20,8 +20,7 @@ from axisbus.drives.gim6010.can_simple.port.objects import ModuleObjects
 from axisbus.drives.gim6010.can_simple.port.settings import FEEDS, ModuleSettings
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import MAKE
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
-from axisbus.drives.gim6010.cell.drive import drive_of, module_parameters
-from axisbus.drives.gim6010.cell.modules import list_of, module_of
+from axisbus.drives.gim6010.cell.modules import drive_of, list_of, module_of, module_parameters
 from axisbus.drives.gim6010.discovery import questions
 from axisbus.drives.gim6010.discovery.questions import SimpleFacts
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN, GIM6010

@@ -9,10 +9,12 @@ from typing import Self
 
 from axisbus.bus.link.channel import Channel, Receiver, require_other_thread
 from axisbus.drives.gim6010.bus.run import send
-from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import can_id
+from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.discovery.bus_snapshot import count_senders
+from axisbus.drives.gim6010.make import RESTART_BEGINS
 from axisbus.errors import NodeError
 
 LISTEN = 1.1  # s before the first request: heartbeats of 100 ms, and those of a second module of this ID
@@ -20,6 +22,8 @@ _GONE = 0.6  # s without a heartbeat, at least, after which a module counts as g
 _PERIODS = 5  # of its heartbeat, if that is longer
 _KEPT = 32
 PACE = 0.002  # s between two requests to a module that answers
+_LOOK = 0.05
+_SAVE = named("Save_Configuration")
 
 
 class SimpleLine:
@@ -99,6 +103,27 @@ class SimpleLine:
                 observed=f"the last one came {self.clock.now() - self._stamps[-1][0]:.1f} s ago",
                 remedy="check its supply and cable; axisbus gim6010 find searches for it",
             )
+
+    def save(self, remedy: str, is_silent: Callable[[], bool]) -> float:
+        """Send Save_Configuration and wait until the module begins to restart; return when it was sent (s of the clock). Blocks.
+
+        ``is_silent`` returns whether the module is no longer heard.
+
+        Raises:
+            NodeError: it does not restart; ``remedy`` says what to do then.
+        """
+        began, restarts = self.clock.now(), self.beats.restarts
+        self.send(encode(self.node, _SAVE))
+        while self.clock.now() < began + RESTART_BEGINS:
+            if self.beats.restarts > restarts or is_silent():
+                return began
+            self.clock.sleep(_LOOK)
+        raise NodeError(
+            f"module {self.node} got the command to save, and does not restart",
+            node=self.node,
+            observed=f"it has continued as before for {RESTART_BEGINS:g} s",
+            remedy=remedy,
+        )
 
     def send(self, frame: Outgoing) -> None:
         """Send a frame to the module; raises as ``Channel.send``."""

@@ -20,25 +20,20 @@ from axisbus.bus.link.channel import Receiver
 from axisbus.drives.gim6010.bus.can_simple_client import PACE, SimpleLine, several
 from axisbus.drives.gim6010.bus.settings_by_message import ModuleByMessage
 from axisbus.drives.gim6010.can_simple import endpoint_messages
-from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.endpoint_messages import EndpointAnswer
 from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList, Firmware
 from axisbus.drives.gim6010.can_simple.identifier import can_id
-from axisbus.drives.gim6010.can_simple.messages import named
-from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.make import RESTART_TIME
 from axisbus.drives.gim6010.parameters.interface import ParametersByNumber
 from axisbus.drives.gim6010.parameters.values import Value
-from axisbus.errors import BusError, NodeError, NodeTimeout, StateError
+from axisbus.errors import BusError, NodeError, NodeTimeout
 
 TIMEOUT = 0.1  # s for an answer
 _TRIES = 2
 _SECOND = 0.03  # s in which a second module of this node ID would answer, too
 _USB = "odrivetool over USB reads and writes them; many modules answer no endpoint over CAN"
 _STATE = "axis0.current_state"
-_SAVE = named("Save_Configuration")
-_RESTARTS = 3.0  # s within which the restart after a save must begin
-_BACK = 25.0  # s for a restart, from the experience of owners
-_LOOK = 0.05
 _LISTEN = 0.3  # s for the first heartbeats after a restart
 
 
@@ -101,11 +96,10 @@ class CanSimpleParameters(ParametersByNumber):
         """Save and wait until the module begins to restart; return when the save was requested (s, monotonic)."""
         self.require_idle()
         self._require_alone()
-        began = self.line.clock.now()
-        restarts = self.line.beats.restarts
-        self.line.send(encode(self.node, _SAVE))
-        self._wait_for_restart(restarts, began)
-        return began
+        return self.line.save(
+            "it is not known whether the values were saved: save over USB, or read them again after a power cycle",
+            self._is_silent,
+        )
 
     @property
     def axis_error(self) -> int:
@@ -116,21 +110,11 @@ class CanSimpleParameters(ParametersByNumber):
     def _clear(self) -> None:
         ModuleByMessage(self.line).clear()
 
-    def require_idle(self) -> None:
-        """Check that the motor has no power, by the heartbeat or, if there is none, by the parameter of the axis state.
-
-        Raises:
-            StateError: the module is in another state. BusError: its state cannot be read.
-        """
+    def _state(self) -> int:
+        """Return the state of the last heartbeat; the parameter of the axis state if the module sends no heartbeat."""
         self.line.require_there()
         state = self.line.state
-        if state is None:
-            state = int(self.read(_STATE))
-        if state != IDLE:
-            raise StateError(
-                f"module {self.node} is in {state_words(state)}, and only an idle module can be written or saved",
-                remedy="stop and disable it with the program that controls it, then give the command again",
-            )
+        return int(self.read(_STATE)) if state is None else state
 
     def _version(self) -> Firmware:
         major, minor, revision = self._numbers(endpoint_messages.request_version(self.node), again=True)
@@ -203,21 +187,8 @@ class CanSimpleParameters(ParametersByNumber):
 
     # -- restarts -------------------------------------------------------------------------------------------------------------
 
-    def _wait_for_restart(self, restarts: int, began: float) -> None:
-        """Wait until the heartbeats stop or restart; if the module sends none, until it does not answer."""
-        end = began + _RESTARTS
-        while self.line.clock.now() < end:
-            if self.line.beats.restarts > restarts or self._is_silent():
-                return
-            self.line.clock.sleep(_LOOK)
-        raise NodeError(
-            f"module {self.node} got the command to save, and does not restart",
-            node=self.node,
-            observed=f"it has continued as before for {_RESTARTS:g} s",
-            remedy="it is not known whether the values were saved: save over USB, or read them again after a power cycle",
-        )
-
     def _is_silent(self) -> bool:
+        """Whether the heartbeats have stopped; if the module sends none, whether it no longer answers."""
         if self.line.last_beat is not None:
             return self.line.state is None
         try:
@@ -229,7 +200,7 @@ class CanSimpleParameters(ParametersByNumber):
     def _come_back(self, began: float) -> None:
         """Wait until the module answers as before, and prove the list again."""
         seen = ""
-        while self.line.clock.now() < began + _BACK:
+        while self.line.clock.now() < began + RESTART_TIME:
             try:
                 self.line.listen(_LISTEN)
                 if self._version() == self.firmware:
@@ -241,6 +212,6 @@ class CanSimpleParameters(ParametersByNumber):
         raise NodeTimeout(
             f"module {self.node} does not come back after saving",
             node=self.node,
-            observed=f"no sign of it in {_BACK:g} s; {seen}",
+            observed=f"no sign of it in {RESTART_TIME:g} s; {seen}",
             remedy="search for it: axisbus gim6010 find; a new bit rate or protocol is active from now on",
         )

@@ -5,10 +5,10 @@ from __future__ import annotations
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Protocol
+from typing import Any, Protocol
 
 from axisbus.bus.link.channel import Channel, require_other_thread
 from axisbus.bus.link.controller import CanErrorState
@@ -189,31 +189,43 @@ def _leave(channel: Channel, dialogue: Interruptible, error: BaseException) -> N
             run(channel, dialogue)
     finally:
         if not dialogue.done:
-            for _ in range(_PARTINGS):
-                for frame in dialogue.parting:
-                    with suppress(AxisbusError):
-                        send(channel, frame)
+            send_parting(channel, dialogue)
+
+
+def send_parting(channel: Channel, dialogue: Interruptible) -> None:
+    """Send the final frames of a dialogue that cannot continue, several times; failures are ignored."""
+    for _ in range(_PARTINGS):
+        for frame in dialogue.parting:
+            with suppress(AxisbusError):
+                send(channel, frame)
 
 
 @contextmanager
-def interrupts(interrupt: Callable[[str], object]) -> Iterator[list[int]]:
+def interrupts(
+    interrupt: Callable[[str], object], signals: Mapping[int, str] = _SIGNALS
+) -> Iterator[list[int]]:
     """Handle signals by ``interrupt`` (called with the signal's name), and yield the list of signals.
 
-    Only in the main thread, in which Python delivers them.
+    If ``interrupt`` returns True, the signal is raised in the program, as KeyboardInterrupt or SystemExit. Only in the main thread,
+    in which Python delivers them.
     """
     caught: list[int] = []
-    before = {}
+    before: dict[int, Any] = {}
 
     def take(number: int, _: FrameType | None) -> None:
         caught.append(number)
-        interrupt(_SIGNALS[number])
+        if interrupt(signals[number]) is not True:
+            return
+        if number == signal.SIGINT:
+            raise KeyboardInterrupt
+        raise SystemExit(128 + number)
 
     if threading.current_thread() is threading.main_thread():
-        for number in _SIGNALS:
+        for number in signals:
             if signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
                 before[number] = signal.signal(number, take)
     try:
         yield caught
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            signal.signal(number, handler if handler is not None else signal.SIG_DFL)

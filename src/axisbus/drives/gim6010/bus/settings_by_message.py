@@ -10,12 +10,13 @@ from axisbus.bus.link.channel import Channel
 from axisbus.drives.gim6010.bus.can_simple_client import LISTEN, SimpleLine, several
 from axisbus.drives.gim6010.can_simple.codec import encode, request
 from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.orders import Orders
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.make import RESTART_TIME
 from axisbus.drives.gim6010.parameters import rules
 from axisbus.errors import NodeError, NodeTimeout, StateError
 
-_LIMITS, _LINEAR, _CLEAR = (named(each) for each in ("Set_Limits", "Set_Linear_Count", "Clear_Errors"))
-_COUNT = named("Get_Encoder_Count")
+_LINEAR, _COUNT = named("Set_Linear_Count"), named("Get_Encoder_Count")
 _AFTER = 0.4  # s during which the client listens to heartbeats after a command
 _ANSWER = 0.2  # s
 _NEAR = 8  # counts by which an encoder at standstill may flicker
@@ -51,7 +52,7 @@ class ModuleByMessage:
         Raises:
             LimitError: a value that cannot be sent. StateError, NodeError: as ``require_idle``, or the module restarted or left.
         """
-        frame = encode(self.line.node, _LIMITS, {"Velocity_Limit": velocity, "Current_Limit": current})
+        frame = Orders(self.line.node).limits(velocity, current)
         self.require_idle()
         self.line.send(frame)
         self.require_idle(_AFTER)
@@ -91,7 +92,7 @@ class ModuleByMessage:
             StateError, NodeError: as ``require_idle``; the error remains.
         """
         self.require_idle(_AFTER)
-        self.line.send(encode(self.line.node, _CLEAR))
+        self.line.send(Orders(self.line.node).clear())
         self.require_idle(_AFTER)
         last = self.line.beats.last
         word = None if last is None else last.axis_error
@@ -127,11 +128,9 @@ class ModuleByMessage:
 # it is.
 
 
-_SET, _SAVE = named("Set_Axis_Node_ID"), named("Save_Configuration")
+_SET = named("Set_Axis_Node_ID")
 _TAKEN = 2.0  # s in which a heartbeat must come under the new ID
 _QUIET = 0.5  # s after that, in which no heartbeat may come under the old ID
-_RESTARTS = 3.0  # s within which the restart after a save must begin
-_BACK = 25.0  # s for a restart, from the experience of owners
 _LOOK = 0.05
 
 
@@ -177,26 +176,20 @@ def _taken(before: SimpleLine, after: SimpleLine) -> None:
 
 
 def _save(before: SimpleLine, after: SimpleLine) -> None:
-    restarts, told = after.beats.restarts, after.clock.now()
     if after.state != IDLE:
         raise StateError(
             f"module {after.node} is no longer idle, and is not saved", remedy="stop and disable it"
         )
-    after.send(encode(after.node, _SAVE))
-    while after.beats.restarts == restarts and after.state is not None:
-        if after.clock.now() > told + _RESTARTS:
-            raise NodeError(
-                f"module {after.node} got the command to save, and does not restart",
-                node=after.node,
-                remedy="its node ID is in RAM only: save it over USB, or it has the old one after its next start",
-            )
-        after.clock.sleep(_LOOK)
+    after.save(
+        "its node ID is in RAM only: save it over USB, or it has the old one after its next start",
+        lambda: after.state is None,
+    )
     _back(before, after, after.clock.now())
 
 
 def _back(before: SimpleLine, after: SimpleLine, gone: float) -> None:
     """Wait for the first heartbeat after the restart, under either ID."""
-    while after.clock.now() < gone + _BACK:
+    while after.clock.now() < gone + RESTART_TIME:
         if (before.last_beat or 0.0) > gone:
             raise NodeError(
                 f"the module came back with the node ID {before.node}: the new one was not saved",
@@ -209,6 +202,6 @@ def _back(before: SimpleLine, after: SimpleLine, gone: float) -> None:
     raise NodeTimeout(
         f"module {after.node} does not come back after saving",
         node=after.node,
-        observed=f"no sign of it in {_BACK:g} s",
+        observed=f"no sign of it in {RESTART_TIME:g} s",
         remedy="search for it: axisbus gim6010 find",
     )

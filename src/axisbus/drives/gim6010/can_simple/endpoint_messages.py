@@ -1,4 +1,4 @@
-"""Reading, writing and calling endpoints over CAN: RxSdo and TxSdo (manual v2.2, 4.1.2).
+"""Reading and writing endpoints over CAN: RxSdo and TxSdo (manual v2.2, 4.1.2).
 
 Theory of operation. Requests are sent on RxSdo, as in the manual's detailed part. Answers are accepted on RxSdo and on TxSdo, since
 the manual names both and the maker's own program uses RxSdo. A value has four bytes, so that eight-byte values cannot be
@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from axisbus.drives.gim6010.can_simple import protected_parameters as protection
@@ -105,32 +104,14 @@ def write(
         LimitError: the value is beyond its type.
     """
     endpoint = listed.endpoint(path)
-    _allow(endpoint.path, by_name=by_name)
-    return _written(node, endpoint, value)
-
-
-def call(
-    node: int,
-    listed: FittedList,
-    path: str,
-    arguments: Sequence[Number | bool] = (),
-    *,
-    by_name: bool = False,
-) -> tuple[Outgoing, ...]:
-    """Return the frames that call a function of ``node`` (0 to 63), to be sent in this order: its arguments, then itself.
-
-    There are no reports of such a call over CAN; the manual only says that it is possible. ``by_name`` as in ``write``.
-
-    Raises:
-        ArgumentError: as ``write``, or the number of arguments is wrong.
-    """
-    function = listed.function(path)
-    _allow(function.path, by_name=by_name)
-    if len(arguments) != len(function.inputs):
-        names = ", ".join(each.path.rpartition(".")[2] for each in function.inputs) or "no arguments"
-        raise ArgumentError(f"{function.path} takes {names}, not {len(arguments)} of them")
-    inputs = [_written(node, each, value) for each, value in zip(function.inputs, arguments, strict=True)]
-    return (*inputs, _frame(node, _WRITE, function.id, 0))
+    found = protection.protected(endpoint.path)
+    if found is not None and not by_name:
+        raise ArgumentError(
+            f"{endpoint.path} is protected: it {found.why}", remedy="name it explicitly if you mean it"
+        )
+    if not endpoint.writable:
+        raise ArgumentError(f"{endpoint.path} cannot be written", remedy="it is read-only")
+    return _frame(node, _WRITE, endpoint.id, int.from_bytes(value_bytes(endpoint, value), "little"))
 
 
 def answer(identifier: int, data: bytes) -> EndpointAnswer | Unexpected:
@@ -194,20 +175,6 @@ def _letter(endpoint: Endpoint, most: int = _BYTES) -> str:
             remedy="read or write it over USB",
         )
     return letter
-
-
-def _allow(path: str, *, by_name: bool) -> None:
-    found = protection.protected(path)
-    if found is not None and not by_name:
-        raise ArgumentError(
-            f"{path} is protected: it {found.why}", remedy="name it explicitly if you mean it"
-        )
-
-
-def _written(node: int, endpoint: Endpoint, value: Number | bool) -> Outgoing:
-    if not endpoint.writable:
-        raise ArgumentError(f"{endpoint.path} cannot be written", remedy="it is read-only")
-    return _frame(node, _WRITE, endpoint.id, int.from_bytes(value_bytes(endpoint, value), "little"))
 
 
 def _frame(node: int, opcode: int, number: int, value: int) -> Outgoing:

@@ -267,14 +267,6 @@ class FittedList:
         """
         return found_in(self.listed.endpoints, path, "parameter", self.listed.source)
 
-    def function(self, path: str) -> FirmwareFunction:
-        """Return a function by its path, with or without ``odrv0.``.
-
-        Raises:
-            ArgumentError: the list has no such function.
-        """
-        return found_in(self.listed.functions, path, "function", self.listed.source)
-
 
 def found_in(found: Mapping[str, _Found], path: str, kind: str, source: str) -> _Found:
     """Return the entry of a list for a path, with or without ``odrv0.``; ``kind`` and ``source`` are for messages.

@@ -23,13 +23,22 @@ class Identifier(NamedTuple):
         return self.node << _COMMAND_BITS | self.command
 
 
+def require_node(node: object) -> None:
+    """Check a node ID.
+
+    Raises:
+        ArgumentError: it is not from 0 to 63.
+    """
+    _check("node ID of CAN Simple", node, NODES)
+
+
 def can_id(node: int, command: int) -> int:
     """Return the identifier of a command to or from a node.
 
     Raises:
         ArgumentError: the node ID is not from 0 to 63, or the command ID not from 0 to 31.
     """
-    _check("node ID of CAN Simple", node, NODES)
+    require_node(node)
     _check("command ID of CAN Simple", command, COMMANDS)
     return Identifier(node, command).can_id
 

@@ -140,6 +140,11 @@ HEARTBEAT_FIELDS = BY_NAME["Heartbeat"].answer  # the newest layout; ``heartbeat
 HIGHEST_CURRENT = next(each.high for each in BY_NAME["Set_Limits"].sent if each.unit == "A")  # (3.1.3)
 
 
+def command_name(command: int) -> str:
+    """Return the name of a command; for an unknown one, its number."""
+    return BY_COMMAND[command].name if command in BY_COMMAND else f"command {command:02X}h"
+
+
 def named(name: str) -> Message:
     """Return a message by its name in the manual.
 

@@ -1,20 +1,26 @@
-"""The modules among a cell's nodes, and the settings of their ports."""
+"""The modules among a cell's nodes, the settings of their ports, and their axes as CiA 402 drives."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from axisbus.cell.model import BusConfig, CellConfig, NodeConfig
+from axisbus.cell import scale_proposal
+from axisbus.cell.axis_description import Drive
+from axisbus.cell.model import AxisConfig, BusConfig, CellConfig, NodeConfig
 from axisbus.cell.other_protocols import NodeFrame
+from axisbus.cell.parameters import axis_parameters
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware, with_version
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import LENGTH, named
-from axisbus.drives.gim6010.can_simple.periodic import FACTORY
 from axisbus.drives.gim6010.can_simple.port.feedback import CURRENT_EVERY, SELDOM
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.can_simple.port.synthetic_eds import MAKE, description
 from axisbus.drives.gim6010.cell.module import MODBUS, ModuleConfig
+from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, StateError
+from axisbus.motion.parameters import AxisParameters
 
 NO_REMOTE = ("socketcand",)  # interfaces whose protocol has no remote frames
 
@@ -135,6 +141,7 @@ _ESTIMATES, _COUNT, _CURRENT, _TARGET = (
     "Get_Iq",
     "Set_Input_Pos",
 )
+_FACTORY_PERIOD = 0.01  # s: of the estimates, axis0.config.can.encoder_rate_ms (manual v2.2, 4.1.5)
 
 
 def module_frames(cell: CellConfig) -> Iterator[NodeFrame]:
@@ -148,7 +155,7 @@ def _of_module(cell: CellConfig, node: int) -> Iterator[NodeFrame]:
     period = settings.period
     yield _frame(node, "heartbeat", "Heartbeat", 1 / settings.heartbeat, LENGTH, to_node=False)
     # The master requests the estimates in every cycle from a module that does not send them automatically; the worst case counts.
-    by_itself = 1000 / FACTORY[_ESTIMATES]
+    by_itself = 1 / _FACTORY_PERIOD
     asked = {_ESTIMATES: 1 / period, _COUNT: 1 / SELDOM}
     if settings.torque is not None:
         asked[_CURRENT] = 1 / max(CURRENT_EVERY, period)
@@ -162,3 +169,36 @@ def _of_module(cell: CellConfig, node: int) -> Iterator[NodeFrame]:
 
 def _frame(node: int, kind: str, name: str, rate: float, data_bytes: int, *, to_node: bool) -> NodeFrame:
     return NodeFrame(node, can_id(node, named(name).command), kind, name, rate, data_bytes, to_node)
+
+
+# -- The axis of a module as a CiA 402 drive, from the description that its port provides ------------------------------
+
+
+_WHOLE = 1000  # ‰ of the rated torque: the highest that a port allows
+
+
+def descriptions(cell: CellConfig) -> dict[int, Eds]:
+    """Return the description (EDS) that each module's port provides, by node; raises as ``settings_of``."""
+    return {node_id: description(settings_of(cell, node_id)) for node_id in modules_of(cell)}
+
+
+def drive_of(cell: CellConfig, axis: AxisConfig) -> Drive:
+    """Return the drive of an axis whose node is a module; raises as ``settings_of``."""
+    return Drive.of(axis, cell.nodes[axis.node], description(settings_of(cell, axis.node)))
+
+
+def module_parameters(cell: CellConfig, name: str) -> AxisParameters:
+    """Return the parameters of the axis ``name``, whose node is a module; raises as ``settings_of``."""
+    axis = cell.axes[name]
+    drive = drive_of(cell, axis)
+    found = axis_parameters(cell, name, drive.eds, MAKE)
+    turning = settings_of(cell, axis.node).torque
+    return replace(
+        found,
+        # a port has objects of modes that it cannot run: only 6502h lists the modes reliably
+        modes=found.modes if axis.modes is not None else found.modes & (drive.claimed or frozenset()),
+        limits=scale_proposal.limited_torque(
+            found.limits, axis.rated_torque, lambda _: None if turning is None else _WHOLE
+        ),
+        torque_slope=None if turning is None else round(turning.ramp / turning.rated * 1000),
+    )

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from axisbus.cell.other_protocols import CellPart
 from axisbus.drives.gim6010.can_simple.coexistence import commands_to, sent_by
-from axisbus.drives.gim6010.cell.drive import descriptions, module_parameters
 from axisbus.drives.gim6010.cell.module import CAN_SIMPLE, MODBUS, READERS, WORDS, ModuleConfig
-from axisbus.drives.gim6010.cell.modules import line_options, module_frames, no_objects, no_virtual_time
+from axisbus.drives.gim6010.cell.modules import (
+    descriptions,
+    line_options,
+    module_frames,
+    module_parameters,
+    no_objects,
+    no_virtual_time,
+)
 from axisbus.toml.tables import CellKey
 
 PART = CellPart(

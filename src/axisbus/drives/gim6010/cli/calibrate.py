@@ -1,19 +1,30 @@
-"""``axisbus gim6010 calibrate``: calibrate motor and encoder of a module, monitor the calibration, and check its result."""
+"""``axisbus gim6010 calibrate`` and ``modbus calibrate``: calibrate motor and encoder of a module, and check the result."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
+from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next, say_note
 from axisbus.drives.gim6010.cli.confirm import ask, end_by, yes_option
 from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, run_alone, without_remote
+from axisbus.drives.gim6010.cli.modbus.target_module import (
+    ModbusTarget,
+    guard,
+    line_of,
+    list_options,
+    opened,
+    parameters,
+    read_list,
+)
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.calibration import Calibration
 
-PRE_CALIBRATED = ("axis0.motor.config.pre_calibrated", "axis0.encoder.config.pre_calibrated")
+_PRE_CALIBRATED = ("axis0.motor.config.pre_calibrated", "axis0.encoder.config.pre_calibrated")
+_FLAGS = " ".join(f"{path}=true" for path in _PRE_CALIBRATED)
 
 
 @click.command("calibrate")
@@ -41,25 +52,68 @@ def command(
     ask(explanation(kind, node), yes=yes)
     calibration = Calibration(node, kind, remote=not without_remote(line))
     number = run_alone(line, calibration)  # another program on the bus could also move this module
-    code = _tell(calibration, line)
+    module = f"{line.words} --node {node}"
+    over_usb = ", ".join(f"odrv0.{path} = True" for path in _PRE_CALIBRATED)
+    return _end(
+        calibration,
+        number,
+        f"axisbus gim6010 errors {module}",
+        (
+            f"axisbus gim6010 params set {_FLAGS} {module} --list ... --save",
+            f"or over USB: {over_usb}, odrv0.save_configuration()",
+        ),
+    )
+
+
+# -- ``axisbus gim6010 modbus calibrate``: the same over RS485 ----------------------------------------------------------
+
+
+@click.command("calibrate")
+@click.argument("what", type=click.Choice(["motor", "encoder", "full"]))
+@list_options
+@yes_option
+def modbus_calibrate_command(what: str, target: ModbusTarget, yes: bool) -> int:
+    """Calibrate the motor, the encoder, or both: THE OUTPUT MAY TURN DURING THE CALIBRATION.
+
+    The command explains the calibration, asks for confirmation, monitors the calibration, and assesses the result. It needs the
+    list of endpoints (--list), to see how far the rotor turns. The module must be idle and report no error.
+    Ctrl-C, SIGTERM, a lost module, a state that does not belong to a calibration, and too many turns end it by idle, then
+    emergency stop, and the state of the module after that is shown. Nothing is saved. Exit code 0 only if the calibration was
+    completed without an error.
+    """
+    from axisbus.drives.gim6010.bus.run import run_guarded
+    from axisbus.drives.gim6010.calibration import Calibration, CalibrationKind, explanation
+
+    kind = CalibrationKind[what.upper()]
+    listed = read_list(target.listed, target.made_for)  # before any question is asked or port opened
+    ask(explanation(kind, target.node, watchdog_process=True), yes=yes)
+    with opened(target) as module:
+        parameters(target, module)  # whether the list fits
+        module.require_idle(f"{kind.words} is begun")
+    with guard(target) as watchdog, line_of(target, listed, calibrates=True) as channel:
+        calibration = Calibration(target.node, kind, guarded=lambda: watchdog.is_there)
+        number = run_guarded(channel, calibration, say_note)
+    return _end(
+        calibration,
+        number,
+        f"axisbus gim6010 modbus errors {target.words}",
+        (f"axisbus gim6010 modbus write {_FLAGS} --save {target.words} --list {target.listed}",),
+    )
+
+
+def _end(calibration: Calibration, number: int, hint: str, saving: Sequence[str]) -> int:
+    """Print the result, and how to save it; end the program if a signal (``number``) requires that, or return the exit code."""
+    code = _tell_result(calibration, hint)
+    for way in saving if code == OK else ():
+        say(f"  {way}")
     end_by(number)
     return code
 
 
-def _tell(calibration: Calibration, line: BusOptions) -> int:
-    code = tell_result(calibration, f"axisbus gim6010 errors {line.words} --node {calibration.node}")
-    if code == OK:
-        flags = " ".join(f"{path}=true" for path in PRE_CALIBRATED)
-        say(f"  axisbus gim6010 params set {flags} {line.words} --node {calibration.node} --list ... --save")
-        over_usb = ", ".join(f"odrv0.{path} = True" for path in PRE_CALIBRATED)
-        say(f"  or over USB: {over_usb}, odrv0.save_configuration()")
-    return code
-
-
-def tell_result(calibration: Calibration, hint: str) -> int:
+def _tell_result(calibration: Calibration, hint: str) -> int:
     """Print the result of a calibration and the state in which it left the module; return its exit code.
 
-    ``hint``: the command that shows the errors of the module. After success, the caller prints how to save the result.
+    ``hint``: the command that shows the errors of the module.
     """
     kind, found, left = calibration.kind, calibration.verdict, calibration.left
     if found is None:

@@ -122,12 +122,11 @@ def survey(line: BusOptions, node: int | None = None) -> tuple[Finder, tuple[Dis
         UsageError, AdapterError, ConfigError: as ``look``.
         StateError: the bus runs at another bit rate.
     """
-    from axisbus.drives.gim6010.discovery.finder import Finder, Only, ProbeScope
+    from axisbus.drives.gim6010.discovery.finder import EVERY_NODE, Finder, ProbeScope
     from axisbus.drives.gim6010.discovery.results import findings
     from axisbus.errors import StateError
 
-    only = Only(None if node is None else frozenset({node}))
-    finder = Finder(ask=ProbeScope.ALL, only=only, words=False)
+    finder = Finder(ask=ProbeScope.ALL, only=EVERY_NODE if node is None else (node,), words=False)
     elsewhere = look(line, finder)
     if elsewhere is not None:
         raise StateError(

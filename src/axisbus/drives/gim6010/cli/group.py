@@ -16,11 +16,14 @@ def _table(**rows: tuple[str, str]) -> Table:
     cls=LazyGroup,
     table=_table(
         find=("find", "Find the modules on a bus, and show the protocol of each."),
-        errors=("errors", "Show every error of a module, and what to check."),
+        errors=("find:errors_command", "Show every error of a module, and what to check."),
         params=("group:params", "Read, write, back up and restore parameters by name."),
-        set_id=("set_id", "Give a module that speaks CAN Simple another node ID."),
+        set_id=(
+            "settings.connection:set_id_command",
+            "Give a module that speaks CAN Simple another node ID.",
+        ),
         set_bitrate=(
-            "settings.commands:set_bitrate_command",
+            "settings.connection:set_bitrate_command",
             "Give a module that is alone another bit rate.",
         ),
         zero=("settings.commands:zero_command", "Set the present position of a module as its zero."),
@@ -40,9 +43,9 @@ def _table(**rows: tuple[str, str]) -> Table:
         calibrate=("calibrate", "Calibrate a module, which turns its motor; asks before."),
         modbus=("group:modbus", "Read, write, calibrate and stop a module over RS485 (Modbus RTU)."),
         tune=("tune", "Try gains by a measured step, which turns a module; asks before."),
-        to_canopen=("protocol_change:to_canopen_command", "Change a module from CAN Simple to CANopen."),
+        to_canopen=("settings.connection:to_canopen_command", "Change a module from CAN Simple to CANopen."),
         to_can_simple=(
-            "protocol_change:to_can_simple_command",
+            "settings.connection:to_can_simple_command",
             "Change a module back to CAN Simple, or show the steps.",
         ),
     ),
@@ -57,13 +60,13 @@ def command() -> None:
 @click.group(
     cls=LazyGroup,
     table=_table(
-        get=("params.commands:get_command", "Read parameters by name."),
-        set=("params.commands:set_command", "Write parameters by name, each read back; --save stores them."),
-        dump=("params.commands:dump_command", "Read every parameter that can be read."),
-        backup=("params.commands:backup_command", "Write the settings of a module into a file."),
-        restore=("params.commands:restore_command", "Write the settings of a backup to a module."),
+        get=("params:get_command", "Read parameters by name."),
+        set=("params:set_command", "Write parameters by name, each read back; --save stores them."),
+        dump=("params:dump_command", "Read every parameter that can be read."),
+        backup=("params:backup_command", "Write the settings of a module into a file."),
+        restore=("params:restore_command", "Write the settings of a backup to a module."),
         diff=(
-            "params.commands:diff_command",
+            "params:diff_command",
             "Show the differences between backups, or a backup and a module.",
         ),
     ),
@@ -93,10 +96,10 @@ def params() -> None:
         ),
         zero=("modbus.registers:zero_command", "Set the present position to 0, and save it."),
         calibrate=(
-            "modbus.calibrate_and_stop:calibrate_command",
+            "calibrate:modbus_calibrate_command",
             "Calibrate motor and encoder: the output may turn; asks first.",
         ),
-        stop=("modbus.calibrate_and_stop:stop_command", "Stop a module, whichever program enabled it."),
+        stop=("modbus.registers:stop_command", "Stop a module, whichever program enabled it."),
     ),
 )
 def modbus() -> None:

@@ -12,7 +12,7 @@ from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_ne
 from axisbus.cli.shared.options import Seconds
 from axisbus.drives.gim6010.cli.confirm import ask, end_by, yes_option
 from axisbus.drives.gim6010.cli.discovery import require_node, run_alone, without_remote
-from axisbus.drives.gim6010.cli.params.module import (
+from axisbus.drives.gim6010.cli.module_selection import (
     ModuleSelection,
     module_options,
     opened,
@@ -22,8 +22,7 @@ from axisbus.drives.gim6010.cli.params.module import (
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.tuning.runner import ModuleTuning
-    from axisbus.drives.gim6010.tuning.search import GainSearch
-    from axisbus.drives.gim6010.tuning.trial import Gains, ModuleTrial
+    from axisbus.drives.gim6010.tuning.trial import Gains, GainSearch, ModuleTrial
 
 
 _PATHS = {
@@ -116,7 +115,7 @@ def _before(asked: ModuleSelection) -> dict[str, float]:
 
 
 def _tell_where_they_are(gains: Gains) -> None:
-    if any(getattr(gains, name) is not None for name in _PATHS):
+    if gains.given:
         say("  note: the gains that were tried may be in its RAM; its next start restores the old ones")
 
 
@@ -125,10 +124,9 @@ def _tell_gains(
 ) -> bool:
     """Print the gains before and now; return whether the module has the given gains, as far as they can be read."""
     if not before:
-        given = [name for name in _PATHS if getattr(gains, name) is not None]
-        if given:
+        if gains.given:
             say(
-                f"  note: nothing confirms the gains that were sent ({', '.join(given)}): give --list to read them back"
+                f"  note: nothing confirms the gains that were sent ({', '.join(gains.given)}): give --list to read them back"
             )
         return True
     for name, path in _PATHS.items():
@@ -143,12 +141,7 @@ def _tell_gains(
 def _were_taken(gains: Gains, after: dict[str, float]) -> bool:
     from axisbus.drives.gim6010.parameters import values
 
-    given = {name: getattr(gains, name) for name in _PATHS}
-    lost = [
-        _PATHS[name]
-        for name, value in given.items()
-        if value is not None and not values.same(after[name], value)
-    ]
+    lost = [_PATHS[name] for name, value in gains.given.items() if not values.same(after[name], value)]
     if lost:
         say_error(
             f"the module has not accepted {', '.join(lost)}: the step was made with other gains than those given"
@@ -157,12 +150,11 @@ def _were_taken(gains: Gains, after: dict[str, float]) -> bool:
 
 
 def _advise(tuning: ModuleTuning, gains: Gains, now: dict[str, float]) -> None:
-    from axisbus.drives.gim6010.tuning.search import following, worse
+    from axisbus.drives.gim6010.tuning.trial import following, worse
 
     loop, found = tuning.trial.loop, worse(tuning.there, tuning.back)
     assert found is not None
-    given = getattr(gains, loop.value)
-    say_next(following(loop, found, now.get(loop.value) if given is None else given))
+    say_next(following(loop, found, gains.given.get(loop.value, now.get(loop.value))))
 
 
 # -- The trials of ``axisbus gim6010 tune``: one, or the manual's procedure from gain to gain, confirmed before each ----
@@ -206,7 +198,7 @@ def search_for(trial: ModuleTrial, gains: Gains, most: float) -> GainSearch:
         UsageError: the initial gain is not given.
         ArgumentError: it is invalid, or above ``most``.
     """
-    from axisbus.drives.gim6010.tuning.search import GainSearch
+    from axisbus.drives.gim6010.tuning.trial import GainSearch
 
     first = getattr(gains, trial.loop.value)
     if first is None:
@@ -217,7 +209,7 @@ def search_for(trial: ModuleTrial, gains: Gains, most: float) -> GainSearch:
 
 def explained(search: GainSearch) -> Iterator[str]:
     """Yield the explanations of a search that are not part of those of one trial."""
-    from axisbus.drives.gim6010.tuning.search import MOST_TRIALS
+    from axisbus.drives.gim6010.tuning.trial import MOST_TRIALS
 
     yield (
         f"  this is repeated, at most {MOST_TRIALS} times: {search.name} from {search.first:g} on, 30 % more each "
@@ -234,7 +226,7 @@ def run_search(
     Raises:
         KeyboardInterrupt, SystemExit: there was a signal; the module has been released before.
     """
-    from axisbus.drives.gim6010.tuning.search import worse
+    from axisbus.drives.gim6010.tuning.trial import worse
 
     while search.next is not None:
         if search.trials and not yes and not click.confirm(f"Continue with {search.name} {search.next:.4g}?"):

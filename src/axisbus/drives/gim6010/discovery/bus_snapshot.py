@@ -32,7 +32,6 @@ _KEPT = 64  # heartbeats of a node that are evaluated
 _DOUBTFUL = 8  # frames that look like heartbeats, on an identifier of another node
 _LENGTH = 8
 _MOST = 512  # identifiers that are stored
-_BUS_WIDE = frozenset({cob.NMT, cob.SYNC, cob.TIME, cob.LSS_TX, cob.LSS_RX})
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +154,7 @@ class BusSnapshot:
 
     def _known(self) -> set[int]:
         simple = {can_id(node, command) for node in self.simple for command in COMMANDS}
-        return simple | set(canopen_identifiers(sorted(self.canopen))) | _BUS_WIDE
+        return simple | set(canopen_identifiers(sorted(self.canopen)))
 
     def _beat(self, node: int, frame: CanFrame) -> None:
         before = self.beats.get(node, Heartbeats())

@@ -32,6 +32,7 @@ from axisbus.drives.gim6010.discovery import questions
 from axisbus.drives.gim6010.discovery.bus_snapshot import BusSnapshot
 from axisbus.drives.gim6010.discovery.questions import Asking, CanopenFacts, ProbeFrame, SimpleFacts
 
+EVERY_NODE = range(256)  # node IDs of all protocols
 _EPSILON = 1e-9  # s; sums of floats do not meet a time exactly
 _FIRST = 0.1  # s after the first request on a silent bus, for the CAN controller to report a missing acknowledgement
 _TWICE = range(48, 52)  # node IDs of CAN Simple to which CANopen requests are commands: probed twice before
@@ -59,17 +60,6 @@ class Bounds:
         assert self.pace >= 0.01
 
 
-@dataclass(frozen=True, slots=True)
-class Only:
-    """The node IDs of interest, of each protocol; None: all."""
-
-    nodes: frozenset[int] | None = None
-
-    def has(self, node: int) -> bool:
-        """Whether a node ID is of interest."""
-        return self.nodes is None or node in self.nodes
-
-
 @dataclass(slots=True)
 class _Asked:
     """A running dialogue: its node, its pending request and the time of that request."""
@@ -90,7 +80,7 @@ class Finder:
     """
 
     ask: ProbeScope | None = None
-    only: Only = field(default_factory=Only)
+    only: Collection[int] = EVERY_NODE  # the node IDs of interest, of each protocol
     bounds: Bounds = field(default_factory=Bounds)
     words: bool = True  # whether error words are requested
     remote: bool = True  # whether the bus carries remote frames
@@ -181,7 +171,7 @@ class Finder:
         self, nodes: Iterable[int], found: list[int], *, brief: bool = False
     ) -> Iterator[_Asked]:
         for node in nodes:
-            if self.only.has(node) and node not in self.picture.simple and self._is_free(node):
+            if node in self.only and node not in self.picture.simple and self._is_free(node):
                 yield self._silent(node, found, brief=brief)
 
     def _is_late(self, node: int) -> bool:
@@ -189,7 +179,7 @@ class Finder:
 
     def _modules(self, nodes: Collection[int]) -> Iterator[_Asked]:
         for node in nodes:
-            if self.only.has(node) and self._unclaimed(node):
+            if node in self.only and self._unclaimed(node):
                 facts = self.simple.setdefault(node, SimpleFacts())
                 yield _Asked(
                     ("CAN Simple", node),
@@ -210,7 +200,7 @@ class Finder:
     def _nodes(self, nodes: Iterable[int], *, brief: bool = False) -> Iterator[_Asked]:
         for node in nodes:
             known = self.canopen.get(node, CanopenFacts())
-            if self.only.has(node) and not known.answers and self._may_upload(node):
+            if node in self.only and not known.answers and self._may_upload(node):
                 facts = self.canopen.setdefault(node, known)
                 yield _Asked(("CANopen", node), self._upload(node, facts), brief)
 

@@ -121,14 +121,6 @@ def _ranges(numbers: Sequence[int]) -> str:
 
 
 CATEGORIES = tuple(dict.fromkeys(each.category for each in faults.FAULTS))
-# Paths over USB of the words that a module may not report over CAN.
-_OVER_USB = {
-    "system": "odrv0.error",
-    "axis": "odrv0.axis0.error",
-    "motor": "odrv0.axis0.motor.error",
-    "controller": "odrv0.axis0.controller.error",
-    "encoder": "odrv0.axis0.encoder.error",
-}
 _LONGEST = {"motor": 64}  # bits; the others have 32
 
 
@@ -152,7 +144,7 @@ def _categories(finding: DiscoveredModule) -> Iterator[str]:
         if category in told:
             yield from of_words([(category, told[category])])
         else:
-            yield f"  {category}: not available over CAN; over USB it is {_OVER_USB[category]}"
+            yield f"  {category}: not available over CAN; over USB it is odrv0.{faults.WORD_PATHS[category]}"
     explained = {text for category, word in told.items() for text in faults.words(category, word)}
     yield from (f"  {each}" for each in finding.errors if each not in explained)
 

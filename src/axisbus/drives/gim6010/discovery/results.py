@@ -84,14 +84,10 @@ class DiscoveredModule:
 def findings(finder: Finder) -> tuple[DiscoveredModule, ...]:
     """Return the modules found so far: CAN Simple by node ID, then CANopen, then the 29-bit protocol."""
     picture = finder.picture
-    simple = [_simple(finder, node) for node in sorted(picture.simple) if finder.only.has(node)]
-    nodes = [_canopen(finder, node) for node in sorted(picture.canopen) if finder.only.has(node)]
+    simple = [_simple(finder, node) for node in sorted(picture.simple) if node in finder.only]
+    nodes = [_canopen(finder, node) for node in sorted(picture.canopen) if node in finder.only]
     wide = [_extended(each) for each in picture.wide.modules]
-    return (*simple, *nodes, *(each for each in wide if finder.only.nodes is None or _named(each, finder)))
-
-
-def _named(finding: DiscoveredModule, finder: Finder) -> bool:
-    return any(finder.only.has(each) for each in finding.addresses)
+    return (*simple, *nodes, *(each for each in wide if any(node in finder.only for node in each.addresses)))
 
 
 # -- CAN Simple ---------------------------------------------------------------------------------------------------------------

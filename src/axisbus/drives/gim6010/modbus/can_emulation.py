@@ -41,7 +41,6 @@ from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import HEARTBEAT_FIELDS, Message
 from axisbus.drives.gim6010.can_simple.messages import named as message_named
-from axisbus.drives.gim6010.can_simple.messages import named as status_frames_named
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.can_emulation_commands import (
@@ -98,13 +97,13 @@ def heartbeat(node: int, state: int, flags: int, axis_error: int, life: int) -> 
 
 def message(node: int, name: str, values: Mapping[str, Number]) -> Told:
     """Return a module's message with all of its fields."""
-    found = status_frames_named(name)
+    found = message_named(name)
     return can_id(node, found.command), pack_places(each.place(values[each.name]) for each in found.answer)
 
 
 def error_word(node: int, word: int) -> Told:
     """Return the answer to Get_Error."""
-    return can_id(node, status_frames_named("Get_Error").command), word.to_bytes(8, "little")
+    return can_id(node, message_named("Get_Error").command), word.to_bytes(8, "little")
 
 
 # -- module ------------------------------------------------------------------------------------------------------------
@@ -389,8 +388,7 @@ class RelayedModule:
         return message(self.node, "Get_Encoder_Count", {"Shadow_Count": 0, "Count_In_Cpr": count})
 
     def _ask(self, name: str) -> float:
-        register = named(name)
-        found = register.value(self._module.dialogue.read(requests.read(register), 1))
+        found = self._module.read(name, 1)
         self._silences = 0
         return found
 

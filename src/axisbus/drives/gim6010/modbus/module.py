@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.fields import Number
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
+from axisbus.drives.gim6010.make import RESTART_BEGINS, RESTART_TIME
 from axisbus.drives.gim6010.modbus import requests
-from axisbus.drives.gim6010.modbus.dialogue import ModbusClient
+from axisbus.drives.gim6010.modbus.dialogue import TRIES, ModbusClient
 from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS, Register, RegisterKind, named
 from axisbus.drives.gim6010.modbus.requests import Wire
 from axisbus.errors import ArgumentError, NodeError, NodeTimeout, StateError
@@ -18,8 +19,6 @@ from axisbus.errors import ArgumentError, NodeError, NodeTimeout, StateError
 _ANY = 1  # written if the value does not matter
 _WRITES = 3  # attempts to write a setting, each read back
 _SAVES = 2  # attempts without an answer and a restart: saving twice does no harm
-_GONE = 3.0  # s in which a restart must begin
-_BACK = 25.0  # s for a restart, from owners' reports
 _LOOK = 0.1
 _SETTINGS = (RegisterKind.SETTING, RegisterKind.MODE)
 _ELSEWHERE = {
@@ -91,8 +90,10 @@ class ModbusModule:
         """The line of the module."""
         return self.dialogue.wire
 
-    def read(self, name: str) -> Number:
+    def read(self, name: str, tries: int = TRIES) -> Number:
         """Return a value by its name, in the unit of the table; a float may be NaN or infinite, if the module reports that.
+
+        Blocks for at most about 0.7 s for each try.
 
         Raises:
             ArgumentError: no register has this name, or it is not readable. NodeError: no answer, or an exception.
@@ -100,7 +101,7 @@ class ModbusModule:
         register = named(name)
         if not register.readable:
             raise ArgumentError(f"{name} cannot be read", remedy="it is write-only")
-        return register.value(self.dialogue.read(requests.read(register)))
+        return register.value(self.dialogue.read(requests.read(register), tries))
 
     def write(self, name: str, value: Number) -> Number:
         """Write a setting or a mode into RAM, read it back and return the stored value; a mode only in idle.
@@ -145,6 +146,11 @@ class ModbusModule:
         """State of the axis: 1 is idle, 8 closed loop."""
         return int(self.read("motor_state"))
 
+    @property
+    def stop_remedy(self) -> str:
+        """What to do if it is not idle."""
+        return f"stop it first: axisbus gim6010 modbus stop --node {self.device} ..."
+
     def require_idle(self, what: str) -> None:
         """Check that there is no power on its motor; ``what`` names the action that is only allowed then.
 
@@ -155,7 +161,7 @@ class ModbusModule:
         if state != IDLE:
             raise StateError(
                 f"module {self.device} is in {state_words(state)}, and {what} only in idle",
-                remedy=f"stop it first: axisbus gim6010 modbus stop --node {self.device} ...",
+                remedy=self.stop_remedy,
             )
 
     def errors(self) -> ErrorWords:
@@ -214,7 +220,7 @@ class ModbusModule:
             raise NodeTimeout(
                 f"module {self.device} got the command to restart, and continues as before",
                 node=self.device,
-                observed=f"it answered for {_GONE:g} s",
+                observed=f"it answered for {RESTART_BEGINS:g} s",
                 remedy="switch it off and on",
             )
         self.wait_back()
@@ -225,13 +231,13 @@ class ModbusModule:
         Raises:
             NodeTimeout: it does not.
         """
-        end = self.wire.now() + _BACK
+        end = self.wire.now() + RESTART_TIME
         while not self.answers():
             if self.wire.now() > end:
                 raise NodeTimeout(
                     f"module {self.device} does not come back",
                     node=self.device,
-                    observed=f"no answer within {_BACK:g} s",
+                    observed=f"no answer within {RESTART_TIME:g} s",
                     remedy="switch it off and on; a node ID, protocol or interface that was saved applies from now on",
                 )
             self.wire.sleep(_LOOK)
@@ -239,13 +245,13 @@ class ModbusModule:
     def answers(self) -> bool:
         """Return whether a module answers to this node ID; sends one request."""
         try:
-            self.dialogue.read(requests.read(named("motor_state")), tries=1)
+            self.read("motor_state", tries=1)
         except NodeTimeout:
             return False
         return True
 
     def _goes_silent(self) -> bool:
-        end = self.wire.now() + _GONE
+        end = self.wire.now() + RESTART_BEGINS
         while self.wire.now() < end:
             if not self.answers():
                 return True
@@ -385,21 +391,8 @@ def look(module: ModbusModule, tries: int) -> StatusRead:
         NodeError: no answer, or an exception. AdapterError: the line is gone.
     """
     at = module.wire.now()
-    state, flags = int(_ask(module, "motor_state", tries)), int(_ask(module, "error_flags", tries))
+    state, flags = (int(module.read(name, tries)) for name in ("motor_state", "error_flags"))
     if state != CLOSED_LOOP:
         return StatusRead(at, state, flags)
-    position, velocity = (
-        _number(module, "position_feedback", tries),
-        _number(module, "velocity_feedback", tries),
-    )
-    return StatusRead(at, state, flags, position, velocity)
-
-
-def _number(module: ModbusModule, name: str, tries: int) -> float | None:
-    found = _ask(module, name, tries)
-    return found if math.isfinite(found) else None
-
-
-def _ask(module: ModbusModule, name: str, tries: int) -> float:
-    register = named(name)
-    return register.value(module.dialogue.read(requests.read(register), tries))
+    place = [float(module.read(name, tries)) for name in ("position_feedback", "velocity_feedback")]
+    return StatusRead(at, state, flags, *(each if math.isfinite(each) else None for each in place))

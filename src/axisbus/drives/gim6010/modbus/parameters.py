@@ -39,6 +39,7 @@ class ModbusParameters(ParametersByNumber):
         """Prepare; nothing is sent before ``open``."""
         super().__init__()
         self.module = module
+        self.stop_remedy = module.stop_remedy
 
     def open(self, listed: EndpointList, made_for: Firmware) -> None:
         """Verify the list; blocks.
@@ -61,9 +62,8 @@ class ModbusParameters(ParametersByNumber):
         """Error word of the axis; blocks."""
         return self.module.errors().words["axis"]
 
-    def require_idle(self) -> None:
-        """Check that there is no power on its motor; see ``ModuleParameters.require_idle``."""
-        self.module.require_idle("its parameters are written")
+    def _state(self) -> int:
+        return self.module.state
 
     def save_and_leave(self) -> None:
         """As ``ModuleParameters.save_and_leave``."""
@@ -93,8 +93,7 @@ class ModbusParameters(ParametersByNumber):
     def fetch(self, number: int) -> bytes:
         """Return the four bytes of an endpoint by its number, lowest first; blocks. The endpoint must be readable."""
         self._select(number)
-        words = self.module.dialogue.read(requests.read(_RETURN))
-        return int(_RETURN.value(words)).to_bytes(_BYTES, "little")
+        return int(self.module.read(_RETURN.name)).to_bytes(_BYTES, "little")
 
     def _select(self, number: int) -> None:
         """Select the endpoint for 31h and A2h.

@@ -16,6 +16,7 @@ from axisbus.drives.gim6010.can_simple.endpoints import (
     FittedList,
     found_in,
 )
+from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
 from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.drives.gim6010.parameters.values import Value
 from axisbus.errors import NodeError, StateError
@@ -26,7 +27,7 @@ class ModuleParameters(ABC):
 
     ``widest``: the maximum number of bytes of a value over this interface. ``firmware`` is the version that the module reported,
     ``serial`` its serial number, as far as the interface transfers it: the lowest 32 bits over CAN and Modbus. ``remedies`` are
-    those of a value that it does not take, and of values that it has lost.
+    those of a value that it does not take, and of values that it has lost; ``stop_remedy`` is that of a module that is not idle.
     """
 
     widest = rules.NARROW
@@ -34,6 +35,8 @@ class ModuleParameters(ABC):
         "the module refuses this value, or this parameter over this interface: try it over USB",
         "the written values did not reach its flash: save them over USB",
     )
+
+    stop_remedy = "stop and disable it with the program that controls it, then give the command again"
 
     def __init__(self) -> None:
         self.firmware = Firmware(0, 0, 0)
@@ -58,12 +61,8 @@ class ModuleParameters(ABC):
         """Error word of the axis, 0 if the interface reports none; may block, and raises BusError without an answer."""
 
     @abstractmethod
-    def require_idle(self) -> None:
-        """Check that there is no power on its motor; blocks.
-
-        Raises:
-            StateError: it is in another state. BusError: its state cannot be read.
-        """
+    def _state(self) -> int:
+        """Return the state of its axis; blocks, and raises BusError if it cannot be read."""
 
     @abstractmethod
     def save_and_leave(self) -> None:
@@ -91,6 +90,19 @@ class ModuleParameters(ABC):
     def name(self) -> str:
         """The module in messages."""
         return f"module {self.node}"
+
+    def require_idle(self) -> None:
+        """Check that there is no power on its motor; blocks.
+
+        Raises:
+            StateError: it is in another state. BusError: its state cannot be read.
+        """
+        state = self._state()
+        if state != IDLE:
+            raise StateError(
+                f"{self.name} is in {state_words(state)}, and only an idle module can be written or saved",
+                remedy=self.stop_remedy,
+            )
 
     def endpoint(self, path: str) -> Endpoint:
         """Return the description of a parameter; its path may begin with ``odrv0.``.

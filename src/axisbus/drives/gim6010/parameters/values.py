@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import struct
 
-from axisbus.drives.gim6010.can_simple.endpoints import Endpoint
 from axisbus.errors import ArgumentError
 
 Value = int | float | bool
@@ -14,26 +13,24 @@ _BOOLEANS = {"true": True, "1": True, "on": True, "false": False, "0": False, "o
 _WILD = {"nan", "inf", "-inf"}
 
 
-def parse(endpoint: Endpoint, text: str) -> Value:
-    """Convert a text to a value of the endpoint's type.
+def parse(name: str, kind: str, text: str) -> Value:
+    """Convert a text to the value of a parameter or register; ``kind`` is its type (``bool``, ``float``, ``float32``, or integer).
 
     Raises:
         ArgumentError: the text is not such a value.
     """
     found: Value | None
     try:
-        if endpoint.type == "bool":
+        if kind == "bool":
             found = _BOOLEANS.get(text.lower())
-        elif endpoint.type == "float":
+        elif kind in ("float", "float32"):
             found = float(text)
         else:
             found = int(text, 0)
     except ValueError:
         found = None
     if found is None or (isinstance(found, float) and not math.isfinite(found)):
-        raise ArgumentError(
-            f"{endpoint.path}: {text!r} is not a value of type {endpoint.type} that can be written"
-        )
+        raise ArgumentError(f"{name}: {text!r} is not a value of type {kind} that can be written")
     return found
 
 

@@ -6,13 +6,11 @@ Each function returns the parameters of one setting with its precondition and re
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from axisbus.drives.gim6010.can_simple.endpoint_messages import value_bytes
 from axisbus.drives.gim6010.can_simple.messages import HIGHEST_CURRENT
-from axisbus.drives.gim6010.discovery.finder import Finder
-from axisbus.drives.gim6010.discovery.results import DiscoveredModule
 from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 from axisbus.drives.gim6010.parameters.values import Value
@@ -46,6 +44,15 @@ def _nothing(module: ModuleParameters) -> None:
     """Require nothing of a module, for most settings."""
 
 
+def usb_steps(*lines: str, after: str = "") -> tuple[str, ...]:
+    """Return lines of odrivetool as steps over USB, with connecting and saving; ``after`` describes the restart that follows."""
+    return (
+        "connect it by USB and open odrivetool; it must be idle",
+        *lines,
+        f"odrv0.save_configuration(), after which it restarts{after}",
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class ParameterBatch:
     """Parameters by path with their values, in the order of writing; ``notes`` are remarks for the user.
@@ -60,11 +67,7 @@ class ParameterBatch:
     @property
     def over_usb(self) -> tuple[str, ...]:
         """The same as steps over USB, saved at the end."""
-        return (
-            "connect it by USB and open odrivetool; it must be idle",
-            *(f"odrv0.{path} = {value!r}" for path, value in self.values),
-            "odrv0.save_configuration(), after which it restarts",
-        )
+        return usb_steps(*(f"odrv0.{path} = {value!r}" for path, value in self.values))
 
 
 def check(module: ModuleParameters, wanted: ParameterBatch) -> None:
@@ -280,26 +283,6 @@ def bit_rate(rate: int) -> ParameterBatch:
     if rate not in RATES:
         raise ArgumentError(f"{rate} bit/s cannot be set", remedy=f"give one of {', '.join(map(str, RATES))}")
     return ParameterBatch(((BIT_RATE, rate),), () if rate in RATES[2:] else (_UNNAMED,))
-
-
-def require_alone(finder: Finder, found: Sequence[DiscoveredModule], node: int) -> None:
-    """Check that a module is alone on its bus: with another bit rate it would destroy the frames of other nodes.
-
-    Raises:
-        StateError: it is not alone.
-    """
-    others = [
-        f"{each.protocol.value} node {' or '.join(map(str, each.addresses))}"
-        for each in found
-        if each.node != node
-    ]
-    others += [each.words for each in finder.picture.foreign()]
-    if others:
-        raise StateError(
-            f"module {node} is not alone on its bus",
-            observed=f"there are also: {', '.join(others)}",
-            remedy="connect it alone: at another bit rate it would destroy the others' frames",
-        )
 
 
 # -- The protocol on CAN, which takes effect with the next restart too -------------------------------------------------

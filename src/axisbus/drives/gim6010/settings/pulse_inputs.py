@@ -13,10 +13,12 @@ from enum import Enum
 from typing import NamedTuple
 
 from axisbus.drives.gim6010.make import GEAR_RATIO
+from axisbus.drives.gim6010.settings.parameter_settings import usb_steps
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.wording import counted
 
 SHORTEST, LONGEST = 1.0, 2.0  # ms; 50 times a second
+_USB_ONLY = ", and is reached over USB only"
 _SHOWN = 5  # widths in the table
 _INTERFACE = 3  # config.comm_intf_mux
 _PIN = 1
@@ -126,8 +128,7 @@ class PulseMapping:
     def steps(self) -> tuple[str, ...]:
         """The steps over USB; the interface comes last, since afterwards the module cannot be reached over CAN."""
         kind, mapping = self.follows.value, f"odrv0.config.gpio{_PIN}_pwm_mapping"
-        return (
-            "connect it by USB and open odrivetool; it must be idle",
+        return usb_steps(
             f"odrv0.axis0.controller.config.control_mode = {kind.control_mode}",
             f"odrv0.axis0.controller.config.input_mode = {kind.input_mode}",
             f"{mapping}.endpoint = odrv0.axis0.controller._input_{kind.what}_property",
@@ -135,7 +136,7 @@ class PulseMapping:
             f"{mapping}.max = {self.high!r}",
             f"odrv0.config.gpio{_PIN}_mode = GPIO_MODE_PWM",
             f"odrv0.config.comm_intf_mux = {_INTERFACE}",
-            "odrv0.save_configuration(), after which it restarts, and is reached over USB only",
+            after=_USB_ONLY,
         )
 
 
@@ -206,8 +207,7 @@ class Pulses:
     def steps(self) -> tuple[str, ...]:
         """The steps over USB; the interface comes last, since afterwards the module cannot be reached over CAN."""
         controller = "odrv0.axis0.controller.config"
-        return (
-            "connect it by USB and open odrivetool; it must be idle",
+        return usb_steps(
             f"odrv0.axis0.config.step_gpio_pin = {_STEP}",
             f"odrv0.axis0.config.dir_gpio_pin = {_DIRECTION}",
             *(f"odrv0.config.gpio{pin}_mode = GPIO_MODE_DIGITAL_PULL_UP" for pin in (_STEP, _DIRECTION)),
@@ -216,5 +216,5 @@ class Pulses:
             f"{controller}.steps_per_circular_range = {self.in_all}",
             "odrv0.axis0.config.enable_step_dir = True",
             f"odrv0.config.comm_intf_mux = {_PULSES_INTERFACE}",
-            "odrv0.save_configuration(), after which it restarts, and is reached over USB only",
+            after=_USB_ONLY,
         )

@@ -16,33 +16,21 @@ from collections.abc import Iterator
 from enum import Enum
 
 from axisbus.cia301.frame import CanFrame
-from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, decode, encode, request
+from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, decode, request
 from axisbus.drives.gim6010.can_simple.messages import named
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
+from axisbus.drives.gim6010.can_simple.orders import TRAPEZOID, VELOCITY
+from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
 from axisbus.drives.gim6010.direct_motion import ModuleMotionProcedure, ModuleMotionStage
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial
 from axisbus.step_response import Response, measure
 
-_STATE, _MODE, _POS, _VEL, _ESTIMATES = (
-    named(each)
-    for each in (
-        "Set_Axis_State",
-        "Set_Controller_Mode",
-        "Set_Input_Pos",
-        "Set_Input_Vel",
-        "Get_Encoder_Estimates",
-    )
-)
-_TRAJ_VEL, _TRAJ_ACCEL = named("Set_Traj_Vel_Limit"), named("Set_Traj_Accel_Limits")
-_MODES = {
-    Loop.POSITION: (3, 5),
-    Loop.VELOCITY: (2, 2),
-}  # position by trapezoid, velocity by ramp (manual v2.2, 3.1.7)
+_ESTIMATES = named("Get_Encoder_Estimates")
+_MODES = {Loop.POSITION: TRAPEZOID, Loop.VELOCITY: VELOCITY}
 START_TIME = 2.0  # s until a heartbeat must show closed loop
 _SAMPLE = 0.005  # s between two requests for the estimate
 _DEAF = 0.25  # s without an estimate
-_AGAIN, BRAKE_TIME = 0.05, 2.0  # s between two brake commands, and of braking at most
-_STANDS, _STILL = 0.05, 0.1  # standstill: turns/s, and s below it
+_AGAIN = 0.05  # s between two brake commands
+_STANDS = 0.05  # turns/s: standstill
 
 
 class TuningPhase(Enum):
@@ -75,15 +63,13 @@ class ModuleTuning(ModuleMotionProcedure):
         self._remote = remote
         self._phase = TuningPhase.PREPARING
         self._queue: deque[Outgoing] = deque(
-            [*gains.frames(trial.node), *self._ready(), self._state(CLOSED_LOOP)]
+            [*gains.frames(trial.node), *self._ready(), self._orders.closed_loop()]
         )
         self._at = 0.0  # when the phase began
         self._place: tuple[float, float, float] | None = None  # time, position, velocity
         self._home = 0.0
         self._samples: list[tuple[float, float]] = []
         self._asked = self._braked = -math.inf
-        self._braking_since: float | None = None
-        self._still: float | None = None
 
     # Reception.
 
@@ -125,23 +111,13 @@ class ModuleTuning(ModuleMotionProcedure):
         return self._queue.popleft()
 
     def _lead(self, now: float) -> Outgoing | None:
-        why = self._against()
-        if why or self._pulse.lost(now):
-            self._end(self._pulse.lost(now) or why)
+        if self._against(now, *_STATES[self._phase]):
             return None
         if self._phase is TuningPhase.PREPARING:
             return self._prepare(now)
         if self._phase is TuningPhase.STARTING:
             return self._start(now)
         return self._move(now)
-
-    def _against(self) -> str:
-        """Return the reason to end the trial: an error, or an unexpected state; otherwise an empty text."""
-        last, errors = self._pulse.last, self._pulse.errors()
-        if errors:
-            return f"the module reports errors: {'; '.join(errors)}"
-        wrong = last is not None and last.state not in _STATES[self._phase]
-        return f"the module is in {state_words(last.state)}" if last is not None and wrong else ""
 
     def _prepare(self, now: float) -> Outgoing:
         frame = self._queue.popleft()
@@ -165,8 +141,8 @@ class ModuleTuning(ModuleMotionProcedure):
         self._phase, self._at, self._samples = phase, now, []
         target = self.trial.size if phase is TuningPhase.THERE else 0.0
         if self.trial.loop is Loop.VELOCITY:
-            return encode(self.node, _VEL, {"Input_Vel": target, "Torque_FF": 0.0})
-        return encode(self.node, _POS, {"Input_Pos": self._home + target, "Vel_FF": 0.0, "Torque_FF": 0.0})
+            return self._orders.velocity(target)
+        return self._orders.position(self._home + target)
 
     def _move(self, now: float) -> Outgoing | None:
         if self._place is None or now - max(self._place[0], self._at) > _DEAF:
@@ -197,14 +173,9 @@ class ModuleTuning(ModuleMotionProcedure):
 
     def _brake(self, now: float) -> Outgoing | None:
         """Command velocity 0 on the module's own ramp, until standstill, power off or time-out."""
-        self._braking_since = now if self._braking_since is None else self._braking_since
-        place, last = self._place, self._pulse.last
+        place = self._place
         stands = place is not None and now - place[0] < _DEAF and abs(place[2]) <= _STANDS
-        self._still = (now if self._still is None else self._still) if stands else None
-        off = last is not None and last.state != CLOSED_LOOP and self._pulse.at > self._braking_since
-        is_still = self._still is not None and now - self._still >= _STILL
-        if off or is_still or now - self._braking_since > BRAKE_TIME:
-            self._to_brake = False
+        if self._has_braked(now, stands=stands):
             return None
         if not self._queue and now - self._braked < _AGAIN:
             return self._ask(now)
@@ -217,20 +188,13 @@ class ModuleTuning(ModuleMotionProcedure):
 
     def _ready(self) -> Iterator[Outgoing]:
         """Yield the frames that prepare an idle module for closed loop; they overwrite all earlier inputs."""
-        trial, node = self.trial, self.trial.node
-        control, inputs = _MODES[trial.loop]
+        trial, orders = self.trial, self._orders
         if trial.loop is Loop.POSITION:
-            yield encode(node, _TRAJ_VEL, {"Traj_Vel_Limit": trial.velocity})
-            ramps = {"Traj_Accel_Limit": trial.acceleration, "Traj_Decel_Limit": trial.acceleration}
-            yield encode(node, _TRAJ_ACCEL, ramps)
-        yield encode(node, _VEL, {"Input_Vel": 0.0, "Torque_FF": 0.0})
-        yield encode(node, _MODE, {"Control_Mode": control, "Input_Mode": inputs})
+            yield from orders.profile(trial.velocity, trial.acceleration, trial.acceleration)
+        yield orders.velocity(0.0)
+        yield orders.mode(_MODES[trial.loop])
 
     def _stopping(self) -> Iterator[Outgoing]:
         """Yield the frames that brake on the module's own ramp; velocity first, or the earlier one would apply for a moment."""
-        control, inputs = _MODES[Loop.VELOCITY]
-        yield encode(self.node, _VEL, {"Input_Vel": 0.0, "Torque_FF": 0.0})
-        yield encode(self.node, _MODE, {"Control_Mode": control, "Input_Mode": inputs})
-
-    def _state(self, state: int) -> Outgoing:
-        return encode(self.node, _STATE, {"Axis_Requested_State": state})
+        yield self._orders.velocity(0.0)
+        yield self._orders.mode(VELOCITY)

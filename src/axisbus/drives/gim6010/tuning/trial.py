@@ -1,17 +1,18 @@
-"""Parameters of a trial: a step of position or velocity, and the gains; none of them has a default that moves the motor."""
+"""Parameters of a trial, and the manual's search for a gain by trials; nothing has a default that moves the motor."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import Enum
 
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
-from axisbus.drives.gim6010.can_simple.identifier import NODES
+from axisbus.drives.gim6010.can_simple.identifier import require_node
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.make import GEAR_RATIO
 from axisbus.errors import ArgumentError
+from axisbus.step_response import Response
 
 _POS_GAIN, _VEL_GAINS = named("Set_Pos_Gain"), named("Set_Vel_Gains")
 _DEGREES = 360.0 / GEAR_RATIO
@@ -50,6 +51,11 @@ class Gains:
                 remedy="give --vel-gain and --vel-integrator-gain",
             )
 
+    @property
+    def given(self) -> dict[str, float]:
+        """The gains that are to be changed, by name."""
+        return {each.name: value for each in fields(self) if (value := getattr(self, each.name)) is not None}
+
     def frames(self, node: int) -> tuple[Outgoing, ...]:
         """Return the frames that set the gains."""
         position = () if self.position is None else (encode(node, _POS_GAIN, {"Pos_Gain": self.position}),)
@@ -78,10 +84,7 @@ class ModuleTrial:
     acceleration: float = 0.0
 
     def __post_init__(self) -> None:
-        if isinstance(self.node, bool) or self.node not in NODES:
-            raise ArgumentError(
-                f"{self.node!r} is not a node ID of CAN Simple", remedy="give a number from 0 to 63"
-            )
+        require_node(self.node)
         if not math.isfinite(self.size) or self.size == 0.0:
             raise ArgumentError(
                 f"a step of {self.size!r} is not possible",
@@ -153,3 +156,126 @@ def explanation(trial: ModuleTrial) -> Iterator[str]:
         "  Ctrl-C brakes the rotor and switches the power off; if the program is killed, the module continues with its last "
         "command. Nothing is saved"
     )
+
+
+# -- The manual's search for a gain (v2.2, 3.1.3) by trials: lower it until smooth, raise it until not, then lower it ---
+
+
+MOST_TRIALS = 25
+_NAMES = {Loop.VELOCITY: "vel_gain", Loop.POSITION: "pos_gain"}
+
+
+class _Phase(Enum):
+    SMOOTHING = "less, until it is smooth"
+    RAISING = "more, until it is not"
+    LOWERING = "less, until it is smooth again"
+
+
+@dataclass(slots=True)
+class GainSearch:
+    """The gain to try ``next`` (None: the search is over, and ``ends`` is the result), and the best smooth gain.
+
+    ``first`` is tried first; no gain is above ``most``.
+
+    Raises:
+        ArgumentError: a gain is not above 0, or the first is above the highest.
+    """
+
+    loop: Loop
+    first: float
+    most: float
+    best: float | None = None
+    ends: str = ""
+    trials: list[tuple[float, Response]] = field(default_factory=list)
+    next: float | None = None
+    _phase: _Phase = _Phase.SMOOTHING
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.first <= self.most < math.inf:
+            raise ArgumentError(
+                f"{self.name}: gains from {self.first!r} up to {self.most!r} are not a range",
+                remedy="give a first gain above 0, and a highest gain that is not below it",
+            )
+        self.next = self.first
+
+    @property
+    def name(self) -> str:
+        """Name of the gain in the firmware."""
+        return _NAMES[self.loop]
+
+    def take(self, response: Response) -> None:
+        """Take the response to the gain ``next``, the worse of both halves."""
+        assert self.next is not None
+        gain = self.next
+        self.trials.append((gain, response))
+        if is_too_much(self.loop, response):
+            self._is_too_much(gain)
+        else:
+            self._is_smooth(gain)
+        if self.next is not None and len(self.trials) >= MOST_TRIALS:
+            self._end(f"after {MOST_TRIALS} trials the search is given up")
+
+    def _is_too_much(self, gain: float) -> None:
+        if self._phase is _Phase.RAISING:
+            self._phase = _Phase.LOWERING
+        self.best = None  # the manual does not return to the smooth gain: the next one is derived from the one that was too high
+        self.next = gain * lowered(self.loop)
+
+    def _is_smooth(self, gain: float) -> None:
+        self.best = gain
+        if self._phase is _Phase.LOWERING:
+            self._end(f"it is smooth with {self.name} {gain:.4g}, lowered from a gain with which it was not")
+        elif gain * MORE > self.most:
+            self._end(
+                f"it is smooth with {self.name} {gain:.4g}, and may not be raised beyond {self.most:.4g}"
+            )
+        else:
+            self._phase, self.next = _Phase.RAISING, gain * MORE
+
+    def _end(self, text: str) -> None:
+        self.next, self.ends = None, text
+
+
+# -- The manual's advice on the next gain (v2.2, 3.1.3): raise it until it oscillates or overshoots, then lower it -----
+
+
+MORE, LESS, HALF = 1.3, 0.85, 0.5
+_RIPPLE = 0.1  # share of the step: more counts as an oscillation
+_OVERSHOOT = 0.05  # share of the step
+
+
+def is_too_much(loop: Loop, response: Response) -> bool:
+    """Return whether the gain is too high: the step oscillates or does not settle, or, for a position, overshoots."""
+    if loop is Loop.VELOCITY:
+        return response.ripple > _RIPPLE or response.settled is None
+    return response.overshoot > _OVERSHOOT or response.ripple > _RIPPLE
+
+
+def lowered(loop: Loop) -> float:
+    """Return the factor by which a too high gain of a loop is lowered."""
+    return HALF if loop is Loop.VELOCITY else LESS
+
+
+def worse(*responses: Response | None) -> Response | None:
+    """Return the worst of the measured responses, or None without any."""
+    return max(
+        (each for each in responses if each is not None),
+        key=lambda each: (each.settled is None, each.overshoot + each.ripple),
+        default=None,
+    )
+
+
+def following(loop: Loop, response: Response, gain: float | None) -> str:
+    """Return the next step as text; ``gain`` is the gain tried (vel_gain or pos_gain), None if unknown."""
+    more, less = _value(gain, MORE), _value(gain, lowered(loop))
+    if loop is Loop.VELOCITY:
+        if is_too_much(loop, response):
+            return f"it oscillates or does not settle: vel_gain is halved{less}"
+        return f"it is smooth: vel_gain may be raised by 30 %{more} until it oscillates, and halved then"
+    if is_too_much(loop, response):
+        return f"it overshoots: pos_gain is lowered little by little{less} until it does not"
+    return f"it does not overshoot: pos_gain may be raised by 30 %{more} until it does, and lowered then"
+
+
+def _value(gain: float | None, factor: float) -> str:
+    return "" if not gain else f", to {gain * factor:.4g}"

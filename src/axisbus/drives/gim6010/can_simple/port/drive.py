@@ -7,6 +7,7 @@ from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import PowerState
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.can_simple.orders import TRAPEZOID, Orders
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
 from axisbus.drives.gim6010.can_simple.port.modes import Means, ModuleMode, ModuleProfile, Targets, modes_of
 from axisbus.drives.gim6010.can_simple.port.power_stage import (
@@ -15,7 +16,7 @@ from axisbus.drives.gim6010.can_simple.port.power_stage import (
     ModulePowerStage,
     Power,
 )
-from axisbus.drives.gim6010.can_simple.port.setpoints import BY_LINE, TRAPEZOID, ModuleSetPoints, Orders
+from axisbus.drives.gim6010.can_simple.port.setpoints import BY_LINE, ModuleSetPoints
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 
 _ALWAYS = sw.VOLTAGE_ENABLED | sw.REMOTE
@@ -32,7 +33,7 @@ class ModuleDrive:
         self.frames: list[Outgoing] = []
         self._settings = settings
         self._hearing = hearing
-        self._orders = Orders(settings)
+        self._orders = Orders(settings.node)
         self._stage = ModulePowerStage(hearing)
         self._lead = ModuleSetPoints(settings, self._orders, hearing)
         self._means = Means(settings, hearing, self._lead, self.profile, self.targets)
@@ -154,6 +155,9 @@ class ModuleDrive:
     def _nothing(self) -> None:
         pass
 
+    def _limits(self) -> Outgoing:
+        return self._orders.limits(self._settings.velocity_limit, self._settings.current_limit)
+
     def _start(self) -> None:
         """Send limits, inputs that cause no motion and a mode that holds; then request closed loop."""
         hearing = self._hearing
@@ -162,7 +166,7 @@ class ModuleDrive:
         if self._settings.relayed:
             self._prepare_by_line()
         else:
-            self.frames += [self._orders.limits(), self._orders.velocity(0.0)]
+            self.frames += [self._limits(), self._orders.velocity(0.0)]
             self._lead.use(TRAPEZOID)
             self._flush()
         self.frames.append(self._orders.closed_loop())
@@ -176,12 +180,12 @@ class ModuleDrive:
         """Send the mode first: a relay takes the frame of velocity control for a stop, and discards all frames before a stop."""
         self._lead.use(BY_LINE[self._settings.line_mode])
         self._flush()
-        self.frames += [self._orders.limits(), self._orders.velocity(0.0), self._orders.torque(0.0)]
+        self.frames += [self._limits(), self._orders.velocity(0.0), self._orders.torque(0.0)]
 
     def _take_over(self) -> None:
         """Take control of a module that is in closed loop already."""
         self._hearing.trust()
-        self.frames.append(self._orders.limits())
+        self.frames.append(self._limits())
         if self._settings.relayed:  # its modes are unknown, and they are not changed under power
             self._took_over = True
             self._lead.turn(0.0)

@@ -11,8 +11,9 @@ from axisbus.cia402 import objects as o
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Outputs
+from axisbus.drives.gim6010.can_simple.orders import FILTER, TRAPEZOID
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
-from axisbus.drives.gim6010.can_simple.port.setpoints import FILTER, MOVES, TRAPEZOID, ModuleSetPoints
+from axisbus.drives.gim6010.can_simple.port.setpoints import MOVES, ModuleSetPoints
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 

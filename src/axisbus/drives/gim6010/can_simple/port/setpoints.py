@@ -13,13 +13,10 @@ from __future__ import annotations
 import math
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.drives.gim6010.can_simple import codec
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.fields import Number
-from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.orders import TORQUE, TRAPEZOID, VELOCITY, Orders
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
 from axisbus.drives.gim6010.can_simple.port.settings import FEEDS, ModuleSettings
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
 
 MOVES = 0.01  # turns/s: less is noise of a rotor at standstill
 _STANDS = 0.06  # s below that velocity, for standstill
@@ -29,6 +26,12 @@ _REPEAT = 0.05  # s after which an unchanged velocity or torque is sent again
 _NEAR = 1e-3  # turns
 _SLOWEST = 1e-3  # turns/s, of a trapezoid
 _TINY = 1e-6  # s
+# The control and input mode in which a module on a serial line is enabled.
+BY_LINE = {
+    ModeOfOperation.PROFILE_POSITION: TRAPEZOID,
+    ModeOfOperation.PROFILE_VELOCITY: VELOCITY,
+    ModeOfOperation.PROFILE_TORQUE: TORQUE,
+}
 
 
 class ModuleSetPoints:
@@ -209,74 +212,3 @@ class ModuleSetPoints:
         else:
             self.frames.append(self._orders.torque(0.0))  # feed-forward 0
         self._given_at = self.now
-
-
-# -- The frames that a port sends to its module; only ``closed_loop`` switches on the power, and none calibrates -------
-
-
-# Control mode and input mode (manual v2.2, 4.1.2). Direct control (1) is not among them: real modules ran away in it when
-# set-points paused, and a dead master is a pause.
-TRAPEZOID, FILTER = (3, 5), (3, 3)
-VELOCITY, TORQUE = (2, 2), (1, 6)
-# The control and input mode in which a module on a serial line is enabled.
-BY_LINE = {
-    ModeOfOperation.PROFILE_POSITION: TRAPEZOID,
-    ModeOfOperation.PROFILE_VELOCITY: VELOCITY,
-    ModeOfOperation.PROFILE_TORQUE: TORQUE,
-}
-
-
-class Orders:
-    """Makes the frames of one module; turns, turns/s and N·m are at the rotor."""
-
-    def __init__(self, settings: ModuleSettings) -> None:
-        self._settings = settings
-
-    def closed_loop(self) -> Outgoing:
-        """Request closed loop."""
-        return self._frame("Set_Axis_State", CLOSED_LOOP)
-
-    def idle(self) -> Outgoing:
-        """Remove the power: the motor coasts."""
-        return self._frame("Set_Axis_State", IDLE)
-
-    def estop(self) -> Outgoing:
-        """Remove the power, with a latched error."""
-        return self._frame("Estop")
-
-    def clear(self) -> Outgoing:
-        """Clear all errors."""
-        return self._frame("Clear_Errors")
-
-    def limits(self) -> Outgoing:
-        """Limit velocity and current."""
-        return self._frame("Set_Limits", self._settings.velocity_limit, self._settings.current_limit)
-
-    def mode(self, modes: tuple[int, int]) -> Outgoing:
-        """Set control mode and input mode."""
-        return self._frame("Set_Controller_Mode", *modes)
-
-    def profile(self, speed: float, up: float, down: float) -> list[Outgoing]:
-        """Set velocity, acceleration and deceleration of trapezoidal trajectories."""
-        return [self._frame("Set_Traj_Vel_Limit", speed), self._frame("Set_Traj_Accel_Limits", up, down)]
-
-    def position(self, turns: float) -> Outgoing:
-        """Send a target position; feed-forward is 0, so that the module holds this position if no other follows."""
-        return self._frame("Set_Input_Pos", turns, 0.0, 0.0)
-
-    def velocity(self, velocity: float) -> Outgoing:
-        """Send a target velocity."""
-        return self._frame("Set_Input_Vel", velocity, 0.0)
-
-    def torque(self, torque: float) -> Outgoing:
-        """Send a target torque."""
-        return self._frame("Set_Input_Torque", torque)
-
-    def brake(self) -> list[Outgoing]:
-        """Brake to standstill on the module's own ramp, from any motion; no effect in idle."""
-        return [self.mode(VELOCITY), self.velocity(0.0)]
-
-    def _frame(self, name: str, *values: Number) -> Outgoing:
-        message = named(name)
-        given = dict(zip((each.name for each in message.sent), values, strict=True))
-        return codec.encode(self._settings.node, message, given)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, fields
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.drives.gim6010.can_simple.identifier import NODES
+from axisbus.drives.gim6010.can_simple.identifier import require_node
 from axisbus.drives.gim6010.can_simple.messages import HIGHEST_CURRENT
 from axisbus.errors import ArgumentError, LimitError
 
@@ -76,10 +76,7 @@ class ModuleSettings:
         return _FRESH_BY_LINE if self.relayed else _FRESH
 
     def __post_init__(self) -> None:
-        if isinstance(self.node, bool) or self.node not in NODES:
-            raise ArgumentError(
-                f"{self.node!r} is not a node ID of CAN Simple", remedy="give a whole number from 0 to 63"
-            )
+        require_node(self.node)
         _check(self, "module")
         if self.current_limit > HIGHEST_CURRENT:
             raise LimitError(

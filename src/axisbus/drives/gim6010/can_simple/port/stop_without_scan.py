@@ -15,8 +15,9 @@ from enum import Enum
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.can_simple.orders import Orders
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
-from axisbus.drives.gim6010.can_simple.port.setpoints import MOVES, Orders
+from axisbus.drives.gim6010.can_simple.port.setpoints import MOVES
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.can_simple.states import IDLE
 
@@ -45,7 +46,7 @@ class ModuleRescue:
         self._longest = longest
         self._counts = counts
         self._hearing = ModuleFeedback(settings)
-        self._orders = Orders(settings)
+        self._orders = Orders(settings.node)
         self.rung = RescueStep.BRAKE
         self.ok = False
         self.text = ""

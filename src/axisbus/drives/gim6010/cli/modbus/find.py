@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import click
 
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
-from axisbus.drives.gim6010.cli.modbus.target_module import PARITIES, ModbusTarget
-from axisbus.drives.gim6010.modbus.registers import RATES
+from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget, parity_option, port_option
+from axisbus.drives.gim6010.modbus.registers import HIGHEST_DEVICE, RATES
 from axisbus.wording import counted
 
-_HIGHEST, _USUAL = 247, 63
+_USUAL = 63
 _TIMEOUT = 0.1  # s for an answer, which takes a few ms
 
 
 @click.command("find")
-@click.option("--port", required=True, metavar="PORT", help="The serial port, such as /dev/ttyUSB0 or COM3.")
+@port_option
 @click.option(
     "--rate",
     "rates",
@@ -25,16 +26,10 @@ _TIMEOUT = 0.1  # s for an answer, which takes a few ms
     show_default=True,
     help="The line's rate in bit/s; all: one after another.",
 )
-@click.option(
-    "--parity",
-    type=click.Choice(PARITIES),
-    default=PARITIES[0],
-    show_default=True,
-    help="The line's parity bit.",
-)
+@parity_option
 @click.option(
     "--highest",
-    type=click.IntRange(1, _HIGHEST),
+    type=click.IntRange(1, HIGHEST_DEVICE),
     default=_USUAL,
     show_default=True,
     help="The highest node ID to ask.",
@@ -58,22 +53,17 @@ def command(port: str, rates: str, parity: str, highest: int) -> int:
 def _at(line: ModbusTarget, highest: int) -> list[bool]:
     """Query all node IDs at one rate; return for each module whether it has no error."""
     from axisbus.drives.gim6010.modbus.module import Present, present
-    from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
 
     good = []
-    wire = SerialWire(line.port, rate=line.rate, parity=Parity[line.parity.upper()], timeout=_TIMEOUT)
-    try:
+    with line.wire(_TIMEOUT) as wire:
         for found in present(wire, range(1, highest + 1)):
             if not isinstance(found, Present):
                 _show_progress(found, highest, line.rate)
                 continue
             say(f"{found}, at {line.rate} bit/s" if not found.trouble else f"at {line.rate} bit/s {found}")
             verb = "errors" if found.trouble else "state"
-            words = ModbusTarget(line.port, found.device, line.rate, line.parity).words
-            say_next(f"axisbus gim6010 modbus {verb} {words}")
+            say_next(f"axisbus gim6010 modbus {verb} {replace(line, node=found.device).words}")
             good.append(not found.trouble)
-    finally:
-        wire.close()
     return good
 
 

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus``: the commands that read and write registers."""
+"""``axisbus gim6010 modbus``: the commands that read and write registers, and ``stop``."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, state_words
 from axisbus.drives.gim6010.cli.modbus.target_module import (
     ModbusTarget,
+    line_of,
     list_options,
     opened,
     parameters,
     target_options,
 )
-from axisbus.drives.gim6010.cli.settings.common import set_zero
+from axisbus.drives.gim6010.cli.settings.common import pair, set_zero
 from axisbus.drives.gim6010.modbus.module import ModbusModule, look, require_setting, set_node_id
 from axisbus.drives.gim6010.modbus.registers import ALIVE_IN_CLOSED_LOOP, BY_NAME, REGISTERS, Register, named
 from axisbus.drives.gim6010.modbus.requests import write
 from axisbus.drives.gim6010.parameters import values
-from axisbus.errors import ArgumentError
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.can_simple.fields import Number
@@ -36,34 +36,9 @@ def is_parameter(name: str) -> bool:
     return "." in name or name not in BY_NAME
 
 
-def pair(text: str) -> tuple[str, str]:
-    """Return NAME and VALUE of ``NAME=VALUE``.
-
-    Raises:
-        UsageError: the text has another form.
-    """
-    name, equals, value = text.partition("=")
-    if not equals or not name or not value:
-        raise click.UsageError(f"{text!r}: write NAME=VALUE")
-    return name.strip(), value.strip()
-
-
 def parse(register: Register, text: str) -> Number:
-    """Return a text as a value of the register's type.
-
-    Raises:
-        ArgumentError: the text is not such a value.
-    """
-    found: Number | None
-    try:
-        found = float(text) if register.field.type.name == "float32" else int(text, 0)
-    except ValueError:
-        found = None
-    if found is None or not math.isfinite(found):
-        raise ArgumentError(
-            f"{register.name}: {text!r} is not a value of type {register.field.type.name} that can be written"
-        )
-    return found
+    """Return a text as a value of the register's type; raises as ``values.parse``."""
+    return values.parse(register.name, register.field.type.name, text)
 
 
 def show(register: Register, value: Number) -> str:
@@ -216,7 +191,7 @@ def write_command(target: ModbusTarget, pairs: tuple[str, ...], save: bool) -> i
     enable, move or stop are not settings, and are not written here. Modes, parameters, node ID and saving need a module in
     idle.
     """
-    wanted = dict(map(pair, pairs))
+    wanted = dict(pair(each, "NAME=VALUE") for each in pairs)
     if not wanted and not save:
         raise click.UsageError("give NAME=VALUE, or --save")
     if _NODE_ID in wanted:
@@ -251,10 +226,16 @@ def _written(module: ModbusModule, known: ModbusParameters | None, name: str, te
     if known is not None and is_parameter(name):
         endpoint = known.endpoint(name)
         before = values.show(known.read(name))
-        return f"{name} = {values.show(known.write(name, values.parse(endpoint, text), by_name=True))} (was {before})"
+        value = values.parse(endpoint.path, endpoint.type, text)
+        return f"{name} = {values.show(known.write(name, value, by_name=True))} (was {before})"
+    return written(module, name, parse(named(name), text))
+
+
+def written(module: ModbusModule, name: str, value: Number) -> str:
+    """Write a register and read it back; return its value and the one before as text. Raises as ``ModbusModule.write``."""
     register = named(name)
     before = show(register, module.read(name))
-    return f"{name} = {show(register, module.write(name, parse(register, text)))} (was {before})"
+    return f"{name} = {show(register, module.write(name, value))} (was {before})"
 
 
 def _saved(module: ModbusModule, known: ModbusParameters | None) -> str:
@@ -294,4 +275,26 @@ def zero_command(target: ModbusTarget) -> int:
         set_zero(parameters(target, module))
     say(f"module {target.node}: its zero is the present position; saved")
     say_next(f"axisbus gim6010 modbus state {target.words}")
+    return OK
+
+
+# -- ``axisbus gim6010 modbus stop``: velocity 0, idle, emergency stop, until a module is at standstill without power ----
+
+
+@click.command("stop")
+@target_options
+def stop_command(target: ModbusTarget) -> int:
+    """Stop a module, whichever program enabled it: velocity 0 on its own ramp, then idle, then emergency stop if idle is not
+    confirmed.
+
+    For a module that is an axis of a cell file, use axisbus stop CELL, which also reaches it in its running machine. Each Ctrl-C
+    goes to the next step at once. The stop is also sent if the module does not answer. Exit code 3 if it is not confirmed as
+    stopped. Another master that continues to command the module enables it again: stop that master first.
+    """
+    from axisbus.drives.gim6010.bus.one_module_line import stop_on_line
+    from axisbus.drives.gim6010.bus.run import interrupts
+
+    signals: list[str] = []
+    with interrupts(signals.append), line_of(target) as channel:
+        stop_on_line(channel, target.node, tell=say, impatience=lambda: len(signals))
     return OK

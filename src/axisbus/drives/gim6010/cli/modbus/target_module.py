@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,19 +13,19 @@ import click
 
 from axisbus.cli.shared.common import say_note
 from axisbus.cli.shared.options import PATH, Decorated
-from axisbus.drives.gim6010.modbus.registers import RATES
+from axisbus.drives.gim6010.modbus.registers import HIGHEST_DEVICE, RATES
 from axisbus.errors import UserError
 
 if TYPE_CHECKING:
     from axisbus.bus.link.channel import Channel
-    from axisbus.drives.gim6010.bus.modbus_watchdog_process import ModbusWatchdogProcess
+    from axisbus.drives.gim6010.bus.one_module_line import ModbusWatchdogProcess
     from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware
     from axisbus.drives.gim6010.modbus.can_emulation import Listed
     from axisbus.drives.gim6010.modbus.module import ModbusModule
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
+    from axisbus.drives.gim6010.modbus.serial_wire import SerialWire
 
 PARITIES = ("none", "even", "odd")
-_HIGHEST = 247
 _WATCHDOG_NOTE = (
     "if only this program is killed, its watchdog process stops the module; not if the computer or the cable fails, "
     "or the program hangs"
@@ -46,87 +46,91 @@ class ModbusTarget:
     @property
     def words(self) -> str:
         """The module as typed, to be repeated in a hint."""
-        rate = "" if self.rate == RATES[-1] else f" --rate {self.rate}"
+        return self.typed("--port", "--rate")
+
+    def typed(self, port: str, rate: str) -> str:
+        """Return the module as typed with these names of the options for port and bit rate."""
+        at = "" if self.rate == RATES[-1] else f" {rate} {self.rate}"
         parity = "" if self.parity == PARITIES[0] else f" --parity {self.parity}"
-        return f"--port {self.port} --node {self.node}{rate}{parity}"
+        return f"{port} {self.port} --node {self.node}{at}{parity}"
+
+    @contextmanager
+    def wire(self, timeout: float | None = None) -> Iterator[SerialWire]:
+        """Open the port; ``timeout`` in s for an answer, None: the usual one. Sends nothing.
+
+        Raises:
+            UserError: the extra is not installed. AdapterError: the port cannot be opened.
+        """
+        from axisbus.drives.gim6010.modbus.serial_wire import TIMEOUT, Parity, SerialWire
+
+        parity = Parity[self.parity.upper()]
+        wire = SerialWire(self.port, rate=self.rate, parity=parity, timeout=timeout or TIMEOUT)
+        try:
+            yield wire
+        finally:
+            wire.close()
+
+
+port_option = click.option(
+    "--port", required=True, metavar="PORT", help="The serial port, such as /dev/ttyUSB0 or COM3."
+)
+parity_option = click.option(
+    "--parity",
+    type=click.Choice(PARITIES),
+    default=PARITIES[0],
+    show_default=True,
+    help="The line's parity bit.",
+)
 
 
 def target_options(function: Decorated) -> Decorated:
     """Add --port, --node, --rate and --parity; the command gets them together as ``target``."""
-    command = function
 
-    @functools.wraps(command)
+    @functools.wraps(function)
     def packed(port: str, node: int, rate: str, parity: str, **rest: Any) -> Any:
-        return command(target=ModbusTarget(port, node, int(rate), parity), **rest)
+        return function(target=ModbusTarget(port, node, int(rate), parity), **rest)
 
-    function = packed
-    for decorate in (
-        click.option(
-            "--parity",
-            type=click.Choice(PARITIES),
-            default=PARITIES[0],
-            show_default=True,
-            help="Parity bit.",
-        ),
-        click.option(
-            "--rate",
-            type=click.Choice(tuple(map(str, RATES))),
-            default=str(RATES[-1]),
-            show_default=True,
-            help="Bit rate in bit/s.",
-        ),
-        click.option("--node", type=click.IntRange(1, _HIGHEST), required=True, help="The module's node ID."),
-        click.option(
-            "--port", required=True, metavar="PORT", help="The serial port, such as /dev/ttyUSB0 or COM3."
-        ),
-    ):
-        function = decorate(function)
-    return function
+    rate_option = click.option(
+        "--rate",
+        type=click.Choice(tuple(map(str, RATES))),
+        default=str(RATES[-1]),
+        show_default=True,
+        help="Bit rate in bit/s.",
+    )
+    node_option = click.option(
+        "--node", type=click.IntRange(1, HIGHEST_DEVICE), required=True, help="The module's node ID."
+    )
+    return port_option(node_option(rate_option(parity_option(packed))))
 
 
 def endpoint_options(function: Decorated) -> Decorated:
     """Add --list and --made-for, as ``listed`` and ``made_for``."""
-    for decorate in (
-        click.option(
-            "--made-for", metavar="VERSION", help="The list's firmware, if its name does not contain it."
-        ),
-        click.option(
-            "--list", "listed", type=PATH, help="The firmware's list of endpoints, as endpoints_0.5.13.json."
-        ),
-    ):
-        function = decorate(function)
-    return function
+    made_for = click.option(
+        "--made-for", metavar="VERSION", help="The list's firmware, if its name does not contain it."
+    )
+    listed = click.option(
+        "--list", "listed", type=PATH, help="The firmware's list of endpoints, as endpoints_0.5.13.json."
+    )
+    return listed(made_for(function))
 
 
 def list_options(function: Decorated) -> Decorated:
     """Add --list and --made-for to a command with ``target_options``, as part of its ``target``."""
-    command = function
 
-    @functools.wraps(command)
+    @functools.wraps(function)
     def packed(target: ModbusTarget, listed: Path | None, made_for: str | None, **rest: Any) -> Any:
-        full = ModbusTarget(target.port, target.node, target.rate, target.parity, listed, made_for)
-        return command(target=full, **rest)
+        return function(target=replace(target, listed=listed, made_for=made_for), **rest)
 
-    function = endpoint_options(packed)
-    return target_options(function)
+    return target_options(endpoint_options(packed))
 
 
 @contextmanager
 def opened(target: ModbusTarget) -> Iterator[ModbusModule]:
-    """Open the port for the module; sends nothing.
-
-    Raises:
-        UserError: the extra is not installed.
-        AdapterError: the port cannot be opened.
-    """
+    """Open the port for the module; sends nothing; raises as ``ModbusTarget.wire``."""
     from axisbus.drives.gim6010.modbus.module import ModbusModule
-    from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
 
-    wire = SerialWire(target.port, rate=target.rate, parity=Parity[target.parity.upper()])
-    try:
+    with target.wire() as wire:
         yield ModbusModule(wire, target.node)
-    finally:
-        wire.close()
 
 
 @contextmanager
@@ -140,13 +144,12 @@ def line_of(
         As ``opened``.
     """
     from axisbus.drives.gim6010.bus.one_module_line import open_line
-    from axisbus.drives.gim6010.modbus.serial_wire import Parity
 
     with open_line(
         target.port,
         target.node,
         rate=target.rate,
-        parity=Parity[target.parity.upper()],
+        parity=target.parity,
         listed=listed,
         calibrates=calibrates,
     ) as channel:
@@ -160,13 +163,9 @@ def guard(target: ModbusTarget) -> Iterator[ModbusWatchdogProcess]:
     Raises:
         StateError: it cannot be started.
     """
-    from axisbus.drives.gim6010.bus.modbus_watchdog_process import ModbusWatchdogProcess
-    from axisbus.drives.gim6010.modbus.serial_wire import Parity
+    from axisbus.drives.gim6010.bus.one_module_line import ModbusWatchdogProcess
 
-    watchdog = ModbusWatchdogProcess(
-        target.port, target.node, rate=target.rate, parity=Parity[target.parity.upper()]
-    )
-    with watchdog:
+    with ModbusWatchdogProcess(target.port, target.node, rate=target.rate, parity=target.parity) as watchdog:
         say_note(_WATCHDOG_NOTE)
         yield watchdog
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
 from axisbus.cli.shared.options import Decorated
-from axisbus.drives.gim6010.cli.params.module import ModuleSelection, opened, require_list
+from axisbus.drives.gim6010.cli.module_selection import ModuleSelection, opened, require_list
 from axisbus.errors import NodeError, StateError
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def change(
     save: bool,
     afterwards: Act | None = None,
 ) -> int:
-    """Write all parameters, and save them if requested; print how to save them with ``command``, as ``typed``."""
+    """Write all parameters, and save them if requested; print how to save them with ``command``, as typed."""
 
     def act(module: ModuleParameters) -> None:
         put(module, wanted, save=save)
@@ -110,20 +110,16 @@ def change(
     return code
 
 
-def typed(command: str, options: Mapping[str, object], unit: str = "") -> str:
-    """Return a command with its options as typed, without those that were not given; times have a ``unit``."""
-    return " ".join(
-        [
-            command,
-            *(f"--{name} {_value(value)}{unit}" for name, value in options.items() if value is not None),
-        ]
-    )
+def pair(text: str, form: str) -> tuple[str, str]:
+    """Return both sides of a text such as ``PATH=VALUE``, which is its ``form``.
 
-
-def _value(value: object) -> str:
-    if isinstance(value, tuple):
-        return " ".join(map(_value, value))
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    Raises:
+        UsageError: the text has another form.
+    """
+    name, equals, value = text.partition("=")
+    if not equals or not name or not value:
+        raise click.UsageError(f"{text!r}: write {form}")
+    return name.strip(), value.strip()
 
 
 def end(asked: ModuleSelection, command: str, *, saved: bool) -> None:

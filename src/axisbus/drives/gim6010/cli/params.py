@@ -11,8 +11,8 @@ from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, sa
 from axisbus.cli.shared.options import PATH
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.drives.gim6010.can_simple.protected_parameters import protected
-from axisbus.drives.gim6010.cli.params.module import ModuleSelection, backup_of, module_options, opened
-from axisbus.drives.gim6010.cli.settings.common import put, save_option
+from axisbus.drives.gim6010.cli.module_selection import ModuleSelection, backup_of, module_options, opened
+from axisbus.drives.gim6010.cli.settings.common import pair, put, save_option
 from axisbus.drives.gim6010.parameters import backup, rules, values
 from axisbus.drives.gim6010.parameters.backup import RestorePlan, differences
 from axisbus.drives.gim6010.parameters.interface import ModuleParameters
@@ -66,16 +66,10 @@ def set_command(asked: ModuleSelection, settings: tuple[str, ...], save: bool) -
 
 
 def _parsed(module: ModuleParameters, text: str) -> tuple[str, Value]:
-    """Return path and value of ``PATH=VALUE``.
-
-    Raises:
-        UsageError, ArgumentError: the text has another form, the parameter is unknown, or it must not be written.
-    """
-    path, sign, value = text.partition("=")
-    if not sign or not value:
-        raise click.UsageError(f"{text}: write PATH=VALUE")
-    endpoint = module.endpoint(path.strip())
-    return endpoint.path, values.parse(endpoint, value.strip())
+    """Return path and value of ``PATH=VALUE``; raises as ``pair``, ``ModuleParameters.endpoint`` and ``values.parse``."""
+    path, value = pair(text, "PATH=VALUE")
+    endpoint = module.endpoint(path)
+    return endpoint.path, values.parse(endpoint.path, endpoint.type, value)
 
 
 # -- ``axisbus gim6010 params dump``: read every parameter of a module -------------------------------------------------

@@ -1,1 +1,0 @@
-"""``axisbus gim6010 params``: the parameters of a module, by their names over USB."""
