@@ -110,7 +110,9 @@ def test_an_exception_of_the_program_switches_the_module_off_and_reports_its_fin
 
 
 @pytest.mark.parametrize(
-    ("number", "raised"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)]
+    ("number", "raised"),
+    [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit), (signal.SIGTSTP, SystemExit)],
+    ids=["Ctrl-C", "SIGTERM", "Ctrl-Z"],
 )
 def test_a_signal_switches_the_module_off(number, raised):
     module, before = Module(5), [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)]

@@ -32,14 +32,11 @@ from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRa
 from axisbus.drives.gim6010.mit_control import MitCycle, MitLeader
 from axisbus.drives.gim6010.mit_settings import MitSettings, ranges_of
 from axisbus.errors import ArgumentError, AxisbusError, NodeError, StateError, UserError
-from axisbus.system.signals import present
 
 _TICKS = 4  # steps of the thread in a period
 _SHORTEST = 0.0005  # s between two of them
 _LONGEST = 15.0  # s for enabling or for the stop sequence
 _ANSWER = 2.0  # s for an answer; the controller gives up long before
-# Ctrl-Z is not among them: a suspended program sends nothing, as one that was killed.
-_SIGNALS = present("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 _KEPT = 1000  # queued frames: more means that the thread does not run
 
 
@@ -84,7 +81,7 @@ class MitControl:
             self._stack.callback(self._channel.unsubscribe, can_id, ear)
         self._stack.callback(atexit.unregister, self._at_exit)
         atexit.register(self._at_exit)
-        self._stack.enter_context(interrupts(self._hear_signal, _SIGNALS))  # ends first
+        self._stack.enter_context(interrupts(self._hear_signal))  # ends first
         self._entered = True
         return self
 

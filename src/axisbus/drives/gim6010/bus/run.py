@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any, Protocol
@@ -201,9 +201,7 @@ def send_parting(channel: Channel, dialogue: Interruptible) -> None:
 
 
 @contextmanager
-def interrupts(
-    interrupt: Callable[[str], object], signals: Mapping[int, str] = _SIGNALS
-) -> Iterator[list[int]]:
+def interrupts(interrupt: Callable[[str], object]) -> Iterator[list[int]]:
     """Handle signals by ``interrupt`` (called with the signal's name), and yield the list of signals.
 
     If ``interrupt`` returns True, the signal is raised in the program, as KeyboardInterrupt or SystemExit. Only in the main thread,
@@ -214,14 +212,14 @@ def interrupts(
 
     def take(number: int, _: FrameType | None) -> None:
         caught.append(number)
-        if interrupt(signals[number]) is not True:
+        if interrupt(_SIGNALS[number]) is not True:
             return
         if number == signal.SIGINT:
             raise KeyboardInterrupt
         raise SystemExit(128 + number)
 
     if threading.current_thread() is threading.main_thread():
-        for number in signals:
+        for number in _SIGNALS:
             if signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
                 before[number] = signal.signal(number, take)
     try:
