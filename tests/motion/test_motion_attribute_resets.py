@@ -34,6 +34,7 @@ FORGOTTEN = {
         "stopping.set_going_at": (1.0, -INF),
         "image.led.target": (500, None),
         "image.led.rate": (100, 0),
+        "image.led._left_at": (1.0, None),
         "image.led._before": (500, None),
         "image.led.trust._before": (500, None),
         "image.led.trust._anchored": (True, False),
@@ -122,7 +123,7 @@ FOR_GOOD = {
 KEPT = {
     "image": SHOWN | FOR_GOOD,
     # The mode is noted in each cycle; whether the drive is idle follows from the states and modes that it shows.
-    "image.led": {"trust", "_mode", "_quick", "idle"},
+    "image.led": {"trust", "_mode", "_period", "_quick", "idle"},
     "image.led.trust": {
         "_use",
         "_window",

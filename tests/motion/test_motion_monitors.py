@@ -1253,6 +1253,36 @@ def test_after_a_quick_stop_the_last_target_does_not_pull_an_axis_that_has_brake
         assert led.pull(lead, position, PowerState.OPERATION_ENABLED) == 1000 - position
 
 
+@pytest.mark.parametrize(
+    ("step", "position", "rests", "pull"),
+    [
+        (100, 1500, 12.0, 0),  # 500 in 10 cycles from 100 per cycle: it has braked evenly
+        (-100, 500, 12.0, 0),
+        (100, 1500, 7.0, 0),  # the quick stop began up to two cycles later
+        (100, 1500, 25.0, -500),  # it took too long: something held it
+        (100, 1990, 12.0, -990),  # it went too far: it did not brake
+        (100, 1500, 2.0, -500),
+        (100, 1500, 1.0, -500),  # it was at rest before the targets ended
+        (100, 1500, math.inf, -500),
+        (100, 1500, -math.inf, -500),
+        (100, 500, 12.0, 500),  # went back
+        (0, 1500, 12.0, -500),
+    ],
+)
+def test_the_time_of_a_quick_stop_with_an_unknown_ramp_shows_that_the_axis_has_braked(
+    step, position, rests, pull
+):
+    led = ReferenceTracker(period=1.0)
+    for number, target in enumerate((1000 - step, 1000)):
+        led.note(float(number), 8, None, target, False)
+    for number in range(2, 5):  # the quick stop sends no target
+        led.note(float(number), 8, None, None, False)
+    seen = led.pull(None, position, PowerState.QUICK_STOP_ACTIVE, rests)
+    assert seen == (pull or None)
+    led.note(5.0, 8, None, 1000, False)  # a new target pulls again
+    assert led.pull(None, position, PowerState.OPERATION_ENABLED, rests) == 1000 - position
+
+
 def test_in_a_velocity_mode_6062h_counts_once_it_has_moved():
     led = ReferenceTracker()
     led.note(0.0, 3, 100, None, False)

@@ -162,7 +162,7 @@ class AxisImage:
         self.shown_demand: int | None = None
         self.demand: int | None = None
         self.lead: float | None = None
-        self.led = ReferenceTracker(demand, pull_window, quick and quick * period**2)
+        self.led = ReferenceTracker(demand, pull_window, quick and quick * period**2, period)
         self.flight = PendingOutputs(period)
         self.demand_stamp = -math.inf
         self.had_demand = False  # one had arrived in the previous cycle
@@ -321,7 +321,7 @@ class AxisImage:
     @property
     def pull(self) -> float | None:
         """Commanded minus actual position, in increments; None if unknown or if nothing moves the axis (``ReferenceTracker``)."""
-        return self.led.pull(self.demand_lead, self.position, self.state)
+        return self.led.pull(self.demand_lead, self.position, self.state, self.still.rested_since)
 
     @property
     def reference(self) -> int | None:

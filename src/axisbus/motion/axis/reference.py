@@ -12,7 +12,8 @@ count are not compared at all (``since``). In a cyclic position mode the last ta
 In *quick stop active* a drive ignores 607Ah: it brakes from the last target with the velocity of that target, and holds the
 position at which it stops. So the last target is no pull if the axis has passed it by about the braking distance, or by any
 distance if 6062h is trusted. If the axis has not passed it, something may hold the axis, and the target still counts, even if 6062h
-is stuck as well.
+is stuck as well. If the ramp of the quick stop is unknown, the braking distance follows from the last velocity and the time until
+the axis was at rest: an axis that falls, or meets an obstacle, goes another distance in its time.
 """
 
 from __future__ import annotations
@@ -47,7 +48,9 @@ class ReferenceTracker:
 
     __slots__ = (
         "_before",
+        "_left_at",
         "_mode",
+        "_period",
         "_quick",
         "idle",
         "rate",
@@ -61,10 +64,18 @@ class ReferenceTracker:
     )
 
     def __init__(
-        self, use: DemandUse = DemandUse.AUTO, window: float = math.inf, quick: float | None = None
+        self,
+        use: DemandUse = DemandUse.AUTO,
+        window: float = math.inf,
+        quick: float | None = None,
+        period: float = 1.0,
     ) -> None:
-        """``window``: see ``DemandTrust``; ``quick``: deceleration of a quick stop in increments per cycle² (None: not known)."""
+        """``window``: see ``DemandTrust``; ``quick``: deceleration of a quick stop in increments per cycle² (None: not known).
+
+        ``period``: seconds of a cycle.
+        """
         self._quick = quick
+        self._period = period
         self.idle = False
         self.trust = DemandTrust(use, window)
         self.since = -math.inf
@@ -83,6 +94,7 @@ class ReferenceTracker:
         self.drop_set_point()
         self.target: int | None = None
         self.rate = 0
+        self._left_at: float | None = None  # when the targets of csp ended; None: they go on
         self._before: int | None = None  # 6062h when the drive changed to its mode
         self.begin(now)
 
@@ -112,7 +124,9 @@ class ReferenceTracker:
             self.target = None
         elif target is not None:
             self.rate = 0 if self.target is None else target - self.target
-            self.target = target
+            self.target, self._left_at = target, None
+        elif self._left_at is None:
+            self._left_at = now
         if mode != _HOMING or not is_edge:
             self.searching_since = math.inf
         elif self.searching_since == math.inf:
@@ -142,31 +156,40 @@ class ReferenceTracker:
         """Whether a trusted ``demand`` may be the set-point in this mode; True if its value at the mode change is unknown."""
         return self._before is None or self.counts(demand, mode)
 
-    def pull(self, lead: float | None, position: int | None, state: PowerState) -> float | None:
+    def pull(
+        self, lead: float | None, position: int | None, state: PowerState, rests: float = math.inf
+    ) -> float | None:
         """Return the distance to which the axis is pulled from its position; None if it is unknown, or nothing pulls.
 
-        ``lead``: the distance of the demand ahead of the axis when it was sampled; None if the demand does not count.
+        ``lead``: the distance of the demand ahead of the axis when it was sampled; None if the demand does not count. ``rests``: when
+        the axis came to rest, in seconds of the scan's clock (infinite: it moves, or this is unknown).
         """
         if position is None or state not in ENERGISED:
             return None  # nothing pulls without power
         target = self.target
         if target is None or (
-            state is PowerState.QUICK_STOP_ACTIVE and self._has_braked(target, lead, position)
+            state is PowerState.QUICK_STOP_ACTIVE and self._has_braked(target, lead, position, rests)
         ):
             return lead
         if lead is None or abs(target - position) > abs(lead):
             return target - position
         return lead
 
-    def _has_braked(self, target: int, lead: float | None, position: int) -> bool:
+    def _has_braked(self, target: int, lead: float | None, position: int, rests: float) -> bool:
         """Whether the axis has passed its last target by the braking distance of a quick stop (see the module)."""
         past = (position - target) * self.rate / (abs(self.rate) or 1)
         if lead is not None:
             return past > 0.0
-        if past <= 0.0 or not self._quick:
-            return False
-        way, late = 0.5 * self.rate * self.rate / self._quick, _ON_ITS_WAY * abs(self.rate)
-        return way / _BRAKES - late <= past <= way * _BRAKES + late
+        way, late = self._braking_distance(rests), _ON_ITS_WAY * abs(self.rate)
+        return past > 0.0 and way is not None and way / _BRAKES - late <= past <= way * _BRAKES + late
+
+    def _braking_distance(self, rests: float) -> float | None:
+        """Return the distance of a quick stop from the last target, by its ramp, else by its time; None if it is unknown."""
+        if self._quick:
+            return 0.5 * self.rate * self.rate / self._quick
+        if self._left_at is None or not self._left_at < rests < math.inf:
+            return None
+        return 0.5 * abs(self.rate) * (rests - self._left_at) / self._period
 
     def _lives(self, demand: int, mode: int | None) -> bool:
         """Whether 6062h has moved since the drive changed to its present mode."""
