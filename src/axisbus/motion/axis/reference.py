@@ -161,8 +161,8 @@ class ReferenceTracker:
     ) -> float | None:
         """Return the distance to which the axis is pulled from its position; None if it is unknown, or nothing pulls.
 
-        ``lead``: the distance of the demand ahead of the axis when it was sampled; None if the demand does not count. ``rests``: when
-        the axis came to rest, in seconds of the scan's clock (infinite: it moves, or this is unknown).
+        ``lead``: the distance of the demand ahead of the axis when it was sampled; None if the demand does not count. ``rests``:
+        when the axis came to rest, in seconds of the scan's clock (infinite: it moves, or this is unknown).
         """
         if position is None or state not in ENERGISED:
             return None  # nothing pulls without power
