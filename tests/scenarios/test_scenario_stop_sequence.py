@@ -13,7 +13,8 @@ from axisbus.errors import DriveError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.device import Device
-from kit.cell import GENERIC
+from kit.campaign.cells.files import variant
+from kit.cell import GENERIC, cell_text
 from kit.plant_probe import ENABLED, OFF, QUICK_STOP, SWITCH_ON_DISABLED, PlantMoves
 
 TIMES = 'halt_time = "500ms"\nquick_stop_time = "400ms"\ndisable_time = "600ms"'
@@ -50,6 +51,20 @@ def test_a_path_that_brakes_too_slowly_for_halt_time_ends_in_a_quick_stop_with_t
     error = cell.failure_of(halt)
     assert isinstance(error, DriveError)
     assert error.remedy.startswith("braking along its path took longer than halt_time")
+
+
+def test_a_quick_stop_with_an_unknown_ramp_out_of_a_path_is_confirmed_by_its_standstill(scenario):
+    """The last target lies behind the axis; neither 6085h (missing) nor 6062h (ignored) shows that it does not pull."""
+    dictionary = scenario.folder / "drive.eds"
+    dictionary.write_text(variant((0x6085,), (), 0, None), encoding="ascii")
+    text = cell_text("x", eds=str(dictionary), axis='demand = "ignore"', stop='quick_stop = "ramp-hold"')
+    cell = scenario.simulated(text=text.replace("deceleration = 1000.0\n", "")).enabled()
+    cell.device().write(0x6084, 0, 20_000)  # 200 deg/s², with which this drive brakes
+    cell.machine.group("x").move_linear([400.0], velocity=100.0, acceleration=500.0)
+    cell.run(1.0)
+    assert cell.end_of(cell.x.quick_stop(), 1.0) is None
+    cell.must_be_still(within=0.01, stages=QUICK_STOP)
+    assert cell.where("x") == pytest.approx(106.5, abs=2.0)  # 25 deg behind the last target
 
 
 @pytest.mark.nets("the stop ladder")
