@@ -112,6 +112,7 @@ class CrashStop:
         stream = MessageStream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus watchdog")
         stream.send(rescued)
         stream.close(_FAREWELL)
+        stream.finish()
 
     def _stop(self, why: str, names: Sequence[str], frames: Sequence[tuple[int, bytes]]) -> Rescued:
         outputs = self._outputs()
