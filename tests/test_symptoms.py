@@ -18,7 +18,7 @@ from axisbus.boot.report import NodeReport
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.cia301 import abort, emcy, tables
 from axisbus.cia302.types import Letter
-from axisbus.cli.explain import markdown, notes_of
+from axisbus.cli.explain import further_reading, markdown, notes_of
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import with_page
 from axisbus.drives import registry
@@ -111,7 +111,7 @@ def test_the_remedy_is_of_the_same_kind_as_the_page(code):
 @each_symptom
 def test_the_pages_for_further_reading_exist(symptom):
     assert symptom.read_on
-    for page in (*symptom.read_on, *(page for note in notes_of(symptom) for page in note.read_on)):
+    for page in further_reading(symptom, notes_of(symptom)):
         assert (ROOT / "docs" / page.partition("#")[0]).exists(), page  # the anchors: when the site is made
 
 

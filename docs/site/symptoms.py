@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
-from axisbus.cli.explain import markdown, notes_of
+from axisbus.cli.explain import further_reading, markdown, notes_of
 from axisbus.cli.main import COMMANDS
 from axisbus.symptoms.lookup import FAMILIES
 from axisbus.symptoms.symptom import Symptom
@@ -46,8 +46,7 @@ def _index() -> str:
 def _page(symptom: Symptom, title_of: Title) -> str:
     notes = notes_of(symptom)
     text = linked(markdown(symptom, notes, every_code=True, wide=True))
-    pages = dict.fromkeys((*symptom.read_on, *(page for note in notes for page in note.read_on)))
-    read_on = "\n".join(f"- {_link(page, title_of)}" for page in pages)
+    read_on = "\n".join(f"- {_link(page, title_of)}" for page in further_reading(symptom, notes))
     return f"{text}\n## Read on\n\n{read_on}\n\nIn a terminal: `axisbus explain {symptom.name}`\n"
 
 

@@ -108,7 +108,6 @@ def markdown(
     ``every_code``: list all codes; ``wide``: for a web site, which has its own links to further pages.
     """
     notes = tuple(notes)
-    read_on = dict.fromkeys((*symptom.read_on, *(page for note in notes for page in note.read_on)))
     parts = [
         [f"# {symptom.title}", "", symptom.seen],
         ["## What to check, in this order", "", *_numbered(symptom.checks)],
@@ -119,9 +118,19 @@ def markdown(
         list(_section("Error codes of a drive (603Fh, EMCY)", _faults(symptom, every_code))),
         []
         if wide
-        else list(_section("Further reading in the documentation", (f"docs/{page}" for page in read_on))),
+        else list(
+            _section(
+                "Further reading in the documentation",
+                (f"docs/{page}" for page in further_reading(symptom, notes)),
+            )
+        ),
     ]
     return "\n\n".join("\n".join(lines) for lines in parts if lines) + "\n"
+
+
+def further_reading(symptom: Symptom, notes: Iterable[SymptomNote]) -> list[str]:
+    """Return the pages of the documentation that a symptom and the ``notes`` of plug-ins name, each once."""
+    return list(dict.fromkeys((*symptom.read_on, *(page for note in notes for page in note.read_on))))
 
 
 def codes_of(symptom: Symptom) -> dict[int, str]:

@@ -161,9 +161,8 @@ class RemoteCore:
         interruption = self._wait(
             lambda: self._left is not None or self._calls.over, max(times, default=0.0) + _CLOSE_MARGIN
         )
-        if (
-            self._left is None
-        ):  # the core has died, or hangs: wait for its watchdog process, and do not interrupt it
+        if self._left is None:
+            # The core has died, or hangs: wait for its watchdog process, and do not interrupt it.
             seconds = _RESCUE if self._calls.over else _KILL
             interruption = self._wait(self._watchdog_over.is_set, seconds) or interruption
         over, failed = self._calls.over, self.session.failed
