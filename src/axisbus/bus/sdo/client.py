@@ -78,8 +78,8 @@ class SdoClient:
         self._calls: list[Call] = []
         self._late: tuple[tuple[int, int], ...] = ()  # objects of requests that may still be answered
         self._no_block = False  # whether the server has shown that it does not support block transfers
-        self._busy_time = 0.0  # see ``repeating_busy``; as given, and what is left of it
-        self._busy_left = 0.0
+        self._busy_time = 0.0  # seconds of ``repeating_busy``; 0: no request is repeated
+        self._busy_left = 0.0  # seconds of them that are left
         self._silences = 0  # objects for which the server was silent while it answered for others
 
     # -- bytes --------------------------------------------------------------------------------------------------------------------
