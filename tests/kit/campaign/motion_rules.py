@@ -19,7 +19,7 @@ _LATE = frozenset(
 # Another master controls the axis: its motion continues for as long as that may take.
 _FOREIGN = frozenset({"other_sets_point", "other_takes_velocity"})
 # It stops the axis: the motor brakes as hard as it can, and swings.
-_STOPPED = frozenset({"other_shuts_down", "other_quick_stops"})
+STOPPED_BY_OTHERS = frozenset({"other_shuts_down", "other_quick_stops"})
 _WINDOW = 20.0  # increments within which a place is reached
 _OVERSPEED = 1.1  # the ratio that the master takes for noise
 _CYCLES = 5.0  # scan periods in which a guard can do nothing: the feedback, its look, the SYNC after it, the drive's own step
@@ -114,7 +114,7 @@ class Travel:
         return name in self._foreign or any(map(self._may_move_it, troubles))
 
     def _may_move_it(self, trouble: Trouble) -> bool:
-        return trouble.kind.moves or trouble.kind.deaf or trouble.what in _LATE | _STOPPED
+        return trouble.kind.moves or trouble.kind.deaf or trouble.what in _LATE | STOPPED_BY_OTHERS
 
     # -- limits ----------------------------------------------------------------------------------------------------------
 

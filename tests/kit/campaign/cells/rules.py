@@ -26,7 +26,7 @@ from kit.campaign.cells.files import BUILTIN, model_of
 from kit.campaign.cells.recipe import NORM
 from kit.campaign.commands import OVERRIDES
 from kit.campaign.facts import MOVES, TORQUE_MODES, Facts, GivenCommand
-from kit.campaign.motion_rules import Travel
+from kit.campaign.motion_rules import STOPPED_BY_OTHERS, Travel
 from kit.plant_probe import ENABLED, OFF, QUICK_STOP, REACTION
 
 _BEYOND = 0.5  # norm degrees beyond a limit: the sum of roundings and windows
@@ -225,6 +225,11 @@ class Physics(Travel):
         if isinstance(error, DriveError) and any(self._crawls(name, error) for name in asked.names):
             facts.tally["halts of moves too slow to be told from a blocked axis"] += 1
             return
+        if isinstance(error, DriveError) and any(
+            self._has_lost_move(name, asked, error) for name in asked.names
+        ):
+            facts.tally["halts of moves that another master had ended, which looks like a blocked axis"] += 1
+            return
         if isinstance(error, MotionTimeout) and any(map(self._is_limited_by_drive, asked.names)):
             facts.tally["velocities without a known unit that the drive does not reach"] += 1
             return
@@ -317,6 +322,21 @@ class Physics(Travel):
         velocities = [sample.velocity for sample in cell.record(name).since(cell.moment(name) - _TURNED)]
         turned = min(velocities) < 0.0 < max(velocities)
         return turned or drive.axis.speed(drive.settings.profile_velocity) < self._facts.unseen_speed(name)
+
+    def _has_lost_move(self, name: str, halt: GivenCommand, error: DriveError) -> bool:
+        """Whether another master shut the drive down during the move that ``halt`` ended, and the next word enabled it at once.
+
+        A drive forgets its set-point by this. If no statusword shows it, the axis stands in the middle of a move as if blocked.
+        """
+        if _BLOCKED not in error.message or self._facts.core[name].image.demand is not None:
+            return False
+        begun = [
+            other.since
+            for other in self._facts.asked
+            if name in other.names and other.kind == "move" and other.ended and other.ended >= halt.since
+        ]
+        span = self._facts.now - min(begun, default=halt.since)
+        return any(trouble.what in STOPPED_BY_OTHERS for trouble in self._facts.troubled(name, span))
 
     def _is_limited_by_drive(self, name: str) -> bool:
         """Whether the drive limits the axis by 6080h to less than max_velocity, which is unknown to the master.
