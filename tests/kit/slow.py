@@ -80,6 +80,7 @@ REAL_TIME = {
         "cli/test_cli_continuous_motion.py::test_a_halt_of_another_program_ends_the_command",
         "cli/test_cli_continuous_motion.py::test_beside_a_program_that_moves_an_axis_a_jog_is_refused_before_it_takes_a_key",
         "core/test_core_probe.py",
+        "drives/test_drives_without_plugin.py",
         "gateway/test_gateway_metrics.py::test_the_bridge_follows_one_machine_after_the_other_and_changes_none",
         "gateway/test_gateway_opcua_processes.py",
         "mutation/test_mutation_trial.py::test_a_planted_mutant_that_no_test_notices_is_reported_as_a_survivor",
