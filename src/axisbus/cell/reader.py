@@ -147,6 +147,14 @@ class _Reading(Tables):
     ) -> str:
         if path[:1] == ("axes",) and len(path) == 3 and key in schema.AXIS:
             return f"it belongs in [{name_of(path[:2])}], before its sub-tables"
+        if path[:1] in (("bus",), ("nodes",), ("axes",)) and len(path) <= 2:
+            for table, keys in (
+                ("bus", schema.BUS),
+                ("nodes.N", schema.node_keys()),
+                ("axes.NAME", schema.AXIS),
+            ):
+                if key in keys:
+                    return f"it belongs in [{table}]"
         return super()._advice(key, path, known, tables)
 
     def _drive_files(self, raw: Any) -> dict[Path, DrivePlugin]:
