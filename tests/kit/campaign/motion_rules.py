@@ -20,6 +20,8 @@ _LATE = frozenset(
 _FOREIGN = frozenset({"other_sets_point", "other_takes_velocity"})
 # It stops the axis: the motor brakes as hard as it can, and swings.
 STOPPED_BY_OTHERS = frozenset({"other_shuts_down", "other_quick_stops"})
+# It changes the state of the drive, which forgets its set-point.
+TAKES_SET_POINT = STOPPED_BY_OTHERS | {"other_enables", "other_program"}
 _WINDOW = 20.0  # increments within which a place is reached
 _OVERSPEED = 1.1  # the ratio that the master takes for noise
 _CYCLES = 5.0  # scan periods in which a guard can do nothing: the feedback, its look, the SYNC after it, the drive's own step

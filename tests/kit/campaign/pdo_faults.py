@@ -11,11 +11,9 @@ from axisbus.sim.virtual_can import FrameFaults
 from axisbus.testing import Simulation
 from kit.cell import Cell
 
-_LATER, _EACH, _LATEST = (
-    0.003,
-    0.02,
-    0.3,
-)  # s by which frames come later, how often they do so more, and at most
+# s by which frames come later, how often they do so more, and at most. By small steps: a jump of about a cycle looks like a lost
+# frame, and counts as one for up to 1.6 s if the drive does not answer SDO meanwhile (docs/stopping.md).
+_LATER, _EACH, _LATEST = 0.0003, 0.002, 0.3
 
 
 class Wire:

@@ -7,6 +7,7 @@ from kit.campaign import can_simple_rules
 from kit.campaign.commands import OVERRIDES
 from kit.campaign.facts import Facts, GivenCommand, Trouble
 from kit.campaign.gantry.skew_rules import has_bent
+from kit.campaign.motion_rules import TAKES_SET_POINT
 
 _LATEST = 20.0  # s after which no command may be running
 _LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
@@ -67,7 +68,7 @@ class Truth:
         changes = (asked.since for asked in self._facts.asked if asked.what in OVERRIDES)
         since = max(changes, default=0.0)  # from then on a command has all of its time
         for asked in self._facts.asked:
-            usual = _LATEST_PATH if asked.what == "follow_on" else _LATEST
+            usual = _LATEST_PATH if asked.what == "follow_on" or self._may_have_lost_move(asked) else _LATEST
             limit = max(usual, *map(self._facts.stops_in, asked.names))
             late = (
                 asked.ended is None
@@ -76,6 +77,13 @@ class Truth:
                 and not self._is_slowed()
             )
             self._facts.must(not late, "every handle ends", f"{asked.handle!r} is busy after {limit:g} s")
+
+    def _may_have_lost_move(self, asked: GivenCommand) -> bool:
+        """Whether another master took the set-point from the drive, perhaps unseen: then a move ends by twice the time it needs."""
+        names, span = asked.names, self._facts.now - asked.since
+        return any(
+            each.what in TAKES_SET_POINT for name in names for each in self._facts.troubled(name, span)
+        )
 
     def _is_slowed(self) -> bool:
         """Whether an override holds the motion, or makes it slower."""

@@ -26,7 +26,7 @@ from kit.campaign.cells.files import BUILTIN, model_of
 from kit.campaign.cells.recipe import NORM
 from kit.campaign.commands import OVERRIDES
 from kit.campaign.facts import MOVES, TORQUE_MODES, Facts, GivenCommand
-from kit.campaign.motion_rules import STOPPED_BY_OTHERS, Travel
+from kit.campaign.motion_rules import TAKES_SET_POINT, Travel
 from kit.plant_probe import ENABLED, OFF, QUICK_STOP, REACTION
 
 _BEYOND = 0.5  # norm degrees beyond a limit: the sum of roundings and windows
@@ -336,7 +336,7 @@ class Physics(Travel):
             if name in other.names and other.kind == "move" and other.ended and other.ended >= halt.since
         ]
         span = self._facts.now - min(begun, default=halt.since)
-        return any(trouble.what in STOPPED_BY_OTHERS for trouble in self._facts.troubled(name, span))
+        return any(trouble.what in TAKES_SET_POINT for trouble in self._facts.troubled(name, span))
 
     def _is_limited_by_drive(self, name: str) -> bool:
         """Whether the drive limits the axis by 6080h to less than max_velocity, which is unknown to the master.
