@@ -12,8 +12,8 @@ from axisbus.errors import ArgumentError, DriveError, Interrupted, LimitError, S
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.dictionary import Dictionary
-from kit.cell import GENERIC, MODULE, cell_text
-from kit.scenarios.jerk_limited import JERK, NEAR, ComputedMotion, Demand, soft
+from kit.cell import GENERIC, cell_text
+from kit.scenarios.jerk_limited import JERK, NEAR, WITHOUT_JERK, ComputedMotion, Demand, soft, without_jerk
 from kit.virtual_axis import virtual
 
 TYPE, LIMIT = 0x6086, 0x60A4
@@ -112,9 +112,10 @@ def test_a_default_limits_all_moves_and_one_of_them_may_be_without(scenario):
     assert demand.worst(3) > 3 * JERK
 
 
-@pytest.mark.parametrize("eds", [GENERIC, MODULE])
+@pytest.mark.parametrize("eds", [GENERIC, WITHOUT_JERK])
 def test_a_default_of_jerk_changes_no_halt_and_no_stop(scenario, eds):
     ways = {}
+    without_jerk(scenario)
     for kind in ("plain", "soft"):
         for call in ("halt", "stop", "quick_stop"):
             cell = soft(scenario, eds) if kind == "soft" else scenario.simulated("x", eds=eds).enabled()
@@ -146,7 +147,7 @@ def test_an_override_of_a_move_with_jerk_keeps_its_jerk(scenario):
 # -- by the master -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("eds", [MODULE])
+@pytest.mark.parametrize("eds", [WITHOUT_JERK])
 def test_without_a_profile_jerk_the_master_controls_the_move(scenario, eds):
     cell = soft(scenario, eds)
     led = ComputedMotion(cell)
@@ -163,7 +164,7 @@ def test_without_a_profile_jerk_the_master_controls_the_move(scenario, eds):
 
 
 def test_a_move_of_the_master_is_overridden_and_held_and_keeps_its_jerk(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     handle = cell.x.move_absolute(300.0, timeout=8.0)
     cell.run(0.8)
@@ -182,7 +183,7 @@ def test_a_move_of_the_master_is_overridden_and_held_and_keeps_its_jerk(scenario
 @pytest.mark.parametrize("target", [300.0, 40.0, -50.0])
 def test_a_move_of_the_master_takes_over_from_another_without_a_jump(scenario, moment, target):
     """During acceleration or later, farther, back, and to a target before which it cannot stop."""
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     first = cell.x.move_absolute(200.0)
     cell.run(moment)
@@ -198,7 +199,7 @@ def test_a_move_of_the_master_takes_over_from_another_without_a_jump(scenario, m
 
 
 def test_a_move_of_the_master_with_another_jerk_takes_over_velocity_and_acceleration(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     cell.x.move_absolute(200.0)
     cell.run(0.3)
@@ -211,7 +212,7 @@ def test_a_move_of_the_master_with_another_jerk_takes_over_velocity_and_accelera
 @pytest.mark.parametrize("before", [1000.0, 200.0])
 def test_a_move_of_the_master_with_another_acceleration_takes_over_the_present_one(scenario, before, moment):
     """A harder move, or one with another mean, first ends the acceleration; also after a move without a jerk."""
-    cell = soft(scenario, MODULE, axis="max_acceleration = 1000.0")
+    cell = soft(scenario, WITHOUT_JERK, axis="max_acceleration = 1000.0")
     led = ComputedMotion(cell)
     cell.x.move_absolute(100.0, acceleration=before, jerk=8000.0)
     cell.run(moment)
@@ -232,7 +233,7 @@ def test_a_move_of_the_master_with_another_acceleration_takes_over_the_present_o
 
 
 def test_after_a_trajectory_a_move_of_the_master_continues_with_its_velocity(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     cell.x.follow(TrapezoidalTrajectory(0.0, 200.0, 100.0, 500.0))
     cell.run(1.2)
@@ -245,7 +246,7 @@ def test_after_a_trajectory_a_move_of_the_master_continues_with_its_velocity(sce
 
 
 def test_a_move_without_jerk_takes_over_from_a_move_of_the_master(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     cell.x.move_absolute(200.0)
     cell.run(0.6)
     assert cell.end_of(cell.x.move_absolute(20.0, jerk=math.inf)) is None
@@ -253,7 +254,7 @@ def test_a_move_without_jerk_takes_over_from_a_move_of_the_master(scenario):
 
 
 def test_a_target_that_would_take_a_move_of_the_master_beyond_its_limits_is_refused(scenario):
-    cell = soft(scenario, MODULE, axis="position_limits = [-10.0, 205.0]")
+    cell = soft(scenario, WITHOUT_JERK, axis="position_limits = [-10.0, 205.0]")
     first = cell.x.move_absolute(200.0, velocity=300.0)
     cell.run(0.62)
     error = cell.failure_of(cell.x.move_absolute(100.0, acceleration=150.0))
@@ -264,7 +265,7 @@ def test_a_target_that_would_take_a_move_of_the_master_beyond_its_limits_is_refu
 
 
 def test_a_halt_of_a_move_that_took_over_brakes_as_hard_as_without_jerk(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     cell.x.move_absolute(200.0)
     cell.run(0.5)
     cell.x.move_absolute(300.0)
@@ -277,7 +278,7 @@ def test_a_halt_of_a_move_that_took_over_brakes_as_hard_as_without_jerk(scenario
 
 @pytest.mark.parametrize("seed", range(12))
 def test_random_targets_during_the_motion_keep_jerk_and_acceleration(scenario, seed):
-    cell, chance = soft(scenario, MODULE), random.Random(seed)
+    cell, chance = soft(scenario, WITHOUT_JERK), random.Random(seed)
     led, target, handles = ComputedMotion(cell), 0.0, []
     for _ in range(25):
         target = chance.choice([chance.uniform(-150.0, 150.0), target + 0.5])
@@ -304,9 +305,9 @@ def test_a_virtual_axis_has_a_jerk_limit_too(scenario):
 
 
 def test_move_direct_moves_each_axis_by_its_own_profile(scenario):
-    text = cell_text("x", eds=GENERIC) + cell_text("y", eds=MODULE).partition("\n[nodes.1]")[2].join(
-        ["\n[nodes.2]", ""]
-    )
+    text = cell_text("x", eds=GENERIC) + cell_text("y", eds=without_jerk(scenario)).partition("\n[nodes.1]")[
+        2
+    ].join(["\n[nodes.2]", ""])
     text = text.replace("node = 1\nunit", "node = 2\nunit").replace(
         "[axes.x]\nnode = 2", "[axes.x]\nnode = 1"
     )
@@ -320,7 +321,7 @@ def test_move_direct_moves_each_axis_by_its_own_profile(scenario):
 
 
 def test_a_move_of_the_master_does_not_take_over_from_the_drive_and_the_error_gives_the_reason(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     first = cell.x.move_absolute(300.0, jerk=math.inf)
     cell.run(0.5)
     error = cell.failure_of(cell.x.move_absolute(0.0))
@@ -331,7 +332,7 @@ def test_a_move_of_the_master_does_not_take_over_from_the_drive_and_the_error_gi
 
 
 def test_a_jerk_that_would_take_seconds_is_refused_and_nothing_moves(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     error = cell.failure_of(cell.x.move_absolute(10.0, jerk=10.0))
     assert isinstance(error, LimitError)
     assert "jerk 10 is too small" in str(error)
@@ -340,7 +341,7 @@ def test_a_jerk_that_would_take_seconds_is_refused_and_nothing_moves(scenario):
 
 
 def test_a_drive_without_csp_and_without_a_profile_jerk_cannot(scenario):
-    cell = soft(scenario, MODULE, axis='modes = ["pp", "pv", "hm"]')
+    cell = soft(scenario, WITHOUT_JERK, axis='modes = ["pp", "pv", "hm"]')
     error = cell.failure_of(cell.x.move_absolute(10.0))
     assert isinstance(error, StateError)
     assert "its jerk cannot be limited" in str(error)
@@ -356,7 +357,7 @@ def test_an_invalid_jerk_is_refused_at_the_call(scenario, value):
 
 
 @pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("eds", [GENERIC, MODULE])
+@pytest.mark.parametrize("eds", [GENERIC, WITHOUT_JERK])
 def test_random_moves_under_random_overrides_keep_their_jerk(scenario, eds, seed):
     cell, chance = soft(scenario, eds), random.Random(seed)
     seen = Demand(cell) if eds == GENERIC else ComputedMotion(cell)

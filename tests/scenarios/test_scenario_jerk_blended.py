@@ -9,8 +9,8 @@ import pytest
 
 from axisbus.errors import LimitError, Replaced, StateError, Stopped
 from axisbus.motion.states import AxisState
-from kit.cell import GENERIC, MODULE, cell_text
-from kit.scenarios.jerk_limited import JERK, NEAR, PERIOD, ComputedMotion, soft
+from kit.cell import GENERIC, cell_text
+from kit.scenarios.jerk_limited import JERK, NEAR, PERIOD, WITHOUT_JERK, ComputedMotion, soft
 from kit.virtual_axis import virtual
 
 HARD = 500.0  # deg/s²
@@ -30,7 +30,7 @@ def must_be_soft(led, hardest=HARD, jerk=JERK):
     assert led.worst(3) <= jerk * 1.001
 
 
-@pytest.mark.parametrize("eds", [MODULE, GENERIC])
+@pytest.mark.parametrize("eds", [WITHOUT_JERK, GENERIC])
 @pytest.mark.parametrize(
     ("mode", "velocities", "joint"),
     [
@@ -58,7 +58,7 @@ def test_a_transition_has_the_velocity_of_its_mode(scenario, eds, mode, velociti
 
 @pytest.mark.parametrize("moment", [0.0, 0.02, 0.2, 0.6, 0.75])
 def test_a_jerk_limited_move_can_be_joined_before_it_begins_and_while_it_moves(scenario, moment):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     first = cell.x.move_absolute(70.0, velocity=100.0)
     cell.run(moment)
@@ -76,7 +76,7 @@ def test_a_jerk_limited_move_can_be_joined_before_it_begins_and_while_it_moves(s
 
 
 def test_a_move_given_while_the_axis_brakes_has_a_slower_transition_and_its_note_gives_the_velocity(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     cell.x.move_absolute(70.0, velocity=100.0)
     cell.run(0.9)
@@ -88,7 +88,7 @@ def test_a_move_given_while_the_axis_brakes_has_a_slower_transition_and_its_note
 
 
 def test_if_the_path_reverses_it_stops_at_the_end_and_the_note_gives_the_reason(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     first = cell.x.move_absolute(70.0, buffer="blending_next")
     second = cell.x.move_absolute(20.0, buffer="blending_next")
@@ -101,7 +101,7 @@ def test_if_the_path_reverses_it_stops_at_the_end_and_the_note_gives_the_reason(
 
 
 def test_moves_that_need_more_time_for_their_jerk_are_not_blended_and_the_note_gives_the_reason(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     first = cell.x.move_absolute(70.0, jerk=10_000.0, buffer="blending_next")
     second = cell.x.move_absolute(150.0, jerk=5000.0, buffer="blending_next")
@@ -119,7 +119,7 @@ def test_moves_that_need_more_time_for_their_jerk_are_not_blended_and_the_note_g
 
 
 def test_a_move_without_a_jerk_is_blended_with_the_jerk_of_the_one_before(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     cell.x.move_absolute(70.0, velocity=60.0, buffer="blending_next")
     second = cell.x.move_absolute(150.0, velocity=100.0, jerk=math.inf, buffer="blending_next")
@@ -138,7 +138,7 @@ def test_a_jerk_limited_blend_after_a_move_of_the_drive_is_refused_with_the_reme
     assert "with a jerk limit only one in csp" in str(error)
     assert "let the first move begin with a blending mode, too" in str(error)
     assert cell.end_of(first) is None
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     first = cell.x.move_absolute(70.0, jerk=math.inf)
     cell.run(0.2)
     assert isinstance(cell.failure_of(cell.x.move_absolute(150.0, buffer="blending_next")), StateError)
@@ -153,12 +153,12 @@ def test_a_drive_without_csp_plans_them_itself_or_refuses(scenario):
     cell = soft(scenario, GENERIC, axis=modes)
     assert cell.end_of(cell.x.move_absolute(20.0, buffer="blending_next")) is None
     assert cell.device().read(0x6086, 0) == 3
-    cell = soft(scenario, MODULE, axis=modes)
+    cell = soft(scenario, WITHOUT_JERK, axis=modes)
     assert isinstance(cell.failure_of(cell.x.move_absolute(20.0, buffer="blending_next")), StateError)
 
 
 def test_an_override_slows_and_holds_it_and_above_1_it_is_as_fast_as_at_1(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     handles = [
         cell.x.move_absolute(70.0, velocity=100.0, buffer="blending_next"),
@@ -179,7 +179,7 @@ def test_an_override_slows_and_holds_it_and_above_1_it_is_as_fast_as_at_1(scenar
 
 @pytest.mark.parametrize("call", ["halt", "stop"])
 def test_a_halt_and_a_stop_are_as_hard_as_without_and_end_all(scenario, call):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     handles = [cell.x.move_absolute(at, velocity=200.0, buffer="blending_next") for at in (150.0, 300.0)]
     cell.until(lambda: cell.where("x") > 100.0)
     begun = cell.where("x")
@@ -194,7 +194,7 @@ def test_a_halt_and_a_stop_are_as_hard_as_without_and_end_all(scenario, call):
 @pytest.mark.parametrize("moment", [0.2, 0.6, 0.9])
 @pytest.mark.parametrize("by", ["move", "velocity", "harder"])
 def test_a_move_that_takes_over_begins_with_the_present_velocity_and_acceleration(scenario, moment, by):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     handles = [
         cell.x.move_absolute(60.0, velocity=100.0, buffer="blending_next"),
@@ -214,7 +214,7 @@ def test_a_move_that_takes_over_begins_with_the_present_velocity_and_acceleratio
 
 
 def test_an_end_beyond_the_limits_is_refused_and_the_running_moves_continue(scenario):
-    cell = soft(scenario, MODULE, axis="position_limits = [-10.0, 100.0]")
+    cell = soft(scenario, WITHOUT_JERK, axis="position_limits = [-10.0, 100.0]")
     first = cell.x.move_absolute(70.0, buffer="blending_next")
     second = cell.x.move_relative(50.0, buffer="blending_next")
     assert isinstance(cell.failure_of(second), LimitError)
@@ -237,7 +237,7 @@ def test_a_virtual_axis_blends_moves_with_a_jerk_limit_too(scenario):
 
 
 def test_a_fault_during_the_moves_ends_all_of_them(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     handles = [cell.x.move_absolute(at, buffer="blending_next") for at in (60.0, 90.0, 150.0)]
     cell.until(lambda: handles[0].done)
     cell.drive().fault(0x2310)
@@ -253,7 +253,7 @@ def test_a_fault_during_the_moves_ends_all_of_them(scenario):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_random_moves_that_join_at_random_times_keep_their_jerk(scenario, seed):
-    cell, chance = soft(scenario, MODULE, axis="max_acceleration = 500"), random.Random(seed)
+    cell, chance = soft(scenario, WITHOUT_JERK, axis="max_acceleration = 500"), random.Random(seed)
     led, end = ComputedMotion(cell), 0.0
     handles = []
     for _ in range(12):

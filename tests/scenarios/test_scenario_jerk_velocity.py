@@ -10,8 +10,18 @@ import pytest
 from axisbus.errors import ArgumentError, Interrupted, LimitError, MotionTimeout, Replaced, StateError
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
-from kit.cell import MODULE, cell_text
-from kit.scenarios.jerk_limited import JERK, NEAR, PERIOD, ComputedMotion, Demand, differences, soft
+from kit.cell import cell_text
+from kit.scenarios.jerk_limited import (
+    JERK,
+    NEAR,
+    PERIOD,
+    WITHOUT_JERK,
+    ComputedMotion,
+    Demand,
+    differences,
+    soft,
+    without_jerk,
+)
 from kit.virtual_axis import virtual
 
 CSP, PV = 8, 3
@@ -96,7 +106,7 @@ def test_a_soft_drive_is_stopped_ahead_of_its_position_limits(scenario):
 
 
 def test_without_a_profile_jerk_the_master_controls_the_velocity(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led, begun = ComputedMotion(cell), cell.now
     handle = cell.x.move_velocity(100.0)
     assert cell.end_of(handle) is None
@@ -113,7 +123,7 @@ def test_without_a_profile_jerk_the_master_controls_the_velocity(scenario):
 
 
 def test_without_a_jerk_the_drive_makes_the_ramp(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     assert cell.end_of(cell.x.move_velocity(50.0, jerk=math.inf)) is None
     assert cell.x.snapshot.mode == PV
     error = cell.failure_of(cell.x.move_velocity(80.0))
@@ -123,7 +133,7 @@ def test_without_a_jerk_the_drive_makes_the_ramp(scenario):
 
 
 def test_a_velocity_of_0_stops_the_axis_under_control_of_the_master(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     cell.end_of(cell.x.move_velocity(100.0))
     assert cell.end_of(cell.x.move_velocity(0.0)) is None
@@ -139,7 +149,7 @@ def test_a_velocity_of_0_stops_the_axis_under_control_of_the_master(scenario):
 @pytest.mark.parametrize("moment", [0.05, 0.15, 0.2, 0.5])
 @pytest.mark.parametrize("target", [300.0, 20.0, -50.0])
 def test_a_move_takes_over_from_it_with_its_velocity_and_its_acceleration(scenario, moment, target):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     first = cell.x.move_velocity(100.0)
     cell.run(moment)
@@ -156,7 +166,7 @@ def test_a_move_takes_over_from_it_with_its_velocity_and_its_acceleration(scenar
 @pytest.mark.parametrize("velocity", [80.0, 0.0, -80.0])
 def test_a_jerk_limited_velocity_takes_over_from_a_running_move(scenario, moment, velocity):
     """Speeding up, going evenly, and braking; with another acceleration as well."""
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     first = cell.x.move_absolute(200.0)
     cell.run(moment)
@@ -170,7 +180,7 @@ def test_a_jerk_limited_velocity_takes_over_from_a_running_move(scenario, moment
 
 @pytest.mark.parametrize("moment", [0.1, 0.5, 2.03])
 def test_out_of_a_move_without_a_jerk_it_continues_with_its_acceleration_too(scenario, moment):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     cell.x.follow(TrapezoidalTrajectory(0.0, 10.0, 50.0, HARD))
     cell.run(0.1)
     cell.x.move_absolute(200.0, jerk=math.inf)  # from a streamed trajectory
@@ -183,7 +193,7 @@ def test_out_of_a_move_without_a_jerk_it_continues_with_its_acceleration_too(sce
 
 @pytest.mark.parametrize("moment", [0.1, 0.3, 1.0])
 def test_a_halt_is_as_soft_and_may_be_interrupted(scenario, moment):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     cell.x.move_velocity(100.0)
     cell.run(moment)
@@ -208,7 +218,7 @@ def test_a_halt_is_as_soft_and_may_be_interrupted(scenario, moment):
 def test_every_other_stop_is_as_hard_as_without(scenario, call):
     ways = {}
     for jerk in (JERK, math.inf):
-        cell = soft(scenario, MODULE)
+        cell = soft(scenario, WITHOUT_JERK)
         cell.end_of(cell.x.move_velocity(200.0, jerk=jerk))
         cell.run(0.5)
         begun = cell.where("x")
@@ -220,7 +230,7 @@ def test_every_other_stop_is_as_hard_as_without(scenario, call):
 
 def test_a_stop_makes_a_soft_halt_hard(scenario):
     def way(*calls):
-        cell = soft(scenario, MODULE)
+        cell = soft(scenario, WITHOUT_JERK)
         cell.end_of(cell.x.move_velocity(200.0, deceleration=200.0))
         cell.run(0.3)
         begun = cell.where("x")
@@ -236,7 +246,7 @@ def test_a_stop_makes_a_soft_halt_hard(scenario):
     assert way("halt", "stop") < at_once + 0.06 * 200.0
 
 
-@pytest.mark.parametrize("eds", [MODULE, None])
+@pytest.mark.parametrize("eds", [WITHOUT_JERK, None])
 def test_an_override_scales_and_holds_it_and_the_handle_waits(scenario, eds):
     if eds is None:
         cell, name = scenario.simulated(text=cell_text("", more=virtual("max_velocity = 400.0"))), "v"
@@ -264,7 +274,7 @@ def test_an_override_scales_and_holds_it_and_the_handle_waits(scenario, eds):
 def test_a_jerk_limited_velocity_is_braked_before_the_position_limits_by_the_axis_deceleration(
     scenario, velocity, deceleration
 ):
-    cell = soft(scenario, MODULE, axis="position_limits = [-150.0, 150.0]")
+    cell = soft(scenario, WITHOUT_JERK, axis="position_limits = [-150.0, 150.0]")
     cell.x.move_velocity(velocity, deceleration=deceleration)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP and cell.core().ladder is None)
     assert isinstance(cell.x.error, LimitError)
@@ -275,7 +285,7 @@ def test_a_jerk_limited_velocity_is_braked_before_the_position_limits_by_the_axi
 
 
 def test_a_soft_halt_for_which_there_is_no_room_is_a_hard_one(scenario):
-    cell = soft(scenario, MODULE, axis="position_limits = [-150.0, 150.0]")
+    cell = soft(scenario, WITHOUT_JERK, axis="position_limits = [-150.0, 150.0]")
     cell.x.move_velocity(200.0, deceleration=60.0)
     cell.until(lambda: cell.where("x") > 60.0)
     assert cell.end_of(cell.x.halt()) is None
@@ -284,7 +294,7 @@ def test_a_soft_halt_for_which_there_is_no_room_is_a_hard_one(scenario):
 
 
 def test_a_velocity_back_that_would_first_exceed_the_limits_is_refused(scenario):
-    cell = soft(scenario, MODULE, axis="position_limits = [-10.0, 205.0]")
+    cell = soft(scenario, WITHOUT_JERK, axis="position_limits = [-10.0, 205.0]")
     first = cell.x.move_absolute(200.0, velocity=300.0)
     cell.run(0.62)
     error = cell.failure_of(cell.x.move_velocity(-50.0, acceleration=100.0))
@@ -296,7 +306,7 @@ def test_a_velocity_back_that_would_first_exceed_the_limits_is_refused(scenario)
 
 def test_a_move_out_of_a_velocity_that_could_not_stop_in_time_is_refused(scenario):
     """The acceleration that is ended first, and the mean that continues, count."""
-    cell = soft(scenario, MODULE, axis="position_limits = [-10.0, 120.0]")
+    cell = soft(scenario, WITHOUT_JERK, axis="position_limits = [-10.0, 120.0]")
     cell.x.move_velocity(200.0)
     cell.until(lambda: cell.where("x") > 60.0)
     error = cell.failure_of(cell.x.move_absolute(0.0))
@@ -308,7 +318,7 @@ def test_a_move_out_of_a_velocity_that_could_not_stop_in_time_is_refused(scenari
 
 def test_before_homing_no_position_limit_holds(scenario):
     cell = scenario.simulated(
-        text=cell_text("x", eds=MODULE, axis="position_limits = [-20.0, 20.0]").replace(
+        text=cell_text("x", eds=without_jerk(scenario), axis="position_limits = [-20.0, 20.0]").replace(
             "required = false", "required = true"
         )
     ).enabled()
@@ -326,7 +336,7 @@ def test_an_invalid_jerk_is_refused_at_the_call(scenario, jerk):
 
 
 def test_a_jerk_that_would_take_seconds_is_refused_and_nothing_moves(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     error = cell.failure_of(cell.x.move_velocity(10.0, deceleration=600.0, jerk=2399.0))
     assert isinstance(error, LimitError)
     assert "jerk 2399 is too small" in str(error)
@@ -335,7 +345,7 @@ def test_a_jerk_that_would_take_seconds_is_refused_and_nothing_moves(scenario):
 
 
 def test_a_drive_without_csp_and_without_a_profile_jerk_cannot(scenario):
-    cell = soft(scenario, MODULE, axis='modes = ["pp", "pv", "hm"]')
+    cell = soft(scenario, WITHOUT_JERK, axis='modes = ["pp", "pv", "hm"]')
     error = cell.failure_of(cell.x.move_velocity(10.0))
     assert isinstance(error, StateError)
     assert "its jerk cannot be limited" in str(error)
@@ -346,7 +356,7 @@ def test_a_drive_without_csp_and_without_a_profile_jerk_cannot(scenario):
 
 
 def test_an_axis_that_jams_is_detected_and_stopped(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     cell.end_of(cell.x.move_velocity(100.0))
     cell.jam()
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 5.0)
@@ -358,7 +368,7 @@ def test_an_axis_that_jams_is_detected_and_stopped(scenario):
 
 
 def test_a_velocity_that_is_not_reached_in_time_ends_with_an_error_and_the_axis_brakes_on_its_path(scenario):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     led = ComputedMotion(cell)
     error = cell.failure_of(cell.x.move_velocity(100.0, timeout=0.05))
     assert isinstance(error, MotionTimeout)
@@ -372,7 +382,7 @@ def test_a_velocity_that_is_not_reached_in_time_ends_with_an_error_and_the_axis_
 def test_a_buffered_move_begins_when_the_velocity_is_reached_and_a_blended_one_is_buffered(
     scenario,
 ):
-    cell = soft(scenario, MODULE)
+    cell = soft(scenario, WITHOUT_JERK)
     turning = cell.x.move_velocity(50.0)
     waits = cell.x.move_absolute(100.0, buffer=True)
     blended = cell.x.move_absolute(120.0, buffer="blending_next")
@@ -384,7 +394,7 @@ def test_a_buffered_move_begins_when_the_velocity_is_reached_and_a_blended_one_i
 
 
 def test_a_distance_is_laid_over_it_and_a_slave_follows_it(scenario):
-    cell = scenario.simulated("xy", eds=MODULE).enabled()
+    cell = scenario.simulated("xy", eds=without_jerk(scenario)).enabled()
     x, y = cell["x"], cell["y"]
     assert cell.end_of(y.gear_in(x, 0.5)) is None
     assert cell.end_of(x.move_velocity(60.0, jerk=JERK)) is None
@@ -400,7 +410,7 @@ def test_a_distance_is_laid_over_it_and_a_slave_follows_it(scenario):
 
 
 def test_an_endless_axis_rotates_and_a_move_continues_to_its_position_in_the_turn(scenario):
-    cell = soft(scenario, MODULE, axis="modulo = 360.0")
+    cell = soft(scenario, WITHOUT_JERK, axis="modulo = 360.0")
     led = ComputedMotion(cell)
     assert cell.end_of(cell.x.move_velocity(390.0)) is None
     cell.run(5.0)
@@ -412,7 +422,7 @@ def test_an_endless_axis_rotates_and_a_move_continues_to_its_position_in_the_tur
 
 
 def test_a_failing_axis_stops_the_others_without_jerk_limit(scenario):
-    cell = scenario.simulated("xy", eds=MODULE).enabled()
+    cell = scenario.simulated("xy", eds=without_jerk(scenario)).enabled()
     for axis in cell.machine:
         assert cell.end_of(axis.move_velocity(100.0, jerk=JERK)) is None
     led = ComputedMotion(cell, "y")
@@ -425,7 +435,7 @@ def test_a_failing_axis_stops_the_others_without_jerk_limit(scenario):
 
 def test_other_modes_take_over_from_it_without_a_jolt(scenario):
     for call in ("pv", "homing", "csv"):
-        cell = soft(scenario, MODULE)
+        cell = soft(scenario, WITHOUT_JERK)
         demand = Demand(cell)
         cell.end_of(cell.x.move_velocity(60.0))
         if call == "pv":
@@ -439,7 +449,7 @@ def test_other_modes_take_over_from_it_without_a_jolt(scenario):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_random_velocities_moves_halts_and_overrides_keep_jerk_and_acceleration(scenario, seed):
-    cell, chance = soft(scenario, MODULE, axis="max_acceleration = 1000.0"), random.Random(seed)
+    cell, chance = soft(scenario, WITHOUT_JERK, axis="max_acceleration = 1000.0"), random.Random(seed)
     led, handles = ComputedMotion(cell), []
     ramps = (200.0, 500.0, 1000.0)
     for _ in range(30):

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+from kit.campaign.cells.files import variant
 from kit.cell import GENERIC, Cell, Stage, cell_text
 
 PERIOD = 0.01
 NEAR = 0.3  # degrees
+WITHOUT_JERK = "without-jerk.eds"
 JERK = 5000.0  # deg/s³
 
 
@@ -52,8 +54,16 @@ def differences(row: list[float], order: int) -> list[float]:
     return row
 
 
+def without_jerk(scenario: Stage) -> str:
+    """Write the EDS of a drive without a profile jerk (60A4h), so that the master limits the jerk; return its name."""
+    text = variant((0x60A4,), (), 0, None)
+    (scenario.folder / WITHOUT_JERK).write_text(text, encoding="utf-8")
+    return WITHOUT_JERK
+
+
 def soft(scenario: Stage, eds: str = GENERIC, **changes: str) -> Cell:
     """A cell of one axis whose moves have a limit of jerk by default, enabled."""
+    without_jerk(scenario)
     text = cell_text("x", eds=eds, **changes).replace(
         "acceleration = 500.0\n", f"acceleration = 500.0\njerk = {JERK}\n", 1
     )
