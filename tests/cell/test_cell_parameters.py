@@ -15,7 +15,6 @@ from axisbus.cell.writes import axis_writes, node_writes
 from axisbus.cia402.modes import ModeOfOperation as Mode
 from axisbus.cia402.port import ValueTransport
 from axisbus.drives.plugin import DrivePlugin
-from axisbus.eds import builtin
 from axisbus.motion.parameters import AxisParameters, DemandUse, Handshake, HoldsLoad, standstill_time
 from kit import cells
 
@@ -248,20 +247,6 @@ def test_whether_a_quick_stop_holds_follows_the_word_else_the_objects_else_the_e
     assert parameters("y", ("[groups.xy]", '[axes.y.objects]\n"605A" = 5\n[groups.xy]')).quick_stop_holds
     node = ('[nodes.2]\neds = "drive.eds"\n', '[nodes.2]\neds = "drive.eds"\nobjects."605Ah" = 7\n')
     assert parameters("y", node).quick_stop_holds
-
-
-def test_the_make_by_the_identity_explains_faults() -> None:
-    text = '[bus]\ninterface="sim"\nscan_period="4ms"\n[nodes.1]\neds="builtin:gim6010-8"\n[axes.x]\nnode=1\nunit="deg"\nscale=1\n'
-    cell, _ = reader.loads(text)
-    assert cell is not None
-    module = eds.load(builtin.resolve("builtin:gim6010-8", cell.folder))
-    made = axis_parameters(cell, "x", module)
-    assert (0x203F, 0) in made.fault_objects
-    assert (0x203E, 0) in made.fault_objects
-    assert any(
-        "OVER_TEMP" in text.upper().replace(" ", "_")
-        for text in made.explain_fault(0x4310, {(0x203F, 0): 0x40000})
-    )
 
 
 def test_a_drive_of_an_unknown_make_explains_nothing() -> None:

@@ -43,26 +43,3 @@ def test_sync_is_a_sign_at_the_usual_cob_id_and_at_the_cells(tmp_path: Path) -> 
         cell = cell_of(tmp_path, bus=bus)
         found[bus.replace("\n", ", ")] = set(cast_of(cell, load_dictionaries(cell)).syncs)
     assert list(found.values()) == [{0x80}, {0x80, 0x90}, set(), {0x80}]
-
-
-def test_frames_of_a_module_are_no_sign_of_a_master_and_commands_to_it_are(tmp_path: Path) -> None:
-    """Node 48 of CAN Simple sends its heartbeat with 601h, where CANopen has the SDO requests to node 1."""
-    more = """[nodes.48]
-protocol = "can_simple"
-[nodes.48.can_simple]
-velocity_limit = 20.0
-current_limit = 10.0
-velocity_ramp = 40.0
-acceleration = 80.0
-"""
-    beat, estimates = CanFrame(0.0, 0x601, bytes(8)), CanFrame(0.0, 0x609, bytes(8))
-    target, state = CanFrame(0.0, 0x60C, bytes(8)), CanFrame(0.0, 0x607, bytes(8))
-    without = cell_of(tmp_path)
-    assert sign_of(beat, cast_of(without, load_dictionaries(without))) == (Sign.SDO, 1)
-    with_it = cell_of(tmp_path, more=more)
-    cast = cast_of(with_it, load_dictionaries(with_it))
-    assert sign_of(beat, cast) is None
-    assert sign_of(estimates, cast) is None
-    assert sign_of(target, cast) == (Sign.MODULE, 48)
-    assert sign_of(state, cast) == (Sign.MODULE, 48)
-    assert sign_of(CanFrame(0.0, 0x609, b"", remote=True), cast) is None  # a question commands nothing
