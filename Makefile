@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems tell Python not to write bytecode. Then each of the many processes that the tests start would compile all modules.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help dist matrix demo quick test test-sweeps test-real test-web test-socketcan check bench scenarios bench-cycle bench-core bench-clients bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
+.PHONY: help dist matrix demo quick test test-generic test-sweeps test-real test-web test-socketcan check bench scenarios bench-cycle bench-core bench-clients bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
 
 help:                     ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1\t/p' Makefile | expand -t 16
@@ -24,6 +24,9 @@ test: $(READY)            ## run the tests whose result does not depend on the l
 
 test-sweeps: $(READY)     ## run the sweeps: random runs, every combination, makers' files; the load of the computer does not matter
 	$(BIN)/python -m pytest -m sweep -n 2 --dist loadfile
+
+test-generic: $(READY)    ## run the quick tests on a copy of the sources without the plug-in of the GIM6010-8, in build/generic
+	$(BIN)/python tests/without_plugin.py -m "not slow" -n 2 --dist loadfile
 
 test-real: $(READY)       ## run the tests that need real processes, sockets, a browser or the kernel
 	$(BIN)/python -m pytest -m real_time -n 2 --dist loadfile

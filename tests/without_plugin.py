@@ -1,0 +1,66 @@
+"""Run the tests on a copy of the sources without the plug-in of the GIM6010-8: ``make test-generic``.
+
+The copy is in ``build/generic``. The folders of the plug-in and of its tests are left out, and the tests below, which need the plug-in
+because they test the product as a whole. Arguments are those of pytest.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+COPY = ROOT / "build" / "generic"
+LEFT_OUT = ("src/axisbus/drives/gim6010", "tests/drives/gim6010")
+# Files and tests that need the plug-in, and why.
+NEED_IT = {
+    "the documentation and its examples have modules of the make": (
+        "tests/cell/test_cell_documentation.py",
+        "tests/cell/test_cell_schema.py::test_good_cells_are_good[can_simple.toml]",
+        "tests/cell/test_cell_schema.py::test_the_excerpts_on_the_pages_are_good",
+        "tests/test_pages.py",
+    ),
+    "a table of all checks contains those of the make": (
+        "tests/check/test_check_ids.py::test_every_check_has_an_id_and_every_id_a_check",
+    ),
+    "examples/cell.toml has drives of the make, whose modes the plug-in knows": (
+        "tests/cli/test_cli_check.py::test_each_finding_of_a_clean_cell_is_printed_once",
+    ),
+    "a module of the make is beside the drives": (
+        "tests/scenarios/test_scenario_can_simple.py",
+        "tests/scenarios/test_scenario_can_simple_processes.py",
+    ),
+    "a fault is explained in the words of the make": (),
+}
+
+
+def copied() -> Path:
+    """Make the copy of the files that git knows; return its folder."""
+    shutil.rmtree(COPY, ignore_errors=True)
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True)
+    for name in filter(None, listed.stdout.split("\0")):
+        if not name.startswith(LEFT_OUT) and (ROOT / name).is_file():
+            (COPY / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, COPY / name)
+    return COPY
+
+
+def main() -> int:
+    """Return the exit code of pytest in the copy, which must import the copy's package."""
+    folder = copied()
+    environment = {**os.environ, "PYTHONPATH": str(folder / "src")}
+    show = [sys.executable, "-c", "import axisbus; print(axisbus.__file__)"]
+    imported = subprocess.run(show, cwd=folder, env=environment, check=True, capture_output=True, text=True)
+    if not Path(imported.stdout.strip()).is_relative_to(folder):
+        print(f"the tests would run on {imported.stdout.strip()}, not on the copy")
+        return 1
+    left_out = [f"--deselect={name}" for names in NEED_IT.values() for name in names]
+    command = [sys.executable, "-m", "pytest", *left_out, *sys.argv[1:]]
+    return subprocess.run(command, cwd=folder, env=environment, check=False).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())
