@@ -1,7 +1,7 @@
 """Run the tests on a copy of the sources without the plug-in of the GIM6010-8: ``make test-generic``.
 
-The copy is in ``build/generic``. The folders of the plug-in and of its tests are left out, and the tests below, which need the plug-in
-because they test the product as a whole. Arguments are those of pytest.
+The copy is in ``build/generic``. The folders of the plug-in and of its tests are left out, and the tests of ``NEED_IT``, which test
+the product as a whole. Arguments are those of pytest.
 """
 
 from __future__ import annotations
@@ -23,9 +23,6 @@ NEED_IT = {
         "tests/cell/test_cell_schema.py::test_the_excerpts_on_the_pages_are_good",
         "tests/test_pages.py",
     ),
-    "a table of all checks contains those of the make": (
-        "tests/check/test_check_ids.py::test_every_check_has_an_id_and_every_id_a_check",
-    ),
     "examples/cell.toml has drives of the make, whose modes the plug-in knows": (
         "tests/cli/test_cli_check.py::test_each_finding_of_a_clean_cell_is_printed_once",
     ),
@@ -33,7 +30,16 @@ NEED_IT = {
         "tests/scenarios/test_scenario_can_simple.py",
         "tests/scenarios/test_scenario_can_simple_processes.py",
     ),
-    "a fault is explained in the words of the make": (),
+    "a fault is explained in the words of the make": tuple(
+        f"tests/scenarios/test_scenario_faults.py::test_{name}"
+        for name in (
+            "a_fault_in_mid_move_stops_the_group_and_is_reported_in_the_makers_words",
+            "bits_in_the_high_word_are_decoded_too",
+            "a_fault_while_disabled_is_reported_and_stops_no_axis_at_standstill",
+            "a_drive_in_fault_at_boot_up_is_opened_and_the_fault_is_reported",
+            "a_reset_that_does_not_work_names_the_fault_that_stays",
+        )
+    ),
 }
 
 

@@ -134,9 +134,10 @@ class Extension:
 
     ``protocols`` are those other than CANopen: the word for each in ``[nodes.N]``, and its name in messages. ``interfaces`` are
     words of ``[bus]``, each with its class of a bus of python-can. ``parts`` extend a package of axisbus, by its name: ``cell``
-    (``cell.other_protocols.CellPart``), ``check`` (checks of a cell), ``core`` (``core.other_protocols.CorePart``), ``trace``
-    (``trace.other_protocols.TracePart``) and ``symptoms`` (``symptoms.symptom.SymptomNote`` by the names of pages); ``detector``
-    recognises devices (``foreign_protocols.ProtocolDetector``), ``trace_options`` and ``sim_options`` are options of commands
+    (``cell.other_protocols.CellPart``), ``check`` (checks of a cell), ``check_ids`` (their table, as in ``check.ids.table``),
+    ``core`` (``core.other_protocols.CorePart``), ``trace`` (``trace.other_protocols.TracePart``) and ``symptoms``
+    (``symptoms.symptom.SymptomNote`` by the names of pages); ``detector`` recognises devices
+    (``foreign_protocols.ProtocolDetector``), ``trace_options`` and ``sim_options`` are options of commands
     (``cli.shared.plugin_options``).
     """
 

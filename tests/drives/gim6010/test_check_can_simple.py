@@ -9,8 +9,10 @@ import pytest
 from axisbus.cell import reader
 from axisbus.check.bus_load import streams
 from axisbus.check.cycle_schedule import timetable
+from axisbus.check.ids.table import id_of
 from axisbus.check.run import check
 from axisbus.core.files import load_dictionaries
+from axisbus.drives.gim6010 import checks
 from kit.can_simple.mixed_cell import write
 
 SIM = 'interface = "sim"'
@@ -137,3 +139,10 @@ def test_a_list_without_a_version_is_an_error(tmp_path):
     (tmp_path / "mine.json").write_text("[]")
     (found,) = errors(path)
     assert "does not give its firmware version" in found
+
+
+def test_each_check_of_a_module_has_an_id_and_each_of_its_ids_a_check():
+    of_checks = [
+        id_of(each) for each in checks.CHECKS if each is not checks.as_drives
+    ]  # that one makes others
+    assert sorted(of_checks) == [row["rule"] for row in checks.rows()]

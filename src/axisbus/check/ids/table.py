@@ -6,29 +6,33 @@ from collections.abc import Mapping
 from functools import cache
 
 from axisbus.check.context import Check
+from axisbus.drives import registry
 from axisbus.eds.rules.table import Rule, rows_of, table
 
 UNREADABLE = "C010"  # an EDS or DCF
 READER = "reader"  # findings of reading the file itself, which have their ids from the reader
+PART = "check_ids"  # of a drive plug-in: a function in the module of its checks, which returns the rows of their table
 _PACKAGE = "axisbus.check."
 
 
-@cache
 def checks() -> Mapping[str, Rule]:
-    """Return all checks by id: those of the file itself first, those of the bus load last."""
-    return table(_rows())
+    """Return all checks by id, in the order of their numbers, with those of drive plug-ins. Blocks while plug-ins are imported."""
+    rows = [*_rows(), *(row for part in registry.parts(PART) for row in part())]
+    return table(sorted(rows, key=lambda row: row["rule"]))
 
 
 @cache
 def ids() -> Mapping[str, str]:
-    """Return the id of each check by its function: ``limits.torque``; that of a drive plug-in from ``drives`` on."""
+    """Return the id of each check of this package by its function: ``limits.torque``."""
     return {row["check"]: row["rule"] for row in _rows() if row["check"] != READER}
 
 
 def id_of(check: Check) -> str:
     """Return the id of a check; empty if the check only runs other checks, which have ids of their own."""
-    module = check.__module__.removeprefix(_PACKAGE).removeprefix("axisbus.")
-    return ids().get(f"{module}.{check.__name__}", "")
+    if check.__module__.startswith(_PACKAGE):
+        return ids().get(f"{check.__module__.removeprefix(_PACKAGE)}.{check.__name__}", "")
+    tables = (part() for part in registry.parts(PART) if part.__module__ == check.__module__)
+    return next((row["rule"] for rows in tables for row in rows if row["check"] == check.__name__), "")
 
 
 @cache
