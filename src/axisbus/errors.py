@@ -416,7 +416,7 @@ class HomingError(DriveError):
 
 
 class ProbeError(DriveError):
-    """A touch probe is not armed as requested, or a move until an edge has found none."""
+    """A touch probe is not armed as requested, or a move that waits for an edge ended without one."""
 
 
 class StaleError(DriveError):

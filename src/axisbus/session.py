@@ -251,7 +251,7 @@ class MachineSession(AxisSession, Protocol):
         """Call ``hear`` with the received and sent frames of the bus, a few at a time: those of ``can_ids``, or all.
 
         It runs in threads of the core, or in the thread that delivers events, and must not block. Without a bus it is never called.
-        Frames that are not taken in time are left out.
+        Frames that are not read in time are left out.
         """
 
     def untap(self, hear: HearFrames) -> None:

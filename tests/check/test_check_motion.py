@@ -297,14 +297,14 @@ def test_the_drives_own_maximum_velocity_is_compared(tmp_path: Path) -> None:
 def test_a_direction_is_not_turned_twice(tmp_path: Path) -> None:
     path = cells.write(tmp_path, eds=cells.entry("607E", DefaultValue="0x80"))
     problem = cells.only(path, "error", 'invert = "master"')
-    assert "turned twice" in problem.message
+    assert "inverted twice" in problem.message
     assert "607Eh (polarity) is 80h after boot" in problem.observed
 
 
 def test_whether_the_drive_turns_torque_is_noted_as_uncertain(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ('invert = "master"', 'invert = "drive"'))
     assert cells.serious(path) == []
-    assert "small torque" in cells.note(path, "axis y: whether the drive turns torque").remedy
+    assert "small torque" in cells.note(path, "axis y: it is not certain whether the drive also inverts").remedy
 
 
 def test_a_reserved_homing_method_is_warned_of(tmp_path: Path) -> None:

@@ -249,7 +249,7 @@ def test_cycles_that_cannot_be_written_in_time_are_counted_and_reported(tmp_path
         assert 5 <= recording.lost <= 40
         recording._looked = 0.0
     told = [event.text for event in load(path).events if event.sort == "recording"]
-    assert told == [f"{recording.lost} cycles are missing: not taken in time"]
+    assert told == [f"{recording.lost} cycles are missing: not read in time"]
 
 
 def test_a_truncated_recording_is_read_as_far_as_possible(made, tmp_path, run):

@@ -238,7 +238,7 @@ def swapped(outcome: BootOutcome, before: Mapping[Address, int], serial: int | N
             f"its {_NAMES[address]} is {_seen(value)}, it was {_seen(before.get(address))}"
             for address, value in found.items()
         ),
-        remedy=f"configure the new drive: axisbus replace CELL {node}; or boot it with the parameters that it has: "
+        remedy=f"configure the new drive: axisbus replace CELL {node}; or boot it with its present parameters: "
         f"axisbus boot CELL --node {node}",
     )
 

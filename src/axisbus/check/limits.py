@@ -87,15 +87,15 @@ def invert(case: CheckContext) -> Problems:
         if axis.invert == "master" and polarity:
             yield case.error(
                 axis.at.of("invert"),
-                f"axis {axis.name}: the direction is turned twice",
+                f"axis {axis.name}: the direction is inverted twice",
                 f'invert = "master", and {own_title(drive, objects.POLARITY)} is {polarity:02X}h after boot',
                 f'write invert = "drive", or set 607E to 0 in [{axis.at.name}.objects]',
             )
         if axis.invert == "drive" and axis.rated_torque is not None:
             yield case.note(
                 axis.at.of("invert"),
-                f"axis {axis.name}: whether the drive turns torque as well is not certain",
-                "607Eh turns position and velocity",
+                f"axis {axis.name}: it is not certain whether the drive also inverts torques",
+                "607Eh inverts position and velocity",
                 "try torque_control with a small torque first",
             )
 

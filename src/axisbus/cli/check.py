@@ -50,7 +50,7 @@ def command(
     names and lines. Each finding ends with the id of its check, such as [C017], for --explain and --ignore.
     """
     if (cell is None) is not (schema or as_list or explain is not None):
-        raise click.UsageError("give a cell file, or --schema (of all cell files), --list or --explain ID")
+        raise click.UsageError("give a cell file, or --schema (for all cell files), --list or --explain ID")
     if explain is not None:
         return explain_rule(explain, checks())
     if as_list:

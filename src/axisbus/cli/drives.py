@@ -84,7 +84,7 @@ def show_command(name: str, as_json: bool) -> int:
 def check_command(file: Path | None, as_json: bool, schema: bool) -> int:
     """Find the errors in a drive file: each with its line and its remedy. Exit code 1 when there is one."""
     if (file is None) is not schema:
-        raise click.UsageError("give a drive file, or --schema (of all drive files)")
+        raise click.UsageError("give a drive file, or --schema (for all drive files)")
     if file is None:
         from axisbus.drives.drive_file_schema import schema_of_drive_files
 

@@ -37,7 +37,7 @@ def command() -> None:
 @command.command("list")
 @click.option("--json", "as_json", is_flag=True, help="Print the list as JSON.")
 def list_command(as_json: bool) -> int:
-    """Print the name of each example, and what it shows."""
+    """Print the name and the subject of each example."""
     found = {str(path.relative_to(folder()).as_posix()): _summary(path) for path in _files()}
     if as_json:
         say_json(found)

@@ -153,8 +153,8 @@ BRIDGE_COMMANDS = {
 
 @click.group("bridge", cls=LazyGroup, table=BRIDGE_COMMANDS)
 def bridge() -> None:
-    """Connect a machine to the systems of a plant. A bridge is one more client of the machine: ending or killing it changes no
-    cycle.
+    """Connect a machine to the systems of a plant. A bridge is one more client of the machine: ending or killing it does not
+    affect the cycle.
     """
 
 

@@ -39,9 +39,9 @@ _US = 1e6
 def command(cell: Path, seconds: float, output: Path | None, force: bool, as_json: bool, beside: bool) -> int:
     """Measure the jitter of CELL's cycle; joins the running machine, or boots the cell if none is running; energises nothing.
 
-    It measures the period of SYNC, when the last TPDO and the last RPDO of a cycle arrive after SYNC, and how far the nodes'
-    answers are apart: as this computer sees the frames. On SocketCAN the times of reception are the kernel's. Exit code 1 if
-    cycles are missing.
+    It measures, as this computer sees the frames, the period of SYNC, the time from SYNC to the last TPDO and to the last RPDO,
+    and the interval between the nodes' answers. On SocketCAN the times of reception are the kernel's. Exit code 1 if cycles are
+    missing.
     """
     if output is not None:
         require_picture(output)

@@ -28,16 +28,16 @@ from axisbus.wording import counted
 @click.command("nameplate")
 @click.argument("cell", type=PATH)
 @click.option("--save", is_flag=True, help="Store the nameplates beside CELL, as JSON and as Markdown.")
-@click.option("--compare", is_flag=True, help="Say what has changed since they were saved.")
+@click.option("--compare", is_flag=True, help="Show the changes since they were saved.")
 @click.option("--saved", is_flag=True, help="Show the stored nameplates, without the bus.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def command(cell: Path, save: bool, compare: bool, saved: bool, as_json: bool) -> int:
     """Show what identifies each CANopen node of CELL: make, device name, identity, serial number, versions, date of the
     configuration, and the hash of its EDS or DCF.
 
-    The nodes are read through the running machine of CELL, else on the bus; nothing is written to them. --save stores the result
-    in CELL's name with .nameplate.json and .nameplate.md: the as-built record of the machine. Exit code 1 when --compare finds a
-    difference, 3 when a node does not answer.
+    The nodes are read through the running machine of CELL, otherwise on the bus; nothing is written to them. --save stores the
+    result in CELL's name with .nameplate.json and .nameplate.md: the as-built record of the machine. Exit code 1 when --compare
+    finds a difference, 3 when a node does not answer.
     """
     if saved and (save or compare):
         raise click.UsageError("--saved reads no node: leave out --save and --compare")

@@ -38,7 +38,11 @@ _PATIENCE = 5.0  # seconds that a node of a running machine may take; a restart 
 @click.argument("wanted", metavar="COMMAND", type=click.Choice(list(COMMANDS)))
 @click.argument("who", metavar="NODE...|all", nargs=-1, required=True, shell_complete=complete_nodes_or_all)
 @node_options
-@click.option("--force", is_flag=True, help="Also if a drive is energised: it may coast, or drop its load.")
+@click.option(
+    "--force",
+    is_flag=True,
+    help="Send the command even if a drive is energised: it may coast, or drop its load.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @take_option
 def command(
@@ -48,9 +52,9 @@ def command(
     each.
 
     NODE is a node ID or an axis of --cell; "all" sends one command to all nodes, and checks the nodes of the cell, or without
-    --cell those that a scan finds. Starting energises nothing. The other commands cut a drive off from the bus: if a drive is
-    energised, they are refused without --force. A node confirms by its heartbeat, by node guarding (never if that would arm its
-    life guarding), by its boot-up message, or by its SDO server. Exit code 3 when a node does not confirm.
+    --cell the nodes that a scan finds. Starting energises nothing. The other commands cut a drive off from the bus: if a drive
+    is energised, they are refused without --force. A node confirms by its heartbeat, by node guarding (never if that would arm
+    its life guarding), by its boot-up message, or by its SDO server. Exit code 3 when a node does not confirm.
 
     If the machine of --cell is running, its core sends the command; the core loses the axes of a node that leaves operational.
     """

@@ -141,8 +141,8 @@ def verify_command(
     start: int | None,
     as_json: bool,
 ) -> int:
-    """Compare the program of NODE with FILE: byte by byte if the node returns its program (1F50h), else by its identification
-    (1F56h), if that is a usual checksum of the bytes.
+    """Compare the program of NODE with FILE: byte by byte if the node returns its program (1F50h), otherwise by its
+    identification (1F56h), if that is a usual checksum of the bytes.
 
     Reads only, also while the machine runs. Exit code 1 when the program is another one, or when this cannot be decided.
     """
@@ -211,8 +211,8 @@ def write_command(
     then answers from its boot loader, and the write begins again with stop and clear.
 
     Energises nothing, and is refused while a drive of the node is energised. If the machine of --cell runs, its core writes the
-    program of a node whose axes are disabled, while the other axes continue; boot the node afterwards. The core also continues if
-    this command is ended.
+    program of a node whose axes are disabled, while the other axes continue; boot the node afterwards. The core continues even
+    if this command ends.
 
     FILE must be for exactly this device: axisbus can only refuse a damaged file. Exit code 3 when the write has failed.
 

@@ -76,7 +76,7 @@ def command(
 ) -> int:
     """Replace the drive of a node of CELL by a new one of the same type. Energises nothing.
 
-    The new drive has the node-ID of the old one already, or another one that CELL does not have, or none, if it has LSS. The
+    The new drive has the node-ID of the old one, or a node-ID that CELL does not use, or (with LSS) no node-ID. The
     command shows the old and the new drive, and asks once. Then it sets the node-ID by LSS, restores the stored
     configuration (without the objects that calibrate the drive), stores it by 1010h, restarts the drive, compares every object,
     and writes the new nameplate into the record (axisbus nameplate --save).

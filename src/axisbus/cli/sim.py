@@ -141,7 +141,7 @@ def _require_enough(
         raise click.UsageError(f"give a cell file, or modules with {_names(_OPTIONS)}")
     for option, value in options.items():
         if value is not None:
-            raise click.UsageError(f"{option} needs a cell file: give one, too")
+            raise click.UsageError(f"{option} needs a cell file: also give the cell file")
 
 
 def _require_others(config: CellConfig, guests: Mapping[SimOption, Sequence[Guest]]) -> None:

@@ -115,9 +115,15 @@ def check_limits(variable: Variable, value: Default, node_id: int | None) -> Non
     if beyond:
         raise LimitError(
             f"{_where(variable)}: {number} is outside its limits",
-            observed=f"allowed are {low if low is not None else 'all down'} to {high if high is not None else 'all up'}",
+            observed=_allowed(low, high),
             remedy="give a value within the limits, or correct the limits in the file",
         )
+
+
+def _allowed(low: float | None, high: float | None) -> str:
+    if low is None:
+        return f"the highest allowed value is {high}"
+    return f"the lowest allowed value is {low}" if high is None else f"allowed are {low} to {high}"
 
 
 def _plain(value: Default | Limit, node_id: int | None) -> float | None:

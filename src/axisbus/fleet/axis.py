@@ -153,7 +153,7 @@ class FleetAxis:
         return self._cell.stop_axes("quick_stop", (self.name,))
 
     def enable(self, *, allow_moving: bool = False) -> Handle:
-        """Switch the power stage on (MC_Power); ``allow_moving`` also accepts an axis that moves without power, and catches it."""
+        """Switch the power stage on (MC_Power); ``allow_moving`` also enables an axis that moves without power."""
         return self._give("enable", allow_moving=allow_moving or None)
 
     def disable(self, *, coast: bool = False) -> Handle:

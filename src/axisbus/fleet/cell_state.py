@@ -217,7 +217,7 @@ class EventLog:
         return EventsAsk(self._upto + 1, above - 1)
 
     def begin(self, run: str) -> None:
-        """Note that a new run of the bridge has begun, which counts from 1."""
+        """Record that a new run of the bridge has begun, which counts from 1."""
         if run != self._run:
             self._before.extend(self._events[number] for number in sorted(self._events))
             self._run, self._events, self._upto, self._newest = run, {}, 0, 0

@@ -26,7 +26,7 @@ def named(what: str, name: str) -> str:
     if not is_name(name):
         raise ArgumentError(
             f"{what} {name!r} cannot be part of a key of Zenoh",
-            remedy="take at most 64 of the letters A to Z, a to z, 0 to 9, and _ . - after the first",
+            remedy="use at most 64 characters: A to Z, a to z, 0 to 9, _, and after the first also . -",
         )
     return name
 

@@ -70,7 +70,7 @@ def require_reachable(network: ZenohNetwork) -> None:
     if not (network.connect or network.listen or network.scouting or network.config):
         raise ArgumentError(
             "no endpoint is given, so no cell can be reached",
-            remedy=f"give one to listen on or to connect to (--listen tcp/0.0.0.0:{PORT}), a --config, or --scouting",
+            remedy=f"give one to listen at or to connect to (--listen tcp/0.0.0.0:{PORT}), a --config, or --scouting",
         )
 
 

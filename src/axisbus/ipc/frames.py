@@ -1,4 +1,4 @@
-"""Frames of a bus for another process: packed, and left out if they are not taken in time."""
+"""Frames of a bus for another process: packed, and left out if they are not read in time."""
 
 from __future__ import annotations
 

@@ -229,7 +229,7 @@ class Axis:
 
     @property
     def limits(self) -> AxisLimits:
-        """Limits kept by the master (or None): ``position``, ``velocity``, ``acceleration`` in units, ``torque`` in N·m."""
+        """Limits that the master enforces (or None): ``position``, ``velocity``, ``acceleration`` in units, ``torque`` in N·m."""
         return self._parameters.limits
 
     def room_from(self, start: float) -> tuple[float, float] | None:
@@ -243,7 +243,7 @@ class Axis:
 
     @property
     def promises(self) -> tuple[Promise, ...]:
-        """How the position and velocity limits are kept in each mode, according to the drive's objects at boot.
+        """How the position and velocity limits are enforced in each mode, according to the drive's objects at boot.
 
         One entry for each limit and mode, with ``limit`` (its key in the cell file), ``mode`` (such as ``pv``), ``kept``, ``why``
         and ``remedy``.
@@ -517,10 +517,10 @@ class Axis:
     ) -> Handle:
         """Move at ``velocity`` (signed, unit/s) until another command ends the motion, in cyclic synchronous velocity mode (csv).
 
-        The master makes the ramps: the drive gets one velocity per cycle. If the command is called again while the axis moves, it
-        continues from the velocity of that cycle; it may be called in every cycle. It begins at standstill, or while another
-        ``cyclic_velocity`` is active or is being halted. A halt brakes with ``deceleration``. The handle is done when the velocity
-        is measured. Does not block.
+        The master generates the ramps: the drive gets one velocity per cycle. If the command is called again while the axis
+        moves, it continues from the velocity of that cycle; it may be called in every cycle. It begins at standstill, or while
+        another ``cyclic_velocity`` is active or is being halted. A halt brakes with ``deceleration``. The handle is done when
+        the velocity is measured. Does not block.
 
         Raises:
             LimitError: beyond ``max_velocity`` or ``max_acceleration``, or out of the range of 60FFh.
@@ -536,9 +536,9 @@ class Axis:
     ) -> Handle:
         """Apply ``torque`` (signed, N·m) with ``slope`` (N·m/s) in cyclic synchronous torque mode (cst).
 
-        The master makes the slope, from the present torque of the axis: the drive gets one torque per cycle. The command begins at
-        standstill, or while another ``cyclic_torque`` is active. The handle is done when the torque is measured. Does not block.
-        ``timeout`` in seconds replaces the deadline that the master calculates.
+        The master generates the slope, from the present torque of the axis: the drive gets one torque per cycle. The command
+        begins at standstill, or while another ``cyclic_torque`` is active. The handle is done when the torque is measured. Does
+        not block. ``timeout`` in seconds replaces the deadline that the master calculates.
 
         Raises:
             ArgumentError: ``rated_torque`` is not in cell.toml, a value is not finite, or no slope is known: neither the call nor
@@ -562,11 +562,11 @@ class Axis:
     ) -> Controller:
         """Let ``function`` control the axis: each cycle it gets an ``AxisFeedback`` and returns the next set-point.
 
-        ``output="velocity"``: the function returns a velocity (unit/s, csv), ``"torque"``: a torque (N·m, cst). The set-point is
-        limited to ``max_velocity`` or ``max_torque``, and the ramps are those of ``cyclic_velocity`` and ``cyclic_torque``. The
-        function runs in a thread of this program; the first call comes when the drive is in that mode. If the function raises an
-        exception, or its answer is late for the next cycle, the axis is stopped (ErrorStop). ``max_missed_cycles`` is the number of
-        further cycles for which the last answer stays valid. Does not block.
+        ``output="velocity"``: the function returns a velocity (unit/s, csv), ``"torque"``: a torque (N·m, cst). The set-point
+        is limited to ``max_velocity`` or ``max_torque``, and the ramps are the same as in ``cyclic_velocity`` and
+        ``cyclic_torque``. The function runs in a thread of this program; the first call comes when the drive is in that mode.
+        If the function raises an exception, or its answer is late for the next cycle, the axis is stopped (ErrorStop).
+        ``max_missed_cycles`` is the number of further cycles for which the last answer stays valid. Does not block.
 
         Raises:
             ArgumentError, LimitError: as ``cyclic_velocity`` or ``cyclic_torque``.
@@ -653,13 +653,14 @@ class Axis:
 
         The axis reaches its velocity with ``acceleration`` (unit/s², by default its own); from then on it keeps the relation to the
         master's position. With ``sync_positions`` = (master position, own position) the axis waits for the master. Within the last
-        ``master_start_distance`` units of the master before its position the axis comes into step, so that both axes reach their
+        ``master_start_distance`` units of the master before its position the axis synchronises, so that both axes reach their
         positions at the same time.
 
-        The handle ends when the axis is in step. The axis keeps following, one cycle behind, until another command, ``gear_out`` or
-        a stop ends the coupling. ``master_value_source`` "command": the axis follows the master's commanded position; "actual": its
-        filtered actual position. A master that is in ErrorStop, is being homed, or is unknown counts as lost: the axis brakes with
-        its own deceleration and is in ErrorStop. The same happens if the master would move the axis beyond its own limits.
+        The handle is done when the axis is synchronised. The axis keeps following, one cycle behind, until another command,
+        ``gear_out`` or a stop ends the coupling. ``master_value_source`` "command": the axis follows the master's commanded
+        position; "actual": its filtered actual position. A master that is in ErrorStop, is being homed, or is unknown counts as
+        lost: the axis brakes with its own deceleration and is in ErrorStop. The same happens if the master would move the axis
+        beyond its own limits.
 
         Raises:
             LimitError: a value is beyond a limit.
@@ -684,11 +685,11 @@ class Axis:
     ) -> Handle:
         """Follow ``master`` along a ``cam`` (MC_CamIn).
 
-        At the call the axis must be at the position that the cam gives for the master's position, or it reaches the cam within the
-        next ``master_start_distance`` units of the master. With ``relative`` the present position of the axis counts as that
-        position. ``master_offset`` (units of the master): how far the master counts as further ahead. ``master_scaling`` (above 0)
-        and ``slave_scaling`` stretch the cam along the master's and the slave's positions. The handle, ``master_value_source``, and
-        the ends are those of ``gear_in``.
+        At the call the axis must be at the position that the cam gives for the master's position, or it reaches the cam within
+        the next ``master_start_distance`` units of the master. With ``relative`` the present position of the axis counts as
+        that position. ``master_offset`` (units of the master): how far the master counts as further ahead. ``master_scaling``
+        (above 0) and ``slave_scaling`` stretch the cam along the master's and the slave's positions. The handle,
+        ``master_value_source`` and the end of the coupling are as in ``gear_in``.
 
         Raises:
             LimitError: the cam leaves ``position_limits``.
@@ -747,9 +748,9 @@ class Axis:
     def phasing_relative(self, shift: float, *, velocity: float, acceleration: float) -> Handle:
         """Follow as if the master were ``shift`` units further ahead; both axes keep moving meanwhile (MC_PhasingRelative).
 
-        For an axis in step. All values are in units of the master. The shift is signed, and changes with at most ``velocity`` (per
-        s) and ``acceleration`` (per s²). The rest of an active shift is added to the new one. The handle is done when the whole
-        shift is applied. Does not block.
+        Only for a synchronised axis. All values are in units of the master. The shift is signed, and changes with at most
+        ``velocity`` (per s) and ``acceleration`` (per s²). The rest of an active shift is added to the new one. The handle is
+        done when the whole shift is applied. Does not block.
 
         Raises:
             ArgumentError: a value is not finite, or velocity or acceleration are not above 0.
@@ -775,18 +776,20 @@ class Axis:
     ) -> Handle:
         """Add ``distance`` to a motion that the master commands, and that continues (MC_MoveSuperimposed). Does not block.
 
-        The motion below may be a line, path or stream of a group, a trajectory, a gear or cam, a move with limited jerk that the
-        master commands, or a motion that continues from one of these. It continues displaced: at its end ``position`` is its own
-        end plus ``distance``, and its handle waits for an active addition. A second addition replaces the first, from its present
-        velocity.
+        The underlying motion may be a line, path or stream of a group, a trajectory, a gear or cam, a move with limited jerk
+        that the master commands, or a motion that continues from one of these. It continues displaced: at its end ``position``
+        is its own end plus ``distance``, and its handle waits for an active addition. A second addition replaces the first,
+        from its present velocity.
 
-        ``velocity`` (unit/s) and ramps (unit/s²) are those of the addition, by default the axis's. The sum keeps ``max_velocity``
-        and ``max_acceleration``: if necessary, the addition is slower, or waits. ``position_limits`` apply to the sum: a LimitError
-        ends the handle, and only the addition brakes. An override slows the addition, too. There is no limit of jerk.
+        ``velocity`` (unit/s) and ramps (unit/s²) apply to the addition; the defaults are the axis's. The sum keeps
+        ``max_velocity`` and ``max_acceleration``: if necessary, the addition is slower, or waits. ``position_limits`` apply to
+        the sum: a LimitError ends the handle, and only the addition brakes. An override slows the addition, too. The addition
+        has no jerk limit.
 
-        The handle is done when the whole distance is added. It ends with a StateError if the master commands no motion of the axis
-        (the axis is at standstill, or its drive generates the move). It ends with a LimitError if the motion below takes all of
-        ``max_acceleration``. If a halt, a stop, a fault or another command ends the motion below, the handle ends with that.
+        The handle is done when the whole distance is added. It ends with a StateError if the master commands no motion of the
+        axis (the axis is at standstill, or its drive generates the move). It ends with a LimitError if the underlying motion
+        uses all of ``max_acceleration``. If a halt, a stop, a fault or another command ends the underlying motion, the handle
+        ends with it.
 
         Raises:
             LimitError: beyond ``max_velocity`` or ``max_acceleration``.
@@ -799,8 +802,8 @@ class Axis:
     def halt_superimposed(self, *, deceleration: float | None = None) -> Handle:
         """Brake only the superimposed motion, with ``deceleration`` (unit/s²) or its own (MC_HaltSuperimposed). Does not block.
 
-        The motion below continues, displaced by the distance that was added until then. Without a superimposed motion the call has
-        no effect.
+        The underlying motion continues, displaced by the distance that was added until then. Without a superimposed motion the
+        call has no effect.
 
         Raises:
             LimitError: beyond ``max_acceleration``.
@@ -867,9 +870,10 @@ class Axis:
         """Move to ``position`` at most, and halt when a touch probe sees its next ``edge`` ("rising" or "falling").
 
         The command begins at standstill: the master arms the input, then moves the axis. The handle is done at rest, and its
-        ``position`` is that of the edge. The axis stops beyond the edge, by the distance that it moves until the edge is seen plus
-        its braking distance. If it arrives without an edge, the handle ends with a ProbeError. A halt, or another motion, ends it
-        as it ends a move; ``cancel()`` halts. Values are those of ``move_absolute`` and ``probe``. Does not block.
+        ``position`` is the position of the edge. The axis stops beyond the edge, by the distance that it moves until the edge
+        is seen plus its braking distance. If it arrives without an edge, the handle ends with a ProbeError. A halt, or another
+        motion, ends it as it ends a move; ``cancel()`` halts. The other arguments are as in ``move_absolute`` and ``probe``.
+        Does not block.
 
         Raises:
             LimitError, ArgumentError: as ``move_absolute`` and ``probe``.
@@ -882,7 +886,7 @@ class Axis:
         probe = probe_command(request, self._parameters, input, edge, source, None, continuous=False)
         if len(probe.edges) != 1:
             raise ArgumentError(
-                f"{request.text}: it moves until a single edge", remedy='give edge="rising" or "falling"'
+                f"{request.text}: it waits for one kind of edge", remedy='give edge="rising" or "falling"'
             )
         handle = ProbeHandle(f"{self.name}.{name}", self._session.waiter, self._parameters.units, self.halt)
         alone = (self.name,)
@@ -1008,7 +1012,7 @@ class Axis:
         if self._parameters.homing.required and not self.snapshot.homed:
             raise ArgumentError(
                 f"{self.name}.{name}: the axis is not homed",
-                observed="its absolute position is not confirmed since the machine was opened",
+                observed="its absolute position has not been confirmed since the machine was opened",
                 remedy="home it (axis.home()) or confirm its position (axis.set_position(...)); with an absolute encoder set "
                 "required = false in [axes." + self.name + ".homing]",
             )
@@ -1020,7 +1024,7 @@ class Axis:
 
     @property
     def modes(self) -> frozenset[ModeOfOperation]:
-        """The modes of operation in use: those of the cell file, else those the drive claims (6502h) or has the objects for."""
+        """The modes of operation in use: those of the cell file, otherwise those in 6502h or those whose objects exist."""
         return self._parameters.modes
 
 

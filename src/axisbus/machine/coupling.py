@@ -94,7 +94,7 @@ class Coupling:
             )
         if len(at) != 2:
             raise ArgumentError(
-                f"{self._text}: sync_positions is the position of the master and that of the slave"
+                f"{self._text}: sync_positions must hold two positions, of the master and of the slave"
             )
         master = self._master._checked_position(self._call, at[0])
         slave = self._slave._checked_position(self._call, at[1])

@@ -112,7 +112,7 @@ class Gantry(AxisSet):
         jerk: float | None = None,
         buffer: bool = False,
     ) -> Handle:
-        """Move the beam to ``position`` (MC_MoveAbsolute), from rest, and square: the second axis moves to that plus the offset.
+        """Move the beam to ``position`` (MC_MoveAbsolute), from rest; it ends square: the second axis is at that plus the offset.
 
         Missing values are the smaller of the axes' defaults; ``jerk`` as ``Group.move_linear``. Does not block. With ``buffer`` the
         move begins when the pair's present command has ended successfully.
@@ -269,7 +269,8 @@ class Gantry(AxisSet):
         mode = buffering_of(f"{self.name}.{name}", buffer)
         if mode is not None and mode.blends:
             raise ArgumentError(
-                f"{self.name}.{name}: a pair does not blend", remedy="let it begin at standstill: buffer=True"
+                f"{self.name}.{name}: the moves of a pair cannot be blended",
+                remedy="let it begin at standstill: buffer=True",
             )
         speed, ramp, soft = request.velocity(velocity), request.acceleration(acceleration), request.jerk(jerk)
         command = g.GantryMove(self._pair.axes, reference, value, speed, ramp, soft, mode is not None)
@@ -377,7 +378,7 @@ class BeamRequest:
                 raise LimitError(
                     f"{self.text}: {what} {found:g} {self._unit}{per} is beyond that of {parameters.name}",
                     observed=f"its max_{what} is {most:g} {self._unit}{per}",
-                    remedy=f"give less, or change max_{what} in [axes.{parameters.name}] of cell.toml",
+                    remedy=f"give a smaller value, or change max_{what} in [axes.{parameters.name}] of cell.toml",
                 )
         return found
 

@@ -71,7 +71,7 @@ class Group(AxisSet):
         """Return the group of the same axes with lines, paths and circles in a workspace, in the units of the workspace.
 
         ``kinematics`` takes the axes in their order. Velocity, acceleration and blend are then those in the workspace; the limits
-        of each axis still apply. All else is unchanged: ``move_direct`` takes positions of the axes.
+        of each axis still apply. Everything else is unchanged: ``move_direct`` takes positions of the axes.
 
         ``CoreXY``, ``Scara`` and ``Delta`` run in the core. The user's own kinematics (``UserKinematics``) are called only in this
         program. They sample each path before it begins, which blocks. The samples are so fine that the tool stays within
@@ -99,11 +99,11 @@ class Group(AxisSet):
     ) -> Handle:
         """Move all axes on a straight line to ``positions`` (in the group's order of axes) in cyclic synchronous position mode.
 
-        ``velocity`` (unit/s) and ``acceleration`` (unit/s², by default the smallest of the defaults) are those of the path: the
-        Euclidean length over all axes. If an axis would exceed its own limits, all axes are slower. ``jerk`` (unit/s³) limits the
-        change of the acceleration along the path, also in a halt and under an override; None: no limit. With ``buffer`` (True, or
-        ``"buffered"``) the line begins when the group's present command has ended successfully, from its end; at most 100
-        commands are queued.
+        ``velocity`` (unit/s) and ``acceleration`` (unit/s², by default the smallest of the defaults) refer to the path: the
+        Euclidean length over all axes. If an axis would exceed its own limits, all axes are slower. ``jerk`` (unit/s³) limits
+        the change of the acceleration along the path, also in a halt and under an override; None: no limit. With ``buffer``
+        (True, or ``"buffered"``) the line begins when the group's present command has ended successfully, from its end; at most
+        100 commands are queued.
 
         With ``"blending_low"``, ``"blending_previous"``, ``"blending_next"`` or ``"blending_high"`` (PLCopen's BufferMode) the line
         continues from the active line or path without a stop. The corner passes within ``blend`` of the transition point (units; a
@@ -142,7 +142,7 @@ class Group(AxisSet):
         buffer: bool | str = False,
         more: bool = False,
     ) -> Handle:
-        """Move all on straight lines through ``points`` (positions in the group's order of axes), to the last one (MC_MovePath).
+        """Move all axes on straight lines through ``points`` (positions in the group's order), to the last one (MC_MovePath).
 
         Each corner is rounded so that the path comes within ``blend`` (units, Euclidean) of it. The rounding is smaller if a line
         is too short; with 0 the axes stop at the corner. ``velocity`` and ``acceleration`` as ``move_linear``; corners keep the
@@ -185,12 +185,12 @@ class Group(AxisSet):
         """Add ``points`` at the end of the active path; the handle is done when the last of them has been reached.
 
         Points that come in time are planned together with the rest of the path: the velocity is kept through the new corner as
-        well. If no more points come, the axes come to rest at the last point, on the path. They continue from there if more points
-        come before the handle of the path has ended. ``velocity``, ``acceleration`` and ``blend`` are those of the last
-        ``move_path`` of this object if they are left out. At a corner between two velocities the lower one applies. At most 1000
-        points in a call; at most 100 calls with 2000 lines and corners may be ahead of the axes. The handles of the path, and of
-        earlier additions, are done when their ends are passed. A halt, a stop or a fault ends all of them, and ``resume`` continues
-        to the end of all.
+        well. If no more points come, the axes come to rest at the last point, on the path. They continue from there if more
+        points come before the handle of the path has ended. If ``velocity``, ``acceleration`` or ``blend`` are left out, the
+        values of the last ``move_path`` of this object apply. At a corner between two velocities the lower one applies. At most
+        1000 points in a call; at most 100 calls with 2000 lines and corners may be ahead of the axes. The handles of the path,
+        and of earlier additions, are done when their ends are passed. A halt, a stop or a fault ends all of them, and
+        ``resume`` continues to the end of all.
 
         If the path has ended, or too much is ahead, the handle ends with a StateError. Raises as ``move_path``.
         """
@@ -231,7 +231,7 @@ class Group(AxisSet):
 
         Raises:
             LimitError: the arc leaves an axis's position limits.
-            ArgumentError: a value is missing, not finite or not positive, the points make no circle, or an axis is endless.
+            ArgumentError: a value is missing, not finite or not positive, the points define no circle, or an axis is endless.
             StaleError: the position of an axis is unknown.
         """
         turns_back = flag_of(f"{self.name}.move_circular", "clockwise", clockwise)

@@ -29,8 +29,8 @@ class Handle:
     ``wait`` blocks a thread, ``await`` an asyncio task; both return the handle, or raise the error that ended the command. The
     handle is a coroutine as well (``asyncio.create_task(handle)``, ``asyncio.gather``), in any number of tasks at once. If the
     handle of a failed command is dropped and its status was never read, the failure is logged with the command's name. ``note``
-    holds a remark about a successful end. For a stop it says by which evidence, if not by its position, the axis was seen at
-    standstill, or why the axis has lost its power although it was to keep it.
+    holds a remark about a successful end. For a stop, it names the evidence of standstill if this was not the position, or the
+    reason why the axis lost its power although it had to keep it.
     """
 
     __slots__ = (

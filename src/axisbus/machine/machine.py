@@ -106,11 +106,11 @@ class Machine:
     def attach(cls, path: str | Path, *, command: bool = False, force: bool = False) -> Machine:
         """Join the machine of a ``cell.toml`` that another program of this user has opened on this computer. Blocks for a moment.
 
-        Leaving the machine does not change it. Without ``command`` this program may only read, halt and quick-stop, which locks no
-        other program out; everything else is refused. ``command``: get control of the machine, which one program has at a time.
-        ``force``: get control even if another program has it, after all moving axes have halted. If the program with control ends,
-        for any reason, it loses control: moving axes halt, and stay enabled. Control then returns to the program that opened the
-        machine, if that program wants it.
+        Leaving the machine does not change it. Without ``command`` this program may only read, halt and quick-stop, which locks
+        no other program out; everything else is refused. ``command``: get control of the machine, which one program has at a
+        time. ``force``: get control even if another program has it, after all moving axes have halted. If the program with
+        control ends, for any reason, it loses control: moving axes halt, and stay enabled. Control then returns to the program
+        that opened the machine, unless that program shares the machine.
 
         Raises:
             StateError: no machine of this cell runs, or it has another version of axisbus, or the text of the file has changed.
@@ -229,7 +229,7 @@ class Machine:
         return max((snapshot.cell_override for snapshot in self.session.snapshots.values()), default=1.0)
 
     def set_override(self, factor: float) -> Handle:
-        """Multiply the velocities of all axes, also of axes that come later, by ``factor``: 0 (all hold) to 1.5. Does not block.
+        """Multiply the velocities of all axes, including axes added later, by ``factor``: 0 (all hold) to 1.5. Does not block.
 
         It multiplies the factors of ``Axis.set_override``; the product is at most 1.5. If it is unknown with which acceleration one
         of the axes may change its velocity, the handle ends with a StateError, and nothing changes.
@@ -335,8 +335,8 @@ class Machine:
     def programs(self) -> tuple[ClientProgram, ...]:
         """The programs connected to this machine (``who``, and whether it ``commands``), beginning with the one that opened it.
 
-        ``lost_cycles`` and ``lost_frames`` are the numbers of cycles and frames that each program did not take in time. Empty if no
-        other program can join, because the core is in this program.
+        ``lost_cycles`` and ``lost_frames`` are the numbers of cycles and frames that each program did not read in time. Empty
+        if no other program can join, because the core is in this program.
         """
         return self.session.programs
 
@@ -380,7 +380,7 @@ class Machine:
 
     @property
     def bus_traffic(self) -> BusTraffic | None:
-        """The numbers of frames and octets that the bus has carried up to a ``time``, both ways; None before the first cycle.
+        """The numbers of sent and received frames and octets up to a ``time``; None before the first cycle.
 
         ``later.load(before, bitrate)`` returns the bus load between two of these values: without stuff bits, and with the maximum
         number of them.
@@ -424,7 +424,7 @@ class Machine:
 
     @property
     def real_time_status(self) -> str:
-        """The real-time status as text: where the core runs, and which real-time means the operating system allows it."""
+        """The real-time status as text: where the core runs, and which real-time functions the operating system permits."""
         return self._core.degree
 
     @property
@@ -545,10 +545,10 @@ class Machine:
     def plot_last(self, seconds: float | None = None, *, axes: Iterable[str] | None = None) -> RecordingPlot:
         """Draw the last motion, from shortly before it until shortly after its end, or until now; a notebook shows the picture.
 
-        ``seconds``: draw this many seconds until now instead (at most 60 are stored). ``axes``: those that moved, if None. The
-        picture has a ``save(path)``. Blocks while it is drawn, and until the core has reported the events of that time. The last
-        minute is stored only in interactive sessions: in a notebook, in IPython, and in Python's own interpreter; also after the
-        machine was closed.
+        ``seconds``: draw this many seconds until now instead (at most 60 are stored). ``axes``: None for the axes that moved.
+        The picture has a ``save(path)``. Blocks while it is drawn, and until the core has reported the events of that time. The
+        last minute is stored only in interactive sessions: in a notebook, in IPython, and in Python's own interpreter; also
+        after the machine was closed.
 
         Raises:
             StateError: the last minute is not stored here, nothing has moved in it, or there is no such axis.

@@ -39,14 +39,14 @@ class MachineNode:
         """
         if (entry.index, entry.subindex) in self.access.sdo.cyclic:
             raise StateError(
-                f"node {self.node_id}: {entry} is sent by PDO in every cycle of the machine that runs; nothing was sent",
+                f"node {self.node_id}: {entry} is sent by PDO in every cycle of the running machine; nothing was sent",
                 observed="a value written by SDO would be overwritten at once",
                 remedy="use the commands of the axis for it (axisbus move, home, enable)",
             )
 
 
 class MachineSdo:
-    """The objects of such a node."""
+    """The objects of a ``MachineNode``."""
 
     def __init__(self, access: NodeAccess) -> None:
         self.node_id = access.node_id

@@ -170,13 +170,14 @@ class NodeAccess:
         self._await_cycle()
 
     def boot(self, progress: Callable[[str], None] = lambda _: None) -> NodeReport:
-        """Boot the node while the machine runs, as at the opening (CiA 302-2), and return its report; energises nothing.
+        """Boot the node while the machine runs, as when it was opened (CiA 302-2), and return its report; energises nothing.
 
-        For a node that was lost or has restarted, and for one that is to be configured again. The other axes continue. Its own axes
-        begin again in ErrorStop: reset and enable them, and home those that need it (an axis with ``absolute`` in its homing table
-        stays homed). Nothing else of before remains: overrides, couplings, interrupted paths. Blocks for the boot-up, at most some
-        seconds, longer if its program is replaced; a stop that is under way ends first. Several nodes may be booted at the same
-        time, in several threads. ``progress`` is called in this thread with the name of each step as it begins.
+        For a node that was lost or has restarted, and for one that is to be configured again. The other axes continue. Its own
+        axes begin again in ErrorStop: reset and enable them, and home those that need it (an axis with ``absolute`` in its
+        homing table stays homed). Nothing else from before remains: overrides, couplings, interrupted paths. Blocks for the
+        boot-up, at most some seconds, longer if its program is replaced; a stop that is under way ends first. Several nodes may
+        be booted at the same time, in several threads. ``progress`` is called in this thread with the name of each step as it
+        begins.
 
         Raises:
             StateError: an axis of the node is enabled or commanded, two devices have its node-ID, the node uses CAN Simple, or the
@@ -187,7 +188,7 @@ class NodeAccess:
         return self._running().boot_node(self.node_id, progress).report
 
     def find_replacement(self) -> list[FoundDrive]:
-        """Return the drives that may replace that of this node, for ``axisbus replace``; blocks for up to about 12 s.
+        """Return the drives that can replace the drive of this node, for ``axisbus replace``; blocks for up to about 12 s.
 
         Raises:
             OwnershipError: this program has no control.
@@ -224,9 +225,9 @@ class NodeAccess:
         """Replace the program (firmware) of the node while the machine runs, and return what it reports before and after.
 
         For a node whose axes are disabled, or in ErrorStop. They cannot be enabled meanwhile, and the node must be booted
-        afterwards (``boot``). The other axes continue. The program is stopped, cleared, transferred and started (CiA 302-3: 1F50h,
-        1F51h). After an interruption, as of the node's supply, call it again: it begins from the start. Blocks for minutes. If the
-        machine is closed meanwhile, the node has no program.
+        afterwards (``boot``). The other axes continue. The program is stopped, cleared, transferred and started (CiA 302-3:
+        1F50h, 1F51h). After an interruption, for example of the node's supply, call it again: it begins from the start. Blocks
+        for minutes. If the machine is closed meanwhile, the node has no program.
 
         ``data`` are the bytes of 1F50h. ``identification``: the value that 1F56h:01 must have afterwards. ``deadline``: seconds for
         each part of the work, by default 60, more for large programs. ``progress(done, all)`` is called with the confirmed bytes.

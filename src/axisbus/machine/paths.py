@@ -140,7 +140,7 @@ class PathRequest:
         """Return the arc about ``centre`` to ``end``.
 
         Raises:
-            LimitError, ArgumentError: a point is invalid, they make no circle, or there are not two axes.
+            LimitError, ArgumentError: a point is invalid, the points define no circle, or there are not two axes.
         """
         if len(self._start) != 2:
             raise ArgumentError(

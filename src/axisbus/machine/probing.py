@@ -82,7 +82,7 @@ class ProbeHandle(Handle):
         """The last capture.
 
         Raises:
-            StateError: there is none, yet or at all.
+            StateError: no edge has been captured.
         """
         try:
             return self._all[-1]

@@ -519,5 +519,5 @@ class AxisCall:
         return LimitError(
             f"{self.text}: {what} {value:g} {unit} is beyond the limit",
             observed=f"{key} is {limit:g} {unit}",
-            remedy=f"give less, or raise {key} in [axes.{self._parameters.name}] of cell.toml",
+            remedy=f"give a smaller value, or raise {key} in [axes.{self._parameters.name}] of cell.toml",
         )

@@ -37,7 +37,9 @@ class McapFile:
             StateError: there is no such axis.
         """
         if not isinstance(path, (str, os.PathLike)):
-            raise ArgumentError(f"{told(path)} is not a path of a file", remedy='give one such as "run.mcap"')
+            raise ArgumentError(
+                f"{told(path)} is not a path of a file", remedy='give one, such as "run.mcap"'
+            )
         self.path = Path(path)
         self._machine = machine
         there = machine.session.axes

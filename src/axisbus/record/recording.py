@@ -204,7 +204,7 @@ class Recording:
         self._mapped.write(self._target.write_object)
         if self._lost > self._told_lost:
             lost = counted(self._lost - self._told_lost, "cycle is missing", "cycles are missing")
-            self._target.note(f"{lost}: not taken in time")
+            self._target.note(f"{lost}: not read in time")
             self._told_lost = self._lost
 
     def _write_happenings(self) -> None:

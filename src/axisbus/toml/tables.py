@@ -152,7 +152,7 @@ class Tables:
         meant = near[0] if near else _ELSEWHERE.get(key.lower(), "")
         if meant in known:
             return f"did you mean {meant}?"
-        return f"known are {', '.join(known)}"
+        return f"the known names are {', '.join(known)}"
 
     def _unfit(self, path: KeyPath, raw: Any, unfit: value_readers.InvalidValue) -> None:
         key = path[-1]

@@ -55,7 +55,7 @@ class _Wish:
 @click.option(
     "--replacement",
     is_flag=True,
-    help="The node is a replacement for that of the file: allow another revision, serial number and node-ID.",
+    help="The node replaces the node of the file: allow another revision, serial number and node-ID.",
 )
 @click.option("--store", is_flag=True, help="Store by 1010h, wait for a restart, and read all again.")
 @click.option(

@@ -73,13 +73,16 @@ def _severities(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -
 )
 @click.option("--all", "each", is_flag=True, help="Show every finding, not only the first ones of each rule.")
 @click.option(
-    "--lines", "as_lines", is_flag=True, help="One line each as file:line:column: ..., for editors."
+    "--lines",
+    "as_lines",
+    is_flag=True,
+    help="Print one line for each finding, as file:line:column: ..., for editors.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print all findings as JSON.")
 @click.option("--sarif", "as_sarif", is_flag=True, help="Print all findings as SARIF 2.1.0, for code hosts.")
 @click.option("--explain", metavar="ID", help="Explain a rule; nothing is checked.")
 @click.option(
-    "--list", "as_list", is_flag=True, help="List all rules (that are selected); nothing is checked."
+    "--list", "as_list", is_flag=True, help="List all rules, or the selected ones; nothing is checked."
 )
 def command(
     files: tuple[str, ...], select: tuple[str, ...], ignore: tuple[str, ...], fail_on: str,

@@ -97,11 +97,11 @@ def _require_name(output: Path | None, *, as_c: bool) -> None:
         return
     if as_c and output.suffix not in (".h", ".hpp"):
         raise ArgumentError(
-            f"{output.name} is not the name of a C header", remedy="give one such as -o drive.h"
+            f"{output.name} is not the name of a C header", remedy="give one, such as -o drive.h"
         )
     if not as_c and not (output.suffix == ".py" and _is_importable(output.stem)):
         raise ArgumentError(
-            f"{output.name} is not the name of a Python module", remedy="give one such as -o drive.py"
+            f"{output.name} is not the name of a Python module", remedy="give one, such as -o drive.py"
         )
 
 

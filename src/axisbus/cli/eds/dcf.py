@@ -27,12 +27,12 @@ from axisbus.wording import counted
     "sets",
     multiple=True,
     metavar="OBJECT=VALUE",
-    help="6081=1000, 0x6099:1=0x64, 'Profile velocity=1000'.",
+    help="Set a value: 6081=1000, 0x6099:1=0x64, 'Profile velocity=1000'.",
 )
 @click.option("--baudrate", type=int, help="Bit rate in kbit/s: 10, 20, 50, 125, 250, 500, 800 or 1000.")
-@click.option("--name", help="NodeName.")
-@click.option("--network-name", help="NetworkName.")
-@click.option("--net-number", type=int, help="NetNumber.")
+@click.option("--name", help="The node's name (NodeName).")
+@click.option("--network-name", help="The network's name (NetworkName).")
+@click.option("--net-number", type=int, help="The network's number (NetNumber).")
 @output_option("Write the DCF (with --to-eds: the EDS) here.")
 @concise_option("Write a concise DCF, the content of 1F22h, here.")
 @force_option

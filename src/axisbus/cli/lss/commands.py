@@ -151,7 +151,7 @@ def inquire_command(
 @click.argument("node_id", type=NumberType())
 @lss_options
 @slave_options
-@click.option("--store", is_flag=True, help="Store it (otherwise it is lost at the next power-up).")
+@click.option("--store", is_flag=True, help="Store the node-ID (otherwise it is lost at the next power-up).")
 @click.option(
     "--reset",
     is_flag=True,

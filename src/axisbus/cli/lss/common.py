@@ -78,7 +78,7 @@ def lss_options(function: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--beside-operation",
             is_flag=True,
-            help="Also while a machine is running on the bus (otherwise refused).",
+            help="Run even while a machine is running on the bus (otherwise refused).",
         ),
         click.option(
             "--timeout",

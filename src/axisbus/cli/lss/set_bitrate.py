@@ -27,7 +27,7 @@ A node without LSS must be set by its switches or its own tool."""
 @lss_options
 @slave_option(multiple=True)
 @click.option(
-    "--all", "everybody", is_flag=True, help="Every LSS slave at once (a refusal may not be noticed)."
+    "--all", "everybody", is_flag=True, help="Address every LSS slave at once (a refusal may not be noticed)."
 )
 @click.option(
     "--activate",
@@ -40,9 +40,9 @@ A node without LSS must be set by its switches or its own tool."""
     default=1.0,
     show_default=True,
     metavar="SECONDS",
-    help="Silence before and after the change-over, 0.01 to 65.",
+    help="Silence before and after the change-over, 0.01 to 65 seconds.",
 )
-@click.option("--store", is_flag=True, help="Store it.")
+@click.option("--store", is_flag=True, help="Store the new bit rate.")
 @click.option("--yes", is_flag=True, help="Confirm that you know how the change affects the other nodes.")
 def command(
     rate: int,

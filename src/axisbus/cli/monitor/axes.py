@@ -46,7 +46,7 @@ def command(
 ) -> int:
     """Boot CELL and show its axes, or join its machine if it is already running; energises nothing.
 
-    On a terminal it is one table, which is updated in place. "age" is the time since the drive reported the position.
+    On a terminal the output is one table, which is updated in place. "age" is the time since the drive reported the position.
 
     With --listen it boots nothing and sends nothing at all, also if a master is running: it shows NMT states, heartbeats, the
     newest PDOs with names and units, EMCYs, the period of SYNC, and the frames by which it recognises a master.

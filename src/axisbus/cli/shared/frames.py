@@ -107,7 +107,7 @@ _DECORATORS: tuple[Callable[[Decorated], Decorated], ...] = (
     click.option(
         "--cell",
         type=PATH,
-        help="Cell file to decode with; frames come from SOURCE or -i if one is given, else from its bus.",
+        help="Cell file to decode with; frames come from SOURCE or -i if one is given, otherwise from its bus.",
     ),
 )
 

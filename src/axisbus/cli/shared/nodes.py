@@ -131,7 +131,7 @@ def node_options(function: Decorated) -> Decorated:
         "--eds",
         multiple=True,
         metavar="[N=]FILE",
-        help="EDS or DCF of node N; without N= of every node named.",
+        help="EDS or DCF of node N; without N=, of every node named.",
     )
     with_cell: Decorated = click.option(
         "--cell", type=PATH, help="Take bus, EDS files and units from this cell file."

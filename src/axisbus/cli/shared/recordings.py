@@ -73,7 +73,7 @@ def told(recording: Recording) -> str:
     text = f"recorded: {recording.path}, {recording.seconds:.1f} s, {counted(recording.cycles, 'cycle')}"
     text += f", {recording.size / 1e6:.2f} MB"
     if recording.lost:
-        text += f"; {counted(recording.lost, 'cycle')} not taken in time"
+        text += f"; {counted(recording.lost, 'cycle')} not read in time"
     for label, reads in recording.reads.items():
         text += f"; {label}: {counted(reads, 'value')} ({reads / max(recording.seconds, 1e-3):.0f} a second)"
     return f"{text}; then the file could not be written: {recording.failed}" if recording.failed else text

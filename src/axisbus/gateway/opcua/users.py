@@ -53,7 +53,7 @@ def line_of(name: str, password: str, salt: bytes | None = None) -> str:
     if not _NAME.fullmatch(name):
         raise ArgumentError(
             f"{name!r} is not the name of a user",
-            remedy="take at most 64 letters, digits, and _ . @ - after the first",
+            remedy="use at most 64 letters, digits and _; after the first character also . @ -",
         )
     if not 0 < len(password) <= LONGEST:
         raise ArgumentError("this is not a password", remedy=f"give 1 to {LONGEST} characters")

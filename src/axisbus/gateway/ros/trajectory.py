@@ -75,7 +75,7 @@ def _require_now(message: JointTrajectory, now: int) -> None:
         raise StateError(
             "the trajectory does not begin now",
             observed=f"by its header.stamp it begins {when}; half a second of difference is allowed",
-            remedy="send it when it shall begin, with a stamp of 0; or synchronise the clocks of both computers",
+            remedy="send it at the time at which it must begin, with a stamp of 0; or synchronise both clocks",
         )
 
 

@@ -271,7 +271,7 @@ class Jogs:
 
 def _late() -> StateError:
     return StateError(
-        "the jog of this press is over",
+        "the jog has ended",
         observed=f"a query came more than {SILENCE:g} s late, or the axis was halted meanwhile",
         remedy=_AGAIN,
     )

@@ -168,7 +168,7 @@ class PointStream:
         return self.handle
 
     def resume(self) -> Handle:
-        """Continue along the pushed points after an interruption, from where the axes have braked; return the new handle.
+        """Continue along the pushed points from the position where the axes were braked; return the new handle.
 
         After a halt, a stop that was released, an error that was reset, or an underrun. Points pushed during the interruption were
         refused and are not part of the stream. From now on points may be pushed again, continuing from the last accepted one. As at

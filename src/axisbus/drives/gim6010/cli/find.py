@@ -33,7 +33,7 @@ def command(
     ask: str | None,
     as_json: bool,
 ) -> int:
-    """Find the modules on a bus: protocol, node ID, firmware, state, errors, supply voltage, and what to type next.
+    """Find the modules on a bus: protocol, node ID, firmware, state, errors, supply voltage, and the next command to type.
 
     It listens for 1.5 s and then sends requests: one at a time, at least 10 ms apart, at most 24 for each module, and none that
     commands anything. Nothing is sent on an identifier that another node uses; at the first sign that no node acknowledges, it

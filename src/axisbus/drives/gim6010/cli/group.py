@@ -53,7 +53,7 @@ def _table(**rows: tuple[str, str]) -> Table:
 def command() -> None:
     """Find and inspect GIM6010-8 modules, in any of their protocols.
 
-    No command here enables or turns a module, except those that ask before. All of it was tried on simulated modules only.
+    No command here enables or turns a module, except those that ask before. All commands were tried on simulated modules only.
     """
 
 
@@ -75,8 +75,8 @@ def params() -> None:
     """Read and write a module's parameters by their names (without odrv0.), over CAN Simple, Modbus RTU (--modbus) or USB
     (--usb).
 
-    Except over USB, the list of endpoints (--list) is needed, the maker's file for exactly this firmware. A list that does not
-    fit is refused: numbers differ between firmwares, and a wrong one may erase the module. It calls no function.
+    Except over USB, the list of endpoints (--list) is needed, the maker's file for exactly this firmware. A list of another
+    firmware is refused: the numbers differ, and a wrong number may erase the module. No function of the module is called.
     """
 
 
@@ -107,5 +107,5 @@ def modbus() -> None:
 
     Only calibrate energises its motor. To move a module, make it an axis of a cell file: interface = "modbus" in [bus], then
     axisbus check, boot and move. A module cannot detect a dead master over Modbus. Positions and velocities are turns of the
-    rotor; 8 of these are one turn of the output. All was tried on simulated modules only.
+    rotor; 8 of these are one turn of the output. All commands were tried on simulated modules only.
     """

@@ -62,8 +62,8 @@ def command(
     raise_to: float | None,
     yes: bool,
 ) -> int:
-    """Try gains: THE OUTPUT TURNS. It makes a step forward and back and measures it; it explains and asks first, and saves
-    nothing.
+    """Try gains: THE OUTPUT TURNS. The command explains the trial and asks for confirmation, then makes a step forward and back
+    and measures both. It saves nothing.
 
     It shows overshoot, settling and ripple, and the next step that the manual recommends. With --raise-to it takes these steps,
     one trial after the other, and asks before each. Given gains are set before, in RAM; with --list the previous gains are

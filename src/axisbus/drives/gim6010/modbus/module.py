@@ -304,8 +304,8 @@ def _found(module: ModbusModule, moved: ModbusModule, new: int) -> ModbusModule:
     raise NodeError(
         f"module {module.device} does not accept node ID {new}",
         node=module.device,
-        observed="neither with the new ID nor with the old one does a module confirm the new ID",
-        remedy="ask for both: axisbus gim6010 modbus state --node ...; switched off and on, it has the old one again",
+        observed="no module confirms the new ID, neither under the new ID nor under the old one",
+        remedy="try both IDs: axisbus gim6010 modbus state --node ...; a restart restores the old ID",
     )
 
 
@@ -318,7 +318,7 @@ def _saved(module: ModbusModule, moved: ModbusModule, new: int) -> ModbusModule:
             f"module {module.device} does not answer to node ID {new} after it was saved",
             node=new,
             observed=f"a module answers with {module.device}" if module.answers() else error.observed,
-            remedy="switch it off and on, and ask for both IDs",
+            remedy="switch it off and on, and try both IDs",
         ) from error
     return moved
 

@@ -219,7 +219,7 @@ def brake_resistor(ohms: float, current: float | None, ramp: tuple[float, float]
     """
     if current is None and ramp is None:
         raise ArgumentError(
-            "it is not specified when the resistor is used",
+            "no condition for the use of the resistor is given",
             remedy="give --max-regen in A, --ramp in V, or both",
         )
     _require("resistance", ohms, above=True)

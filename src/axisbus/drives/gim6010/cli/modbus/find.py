@@ -35,7 +35,7 @@ _TIMEOUT = 0.1  # s for an answer, which takes a few ms
     help="The highest node ID to ask.",
 )
 def command(port: str, rates: str, parity: str, highest: int) -> int:
-    """Ask one node ID after the other; show state, supply and errors of each module found, and what to type next.
+    """Ask one node ID after the other; show state, supply and errors of each module found, and the next command to type.
 
     Nothing is written. It asks at one rate, or at all of them with --rate all: no other program may use the line meanwhile.
     Exit code 0 if a module was found without an error, 1 if one has an error, 3 if no module answers.

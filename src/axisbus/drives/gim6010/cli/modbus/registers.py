@@ -60,8 +60,8 @@ def show(register: Register, value: Number) -> str:
 def read_command(target: ModbusTarget, names: tuple[str, ...], as_json: bool) -> int:
     """Read values by name: registers (all without a NAME), and with --list parameters by their USB names.
 
-    Values of several registers are read whole. Position and velocity are only updated in closed loop, and may be outdated
-    otherwise; in JSON they are null then.
+    A value of several registers is read in one request. Position and velocity are only updated in closed loop, and may be
+    outdated otherwise; in JSON they are null then.
     """
     wanted = names or tuple(
         each.name for each in REGISTERS if each.readable and each.name != "endpoint_return"

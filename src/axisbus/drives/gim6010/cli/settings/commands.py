@@ -166,7 +166,7 @@ def endstops_command(**given: Any) -> int:
     metavar="BEGIN END",
     help="Supply voltages in V at which the resistor begins to act, and at which it is fully on.",
 )
-@click.option("--off", is_flag=True, help="Switch it off.")
+@click.option("--off", is_flag=True, help="Switch the resistor off.")
 @_setting_options
 def brake_resistor_command(**given: Any) -> int:
     """Switch a braking resistor on or off; with no option, show its settings.
