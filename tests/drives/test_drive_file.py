@@ -147,7 +147,7 @@ def test_an_object_that_was_not_read_explains_nothing() -> None:
         (MINIMAL + "notes = []\n", 3, "notes in a drive file cannot be used", "correct notes"),
         (MINIMAL + '[errors]\n86 = "x"\n', 4, "'86' is not an error code", "write it in four hexadecimal digits"),
         (MINIMAL + "[errors]\n8611h = 5\n", 4, "8611h in [errors] cannot be used", "put it in quotes"),
-        (MINIMAL + "[measured]\nspeed = 1\n", 4, "unknown value 'speed' in [measured]", "the known names are temperature, voltage, current"),
+        (MINIMAL + "[measured]\nspeed = 1\n", 4, "unknown value 'speed' in [measured]", "known names are temperature, voltage"),
         (MINIMAL + '[measured]\nvoltage = { object = "2201h" }\n', 4, "factor is missing in [measured.voltage]", "add factor"),
         (MINIMAL + '[fault_objects]\nobject = "2320h"\n', 3, "fault_objects must be a list of tables", "in double brackets"),
         (MINIMAL + '[[fault_objects]]\nobject = "2320"\nbits = { 32 = "x" }\n', 5, "'32' is not", "write 0 to 31"),
