@@ -11,7 +11,7 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.errors import Stopped
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.core_in_threads import core_in_threads
 from kit.scenarios.core_process import enabled, own_cell, turns, under_way
 
@@ -102,8 +102,7 @@ def test_with_take_control_belongs_to_the_command_until_it_ends(axisbus, moving,
 
 @pytest.mark.parametrize("verb", ["enable", "disable", "halt"])
 def test_without_a_machine_halt_and_similar_commands_are_refused(axisbus, tmp_path, verb):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x"), encoding="utf-8")
+    path = cell_file(tmp_path, "x")
     code, _, err = axisbus(verb, path)
     assert code == 1
     assert f"no machine of {path} is running on this computer, and {verb} " in err
@@ -111,8 +110,7 @@ def test_without_a_machine_halt_and_similar_commands_are_refused(axisbus, tmp_pa
 
 
 def test_a_machine_whose_core_is_in_the_program_cannot_be_shared(axisbus, tmp_path):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x", bus='process = "thread"'), encoding="utf-8")
+    path = cell_file(tmp_path, "x", bus='process = "thread"')
     code, _, err = axisbus("run", path)
     assert code == 1
     assert "cannot be shared" in err

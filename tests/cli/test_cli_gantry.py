@@ -15,7 +15,7 @@ from axisbus.errors import LimitError, SkewError, StateError
 from axisbus.machine.dry_run import DryRun
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.gantry.pair import HOMING
 from kit.scenarios.core_process import own_cell
 
@@ -26,10 +26,7 @@ LIMITS = "max_acceleration = 2000.0\nposition_limits = [-300.0, 300.0]"
 
 @pytest.fixture
 def cell(tmp_path) -> Path:
-    path = tmp_path / "cell.toml"
-    text = cell_text("xyz", period="20ms", heartbeat="1s", axis=LIMITS, more=TABLE)
-    path.write_text(text, encoding="utf-8")
-    return path
+    return cell_file(tmp_path, "xyz", period="20ms", heartbeat="1s", axis=LIMITS, more=TABLE)
 
 
 def test_a_pair_is_moved_by_its_name_with_an_axis_beside(axisbus, cell):

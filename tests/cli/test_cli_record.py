@@ -14,7 +14,7 @@ import pytest
 
 from axisbus.machine.machine import Machine
 from axisbus.record.load import load
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.scenarios.core_process import own_cell, turns, under_way
 
 pytest.importorskip("mcap")
@@ -24,17 +24,14 @@ LINUX = pytest.mark.skipif(sys.platform != "linux", reason="a core in a process 
 
 @pytest.fixture
 def cell(tmp_path):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
-    return path
+    return cell_file(tmp_path, "xy", period="20ms", heartbeat="1s")
 
 
 @pytest.fixture(scope="module")
 def moved(tmp_path_factory):
     """Two recordings of a move, made by a program."""
     folder = tmp_path_factory.mktemp("moved")
-    file = folder / "cell.toml"
-    file.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
+    file = cell_file(folder, "xy", period="20ms", heartbeat="1s")
     for name, goal in (("a", 10.0), ("b", 12.0)):
         with Machine.simulated(file) as machine:
             machine["x"].enable().wait()

@@ -19,7 +19,7 @@ from axisbus.bus.link.claims import CellFileId, claim
 from axisbus.cell import reader
 from axisbus.errors import ScanError
 from axisbus.machine.machine import Machine
-from kit.cell import cell_text
+from kit.cell import cell_file, cell_text
 from kit.other_user import STRANGER, as_user, needs_root
 from kit.scenarios.core_process import enabled, own_cell, turns, under_way
 
@@ -66,8 +66,7 @@ def end(process):
 
 
 def test_a_machine_with_its_core_in_its_program_is_found_and_reported_as_not_reached(axisbus, tmp_path):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x"), encoding="utf-8")
+    path = cell_file(tmp_path, "x")
     process = run_elsewhere(path, AXISBUS_PROCESS="thread")
     try:
         code, out, err = axisbus("stop", path)

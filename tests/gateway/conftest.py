@@ -5,12 +5,11 @@ from __future__ import annotations
 import pytest
 
 from axisbus.machine.machine import Machine
-from kit.cell import cell_text
+from kit.cell import cell_file
 
 
 @pytest.fixture
 def machine(tmp_path):
-    file = tmp_path / "cell.toml"
-    file.write_text(cell_text("xy"), "utf-8")
+    file = cell_file(tmp_path, "xy")
     with Machine.simulated(file) as opened:
         yield opened

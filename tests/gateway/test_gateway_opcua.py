@@ -37,7 +37,7 @@ from axisbus.gateway.opcua.session import GuardedSession
 from axisbus.gateway.opcua.trust import TrustingFactory
 from axisbus.machine.machine import Machine
 from kit import command_line
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.closed_connection import closed
 from kit.opcua.client import ClientIdentity, Visit, connected_client, key_pair, visit
 from kit.opcua.server import (
@@ -63,8 +63,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def file(folder):
-    (folder / "cell.toml").write_text(cell_text("xy"), "utf-8")
-    return folder / "cell.toml"
+    return cell_file(folder, "xy")
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ pytest.importorskip("asyncua", reason="OPC UA needs asyncua")
 from axisbus.gateway.opcua import limits, users
 from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
 from axisbus.machine.machine import Machine
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.closed_connection import closed
 from kit.opcua.client import visit
 from kit.opcua.server import (
@@ -47,8 +47,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def file(folder):
-    (folder / "cell.toml").write_text(cell_text("xy"), "utf-8")
-    return folder / "cell.toml"
+    return cell_file(folder, "xy")
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 
 from axisbus.machine.machine import Machine
 from axisbus.record.load import load
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.io_module import MODULE
 
 pytest.importorskip("mcap")
@@ -22,10 +22,9 @@ BOTH = pytest.mark.parametrize("process", ["thread", "own"])
 
 
 def file_of(folder, process, bus=""):
-    path = folder / "cell.toml"
-    text = cell_text("x", heartbeat="1s", bus=f'process = "{process}"\n{bus}', more=MODULE.format(node=""))
-    path.write_text(text)
-    return path
+    return cell_file(
+        folder, "x", heartbeat="1s", bus=f'process = "{process}"\n{bus}', more=MODULE.format(node="")
+    )
 
 
 def moment(run) -> float:

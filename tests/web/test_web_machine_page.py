@@ -14,7 +14,7 @@ pytest.importorskip("nicegui", reason="the page needs nicegui")
 
 from axisbus.errors import OwnershipError, StateError
 from axisbus.machine.machine import Machine
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.scenarios.core_process import own_cell
 from kit.served_page import until
 
@@ -96,7 +96,6 @@ def listens(address):
 
 
 def test_a_machine_that_cannot_be_joined_has_no_page(tmp_path):
-    file = tmp_path / "cell.toml"
-    file.write_text(cell_text(), "utf-8")
+    file = cell_file(tmp_path)
     with Machine.simulated(file) as machine, pytest.raises(StateError, match="no page can be served"):
         machine.serve_web()
