@@ -252,11 +252,6 @@ def test_nothing_is_loaded_before_a_plug_in_is_needed() -> None:
     assert done.stdout.strip() == "[]"
 
 
-@pytest.fixture
-def axisbus(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
-
-
 def test_a_drive_without_a_vendor_is_generic() -> None:
     plugin: DrivePlugin = registry.find(None, None)
     assert plugin is GENERIC

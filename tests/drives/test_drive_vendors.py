@@ -123,11 +123,6 @@ def cell_of_nanotec(tmp_path: Path) -> Path:
     return cell_file(tmp_path, eds="drive.eds")
 
 
-@pytest.fixture
-def axisbus(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
-
-
 def test_scan_names_the_make(cell_of_nanotec: Path, axisbus: command_line.Run) -> None:
     scan = axisbus("scan", "-i", "sim", "-c", cell_of_nanotec)
     assert "make Nanotec, vendor 0x26C, product 0x10" in scan.out
