@@ -17,7 +17,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.cell import cell_file
 from kit.gantry.pair import HOMING
-from kit.scenarios.core_process import own_cell
+from kit.scenarios.core_process import OWN_PROCESS, own_cell
 
 pytestmark = [pytest.mark.timeout(120)]
 TABLE = '[groups.all]\naxes = ["z", "x", "y"]\n[gantries.b]\naxes = ["x", "y"]\nmax_skew = 8.0\n' + HOMING
@@ -117,7 +117,7 @@ def test_a_dry_run_checks_a_pair_at_its_observed_position(cell):
     beam.move_relative(49.0)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+@OWN_PROCESS
 def test_in_a_machine_that_runs_a_pair_is_enabled_halted_and_disabled(axisbus, tmp_path, core_in_threads):
     file = own_cell(tmp_path, axis=LIMITS, more='[gantries.b]\naxes = ["x", "y"]\nmax_skew = 8.0\n')
     with Machine.open(file) as machine:

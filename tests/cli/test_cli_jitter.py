@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 
 import pytest
 
 from axisbus.machine.machine import Machine
 from kit.cell import cell_file
-from kit.scenarios.core_process import own_cell, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, turns, under_way
 
 pytestmark = [pytest.mark.timeout(120)]
 
@@ -30,7 +29,7 @@ def test_a_cycle_is_measured_and_drawn(axisbus, cell, tmp_path):
     assert (tmp_path / "j.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+@OWN_PROCESS
 def test_jitter_next_to_a_program_that_moves_an_axis_shows_its_commands_as_well(axisbus, tmp_path):
     path = own_cell(tmp_path, "xy")
     with Machine.open(path) as machine:

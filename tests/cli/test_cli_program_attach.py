@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,12 +16,9 @@ from axisbus.sim.boot_loader import ProgramLoader
 from kit.cell import cell_file
 from kit.core_in_threads import core_in_threads
 from kit.eds.loader import loader_eds, program
-from kit.scenarios.core_process import enabled, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, enabled, turns, under_way
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 NEW, NEWER = (15_400, 43_200_000), (15_401, 0)
 
 

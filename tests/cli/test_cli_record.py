@@ -15,11 +15,10 @@ import pytest
 from axisbus.machine.machine import Machine
 from axisbus.record.load import load
 from kit.cell import cell_file
-from kit.scenarios.core_process import own_cell, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, turns, under_way
 
 pytest.importorskip("mcap")
 pytestmark = [pytest.mark.timeout(120)]
-LINUX = pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
 
 
 @pytest.fixture
@@ -79,7 +78,7 @@ def test_a_command_that_moves_is_recorded(axisbus, cell, tmp_path, command, stat
     assert f"recorded: {path}" in out
 
 
-@LINUX
+@OWN_PROCESS
 @pytest.mark.parametrize(
     "command",
     [
@@ -133,7 +132,7 @@ def test_an_invalid_recording_is_refused_and_nothing_is_written(axisbus, cell, t
 # -- beside a program ------------------------------------------------------------------------------------------------------------
 
 
-@LINUX
+@OWN_PROCESS
 def test_a_running_machine_is_joined_and_the_motion_of_its_program_is_recorded(
     axisbus, tmp_path, core_in_threads
 ):
@@ -163,7 +162,7 @@ def test_a_running_machine_is_joined_and_the_motion_of_its_program_is_recorded(
     assert 0 < len(polled.times) != len(position.times)
 
 
-@LINUX
+@OWN_PROCESS
 def test_the_recording_of_a_killed_program_can_be_read_up_to_its_last_second(tmp_path):
     file, path = own_cell(tmp_path), tmp_path / "run.mcap"
     recording = subprocess.Popen(
@@ -184,7 +183,7 @@ def test_the_recording_of_a_killed_program_can_be_read_up_to_its_last_second(tmp
     assert len(times) > 0.9 * run.seconds / 0.02
 
 
-@LINUX
+@OWN_PROCESS
 def test_ctrl_c_is_the_usual_end(tmp_path):
     file, path = own_cell(tmp_path), tmp_path / "run.mcap"
     recording = subprocess.Popen(
@@ -259,7 +258,7 @@ def test_a_recording_is_exported(axisbus, moved, tmp_path, kind):
 # -- moments ---------------------------------------------------------------------------------------------------------------------
 
 
-@LINUX
+@OWN_PROCESS
 def test_a_moment_of_a_running_program_is_recorded(tmp_path):
     file, path = own_cell(tmp_path), tmp_path / "moment.mcap"
     with Machine.open(file) as machine:

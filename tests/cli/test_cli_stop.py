@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import ExitStack
 
 import pytest
@@ -11,12 +10,9 @@ from axisbus.bus.link.claims import CellFileId, claim
 from axisbus.errors import ScanError
 from axisbus.machine.machine import Machine
 from kit.core_in_threads import core_in_threads
-from kit.scenarios.core_process import enabled, own_cell, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, enabled, own_cell, turns, under_way
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(180),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(180)]
 
 
 @pytest.fixture(scope="module")

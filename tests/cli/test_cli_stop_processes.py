@@ -21,12 +21,9 @@ from axisbus.errors import ScanError
 from axisbus.machine.machine import Machine
 from kit.cell import cell_file, cell_text
 from kit.other_user import STRANGER, as_user, needs_root
-from kit.scenarios.core_process import enabled, own_cell, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, enabled, own_cell, turns, under_way
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(180),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(180)]
 RUNS = "import sys, time; from axisbus import Machine; m = Machine.open(sys.argv[1]); print('runs', flush=True); time.sleep(100)"
 
 

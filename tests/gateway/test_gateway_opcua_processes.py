@@ -35,7 +35,7 @@ from kit.opcua.server import (
     served,
     until,
 )
-from kit.scenarios.core_process import own_cell, under_way
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, under_way
 
 CLIENT = Path(__file__).parents[1] / "kit" / "opcua" / "client.js"
 
@@ -116,12 +116,7 @@ def bridge(file, *words):
             process.kill()
 
 
-own_process = pytest.mark.skipif(
-    sys.platform != "linux", reason="a core in a process of its own is for Linux"
-)
-
-
-@own_process
+@OWN_PROCESS
 @pytest.mark.timeout(120)
 def test_the_bridge_follows_machines_halts_them_and_its_end_changes_none(tmp_path, folder, known):
     file = own_cell(tmp_path)

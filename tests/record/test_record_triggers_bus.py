@@ -12,11 +12,12 @@ from axisbus.machine.machine import Machine
 from axisbus.record.load import load
 from kit.cell import cell_file
 from kit.io_module import MODULE
+from kit.scenarios.core_process import OWN_PROCESS
 
 pytest.importorskip("mcap")
 pytestmark = [
     pytest.mark.timeout(120),
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
+    OWN_PROCESS,
 ]
 BOTH = pytest.mark.parametrize("process", ["thread", "own"])
 

@@ -6,7 +6,6 @@ import math
 import os
 import re
 import signal
-import sys
 import time
 
 import pytest
@@ -17,6 +16,7 @@ from axisbus.errors import ArgumentError, AxisbusError, LimitError, StaleError, 
 from axisbus.motion.states import AxisState
 from kit.cell import cell_file, cell_text
 from kit.plant_probe import ENABLED
+from kit.scenarios.core_process import OWN_PROCESS
 from kit.stop_report import STOPPED
 from kit.virtual_axis import HARDEST, Trail, virtual
 
@@ -399,7 +399,7 @@ def test_commands_that_need_a_drive_are_refused_with_the_reason(scenario):
 # -- in real time ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+@OWN_PROCESS
 @pytest.mark.parametrize("names", ["x", ""], ids=["beside a drive", "alone"])
 @pytest.mark.parametrize("process", ["own", "thread"])
 def test_on_a_bus_a_virtual_axis_is_moved_by_the_core_in_every_process(
@@ -425,7 +425,7 @@ def test_on_a_bus_a_virtual_axis_is_moved_by_the_core_in_every_process(
     assert (v.snapshot.velocity, v.snapshot.power_state) == (0, PowerState.SWITCH_ON_DISABLED)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+@OWN_PROCESS
 def test_if_the_core_is_killed_a_virtual_axis_is_not_reported(tmp_path):
     path = cell_file(tmp_path, "x", bus='process = "own"', more=virtual())
     machine = Machine.open(path)

@@ -15,13 +15,10 @@ pytest.importorskip("nicegui", reason="the page needs nicegui")
 from axisbus.errors import OwnershipError, StateError
 from axisbus.machine.machine import Machine
 from kit.cell import cell_file
-from kit.scenarios.core_process import own_cell
+from kit.scenarios.core_process import OWN_PROCESS, own_cell
 from kit.served_page import until
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 PROGRAM = """
 import sys, time
 from axisbus import Machine

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
+
+import pytest
 
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.cell import SCALE, cell_file
+
+OWN_PROCESS = pytest.mark.skipif(
+    sys.platform != "linux", reason="a core in a process of its own is for Linux"
+)
 
 
 def own_cell(folder: Path, names: str = "xy", more: str = "", axis: str = "", period: str = "20ms") -> Path:
