@@ -14,8 +14,9 @@ import pytest
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
+from kit import command_line
 from kit.cell import MODULE, cell_file
-from kit.scenarios.core_process import own_cell, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, turns, under_way
 
 pytestmark = [pytest.mark.timeout(120)]
 
@@ -77,15 +78,11 @@ def test_invalid_commands_are_refused_before_the_bus_is_opened(axisbus, cell, wo
     assert told in err
 
 
+@OWN_PROCESS
 def test_a_halt_of_another_program_ends_the_command(tmp_path):
-    if sys.platform != "linux":
-        pytest.skip("a core in a process of its own is for Linux")
     path = own_cell(tmp_path, "x")
-    command = [sys.executable, "-m", "axisbus", "velocity", str(path), "x=30"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as turning:
-        assert turning.stdout is not None
-        while "has 30" not in turning.stdout.readline():
-            assert turning.poll() is None
+    with command_line.started("velocity", path, "x=30") as turning:
+        command_line.lines_before(turning, "has 30")
         with Machine.attach(path) as looking:
             looking["x"].halt().wait(10)
         _, err = turning.communicate(timeout=20)

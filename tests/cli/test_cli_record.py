@@ -6,14 +6,13 @@ import json
 import os
 import re
 import signal
-import subprocess
-import sys
 import time
 
 import pytest
 
 from axisbus.machine.machine import Machine
 from axisbus.record.load import load
+from kit import command_line
 from kit.cell import cell_file
 from kit.scenarios.core_process import OWN_PROCESS, own_cell, turns, under_way
 
@@ -165,17 +164,12 @@ def test_a_running_machine_is_joined_and_the_motion_of_its_program_is_recorded(
 @OWN_PROCESS
 def test_the_recording_of_a_killed_program_can_be_read_up_to_its_last_second(tmp_path):
     file, path = own_cell(tmp_path), tmp_path / "run.mcap"
-    recording = subprocess.Popen(
-        [sys.executable, "-m", "axisbus", "record", str(file), "-o", str(path)], stdout=subprocess.DEVNULL
-    )
-    try:
+    with command_line.started("record", file, "-o", path) as recording:
         until = time.monotonic() + 60.0
         while not (path.exists() and path.stat().st_size > 12_000) and time.monotonic() < until:
             time.sleep(0.05)
         time.sleep(3.0)
-    finally:
         recording.kill()
-        recording.wait()
     run = load(path)
     assert "within a write" in run.lacks
     assert run.seconds > 2.0
@@ -186,12 +180,7 @@ def test_the_recording_of_a_killed_program_can_be_read_up_to_its_last_second(tmp
 @OWN_PROCESS
 def test_ctrl_c_is_the_usual_end(tmp_path):
     file, path = own_cell(tmp_path), tmp_path / "run.mcap"
-    recording = subprocess.Popen(
-        [sys.executable, "-m", "axisbus", "record", str(file), "-o", str(path)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    recording = command_line.started("record", file, "-o", path)
     until = time.monotonic() + 60.0
     while not path.exists() and time.monotonic() < until:
         time.sleep(0.05)
@@ -265,8 +254,7 @@ def test_a_moment_of_a_running_program_is_recorded(tmp_path):
         x = machine["x"]
         x.enable().wait(20)
         options = ("--when", "|x.velocity| > 15", "--before", "200ms", "--after", "0.3", "--for", "60")
-        command = [sys.executable, "-m", "axisbus", "record", str(file), "-o", str(path), *options]
-        recording = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        recording = command_line.started("record", file, "-o", path, *options)
         assert "joined" in recording.stderr.readline()
         time.sleep(1.0)
         x.move_relative(-200.0, velocity=30.0)

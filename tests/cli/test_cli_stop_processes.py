@@ -19,7 +19,8 @@ from axisbus.bus.link.claims import CellFileId, claim
 from axisbus.cell import reader
 from axisbus.errors import ScanError
 from axisbus.machine.machine import Machine
-from kit.cell import cell_file, cell_text
+from kit import command_line
+from kit.cell import cell_file
 from kit.other_user import STRANGER, as_user, needs_root
 from kit.scenarios.core_process import OWN_PROCESS, enabled, own_cell, turns, under_way
 
@@ -131,15 +132,12 @@ def test_the_claim_of_another_user_does_not_hide_ones_own_machine(axisbus, movin
 @pytest.fixture
 def bus(tmp_path):
     """The cell file of simulated drives in a process of their own, and their plant."""
-    cell, mine, control = tmp_path / "cell.toml", tmp_path / "mine.toml", tmp_path / "c"
-    cell.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
-    command = [sys.executable, "-m", "axisbus", "sim", cell, "--port", "0", "-o", mine, "--control", control]
-    with subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, text=True) as sim:
-        while not sim.stdout.readline().startswith("or take"):
-            assert sim.poll() is None
+    cell = cell_file(tmp_path, "xy", period="20ms", heartbeat="1s")
+    mine, control = tmp_path / "mine.toml", tmp_path / "c"
+    with command_line.simulating(cell, "-o", mine, "--control", control) as sim:
+        command_line.lines_before(sim, "or take")
         with SimulationControl(control) as plant:
             yield mine, plant
-        sim.kill()
 
 
 GOES = """

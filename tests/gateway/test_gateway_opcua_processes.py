@@ -18,6 +18,7 @@ pytest.importorskip("asyncua", reason="OPC UA needs asyncua")
 from axisbus.gateway.opcua import limits, users
 from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
 from axisbus.machine.machine import Machine
+from kit import command_line
 from kit.cell import cell_file
 from kit.closed_connection import closed
 from kit.opcua.client import visit
@@ -97,19 +98,7 @@ def test_one_address_cannot_hold_all_connections_and_silent_ones_are_closed_firs
 @contextmanager
 def bridge(file, *words):
     """The command in a process of its own; yields the process and its address."""
-    command = [
-        sys.executable,
-        "-u",
-        "-m",
-        "axisbus",
-        "bridge",
-        "opcua",
-        str(file),
-        "--port",
-        "0",
-        *map(str, words),
-    ]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with command_line.started("bridge", "opcua", file, "--port", "0", *words, stderr=None) as process:
         try:
             yield process, process.stdout.readline().split()[-1]
         finally:

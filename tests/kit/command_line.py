@@ -1,4 +1,4 @@
-"""The command line in this process, and simulated drives on a private virtual bus that it can be pointed at."""
+"""The command line in this process and in others, and simulated drives on a private virtual bus that it can be pointed at."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import io
 import itertools
 import os
 import shutil
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -52,6 +53,32 @@ def runner(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) 
         return Result(code, seen.out, seen.err)
 
     return call
+
+
+def started(*arguments: object, stderr: int | None = subprocess.PIPE) -> subprocess.Popen[str]:
+    """Start the command line in a process of its own, with pipes for its output and, unless ``stderr`` is None, its errors."""
+    command = [sys.executable, "-m", "axisbus", *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, text=True)
+
+
+@contextmanager
+def simulating(*arguments: object) -> Iterator[subprocess.Popen[str]]:
+    """Run ``axisbus sim`` on a free port in a process of its own."""
+    with started("sim", "--port", "0", *arguments, stderr=None) as sim:
+        try:
+            yield sim
+        finally:
+            sim.kill()
+
+
+def lines_before(process: subprocess.Popen[str], words: str) -> list[str]:
+    """Read the lines of a process up to one that contains ``words``, and return them with it."""
+    assert process.stdout is not None
+    lines = [process.stdout.readline()]
+    while words not in lines[-1]:
+        assert lines[-1], lines
+        lines.append(process.stdout.readline())
+    return lines
 
 
 @contextmanager
