@@ -9,7 +9,7 @@ import click
 
 from axisbus.cli.shared.common import OK, WRONG, progress_phases, say, say_error, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
-from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeOptions, NodeSession, node_options
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
@@ -34,8 +34,7 @@ def command(node: str, asked: NodeOptions, as_json: bool) -> int:
     """
     from axisbus.configuration.store_parameters import keep
 
-    require_bus(asked)
-    files = NodeFiles.of(asked.cell, asked.eds)
+    files = asked.files()
     node_id = files.address(node.rstrip(":")).node_id
     with ExitStack() as stack:
         device = NodeSession(stack, asked, files, [node_id]).node(node_id)

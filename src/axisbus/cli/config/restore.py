@@ -13,7 +13,8 @@ from axisbus.cia301.datatypes import decode
 from axisbus.cli.config import files as config_files
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, progress_phases, say, say_error, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
-from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options
+from axisbus.cli.shared.options import packed
 from axisbus.configuration import report_text
 from axisbus.errors import BusError, SdoAbort, StateError
 from axisbus.wording import counted
@@ -41,6 +42,12 @@ class _Wish:
     ignore_limits: bool
 
 
+def _objects(
+    _: click.Context, option: click.Parameter, given: tuple[str, ...]
+) -> frozenset[config_files.Key]:
+    return config_files.keys(given, option.opts[0])
+
+
 @click.command("restore")
 @click.argument("file")
 @click.argument("node", shell_complete=complete_node)
@@ -49,9 +56,12 @@ class _Wish:
     "--include",
     multiple=True,
     metavar="OBJECT",
+    callback=_objects,
     help="Also write this calibration object, such as 2105:1; one option per object.",
 )
-@click.option("--exclude", multiple=True, metavar="OBJECT", help="Do not write this object.")
+@click.option(
+    "--exclude", multiple=True, metavar="OBJECT", callback=_objects, help="Do not write this object."
+)
 @click.option(
     "--replacement",
     is_flag=True,
@@ -64,21 +74,10 @@ class _Wish:
     help="Also write values beyond the file's limits; the drive may refuse them.",
 )
 @click.option("--dry-run", is_flag=True, help="Only show the values that would be written.")
+@packed(_Wish, "wish")
 @click.option("--concise", is_flag=True, help="FILE is a concise DCF (1F22h); needs the EDS.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-def command(
-    file: str,
-    node: str,
-    asked: NodeOptions,
-    include: tuple[str, ...],
-    exclude: tuple[str, ...],
-    replacement: bool,
-    store: bool,
-    ignore_limits: bool,
-    dry_run: bool,
-    concise: bool,
-    as_json: bool,
-) -> int:
+def command(file: str, node: str, asked: NodeOptions, wish: _Wish, concise: bool, as_json: bool) -> int:
     """Configure NODE as in FILE (a DCF): write the values that differ, in the order that a device accepts, and read every
     object again.
 
@@ -88,16 +87,7 @@ def command(
 
     Exit code 1 when an object cannot be restored, 3 when the node or the bus fails during the restore.
     """
-    wish = _Wish(
-        config_files.keys(include, "--include"),
-        config_files.keys(exclude, "--exclude"),
-        replacement,
-        store,
-        dry_run,
-        ignore_limits,
-    )
-    require_bus(asked)
-    files = NodeFiles.of(asked.cell, asked.eds)
+    files = asked.files()
     node_id = files.address(node).node_id
     eds = _concise_values(file, files, node_id) if concise else _values(file)
     _selection(eds, node_id, eds.identity, wish)  # report missing values before the bus is opened
@@ -224,8 +214,6 @@ def _dry(node_id: int, differing: list[Item], selection: Selection, as_json: boo
             }
         )
     else:
-        from axisbus.configuration import report_text
-
         for each in differing:
             say(
                 f"would write {report_text.place(each.variable)} = {report_text.data_shown(each.variable, each.data)}"
@@ -273,14 +261,10 @@ def _show(report: RestoreReport, found: dict[str, Any]) -> None:
         say(f"{each.outcome.value}: {report_text.place(each.item.variable)}{why}")
     for each in report.of(ValueEnd.FAILED):
         say(f"FAILED    {_change(each)}: {each.reason}")
-    _show_skipped(report)
-    say(f"node {found['node']}: {report_text.restored(report)}")
-    _show_memory(found, report)
-
-
-def _show_skipped(report: RestoreReport) -> None:
     for line in report_text.skipped(report.skipped):
         say(f"skipped   {line}")
+    say(f"node {found['node']}: {report_text.restored(report)}")
+    _show_memory(found, report)
 
 
 def _show_memory(found: dict[str, Any], report: RestoreReport) -> None:

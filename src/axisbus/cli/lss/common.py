@@ -71,8 +71,9 @@ def lss_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def slave_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the three options that select a slave: -s, --found, --only."""
+    """Add the three options that select a slave: -s, --found, --only; the command gets them together as ``choice``."""
     for decorate in (
+        packed(SlaveChoice, "choice"),
         click.option(
             "--only", is_flag=True, help="The only LSS slave on the bus (wrong if there are two or more)."
         ),
@@ -119,36 +120,43 @@ def open_master(where: Where) -> Iterator[LssMaster]:
         )
 
 
-def choose(master: LssMaster, slave: tuple[int, ...] | None, only: bool) -> LssAddress | None:
-    """Return the address of the named slave, None for the only one on the bus; if none is named, find it by a scan.
+@dataclass(frozen=True, slots=True)
+class SlaveChoice:
+    """The selection of a slave: by its identity, as the one without a node-ID, or as the only one on the bus."""
 
-    Raises:
-        UserError: the scan finds no slave, or several.
-        LssError: as ``LssMaster.find``.
-    """
-    from axisbus.cia305.services import LssAddress
+    slave: tuple[int, ...] | None
+    found: bool
+    only: bool
 
-    if slave:
-        return LssAddress(*slave)
-    return None if only else _found(master)
+    def require_one(self) -> None:
+        """Check that a slave is selected in exactly one form, before the bus is opened.
 
+        Raises:
+            UsageError: it is not.
+            ArgumentError: a number is out of range.
+        """
+        from axisbus.cia305.services import LssAddress
 
-def require_one(slave: tuple[int, ...] | None, found: bool, only: bool) -> None:
-    """Check that a slave is selected in exactly one form, before the bus is opened.
+        if bool(self.slave) + self.found + self.only != 1:
+            raise click.UsageError(
+                "name the slave by one of these: -s VENDOR PRODUCT REVISION SERIAL, --found (the one without a node-ID) or --only "
+                "(the only one on the bus)"
+            )
+        if self.slave:
+            LssAddress(*self.slave)
 
-    Raises:
-        UsageError: it is not.
-        ArgumentError: a number is out of range.
-    """
-    from axisbus.cia305.services import LssAddress
+    def address(self, master: LssMaster) -> LssAddress | None:
+        """Return the address of the named slave, None for the only one on the bus; if none is named, find it by a scan.
 
-    if bool(slave) + found + only != 1:
-        raise click.UsageError(
-            "name the slave by one of these: -s VENDOR PRODUCT REVISION SERIAL, --found (the one without a node-ID) or --only "
-            "(the only one on the bus)"
-        )
-    if slave:
-        LssAddress(*slave)
+        Raises:
+            UserError: the scan finds no slave, or several.
+            LssError: as ``LssMaster.find``.
+        """
+        from axisbus.cia305.services import LssAddress
+
+        if self.slave:
+            return LssAddress(*self.slave)
+        return None if self.only else _found(master)
 
 
 def _found(master: LssMaster) -> LssAddress:

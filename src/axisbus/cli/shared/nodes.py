@@ -110,6 +110,16 @@ class NodeOptions:
     cell: Path | None
     eds: tuple[str, ...]
 
+    def files(self) -> NodeFiles:
+        """Return the given files, for a command that needs a bus.
+
+        Raises:
+            UsageError: no bus is given.
+            Other errors as ``NodeFiles.of``.
+        """
+        require_bus(self)
+        return NodeFiles.of(self.cell, self.eds)
+
 
 def node_options(function: Decorated) -> Decorated:
     """Add the bus options, --cell and --eds; the command gets them together as ``asked``."""
