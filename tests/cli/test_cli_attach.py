@@ -12,7 +12,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.cell import cell_file
 from kit.core_in_threads import core_in_threads
-from kit.scenarios.core_process import OWN_PROCESS, enabled, own_cell, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, enabled, own_cell, turns
 
 pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 
@@ -26,14 +26,6 @@ def file(tmp_path_factory):
 def opened(file):
     with core_in_threads(), Machine.open(file) as machine:
         yield machine
-
-
-@pytest.fixture
-def moving(opened):
-    """The machine of a program, and its move of x: it turns already, and continues for longer than any of these tests."""
-    x = enabled(opened["x"])
-    yield opened, under_way(x)
-    x.halt().wait(10)
 
 
 def test_monitor_joins_and_looks_on(axisbus, moving, file):

@@ -14,7 +14,7 @@ import pytest
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit import command_line
-from kit.scenarios.core_process import OWN_PROCESS, enabled, own_cell, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, turns
 
 pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 
@@ -28,14 +28,6 @@ def file(tmp_path_factory):
 def opened(file):
     with Machine.open(file) as machine:
         yield machine
-
-
-@pytest.fixture
-def moving(opened):
-    """The machine of a program, and its move of x: it turns already, and continues for longer than any of these tests."""
-    x = enabled(opened["x"])
-    yield opened, under_way(x)
-    x.halt().wait(10)
 
 
 def test_a_machine_of_axisbus_run_leaves_control_to_any_client(axisbus, tmp_path):

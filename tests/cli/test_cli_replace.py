@@ -32,10 +32,7 @@ def drives(tmp_path):
     made = [device_from_eds(eds, node_id, seed=node_id, serial=OLD + 10 * node_id - 10) for node_id in (1, 2)]
     (tmp_path / "cell.toml").write_text(cell_text("xy", interface="virtual", channel=name), encoding="utf-8")
     with StandIns(name, made) as stand_ins:
-        end = time.monotonic() + 20.0
-        while not all(device.answers_sdo for device in made):
-            assert time.monotonic() < end
-            time.sleep(0.01)
+        command_line.until(lambda: all(device.answers_sdo for device in made))
         with stand_ins.lock:
             for key, value in CONFIGURED.items():
                 made[0].write(*key, value)

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from axisbus import SimulationControl
-from axisbus.clock import REAL, poll_until
 from axisbus.configuration.replacement_order import ReplacementStep
 from kit import command_line
 from kit.cell import cell_file
@@ -47,7 +46,7 @@ def served(tmp_path_factory) -> Iterator[tuple[Path, SimulationControl]]:
     with command_line.simulating(cell_file(folder, "xy"), *options) as sim:
         command_line.lines_before(sim, "spare")
         with SimulationControl(control) as plant:
-            assert wait_for(lambda: plant.simulated_node(1).device.answers_sdo)
+            command_line.until(lambda: plant.simulated_node(1).device.answers_sdo)
             plant.simulated_node(1).device.write(0x6081, 0, VELOCITY)
             saved = run("nameplate", mine, "--save")
             assert saved.code == 0, saved.err
@@ -55,10 +54,6 @@ def served(tmp_path_factory) -> Iterator[tuple[Path, SimulationControl]]:
             backup = run("config", "backup", "x", "--cell", mine, "-o", folder / "node-1.dcf")
             assert backup.code == 0, backup.err
             yield mine, plant
-
-
-def wait_for(done) -> bool:
-    return poll_until(REAL, done, REAL.now() + 20.0, 0.05)
 
 
 def serial_in_record(cell: Path) -> int:
@@ -95,7 +90,7 @@ def test_a_command_that_is_killed_as_a_step_begins_is_run_again(served, step):
     assert serial_in_record(mine) == new
     drive.switch_off()
     drive.switch_on()
-    assert wait_for(lambda: drive.device.answers_sdo)
+    command_line.until(lambda: drive.device.answers_sdo)
     assert drive.device.node_id == 1
     assert drive.device.read(0x6081) == VELOCITY
     assert not mine.with_name("mine.replacement-1.json").exists()

@@ -26,12 +26,6 @@ def opened(file):
         yield machine
 
 
-@pytest.fixture
-def moving(opened):
-    yield opened, under_way(enabled(opened["x"]))
-    opened["x"].halt().wait(10)
-
-
 def crowd(file, stack):
     for _ in range(20):
         stack.enter_context(Machine.attach(file))

@@ -22,7 +22,7 @@ from axisbus.machine.machine import Machine
 from kit import command_line
 from kit.cell import cell_file
 from kit.other_user import STRANGER, as_user, needs_root
-from kit.scenarios.core_process import OWN_PROCESS, enabled, own_cell, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, turns
 
 pytestmark = [OWN_PROCESS, pytest.mark.timeout(180)]
 RUNS = "import sys, time; from axisbus import Machine; m = Machine.open(sys.argv[1]); print('runs', flush=True); time.sleep(100)"
@@ -37,12 +37,6 @@ def file(tmp_path_factory):
 def opened(file):
     with Machine.open(file) as machine:
         yield machine
-
-
-@pytest.fixture
-def moving(opened):
-    yield opened, under_way(enabled(opened["x"]))
-    opened["x"].halt().wait(10)
 
 
 def run_elsewhere(file, **environment):

@@ -19,6 +19,7 @@ import pytest
 
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
+from axisbus.clock import REAL, poll_until
 from axisbus.eds import load
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
@@ -83,8 +84,14 @@ def lines_before(process: subprocess.Popen[str], words: str) -> list[str]:
 
 @contextmanager
 def drives(*node_ids: int) -> Iterator[tuple[StandIns, str]]:
-    """Generic drives on a private channel; yields them and the channel's name."""
+    """Generic drives on a private channel, which have started; yields them and the channel's name."""
     eds = load(GENERIC)
     name = next(_channels)
     with StandIns(name, [device_from_eds(eds, node_id, seed=node_id) for node_id in node_ids]) as stand_ins:
+        until(lambda: all(each.drives[0].statusword & 0x6F == 0x40 for each in stand_ins.devices))
         yield stand_ins, name
+
+
+def until(happened: Callable[[], bool]) -> None:
+    """Wait for simulated drives, for 20 seconds at the most."""
+    assert poll_until(REAL, happened, REAL.now() + 20.0, 0.01)
