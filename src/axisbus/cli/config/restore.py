@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from axisbus.configuration.dcf_values import Item, Selection
     from axisbus.configuration.restore import Restore, RestoreReport, Result
     from axisbus.drives.plugin import DrivePlugin
-    from axisbus.eds.model import Eds, Identity, Variable
+    from axisbus.eds.model import Eds, Identity
 
 
 STOPPED = 130  # the exit code of shells for Ctrl-C
@@ -209,8 +209,11 @@ def _dry(node_id: int, differing: list[Item], selection: Selection, as_json: boo
         say_json(
             {
                 "node": node_id,
-                "would_write": [entry(each.variable) for each in differing],
-                "skipped": [{**entry(each.variable), "reason": each.text} for each in selection.skipped],
+                "would_write": [report_text.identified(each.variable) for each in differing],
+                "skipped": [
+                    {**report_text.identified(each.variable), "reason": each.text}
+                    for each in selection.skipped
+                ],
             }
         )
     else:
@@ -289,11 +292,6 @@ def _change(each: Result) -> str:
     return f"{report_text.place(variable)}: {before} -> {wanted}{now}"
 
 
-def entry(variable: Variable) -> dict[str, object]:
-    """Return the identification of an object, for JSON."""
-    return {"index": variable.index, "subindex": variable.subindex, "name": variable.name}
-
-
 def _plain(report: RestoreReport, found: dict[str, Any]) -> dict[str, Any]:
     def value(each: Result, data: bytes | None) -> object:
         return None if data is None else report_text.plain(decode(data, each.item.variable.data_type))
@@ -304,7 +302,7 @@ def _plain(report: RestoreReport, found: dict[str, Any]) -> dict[str, Any]:
         "writes": report.writes,
         "objects": [
             {
-                **entry(each.item.variable),
+                **report_text.identified(each.item.variable),
                 "outcome": each.outcome.name.lower(),
                 "wanted": value(each, each.item.data),
                 "before": value(each, each.before),
@@ -313,5 +311,7 @@ def _plain(report: RestoreReport, found: dict[str, Any]) -> dict[str, Any]:
             }
             for each in report.results
         ],
-        "skipped": [{**entry(each.variable), "reason": each.text} for each in report.skipped],
+        "skipped": [
+            {**report_text.identified(each.variable), "reason": each.text} for each in report.skipped
+        ],
     }
