@@ -15,11 +15,9 @@ import pytest
 pytest.importorskip("asyncua", reason="OPC UA needs asyncua")
 
 
-from axisbus.gateway.opcua import limits, users
-from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
+from axisbus.gateway.opcua import limits
 from axisbus.machine.machine import Machine
 from kit import command_line
-from kit.cell import cell_file
 from kit.closed_connection import closed
 from kit.opcua.client import visit
 from kit.opcua.server import (
@@ -33,36 +31,11 @@ from kit.opcua.server import (
     halt,
     refused,
     running,
-    served,
     until,
 )
 from kit.scenarios.core_process import OWN_PROCESS, own_cell, under_way
 
 CLIENT = Path(__file__).parents[1] / "kit" / "opcua" / "client.js"
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("opcua")
-
-
-@pytest.fixture(scope="module")
-def file(folder):
-    return cell_file(folder, "xy")
-
-
-@pytest.fixture(scope="module")
-def known(folder):
-    (folder / "users").write_text(users.line_of("anna", "right"), "utf-8")
-    return users.read(folder / "users")
-
-
-@pytest.fixture(scope="module")
-def server(file, known):
-    """On loopback, without certificates."""
-    access = decide(Given(True, users=True))
-    with served(file, ServerOptions(access, users=known)) as found:
-        yield found
 
 
 @pytest.fixture
