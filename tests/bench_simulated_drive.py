@@ -11,7 +11,7 @@ from axisbus.machine.machine import Machine
 from axisbus.sim.device import Device
 from axisbus.sim.drive import Drive
 from axisbus.sim.node.slave import Slave
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.sim.eds import drive_eds
 
 PERIOD = 0.01
@@ -62,8 +62,7 @@ def main() -> None:
     print(f"Slave.step with two event TPDOs  {microseconds(step):7.2f} µs")
 
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "cell.toml"
-        file.write_text(cell_text("xyz"), encoding="utf-8")
+        file = cell_file(Path(folder), "xyz")
         with Machine.simulated(file) as machine:
             for axis in machine:
                 axis.enable().wait(5)

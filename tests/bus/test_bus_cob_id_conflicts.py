@@ -12,7 +12,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import BootError, ConfigError
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from kit.cell import cell_text
+from kit.cell import cell_file
 
 ROOT = Path(__file__).parents[2]
 GENERIC = ROOT / "eds" / "generic-cia402.eds"
@@ -76,8 +76,7 @@ def devices() -> dict[int, Device]:
 
 
 def opened(folder: Path, made: dict[int, Device], file: Path | str = "builtin:generic-cia402") -> Machine:
-    path = folder / "cell.toml"
-    path.write_text(cell_text("xy", eds=str(file)), encoding="utf-8")
+    path = cell_file(folder, "xy", eds=str(file))
     return Machine.simulated(path, made)
 
 
@@ -115,8 +114,7 @@ def test_a_conflicting_pdo_that_the_drive_does_not_allow_to_be_switched_off_is_r
 
 def test_a_table_of_the_cell_file_is_not_overruled(tmp_path):
     table = '[nodes.2.pdo.rpdo4]\ncob_id = 0x201\nmap = ["6060h"]\n'
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy", more=table), encoding="utf-8")
+    path = cell_file(tmp_path, "xy", more=table)
     with pytest.raises(ConfigError, match="COB-ID 201h is produced twice"):
         Machine.simulated(path, devices())
 

@@ -12,14 +12,13 @@ from axisbus.cell import reader
 from axisbus.check.cycle_schedule import CycleSlot, Timetable, shortest, timetable
 from axisbus.check.scan_period_advice import changes
 from axisbus.core.files import load_dictionaries
-from kit.cell import cell_text
+from kit.cell import cell_file
 
 MBIT = 1_000_000
 
 
 def made(tmp_path, names="xyz", **given):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text(names, bus="bitrate = 1_000_000", **given), encoding="utf-8")
+    path = cell_file(tmp_path, names, bus="bitrate = 1_000_000", **given)
     cell = reader.load(path)
     return cell, load_dictionaries(cell)
 

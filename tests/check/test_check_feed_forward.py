@@ -11,7 +11,7 @@ from axisbus.cell.problem import CellProblem
 from axisbus.check.run import check
 from axisbus.eds.builtin import resolve
 from axisbus.eds.model import Severity
-from kit.cell import GENERIC, cell_text
+from kit.cell import GENERIC, cell_file, cell_text
 
 ALL = "velocity = true\ninertia = 0.002\ntorque_offset = 1.0\n"
 RATED = "rated_torque = 10.0\nmax_torque = 8.0\nmax_acceleration = 1000.0"
@@ -132,8 +132,7 @@ def test_the_load_of_the_bus_counts_its_rpdo(tmp_path: Path) -> None:
         from axisbus.eds import load as eds_of
         from axisbus.eds.dictionary import Dictionary
 
-        path = tmp_path / "cell.toml"
-        path.write_text(cell_text("x", axis=RATED, more=more), encoding="utf-8")
+        path = cell_file(tmp_path, "x", axis=RATED, more=more)
         cell = read(path)
         eds = eds_of(resolve(GENERIC, tmp_path))
         pdos = travelling(cell, cell.nodes[1], eds, Dictionary(eds, 1))

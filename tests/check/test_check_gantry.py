@@ -6,7 +6,7 @@ import pytest
 
 from axisbus.cell.problem import CellProblem
 from axisbus.check.run import check
-from kit.cell import cell_text
+from kit.cell import cell_file, cell_text
 from kit.gantry.pair import AXIS, HOMING
 
 GANTRY = '[gantries.b]\naxes = ["x", "y"]\nmax_skew = 9.0\n'
@@ -20,8 +20,7 @@ def found(
     for before, after in changes:
         assert before in text
         text = text.replace(before, after, 1)
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text(names, axis=AXIS), encoding="utf-8")
+    path = cell_file(tmp_path, names, axis=AXIS)
     usual = {problem.message for problem in check(path)}
     path.write_text(text, encoding="utf-8")
     serious = [problem for problem in check(path) if problem.severity.value in ("error", "warning")]

@@ -11,7 +11,7 @@ from axisbus.check.run import check
 from axisbus.eds.model import Severity
 from axisbus.errors import StateError
 from axisbus.machine.machine import Machine
-from kit.cell import cell_text
+from kit.cell import cell_file, cell_text
 from kit.sim.interpolated import CSP, HM, IP, PP, USUAL, write_eds
 
 GROUP = '[groups.x1]\naxes = ["x"]\n'
@@ -22,8 +22,7 @@ def told(
 ) -> list[CellProblem]:
     """The findings about its modes."""
     name = write_eds(folder, modes)
-    path = folder / "cell.toml"
-    path.write_text(cell_text("x", eds=name, axis=axis, more=more, **changes), encoding="utf-8")
+    path = cell_file(folder, "x", eds=name, axis=axis, more=more, **changes)
     found = check(path)
     assert not [each for each in found if each.severity is Severity.ERROR and "60C1" not in each.message], (
         found
@@ -62,8 +61,7 @@ def test_without_sync_ip_is_not_reported_as_missing(tmp_path: Path) -> None:
 
 
 def test_a_drive_with_ip_and_neither_pp_nor_csp_is_enabled_in_ip(tmp_path: Path) -> None:
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x", eds=write_eds(tmp_path, IP | HM), more=GROUP), encoding="utf-8")
+    path = cell_file(tmp_path, "x", eds=write_eds(tmp_path, IP | HM), more=GROUP)
     with Machine.simulated(path) as machine:
         machine["x"].enable().wait()
         machine.group("x").move_linear((10.0,), velocity=20.0, acceleration=200.0).wait()
@@ -73,8 +71,7 @@ def test_a_drive_with_ip_and_neither_pp_nor_csp_is_enabled_in_ip(tmp_path: Path)
 
 
 def test_a_line_is_refused_if_6502h_does_not_claim_csp(tmp_path: Path) -> None:
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x", eds=write_eds(tmp_path, PP | HM), more=GROUP), encoding="utf-8")
+    path = cell_file(tmp_path, "x", eds=write_eds(tmp_path, PP | HM), more=GROUP)
     with Machine.simulated(path) as machine:
         machine["x"].enable().wait()
         with pytest.raises(StateError, match="does not have csp") as caught:

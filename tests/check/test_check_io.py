@@ -12,15 +12,14 @@ from axisbus.check.bus_load import streams
 from axisbus.check.cycle_schedule import timetable
 from axisbus.check.run import check
 from axisbus.core.files import load_dictionaries
-from kit.cell import cell_text
+from kit.cell import cell_file, cell_text
 
 MODULE = '[nodes.5]\neds = "builtin:generic-cia401"\n'
 LAMP = 'node = 5\nobject = "6200h:01"\nbit = 3\nsafe = 0\n'
 
 
 def found(folder: Path, io: str, node: str = "", **changes: str) -> list[CellProblem]:
-    path = folder / "cell.toml"
-    path.write_text(cell_text("x", more=f"{MODULE}{node}{io}", **changes), encoding="utf-8")
+    path = cell_file(folder, "x", more=f"{MODULE}{node}{io}", **changes)
     return [problem for problem in check(path) if "io." in problem.message or "[io" in problem.message]
 
 
@@ -130,8 +129,7 @@ def test_an_output_that_is_not_made_safe_without_the_master_is_a_warning(tmp_pat
     (problem,) = found(tmp_path, relay)
     assert problem.severity.value == "warning"
     assert "does not set it to its safe state" in problem.message
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x", heartbeat="off", more=f"{MODULE}[io.lamp]\n{LAMP}"), encoding="utf-8")
+    path = cell_file(tmp_path, "x", heartbeat="off", more=f"{MODULE}[io.lamp]\n{LAMP}")
     assert any("without heartbeat" in each.observed for each in check(path))
 
 

@@ -304,7 +304,9 @@ def test_a_direction_is_not_turned_twice(tmp_path: Path) -> None:
 def test_whether_the_drive_turns_torque_is_noted_as_uncertain(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ('invert = "master"', 'invert = "drive"'))
     assert cells.serious(path) == []
-    assert "small torque" in cells.note(path, "axis y: it is not certain whether the drive also inverts").remedy
+    assert (
+        "small torque" in cells.note(path, "axis y: it is not certain whether the drive also inverts").remedy
+    )
 
 
 def test_a_reserved_homing_method_is_warned_of(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 
 import pytest
 
@@ -11,14 +10,11 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.errors import Stopped
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.core_in_threads import core_in_threads
-from kit.scenarios.core_process import enabled, own_cell, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, enabled, own_cell, turns
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 
 
 @pytest.fixture(scope="module")
@@ -30,14 +26,6 @@ def file(tmp_path_factory):
 def opened(file):
     with core_in_threads(), Machine.open(file) as machine:
         yield machine
-
-
-@pytest.fixture
-def moving(opened):
-    """The machine of a program, and its move of x: it turns already, and continues for longer than any of these tests."""
-    x = enabled(opened["x"])
-    yield opened, under_way(x)
-    x.halt().wait(10)
 
 
 def test_monitor_joins_and_looks_on(axisbus, moving, file):
@@ -102,8 +90,7 @@ def test_with_take_control_belongs_to_the_command_until_it_ends(axisbus, moving,
 
 @pytest.mark.parametrize("verb", ["enable", "disable", "halt"])
 def test_without_a_machine_halt_and_similar_commands_are_refused(axisbus, tmp_path, verb):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x"), encoding="utf-8")
+    path = cell_file(tmp_path, "x")
     code, _, err = axisbus(verb, path)
     assert code == 1
     assert f"no machine of {path} is running on this computer, and {verb} " in err
@@ -111,8 +98,7 @@ def test_without_a_machine_halt_and_similar_commands_are_refused(axisbus, tmp_pa
 
 
 def test_a_machine_whose_core_is_in_the_program_cannot_be_shared(axisbus, tmp_path):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x", bus='process = "thread"'), encoding="utf-8")
+    path = cell_file(tmp_path, "x", bus='process = "thread"')
     code, _, err = axisbus("run", path)
     assert code == 1
     assert "cannot be shared" in err

@@ -7,20 +7,16 @@ import json
 import os
 import re
 import signal
-import subprocess
-import sys
 import time
 
 import pytest
 
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit.scenarios.core_process import enabled, own_cell, turns, under_way
+from kit import command_line
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, turns
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 
 
 @pytest.fixture(scope="module")
@@ -34,20 +30,9 @@ def opened(file):
         yield machine
 
 
-@pytest.fixture
-def moving(opened):
-    """The machine of a program, and its move of x: it turns already, and continues for longer than any of these tests."""
-    x = enabled(opened["x"])
-    yield opened, under_way(x)
-    x.halt().wait(10)
-
-
 def test_a_machine_of_axisbus_run_leaves_control_to_any_client(axisbus, tmp_path):
     path = own_cell(tmp_path, "x")
-    with subprocess.Popen(
-        [sys.executable, "-m", "axisbus", "run", path, "--every", "0.2"], stdout=subprocess.PIPE, text=True
-    ) as running:
-        assert running.stdout is not None
+    with command_line.started("run", path, "--every", "0.2", stderr=None) as running:
         assert running.stdout.readline().startswith("the machine runs")
         assert axisbus("enable", path).code == 0
         with Machine.attach(path) as looking:
@@ -60,18 +45,11 @@ def test_a_machine_of_axisbus_run_leaves_control_to_any_client(axisbus, tmp_path
 
 def test_a_command_that_is_interrupted_leaves_the_axes_as_it_found_them(axisbus, tmp_path):
     path = own_cell(tmp_path, "xy")
-    run = [sys.executable, "-m", "axisbus"]
-    with subprocess.Popen([*run, "run", path], stdout=subprocess.PIPE, text=True) as running:
+    with command_line.started("run", path, stderr=None) as running:
         assert running.stdout.readline().startswith("the machine runs")
         assert axisbus("enable", path, "y").code == 0
-        turning = subprocess.Popen(
-            [*run, "velocity", path, "x=30", "y=30"],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        while "y: has" not in (line := turning.stdout.readline()):
-            assert line
+        turning = command_line.started("velocity", path, "x=30", "y=30")
+        command_line.lines_before(turning, "y: has")
         turning.send_signal(signal.SIGINT)
         _, err = turning.communicate(timeout=30)
         assert turning.returncode == 130
@@ -85,12 +63,8 @@ def test_a_command_that_is_interrupted_leaves_the_axes_as_it_found_them(axisbus,
 
 def test_a_command_that_took_control_names_the_axes_that_it_leaves_enabled(opened, file):
     opened["y"].disable().wait(10)
-    turning = subprocess.Popen(
-        [sys.executable, "-m", "axisbus", "velocity", file, "y=30", "--take"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    while "y: has" not in (line := turning.stdout.readline()):
-        assert line, turning.stderr.read()
+    turning = command_line.started("velocity", file, "y=30", "--take")
+    command_line.lines_before(turning, "y: has")
     turning.send_signal(signal.SIGINT)
     _, err = turning.communicate(timeout=30)
     assert re.search(rf"left enabled: y; process {os.getpid()} .* has control", err)
@@ -101,13 +75,9 @@ def test_a_command_that_took_control_names_the_axes_that_it_leaves_enabled(opene
 def test_an_axis_set_in_motion_by_a_suspended_command_halts(opened, file):
     """Ctrl-Z: nothing would monitor it, and Ctrl-C reaches the command no more."""
     opened["y"].disable().wait(10)
-    turning = subprocess.Popen(
-        [sys.executable, "-m", "axisbus", "velocity", file, "y=30", "--take"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+    turning = command_line.started("velocity", file, "y=30", "--take")
     try:
-        while "y: has" not in (line := turning.stdout.readline()):
-            assert line, turning.stderr.read()
+        command_line.lines_before(turning, "y: has")
         assert abs(turns(opened, 2)) > 25.0
         turning.send_signal(signal.SIGSTOP)
         until = time.monotonic() + 5.0

@@ -3,7 +3,6 @@
 import csv
 import json
 import re
-import sys
 from pathlib import Path
 
 import click
@@ -11,7 +10,6 @@ import pytest
 
 from axisbus.bus.link.controller import CanErrorState, ControllerEvent, ErrorCounters
 from axisbus.cli.main import COMMANDS, cli
-from axisbus.cli.shared.common import run
 from axisbus.machine.machine import Machine
 from kit.command_line import CELL
 from kit.corpus import CORPUS
@@ -31,19 +29,6 @@ unit = "increments"
 velocity = {velocity}
 acceleration = {acceleration}
 """
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys):
-    """Run the command line in this process; returns (exit code, output, errors)."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["axisbus", *map(str, arguments)])
-        code = run(cli)
-        seen = capsys.readouterr()
-        return code, seen.out, seen.err
-
-    return call
 
 
 def cell(

@@ -32,15 +32,7 @@ def axisbus(monkeypatch, capsys, tmp_path) -> command_line.Run:
 def bus():
     """Nodes 5 and 6 on a bus of their own: the options that reach it, and the drives."""
     with command_line.drives(5, 6) as (stand_ins, channel):
-        _until(lambda: all(each.drives[0].statusword & 0x6F == 0x40 for each in stand_ins.devices))
         yield ("-i", "virtual", "-c", channel), stand_ins
-
-
-def _until(done, seconds=20.0):
-    end = time.monotonic() + seconds
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def _set(stand_ins, values, device=0):
@@ -286,7 +278,7 @@ def test_storing_waits_through_the_restart_and_verifies_again(axisbus, bus, save
     assert report["stored"]["restarted"]
     assert not report["in_ram_only"]
     _set_nmt(stand_ins, NmtCommand.RESET_NODE)
-    _until(lambda: stand_ins.devices[0].answers_sdo)
+    command_line.until(lambda: stand_ins.devices[0].answers_sdo)
     assert _held(stand_ins) == CHANGES
 
 
@@ -357,7 +349,7 @@ def test_an_energised_drive_is_not_configured(axisbus, bus, saved):
     for word in (6, 7, 15):
         _set(stand_ins, {(0x6040, 0): word})
         time.sleep(0.05)
-    _until(lambda: stand_ins.devices[0].drives[0].statusword & 0x6F == 0x27)
+    command_line.until(lambda: stand_ins.devices[0].drives[0].statusword & 0x6F == 0x27)
     code, _, err = axisbus("config", "restore", "x.dcf", "5", *options)
     assert code == 1
     assert "node 5 is energised" in err

@@ -14,8 +14,9 @@ import pytest
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit.cell import MODULE, cell_text
-from kit.scenarios.core_process import own_cell, turns, under_way
+from kit import command_line
+from kit.cell import MODULE, cell_file
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, turns, under_way
 
 pytestmark = [pytest.mark.timeout(120)]
 
@@ -24,10 +25,9 @@ FORWARD, BACK = b"\x1b[C", b"\x1b[D"
 
 @pytest.fixture
 def cell(tmp_path):
-    path = tmp_path / "cell.toml"
-    text = cell_text("xy", period="20ms", heartbeat="1s", axis="rated_torque = 10.0\nmax_torque = 5.0")
-    path.write_text(text, encoding="utf-8")
-    return path
+    return cell_file(
+        tmp_path, "xy", period="20ms", heartbeat="1s", axis="rated_torque = 10.0\nmax_torque = 5.0"
+    )
 
 
 def test_axes_turn_for_the_given_time_and_are_disabled(axisbus, cell):
@@ -50,8 +50,7 @@ def test_a_torque_is_pressed_with_for_its_time(axisbus, cell):
 
 
 def test_a_value_missing_in_the_drive_is_reported_before_it_is_enabled(axisbus, tmp_path, monkeypatch):
-    cell = tmp_path / "cell.toml"
-    cell.write_text(cell_text("x", period="20ms", heartbeat="1s", eds=MODULE, axis="rated_torque = 10.0"))
+    cell = cell_file(tmp_path, "x", period="20ms", heartbeat="1s", eds=MODULE, axis="rated_torque = 10.0")
     monkeypatch.setattr(Axis, "enable", lambda *_, **__: pytest.fail("it was enabled"))
     code, _, err = axisbus("torque", cell, "x=0.5", "--for", "0.3")
     assert code != 0
@@ -79,15 +78,11 @@ def test_invalid_commands_are_refused_before_the_bus_is_opened(axisbus, cell, wo
     assert told in err
 
 
+@OWN_PROCESS
 def test_a_halt_of_another_program_ends_the_command(tmp_path):
-    if sys.platform != "linux":
-        pytest.skip("a core in a process of its own is for Linux")
     path = own_cell(tmp_path, "x")
-    command = [sys.executable, "-m", "axisbus", "velocity", str(path), "x=30"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as turning:
-        assert turning.stdout is not None
-        while "has 30" not in turning.stdout.readline():
-            assert turning.poll() is None
+    with command_line.started("velocity", path, "x=30") as turning:
+        command_line.lines_before(turning, "has 30")
         with Machine.attach(path) as looking:
             looking["x"].halt().wait(10)
         _, err = turning.communicate(timeout=20)

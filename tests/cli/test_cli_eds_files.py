@@ -3,12 +3,9 @@
 import json
 import re
 import stat
-import sys
 
 import pytest
 
-from axisbus.cli.main import cli
-from axisbus.cli.shared.common import run
 from axisbus.eds import builtin
 
 EDS = """[FileInfo]
@@ -31,19 +28,6 @@ AccessType=rw
 DefaultValue=10
 HighLimit=5000
 """
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys):
-    """Run the command line in this process; returns (exit code, output, errors)."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["axisbus", *map(str, arguments)])
-        code = run(cli)
-        seen = capsys.readouterr()
-        return code, seen.out, seen.err
-
-    return call
 
 
 @pytest.fixture

@@ -6,39 +6,20 @@ import ast
 import json
 import subprocess
 import sys
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
-from axisbus.cli.main import cli
-from axisbus.cli.shared.common import run
 from axisbus.eds.builtin import resolve
+from kit.command_line import Run
 
 DRIVE = "builtin:gim6010-8"
 
 
-class Ran(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-Command = Callable[..., Ran]
-
-
 @pytest.fixture
-def eds(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Command:
-    """Run ``axisbus eds`` in this process."""
-
-    def call(*arguments: object) -> Ran:
-        monkeypatch.setattr(sys, "argv", ["axisbus", "eds", *map(str, arguments)])
-        code = run(cli)
-        seen = capfd.readouterr()
-        return Ran(code, seen.out, seen.err)
-
-    return call
+def eds(axisbus: Run) -> Run:
+    return partial(axisbus, "eds")
 
 
 def edited(folder: Path, old: str, new: str) -> Path:
@@ -50,21 +31,21 @@ def edited(folder: Path, old: str, new: str) -> Path:
     return path
 
 
-def test_show_prints_the_tree(eds: Command) -> None:
+def test_show_prints_the_tree(eds: Run) -> None:
     code, out, _ = eds("show", DRIVE, "--node", 5)
     assert code == 0
     assert "TPDO1  185h ($NODEID+0x180), on change (type 255)" in out
     assert "Device profile CiA 402: " in out
 
 
-def test_show_of_one_object_several_and_a_pdo(eds: Command) -> None:
+def test_show_of_one_object_several_and_a_pdo(eds: Run) -> None:
     assert "operation enabled" in eds("show", DRIVE, "6041").out
     several = eds("show", DRIVE, "torque").out
     assert {"6071", "6077", "6087"} <= {line.split()[0] for line in several.splitlines()}
     assert eds("show", DRIVE, "rpdo2").out.startswith("RPDO2  $NODEID+0x300")
 
 
-def test_show_as_json(eds: Command) -> None:
+def test_show_as_json(eds: Run) -> None:
     whole = json.loads(eds("show", DRIVE, "--json", "--node", 3).out)
     assert whole["node_id"] == 3
     assert whole["device"]["vendor_id"] == 0xC0B00
@@ -75,14 +56,14 @@ def test_show_as_json(eds: Command) -> None:
 
 
 @pytest.mark.parametrize("wanted", ["nonsense", "5FFF", "tpdo9", "1018:9"])
-def test_show_of_a_missing_object_ends_with_1(eds: Command, wanted: str) -> None:
+def test_show_of_a_missing_object_ends_with_1(eds: Run, wanted: str) -> None:
     code, out, err = eds("show", DRIVE, wanted)
     assert (code, out) == (1, "")
     assert "there is no" in err
     assert "remedy" in err
 
 
-def test_show_fits_the_columns_it_is_given(eds: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_show_fits_the_columns_it_is_given(eds: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "70")
     rows = [
         line for line in eds("show", DRIVE).out.splitlines() if line.startswith(("  ├", "  └", "  ┌", "  │"))
@@ -98,13 +79,13 @@ def test_a_terminal_without_boxes_gets_ascii() -> None:
     assert ran.stdout.isascii()
 
 
-def test_diff_of_equal_files_ends_with_0(eds: Command) -> None:
+def test_diff_of_equal_files_ends_with_0(eds: Run) -> None:
     code, out, _ = eds("diff", DRIVE, DRIVE)
     assert code == 0
     assert "no difference in meaning" in out
 
 
-def test_diff_of_two_versions_ends_with_1_and_lists_important_changes(eds: Command, tmp_path: Path) -> None:
+def test_diff_of_two_versions_ends_with_1_and_lists_important_changes(eds: Run, tmp_path: Path) -> None:
     other = edited(tmp_path, "DefaultValue=0x00000761", "DefaultValue=0x00000760")
     code, out, _ = eds("diff", DRIVE, other)
     assert code == 1
@@ -116,7 +97,7 @@ def test_diff_of_two_versions_ends_with_1_and_lists_important_changes(eds: Comma
     assert {each["index"] for each in report["differences"]} == {None, 0x6502}
 
 
-def test_diff_of_a_file_that_is_not_there_ends_with_2(eds: Command, tmp_path: Path) -> None:
+def test_diff_of_a_file_that_is_not_there_ends_with_2(eds: Run, tmp_path: Path) -> None:
     code, out, err = eds("diff", DRIVE, tmp_path / "none.eds")
     assert (code, out) == (2, "")
     assert "does not exist" in err
@@ -125,7 +106,7 @@ def test_diff_of_a_file_that_is_not_there_ends_with_2(eds: Command, tmp_path: Pa
 @pytest.mark.parametrize(
     ("name", "start"), [("x.html", "<!doctype html>"), ("x.md", "# GIM6010-8 by CyberBeast")]
 )
-def test_doc_writes_a_reference(eds: Command, tmp_path: Path, name: str, start: str) -> None:
+def test_doc_writes_a_reference(eds: Run, tmp_path: Path, name: str, start: str) -> None:
     code, out, _ = eds("doc", DRIVE, "-o", tmp_path / "new" / name)
     assert code == 0
     assert "89 objects, 236 entries" in out
@@ -134,21 +115,21 @@ def test_doc_writes_a_reference(eds: Command, tmp_path: Path, name: str, start: 
 
 
 def test_doc_without_a_name_takes_that_of_the_file(
-    eds: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    eds: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert eds("doc", DRIVE).code == 0
     assert (tmp_path / "gim6010-8.html").is_file()
 
 
-def test_doc_in_an_unknown_format_writes_nothing(eds: Command, tmp_path: Path) -> None:
+def test_doc_in_an_unknown_format_writes_nothing(eds: Run, tmp_path: Path) -> None:
     code, _, err = eds("doc", DRIVE, "-o", tmp_path / "x.pdf")
     assert code == 2
     assert ".html or .md" in err
     assert list(tmp_path.iterdir()) == []
 
 
-def test_export_to_standard_output_is_nothing_but_the_file(eds: Command) -> None:
+def test_export_to_standard_output_is_nothing_but_the_file(eds: Run) -> None:
     assert eds("export", DRIVE, "--csv").out.startswith("index,subindex,name,")
     assert len(json.loads(eds("export", DRIVE, "--json").out)["entries"]) == 236
     code, out, err = eds("export", DRIVE, "--dbc", "--node", 5)
@@ -157,7 +138,7 @@ def test_export_to_standard_output_is_nothing_but_the_file(eds: Command) -> None
     assert "left out: RPDO3: switched off" in err
 
 
-def test_export_takes_the_format_from_the_name(eds: Command, tmp_path: Path) -> None:
+def test_export_takes_the_format_from_the_name(eds: Run, tmp_path: Path) -> None:
     for name, start in (("x.csv", "index,"), ("x.json", "{"), ("x.dbc", "VERSION")):
         assert eds("export", DRIVE, "-o", tmp_path / name, "--node", 5).code == 0
         assert (tmp_path / name).read_text(encoding="utf-8").startswith(start)
@@ -171,13 +152,13 @@ def test_export_takes_the_format_from_the_name(eds: Command, tmp_path: Path) -> 
         (("-o", "x.xlsx"), "no format is given"),
     ],
 )
-def test_export_that_is_not_clear_ends_with_2(eds: Command, arguments: tuple[str, ...], text: str) -> None:
+def test_export_that_is_not_clear_ends_with_2(eds: Run, arguments: tuple[str, ...], text: str) -> None:
     code, out, err = eds("export", DRIVE, *arguments)
     assert (code, out) == (2, "")
     assert text in err
 
 
-def test_code_writes_a_module(eds: Command, tmp_path: Path) -> None:
+def test_code_writes_a_module(eds: Run, tmp_path: Path) -> None:
     code, out, _ = eds("code", DRIVE, "-o", tmp_path / "drive.py")
     assert code == 0
     assert "next: in Python: from drive import" in out
@@ -186,14 +167,14 @@ def test_code_writes_a_module(eds: Command, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["my-drive.py", "class.py", "drive.txt"])
-def test_code_refuses_a_name_that_cannot_be_imported(eds: Command, tmp_path: Path, name: str) -> None:
+def test_code_refuses_a_name_that_cannot_be_imported(eds: Run, tmp_path: Path, name: str) -> None:
     code, _, err = eds("code", DRIVE, "-o", tmp_path / name)
     assert code == 2
     assert "not the name of a Python module" in err
 
 
 @pytest.mark.parametrize("command", ["show", "doc", "code"])
-def test_a_file_that_is_no_eds_is_one_clear_error(eds: Command, tmp_path: Path, command: str) -> None:
+def test_a_file_that_is_no_eds_is_one_clear_error(eds: Run, tmp_path: Path, command: str) -> None:
     picture = tmp_path / "x.eds"
     picture.write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(100))
     code, out, err = eds(command, picture)
@@ -201,7 +182,7 @@ def test_a_file_that_is_no_eds_is_one_clear_error(eds: Command, tmp_path: Path, 
     assert "a PNG picture" in err
 
 
-def test_an_output_that_cannot_be_written_leaves_nothing_behind(eds: Command, tmp_path: Path) -> None:
+def test_an_output_that_cannot_be_written_leaves_nothing_behind(eds: Run, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     code, _, err = eds("doc", DRIVE, "-o", tmp_path / "file" / "x.html")
     assert code == 1

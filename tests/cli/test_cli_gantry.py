@@ -15,9 +15,9 @@ from axisbus.errors import LimitError, SkewError, StateError
 from axisbus.machine.dry_run import DryRun
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.gantry.pair import HOMING
-from kit.scenarios.core_process import own_cell
+from kit.scenarios.core_process import OWN_PROCESS, own_cell
 
 pytestmark = [pytest.mark.timeout(120)]
 TABLE = '[groups.all]\naxes = ["z", "x", "y"]\n[gantries.b]\naxes = ["x", "y"]\nmax_skew = 8.0\n' + HOMING
@@ -26,10 +26,7 @@ LIMITS = "max_acceleration = 2000.0\nposition_limits = [-300.0, 300.0]"
 
 @pytest.fixture
 def cell(tmp_path) -> Path:
-    path = tmp_path / "cell.toml"
-    text = cell_text("xyz", period="20ms", heartbeat="1s", axis=LIMITS, more=TABLE)
-    path.write_text(text, encoding="utf-8")
-    return path
+    return cell_file(tmp_path, "xyz", period="20ms", heartbeat="1s", axis=LIMITS, more=TABLE)
 
 
 def test_a_pair_is_moved_by_its_name_with_an_axis_beside(axisbus, cell):
@@ -120,7 +117,7 @@ def test_a_dry_run_checks_a_pair_at_its_observed_position(cell):
     beam.move_relative(49.0)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+@OWN_PROCESS
 def test_in_a_machine_that_runs_a_pair_is_enabled_halted_and_disabled(axisbus, tmp_path, core_in_threads):
     file = own_cell(tmp_path, axis=LIMITS, more='[gantries.b]\naxes = ["x", "y"]\nmax_skew = 8.0\n')
     with Machine.open(file) as machine:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import os
-import time
 import tomllib
 
 import pytest
@@ -69,10 +68,7 @@ def bus():
         stand_ins = StandIns(name, devices)
         stand_ins.start()
         opened.append(stand_ins)
-        end = time.monotonic() + 20.0
-        while not all(each.answers_sdo for each in devices):
-            assert time.monotonic() < end
-            time.sleep(0.01)
+        command_line.until(lambda: all(each.answers_sdo for each in devices))
         return ("-i", "virtual", "-c", name), devices
 
     yield put

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 
 import pytest
 
 from axisbus.machine.machine import Machine
-from kit.cell import cell_text
-from kit.scenarios.core_process import own_cell, turns, under_way
+from kit.cell import cell_file
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, turns, under_way
 
 pytestmark = [pytest.mark.timeout(120)]
 
 
 @pytest.fixture
 def cell(tmp_path):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
-    return path
+    return cell_file(tmp_path, "xy", period="20ms", heartbeat="1s")
 
 
 def test_a_cycle_is_measured_and_drawn(axisbus, cell, tmp_path):
@@ -32,7 +29,7 @@ def test_a_cycle_is_measured_and_drawn(axisbus, cell, tmp_path):
     assert (tmp_path / "j.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+@OWN_PROCESS
 def test_jitter_next_to_a_program_that_moves_an_axis_shows_its_commands_as_well(axisbus, tmp_path):
     path = own_cell(tmp_path, "xy")
     with Machine.open(path) as machine:
@@ -51,8 +48,7 @@ def test_jitter_next_to_a_program_that_moves_an_axis_shows_its_commands_as_well(
 
 
 def test_a_cell_without_sync_has_no_cycle_to_be_measured(axisbus, tmp_path):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x", period="20ms", heartbeat="1s", bus="sync = false"), encoding="utf-8")
+    path = cell_file(tmp_path, "x", period="20ms", heartbeat="1s", bus="sync = false")
     code, _, err = axisbus("jitter", path, "--for", "200ms")
     assert code == 1
     assert "no SYNC was seen" in err

@@ -1,7 +1,7 @@
 """``axisbus lss`` as its user types it, on a simulated cell whose node 2 waits for a node-ID."""
 
 import json
-import sys
+from functools import partial
 
 import pytest
 
@@ -13,8 +13,6 @@ from axisbus.cia305.scan_result import Check, Scanned, Unconfigured
 from axisbus.cia305.services import LssAddress
 from axisbus.cli.groups import LSS_COMMANDS
 from axisbus.cli.lss import set_bitrate as lss_set_bitrate
-from axisbus.cli.main import cli
-from axisbus.cli.shared.common import run
 from axisbus.sim.fault_injection import LssDials
 
 CELL = """
@@ -33,16 +31,8 @@ PATIENT = ("--timeout", "0.05")
 
 
 @pytest.fixture
-def lss(monkeypatch, capsys):
-    """Run ``axisbus lss`` in this process; returns (exit code, output, errors)."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["axisbus", "lss", *map(str, arguments)])
-        code = run(cli)
-        seen = capsys.readouterr()
-        return code, seen.out, seen.err
-
-    return call
+def lss(axisbus):
+    return partial(axisbus, "lss")
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import time
 
 import pytest
 from click.shell_completion import ShellComplete
@@ -25,15 +24,7 @@ def axisbus(monkeypatch, capsys) -> command_line.Run:
 def bus():
     """Node 5 on a bus of its own: the options that reach it, and the drive."""
     with command_line.drives(5) as (stand_ins, channel):
-        _until(lambda: stand_ins.devices[0].drives[0].statusword & 0x6F == 0x40)
         yield ("-i", "virtual", "-c", channel, "--eds", command_line.GENERIC), stand_ins
-
-
-def _until(done, seconds=20.0):
-    end = time.monotonic() + seconds
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def _object(stand_ins, index, subindex=0):

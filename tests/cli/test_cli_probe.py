@@ -9,7 +9,7 @@ import pytest
 from axisbus.cli import probe
 from axisbus.machine.axis import Axis
 from kit import command_line
-from kit.cell import MODULE, cell_text
+from kit.cell import MODULE, cell_file
 
 pytestmark = [pytest.mark.timeout(60)]
 
@@ -21,9 +21,7 @@ def axisbus(monkeypatch, capsys) -> command_line.Run:
 
 
 def cell(folder, **changes):
-    path = folder / "cell.toml"
-    path.write_text(cell_text("x", period="20ms", heartbeat="1s", **changes), encoding="utf-8")
-    return path
+    return cell_file(folder, "x", period="20ms", heartbeat="1s", **changes)
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,25 +13,21 @@ from axisbus.errors import ArgumentError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.sim.boot_loader import ProgramLoader
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.core_in_threads import core_in_threads
 from kit.eds.loader import loader_eds, program
-from kit.scenarios.core_process import enabled, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, enabled, turns, under_way
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 NEW, NEWER = (15_400, 43_200_000), (15_401, 0)
 
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("joined")
-    path = folder / "cell.toml"
-    text = cell_text("xy", period="20ms", heartbeat="1s", bus='process = "own"', eds=loader_eds(folder))
-    path.write_text(text, encoding="utf-8")
-    return path
+    return cell_file(
+        folder, "xy", period="20ms", heartbeat="1s", bus='process = "own"', eds=loader_eds(folder)
+    )
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import socket
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from unittest import mock
@@ -19,13 +18,10 @@ from axisbus.ipc.rescue_memory import CoreStage
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.core_in_threads import core_in_threads
-from kit.scenarios.core_process import own_cell
+from kit.scenarios.core_process import OWN_PROCESS, own_cell
 from kit.scenarios.simulated_bus import until
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 
 
 class Adapter:

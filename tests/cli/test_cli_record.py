@@ -6,35 +6,30 @@ import json
 import os
 import re
 import signal
-import subprocess
-import sys
 import time
 
 import pytest
 
 from axisbus.machine.machine import Machine
 from axisbus.record.load import load
-from kit.cell import cell_text
-from kit.scenarios.core_process import own_cell, turns, under_way
+from kit import command_line
+from kit.cell import cell_file
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, turns, under_way
 
 pytest.importorskip("mcap")
 pytestmark = [pytest.mark.timeout(120)]
-LINUX = pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
 
 
 @pytest.fixture
 def cell(tmp_path):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
-    return path
+    return cell_file(tmp_path, "xy", period="20ms", heartbeat="1s")
 
 
 @pytest.fixture(scope="module")
 def moved(tmp_path_factory):
     """Two recordings of a move, made by a program."""
     folder = tmp_path_factory.mktemp("moved")
-    file = folder / "cell.toml"
-    file.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
+    file = cell_file(folder, "xy", period="20ms", heartbeat="1s")
     for name, goal in (("a", 10.0), ("b", 12.0)):
         with Machine.simulated(file) as machine:
             machine["x"].enable().wait()
@@ -82,7 +77,7 @@ def test_a_command_that_moves_is_recorded(axisbus, cell, tmp_path, command, stat
     assert f"recorded: {path}" in out
 
 
-@LINUX
+@OWN_PROCESS
 @pytest.mark.parametrize(
     "command",
     [
@@ -136,7 +131,7 @@ def test_an_invalid_recording_is_refused_and_nothing_is_written(axisbus, cell, t
 # -- beside a program ------------------------------------------------------------------------------------------------------------
 
 
-@LINUX
+@OWN_PROCESS
 def test_a_running_machine_is_joined_and_the_motion_of_its_program_is_recorded(
     axisbus, tmp_path, core_in_threads
 ):
@@ -166,20 +161,15 @@ def test_a_running_machine_is_joined_and_the_motion_of_its_program_is_recorded(
     assert 0 < len(polled.times) != len(position.times)
 
 
-@LINUX
+@OWN_PROCESS
 def test_the_recording_of_a_killed_program_can_be_read_up_to_its_last_second(tmp_path):
     file, path = own_cell(tmp_path), tmp_path / "run.mcap"
-    recording = subprocess.Popen(
-        [sys.executable, "-m", "axisbus", "record", str(file), "-o", str(path)], stdout=subprocess.DEVNULL
-    )
-    try:
+    with command_line.started("record", file, "-o", path) as recording:
         until = time.monotonic() + 60.0
         while not (path.exists() and path.stat().st_size > 12_000) and time.monotonic() < until:
             time.sleep(0.05)
         time.sleep(3.0)
-    finally:
         recording.kill()
-        recording.wait()
     run = load(path)
     assert "within a write" in run.lacks
     assert run.seconds > 2.0
@@ -187,15 +177,10 @@ def test_the_recording_of_a_killed_program_can_be_read_up_to_its_last_second(tmp
     assert len(times) > 0.9 * run.seconds / 0.02
 
 
-@LINUX
+@OWN_PROCESS
 def test_ctrl_c_is_the_usual_end(tmp_path):
     file, path = own_cell(tmp_path), tmp_path / "run.mcap"
-    recording = subprocess.Popen(
-        [sys.executable, "-m", "axisbus", "record", str(file), "-o", str(path)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    recording = command_line.started("record", file, "-o", path)
     until = time.monotonic() + 60.0
     while not path.exists() and time.monotonic() < until:
         time.sleep(0.05)
@@ -262,15 +247,14 @@ def test_a_recording_is_exported(axisbus, moved, tmp_path, kind):
 # -- moments ---------------------------------------------------------------------------------------------------------------------
 
 
-@LINUX
+@OWN_PROCESS
 def test_a_moment_of_a_running_program_is_recorded(tmp_path):
     file, path = own_cell(tmp_path), tmp_path / "moment.mcap"
     with Machine.open(file) as machine:
         x = machine["x"]
         x.enable().wait(20)
         options = ("--when", "|x.velocity| > 15", "--before", "200ms", "--after", "0.3", "--for", "60")
-        command = [sys.executable, "-m", "axisbus", "record", str(file), "-o", str(path), *options]
-        recording = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        recording = command_line.started("record", file, "-o", path, *options)
         assert "joined" in recording.stderr.readline()
         time.sleep(1.0)
         x.move_relative(-200.0, velocity=30.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 import time
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from axisbus.sim.node.network import StandIns
 from kit import command_line
 from kit.cell import cell_text
 from kit.core_in_threads import core_in_threads
-from kit.scenarios.core_process import enabled, own_cell, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, enabled, own_cell, turns, under_way
 
 OLD, NEW = 4711, 4712
 CONFIGURED = {(0x6081, 0): 123_456, (0x607D, 1): -50_000}
@@ -33,10 +32,7 @@ def drives(tmp_path):
     made = [device_from_eds(eds, node_id, seed=node_id, serial=OLD + 10 * node_id - 10) for node_id in (1, 2)]
     (tmp_path / "cell.toml").write_text(cell_text("xy", interface="virtual", channel=name), encoding="utf-8")
     with StandIns(name, made) as stand_ins:
-        end = time.monotonic() + 20.0
-        while not all(device.answers_sdo for device in made):
-            assert time.monotonic() < end
-            time.sleep(0.01)
+        command_line.until(lambda: all(device.answers_sdo for device in made))
         with stand_ins.lock:
             for key, value in CONFIGURED.items():
                 made[0].write(*key, value)
@@ -240,7 +236,7 @@ def test_a_node_that_the_cell_does_not_have_is_refused(axisbus, drives, node, co
 # -- joining a machine ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+@OWN_PROCESS
 @pytest.mark.timeout(120)
 def test_a_drive_is_replaced_in_a_running_machine_by_a_command_that_takes_control(axisbus, tmp_path):
     file = own_cell(tmp_path, more='\n[groups.all]\naxes = ["x"]\n')

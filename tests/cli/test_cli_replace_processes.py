@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from axisbus import SimulationControl
-from axisbus.clock import REAL, poll_until
 from axisbus.configuration.replacement_order import ReplacementStep
-from kit.cell import cell_text
+from kit import command_line
+from kit.cell import cell_file
 
 pytestmark = [
     pytest.mark.skipif(
@@ -31,42 +30,30 @@ swap = { serial = 4711 }
 """
 
 
-def axisbus(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "axisbus", *map(str, arguments)]
-
-
-def run(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(axisbus(*arguments), capture_output=True, text=True, check=False)
+def run(*arguments: object) -> command_line.Result:
+    with command_line.started(*arguments) as process:
+        out, err = process.communicate()
+    return command_line.Result(process.returncode, out, err)
 
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory) -> Iterator[tuple[Path, SimulationControl]]:
     """A cell whose drives another process simulates; node 1 has been recorded, configured and backed up."""
     folder = tmp_path_factory.mktemp("replace")
-    cell, mine, control = folder / "cell.toml", folder / "mine.toml", folder / "plant.sock"
-    cell.write_text(cell_text("xy"), encoding="utf-8")
+    mine, control = folder / "mine.toml", folder / "plant.sock"
     (folder / "swap.toml").write_text(SWAP, encoding="utf-8")
-    options = ("--port", "0", "-o", mine, "--control", control, "--faults", folder / "swap.toml")
-    sim = subprocess.Popen(axisbus("sim", cell, *options), stdout=subprocess.PIPE, text=True)
-    try:
-        while "spare" not in (line := sim.stdout.readline()):
-            assert line
+    options = ("-o", mine, "--control", control, "--faults", folder / "swap.toml")
+    with command_line.simulating(cell_file(folder, "xy"), *options) as sim:
+        command_line.lines_before(sim, "spare")
         with SimulationControl(control) as plant:
-            assert wait_for(lambda: plant.simulated_node(1).device.answers_sdo)
+            command_line.until(lambda: plant.simulated_node(1).device.answers_sdo)
             plant.simulated_node(1).device.write(0x6081, 0, VELOCITY)
             saved = run("nameplate", mine, "--save")
-            assert saved.returncode == 0, saved.stderr
+            assert saved.code == 0, saved.err
             assert serial_in_record(mine) == OLD
             backup = run("config", "backup", "x", "--cell", mine, "-o", folder / "node-1.dcf")
-            assert backup.returncode == 0, backup.stderr
+            assert backup.code == 0, backup.err
             yield mine, plant
-    finally:
-        sim.kill()
-        sim.communicate()
-
-
-def wait_for(done) -> bool:
-    return poll_until(REAL, done, REAL.now() + 20.0, 0.05)
 
 
 def serial_in_record(cell: Path) -> int:
@@ -84,30 +71,27 @@ def test_a_command_that_is_killed_as_a_step_begins_is_run_again(served, step):
     drive.switch_off()
     drive.swap(new, node_id=255)
     drive.switch_on()
-    killed = subprocess.Popen(
-        axisbus("replace", mine, "x", "--yes"), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-    )
-    told = []
-    while not (line := killed.stderr.readline()).startswith(f"node 1: {step.value}"):
-        told.append(line)
-        assert line, told
-    killed.kill()
-    killed.communicate()
+    with command_line.started("replace", mine, "x", "--yes") as killed:
+        told = []
+        while not (line := killed.stderr.readline()).startswith(f"node 1: {step.value}"):
+            told.append(line)
+            assert line, told
+        killed.kill()
     before = serial_in_record(mine)
     again = run("replace", mine, "x", "--yes")
     if (
         step is ReplacementStep.RECORD and before == new
     ):  # the last step had ended when the command was killed
-        assert again.returncode in (0, 1)
+        assert again.code in (0, 1)
     else:
         assert before != new
-        assert again.returncode == 0, again.stderr
-        assert "has begun before, and is unfinished" in again.stdout
+        assert again.code == 0, again.err
+        assert "has begun before, and is unfinished" in again.out
     assert serial_in_record(mine) == new
     drive.switch_off()
     drive.switch_on()
-    assert wait_for(lambda: drive.device.answers_sdo)
+    command_line.until(lambda: drive.device.answers_sdo)
     assert drive.device.node_id == 1
     assert drive.device.read(0x6081) == VELOCITY
     assert not mine.with_name("mine.replacement-1.json").exists()
-    assert run("boot", mine).returncode == 0
+    assert run("boot", mine).code == 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 
 import pytest
 
@@ -25,9 +24,6 @@ def axisbus(monkeypatch, capsys, tmp_path) -> command_line.Run:
 @pytest.fixture
 def bus():
     with command_line.drives(NODE) as (stand_ins, channel):
-        end = time.monotonic() + 20
-        while stand_ins.devices[0].drives[0].statusword & 0x6F != 0x40 and time.monotonic() < end:
-            time.sleep(0.01)
         yield ("-i", "virtual", "-c", channel), stand_ins.devices[0], stand_ins.lock
 
 

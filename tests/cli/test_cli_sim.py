@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
-import sys
 import tomllib
 
 import pytest
@@ -13,30 +11,23 @@ import pytest
 from axisbus import SimulationControl
 from axisbus.cli.sim import with_bus
 from axisbus.errors import AdapterError, UserError
-from kit.cell import cell_text
+from kit import command_line
+from kit.cell import cell_file, cell_text
 from kit.pages import ROOT
 
 pytestmark = [pytest.mark.timeout(180)]
+SLOW = {"period": "20ms", "heartbeat": "1s"}
 
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory):
     """A served cell, the cell file of its clients, and the options that were printed for it."""
     folder = tmp_path_factory.mktemp("served")
-    cell, mine = folder / "cell.toml", folder / "mine.toml"
-    cell.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
-    command = [sys.executable, "-m", "axisbus", "sim", str(cell), "--port", "0", "-o", str(mine)]
-    sim = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    lines = []
-    while not (line := sim.stdout.readline()).startswith("or take"):
-        assert line, lines
-        lines.append(line)
-    options = re.search(
-        r"axisbus scan (-i socketcand -c sim\d+ -O host=127\.0\.0\.1 -O port=\d+)", "".join(lines)
-    )
-    yield mine, options[1].split()
-    sim.kill()
-    sim.communicate()
+    mine = folder / "mine.toml"
+    with command_line.simulating(cell_file(folder, "xy", **SLOW), "-o", mine) as sim:
+        lines = "".join(command_line.lines_before(sim, "or take"))
+        options = re.search(r"axisbus scan (-i socketcand -c sim\d+ -O host=127\.0\.0\.1 -O port=\d+)", lines)
+        yield mine, options[1].split()
 
 
 def test_a_bus_served_by_sim_is_scanned_checked_and_booted(axisbus, served, tmp_path):
@@ -76,7 +67,7 @@ def test_the_objects_of_sim_are_read_and_its_frames_traced(axisbus, served, tmp_
 
 
 def test_an_output_that_would_not_find_its_files_is_refused(axisbus, tmp_path):
-    text = cell_text("x", period="20ms", heartbeat="1s")
+    text = cell_text("x", **SLOW)
     eds = tomllib.loads(text)["nodes"]["1"]["eds"]
     own = tmp_path / "own.eds"
     shutil.copy(ROOT / "eds" / "generic-cia402.eds", own)
@@ -87,12 +78,11 @@ def test_an_output_that_would_not_find_its_files_is_refused(axisbus, tmp_path):
     )
     assert code in (1, 2)
     assert "would not find own.eds" in err
-    command = [
-        sys.executable, "-m", "axisbus", "sim", str(tmp_path / "cell.toml"), "--port", "0", "--for", "200ms",
-    ]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)  # not here: it takes priority
-    assert done.returncode == 0, done.stderr
-    assert "1 simulated node of" in done.stdout
+    # in another process, because it takes priority
+    with command_line.started("sim", tmp_path / "cell.toml", "--port", "0", "--for", "200ms") as sim:
+        out, err = sim.communicate(timeout=60)
+    assert sim.returncode == 0, err
+    assert "1 simulated node of" in out
 
 
 FAULTS = """
@@ -110,17 +100,11 @@ blocked = true
 
 
 def test_faults_occur_as_planned_and_a_test_can_observe_the_plant(axisbus, tmp_path):
-    cell, mine, faults, control = (tmp_path / name for name in ("cell.toml", "mine.toml", "faults.toml", "c"))
-    cell.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
+    mine, faults, control = (tmp_path / name for name in ("mine.toml", "faults.toml", "c"))
     faults.write_text(FAULTS, encoding="utf-8")
-    command = [
-        sys.executable, "-m", "axisbus", "sim", str(cell), "--port", "0", "-o", str(mine),
-        "--faults", str(faults), "--control", str(control),
-    ]  # fmt: skip
-    sim = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    try:
-        while not (line := sim.stdout.readline()).startswith("or take"):
-            assert line
+    options = ("-o", mine, "--faults", faults, "--control", control)
+    with command_line.simulating(cell_file(tmp_path, "xy", **SLOW), *options) as sim:
+        command_line.lines_before(sim, "or take")
         with SimulationControl(control) as plant:
             assert plant.nodes == (1, 2)
             began = plant.simulated_node(1).drive().position
@@ -133,9 +117,6 @@ def test_faults_occur_as_planned_and_a_test_can_observe_the_plant(axisbus, tmp_p
             assert axisbus("move", mine, "y=5", "--home").code in (0, 3)
             assert re.search(r"jam: axis = y, blocked = true", sim.stdout.readline())
             assert re.search(r"jam is over", sim.stdout.readline())
-    finally:
-        sim.kill()
-        sim.communicate()
     with pytest.raises(AdapterError, match="no simulated drives are served"):
         SimulationControl(control)
 
@@ -154,26 +135,9 @@ def test_only_the_bus_is_replaced():
 
 
 def test_modules_that_are_served_are_found_although_this_protocol_has_no_remote_frames(axisbus):
-    command = [
-        sys.executable,
-        "-m",
-        "axisbus",
-        "sim",
-        "--can-simple",
-        "0",
-        "--can-simple",
-        "5",
-        "--port",
-        "0",
-    ]
-    sim = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    try:
-        while not (line := sim.stdout.readline()).strip().startswith("axisbus trace"):
-            assert line
+    with command_line.simulating("--can-simple", "0", "--can-simple", "5") as sim:
+        *_, line = command_line.lines_before(sim, "axisbus trace")
         code, out, _ = axisbus("gim6010", "find", *line.split()[2:])
-    finally:
-        sim.kill()
-        sim.communicate()
     assert code == 0
     assert "node 0: CAN Simple" in out
     assert "node 5: CAN Simple" in out

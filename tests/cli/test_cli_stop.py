@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import ExitStack
 
 import pytest
@@ -11,12 +10,9 @@ from axisbus.bus.link.claims import CellFileId, claim
 from axisbus.errors import ScanError
 from axisbus.machine.machine import Machine
 from kit.core_in_threads import core_in_threads
-from kit.scenarios.core_process import enabled, own_cell, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, enabled, own_cell, turns, under_way
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(180),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(180)]
 
 
 @pytest.fixture(scope="module")
@@ -28,12 +24,6 @@ def file(tmp_path_factory):
 def opened(file):
     with core_in_threads(), Machine.open(file) as machine:
         yield machine
-
-
-@pytest.fixture
-def moving(opened):
-    yield opened, under_way(enabled(opened["x"]))
-    opened["x"].halt().wait(10)
 
 
 def crowd(file, stack):

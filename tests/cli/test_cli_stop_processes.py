@@ -19,14 +19,12 @@ from axisbus.bus.link.claims import CellFileId, claim
 from axisbus.cell import reader
 from axisbus.errors import ScanError
 from axisbus.machine.machine import Machine
-from kit.cell import cell_text
+from kit import command_line
+from kit.cell import cell_file
 from kit.other_user import STRANGER, as_user, needs_root
-from kit.scenarios.core_process import enabled, own_cell, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, turns
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(180),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(180)]
 RUNS = "import sys, time; from axisbus import Machine; m = Machine.open(sys.argv[1]); print('runs', flush=True); time.sleep(100)"
 
 
@@ -39,12 +37,6 @@ def file(tmp_path_factory):
 def opened(file):
     with Machine.open(file) as machine:
         yield machine
-
-
-@pytest.fixture
-def moving(opened):
-    yield opened, under_way(enabled(opened["x"]))
-    opened["x"].halt().wait(10)
 
 
 def run_elsewhere(file, **environment):
@@ -66,8 +58,7 @@ def end(process):
 
 
 def test_a_machine_with_its_core_in_its_program_is_found_and_reported_as_not_reached(axisbus, tmp_path):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x"), encoding="utf-8")
+    path = cell_file(tmp_path, "x")
     process = run_elsewhere(path, AXISBUS_PROCESS="thread")
     try:
         code, out, err = axisbus("stop", path)
@@ -135,15 +126,12 @@ def test_the_claim_of_another_user_does_not_hide_ones_own_machine(axisbus, movin
 @pytest.fixture
 def bus(tmp_path):
     """The cell file of simulated drives in a process of their own, and their plant."""
-    cell, mine, control = tmp_path / "cell.toml", tmp_path / "mine.toml", tmp_path / "c"
-    cell.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
-    command = [sys.executable, "-m", "axisbus", "sim", cell, "--port", "0", "-o", mine, "--control", control]
-    with subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, text=True) as sim:
-        while not sim.stdout.readline().startswith("or take"):
-            assert sim.poll() is None
+    cell = cell_file(tmp_path, "xy", period="20ms", heartbeat="1s")
+    mine, control = tmp_path / "mine.toml", tmp_path / "c"
+    with command_line.simulating(cell, "-o", mine, "--control", control) as sim:
+        command_line.lines_before(sim, "or take")
         with SimulationControl(control) as plant:
             yield mine, plant
-        sim.kill()
 
 
 GOES = """

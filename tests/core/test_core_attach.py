@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import os
 import socket
-import sys
 import time
 
 import pytest
@@ -17,12 +16,9 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.record.recorder import Recorder
 from kit.core_in_threads import core_in_threads
-from kit.scenarios.core_process import own_cell, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, turns, under_way
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 
 
 @pytest.fixture(scope="module")

@@ -16,12 +16,9 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.acceptor_attacks import ATTACKS
 from kit.connection_flood import Crowd
-from kit.scenarios.core_process import mean_speed, own_cell, turns, under_way
+from kit.scenarios.core_process import OWN_PROCESS, mean_speed, own_cell, turns, under_way
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 PROMPT = (
     2.0  # seconds from a request until it is known to be done: half a second on a computer that is not busy
 )

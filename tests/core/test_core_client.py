@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
 
@@ -16,13 +15,10 @@ from axisbus.motion.states import AxisState
 from axisbus.record.recorder import Recorder
 from kit.cell import cell_text
 from kit.core_in_threads import core_in_threads
-from kit.scenarios.core_process import own_cell
+from kit.scenarios.core_process import OWN_PROCESS, own_cell
 from kit.scenarios.simulated_bus import until
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 MORE = '\n[groups.xy]\naxes = ["x", "y"]\n'
 
 

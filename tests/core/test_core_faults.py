@@ -17,12 +17,9 @@ from axisbus.machine.machine import Machine
 from axisbus.record.fault_file import MAGIC
 from axisbus.record.load import load
 from kit import command_line
-from kit.scenarios.core_process import own_cell
+from kit.scenarios.core_process import OWN_PROCESS, own_cell
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 OVER_TEMPERATURE = 0x4310
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import pytest
 
 from axisbus.core.process.server import CoreServer
@@ -11,12 +9,9 @@ from axisbus.errors import ScanError
 from axisbus.ipc.rescue_memory import CoreStage, LifelineWriter
 from axisbus.machine.machine import Machine
 from kit.core_in_threads import core_in_threads
-from kit.scenarios.core_process import own_cell
+from kit.scenarios.core_process import OWN_PROCESS, own_cell
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 WHY = "the watchdog process of the core has ended"
 
 

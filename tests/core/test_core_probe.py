@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 
 import pytest
 
 from axisbus.errors import ScanError
 from axisbus.machine.machine import Machine
 from kit.cell import SCALE
-from kit.scenarios.core_process import own_cell
+from kit.scenarios.core_process import OWN_PROCESS, own_cell
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(60),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(60)]
 
 
 def test_captures_are_transferred_as_they_occur_and_a_killed_core_ends_the_request(tmp_path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from itertools import pairwise
 
@@ -11,12 +10,9 @@ import pytest
 from axisbus.errors import Interrupted
 from axisbus.machine.machine import Machine
 from kit.cell import SCALE
-from kit.scenarios.core_process import own_cell
+from kit.scenarios.core_process import OWN_PROCESS, own_cell
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 
 
 def test_a_stream_is_halted_and_resumed_repeatedly(tmp_path, core_in_threads):

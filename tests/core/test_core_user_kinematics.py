@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-import sys
 
 import pytest
 
 from axisbus.errors import Interrupted
 from axisbus.machine.machine import Machine
-from kit.scenarios.core_process import own_cell
+from kit.scenarios.core_process import OWN_PROCESS, own_cell
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(60),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(60)]
 
 
 def test_a_path_is_followed_halted_and_resumed(tmp_path, core_in_threads):

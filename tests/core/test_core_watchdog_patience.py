@@ -14,7 +14,7 @@ from axisbus.core.process.rescue import CrashStop
 from axisbus.core.process.startup_args import StartupArgs
 from axisbus.ipc import image, rescue_memory
 from axisbus.ipc.rescue_memory import CoreStage, LifelineWriter, RescueRpdo
-from kit.cell import cell_text
+from kit.cell import cell_file
 
 AT = image.size_of(1)
 
@@ -43,8 +43,7 @@ class Core:
 
 @pytest.fixture
 def rescuer(tmp_path: Path) -> Iterator[CrashStop]:
-    file = tmp_path / "cell.toml"
-    file.write_text(cell_text("x"), encoding="utf-8")
+    file = cell_file(tmp_path, "x")
     memory = os.memfd_create("test")
     os.ftruncate(memory, AT + rescue_memory.size_of(1))
     yield CrashStop(StartupArgs(-1, memory, -1, -1, str(file), 1, -1, -1, -1))

@@ -18,7 +18,7 @@ from axisbus.drives.plugin import GENERIC
 from axisbus.motion.parameters import Handshake
 from axisbus.scaffold.match import collect, match
 from kit import command_line
-from kit.cell import cell_text, with_identity
+from kit.cell import cell_file, with_identity
 
 VENDOR, PRODUCT = 0x00ABCDE, 0x77
 CODE = """\
@@ -76,9 +76,7 @@ BOTH = "servo = stranger_drives:SERVO\nsteppers = stranger_drives.makes"
 
 
 def cell_of(site: Path) -> Path:
-    path = site.parent / "cell.toml"
-    path.write_text(cell_text(eds=str(site / "stranger_drives" / "stranger.eds")), encoding="utf-8")
-    return path
+    return cell_file(site.parent, eds=str(site / "stranger_drives" / "stranger.eds"))
 
 
 def test_a_package_adds_a_make_with_behaviour_and_fault_texts(install: Install) -> None:
@@ -250,11 +248,6 @@ def test_nothing_is_loaded_before_a_plug_in_is_needed() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-@pytest.fixture
-def axisbus(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
 
 
 def test_a_drive_without_a_vendor_is_generic() -> None:

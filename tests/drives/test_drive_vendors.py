@@ -14,7 +14,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import EdsError
 from axisbus.machine.machine import Machine
 from kit import command_line
-from kit.cell import cell_text, with_identity
+from kit.cell import cell_file, with_identity
 from kit.corpus import corpus_files
 
 (VENDORS,) = [source for source in registry.installed() if source.name == "vendors"]
@@ -120,14 +120,7 @@ NANOTEC = 0x26C, 0x10
 def cell_of_nanotec(tmp_path: Path) -> Path:
     """A cell of one generic drive with the identity of a Nanotec C5-E."""
     (tmp_path / "drive.eds").write_text(with_identity(*NANOTEC), encoding="utf-8")
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text(eds="drive.eds"), encoding="utf-8")
-    return path
-
-
-@pytest.fixture
-def axisbus(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> command_line.Run:
-    return command_line.runner(monkeypatch, capsys)
+    return cell_file(tmp_path, eds="drive.eds")
 
 
 def test_scan_names_the_make(cell_of_nanotec: Path, axisbus: command_line.Run) -> None:

@@ -7,7 +7,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,29 +17,20 @@ from click.testing import CliRunner
 
 from axisbus import eds
 from axisbus.cli.main import cli
-from axisbus.cli.shared.common import run
 from axisbus.eds.io import reader
 from axisbus.eds.rules import engine
 from axisbus.eds.rules.table import rules
 from axisbus.errors import ArgumentError, EdsError
+from kit.command_line import Run
 from kit.eds.rule_base import BASE, edited
-
-Call = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def check(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Call:
-    """Run the command in a folder of its own; returns exit code, output and errors."""
+def check(axisbus: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Run:
+    """Run the command in a folder of its own."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("COLUMNS", raising=False)
-
-    def call(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["axisbus", "eds", "check", *arguments])
-        code = run(cli)
-        output = capsys.readouterr()
-        return code, output.out, output.err
-
-    return call
+    return partial(axisbus, "eds", "check")
 
 
 def write(name: str, *edits: str) -> str:
@@ -54,7 +45,7 @@ TWICE = "2005>AccessType=rw"  # S004, an error
 SHARED = "2001:ParameterName=Gain"  # O027, a note
 
 
-def test_a_clean_file_is_reported_with_the_next_command(check: Call) -> None:
+def test_a_clean_file_is_reported_with_the_next_command(check: Run) -> None:
     code, out, err = check(write("a.eds"))
     assert (code, err) == (0, "")
     assert out.splitlines() == ["a.eds: 0 errors, 0 warnings, 0 notes", "next: axisbus eds show a.eds"]
@@ -65,7 +56,7 @@ def line_of(text: str) -> int:
     return Path("a.eds").read_text().splitlines().index(text) + 1
 
 
-def test_findings_are_printed_below_their_file_and_their_rule_with_the_remedy(check: Call) -> None:
+def test_findings_are_printed_below_their_file_and_their_rule_with_the_remedy(check: Run) -> None:
     write("a.eds", BEYOND)
     code, out, _ = check("a.eds")
     assert code == 0  # a warning alone
@@ -79,7 +70,7 @@ def test_findings_are_printed_below_their_file_and_their_rule_with_the_remedy(ch
     ]
 
 
-def test_lines_gives_each_finding_a_line_that_editors_understand(check: Call) -> None:
+def test_lines_gives_each_finding_a_line_that_editors_understand(check: Run) -> None:
     write("a.eds", BEYOND, TWICE)
     out = check("a.eds", "--lines")[1].splitlines()
     assert out[0] == (
@@ -101,7 +92,7 @@ def many(count: int) -> str:
 
 
 def test_a_rule_that_is_broken_often_shows_its_first_findings_and_the_count_of_the_others(
-    check: Call,
+    check: Run,
 ) -> None:
     told = check(many(5000), "--select", "O020")[1].splitlines()
     assert told[0] == "many.eds"
@@ -118,18 +109,18 @@ def test_a_rule_that_is_broken_often_shows_its_first_findings_and_the_count_of_t
     assert not [line for line in each if "more" in line]
 
 
-def test_a_single_further_finding_is_shown_instead_of_counted(check: Call) -> None:
+def test_a_single_further_finding_is_shown_instead_of_counted(check: Run) -> None:
     assert "more" not in check(many(4), "--select", "O020")[1]
     assert "and 2 more" in check(many(5), "--select", "O020")[1]
 
 
-def test_json_and_sarif_have_every_finding(check: Call) -> None:
+def test_json_and_sarif_have_every_finding(check: Run) -> None:
     json_text = check(many(5000), "--json", "--select", "O020", "--severity", "error")[1]
     assert len(json.loads(json_text)["findings"]) == 5000
     assert len(sarif_of(check, "many.eds", "--select", "O020")["runs"][0]["results"]) == 5000
 
 
-def test_json_lists_all_findings_of_the_reader(check: Call) -> None:
+def test_json_lists_all_findings_of_the_reader(check: Run) -> None:
     text = "".join(
         f"[{index:04X}]\nParameterName=P\nDataType=0x0007 ; text\n" for index in range(0x2000, 0x2800)
     )
@@ -138,7 +129,7 @@ def test_json_lists_all_findings_of_the_reader(check: Call) -> None:
     assert [each["rule"] for each in found].count("S011") == 0x800
 
 
-def test_errors_are_printed_last_in_a_file_and_in_the_table_of_several_files(check: Call) -> None:
+def test_errors_are_printed_last_in_a_file_and_in_the_table_of_several_files(check: Run) -> None:
     names = [write("a.eds", BEYOND, TWICE, SHARED), write("b.eds", SHARED)]
     out = check(*names)[1]
     one = check("a.eds")[1].splitlines()
@@ -157,14 +148,14 @@ def test_errors_are_printed_last_in_a_file_and_in_the_table_of_several_files(che
     assert table[1].endswith("(1 file)")
 
 
-def test_a_path_is_printed_once_for_its_file(check: Call) -> None:
+def test_a_path_is_printed_once_for_its_file(check: Run) -> None:
     names = [write("drives/a.eds", BEYOND, TWICE, SHARED), write("drives/b.eds", SHARED, BEYOND)]
     assert [check(*names)[1].count(name) for name in names] == [1, 1]
     assert check(*names, "--all")[1].count("drives/a.eds") == 1
     assert check(names[0])[1].count("drives/a.eds") == 1
 
 
-def test_severity_filters_the_findings_and_counts_the_others(check: Call) -> None:
+def test_severity_filters_the_findings_and_counts_the_others(check: Run) -> None:
     write("a.eds", BEYOND, TWICE, SHARED)
 
     def shown(*options: str) -> list[str]:
@@ -182,14 +173,14 @@ def test_severity_filters_the_findings_and_counts_the_others(check: Call) -> Non
     assert len(json.loads(check("a.eds", "--json", "--severity", "note")[1])["findings"]) == 3
 
 
-def test_an_invalid_severity_is_wrong_use(check: Call) -> None:
+def test_an_invalid_severity_is_wrong_use(check: Run) -> None:
     code, out, err = check(write("a.eds"), "--severity", "fatal")
     assert (code, out) == (2, "")
     assert "error, warning, note" in err
 
 
 def test_long_texts_are_folded_below_their_rule_if_the_width_is_known(
-    check: Call, monkeypatch: pytest.MonkeyPatch
+    check: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "50")
     out = check(write("a.eds", BEYOND, TWICE, SHARED))[1].split("\n\n")[0].splitlines()
@@ -201,13 +192,13 @@ def test_long_texts_are_folded_below_their_rule_if_the_width_is_known(
     ("edit", "codes"),
     [(TWICE, (1, 1, 1)), (BEYOND, (0, 1, 1)), (SHARED, (0, 0, 1)), ("2000:PDOMapping=1", (0, 0, 0))],
 )
-def test_fail_on_sets_the_severity_that_fails(check: Call, edit: str, codes: tuple[int, ...]) -> None:
+def test_fail_on_sets_the_severity_that_fails(check: Run, edit: str, codes: tuple[int, ...]) -> None:
     name = write("a.eds", edit)
     assert tuple(check(name, "--fail-on", level)[0] for level in ("error", "warning", "note")) == codes
     assert check(name)[0] == codes[0]
 
 
-def test_select_and_ignore_take_ids_and_beginnings_and_the_longer_wins(check: Call) -> None:
+def test_select_and_ignore_take_ids_and_beginnings_and_the_longer_wins(check: Run) -> None:
     name = write("a.eds", BEYOND, TWICE, SHARED)
 
     def ids(*options: str) -> list[str]:
@@ -223,7 +214,7 @@ def test_select_and_ignore_take_ids_and_beginnings_and_the_longer_wins(check: Ca
     assert ids("--ignore", "V", "--select", "V003,S") == ["S004", "V003"]
 
 
-def test_a_whole_id_means_that_rule_alone(check: Call) -> None:
+def test_a_whole_id_means_that_rule_alone(check: Run) -> None:
     listed = check("--list", "--select", "M001")[1]
     assert "M001 " in listed
     assert "M001c" not in listed
@@ -232,7 +223,7 @@ def test_a_whole_id_means_that_rule_alone(check: Call) -> None:
 @pytest.mark.parametrize(
     "options", [("--select", "Q"), ("--ignore", "V999"), ("--select", "V003,"), ("--explain", "V9")]
 )
-def test_an_unknown_id_is_misuse(check: Call, options: tuple[str, str]) -> None:
+def test_an_unknown_id_is_misuse(check: Run, options: tuple[str, str]) -> None:
     code, out, err = check(write("a.eds"), *options)
     assert (code, out) == (2, "")
     assert (
@@ -243,13 +234,13 @@ def test_an_unknown_id_is_misuse(check: Call, options: tuple[str, str]) -> None:
 @pytest.mark.parametrize(
     "arguments", [(), ("--json", "--sarif", "a.eds"), ("--fail-on", "fatal", "a.eds"), ("--no-such-option",)]
 )
-def test_wrong_use_is_2_and_a_sentence(check: Call, arguments: tuple[str, ...]) -> None:
+def test_wrong_use_is_2_and_a_sentence(check: Run, arguments: tuple[str, ...]) -> None:
     code, out, err = check(*arguments)
     assert (code, out) == (2, "")
     assert err.strip()
 
 
-def test_json_has_every_field(check: Call) -> None:
+def test_json_has_every_field(check: Run) -> None:
     write("a.eds", BEYOND, "1018sub1:DataType=0x0006")
     code, out, _ = check("a.eds", "--json")
     assert code == 0
@@ -281,11 +272,11 @@ def test_json_has_every_field(check: Call) -> None:
     ]
 
 
-def test_json_of_a_clean_file_is_an_empty_list(check: Call) -> None:
+def test_json_of_a_clean_file_is_an_empty_list(check: Run) -> None:
     assert json.loads(check(write("a.eds"), "--json")[1]) == {"findings": []}
 
 
-def test_findings_about_the_whole_file_are_in_line_1(check: Call) -> None:
+def test_findings_about_the_whole_file_are_in_line_1(check: Run) -> None:
     name = write("a.eds")
     Path(name).write_text(BASE[BASE.index("[DeviceInfo]") :])
     found = json.loads(check(name, "--json")[1])["findings"]
@@ -293,12 +284,12 @@ def test_findings_about_the_whole_file_are_in_line_1(check: Call) -> None:
     assert check(name, "--lines")[1].startswith("a.eds:1:1: warning F001 ")
 
 
-def sarif_of(check: Call, *files: str) -> dict[str, Any]:
+def sarif_of(check: Run, *files: str) -> dict[str, Any]:
     log: dict[str, Any] = json.loads(check("--sarif", *files)[1])
     return log
 
 
-def test_sarif_has_the_properties_that_code_hosts_require(check: Call) -> None:
+def test_sarif_has_the_properties_that_code_hosts_require(check: Run) -> None:
     log = sarif_of(check, write("drives/my drive.eds", BEYOND, TWICE, SHARED))
     assert log["version"] == "2.1.0"
     assert log["$schema"].endswith("sarif-2.1.0.json")
@@ -327,7 +318,7 @@ def test_sarif_has_the_properties_that_code_hosts_require(check: Call) -> None:
 
 
 def test_sarif_of_a_file_elsewhere_has_an_absolute_uri(
-    check: Call, tmp_path_factory: pytest.TempPathFactory
+    check: Run, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     elsewhere = str(tmp_path_factory.mktemp("elsewhere") / "a.eds")
     (one_run,) = sarif_of(check, write(elsewhere, BEYOND))["runs"]
@@ -335,18 +326,18 @@ def test_sarif_of_a_file_elsewhere_has_an_absolute_uri(
     assert location == {"uri": Path(elsewhere).as_uri()}
 
 
-def test_each_of_several_files_and_patterns_is_checked_once(check: Call) -> None:
+def test_each_of_several_files_and_patterns_is_checked_once(check: Run) -> None:
     for name in ("a.eds", "b.eds", "sub/c.eds"):
         write(name, SHARED)
     found = json.loads(check("--json", "*.eds", "a.eds", "**/c.eds")[1])["findings"]
     assert [Path(each["file"]).name for each in found] == ["a.eds", "b.eds", "c.eds"]
 
 
-def test_a_file_may_be_named_like_a_pattern(check: Call) -> None:
+def test_a_file_may_be_named_like_a_pattern(check: Run) -> None:
     assert check(write("a[1].eds"))[0] == 0
 
 
-def test_builtin_files_are_checked_by_name(check: Call) -> None:
+def test_builtin_files_are_checked_by_name(check: Run) -> None:
     code, out, _ = check("builtin:gim6010-8", "--fail-on", "warning")
     assert code == 0
     assert "builtin:gim6010-8\n" in out
@@ -363,7 +354,7 @@ def test_builtin_files_are_checked_by_name(check: Call) -> None:
     ],
 )
 def test_an_unreadable_file_is_a_finding_next_to_those_of_the_other_files(
-    check: Call, data: bytes | None, said: str
+    check: Run, data: bytes | None, said: str
 ) -> None:
     if data is not None:
         Path("odd.eds").write_bytes(data)
@@ -377,13 +368,13 @@ def test_an_unreadable_file_is_a_finding_next_to_those_of_the_other_files(
     assert "good.eds\n" in out
 
 
-def test_a_folder_and_a_pattern_without_a_match_are_findings(check: Call) -> None:
+def test_a_folder_and_a_pattern_without_a_match_are_findings(check: Run) -> None:
     Path("folder").mkdir()
     found = json.loads(check("folder", "nothing*.eds", "builtin:nothing", "--json")[1])["findings"]
     assert [each["rule"] for each in found] == ["S000"] * 3
 
 
-def test_explain_reports_clause_reason_and_remedy(check: Call) -> None:
+def test_explain_reports_clause_reason_and_remedy(check: Run) -> None:
     code, out, _ = check("--explain", "v003")
     assert code == 0
     assert out.splitlines()[0] == "V003 warning: A value lies outside its limits."
@@ -392,7 +383,7 @@ def test_explain_reports_clause_reason_and_remedy(check: Call) -> None:
     assert check("--explain", "M001")[1].startswith("M001 error")
 
 
-def test_list_shows_all_rules_also_as_json(check: Call) -> None:
+def test_list_shows_all_rules_also_as_json(check: Run) -> None:
     code, out, _ = check("--list")
     assert code == 0
     assert [line.split()[0] for line in out.splitlines()[:-1]] == list(rules())
@@ -401,7 +392,7 @@ def test_list_shows_all_rules_also_as_json(check: Call) -> None:
     assert set(listed[0]) == {"id", "severity", "clause", "title", "remedy", "explanation"}
 
 
-def test_colours_are_for_terminals_only(check: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_colours_are_for_terminals_only(check: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NO_COLOR", raising=False)
     name = write("a.eds", TWICE)
     assert "\x1b" not in check(name)[1]
@@ -412,7 +403,7 @@ def test_colours_are_for_terminals_only(check: Call, monkeypatch: pytest.MonkeyP
     assert "\x1b" not in CliRunner().invoke(cli, ["eds", "check", name], color=True).output
 
 
-def test_output_in_ascii_does_not_stumble_over_letters(check: Call, tmp_path: Path) -> None:
+def test_output_in_ascii_does_not_stumble_over_letters(check: Run, tmp_path: Path) -> None:
     Path("ü.eds").write_bytes(edited("2001:ParameterName=GAIN µ", "2001:DataType=ü").encode())
     done = subprocess.run(
         [sys.executable, "-m", "axisbus", "eds", "check", "ü.eds"],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from kit.eds.planted_defects import KINDS, Plant, Text, plant
 OURS = sorted((Path(__file__).parents[2] / "eds").glob("*.eds"))
 PLANTS_OF_A_KIND = 5
 MISSED = "nothing of"
+PlantKind = Callable[[random.Random, Text], Plant | None]
 
 
 def findings(text: str, name: str) -> tuple[EdsFinding, ...]:
@@ -50,25 +52,29 @@ def complaint(path: Path, planted: Plant) -> str:
     return f"{path.name}: {planted.what}: {strange[0]}" if strange else ""
 
 
+def reports(rng: random.Random, paths: list[Path], kind: PlantKind, most: int, tries: int) -> list[str]:
+    """Plant a kind up to so many times; return the complaint about each planted defect, empty if its report is right."""
+    found: list[str] = []
+    for _ in range(tries):
+        path = rng.choice(paths)
+        text = clean(path)
+        assert text is not None
+        planted = plant(rng, text, kind)
+        if planted is not None:
+            found.append(complaint(path, planted))
+        if len(found) == most:
+            break
+    return found
+
+
 def run(paths: list[Path], seed: int) -> tuple[list[str], int]:
     """Plant each kind several times over; return the complaints, and how many were planted."""
-    rng, complaints, count = random.Random(seed), [], 0
+    rng, found = random.Random(seed), []
     for kind in KINDS:
-        planted_here = 0
-        for _ in range(40 * PLANTS_OF_A_KIND):
-            path = rng.choice(paths)
-            text = clean(path)
-            assert text is not None
-            planted = plant(rng, text, kind)
-            if planted is None:
-                continue
-            complaints += filter(None, [complaint(path, planted)])
-            planted_here += 1
-            if planted_here == PLANTS_OF_A_KIND:
-                break
-        assert planted_here, f"there is no place for {kind.__name__}"
-        count += planted_here
-    return complaints, count
+        of_kind = reports(rng, paths, kind, PLANTS_OF_A_KIND, 40 * PLANTS_OF_A_KIND)
+        assert of_kind, f"there is no place for {kind.__name__}"
+        found += of_kind
+    return [*filter(None, found)], len(found)
 
 
 @pytest.mark.timeout(240)
@@ -92,21 +98,10 @@ def test_defects_planted_into_clean_files_of_many_makers() -> None:
 
 def widened(paths: list[Path], seed: int, each: int) -> tuple[list[str], int]:
     """Plant each of the further kinds; return the complaints, and how many were planted."""
-    complaints, count = [], 0
+    found: list[str] = []
     for name, kind in EVERY.items():
-        rng, planted_here = random.Random(f"{seed} {name}"), 0
-        for _ in range(30 * each):
-            path = rng.choice(paths)
-            text = clean(path)
-            assert text is not None
-            planted = plant(rng, text, kind)
-            if planted is not None:
-                complaints += filter(None, [complaint(path, planted)])
-                planted_here += 1
-            if planted_here == each:
-                break
-        count += planted_here
-    return complaints, count
+        found += reports(random.Random(f"{seed} {name}"), paths, kind, each, 30 * each)
+    return [*filter(None, found)], len(found)
 
 
 @pytest.mark.timeout(240)

@@ -33,7 +33,7 @@ from kit import command_line
 from kit.cell import Cell
 from kit.closed_connection import closed
 from kit.connection_flood import Crowd
-from kit.scenarios.core_process import own_cell
+from kit.scenarios.core_process import OWN_PROCESS, own_cell
 
 DASHBOARD = Path(__file__).parents[2] / "examples" / "dashboard.json"
 
@@ -302,7 +302,7 @@ def until(seen, within=20.0):
         time.sleep(0.05)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+@OWN_PROCESS
 @pytest.mark.timeout(120)
 def test_a_client_serves_the_counts_of_the_core(exporter, url, tmp_path, core_in_threads):
     with Machine.open(own_cell(tmp_path)) as machine, Machine.attach(machine.cell.file) as guest:
@@ -337,7 +337,7 @@ def test_a_client_serves_the_counts_of_the_core(exporter, url, tmp_path, core_in
         assert found(after, "axisbus_cycle_lateness_seconds_sum")[0] > 0.0
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+@OWN_PROCESS
 @pytest.mark.timeout(120)
 def test_the_bridge_follows_one_machine_after_the_other_and_changes_none(tmp_path):
     file = own_cell(tmp_path)

@@ -28,7 +28,7 @@ from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
 
 from axisbus.errors import ConfigError, StateError
-from axisbus.gateway.opcua import limits, trust, users
+from axisbus.gateway.opcua import limits, trust
 from axisbus.gateway.opcua.axis_readings import ImageFreshness
 from axisbus.gateway.opcua.event_mapping import OpcuaEvent
 from axisbus.gateway.opcua.limited_server import CHECKED, OpcuaUserManager
@@ -37,7 +37,6 @@ from axisbus.gateway.opcua.session import GuardedSession
 from axisbus.gateway.opcua.trust import TrustingFactory
 from axisbus.machine.machine import Machine
 from kit import command_line
-from kit.cell import cell_text
 from kit.closed_connection import closed
 from kit.opcua.client import ClientIdentity, Visit, connected_client, key_pair, visit
 from kit.opcua.server import (
@@ -54,31 +53,6 @@ from kit.opcua.server import (
     served,
     until,
 )
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("opcua")
-
-
-@pytest.fixture(scope="module")
-def file(folder):
-    (folder / "cell.toml").write_text(cell_text("xy"), "utf-8")
-    return folder / "cell.toml"
-
-
-@pytest.fixture(scope="module")
-def known(folder):
-    (folder / "users").write_text(users.line_of("anna", "right"), "utf-8")
-    return users.read(folder / "users")
-
-
-@pytest.fixture(scope="module")
-def server(file, known):
-    """On loopback, without certificates."""
-    access = decide(Given(True, users=True))
-    with served(file, ServerOptions(access, users=known)) as found:
-        yield found
 
 
 @pytest.fixture

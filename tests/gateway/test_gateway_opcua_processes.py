@@ -15,10 +15,9 @@ import pytest
 pytest.importorskip("asyncua", reason="OPC UA needs asyncua")
 
 
-from axisbus.gateway.opcua import limits, users
-from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
+from axisbus.gateway.opcua import limits
 from axisbus.machine.machine import Machine
-from kit.cell import cell_text
+from kit import command_line
 from kit.closed_connection import closed
 from kit.opcua.client import visit
 from kit.opcua.server import (
@@ -32,37 +31,11 @@ from kit.opcua.server import (
     halt,
     refused,
     running,
-    served,
     until,
 )
-from kit.scenarios.core_process import own_cell, under_way
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, under_way
 
 CLIENT = Path(__file__).parents[1] / "kit" / "opcua" / "client.js"
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("opcua")
-
-
-@pytest.fixture(scope="module")
-def file(folder):
-    (folder / "cell.toml").write_text(cell_text("xy"), "utf-8")
-    return folder / "cell.toml"
-
-
-@pytest.fixture(scope="module")
-def known(folder):
-    (folder / "users").write_text(users.line_of("anna", "right"), "utf-8")
-    return users.read(folder / "users")
-
-
-@pytest.fixture(scope="module")
-def server(file, known):
-    """On loopback, without certificates."""
-    access = decide(Given(True, users=True))
-    with served(file, ServerOptions(access, users=known)) as found:
-        yield found
 
 
 @pytest.fixture
@@ -98,31 +71,14 @@ def test_one_address_cannot_hold_all_connections_and_silent_ones_are_closed_firs
 @contextmanager
 def bridge(file, *words):
     """The command in a process of its own; yields the process and its address."""
-    command = [
-        sys.executable,
-        "-u",
-        "-m",
-        "axisbus",
-        "bridge",
-        "opcua",
-        str(file),
-        "--port",
-        "0",
-        *map(str, words),
-    ]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with command_line.started("bridge", "opcua", file, "--port", "0", *words, stderr=None) as process:
         try:
             yield process, process.stdout.readline().split()[-1]
         finally:
             process.kill()
 
 
-own_process = pytest.mark.skipif(
-    sys.platform != "linux", reason="a core in a process of its own is for Linux"
-)
-
-
-@own_process
+@OWN_PROCESS
 @pytest.mark.timeout(120)
 def test_the_bridge_follows_machines_halts_them_and_its_end_changes_none(tmp_path, folder, known):
     file = own_cell(tmp_path)

@@ -20,13 +20,10 @@ from axisbus.fleet import messages as m
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.connection_flood import Crowd
-from kit.scenarios.core_process import own_cell, recover, turns
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, recover, turns
 from kit.zenoh_cell import KEYS, BridgeProcess, Client, Wire, holder, until
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 STANDS = 3.0  # seconds from the end of a lease's holder until standstill of its axes: 1 of the lease, and their braking
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -15,12 +14,12 @@ pytest.importorskip("zenoh", reason="a Zenoh network needs eclipse-zenoh")
 from axisbus.fleet import messages as m
 from axisbus.fleet.network import ZenohNetwork, connected, opened
 from axisbus.machine.machine import Machine
-from kit.scenarios.core_process import own_cell, turns
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, turns
 from kit.zenoh_cell import KEYS, BridgeProcess, Client, free_port, holder, until
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "zenoh"
 pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
+    OWN_PROCESS,
     pytest.mark.skipif(shutil.which("openssl") is None, reason="the certificates are made by openssl"),
     pytest.mark.timeout(120),
 ]

@@ -23,7 +23,7 @@ from axisbus.gateway.ros.units import JOINT_UNITS, joints_of
 from axisbus.machine.machine import Machine
 from kit import command_line
 from kit.cdr import joint_state, joint_trajectory
-from kit.cell import cell_text
+from kit.cell import cell_file
 
 # As the design document of rmw_zenoh has them.
 CHATTER = names.Topic(
@@ -264,8 +264,7 @@ def test_of_a_crowd_of_publishers_only_some_are_kept():
 
 
 def test_joint_states_are_the_values_of_the_axes_and_nan_if_unknown(tmp_path):
-    file = tmp_path / "cell.toml"
-    file.write_text(cell_text("xy", axis="rated_torque = 5.0"), "utf-8")
+    file = cell_file(tmp_path, "xy", axis="rated_torque = 5.0")
     with Machine.simulated(file) as machine:
         machine["x"].enable().wait(5)
         machine["x"].move_absolute(90.0).wait(20)

@@ -6,7 +6,6 @@ import itertools
 import math
 import random
 import signal
-import sys
 import time
 from pathlib import Path
 
@@ -20,13 +19,10 @@ from axisbus.motion.states import AxisState
 from kit.cdr import joint_trajectory
 from kit.cell import SCALE
 from kit.ros import STATES, TRAJECTORIES, Ros, router
-from kit.scenarios.core_process import enabled, own_cell, turns
+from kit.scenarios.core_process import OWN_PROCESS, enabled, own_cell, turns
 from kit.zenoh_cell import BridgeProcess, Client, until
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 CONFIG = Path(__file__).parents[2] / "examples" / "zenoh" / "ros.json5"
 
 

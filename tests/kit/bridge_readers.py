@@ -21,7 +21,7 @@ from axisbus.errors import AxisbusError
 from axisbus.fleet import messages as f
 from axisbus.fleet.keys import ZenohCellKeys
 from axisbus.machine.machine import Machine
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.frame_readers import Conversations, reader_of, unshown
 from kit.reader_limits import MB, Limits, PassedOver, Reader
 
@@ -32,8 +32,7 @@ _SECONDS = 20.0  # that a bridge may take for an input
 @contextmanager
 def _cell() -> Iterator[Path]:
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "cell.toml"
-        path.write_text(cell_text("xy"), "utf-8")
+        path = cell_file(Path(folder), "xy")
         yield path
 
 

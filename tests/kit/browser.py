@@ -19,7 +19,7 @@ from selenium.webdriver.remote.webelement import WebElement
 
 from axisbus.machine.axis import Axis
 from axisbus.motion.states import AxisState
-from kit.served_page import until
+from kit.served_page import Served, served, until
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 DRIVER = shutil.which("chromedriver")
@@ -193,6 +193,17 @@ class Page:
         """Be as wide and as light as at the beginning."""
         self.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+@contextmanager
+def opened_page(folder: Path, axis: str = "") -> Iterator[tuple[Served, Page]]:
+    """Serve a machine and its page as ``served``, and open the page in a browser."""
+    with served(folder, axis) as at:
+        driver = chromium()
+        try:
+            yield at, Page(driver, at.link)
+        finally:
+            driver.quit()
 
 
 ESCAPE, SPACE, ENTER, TAB = Keys.ESCAPE, " ", Keys.ENTER, Keys.TAB

@@ -107,6 +107,13 @@ def cell_text(
     return text + more
 
 
+def cell_file(folder: Path, names: str = "x", **changes: str) -> Path:
+    """Write the cell file of ``cell_text`` into a folder, and return it."""
+    path = folder / "cell.toml"
+    path.write_text(cell_text(names, **changes), encoding="utf-8")
+    return path
+
+
 def _without_first(text: str, key: str) -> str:
     """Take the usual line of ``key`` out of the last axis's stop table."""
     head, table, tail = text.rpartition("[axes.")

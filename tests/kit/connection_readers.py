@@ -41,7 +41,7 @@ from axisbus.web.access.tokens import PageSessions, Role
 from axisbus.web.config.files import Dcf, about, named
 from axisbus.web.scope import saving, signals
 from axisbus.web.view import explained
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.frame_readers import Conversations, reader_of, unshown
 from kit.page_clients import Pages
 from kit.pages import ROOT
@@ -187,8 +187,7 @@ class _Page:
     @contextmanager
     def there(self) -> Iterator[None]:
         with tempfile.TemporaryDirectory() as folder:
-            cell = Path(folder) / "cell.toml"
-            cell.write_text(cell_text("xy", axis="rated_torque = 10.0\nmax_torque = 5.0"), "utf-8")
+            cell = cell_file(Path(folder), "xy", axis="rated_torque = 10.0\nmax_torque = 5.0")
             with Machine.simulated(cell) as machine:
                 self.pages = Pages(machine)
                 self.signals = {"x.position", "y.position"}

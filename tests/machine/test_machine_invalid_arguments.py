@@ -11,7 +11,7 @@ import pytest
 
 from axisbus import Cam, Machine, TrajectoryPoint, wait
 from axisbus.errors import ArgumentError, SignalTimeout, UserError
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.io_module import LEVEL, MODULE
 
 AXIS = "max_acceleration = 2000.0\nposition_limits = [-3000.0, 3000.0]\nrated_torque = 10.0"
@@ -176,8 +176,7 @@ WAITS: dict[str, Call] = {
 
 @pytest.fixture(scope="module")
 def machine(tmp_path_factory):
-    path = tmp_path_factory.mktemp("absurd") / "cell.toml"
-    path.write_text(cell_text("xyzwv", axis=AXIS, more=MORE))
+    path = cell_file(tmp_path_factory.mktemp("absurd"), "xyzwv", axis=AXIS, more=MORE)
     with Machine.simulated(path) as opened:
         yield opened
 

@@ -14,7 +14,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.sim.virtual_can import FrameFaults
 from axisbus.testing import Simulation, simulate
-from kit.cell import cell_text
+from kit.cell import cell_file, cell_text
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "testing"
@@ -22,9 +22,7 @@ EXAMPLE = ROOT / "examples" / "testing"
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy"), encoding="utf-8")
-    return path
+    return cell_file(tmp_path, "xy")
 
 
 def turning(simulation: Simulation) -> None:
@@ -108,8 +106,7 @@ def test_actions_happen_at_their_times_in_their_order(file: Path) -> None:
 
 
 def test_time_passes_after_the_scan_has_failed_and_the_drives_are_stopped_meanwhile(tmp_path: Path) -> None:
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy", bus='sync_producer = "external"'), encoding="utf-8")
+    path = cell_file(tmp_path, "xy", bus='sync_producer = "external"')
     machine = Machine.simulated(path)
     simulation = Simulation(machine)
     turning(simulation)

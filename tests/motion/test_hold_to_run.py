@@ -10,13 +10,12 @@ from axisbus.errors import ArgumentError, Stopped
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.hold_to_run import HoldToRun
-from kit.cell import cell_text
+from kit.cell import cell_file
 
 
 @pytest.fixture
 def cell(tmp_path):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy", axis="rated_torque = 1.0"), encoding="utf-8")
+    path = cell_file(tmp_path, "xy", axis="rated_torque = 1.0")
     with Machine.simulated(path) as machine:
         for axis in machine:
             axis.enable().wait(5)

@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 
 from axisbus import Machine
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.io_module import LEVEL, MODULE
 from kit.scenarios.simulated_bus import until
 
@@ -28,8 +28,7 @@ PLAIN = {"boolean", "string", "number", "integer"}  # no list of types, and no n
 def path(tmp_path_factory):
     """A recording over a bus, with objects that come by PDO and by SDO."""
     folder = tmp_path_factory.mktemp("readers")
-    file = folder / "cell.toml"
-    file.write_text(cell_text("x", heartbeat="1s", more=MODULE.format(node="") + LEVEL))
+    file = cell_file(folder, "x", heartbeat="1s", more=MODULE.format(node="") + LEVEL)
     with (
         Machine.open(file) as machine,
         machine.recording(folder / "run.mcap", objects=list(OBJECTS)) as recording,

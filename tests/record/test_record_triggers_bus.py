@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
 
 import pytest
 
 from axisbus.machine.machine import Machine
 from axisbus.record.load import load
-from kit.cell import cell_text
+from kit import command_line
+from kit.cell import cell_file
 from kit.io_module import MODULE
+from kit.scenarios.core_process import OWN_PROCESS
 
 pytest.importorskip("mcap")
 pytestmark = [
     pytest.mark.timeout(120),
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
+    OWN_PROCESS,
 ]
 BOTH = pytest.mark.parametrize("process", ["thread", "own"])
 
 
 def file_of(folder, process, bus=""):
-    path = folder / "cell.toml"
-    text = cell_text("x", heartbeat="1s", bus=f'process = "{process}"\n{bus}', more=MODULE.format(node=""))
-    path.write_text(text)
-    return path
+    return cell_file(
+        folder, "x", heartbeat="1s", bus=f'process = "{process}"\n{bus}', more=MODULE.format(node="")
+    )
 
 
 def moment(run) -> float:
@@ -82,8 +81,7 @@ def test_another_program_keeps_the_moment_of_an_input_and_of_a_touch_probe(tmp_p
         ):
             path = tmp_path / f"{when[0]}.mcap"
             options = ("--when", when, "--before", "200ms", "--after", "0.2", "--for", "60")
-            command = [sys.executable, "-m", "axisbus", "record", str(file), "-o", str(path), *options]
-            recording = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            recording = command_line.started("record", file, "-o", path, *options)
             with machine["x"].probe(continuous=True) as probe:
                 probe.wait_armed(30)
                 while recording.poll() is None:  # repeatedly: the begin of the recording is not reported

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import json
 import re
-import sys
 import time
 from contextlib import suppress
 
@@ -14,8 +13,6 @@ import pytest
 from axisbus import eds
 from axisbus.boot.stop_report import Watchdog
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cli.main import cli
-from axisbus.cli.shared.common import run
 from axisbus.core import canlink, late_boot
 from axisbus.eds.builtin import resolve
 from axisbus.errors import BootError, DriveError, NodeError, NodeStateError, NodeTimeout, StateError
@@ -35,18 +32,6 @@ def impatient(monkeypatch):
     """Nodes that are not there are given up soon, and asked for again soon."""
     monkeypatch.setattr(canlink, "FIND_TIME", 0.8)
     monkeypatch.setattr(late_boot, "ASK_EVERY", 0.2)
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys):
-    """Run the command line in this process; returns exit code and output."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["axisbus", *map(str, arguments)])
-        code = run(cli)
-        return code, capsys.readouterr().out
-
-    return call
 
 
 def with_lines(line: Line, node: int, *lines: str) -> None:
@@ -294,7 +279,7 @@ def test_an_optional_node_that_is_another_device_is_reported_and_not_used(tmp_pa
 def test_boot_reports_an_optional_node_apart_from_one_that_must_be_there(axisbus, tmp_path, impatient):
     with Line(tmp_path, "xy", present="x") as line:
         with_lines(line, 2, "optional = true")
-        code, out = axisbus("boot", line.file)
+        code, out, _ = axisbus("boot", line.file)
     assert code == 0, out
     assert "node 2: not present; it is optional" in out
     assert "1 of 2 nodes came up" in out
@@ -304,8 +289,8 @@ def test_boot_prints_letter_step_object_expected_and_got(axisbus, tmp_path):
     with Line(tmp_path) as line:
         line.devices["x"].dictionary.set(0x1018 << 8 | 4, 16)
         with_lines(line, 1, "serial = 17")
-        code, out = axisbus("boot", line.file)
-        code_of_json, plain = axisbus("boot", "--json", line.file)
+        code, out, _ = axisbus("boot", line.file)
+        code_of_json, plain, _ = axisbus("boot", "--json", line.file)
     assert code == code_of_json == 3
     assert re.search(
         r"boot-up +O: the serial number \(1018h:04\) is not the expected one; step identity, try 1",

@@ -178,11 +178,6 @@ def test_a_scan_that_fails_leaves_the_module_without_power_and_closing_reports_i
     assert not cell.module.energised
 
 
-# -- killed processes ------------------------------------------------------------------------------------------------
-# The process, the signal, and the safety net without which the module continues.
-own = pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
-
-
 @pytest.mark.parametrize("stop", ['quick_stop = "ramp"', 'quick_stop = "ramp-hold"'])
 def test_a_stop_beside_a_running_master_persists(tmp_path, stop, monkeypatch):
     _has_been_on(monkeypatch)

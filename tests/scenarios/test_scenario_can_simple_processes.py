@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import sys
 import time
 
 import pytest
@@ -12,6 +11,7 @@ import pytest
 from axisbus.cell import reader
 from axisbus.machine.stop_external import stop_beside
 from kit.can_simple.mixed_cell import RESTS, TURNS, Doomed, served, stay
+from kit.scenarios.core_process import OWN_PROCESS
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -25,10 +25,9 @@ DEATHS = {
     "the core hangs": ("core", signal.SIGSTOP, "the watchdog process's patience"),
     "the watchdog process is killed": ("watchdog", signal.SIGKILL, NO_WATCHDOG),
 }
-own = pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
 
 
-@own
+@OWN_PROCESS
 @pytest.mark.parametrize("whole", [True, False], ids=["whole", "without the safety net"])
 @pytest.mark.parametrize("death", DEATHS)
 def test_the_module_stops_whichever_process_dies(tmp_path, death, whole):
@@ -45,7 +44,7 @@ def test_the_module_stops_whichever_process_dies(tmp_path, death, whole):
             assert module.speed == pytest.approx(TURNS, abs=0.1)
 
 
-@own
+@OWN_PROCESS
 def test_an_armed_break_timeout_stops_the_module_of_a_dead_core_without_a_watchdog_process(tmp_path):
     with served(tmp_path) as plants:
         (tmp_path / "endpoints_0.5.13.json").write_text(json.dumps(plants.module.json()))
@@ -66,8 +65,8 @@ def test_an_armed_break_timeout_stops_the_module_of_a_dead_core_without_a_watchd
     [
         ("thread", signal.SIGINT),
         ("thread", signal.SIGTERM),
-        pytest.param("own", signal.SIGINT, marks=own),
-        pytest.param("own", signal.SIGTERM, marks=own),
+        pytest.param("own", signal.SIGINT, marks=OWN_PROCESS),
+        pytest.param("own", signal.SIGTERM, marks=OWN_PROCESS),
     ],
 )
 def test_a_signal_stops_it(tmp_path, process, number):
@@ -81,7 +80,11 @@ def test_a_signal_stops_it(tmp_path, process, number):
 
 @pytest.mark.parametrize(
     ("process", "scene", "code"),
-    [("thread", "raising", 1), ("thread", "returning", 0), pytest.param("own", "closing", 0, marks=own)],
+    [
+        ("thread", "raising", 1),
+        ("thread", "returning", 0),
+        pytest.param("own", "closing", 0, marks=OWN_PROCESS),
+    ],
 )
 def test_a_program_that_ends_leaves_the_module_at_standstill_and_off(tmp_path, process, scene, code):
     with served(tmp_path, process) as plants, Doomed(tmp_path, scene) as one:

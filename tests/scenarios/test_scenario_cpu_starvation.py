@@ -20,7 +20,7 @@ from axisbus.cpu_starvation import DRIVES, REMEDY
 from axisbus.errors import AxisbusError, NodeError, StaleError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.plant_probe import ENABLED, OFF
 from kit.repeating_thread import again
 from kit.scenarios.simulated_bus import Line, turning, until
@@ -212,8 +212,7 @@ def frozen_drives(machine: Machine) -> Iterator[None]:
     ],
 )
 def test_simulated_drives_that_are_given_no_time_are_named_and_no_node_is_called_lost(tmp_path, process):
-    file = tmp_path / "cell.toml"
-    file.write_text(cell_text("x", heartbeat="1s", bus=f'process = "{process}"'), encoding="utf-8")
+    file = cell_file(tmp_path, "x", heartbeat="1s", bus=f'process = "{process}"')
     with Machine.open(file) as machine:
         x = machine["x"]
         x.enable().wait(10)

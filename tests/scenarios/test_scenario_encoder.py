@@ -11,7 +11,7 @@ from axisbus.check.run import check
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.errors import AxisbusError, ConfigError, StaleError
 from axisbus.motion.states import AxisState
-from kit.cell import Cell, cell_text
+from kit.cell import Cell, cell_file, cell_text
 from kit.plant_probe import ENABLED
 
 COUNTS = 20.0  # per mm
@@ -169,9 +169,7 @@ def test_leaving_the_machine_does_nothing_to_it(scenario):
 
 
 def written(tmp_path, text: str):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x", more=text))
-    return path
+    return cell_file(tmp_path, "x", more=text)
 
 
 @pytest.mark.parametrize(

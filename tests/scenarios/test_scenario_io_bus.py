@@ -18,7 +18,7 @@ from axisbus.core.process.persistence.journal import path_of
 from axisbus.errors import ArgumentError, AxisbusError, BootError, NodeError, StaleError
 from axisbus.machine.machine import Machine
 from axisbus.record.load import load
-from kit.cell import cell_text
+from kit.cell import cell_file, cell_text
 from kit.io_module import MODULE
 from kit.plant_probe import OFF
 from kit.stop_report import STOPPED
@@ -144,8 +144,7 @@ def _is_known(signal) -> bool:
 
 
 def test_a_module_that_does_not_accept_its_error_value_is_refused_at_boot_up(tmp_path, core_in_threads):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x", bus='process = "thread"', more=IO.format(node="")))
+    path = cell_file(tmp_path, "x", bus='process = "thread"', more=IO.format(node=""))
     eds = (Path(__file__).parents[2] / "eds" / "generic-cia401.eds").read_text()
     head, section, tail = eds.partition("[6207sub1]")
     (tmp_path / "module.eds").write_text(head + section + tail.replace("AccessType=rw", "AccessType=ro", 1))

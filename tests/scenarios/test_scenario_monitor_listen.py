@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 import threading
 
 import pytest
 from can.interfaces.virtual import VirtualBus
 
 from axisbus.bus.link import adapter
-from axisbus.cli.main import cli
-from axisbus.cli.shared.common import run
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text
+from kit.command_line import Result
 from kit.plant_probe import ENABLED
 from kit.scenarios import other_master as others
 from kit.scenarios.other_master import Ear, OtherMaster, RepeatedFrame
@@ -22,7 +20,7 @@ from kit.scenarios.simulated_bus import Line, enable
 
 
 @pytest.fixture
-def monitor(monkeypatch, capsys):
+def monitor(axisbus, monkeypatch):
     """Type ``axisbus monitor CELL --listen``, which must send no frame; returns exit code, output and errors."""
     send = VirtualBus.send
 
@@ -30,25 +28,11 @@ def monitor(monkeypatch, capsys):
         assert threading.current_thread() is not threading.main_thread(), "the listener has sent a frame"
         send(bus, *arguments)
 
-    def call(line: Line, *options: object) -> tuple[int, str, str]:
-        arguments = [
-            "axisbus",
-            "monitor",
-            str(line.file),
-            "--listen",
-            "--every",
-            "0.4",
-            "--count",
-            "1",
-            *map(str, options),
-        ]
-        monkeypatch.setattr(sys, "argv", arguments)
+    def call(line: Line, *options: object) -> Result:
         with monkeypatch.context() as patched:
             patched.setattr(VirtualBus, "send", guarded)
             patched.setattr(Machine, "open", lambda *_, **__: pytest.fail("booted"))
-            code = run(cli)
-        seen = capsys.readouterr()
-        return code, seen.out, seen.err
+            return axisbus("monitor", line.file, "--listen", "--every", "0.4", "--count", "1", *options)
 
     return call
 
@@ -124,24 +108,11 @@ def test_as_json_one_value_per_look(tmp_path, monitor):
     assert node["state"] is None
 
 
-def test_a_simulated_cell_can_be_listened_to(scenario, monkeypatch, capsys):
-    scenario.file(cell_text("x"))
-    monkeypatch.setattr(
-        sys,
-        "argv",
-        [
-            "axisbus",
-            "monitor",
-            str(scenario.folder / "cell.toml"),
-            "--listen",
-            "--every",
-            "0.3",
-            "--count",
-            "1",
-        ],
-    )
-    assert run(cli) == 0
-    assert "!! 1 x boot-up: boot-up: enters pre-operational" in capsys.readouterr().out
+def test_a_simulated_cell_can_be_listened_to(scenario, axisbus):
+    file = scenario.file(cell_text("x"))
+    code, out, _ = axisbus("monitor", file, "--listen", "--every", "0.3", "--count", "1")
+    assert code == 0
+    assert "!! 1 x boot-up: boot-up: enters pre-operational" in out
 
 
 def test_listening_does_not_need_beside(tmp_path, monitor):
@@ -155,7 +126,7 @@ def test_listening_does_not_need_beside(tmp_path, monitor):
     ("interface", "key"),
     [("slcan", "listen_only"), ("pcan", "state"), ("systec", "state"), ("cantact", "monitor")],
 )
-def test_an_adapter_that_supports_listen_only_is_opened_so(tmp_path, monkeypatch, capsys, interface, key):
+def test_an_adapter_that_supports_listen_only_is_opened_so(tmp_path, axisbus, monkeypatch, interface, key):
     asked = {}
 
     def opening(name, channel, bitrate, options):
@@ -166,12 +137,10 @@ def test_an_adapter_that_supports_listen_only_is_opened_so(tmp_path, monkeypatch
     with Line(tmp_path, "x", present="") as line:
         text = line.file.read_text(encoding="utf-8").replace('"virtual"', f'"{interface}"')
         line.file.write_text(text.replace("scan_period", "bitrate = 500000\nscan_period"), encoding="utf-8")
-        monkeypatch.setattr(
-            sys, "argv", ["axisbus", "monitor", str(line.file), "--listen", "--every", "0.02", "--count", "1"]
-        )
-        assert run(cli) == 0
+        code, out, _ = axisbus("monitor", line.file, "--listen", "--every", "0.02", "--count", "1")
+    assert code == 0
     assert asked[key] == adapter.silent(interface, {})[key]
-    assert "does not even acknowledge" in capsys.readouterr().out
+    assert "does not even acknowledge" in out
 
 
 def test_options_of_the_user_for_the_adapter_are_kept():

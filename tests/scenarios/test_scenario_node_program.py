@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 
 import pytest
 
@@ -11,8 +10,6 @@ from axisbus import eds
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia302.types import Letter
 from axisbus.cli import boot as boot_command
-from axisbus.cli.main import cli
-from axisbus.cli.shared.common import run
 from axisbus.core import canlink, late_boot
 from axisbus.errors import BootError
 from axisbus.machine.machine import Machine
@@ -305,23 +302,10 @@ def test_an_optional_drive_that_appears_while_the_machine_runs_keeps_its_program
 # -- the command line ------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def axisbus(monkeypatch, capsys):
-    """Run the command line in this process; returns exit code and output."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["axisbus", *map(str, arguments)])
-        code = run(cli)
-        return code, capsys.readouterr()
-
-    return call
-
-
 def test_boot_reports_of_a_program_as_text_and_as_json(axisbus, tmp_path):
     with rig(tmp_path, EXPECTED) as line:
-        code, told = axisbus("boot", line.file)
-        code_of_json, plain = axisbus("boot", "--json", line.file)
-    assert code == code_of_json == 3
+        told, plain = axisbus("boot", line.file), axisbus("boot", "--json", line.file)
+    assert told.code == plain.code == 3
     assert "H: the node has another program than the expected one" in told.out
     assert "  expected      2026-03-01 12:00:00\n  got           2025-11-20 08:15:00\n" in told.out
     (node,) = json.loads(plain.out)
@@ -339,8 +323,8 @@ def test_boot_reports_of_a_program_as_text_and_as_json(axisbus, tmp_path):
 
 def test_boot_reports_that_a_program_is_being_downloaded(axisbus, tmp_path):
     with rig(tmp_path, DOWNLOAD) as line:
-        code, told = axisbus("boot", line.file)
-    assert code == 0, told.out
+        told = axisbus("boot", line.file)
+    assert told.code == 0, told.out
     assert "node 1: its program is being replaced, 3000 bytes; do not switch it off\n" in told.err
 
 
@@ -351,8 +335,8 @@ def test_an_interruption_reports_the_state_of_the_download(axisbus, tmp_path, mo
         raise KeyboardInterrupt
 
     monkeypatch.setattr(boot_command, "boot", interrupted)
-    code, told = axisbus("boot", tmp_path / "cell.toml")
-    assert code == 130
+    told = axisbus("boot", tmp_path / "cell.toml")
+    assert told.code == 130
     assert told.err.count("node 3: its program is being replaced, 3000 bytes; do not switch it off\n") == 1
     assert (
         "(node 3): a node cannot be used after an interrupted download until a download has succeeded"

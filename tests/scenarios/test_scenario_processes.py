@@ -22,14 +22,12 @@ import pytest
 
 from kit.cell import SCALE, cell_text
 from kit.plant_probe import ENABLED, OFF, QUICK_STOP
+from kit.scenarios.core_process import OWN_PROCESS
 from kit.scenarios.moving_program import LOSSES
 from kit.scenarios.program import TESTS
 from kit.stop_report import STOPPED
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 CUTTING = Path(__file__).parents[1] / "kit" / "scenarios" / "safety_net_removal"
 # Long heartbeats: the drives' own watch over them is another net, which would hide that one of these is missing.
 HEARTBEAT = "1s"  # the drives wait for three of them

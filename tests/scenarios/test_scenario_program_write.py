@@ -19,7 +19,7 @@ from axisbus.motion.states import AxisState
 from axisbus.sim.boot_loader import ProgramLoader
 from axisbus.sim.power import Effort
 from axisbus.testing import Simulation, simulate
-from kit.cell import SCALE, cell_text
+from kit.cell import SCALE, cell_file, cell_text
 from kit.eds.loader import loader_eds, program
 
 NEW = (15_400, 43_200_000)
@@ -51,8 +51,7 @@ class Witness:
 @contextmanager
 def cell(folder: Path, more: str = "", **changes: str) -> Iterator[tuple[Simulation, Witness]]:
     """Simulate x and y in virtual time, both with a boot loader; x turns."""
-    file = folder / "cell.toml"
-    file.write_text(cell_text("xy", eds=loader_eds(folder), more=more, **changes), encoding="utf-8")
+    file = cell_file(folder, "xy", eds=loader_eds(folder), more=more, **changes)
     with suppress(DriveError), simulate(file) as simulation:
         witness = Witness(simulation)
         simulation.machine["x"].enable().wait(5)

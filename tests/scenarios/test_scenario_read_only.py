@@ -11,7 +11,7 @@ from axisbus.eds.builtin import resolve
 from axisbus.eds.model import Severity
 from axisbus.errors import BootError, DriveError
 from axisbus.machine.machine import Machine
-from kit.cell import cell_text
+from kit.cell import cell_file
 
 GROUP = '[groups.x1]\naxes = ["x"]\n'
 PERIOD_VALUE, PERIOD_EXPONENT = "60C2sub1", "60C2sub2"
@@ -28,9 +28,7 @@ def cell(folder: Path, *fixed: tuple[str, int | None], period: str = "10ms") -> 
         entry = "\n".join(lines)
         text = head + mark + entry + blank + rest
     (folder / "drive.eds").write_text(text, encoding="utf-8")
-    path = folder / "cell.toml"
-    path.write_text(cell_text("x", eds="drive.eds", period=period, more=GROUP), encoding="utf-8")
-    return path
+    return cell_file(folder, "x", eds="drive.eds", period=period, more=GROUP)
 
 
 def home(machine: Machine) -> None:

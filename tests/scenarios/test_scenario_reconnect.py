@@ -16,7 +16,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.sim.power import Effort
 from axisbus.testing import Simulation, simulate
-from kit.cell import cell_text
+from kit.cell import cell_file
 
 VIRTUAL = '\n[axes.v]\nvirtual = true\nunit = "deg"\nscale = 100\nmax_velocity = 400.0\n[axes.v.defaults]\nvelocity = 100.0\n'
 VIRTUAL += "acceleration = 500.0\n"
@@ -25,8 +25,7 @@ VIRTUAL += "acceleration = 500.0\n"
 @contextmanager
 def cell(folder: Path, names: str = "xy", more: str = "", **changes: str) -> Iterator[Simulation]:
     """Simulate a cell in virtual time; errors of closing are not of interest here."""
-    file = folder / "cell.toml"
-    file.write_text(cell_text(names, more=more, **changes), encoding="utf-8")
+    file = cell_file(folder, names, more=more, **changes)
     with ExitStack() as stack:
         simulation = stack.enter_context(simulate(file))
         closing = stack.pop_all()

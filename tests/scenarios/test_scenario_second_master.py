@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
 
@@ -14,8 +13,6 @@ from axisbus.cell.model import BusConfig
 from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.master_detection import ExpectedMasters, MasterDetector
 from axisbus.cia301.nmt import NmtState
-from axisbus.cli.main import cli
-from axisbus.cli.shared.common import run
 from axisbus.clock import REAL
 from axisbus.core import canlink
 from axisbus.core.master_detection import LONGEST, listening_time
@@ -32,19 +29,6 @@ ALL = {**others.SIGNS, **others.MASTERS}
 QUICK = {
     "heartbeat": "100ms"
 }  # it listens for 0.2 s; if a machine is opened then, it is as slow as in every scenario
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys):
-    """Type a command; returns exit code, output and errors."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["axisbus", *map(str, arguments)])
-        code = run(cli)
-        seen = capsys.readouterr()
-        return code, seen.out, seen.err
-
-    return call
 
 
 # -- a second machine ----------------------------------------------------------------------------------------------------

@@ -6,7 +6,6 @@ import math
 import os
 import re
 import signal
-import sys
 import time
 
 import pytest
@@ -15,8 +14,9 @@ from axisbus import Machine
 from axisbus.cia402.state import PowerState
 from axisbus.errors import ArgumentError, AxisbusError, LimitError, StaleError, StateError
 from axisbus.motion.states import AxisState
-from kit.cell import cell_text
+from kit.cell import cell_file, cell_text
 from kit.plant_probe import ENABLED
+from kit.scenarios.core_process import OWN_PROCESS
 from kit.stop_report import STOPPED
 from kit.virtual_axis import HARDEST, Trail, virtual
 
@@ -247,8 +247,7 @@ def test_the_end_of_the_program_stops_and_disables_it(scenario):
 
 
 def test_leaving_the_block_stops_it(tmp_path):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x", more=virtual()))
+    path = cell_file(tmp_path, "x", more=virtual())
     with Machine.simulated(path) as machine:
         v = machine["v"]
         v.enable().wait(5)
@@ -400,14 +399,13 @@ def test_commands_that_need_a_drive_are_refused_with_the_reason(scenario):
 # -- in real time ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+@OWN_PROCESS
 @pytest.mark.parametrize("names", ["x", ""], ids=["beside a drive", "alone"])
 @pytest.mark.parametrize("process", ["own", "thread"])
 def test_on_a_bus_a_virtual_axis_is_moved_by_the_core_in_every_process(
     tmp_path, names, process, core_in_threads
 ):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text(names, bus=f'process = "{process}"', more=virtual()))
+    path = cell_file(tmp_path, names, bus=f'process = "{process}"', more=virtual())
     with Machine.open(path) as machine:
         v = machine["v"]
         assert v.homed
@@ -427,10 +425,9 @@ def test_on_a_bus_a_virtual_axis_is_moved_by_the_core_in_every_process(
     assert (v.snapshot.velocity, v.snapshot.power_state) == (0, PowerState.SWITCH_ON_DISABLED)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+@OWN_PROCESS
 def test_if_the_core_is_killed_a_virtual_axis_is_not_reported(tmp_path):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x", bus='process = "own"', more=virtual()))
+    path = cell_file(tmp_path, "x", bus='process = "own"', more=virtual())
     machine = Machine.open(path)
     for axis in machine:
         axis.enable().wait(5)

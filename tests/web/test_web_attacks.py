@@ -25,14 +25,11 @@ from websockets.sync.client import ClientConnection
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.web.access.limits import FILE
-from kit.scenarios.core_process import own_cell, turns
+from kit.scenarios.core_process import OWN_PROCESS, own_cell, turns
 from kit.served_page import served, until
 from kit.web_client import Client
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 
 
 def send(page: ClientConnection, do: str, axis: str = "x", **more: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,12 +14,9 @@ from axisbus.web.commands.clients import PageClient
 from axisbus.web.view import explained, whole_cell
 from kit.core_in_threads import core_in_threads
 from kit.page_clients import Pages
-from kit.scenarios.core_process import enabled, own_cell
+from kit.scenarios.core_process import OWN_PROCESS, enabled, own_cell
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 
 
 @pytest.fixture

@@ -19,9 +19,9 @@ pytest.importorskip("nicegui", reason="the page needs nicegui")
 pytest.importorskip("selenium", reason="the browser is driven by selenium")
 
 from axisbus.motion.states import AxisState
-from kit.browser import ENTER, ESCAPE, MARKS, SPACE, Page, chromium
+from kit.browser import ENTER, ESCAPE, MARKS, SPACE, Page, opened_page
 from kit.scenarios.core_process import turns
-from kit.served_page import served, until
+from kit.served_page import until
 
 pytestmark = MARKS
 FAST = 25.0  # deg/s, less than a jog has
@@ -30,12 +30,8 @@ FAST = 25.0  # deg/s, less than a jog has
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
     """The machine of this program, ``axisbus web`` beside it, and its page in a browser."""
-    with served(tmp_path_factory.mktemp("web")) as at:
-        driver = chromium()
-        try:
-            yield SimpleNamespace(machine=at.machine, web=at.web, page=Page(driver, at.link), link=at.link)
-        finally:
-            driver.quit()
+    with opened_page(tmp_path_factory.mktemp("web")) as (at, page):
+        yield SimpleNamespace(machine=at.machine, web=at.web, page=page, link=at.link)
 
 
 @pytest.fixture

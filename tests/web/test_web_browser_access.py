@@ -16,8 +16,8 @@ pytest.importorskip("nicegui", reason="the page needs nicegui")
 pytest.importorskip("selenium", reason="the browser is driven by selenium")
 
 from kit.accessibility import violations
-from kit.browser import MARKS, Page, chromium
-from kit.served_page import served, until
+from kit.browser import MARKS, opened_page
+from kit.served_page import until
 
 pytestmark = MARKS
 LIMITED = "max_torque = 5.0\nposition_limits = [-1000.0, 1000.0]"
@@ -26,22 +26,17 @@ LIMITED = "max_torque = 5.0\nposition_limits = [-1000.0, 1000.0]"
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
     """The page with axis x in fault, so that every view has a message."""
-    with served(tmp_path_factory.mktemp("web"), LIMITED) as at:
-        driver = chromium()
-        try:
-            page = Page(driver, at.link)
-            page.view("axis-x")
-            page.press("take")
-            until(lambda: page.one("[data-do=give_back]").is_displayed())
-            page.press("enable")
-            until(lambda: page.text(".state") == "Standstill")
-            at.machine.simulated_node(1).fault(0x4310)
-            until(lambda: page.text(".state") == "ErrorStop")
-            page.press("move_velocity")
-            until(lambda: page.text("#told"))
-            yield SimpleNamespace(page=page, web=at.web)
-        finally:
-            driver.quit()
+    with opened_page(tmp_path_factory.mktemp("web"), LIMITED) as (at, page):
+        page.view("axis-x")
+        page.press("take")
+        until(lambda: page.one("[data-do=give_back]").is_displayed())
+        page.press("enable")
+        until(lambda: page.text(".state") == "Standstill")
+        at.machine.simulated_node(1).fault(0x4310)
+        until(lambda: page.text(".state") == "ErrorStop")
+        page.press("move_velocity")
+        until(lambda: page.text("#told"))
+        yield SimpleNamespace(page=page, web=at.web)
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

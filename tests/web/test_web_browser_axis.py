@@ -20,10 +20,10 @@ from axisbus.motion.states import AxisState
 from axisbus.web import address
 from axisbus.web.access.tokens import Role
 from axisbus.web.server import PageServer
-from kit.browser import ENTER, MARKS, SPACE, TAB, Page, chromium
+from kit.browser import ENTER, MARKS, SPACE, TAB, Page, chromium, opened_page
 from kit.scenarios.core_process import turns
 from kit.scenarios.simulated_bus import Line
-from kit.served_page import served, until
+from kit.served_page import until
 
 pytestmark = MARKS
 LIMITED = "max_torque = 5.0\nposition_limits = [-20000.0, 20000.0]\nfollowing_error = 100.0"
@@ -32,12 +32,8 @@ LIMITED = "max_torque = 5.0\nposition_limits = [-20000.0, 20000.0]\nfollowing_er
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
     folder = tmp_path_factory.mktemp("web")
-    with served(folder, LIMITED) as at:
-        driver = chromium()
-        try:
-            yield SimpleNamespace(machine=at.machine, page=Page(driver, at.link), file=folder / "cell.toml")
-        finally:
-            driver.quit()
+    with opened_page(folder, LIMITED) as (at, page):
+        yield SimpleNamespace(machine=at.machine, page=page, file=folder / "cell.toml")
 
 
 @pytest.fixture
@@ -45,14 +41,7 @@ def x(scene: SimpleNamespace) -> Iterator[SimpleNamespace]:
     """The view of axis x, enabled, with the controls; at the end it is at standstill."""
     page, axis = scene.page, scene.machine["x"]
     page.usual()
-    page.view("axis-x")
-    if page.one("[data-do=take]").is_displayed():
-        page.press("take")
-    until(lambda: page.one("[data-do=give_back]").is_displayed())
-    if axis.state is AxisState.DISABLED:
-        page.press("enable")
-    until(lambda: axis.state is AxisState.STANDSTILL)
-    page.told()
+    page.operate(axis)
     yield SimpleNamespace(
         page=page, axis=axis, machine=scene.machine, speed=lambda: abs(turns(scene.machine))
     )

@@ -21,8 +21,8 @@ from axisbus.cia301 import abort
 from axisbus.eds import load as load_eds
 from axisbus.motion.states import AxisState
 from axisbus.record.load import load
-from kit.browser import ENTER, MARKS, SPACE, Page, chromium
-from kit.served_page import served, until
+from kit.browser import ENTER, MARKS, SPACE, Page, opened_page
+from kit.served_page import until
 
 pytestmark = MARKS
 ACCELERATION = (0x6083, 0)
@@ -30,21 +30,14 @@ ACCELERATION = (0x6083, 0)
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
-    with served(tmp_path_factory.mktemp("web")) as at:
-        driver = chromium()
-        folder = tmp_path_factory.mktemp("saved")
-        driver.execute_cdp_cmd(
+    folder = tmp_path_factory.mktemp("saved")
+    with opened_page(tmp_path_factory.mktemp("web")) as (at, page):
+        page.driver.execute_cdp_cmd(
             "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(folder)}
         )
-        try:
-            yield SimpleNamespace(
-                machine=at.machine,
-                page=Page(driver, at.link),
-                folder=folder,
-                own=tmp_path_factory.mktemp("own"),
-            )
-        finally:
-            driver.quit()
+        yield SimpleNamespace(
+            machine=at.machine, page=page, folder=folder, own=tmp_path_factory.mktemp("own")
+        )
 
 
 @pytest.fixture

@@ -22,8 +22,8 @@ from axisbus.cia301 import abort
 from axisbus.machine.axis import Axis
 from axisbus.motion.states import AxisState
 from kit.accessibility import violations
-from kit.browser import ENTER, MARKS, SPACE, TAB, Page, chromium
-from kit.served_page import served, until
+from kit.browser import ENTER, MARKS, SPACE, TAB, Page, opened_page
+from kit.served_page import until
 
 pytestmark = MARKS
 ACCELERATION, POSITION = "1:6083:00", "1:6064:00"
@@ -37,12 +37,8 @@ DOWN, RIGHT, LEFT = "\ue015", "\ue014", "\ue012"
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
-    with served(tmp_path_factory.mktemp("web")) as at:
-        driver = chromium()
-        try:
-            yield SimpleNamespace(machine=at.machine, page=Page(driver, at.link), link=at.link)
-        finally:
-            driver.quit()
+    with opened_page(tmp_path_factory.mktemp("web")) as (at, page):
+        yield SimpleNamespace(machine=at.machine, page=page, link=at.link)
 
 
 @pytest.fixture

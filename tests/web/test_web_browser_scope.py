@@ -20,27 +20,22 @@ pytest.importorskip("selenium", reason="the browser is driven by selenium")
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.support.select import Select
 
-from kit.browser import ENTER, MARKS, SPACE, Page, chromium
-from kit.served_page import served, until
+from kit.browser import ENTER, MARKS, SPACE, Page, opened_page
+from kit.served_page import until
 
 pytestmark = MARKS
 
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
-    with served(tmp_path_factory.mktemp("web")) as at:
-        driver = chromium()
-        try:
-            page = Page(driver, at.link)
-            page.view("scope")
-            page.press("take")
-            until(lambda: page.one("[data-do=give_back]").is_displayed())
-            page.view("axis-x")
-            page.press("enable")
-            until(lambda: page.text(".state") == "Standstill")
-            yield SimpleNamespace(machine=at.machine, page=page, x=at.machine["x"])
-        finally:
-            driver.quit()
+    with opened_page(tmp_path_factory.mktemp("web")) as (at, page):
+        page.view("scope")
+        page.press("take")
+        until(lambda: page.one("[data-do=give_back]").is_displayed())
+        page.view("axis-x")
+        page.press("enable")
+        until(lambda: page.text(".state") == "Standstill")
+        yield SimpleNamespace(machine=at.machine, page=page, x=at.machine["x"])
 
 
 @pytest.fixture

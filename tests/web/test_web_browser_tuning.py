@@ -21,8 +21,8 @@ from selenium.webdriver.support.select import Select
 from axisbus.machine.axis import Axis
 from axisbus.motion.states import AxisState
 from kit.accessibility import violations
-from kit.browser import ENTER, MARKS, SPACE, TAB, Page, chromium
-from kit.served_page import served, until
+from kit.browser import ENTER, MARKS, SPACE, TAB, Page, opened_page
+from kit.served_page import until
 
 pytestmark = MARKS
 LIMITED = "position_limits = [-1000.0, 1000.0]"
@@ -50,12 +50,8 @@ return count;
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
-    with served(tmp_path_factory.mktemp("web"), LIMITED) as at:
-        driver = chromium()
-        try:
-            yield SimpleNamespace(machine=at.machine, page=Page(driver, at.link), link=at.link)
-        finally:
-            driver.quit()
+    with opened_page(tmp_path_factory.mktemp("web"), LIMITED) as (at, page):
+        yield SimpleNamespace(machine=at.machine, page=page, link=at.link)
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.web.access.tokens import Role
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.page_clients import Pages
 
 AT_ONCE = 0.14  # seconds in which 40 deg/s are braked, before the core itself ends a jog
@@ -18,8 +18,7 @@ AT_ONCE = 0.14  # seconds in which 40 deg/s are braked, before the core itself e
 
 @pytest.fixture
 def pages(tmp_path: Path) -> Iterator[Pages]:
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy", axis="rated_torque = 10.0\nmax_torque = 5.0"), encoding="utf-8")
+    path = cell_file(tmp_path, "xy", axis="rated_torque = 10.0\nmax_torque = 5.0")
     with Machine.simulated(path) as machine:
         yield Pages(machine)
 

@@ -36,7 +36,7 @@ from axisbus.web.config.report import ConfigJob, ConfigJobKind, ConfigProgress
 from axisbus.web.objects import verifying
 from axisbus.web.objects.worker import ObjectWorker, node_of
 from axisbus.web.server import ConfigRoutes
-from kit.cell import GENERIC, cell_text
+from kit.cell import GENERIC, cell_file
 
 ACCELERATION, WINDOW, HEARTBEAT = (0x6083, 0), (0x6065, 0), (0x1017, 0)
 
@@ -48,8 +48,7 @@ def quickly(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def machine(tmp_path: Path) -> Iterator[Machine]:
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy"), encoding="utf-8")
+    path = cell_file(tmp_path, "xy")
     with Machine.simulated(path) as machine:
         yield machine
 

@@ -15,7 +15,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters, Units
 from axisbus.units import Scale
 from axisbus.web.view import Bar, all_axes, bars_of, mark, number, places
-from kit.cell import cell_text
+from kit.cell import cell_file, cell_text
 
 LIMITED = "rated_torque = 10.0\nmax_torque = 5.0\nposition_limits = [-90.0, 180.0]\nfollowing_error = 2.0"
 SPEED = Bar("velocity", "Velocity", "deg/s", (-400.0, 400.0))
@@ -23,9 +23,7 @@ PLACE = Bar("position", "Position", "mm", (10.0, 110.0), slack=0.1)
 
 
 def cell(folder: Path, axis: str) -> Path:
-    path = folder / "cell.toml"
-    path.write_text(cell_text("x", axis=axis), encoding="utf-8")
-    return path
+    return cell_file(folder, "x", axis=axis)
 
 
 @pytest.fixture

@@ -14,14 +14,11 @@ pytest.importorskip("nicegui", reason="the page needs nicegui")
 
 from axisbus.errors import OwnershipError, StateError
 from axisbus.machine.machine import Machine
-from kit.cell import cell_text
-from kit.scenarios.core_process import own_cell
+from kit.cell import cell_file
+from kit.scenarios.core_process import OWN_PROCESS, own_cell
 from kit.served_page import until
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
-    pytest.mark.timeout(120),
-]
+pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 PROGRAM = """
 import sys, time
 from axisbus import Machine
@@ -96,7 +93,6 @@ def listens(address):
 
 
 def test_a_machine_that_cannot_be_joined_has_no_page(tmp_path):
-    file = tmp_path / "cell.toml"
-    file.write_text(cell_text(), "utf-8")
+    file = cell_file(tmp_path)
     with Machine.simulated(file) as machine, pytest.raises(StateError, match="no page can be served"):
         machine.serve_web()

@@ -30,7 +30,7 @@ from axisbus.web.objects.dictionary import DictionaryCache, book, layouts
 from axisbus.web.objects.transfer_queue import ObjectJob, ObjectKey, TransferRequest, TransferResult, read
 from axisbus.web.objects.verifying import Verifying
 from axisbus.web.objects.worker import ObjectTransfers, ObjectWorker, node_of
-from kit.cell import GENERIC, cell_text
+from kit.cell import GENERIC, cell_file
 
 ROOT = Path(__file__).parents[2]
 STORE = "1:1010:01"
@@ -69,8 +69,7 @@ def named(key: str) -> ObjectKey:
 
 @pytest.fixture
 def nodes(tmp_path: Path) -> Iterator[Nodes]:
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy"), encoding="utf-8")
+    path = cell_file(tmp_path, "xy")
     with Machine.simulated(path) as machine:
         yield Nodes(machine)
 
@@ -183,8 +182,7 @@ def test_a_domain_is_neither_read_nor_written(tmp_path):
         )
         text = head + before + body.replace("DefaultValue=1000000", "") + gap + tail
     (tmp_path / "domain.eds").write_text(text, "utf-8")
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x", eds=str(tmp_path / "domain.eds")), "utf-8")
+    path = cell_file(tmp_path, "x", eds=str(tmp_path / "domain.eds"))
     with Machine.simulated(path) as machine:
         at = Nodes(machine)
         for key in ("1:6083:00", "1:6084:00"):
@@ -280,8 +278,7 @@ def test_findings_are_those_of_eds_check(tmp_path):
     text = (ROOT / "eds" / "generic-cia402.eds").read_text("utf-8")
     bad = tmp_path / "bad.eds"
     bad.write_text(text.replace("PDOMapping=1", "PDOMapping=<b>7</b>", 1), "utf-8")
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x", eds=str(bad)), "utf-8")
+    path = cell_file(tmp_path, "x", eds=str(bad))
     with Machine.simulated(path) as machine:
         found = book(machine, 1)["findings"]
     assert found["all"] >= 1
@@ -451,8 +448,7 @@ def test_a_verification_is_reported_to_its_end_and_ends_with_the_controls(desk, 
 
 
 def test_a_device_of_another_kind_has_its_own_book(tmp_path):
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("x", eds="builtin:gim6010-8"), "utf-8")
+    path = cell_file(tmp_path, "x", eds="builtin:gim6010-8")
     eds = load(builtin.resolve("builtin:gim6010-8", Path()))
     with Machine.simulated(path, {1: device_from_eds(eds, 1)}) as machine:
         told = book(machine, 1)

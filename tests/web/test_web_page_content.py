@@ -18,7 +18,7 @@ from axisbus.motion.states import AxisState
 from axisbus.sim.build import device_from_eds
 from axisbus.web.page.axis_view import svg
 from axisbus.web.view import all_axes, whole_cell
-from kit.cell import GENERIC, cell_text
+from kit.cell import GENERIC, cell_file, cell_text
 
 # The states and their transitions, typed off from CiA 402-2, figure of 7.2; 0 has no source in it, 9, 10 and 8 are not drawn.
 STATES = """\
@@ -35,8 +35,7 @@ fault,15
 
 @pytest.fixture
 def machine(tmp_path: Path) -> Iterator[Machine]:
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy", axis="rated_torque = 10.0"), encoding="utf-8")
+    path = cell_file(tmp_path, "xy", axis="rated_torque = 10.0")
     with Machine.simulated(path) as machine:
         yield machine
 

@@ -28,7 +28,7 @@ from axisbus.web.access.middleware import SESSION
 from axisbus.web.access.tokens import PageSession, Role
 from axisbus.web.scope import saving
 from axisbus.web.scope.saving import ScopeRoutes, mcap, read
-from kit.cell import cell_text
+from kit.cell import cell_file
 
 pytest.importorskip("mcap", reason="the extra record is not installed")
 SIGNALS = ("x.position", "x.velocity", "y.position")
@@ -36,8 +36,7 @@ SIGNALS = ("x.position", "x.velocity", "y.position")
 
 @pytest.fixture
 def machine(tmp_path: Path) -> Iterator[Machine]:
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy"), encoding="utf-8")
+    path = cell_file(tmp_path, "xy")
     with Machine.simulated(path) as machine:
         yield machine
 

@@ -14,7 +14,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.web.access.tokens import Role
 from axisbus.web.commands.clients import PageClient
-from kit.cell import cell_text
+from kit.cell import cell_file, cell_text
 from kit.page_clients import Pages
 
 MOVE = {"distance": "20", "velocity": "60", "acceleration": "400", "seconds": "1.0"}
@@ -73,8 +73,7 @@ class Tuning(Pages):
 
 @pytest.fixture
 def pages(tmp_path: Path) -> Iterator[Tuning]:
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy", axis="position_limits = [-100.0, 100.0]"), encoding="utf-8")
+    path = cell_file(tmp_path, "xy", axis="position_limits = [-100.0, 100.0]")
     with Machine.simulated(path) as machine:
         yield Tuning(machine)
 

@@ -13,7 +13,7 @@ from axisbus.bus.link.controller import WHAT_TO_CHECK
 from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, echo, say, say_json, say_next
 from axisbus.cli.shared.frames import FrameSource, FrameSourceOptions, open_frames, source_options
-from axisbus.cli.shared.options import Seconds, bus_options
+from axisbus.cli.shared.options import Seconds
 from axisbus.errors import ArgumentError, UserError
 from axisbus.wording import counted
 
@@ -26,34 +26,21 @@ _LISTEN = 5.0
 
 
 @click.command("load")
-@click.argument("source", required=False)
-@bus_options
 @source_options
 @click.option("--seconds", type=Seconds(0.1), help="Listen to the bus for this time [default with -i: 5].")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
-def command(
-    source: str | None,
-    interface: str | None,
-    channel: str | None,
-    bitrate: int | None,
-    option: tuple[str, ...],
-    cell: Path | None,
-    eds: tuple[str, ...],
-    seconds: float | None,
-    as_json: bool,
-) -> int:
+def command(asked: FrameSourceOptions, seconds: float | None, as_json: bool) -> int:
     """Show the load of a bus, by node and by service: planned for a cell.toml, measured in a recording or (--seconds) on the
     bus.
 
     SOURCE is a cell.toml, a recording, or - for candump's output. Planned figures are a range, from no stuff bits to the highest
     possible number of them; measured figures count the actual stuff bits. It sends nothing. Exit code 1 above 90 %.
     """
-    asked = FrameSourceOptions(source, interface, channel, bitrate, option, cell, eds)
     asked.check()
-    listens = asked.live and (interface is not None or seconds is not None)
+    listens = asked.live and (asked.interface is not None or seconds is not None)
     report: dict[str, Any] = {}
     if asked.cell_file is not None and asked.recording != "-":
-        report["planned"] = _planned(asked.cell_file, bitrate)
+        report["planned"] = _planned(asked.cell_file, asked.bitrate)
     if listens or not asked.live:
         report["measured"] = _measured(asked, (seconds or _LISTEN) if listens else None)
     if as_json:

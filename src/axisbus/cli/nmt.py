@@ -15,7 +15,7 @@ from axisbus.cli.shared.attach_or_open import take_option
 from axisbus.cli.shared.attached_nodes import joined
 from axisbus.cli.shared.common import FAILURE, OK, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_nodes_or_all
-from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeOptions, NodeSession, node_options
 from axisbus.errors import NodeTimeout, StateError
 from axisbus.machine.machine_node import MachineNode
 
@@ -60,8 +60,7 @@ def command(
     """
     from axisbus.bus.node import nmt_commands
 
-    require_bus(asked)
-    files = NodeFiles.of(asked.cell, asked.eds)
+    files = asked.files()
     if ALL in who and len(who) > 1:
         raise click.UsageError('"all" excludes node names')
     everybody = who == (ALL,)

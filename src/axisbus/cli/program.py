@@ -64,8 +64,7 @@ def show_command(node: str, asked: NodeOptions, as_json: bool) -> int:
     axisbus program show x --cell cell.toml
     axisbus program show 5 -i socketcan -c can0
     """
-    require_bus(asked)
-    files = NodeFiles.of(asked.cell, asked.eds)
+    files = asked.files()
     node_id = files.address(node).node_id
     with ExitStack() as stack:
         found = program_facts.read_programs(

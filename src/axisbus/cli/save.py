@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.shared.common import OK, WRONG, progress_phases, say, say_error, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
-from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeOptions, NodeSession, node_options
+from axisbus.configuration import report_text
+from axisbus.configuration.store_parameters import OBJECT, StoreResult, keep
 from axisbus.wording import counted
-
-if TYPE_CHECKING:
-    from axisbus.configuration.store_parameters import StoreResult
 
 
 @click.command("save")
@@ -32,10 +30,7 @@ def command(node: str, asked: NodeOptions, as_json: bool) -> int:
     axisbus save x --cell cell.toml
     axisbus save 5 -i socketcan -c can0 --eds drive.eds
     """
-    from axisbus.configuration.store_parameters import keep
-
-    require_bus(asked)
-    files = NodeFiles.of(asked.cell, asked.eds)
+    files = asked.files()
     node_id = files.address(node.rstrip(":")).node_id
     with ExitStack() as stack:
         device = NodeSession(stack, asked, files, [node_id]).node(node_id)
@@ -48,9 +43,6 @@ def command(node: str, asked: NodeOptions, as_json: bool) -> int:
 
 
 def _show(node_id: int, kept: StoreResult, with_eds: bool) -> None:
-    from axisbus.configuration import report_text
-    from axisbus.configuration.store_parameters import OBJECT
-
     restart = ", restarted" if kept.restarted else ""
     say(f"node {node_id}: stored by {OBJECT} in {kept.seconds:.1f} s{restart}, and answers")
     for each in kept.comparison.differences:
@@ -65,13 +57,9 @@ def _show(node_id: int, kept: StoreResult, with_eds: bool) -> None:
 
 
 def _plain(node_id: int, kept: StoreResult) -> dict[str, object]:
-    from axisbus.configuration import report_text
-
     lost = [
         {
-            "index": each.variable.index,
-            "subindex": each.variable.subindex,
-            "name": each.variable.name,
+            **report_text.identified(each.variable),
             "before": report_text.plain(each.left),
             "after": report_text.plain(each.right),
         }

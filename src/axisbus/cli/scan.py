@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,7 +11,7 @@ import click
 from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import open_bus, opening_of
 from axisbus.cli.shared.common import OK, WRONG, coloured, say, say_json, say_next, say_table
-from axisbus.cli.shared.options import PATH, bus_options, bus_words
+from axisbus.cli.shared.options import PATH, GivenBus, bus_options, bus_words, packed
 from axisbus.cli.shared.plugin_options import adding
 from axisbus.drives.foreign_protocols import ForeignProtocols
 
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
 
 _NUMBERS = ("vendor", "product", "revision", "serial")
 _FACTS = ("make", *_NUMBERS)
-Given = tuple[Path | None, str | None, str | None, int | None, tuple[str, ...]]
 
 
 def _about() -> str:
@@ -39,15 +37,9 @@ def _about() -> str:
 @adding((), _about())
 @click.argument("cell", type=PATH, required=False)
 @bus_options
+@packed(GivenBus, "given")
 @click.option("--json", "as_json", is_flag=True, help="Print the nodes as JSON.")
-def command(
-    cell: Path | None,
-    interface: str | None,
-    channel: str | None,
-    bitrate: int | None,
-    option: tuple[str, ...],
-    as_json: bool,
-) -> int:
+def command(given: GivenBus, as_json: bool) -> int:
     """Show the nodes on a bus and their identities: on that of CELL (a cell.toml), or with -i and -c on any bus.
 
     Asks each of the 127 node IDs once or twice; takes under 3 s. Changes nothing. Exit code 1 when no node answers.
@@ -56,7 +48,6 @@ def command(
     working bus.
     """
     others = ForeignProtocols()
-    given = (cell, interface, channel, bitrate, option)
     found, failed = _scan(given, others)
     speakers, elsewhere = others.speakers, None
     opening = opening_of(*given)
@@ -78,7 +69,7 @@ def command(
     return OK if found else WRONG
 
 
-def _scan(given: Given, others: ForeignProtocols) -> tuple[list[DiscoveredNode], BusError | None]:
+def _scan(given: GivenBus, others: ForeignProtocols) -> tuple[list[DiscoveredNode], BusError | None]:
     """Return the nodes found, and the error of the bus (at a wrong bit rate no frame is acknowledged)."""
     from axisbus.bus.node.discover import scan
     from axisbus.errors import BusError
@@ -113,12 +104,11 @@ def _show(found: list[DiscoveredNode]) -> None:
             _lines(node)
 
 
-def _next(given: Given) -> None:
-    cell, interface, channel, bitrate, option = given
-    if interface is None:
-        say_next(f"axisbus boot {cell}")
+def _next(given: GivenBus) -> None:
+    if given.interface is None:
+        say_next(f"axisbus boot {given.cell}")
         return
-    bus = bus_words(None, interface, channel, bitrate, option)
+    bus = bus_words(*given._replace(cell=None))
     say_next(f"a first cell file of them: axisbus init {bus} -o cell.toml")
 
 

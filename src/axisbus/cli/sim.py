@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
@@ -15,7 +15,7 @@ from axisbus.cell.model import CellConfig
 from axisbus.cell.other_protocols import other_nodes
 from axisbus.check.run import checked
 from axisbus.cli.shared.common import OK, say
-from axisbus.cli.shared.options import PATH, Seconds, port_option
+from axisbus.cli.shared.options import PATH, Seconds, packed, port_option
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.cli.shared.plugin_options import SimOption, adding, sim_options
 from axisbus.core.sim_faults_file import load_faults
@@ -41,6 +41,16 @@ def _about(options: Sequence[SimOption]) -> str:
     return " ".join(filter(None, texts)) if options else ""
 
 
+class _Wish(NamedTuple):
+    """The user's options apart from cell, plug-ins and --force."""
+
+    port: int
+    output: Path | None
+    faults: Path | None
+    control: Path | None
+    seconds: float | None
+
+
 @click.command("sim")
 @click.argument("cell", type=PATH, required=False)
 @adding(_OPTIONS, _about(_OPTIONS))
@@ -54,14 +64,11 @@ def _about(options: Sequence[SimOption]) -> str:
     help="Make a socket at this path, for tests to control the drives (axisbus.SimulationControl).",
 )
 @click.option("--for", "seconds", type=Seconds(), help="Duration in seconds; without it, until Ctrl-C.")
+@packed(_Wish, "wish")
 def command(
     cell: Path | None,
-    port: int,
-    output: Path | None,
+    wish: _Wish,
     force: bool,
-    faults: Path | None,
-    control: Path | None,
-    seconds: float | None,
     **others: tuple[Any, ...],
 ) -> int:
     """Simulate the drives of CELL for other terminals and programs, on a port of this computer that other computers cannot
@@ -75,50 +82,33 @@ def command(
     """
     config = None if cell is None else checked(cell)
     wanted = {option: others[option.parameter] for option in _OPTIONS if others[option.parameter]}
-    _require_enough(config, wanted, {"-o": output, "--faults": faults, "--control": control})
+    _require_enough(config, wanted, wish)
     guests = {option: option.guests(values) for option, values in wanted.items()}
     if config is not None:
-        _require_beside(config, output)
+        _require_beside(config, wish.output)
         _require_others(config, guests)
-    require_free(output, force=force)
+    require_free(wish.output, force=force)
     with ExitStack() as stack:
         for option, values in wanted.items():
             stack.enter_context(option.serve(values))
         if config is None and not any(guests.values()):
-            _wait(seconds)
+            _wait(wish.seconds)
             return OK
         told = [option.text(values) for option, values in wanted.items() if guests[option]]
-        return _serve(
-            config,
-            [guest for some in guests.values() for guest in some],
-            told,
-            port,
-            output,
-            faults,
-            control,
-            seconds,
-        )
+        return _serve(config, [guest for some in guests.values() for guest in some], told, wish)
 
 
-def _serve(
-    config: CellConfig | None,
-    guests: Sequence[Guest],
-    told: Sequence[str],
-    port: int,
-    output: Path | None,
-    faults: Path | None,
-    control: Path | None,
-    seconds: float | None,
-) -> int:
-    planned = () if faults is None or config is None else load_faults(faults, config)
+def _serve(config: CellConfig | None, guests: Sequence[Guest], told: Sequence[str], wish: _Wish) -> int:
+    output = wish.output
+    planned = () if wish.faults is None or config is None else load_faults(wish.faults, config)
     served = Served(config, planned, guests)
-    with served.serve(port, control) as server:
-        _tell(config, told, server, control)
+    with served.serve(wish.port, wish.control) as server:
+        _tell(config, told, server, wish.control)
         if output is not None and config is not None:
             write_whole(output, with_bus(config.source, _bus(server)).encode())
             say(f"or take {output}, which is {config.file} with this bus: axisbus boot {output}")
         with suppress(KeyboardInterrupt):  # the usual end
-            for line in served.play(seconds):
+            for line in served.play(wish.seconds):
                 say(line)
     return OK
 
@@ -131,15 +121,13 @@ def _wait(seconds: float | None) -> None:
             time.sleep(_LONG)
 
 
-def _require_enough(
-    config: CellConfig | None, wanted: Mapping[SimOption, Any], options: dict[str, Path | None]
-) -> None:
+def _require_enough(config: CellConfig | None, wanted: Mapping[SimOption, Any], wish: _Wish) -> None:
     """Check that there are simulated nodes if there is no cell file, and no options that need one."""
     if config is not None:
         return
     if not wanted:
         raise click.UsageError(f"give a cell file, or modules with {_names(_OPTIONS)}")
-    for option, value in options.items():
+    for option, value in (("-o", wish.output), ("--faults", wish.faults), ("--control", wish.control)):
         if value is not None:
             raise click.UsageError(f"{option} needs a cell file: also give the cell file")
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Mapping
 from contextlib import ExitStack, suppress
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import click
@@ -14,7 +13,7 @@ from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import OK, WRONG, echo
 from axisbus.cli.shared.frames import FrameSource, FrameSourceOptions, open_frames, source_options
-from axisbus.cli.shared.options import Seconds, bus_options
+from axisbus.cli.shared.options import Seconds
 from axisbus.cli.shared.plugin_options import adding, trace_options
 from axisbus.wording import counted, printable
 
@@ -53,8 +52,6 @@ class TraceCounts(NamedTuple):
 
 
 @click.command("trace")
-@click.argument("source", required=False)
-@bus_options
 @source_options
 @adding(_OPTIONS, "\n\n".join(option.about for option in _OPTIONS))
 @click.option(
@@ -71,13 +68,7 @@ class TraceCounts(NamedTuple):
 @click.option("--seconds", type=Seconds(), help="Listen for this time; without it, until Ctrl-C.")
 @click.option("--count", type=click.IntRange(min=1), help="End when this many frames have been shown.")
 def command(
-    source: str | None,
-    interface: str | None,
-    channel: str | None,
-    bitrate: int | None,
-    option: tuple[str, ...],
-    cell: Path | None,
-    eds: tuple[str, ...],
+    asked: FrameSourceOptions,
     filters: tuple[str, ...],
     without: tuple[str, ...],
     errors_only: bool,
@@ -102,7 +93,6 @@ def command(
     """
     from axisbus.trace import filters as wanted
 
-    asked = FrameSourceOptions(source, interface, channel, bitrate, option, cell, eds)
     axes = asked.axes if filters or without else ()
     unwanted = wanted.parse(without, axes) if without else None
     look = TraceFilter(wanted.parse(filters, axes), unwanted, errors_only, as_json, absolute)
@@ -115,8 +105,8 @@ def command(
         opened = open_frames(stack, asked, seconds)
         seen = _show(opened, look, count, others)
     _tell(opened, seen)
-    if not seen.frames and interface is not None:
-        _listen_elsewhere(opening_of(None, interface, channel, bitrate, option))
+    if not seen.frames and asked.interface is not None:
+        _listen_elsewhere(opening_of(None, asked.interface, asked.channel, asked.bitrate, asked.option))
     return WRONG if errors_only and seen.trouble else OK
 
 

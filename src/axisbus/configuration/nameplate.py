@@ -99,18 +99,25 @@ def read_nameplate(node: ByObjects, cell: CellConfig) -> Nameplate:
     return Nameplate(
         node.node_id,
         of_identity(who, cell.nodes[node.node_id].makes).name,
-        who.vendor_id,
-        who.product_code,
-        who.revision,
-        who.serial,
-        who.device_name,
-        who.hardware_version,
-        who.software_version,
-        _number(node, 1),
-        _number(node, 2),
-        file,
-        digest,
+        **identity_values(who),
+        configured_on=_number(node, 1),
+        configured_at=_number(node, 2),
+        file=file,
+        sha256=digest,
     )
+
+
+def identity_values(who: NodeIdentity) -> dict[str, Any]:
+    """Return the values of a device's identity by their names in a nameplate."""
+    return {
+        "vendor": who.vendor_id,
+        "product": who.product_code,
+        "revision": who.revision,
+        "serial": who.serial,
+        "device_name": who.device_name,
+        "hardware_version": who.hardware_version,
+        "software_version": who.software_version,
+    }
 
 
 def texts(plate: Nameplate) -> list[tuple[str, str]]:
@@ -142,19 +149,10 @@ def changes(before: Sequence[Nameplate], now: Sequence[Nameplate]) -> list[Namep
 
 def changes_of_device(before: Nameplate, who: NodeIdentity) -> list[NameplateChange]:
     """Return what differs between a stored nameplate and the device that answers now, without its configuration."""
-    now = {
-        "vendor": who.vendor_id,
-        "product": who.product_code,
-        "revision": who.revision,
-        "serial": who.serial,
-        "device_name": who.device_name,
-        "hardware_version": who.hardware_version,
-        "software_version": who.software_version,
-    }
     was = asdict(before)
     return [
         NameplateChange(before.node, TITLES[name], value_text(name, was[name]), value_text(name, value))
-        for name, value in now.items()
+        for name, value in identity_values(who).items()
         if was[name] != value
     ]
 

@@ -16,6 +16,7 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.clock import poll_until
 from axisbus.configuration import preconditions, store_parameters
 from axisbus.configuration.dcf_values import SkipReason, require_values, require_within_limits, select
+from axisbus.configuration.nameplate import identity_values
 from axisbus.configuration.replacement_order import (
     FoundDrive,
     ReplacementOrder,
@@ -87,16 +88,7 @@ def _answers_within(node: CanopenNode, seconds: float) -> bool:
 
 
 def _drive(node_id: int, who: NodeIdentity) -> FoundDrive:
-    return FoundDrive(
-        node_id,
-        who.vendor_id,
-        who.product_code,
-        who.revision,
-        who.serial,
-        who.device_name,
-        who.hardware_version,
-        who.software_version,
-    )
+    return FoundDrive(node_id, **identity_values(who))
 
 
 class DriveReplacement:

@@ -29,6 +29,11 @@ def place(variable: Variable | LeftOut) -> str:
     return f"{variable.index:04X}h:{variable.subindex:02X} {variable.name}"
 
 
+def identified(variable: Variable | LeftOut) -> dict[str, object]:
+    """Return index, sub-index and name of an entry, for JSON."""
+    return {"index": variable.index, "subindex": variable.subindex, "name": variable.name}
+
+
 def shown(variable: Variable, value: Value | None) -> str:
     """Return a value as text for display."""
     if value is None:

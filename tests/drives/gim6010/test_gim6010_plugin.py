@@ -13,7 +13,7 @@ from axisbus.drives import registry
 from axisbus.drives.descriptions import descriptions
 from axisbus.drives.gim6010 import make
 from kit.can_simple import mixed_cell
-from kit.cell import cell_text
+from kit.cell import cell_file
 from kit.pages import ROOT
 
 SOURCE = ROOT / "src" / "axisbus"
@@ -52,8 +52,7 @@ def modules_of_opening(path: Path) -> set[str]:
 
 
 def test_opening_a_cell_of_canopen_drives_imports_no_plug_in_with_code(tmp_path: Path) -> None:
-    path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy"), encoding="utf-8")
+    path = cell_file(tmp_path, "xy")
     assert modules_of_opening(path) == set()
 
 

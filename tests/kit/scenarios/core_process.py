@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
+
+import pytest
 
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit.cell import SCALE, cell_text
+from kit.cell import SCALE, cell_file
+
+OWN_PROCESS = pytest.mark.skipif(
+    sys.platform != "linux", reason="a core in a process of its own is for Linux"
+)
 
 
 def own_cell(folder: Path, names: str = "xy", more: str = "", axis: str = "", period: str = "20ms") -> Path:
     """Write the file of a cell with an axis for each letter of ``names``, and return it; ``axis`` is said of each."""
-    path = folder / "cell.toml"
-    text = cell_text(names, period=period, heartbeat="1s", bus='process = "own"', more=more, axis=axis)
-    path.write_text(text, encoding="utf-8")
-    return path
+    return cell_file(
+        folder, names, period=period, heartbeat="1s", bus='process = "own"', more=more, axis=axis
+    )
 
 
 def enabled(axis: Axis) -> Axis:

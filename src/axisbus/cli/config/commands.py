@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+from axisbus.bus.node.node import NodeIdentity, read_identity
+from axisbus.bus.sdo.access import ByObjects
 from axisbus.cli.config.files import baudrate, eds_file, node_reading, read_file
 from axisbus.cli.shared.attached_nodes import open_nodes
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
@@ -21,16 +22,13 @@ from axisbus.cli.shared.output import (
     require_writable,
     write_whole,
 )
-from axisbus.eds import writer
+from axisbus.configuration import compare, report_text
+from axisbus.configuration.compare import Comparison
+from axisbus.configuration.dcf_backup import DcfBackup, backup, file_name
+from axisbus.eds import concise, writer
+from axisbus.eds.concise_dcf_values import configuration
+from axisbus.eds.dcf import Settings
 from axisbus.wording import counted
-
-if TYPE_CHECKING:
-    from axisbus.bus.node.node import NodeIdentity
-    from axisbus.bus.sdo.access import ByObjects
-    from axisbus.configuration.compare import Comparison, ConfigurationSide
-    from axisbus.configuration.dcf_backup import DcfBackup
-    from axisbus.eds.model import Eds, Variable
-
 
 # -- ``axisbus config backup``: read all objects of a node into a DCF --------------------------------------------------
 
@@ -58,11 +56,7 @@ def backup_command(
     require_bus(asked)
     require_free(output, concise_out, force=force)
     if output is None:
-        from axisbus.configuration.dcf_backup import file_name
-
         require_writable(Path(file_name(1, None)))  # checks this folder; the complete name is known later
-    from axisbus.bus.node.node import read_identity
-
     files = NodeFiles.of(asked.cell, asked.eds)
     node_id = files.address(node.rstrip(":")).node_id
     with ExitStack() as stack:
@@ -79,8 +73,6 @@ def backup_command(
 
 
 def _free_default(node_id: int, serial: int | None, *, force: bool) -> Path:
-    from axisbus.configuration.dcf_backup import file_name
-
     target = Path(file_name(node_id, serial))
     require_free(target, force=force)
     return target
@@ -89,9 +81,6 @@ def _free_default(node_id: int, serial: int | None, *, force: bool) -> Path:
 def _taken(
     stack: ExitStack, asked: NodeOptions, files: NodeFiles, device: ByObjects, name: str
 ) -> tuple[DcfBackup, str]:
-    from axisbus.configuration.dcf_backup import backup
-    from axisbus.eds.dcf import Settings
-
     reading, origin = node_reading(files, device)
     settings = Settings(
         device.node_id,
@@ -104,9 +93,6 @@ def _taken(
 
 
 def _write(made: DcfBackup, target: Path, concise_out: Path | None) -> list[tuple[Path, int]]:
-    from axisbus.eds import concise
-    from axisbus.eds.concise_dcf_values import configuration
-
     stream = None
     if concise_out is not None:
         stream = concise.encode(configuration(made.reading).writes)
@@ -122,8 +108,6 @@ def _write(made: DcfBackup, target: Path, concise_out: Path | None) -> list[tupl
 def _show(
     made: DcfBackup, who: NodeIdentity, origin: str, node_id: int, written: list[tuple[Path, int]]
 ) -> None:
-    from axisbus.configuration import report_text
-
     for line in report_text.device(who, origin, node_id):
         say(line)
     for each in made.left_out:
@@ -145,10 +129,7 @@ def _plain(
         "revision": who.revision,
         "serial": who.serial,
         "read": made.values,
-        "left_out": [
-            {"index": each.index, "subindex": each.subindex, "name": each.name, "reason": each.reason}
-            for each in made.left_out
-        ],
+        "left_out": [{**report_text.identified(each), "reason": each.reason} for each in made.left_out],
     }
 
 
@@ -196,16 +177,18 @@ def _is_node(files: NodeFiles, text: str) -> bool:
 
 
 def _of_files(one: str, other: str, everything: bool) -> tuple[Comparison, tuple[str, str]]:
-    from axisbus.configuration import compare
-
     first, second = (read_file(each).eds for each in (one, other))
-    entries = _entries(first, everything)
+    entries = list(compare.entries(first, everything=everything))
     there = {(each.index, each.subindex) for each in entries}
-    entries += [each for each in _entries(second, everything) if (each.index, each.subindex) not in there]
+    entries += [
+        each
+        for each in compare.entries(second, everything=everything)
+        if (each.index, each.subindex) not in there
+    ]
     node_id = (
         first.node_id or second.node_id
     )  # COB-IDs that depend on the node-ID are compared for the same node
-    left, right = (_side(each, node_id) for each in (first, second))
+    left, right = (compare.of_file(each, node_id) for each in (first, second))
     found = compare.compare(entries, left, right)
     return found, (first.source, second.source)
 
@@ -213,8 +196,6 @@ def _of_files(one: str, other: str, everything: bool) -> tuple[Comparison, tuple
 def _with_node(
     asked: NodeOptions, files: NodeFiles, node: str, named: list[str], everything: bool, *, quiet: bool
 ) -> tuple[Comparison, tuple[str, str]]:
-    from axisbus.configuration import compare as device_side
-
     node_id = files.address(node).node_id
     given = read_file(named[0]).eds if named else None  # read before the bus is opened
     if given is not None:
@@ -223,25 +204,11 @@ def _with_node(
         device = open_nodes(stack, asked, files, [node_id]).node(node_id)
         eds = given or node_reading(files, device)[0].eds
         tell = stack.enter_context(progress_bar(f"reading node {node_id}", quiet=quiet))
-        found = device_side.against(device, eds, tell, everything=everything)
+        found = compare.against(device, eds, tell, everything=everything)
     return found, (eds.source, f"node {node_id}")
 
 
-def _entries(eds: Eds, everything: bool) -> list[Variable]:
-    from axisbus.configuration import compare
-
-    return list(compare.entries(eds, everything=everything))
-
-
-def _side(eds: Eds, node_id: int | None) -> ConfigurationSide:
-    from axisbus.configuration import compare
-
-    return compare.of_file(eds, node_id)
-
-
 def _diff_show(comparison: Comparison, names: tuple[str, str]) -> None:
-    from axisbus.configuration import report_text
-
     left, right = map(report_text.short, names)
     for each in comparison.differences:
         mine, other = report_text.sides(each)
@@ -255,17 +222,13 @@ def _diff_show(comparison: Comparison, names: tuple[str, str]) -> None:
 
 
 def _diff_plain(comparison: Comparison, names: tuple[str, str]) -> dict[str, object]:
-    from axisbus.configuration import report_text
-
     return {
         "left": names[0],
         "right": names[1],
         "compared": comparison.compared,
         "differences": [
             {
-                "index": each.variable.index,
-                "subindex": each.variable.subindex,
-                "name": each.variable.name,
+                **report_text.identified(each.variable),
                 "left": report_text.plain(each.left),
                 "right": report_text.plain(each.right),
                 "note": each.note,

@@ -13,7 +13,8 @@ from axisbus.cia301.datatypes import decode
 from axisbus.cli.config import files as config_files
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, progress_phases, say, say_error, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
-from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options
+from axisbus.cli.shared.options import packed
 from axisbus.configuration import report_text
 from axisbus.errors import BusError, SdoAbort, StateError
 from axisbus.wording import counted
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from axisbus.configuration.dcf_values import Item, Selection
     from axisbus.configuration.restore import Restore, RestoreReport, Result
     from axisbus.drives.plugin import DrivePlugin
-    from axisbus.eds.model import Eds, Identity, Variable
+    from axisbus.eds.model import Eds, Identity
 
 
 STOPPED = 130  # the exit code of shells for Ctrl-C
@@ -41,6 +42,12 @@ class _Wish:
     ignore_limits: bool
 
 
+def _objects(
+    _: click.Context, option: click.Parameter, given: tuple[str, ...]
+) -> frozenset[config_files.Key]:
+    return config_files.keys(given, option.opts[0])
+
+
 @click.command("restore")
 @click.argument("file")
 @click.argument("node", shell_complete=complete_node)
@@ -49,9 +56,12 @@ class _Wish:
     "--include",
     multiple=True,
     metavar="OBJECT",
+    callback=_objects,
     help="Also write this calibration object, such as 2105:1; one option per object.",
 )
-@click.option("--exclude", multiple=True, metavar="OBJECT", help="Do not write this object.")
+@click.option(
+    "--exclude", multiple=True, metavar="OBJECT", callback=_objects, help="Do not write this object."
+)
 @click.option(
     "--replacement",
     is_flag=True,
@@ -64,21 +74,10 @@ class _Wish:
     help="Also write values beyond the file's limits; the drive may refuse them.",
 )
 @click.option("--dry-run", is_flag=True, help="Only show the values that would be written.")
+@packed(_Wish, "wish")
 @click.option("--concise", is_flag=True, help="FILE is a concise DCF (1F22h); needs the EDS.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-def command(
-    file: str,
-    node: str,
-    asked: NodeOptions,
-    include: tuple[str, ...],
-    exclude: tuple[str, ...],
-    replacement: bool,
-    store: bool,
-    ignore_limits: bool,
-    dry_run: bool,
-    concise: bool,
-    as_json: bool,
-) -> int:
+def command(file: str, node: str, asked: NodeOptions, wish: _Wish, concise: bool, as_json: bool) -> int:
     """Configure NODE as in FILE (a DCF): write the values that differ, in the order that a device accepts, and read every
     object again.
 
@@ -88,16 +87,7 @@ def command(
 
     Exit code 1 when an object cannot be restored, 3 when the node or the bus fails during the restore.
     """
-    wish = _Wish(
-        config_files.keys(include, "--include"),
-        config_files.keys(exclude, "--exclude"),
-        replacement,
-        store,
-        dry_run,
-        ignore_limits,
-    )
-    require_bus(asked)
-    files = NodeFiles.of(asked.cell, asked.eds)
+    files = asked.files()
     node_id = files.address(node).node_id
     eds = _concise_values(file, files, node_id) if concise else _values(file)
     _selection(eds, node_id, eds.identity, wish)  # report missing values before the bus is opened
@@ -219,13 +209,14 @@ def _dry(node_id: int, differing: list[Item], selection: Selection, as_json: boo
         say_json(
             {
                 "node": node_id,
-                "would_write": [entry(each.variable) for each in differing],
-                "skipped": [{**entry(each.variable), "reason": each.text} for each in selection.skipped],
+                "would_write": [report_text.identified(each.variable) for each in differing],
+                "skipped": [
+                    {**report_text.identified(each.variable), "reason": each.text}
+                    for each in selection.skipped
+                ],
             }
         )
     else:
-        from axisbus.configuration import report_text
-
         for each in differing:
             say(
                 f"would write {report_text.place(each.variable)} = {report_text.data_shown(each.variable, each.data)}"
@@ -273,14 +264,10 @@ def _show(report: RestoreReport, found: dict[str, Any]) -> None:
         say(f"{each.outcome.value}: {report_text.place(each.item.variable)}{why}")
     for each in report.of(ValueEnd.FAILED):
         say(f"FAILED    {_change(each)}: {each.reason}")
-    _show_skipped(report)
-    say(f"node {found['node']}: {report_text.restored(report)}")
-    _show_memory(found, report)
-
-
-def _show_skipped(report: RestoreReport) -> None:
     for line in report_text.skipped(report.skipped):
         say(f"skipped   {line}")
+    say(f"node {found['node']}: {report_text.restored(report)}")
+    _show_memory(found, report)
 
 
 def _show_memory(found: dict[str, Any], report: RestoreReport) -> None:
@@ -305,11 +292,6 @@ def _change(each: Result) -> str:
     return f"{report_text.place(variable)}: {before} -> {wanted}{now}"
 
 
-def entry(variable: Variable) -> dict[str, object]:
-    """Return the identification of an object, for JSON."""
-    return {"index": variable.index, "subindex": variable.subindex, "name": variable.name}
-
-
 def _plain(report: RestoreReport, found: dict[str, Any]) -> dict[str, Any]:
     def value(each: Result, data: bytes | None) -> object:
         return None if data is None else report_text.plain(decode(data, each.item.variable.data_type))
@@ -320,7 +302,7 @@ def _plain(report: RestoreReport, found: dict[str, Any]) -> dict[str, Any]:
         "writes": report.writes,
         "objects": [
             {
-                **entry(each.item.variable),
+                **report_text.identified(each.item.variable),
                 "outcome": each.outcome.name.lower(),
                 "wanted": value(each, each.item.data),
                 "before": value(each, each.before),
@@ -329,5 +311,7 @@ def _plain(report: RestoreReport, found: dict[str, Any]) -> dict[str, Any]:
             }
             for each in report.results
         ],
-        "skipped": [{**entry(each.variable), "reason": each.text} for each in report.skipped],
+        "skipped": [
+            {**report_text.identified(each.variable), "reason": each.text} for each in report.skipped
+        ],
     }

@@ -14,12 +14,18 @@ import click
 from axisbus import eds
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
-from axisbus.cli.shared.options import PATH, bus_options
+from axisbus.cli.shared.options import PATH, Decorated, GivenBus, bus_options, packed
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.node.verify import Verification
+
+
+def _given_bus(function: Decorated) -> Decorated:
+    """Add the bus options and --cell; the command gets them as ``given``."""
+    cell = click.option("--cell", type=PATH, help="Take the bus from this cell file instead.")
+    return bus_options(cell(packed(GivenBus, "given")(function)))
 
 
 # -- ``axisbus eds verify``: compare a file with the real drive --------------------------------------------------------
@@ -28,8 +34,7 @@ if TYPE_CHECKING:
 @click.command("verify")
 @click.argument("file")
 @click.argument("node", type=click.IntRange(1, 127))
-@bus_options
-@click.option("--cell", type=PATH, help="Take the bus from this cell file instead.")
+@_given_bus
 @click.option(
     "--notes", is_flag=True, help="Also show differences that are normal, such as configured values."
 )
@@ -37,11 +42,7 @@ if TYPE_CHECKING:
 def verify_command(
     file: str,
     node: int,
-    interface: str | None,
-    channel: str | None,
-    bitrate: int | None,
-    option: tuple[str, ...],
-    cell: Path | None,
+    given: GivenBus,
     notes: bool,
     as_json: bool,
 ) -> int:
@@ -54,7 +55,7 @@ def verify_command(
 
     dictionary = eds.load(file)
     with ExitStack() as stack:
-        bus = open_bus(stack, cell, interface, channel, bitrate, option)
+        bus = open_bus(stack, *given)
         device = stack.enter_context(CanopenNode(bus, node, dictionary))
         tell = stack.enter_context(progress_bar("reading objects", quiet=as_json))
         result = verify(device.sdo, dictionary, tell)
@@ -100,21 +101,12 @@ def _show(file: str, node: int, result: Verification, notes: bool) -> None:
 
 @click.command("from-device")
 @click.argument("node", type=click.IntRange(1, 127))
-@bus_options
-@click.option("--cell", type=PATH, help="Take the bus from this cell file instead.")
+@_given_bus
 @output_option("Where to write [default: node-N.eds].")
 @force_option
 @click.option("--skeleton", "only_skeleton", is_flag=True, help="Do not read the EDS that the drive stores.")
 def from_device_command(
-    node: int,
-    interface: str | None,
-    channel: str | None,
-    bitrate: int | None,
-    option: tuple[str, ...],
-    cell: Path | None,
-    output: Path | None,
-    force: bool,
-    only_skeleton: bool,
+    node: int, given: GivenBus, output: Path | None, force: bool, only_skeleton: bool
 ) -> int:
     """Read the EDS that the drive NODE stores (1021h), or make a skeleton of the standard objects that exist in the drive.
 
@@ -128,7 +120,7 @@ def from_device_command(
     require_free(target, force=force)
     notes: list[str] = []
     with ExitStack() as stack:
-        bus = open_bus(stack, cell, interface, channel, bitrate, option)
+        bus = open_bus(stack, *given)
         device = stack.enter_context(CanopenNode(bus, node))
         data = None
         if not only_skeleton:
@@ -139,7 +131,7 @@ def from_device_command(
         else:
             tell = stack.enter_context(progress_bar("reading the standard objects"))
             found = skeleton(device.sdo, tell, notes.append)
-            data = _HEADER.encode() + writer.dumps(as_file(found, target.name, datetime.now(), bitrate))
+            data = _HEADER.encode() + writer.dumps(as_file(found, target.name, datetime.now(), given.bitrate))
             what = f"a skeleton of {counted(len(found.objects), 'object')}"
     write_whole(target, data)
     for note in notes:

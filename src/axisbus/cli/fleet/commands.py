@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.fleet.cell_rows import Recordings, cell_lines, plain
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, coloured, say, say_error, say_json, say_note
-from axisbus.cli.shared.options import PATH, Seconds
+from axisbus.cli.shared.options import PATH, Decorated, Seconds, packed
 from axisbus.errors import AxisbusError, said_of
 from axisbus.fleet.fleet import Fleet
 from axisbus.machine.handle import Handle, look_at_end
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
 
 
 # -- Options of all ``axisbus fleet`` commands: the plant, and its network ---------------------------------------------
-
-Decorated = Callable[..., Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,23 +51,8 @@ class FleetOptions:
 
 def plant_options(function: Decorated) -> Decorated:
     """Add --plant, --connect, --listen, --scouting and --config; a command gets them together as ``place``."""
-
-    @wraps(function)
-    def placed(
-        plant: str,
-        connect: tuple[str, ...],
-        listen: tuple[str, ...],
-        scouting: bool,
-        config: Path | None,
-        **others: Any,
-    ) -> Any:
-        return function(place=FleetOptions(plant, connect, listen, scouting, config), **others)
-
-    return _with_options(placed)
-
-
-def _with_options(function: Decorated) -> Decorated:
     for decorate in (
+        packed(FleetOptions, "place"),
         click.option(
             "--config", type=PATH, help="A configuration file of Zenoh, for example for certificates."
         ),
@@ -101,10 +83,7 @@ def _with_options(function: Decorated) -> Decorated:
 @click.command("list")
 @plant_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON value.")
-def list_command(
-    place: FleetOptions,
-    as_json: bool,
-) -> int:
+def list_command(place: FleetOptions, as_json: bool) -> int:
     """Show the cells of a plant that are present, with their axes, newest incidents and recordings.
 
     It waits at most about one second for the cells' values. A value older than a second is unknown. The exit code is 1 if no
@@ -163,12 +142,7 @@ _RECORDINGS = 10.0  # seconds between two queries for recordings
 )
 @click.option("--count", type=click.IntRange(min=1), help="Number of updates; without it, until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON value per update.")
-def watch_command(
-    place: FleetOptions,
-    every: float | None,
-    count: int | None,
-    as_json: bool,
-) -> int:
+def watch_command(place: FleetOptions, every: float | None, count: int | None, as_json: bool) -> int:
     """Show the cells of a plant, their axes, newest incidents and recordings until Ctrl-C; commands nothing.
 
     When a cell is lost, it is shown as GONE, and its values as unknown, within about a second. "age" is the age of a value by
@@ -177,10 +151,7 @@ def watch_command(
     """
     live = coloured() and not as_json
     pause = every if every is not None else _REPAINTED if live else _PRINTED
-    with (
-        place.fleet() as fleet,
-        _Kept(fleet) as kept,
-    ):
+    with place.fleet() as fleet, _Kept(fleet) as kept:
         if live:
             from axisbus.cli.fleet.live import show
 
@@ -258,11 +229,7 @@ _LOOK, _STEP = 1.0, 0.01  # seconds of the search for cells, and between its ste
     show_default=True,
     help="Seconds within which cells must confirm.",
 )
-def stop_command(
-    cells: tuple[str, ...],
-    place: FleetOptions,
-    seconds: float,
-) -> int:
+def stop_command(cells: tuple[str, ...], place: FleetOptions, seconds: float) -> int:
     """Quick-stop all axes of all cells of a plant, or of the named cells, whichever program has control.
 
     For each cell it shows whether the cell has confirmed that its drives have stopped. The exit code is 3 if a cell has not, or

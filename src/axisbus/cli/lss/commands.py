@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.lss.common import (
+    SlaveChoice,
     Where,
     as_numbers,
-    choose,
     lss_options,
     open_master,
-    require_one,
     say_slave,
     slave_options,
 )
@@ -121,13 +120,11 @@ def _show_next(bare: list[Unconfigured], where: Where) -> None:
 @click.command("inquire")
 @lss_options
 @slave_options
-def inquire_command(
-    where: Where, as_json: bool, slave: tuple[int, ...] | None, found: bool, only: bool
-) -> int:
+def inquire_command(where: Where, as_json: bool, choice: SlaveChoice) -> int:
     """Show the identity and the node-ID of one LSS slave; changes nothing."""
-    require_one(slave, found, only)
+    choice.require_one()
     with open_master(where) as master:
-        told = master.inquire(choose(master, slave, only))
+        told = master.inquire(choice.address(master))
     node_id = told.node_id if told.configured else None
     if as_json:
         say_json({**as_numbers(told.address), "node_id": node_id, "tells_node_id": told.node_id is not None})
@@ -161,9 +158,7 @@ def set_node_id_command(
     node_id: int,
     where: Where,
     as_json: bool,
-    slave: tuple[int, ...] | None,
-    found: bool,
-    only: bool,
+    choice: SlaveChoice,
     store: bool,
     reset: bool,
 ) -> int:
@@ -175,10 +170,10 @@ def set_node_id_command(
     """
     from axisbus.cia305.services import require_node_id
 
-    require_one(slave, found, only)
+    choice.require_one()
     require_node_id(node_id)
     with open_master(where) as master:
-        given = master.set_node_id(choose(master, slave, only), node_id, store=store, reset=reset)
+        given = master.set_node_id(choice.address(master), node_id, store=store, reset=reset)
     if as_json:
         done = given.set
         say_json(
@@ -240,11 +235,11 @@ def _without_boot(*, stored: bool, reset: bool) -> str:
 @click.command("store")
 @lss_options
 @slave_options
-def store_command(where: Where, as_json: bool, slave: tuple[int, ...] | None, found: bool, only: bool) -> int:
+def store_command(where: Where, as_json: bool, choice: SlaveChoice) -> int:
     """Have one LSS slave store its node-ID and bit rate. Exit code 3 when it cannot."""
-    require_one(slave, found, only)
+    choice.require_one()
     with open_master(where) as master:
-        address = choose(master, slave, only)
+        address = choice.address(master)
         master.store(address)
     if as_json:
         say_json({"stored": True, **({} if address is None else as_numbers(address))})

@@ -7,13 +7,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from axisbus.cli.shared.buses import open_bus
-from axisbus.cli.shared.options import PATH, NumberType, Seconds, bus_options, bus_words
+from axisbus.cli.shared.options import PATH, GivenBus, NumberType, Seconds, bus_options, bus_words, packed
 from axisbus.errors import UserError
 from axisbus.wording import counted
 
@@ -30,23 +29,14 @@ _FLOOR = 0.015  # s, as in cia305.dialogue.LssTiming
 class Where:
     """The requested bus, and the options for its use."""
 
-    cell: Path | None
-    interface: str | None
-    channel: str | None
-    bitrate: int | None
-    option: tuple[str, ...]
+    bus: GivenBus
     timeout: float
     beside_operation: bool
 
     @property
-    def bus(self) -> tuple[Path | None, str | None, str | None, int | None, tuple[str, ...]]:
-        """The parameters of the bus, as ``cli.shared.buses`` takes them."""
-        return self.cell, self.interface, self.channel, self.bitrate, self.option
-
-    @property
     def words(self) -> str:
         """The bus options as typed, to be repeated in a hint; without the bit rate, which a hint may have to change."""
-        return bus_words(self.cell, self.interface, self.channel, None, self.option)
+        return bus_words(*self.bus._replace(bitrate=None))
 
     @property
     def words_and_rate(self) -> str:
@@ -56,24 +46,9 @@ class Where:
 
 def lss_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add CELL, -i, -c, -b, -O, --timeout, --beside-operation and --json; the first seven come as ``where``."""
-
-    def call(
-        cell: Path | None,
-        interface: str | None,
-        channel: str | None,
-        bitrate: int | None,
-        option: tuple[str, ...],
-        timeout: float,
-        beside_operation: bool,
-        **rest: Any,
-    ) -> Any:
-        where = Where(cell, interface, channel, bitrate, option, timeout, beside_operation)
-        return function(where=where, **rest)
-
-    call.__doc__ = function.__doc__
-    call.__click_params__ = getattr(function, "__click_params__", [])  # type: ignore[attr-defined]
-    decorated: Callable[..., Any] = call
     for decorate in (
+        packed(Where, "where"),
+        packed(GivenBus, "bus"),
         click.option("--json", "as_json", is_flag=True, help="Print the result as JSON."),
         click.option(
             "--beside-operation",
@@ -91,13 +66,14 @@ def lss_options(function: Callable[..., Any]) -> Callable[..., Any]:
         bus_options,
         click.argument("cell", type=PATH, required=False),
     ):
-        decorated = decorate(decorated)
-    return decorated
+        function = decorate(function)
+    return function
 
 
 def slave_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the three options that select a slave: -s, --found, --only."""
+    """Add the three options that select a slave: -s, --found, --only; the command gets them together as ``choice``."""
     for decorate in (
+        packed(SlaveChoice, "choice"),
         click.option(
             "--only", is_flag=True, help="The only LSS slave on the bus (wrong if there are two or more)."
         ),
@@ -144,36 +120,43 @@ def open_master(where: Where) -> Iterator[LssMaster]:
         )
 
 
-def choose(master: LssMaster, slave: tuple[int, ...] | None, only: bool) -> LssAddress | None:
-    """Return the address of the named slave, None for the only one on the bus; if none is named, find it by a scan.
+@dataclass(frozen=True, slots=True)
+class SlaveChoice:
+    """The selection of a slave: by its identity, as the one without a node-ID, or as the only one on the bus."""
 
-    Raises:
-        UserError: the scan finds no slave, or several.
-        LssError: as ``LssMaster.find``.
-    """
-    from axisbus.cia305.services import LssAddress
+    slave: tuple[int, ...] | None
+    found: bool
+    only: bool
 
-    if slave:
-        return LssAddress(*slave)
-    return None if only else _found(master)
+    def require_one(self) -> None:
+        """Check that a slave is selected in exactly one form, before the bus is opened.
 
+        Raises:
+            UsageError: it is not.
+            ArgumentError: a number is out of range.
+        """
+        from axisbus.cia305.services import LssAddress
 
-def require_one(slave: tuple[int, ...] | None, found: bool, only: bool) -> None:
-    """Check that a slave is selected in exactly one form, before the bus is opened.
+        if bool(self.slave) + self.found + self.only != 1:
+            raise click.UsageError(
+                "name the slave by one of these: -s VENDOR PRODUCT REVISION SERIAL, --found (the one without a node-ID) or --only "
+                "(the only one on the bus)"
+            )
+        if self.slave:
+            LssAddress(*self.slave)
 
-    Raises:
-        UsageError: it is not.
-        ArgumentError: a number is out of range.
-    """
-    from axisbus.cia305.services import LssAddress
+    def address(self, master: LssMaster) -> LssAddress | None:
+        """Return the address of the named slave, None for the only one on the bus; if none is named, find it by a scan.
 
-    if bool(slave) + found + only != 1:
-        raise click.UsageError(
-            "name the slave by one of these: -s VENDOR PRODUCT REVISION SERIAL, --found (the one without a node-ID) or --only "
-            "(the only one on the bus)"
-        )
-    if slave:
-        LssAddress(*slave)
+        Raises:
+            UserError: the scan finds no slave, or several.
+            LssError: as ``LssMaster.find``.
+        """
+        from axisbus.cia305.services import LssAddress
+
+        if self.slave:
+            return LssAddress(*self.slave)
+        return None if self.only else _found(master)
 
 
 def _found(master: LssMaster) -> LssAddress:

@@ -166,8 +166,8 @@ def _show_changed(done: ChangedOver, where: Where, store: bool) -> None:
 
 def _adapter(where: Where, rate: int) -> str:
     """Return the command that sets the bit rate of the local adapter, if -b cannot set it."""
-    if where.interface != "socketcan" or where.channel is None:
+    if where.bus.interface != "socketcan" or where.bus.channel is None:
         return ""
     from axisbus.bus.link.socketcan import change_command
 
-    return f"{change_command(where.channel, rate)}; "
+    return f"{change_command(where.bus.channel, rate)}; "

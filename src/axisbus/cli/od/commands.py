@@ -302,8 +302,7 @@ def watch_command(
 
     Exit code 3 when the last read got no answer.
     """
-    require_bus(asked)
-    files = NodeFiles.of(asked.cell, asked.eds)
+    files = asked.files()
     wanted = od.targets(files, arguments)
     with ExitStack() as stack:
         nodes = open_nodes(stack, asked, files, {each.address.node_id for each in wanted})

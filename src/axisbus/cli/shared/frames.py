@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +13,7 @@ import click
 
 from axisbus.cell.model import SIMULATED
 from axisbus.cli.shared.buses import require_rate, simulated, with_options
-from axisbus.cli.shared.options import PATH, Decorated, parse_options
+from axisbus.cli.shared.options import PATH, Decorated, bus_options, packed, parse_options
 from axisbus.eds import Eds, load
 from axisbus.errors import ArgumentError
 
@@ -35,8 +35,8 @@ class FrameSourceOptions:
     channel: str | None
     bitrate: int | None
     option: tuple[str, ...]
-    cell: Path | None = None
-    eds: tuple[str, ...] = ()
+    cell: Path | None
+    eds: tuple[str, ...]
 
     @property
     def live(self) -> bool:
@@ -96,20 +96,20 @@ class FrameSource:
 
 
 def source_options(function: Decorated) -> Decorated:
-    """Add --cell and --eds: files for decoding."""
-    for decorate in _DECORATORS:
+    """Add SOURCE, the bus options, --cell and --eds; the command gets them together as ``asked``."""
+    for decorate in (
+        packed(FrameSourceOptions, "asked"),
+        click.option("--eds", multiple=True, metavar="N=FILE", help="EDS or DCF of node N; may be repeated."),
+        click.option(
+            "--cell",
+            type=PATH,
+            help="Cell file to decode with; frames come from SOURCE or -i if one is given, otherwise from its bus.",
+        ),
+        bus_options,
+        click.argument("source", required=False),
+    ):
         function = decorate(function)
     return function
-
-
-_DECORATORS: tuple[Callable[[Decorated], Decorated], ...] = (
-    click.option("--eds", multiple=True, metavar="N=FILE", help="EDS or DCF of node N; may be repeated."),
-    click.option(
-        "--cell",
-        type=PATH,
-        help="Cell file to decode with; frames come from SOURCE or -i if one is given, otherwise from its bus.",
-    ),
-)
 
 
 def open_frames(stack: ExitStack, asked: FrameSourceOptions, seconds: float | None) -> FrameSource:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
@@ -17,7 +16,7 @@ from axisbus.cell.other_protocols import require_objects
 from axisbus.cell.quantities import Quantities
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.frames import eds_of
-from axisbus.cli.shared.options import PATH, Decorated, bus_options
+from axisbus.cli.shared.options import PATH, Decorated, bus_options, packed
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
 
@@ -111,22 +110,19 @@ class NodeOptions:
     cell: Path | None
     eds: tuple[str, ...]
 
+    def files(self) -> NodeFiles:
+        """Return the given files, for a command that needs a bus.
+
+        Raises:
+            UsageError: no bus is given.
+            Other errors as ``NodeFiles.of``.
+        """
+        require_bus(self)
+        return NodeFiles.of(self.cell, self.eds)
+
 
 def node_options(function: Decorated) -> Decorated:
     """Add the bus options, --cell and --eds; the command gets them together as ``asked``."""
-
-    @functools.wraps(function)
-    def packed(
-        interface: str | None,
-        channel: str | None,
-        bitrate: int | None,
-        option: tuple[str, ...],
-        cell: Path | None,
-        eds: tuple[str, ...],
-        **rest: Any,
-    ) -> Any:
-        return function(asked=NodeOptions(interface, channel, bitrate, option, cell, eds), **rest)
-
     with_eds: Decorated = click.option(
         "--eds",
         multiple=True,
@@ -136,7 +132,7 @@ def node_options(function: Decorated) -> Decorated:
     with_cell: Decorated = click.option(
         "--cell", type=PATH, help="Take bus, EDS files and units from this cell file."
     )
-    return with_cell(bus_options(with_eds(packed)))  # type: ignore[no-any-return]
+    return with_cell(bus_options(with_eds(packed(NodeOptions, "asked")(function))))  # type: ignore[no-any-return]
 
 
 class NodeSession:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
@@ -16,6 +18,20 @@ from axisbus.wording import counted
 
 Decorated = Callable[..., Any]
 _OWN_OPTIONS = {"interface": "-i", "channel": "-c", "bitrate": "-b"}
+
+
+def packed(kind: Callable[..., object], name: str) -> Callable[[Decorated], Decorated]:
+    """Return a decorator for a command that gets the values of several options as one: the parameters of ``kind`` as ``name``."""
+    parameters = tuple(inspect.signature(kind).parameters)
+
+    def decorate(function: Decorated) -> Decorated:
+        @functools.wraps(function)
+        def call(**given: Any) -> Any:
+            return function(**{name: kind(**{each: given.pop(each) for each in parameters})}, **given)
+
+        return call
+
+    return decorate
 
 
 def port_option(default: int) -> Callable[[Decorated], Decorated]:
@@ -65,6 +81,16 @@ def bus_options(function: Decorated) -> Decorated:
     ):
         function = decorate(function)
     return function
+
+
+class GivenBus(NamedTuple):
+    """The bus of a command: a cell file, and the options -i, -c, -b and -O."""
+
+    cell: Path | None
+    interface: str | None
+    channel: str | None
+    bitrate: int | None
+    option: tuple[str, ...]
 
 
 def bus_words(

@@ -20,7 +20,6 @@ from axisbus.eds.rules.context import (
     RuleContext,
     an,
     number_of,
-    start_key,
     start_value,
 )
 from axisbus.eds.rules.objects import COB_ID_GUARDING
@@ -159,7 +158,7 @@ def no_sync_id(sheet: RuleContext) -> Iterator[Hit]:
         kind = number_of(sub) if sub is not None else None
         if sub is not None and kind is not None and is_synchronous(kind) and _exists(sheet, entry.index):
             text = f"[{entry.index:04X}sub2] is synchronous (type {kind}), but 1005, the COB-ID of SYNC, is missing"
-            yield sheet.at(sheet.section_of(entry.index, 2), start_key(sub), text, o.COB_ID_SYNC)
+            yield sheet.at_start(entry.index, text, 2, missing=o.COB_ID_SYNC)
             return
 
 
@@ -187,36 +186,34 @@ def half_a_guard(sheet: RuleContext) -> Iterator[Hit]:
 def sdo_ids(sheet: RuleContext) -> Iterator[Hit]:
     """C012."""
     for subindex, base in _SDO_IDS.items():
-        entry, section = sheet.eds.get(_SDO_SERVER, subindex), sheet.section_of(_SDO_SERVER, subindex)
+        entry = sheet.eds.get(_SDO_SERVER, subindex)
         value = start_value(entry) if entry is not None else None
-        if entry is None or value is None:
+        if value is None:
             continue
         given = value.value
         right = given == base if value.plus_node_id else base < given <= base + 127
         if not right and value.value:
             text = f"[1200sub{subindex}] is not $NODEID+0x{base:X}, the identifier of the default SDO"
-            yield sheet.at(section, start_key(entry), text, _SDO_SERVER, subindex)
+            yield sheet.at_start(_SDO_SERVER, text, subindex)
 
 
 def emergency_id(sheet: RuleContext) -> Iterator[Hit]:
     """C013."""
-    entry, section = sheet.eds.get(o.COB_ID_EMCY), sheet.section_of(o.COB_ID_EMCY)
+    entry = sheet.eds.get(o.COB_ID_EMCY)
     value = start_value(entry) if entry is not None else None
-    if entry is None or value is None or value.value & cob.INVALID:
+    if value is None or value.value & cob.INVALID:
         return
     base = value.value & cob.ID_MASK_29
     if value.plus_node_id and base != cob.EMCY and not restricted(value):  # else C016 reports it
         text = f"[1014] is $NODEID+0x{base:X}, $NODEID+0x80 is the identifier of EMCY"
-        yield sheet.at(section, start_key(entry), text, o.COB_ID_EMCY)
+        yield sheet.at_start(o.COB_ID_EMCY, text)
 
 
 def sync_overflow(sheet: RuleContext) -> Iterator[Hit]:
     """C014."""
-    entry = sheet.eds.get(_OVERFLOW)
-    value = number_of(entry) if entry is not None else None
-    if entry is not None and value is not None and value != 0 and not 2 <= value <= 240:
-        text = f"[1019] is {value}, allowed are 0 and 2 to 240"
-        yield sheet.at(sheet.section_of(_OVERFLOW), start_key(entry), text, _OVERFLOW)
+    value = sheet.number(_OVERFLOW)
+    if value is not None and value != 0 and not 2 <= value <= 240:
+        yield sheet.at_start(_OVERFLOW, f"[1019] is {value}, allowed are 0 and 2 to 240")
 
 
 def no_store_format(sheet: RuleContext) -> Iterator[Hit]:
@@ -259,12 +256,11 @@ def identifiers(sheet: RuleContext) -> Iterator[Hit]:
     for index, service in _SERVICES.items():
         entry = sheet.eds.get(index)
         value = start_value(entry) if entry is not None else None
-        if entry is None or value is None or (index == o.COB_ID_EMCY and value.value & cob.INVALID):
+        if value is None or (index == o.COB_ID_EMCY and value.value & cob.INVALID):
             continue
         wrong = too_long(value) or _wrong(service, value)
         if wrong:
-            section = sheet.section_of(index)
-            yield sheet.at(section, start_key(entry), f"[{index:04X}] {wrong}", index)
+            yield sheet.at_start(index, f"[{index:04X}] {wrong}")
 
 
 def _wrong(service: _Service, value: Number) -> str:

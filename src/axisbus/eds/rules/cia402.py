@@ -12,7 +12,7 @@ from axisbus.cia402.dictionary import StandardObject
 from axisbus.eds.model import Number, ObjectType, Severity
 from axisbus.eds.rules import pdo, standard
 from axisbus.eds.rules.cia301 import wrong_object_type
-from axisbus.eds.rules.context import Described, Hit, Looks, RuleContext, start_key
+from axisbus.eds.rules.context import Described, Hit, Looks, RuleContext
 from axisbus.eds.rules.drive import axes
 
 # Defined reactions (CiA 402-2 8.4); negative ones are the maker's.
@@ -89,10 +89,8 @@ def profile_number(sheet: RuleContext) -> Iterator[Hit]:
     device_type = sheet.number(DEVICE_TYPE)
     if device_type is None or device_type & 0xFFFF == o.PROFILE_NUMBER or not axes(sheet):
         return
-    entry = sheet.eds.get(DEVICE_TYPE)
     text = f"[1000] is 0x{device_type:08X}, but the objects are those of a drive (0x0192 in the low word)"
-    key = start_key(entry) if entry is not None else ""
-    yield sheet.at(sheet.heads.get(DEVICE_TYPE), key, text, DEVICE_TYPE)
+    yield sheet.at_start(DEVICE_TYPE, text)
 
 
 def reactions(sheet: RuleContext) -> Iterator[Hit]:
@@ -101,7 +99,8 @@ def reactions(sheet: RuleContext) -> Iterator[Hit]:
         for index, known in _REACTIONS.items():
             value = sheet.number(axis.offset + index)
             if value is not None and value >= 0 and value not in known:
-                yield _value(sheet, axis.offset + index, f"is {value}, which CiA 402 does not define")
+                at = axis.offset + index
+                yield sheet.at_start(at, f"[{at:04X}] is {value}, which CiA 402 does not define")
 
 
 def coasting(sheet: RuleContext) -> Iterator[Hit]:
@@ -109,7 +108,8 @@ def coasting(sheet: RuleContext) -> Iterator[Hit]:
     for axis in axes(sheet):
         for index, what in _COASTING.items():
             if sheet.number(axis.offset + index) == 0:
-                yield _value(sheet, axis.offset + index, f"is 0: {what} leaves the motor to coast")
+                at = axis.offset + index
+                yield sheet.at_start(at, f"[{at:04X}] is 0: {what} leaves the motor to coast")
 
 
 def crossed_ranges(sheet: RuleContext) -> Iterator[Hit]:
@@ -119,10 +119,7 @@ def crossed_ranges(sheet: RuleContext) -> Iterator[Hit]:
             low, high = (sheet.number(axis.offset + index, sub) for sub in (1, 2))
             if low is not None and high is not None and low > high:
                 at = axis.offset + index
-                text = f"[{at:04X}sub1] is {low}, above sub-index 2 ({high})"
-                entry = sheet.eds.get(at, 1)
-                key = start_key(entry) if entry is not None else ""
-                yield sheet.at(sheet.section_of(at, 1), key, text, at, 1)
+                yield sheet.at_start(at, f"[{at:04X}sub1] is {low}, above sub-index 2 ({high})", 1)
 
 
 def one_way(sheet: RuleContext) -> Iterator[Hit]:
@@ -139,12 +136,6 @@ def one_way(sheet: RuleContext) -> Iterator[Hit]:
                 what = "could not move" if high == 0 else "could move in one direction only"
                 text = f"has a LowLimit of {low}: the axis {what} ({entry.name})"
                 yield sheet.on(Described(entry, section), "lowlimit", text)
-
-
-def _value(sheet: RuleContext, index: int, message: str) -> Hit:
-    entry, section = sheet.eds.get(index), sheet.section_of(index)
-    key = start_key(entry) if entry is not None else ""
-    return sheet.at(section, key, f"[{index:04X}] {message}", index)
 
 
 def _rows(sheet: RuleContext) -> Iterator[tuple[Described, StandardObject]]:

@@ -13,6 +13,7 @@ from axisbus.eds.io.build import ACCESS_TYPES
 from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.io.text import EdsText, Section
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Severity, Variable
+from axisbus.wording import counted
 
 DEVICE_INFO, FILE_INFO = "deviceinfo", "fileinfo"
 LISTS = {
@@ -169,6 +170,35 @@ class RuleContext:
         text = f"[{entry.section.name}] {message}"
         return self.at(entry.section, key, text, variable.index, variable.subindex, severity)
 
+    def at_start(
+        self,
+        index: int,
+        message: str,
+        subindex: int = 0,
+        *,
+        missing: int | None = None,
+        severity: Severity | None = None,
+    ) -> Hit:
+        """Return a hit at the value after power-up of an entry; it names ``missing``, an absent object, instead of the entry."""
+        entry = self.eds.get(index, subindex)
+        key = "" if entry is None else start_key(entry)
+        named = (index, subindex or None) if missing is None else (missing, None)
+        return self.at(self.section_of(index, subindex), key, message, *named, severity)
+
+    def absent(self, section: Section | None, names: Mapping[str, str]) -> Iterator[Hit]:
+        """Yield a hit if a section lacks some of these keys (in lower case, each with its spelling)."""
+        missing = [name for key, name in names.items() if section is not None and key not in section.entries]
+        if section is not None and missing:
+            yield self.at(section, "", f"[{section.name}] has no {', '.join(missing)}")
+
+    def overlong(self, section: Section | None, lengths: Mapping[str, tuple[str, int]]) -> Iterator[Hit]:
+        """Yield a hit for each value that is longer than allowed; ``lengths`` are spelling and characters by key in lower case."""
+        for key, (name, most) in lengths.items():
+            length = len(text_of(section, key))
+            if length > most:
+                text = f"{name} has {counted(length, 'character')}, at most {most} are allowed"
+                yield self.at(section, key, text)
+
     def where_missing(self, index: int) -> Section | None:
         """Return the section for reporting a missing object: the list that should contain it."""
         if index in (0x1000, 0x1001, 0x1018):
@@ -204,9 +234,14 @@ def start_key(entry: Variable) -> str:
     return "parametervalue" if entry.parameter_value is not None else "defaultvalue"
 
 
+def text_of(section: Section | None, key: str) -> str:
+    """Return the value of a key in an information section, empty if it is absent."""
+    return "" if section is None else section.entries.get(key, "")
+
+
 def number(section: Section | None, key: str) -> int | None:
     """Return the number of a key in an information section, None if it is absent or no number."""
-    return None if section is None else values.plain(section.entries.get(key, ""))
+    return values.plain(text_of(section, key))
 
 
 def short(text: str, length: int = 40) -> str:

@@ -8,7 +8,7 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.eds.concise import take_apart
 from axisbus.eds.io import values
 from axisbus.eds.model import ObjectType
-from axisbus.eds.rules.context import Described, Hit, Looks, RuleContext, number, short
+from axisbus.eds.rules.context import Described, Hit, Looks, RuleContext, number, short, text_of
 from axisbus.eds.rules.objects import is_mapping
 from axisbus.eds.rules.text import BAUD_RATES
 from axisbus.wording import counted
@@ -78,20 +78,14 @@ def values_in_an_eds(sheet: RuleContext) -> Iterator[Hit]:
 
 def lengths(sheet: RuleContext) -> Iterator[Hit]:
     """K008."""
-    section = sheet.commissioning
-    for key, (name, most) in _LENGTHS.items() if section is not None else ():
-        length = len(section.entries.get(key, "")) if section is not None else 0
-        if length > most:
-            yield sheet.at(
-                section, key, f"{name} has {counted(length, 'character')}, at most {most} are allowed"
-            )
+    yield from sheet.overlong(sheet.commissioning, _LENGTHS)
 
 
 def network_numbers(sheet: RuleContext) -> Iterator[Hit]:
     """K009."""
     section = sheet.commissioning
-    for key, name in _U32.items() if section is not None else ():
-        given = section.entries.get(key, "") if section is not None else ""
+    for key, name in _U32.items():
+        given = text_of(section, key)
         value = values.plain(given)
         if given and (value is None or not 0 <= value <= _MAX_U32):
             yield sheet.at(section, key, f"{name}={short(given)} is not an UNSIGNED32")
@@ -100,7 +94,7 @@ def network_numbers(sheet: RuleContext) -> Iterator[Hit]:
 def manager_flag(sheet: RuleContext) -> Iterator[Hit]:
     """K015."""
     section = sheet.commissioning
-    given = section.entries.get("canopenmanager", "") if section is not None else ""
+    given = text_of(section, "canopenmanager")
     if given and values.plain(given) not in (0, 1):
         yield sheet.at(section, "canopenmanager", f"CANopenManager={short(given)} is neither 0 nor 1")
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from axisbus.eds.io import values
 from axisbus.eds.model import DUMMIES, Object
-from axisbus.eds.rules.context import Hit, Looks, RuleContext, number, short
+from axisbus.eds.rules.context import Hit, Looks, RuleContext, number, short, text_of
 from axisbus.eds.rules.text import BAUD_RATES
 from axisbus.wording import counted
 
@@ -55,10 +55,7 @@ def missing_entries(sheet: RuleContext) -> Iterator[Hit]:
     """D001."""
     if sheet.device is None:
         yield Hit(0, 0, "there is no section [DeviceInfo]")
-        return
-    absent = [name for key, name in _NEEDED.items() if key not in sheet.device.entries]
-    if absent:
-        yield sheet.at(sheet.device, "", f"[{sheet.device.name}] has no {', '.join(absent)}")
+    yield from sheet.absent(sheet.device, _NEEDED)
 
 
 def missing_identity(sheet: RuleContext) -> Iterator[Hit]:
@@ -133,10 +130,7 @@ def _communicates(entry: Object, first: int) -> bool:
 
 def lengths(sheet: RuleContext) -> Iterator[Hit]:
     """D007."""
-    for key, (name, most) in _LENGTHS.items():
-        length = len(_entry(sheet, key))
-        if length > most:
-            yield _at(sheet, key, f"{name} has {counted(length, 'character')}, at most {most} are allowed")
+    yield from sheet.overlong(sheet.device, _LENGTHS)
 
 
 def no_baud_rate(sheet: RuleContext) -> Iterator[Hit]:
@@ -213,9 +207,7 @@ def dummies_left_out(sheet: RuleContext) -> Iterator[Hit]:
     """D019."""
     section = sheet.section("dummyusage")
     if section is not None and all(_DUMMY.fullmatch(key) for key in section.entries):
-        absent = [f"Dummy{number:04X}" for number in DUMMIES if f"dummy{number:04x}" not in section.entries]
-        if absent:
-            yield sheet.at(section, "", f"[{section.name}] has no {', '.join(absent)}")
+        yield from sheet.absent(section, {f"dummy{number:04x}": f"Dummy{number:04X}" for number in DUMMIES})
 
 
 def comment_count(sheet: RuleContext) -> Iterator[Hit]:
@@ -242,7 +234,7 @@ def comment_length(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _entry(sheet: RuleContext, key: str) -> str:
-    return "" if sheet.device is None else sheet.device.entries.get(key, "")
+    return text_of(sheet.device, key)
 
 
 def _at(

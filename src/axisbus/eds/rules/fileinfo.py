@@ -8,8 +8,7 @@ from datetime import date
 from pathlib import PurePath, PureWindowsPath
 
 from axisbus.eds.io import values
-from axisbus.eds.rules.context import Hit, Looks, RuleContext, short
-from axisbus.wording import counted
+from axisbus.eds.rules.context import Hit, Looks, RuleContext, short, text_of
 
 _TIME = re.compile(r"(?:0?[0-9]|1[0-2]):[0-5][0-9](?:AM|PM)")
 _DATE = re.compile(r"([0-9]{2})-([0-9]{2})-([0-9]{4})")
@@ -42,22 +41,14 @@ _DATES = {"creationdate": "CreationDate", "modificationdate": "ModificationDate"
 
 def missing_entries(sheet: RuleContext) -> Iterator[Hit]:
     """F001."""
-    section = sheet.file_info
-    if section is None:
+    if sheet.file_info is None:
         yield Hit(0, 0, "there is no section [FileInfo]")
-        return
-    absent = [name for key, name in _NEEDED.items() if key not in section.entries]
-    if absent:
-        yield sheet.at(section, "", f"[{section.name}] has no {', '.join(absent)}")
+    yield from sheet.absent(sheet.file_info, _NEEDED)
 
 
 def usual_entries(sheet: RuleContext) -> Iterator[Hit]:
     """F011."""
-    section = sheet.file_info
-    if section is not None:
-        absent = [name for key, name in _USUAL.items() if key not in section.entries]
-        if absent:
-            yield sheet.at(section, "", f"[{section.name}] has no {', '.join(absent)}")
+    yield from sheet.absent(sheet.file_info, _USUAL)
 
 
 def other_name(sheet: RuleContext) -> Iterator[Hit]:
@@ -103,10 +94,7 @@ def times(sheet: RuleContext) -> Iterator[Hit]:
 
 def lengths(sheet: RuleContext) -> Iterator[Hit]:
     """F006."""
-    for key, (name, most) in _LENGTHS.items():
-        length = len(_entry(sheet, key))
-        if length > most:
-            yield _at(sheet, key, f"{name} has {counted(length, 'character')}, at most {most} are allowed")
+    yield from sheet.overlong(sheet.file_info, _LENGTHS)
 
 
 def order_of_dates(sheet: RuleContext) -> Iterator[Hit]:
@@ -135,7 +123,7 @@ def eds_version(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _entry(sheet: RuleContext, key: str) -> str:
-    return "" if sheet.file_info is None else sheet.file_info.entries.get(key, "")
+    return text_of(sheet.file_info, key)
 
 
 def _at(sheet: RuleContext, key: str, message: str) -> Hit:

@@ -144,10 +144,8 @@ def unsupported_default(sheet: RuleContext) -> Iterator[Hit]:
             wrong = _wrong_mode(sheet, axis, _M(value), modes)
             if not wrong:
                 continue
-            entry = sheet.eds.get(axis.offset + index)
             text = f"[{axis.offset + index:04X}] begins in {short(_M(value))}, {wrong}"
-            key = start_key(entry) if entry is not None else ""
-            yield sheet.at(sheet.section_of(axis.offset + index), key, text, axis.offset + index)
+            yield sheet.at_start(axis.offset + index, text)
 
 
 def _wrong_mode(
@@ -175,10 +173,9 @@ def homing_methods(sheet: RuleContext) -> Iterator[Hit]:
     """M019."""
     for axis in axes(sheet):
         index = axis.offset + o.HOMING_METHOD
-        entry, method = sheet.eds.get(index), sheet.number(index)
-        if entry is not None and method is not None and method > 0 and method not in METHODS:
-            text = f"[{index:04X}] is {method}, which is not a homing method of CiA 402"
-            yield sheet.at(sheet.section_of(index), start_key(entry), text, index)
+        method = sheet.number(index)
+        if method is not None and method > 0 and method not in METHODS:
+            yield sheet.at_start(index, f"[{index:04X}] is {method}, which is not a homing method of CiA 402")
 
 
 def usual_objects(sheet: RuleContext) -> Iterator[Hit]:
@@ -233,11 +230,9 @@ def _at_claim(
     severity: Severity | None = None,
 ) -> Hit:
     """Return a hit at the value of 6502h; ``index`` (on the first axis) is the missing object."""
+    absent = None if index is None else axis.offset + index
     word = axis.offset + o.SUPPORTED_DRIVE_MODES
-    entry = sheet.eds.get(word)
-    key = start_key(entry) if entry is not None else ""
-    absent = word if index is None else axis.offset + index
-    return sheet.at(sheet.section_of(word), key, message, absent, severity=severity)
+    return sheet.at_start(word, message, missing=absent, severity=severity)
 
 
 LOOKS: Looks = {

@@ -9,7 +9,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.model import Number, Variable
-from axisbus.eds.rules.context import Hit, Looks, RuleContext, number_of, start_key, start_value
+from axisbus.eds.rules.context import Hit, Looks, RuleContext, start_value
 from axisbus.eds.rules.pdo import MAX_ENTRIES, communications, maps
 
 _PARAMETERS = {
@@ -75,12 +75,10 @@ def missing_parameters(sheet: RuleContext) -> Iterator[Hit]:
 def reserved_types(sheet: RuleContext) -> Iterator[Hit]:
     """P012."""
     for receive, entry in communications(sheet):
-        sub = entry.subs.get(2)
-        kind = number_of(sub) if sub is not None else None
-        if sub is not None and kind in _RESERVED_TYPES[receive]:
-            section = sheet.section_of(entry.index, 2)
+        kind = sheet.number(entry.index, 2)
+        if kind in _RESERVED_TYPES[receive]:
             text = f"[{entry.index:04X}sub2] has transmission type {kind}, which is reserved"
-            yield sheet.at(section, start_key(sub), text, entry.index, 2)
+            yield sheet.at_start(entry.index, text, 2)
 
 
 def restricted_ids(sheet: RuleContext) -> Iterator[Hit]:
@@ -89,8 +87,7 @@ def restricted_ids(sheet: RuleContext) -> Iterator[Hit]:
         said = restricted(value)
         wrong = f"gives {said}, which CiA 301 keeps for another service" if said else too_long(value)
         if wrong:
-            text = f"[{sub.index:04X}sub1] {wrong}"
-            yield sheet.at(sheet.section_of(sub.index, 1), start_key(sub), text, sub.index, 1)
+            yield sheet.at_start(sub.index, f"[{sub.index:04X}sub1] {wrong}", 1)
 
 
 def shared_ids(sheet: RuleContext) -> Iterator[Hit]:
@@ -101,7 +98,7 @@ def shared_ids(sheet: RuleContext) -> Iterator[Hit]:
         first = seen.setdefault(key, sub.index)
         if first != sub.index:
             text = f"[{sub.index:04X}sub1] has the COB-ID of [{first:04X}sub1]"
-            yield sheet.at(sheet.section_of(sub.index, 1), start_key(sub), text, sub.index, 1)
+            yield sheet.at_start(sub.index, text, 1)
 
 
 def _valid_cob_ids(sheet: RuleContext) -> Iterator[tuple[bool, Variable, Number]]:
