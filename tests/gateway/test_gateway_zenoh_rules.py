@@ -138,6 +138,9 @@ def test_each_verb_is_a_call_of_the_library_with_the_values_that_it_takes():
         ("move_absolute", ask("x", position="1"), "not a valid position"),
         ("move_absolute", ask("x", position=True), "not a valid position"),
         ("move_absolute", ask("x", position=1.0, direction=0.5), "not a valid direction"),
+        ("move_absolute", ask("x", position=10**400), "not a valid position"),
+        ("move_velocity", ask("x", velocity=10**5000), "not a valid velocity"),
+        ("jog", ask("x", velocity=1.0, press=1, sent=-(10**400)), "not a valid sent"),
         ("jog", ask("x", velocity=1.0), "press"),
     ],
 )

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 from axisbus.errors import ArgumentError
 from axisbus.fleet.messages import CommandAsk, Value
+from axisbus.motion.numbers import told
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +114,7 @@ def _values(verb: str, row: ZenohVerb, given: Mapping[str, Value]) -> dict[str, 
 
 def _typed(verb: str, name: str, value: Value, kind: type) -> Any:
     fits = type(value) is kind or (kind is float and type(value) is int)
-    if not fits:
-        raise ArgumentError(f"{verb}: {value!r} is not a valid {name}", remedy=f"give it as {_WORDS[kind]}")
-    return kind(value)
+    with suppress(OverflowError):  # an integer too large for a float
+        if fits:
+            return kind(value)
+    raise ArgumentError(f"{verb}: {told(value)} is not a valid {name}", remedy=f"give it as {_WORDS[kind]}")
