@@ -97,6 +97,24 @@ def test_callbacks_run_in_a_thread_of_this_program(machine):
     assert threads == ["axisbus events"]
 
 
+def test_a_callback_that_waits_or_exits_is_refused_and_the_ends_of_later_commands_are_still_reported(machine):
+    errors = []
+
+    def wait_in_callback() -> None:
+        try:
+            machine["y"].halt().wait(5.0)
+        except StateError as error:
+            errors.append(error.message)
+        raise SystemExit
+
+    handle = machine["x"].move_relative(1.0)
+    handle.add_done_callback(wait_in_callback)
+    handle.wait(10)
+    until(lambda: bool(errors), 10.0)
+    assert errors == ["a callback cannot wait for a command"]
+    machine["x"].move_relative(1.0).wait(10)
+
+
 def test_a_recording_has_every_cycle_in_order(machine):
     with Recorder(machine) as recorder:
         machine["x"].move_relative(5.0).wait(20)

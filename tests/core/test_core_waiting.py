@@ -11,6 +11,8 @@ import pytest
 from axisbus.core.scan_thread import ScanThread
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import StateError
+from axisbus.machine.machine import Machine
+from kit.pages import ROOT
 
 
 def scan_of(run) -> Any:
@@ -19,7 +21,7 @@ def scan_of(run) -> Any:
 
 def error_of_waiting(waiter: ThreadWaiter) -> StateError | None:
     try:
-        waiter.wait(lambda: True, 0.0)
+        waiter.wait(lambda: False, 0.0)
     except StateError as error:
         return error
     return None
@@ -37,7 +39,7 @@ def test_a_scans_thread_cannot_wait_for_itself_and_a_later_thread_with_its_ident
     begun.set()
     scan.stop()
     ((ident, error),) = found
-    assert "the scan's own thread" in str(error)
+    assert "a callback cannot wait" in str(error)
     later = []
     for _ in range(
         100
@@ -52,3 +54,20 @@ def test_a_scans_thread_cannot_wait_for_itself_and_a_later_thread_with_its_ident
     else:
         pytest.skip("this system does not use the identifier of a thread again")
     assert later[-1][1] is None
+
+
+def test_in_virtual_time_a_callback_that_waits_is_refused_too():
+    with Machine.simulated(ROOT / "examples" / "cell.toml") as machine:
+        machine["x"].enable().wait()
+        errors = []
+
+        def wait_in_callback() -> None:
+            for wait in (lambda: machine["x"].halt().wait(1.0), lambda: machine.sleep(0.1)):
+                with pytest.raises(StateError, match="a callback cannot wait") as caught:
+                    wait()
+                errors.append(caught.value)
+
+        machine["x"].move_relative(2.0).add_done_callback(wait_in_callback)
+        machine.sleep(2.0)
+        assert len(errors) == 2
+        machine["x"].move_relative(2.0).wait(5.0)

@@ -41,7 +41,7 @@ class RealTime:
 
     def __enter__(self) -> RealTime:
         self.thread.start()
-        self.waiter.scan_thread = self.thread
+        self.waiter.callback_thread = self.thread
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -347,7 +347,7 @@ def test_the_scan_cannot_wait_for_itself():
         deadline = time.monotonic() + 5
         while not seen and time.monotonic() < deadline:
             time.sleep(0.005)
-    assert "own thread" in seen[0].message
+    assert seen[0].message == "a callback cannot wait for a command"
 
 
 def test_both_waiters_implement_the_waiter_protocol():

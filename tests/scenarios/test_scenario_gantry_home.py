@@ -229,6 +229,24 @@ def test_a_gantry_is_not_homed_while_it_moves(scenario):
     home.wait(30)
 
 
+@pytest.mark.parametrize("after", [0.0, CYCLE, 0.3])
+def test_nothing_interrupts_a_homing_while_its_touch_probes_are_armed(scenario, after):
+    pair = ready(scenario)
+    home = pair.gantry.home()
+    pair.run(after)
+    for command in (
+        lambda: pair.gantry.move_relative(1.0),
+        lambda: pair.gantry.move_velocity(5.0),
+        lambda: pair.gantry.square(velocity=2.0),
+        lambda: pair.gantry.set_position(0.0),
+    ):
+        error = pair.failure_of(command())
+        assert isinstance(error, StateError)
+        assert "the pair is being homed" in error.message
+    home.wait(30)
+    assert pair.gantry.homed
+
+
 def test_a_cell_that_homes_a_pair_by_touch_probes_is_refused_if_a_drive_has_none(scenario):
     with pytest.raises(ConfigError, match="the drive of x has no touch probe"):
         pair_of(scenario, eds="builtin:gim6010-8", more=HOMING, stiff=0.0)

@@ -39,7 +39,7 @@ class ScanThread:
         TUNING.take()
         self._scan.waiter = self._waiter
         self._thread.start()
-        self._waiter.scan_thread = self._thread
+        self._waiter.callback_thread = self._thread
         self._supervisor.start()
 
     def _run(self) -> None:

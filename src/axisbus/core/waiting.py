@@ -27,7 +27,7 @@ class ThreadWaiter:
     def __init__(self) -> None:
         self._condition = threading.Condition()
         # The thread and not its identifier: a later thread gets the identifier of one that has ended.
-        self.scan_thread: threading.Thread | None = None
+        self.callback_thread: threading.Thread | None = None
         self._inherited = False
 
     def disown(self) -> None:
@@ -39,12 +39,12 @@ class ThreadWaiter:
         """Block until ``done()``; see ``Waiter``.
 
         Raises:
-            StateError: called in the scan's own thread, which would wait for itself, or in a forked child.
+            StateError: called in a callback, which would wait for itself, or in a forked child.
         """
         if self._inherited:
             raise inherited("waiting")
-        if threading.current_thread() is self.scan_thread:
-            raise StateError("the scan's own thread cannot wait for a command")
+        if threading.current_thread() is self.callback_thread and not done():
+            raise _in_callback()
         deadline = None if timeout is None else time.monotonic() + timeout
         while self._sleep(done, deadline):
             pass
@@ -97,9 +97,14 @@ class VirtualWaiter:
         """Execute cycles until ``done()`` or until ``timeout`` seconds of virtual time have passed; see ``Waiter``.
 
         When the scan has failed, time passes all the same: the drives are stopped without the scan.
+
+        Raises:
+            StateError: called in a callback, which runs within a cycle.
         """
         clock, scan = self._clock, self._scan
         until = None if timeout is None else clock.now() + timeout
+        if self.is_pumping() and not done():
+            raise _in_callback()
         while not done():
             if until is not None and clock.now() >= until:
                 break
@@ -113,7 +118,13 @@ class VirtualWaiter:
 
     @sheltered  # an interrupt within a cycle would end the scan
     def pump(self) -> None:
-        """Let time pass until one cycle has been executed; an error of it other than an AxisbusError is raised here."""
+        """Let time pass until one cycle has been executed; an error of it other than an AxisbusError is raised here.
+
+        Raises:
+            StateError: called in a callback, which runs within a cycle.
+        """
+        if self.is_pumping():
+            raise _in_callback()
         cycles = self._cycles
         while self._cycles == cycles and not self._scan.ended:
             self._clock.sleep(max(0.0, self._scan.due - self._clock.now()))
@@ -149,7 +160,16 @@ class VirtualWaiter:
         """As ``EventSource.catch_up``: it has no plant."""
 
 
-# -- The error of a forked child that uses its parent's machine --------------------------------------------------------
+# -- Errors of callbacks that wait, and of a forked child that uses its parent's machine -------------------------------
+
+
+def _in_callback() -> StateError:
+    return StateError(
+        "a callback cannot wait for a command",
+        observed="it runs in the thread that reports the ends of commands: while it waits, no command can end",
+        remedy="let the callback return, and wait in another thread; or give the next command in the callback without "
+        "waiting, and add a callback to its handle",
+    )
 
 
 def inherited(what: str) -> StateError:

@@ -157,7 +157,8 @@ class Handle:
     def add_done_callback(self, callback: Callable[[], None]) -> None:
         """Call ``callback`` when the command has ended; at once if it has. It runs in the scan's thread, so it must be quick.
 
-        If a callback fails, its traceback is logged: a callback must not end the scan.
+        A callback may give commands, but it cannot wait for one (StateError): while it waits, no command can end. If a callback
+        fails, its traceback is logged: a callback must not end the scan.
         """
         self._callbacks.append(callback)
         if self._ended():

@@ -70,12 +70,14 @@ class RpcClient:
         self.rescued: m.Rescued | None = None  # by its watchdog process: the core has died
         self._over = False
         self._inherited = False
+        # It runs the callbacks of the program.
+        self.events = threading.Thread(target=self._dispatch, name="axisbus events", daemon=True)
 
     def start(self) -> None:
         """Begin to read."""
         self._stream.look()
-        for work, name in ((self._read, "axisbus core's messages"), (self._dispatch, "axisbus events")):
-            threading.Thread(target=work, name=name, daemon=True).start()
+        threading.Thread(target=self._read, name="axisbus core's messages", daemon=True).start()
+        self.events.start()
 
     @property
     def over(self) -> bool:
@@ -185,8 +187,8 @@ class RpcClient:
     def _do(self, take: Take, message: object) -> None:
         try:
             take(message)
-        # raised by the program's own callback: later messages must still be delivered
-        except Exception as error:
+        # raised by the program's own callback, perhaps by sys.exit(): later messages must still be delivered
+        except BaseException as error:
             log.error("while a callback of the program ran: %s", one_line(error), exc_info=error)
 
     def _answered(self, answer: m.CoreReply) -> None:

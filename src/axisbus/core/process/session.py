@@ -103,6 +103,7 @@ class RemoteSession:
         self._axes = dict(axes)
         self._period = period
         self._waiter = ThreadWaiter()
+        self._waiter.callback_thread = calls.events
         self.trajectories = Trajectories(calls.send, period)
         self._condition = m.CoreCondition()
         self._listeners: tuple[Callable[[CommandEvent], None], ...] = ()

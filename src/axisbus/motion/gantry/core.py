@@ -248,6 +248,7 @@ class GantryCore(GroupCore):
             self._require_no_stop(command.axes, ticket)
             self._queue.add(ticket, partial(self.accept, replace(command, buffer=False), ticket))
             return
+        self._require_no_homing(ticket)
         self._require_fit(ticket)
         end = end_of_move(command, self._first, self._ends_at)
         for name, place in self._both(end).items():
@@ -263,6 +264,7 @@ class GantryCore(GroupCore):
         turning = self._turning
         if turning is not None and turning.change(command.velocity, ticket):
             return
+        self._require_no_homing(ticket)
         self._require_fit(ticket)
         end = far_end(command.velocity, self._first, self._second, self.watch.square, ticket.name)
         inner = CommandStatus(f"{ticket.name} [line]")
@@ -287,6 +289,7 @@ class GantryCore(GroupCore):
         return next((line for line in lines if isinstance(line, PathMotion)), None)
 
     def _square(self, command: g.GantrySquare, ticket: CommandStatus) -> None:
+        self._require_no_homing(ticket)
         self._require_rest(command.axes, ticket)
         ends = ends_of_squaring(command, self.parameters, self.axes, self.watch, ticket.name)
         self._require_limits({command.axis: ends[command.axis]}, ticket)
@@ -311,6 +314,14 @@ class GantryCore(GroupCore):
         homing.begin(partial(self._lead_home, command))
         self._homing = homing
 
+    def _require_no_homing(self, ticket: CommandStatus) -> None:
+        """Refuse a command while the pair is homed, also between its motions: while the touch probes are armed, for instance."""
+        if self._homing is not None and self._homing.busy:
+            raise StateError(
+                f"{ticket.name}: the pair is being homed",
+                remedy="wait for the end of the homing, or halt it first",
+            )
+
     def _lead_home(
         self, command: g.GantryHome, ends: Mapping[str, float], velocity: float, ticket: CommandStatus
     ) -> None:
@@ -318,6 +329,7 @@ class GantryCore(GroupCore):
         self._lead_to(ends, velocity, command.acceleration, None, ticket)
 
     def _set_position(self, command: g.GantrySetPosition, ticket: CommandStatus) -> None:
+        self._require_no_homing(ticket)
         skew = self.watch.skew
         here = [core.image.position for core in self.axes.values()]
         still = all(core.image.standstill and core.state not in MOVING for core in self.axes.values())
