@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 import math
+import sys
 import threading
 import time
-from types import SimpleNamespace
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from itertools import count
+from types import FrameType, SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -318,8 +325,61 @@ def test_an_interrupt_is_raised_when_the_other_thread_waits_again() -> None:
             raise error
         return back.acquire()
 
-    clock._back = SimpleNamespace(acquire=interrupted, release=back.release)  # type: ignore[assignment]
+    clock._back = SimpleNamespace(acquire=interrupted, release=back.release, locked=back.locked)  # type: ignore[assignment]
     with pytest.raises(KeyboardInterrupt):
         clock.sleep(0.5)
     assert order == ["begins", "waits"]
+    clock.close()
+
+
+class Interrupted(BaseException):
+    """As of a signal handler."""
+
+
+def interrupt_at(step: int) -> Callable[..., Any]:
+    """Return a trace function that raises once, before the bytecode number ``step`` of handing a turn over."""
+    steps = count(1)
+
+    def local(frame: FrameType, event: str, _: object) -> Any:
+        if event == "opcode" and next(steps) == step:
+            raise Interrupted
+        return local
+
+    def trace(frame: FrameType, event: str, _: object) -> Any:
+        if frame.f_code is not VirtualClock._run.__code__:
+            return None
+        frame.f_trace_opcodes = True
+        return local
+
+    return trace
+
+
+@pytest.mark.parametrize("step", range(1, 60))
+def test_an_interrupt_at_any_step_of_a_change_of_threads_loses_none_and_lets_no_two_run(step):
+    clock, running, turns, together = VirtualClock(), [], Counter(), []
+
+    def work(name: str) -> None:
+        for _ in range(20):
+            running.append(name)
+            together.append(tuple(running))
+            time.sleep(0.0002)  # another thread would begin now
+            turns[name] += 1
+            running.remove(name)
+            clock.sleep(0.01)
+
+    threads = [clock.thread(partial(work, name), f"axisbus test {name}") for name in "ab"]
+    for thread in threads:
+        thread.start()
+    clock.sleep(0.05)
+    before = sys.gettrace()
+    sys.settrace(interrupt_at(step))
+    try:
+        with suppress(Interrupted):
+            clock.sleep(0.03)
+    finally:
+        sys.settrace(before)
+    assert not running
+    clock.sleep(1.0)
+    assert turns == {"a": 20, "b": 20}
+    assert max(map(len, together)) == 1
     clock.close()

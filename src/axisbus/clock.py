@@ -257,6 +257,12 @@ def _held_lock() -> _thread.LockType:
     return lock
 
 
+def _let_go(lock: _thread.LockType) -> None:
+    """Release a lock if it is held: it may be free because its last release has woken nobody."""
+    if lock.locked():
+        lock.release()
+
+
 class VirtualClock:
     """Virtual time; holds the time, its threads, and the sources of events. Its methods may be called from any thread."""
 
@@ -270,7 +276,10 @@ class VirtualClock:
         self._ready: deque[VirtualThread] = deque()
         self._threads: dict[int, VirtualThread] = {}  # by their identifiers
         self._lead = threading.RLock()  # held by the thread that lets time pass
-        self._back = _held_lock()  # released by a thread of this clock that waits again, or ends
+        # A thread of this clock runs while it is ``_running``. It takes itself out of ``_ready``, and clears ``_running`` when it
+        # waits again or ends. The locks only wake: a signal handler may raise between any two steps of the leading thread.
+        self._running: VirtualThread | None = None
+        self._back = _held_lock()
         self._closed = False
         self.news = False  # a wait has ended: a thread, or the leading one, can continue
 
@@ -330,7 +339,7 @@ class VirtualClock:
         with self._lead:
             self._closed = True
             for thread in tuple(self._threads.values()):
-                thread.turn.release()
+                _let_go(thread.turn)
                 thread.end()
 
     # -- waiting -------------------------------------------------------------------------------------------------------
@@ -351,8 +360,8 @@ class VirtualClock:
         wait.thread = thread
         if until < math.inf:
             heapq.heappush(self._timers, (until, next(self._order), wait))
-        self._back.release()
-        thread.turn.acquire()
+        self._give_back()
+        self._await_turn(thread)
         if self._closed:
             raise ClockClosed
         return wait.woken
@@ -369,25 +378,37 @@ class VirtualClock:
         with self._lead:
             while not wait.woken:
                 if self._ready:
-                    self._run(self._ready.popleft())
+                    self._run()
                 elif not self._advance(until):
                     self.catch_up()
                     break
             wait.over = True
             return wait.woken
 
-    def _run(self, thread: VirtualThread) -> None:
-        """Let a thread run until it waits again or ends; an interrupt is raised after that."""
+    def _run(self) -> None:
+        """Let the first ready thread run until it waits again or ends; an interrupt is raised after that."""
         interrupt: BaseException | None = None
-        thread.turn.release()
+        thread = self._running = self._ready[0]
         while True:
             try:
-                self._back.acquire()
+                while self._running is not None:
+                    _let_go(thread.turn)
+                    self._back.acquire()
                 break
             except BaseException as error:  # noqa: BLE001 - of a signal handler; two threads must not run at once
                 interrupt = error
         if interrupt is not None:
             raise interrupt
+
+    def _await_turn(self, thread: VirtualThread) -> None:
+        while self._running is not thread and not self._closed:
+            thread.turn.acquire()
+        if not self._closed:
+            self._ready.popleft()
+
+    def _give_back(self) -> None:
+        self._running = None
+        _let_go(self._back)
 
     def _advance(self, until: float) -> bool:
         """Go to the next event and execute it; return False if there is none up to ``until``, which is the time then."""
@@ -436,13 +457,13 @@ class VirtualClock:
     def enter(self, thread: VirtualThread) -> None:
         """Wait for the first turn, in the new thread."""
         self._threads[threading.get_ident()] = thread
-        thread.turn.acquire()
+        self._await_turn(thread)
 
     def leave(self) -> None:
         """Give the turn back at the end of a thread."""
         del self._threads[threading.get_ident()]
         if not self._closed:
-            self._back.release()
+            self._give_back()
 
 
 class VirtualThread:
