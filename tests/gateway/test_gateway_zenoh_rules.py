@@ -267,12 +267,12 @@ def test_a_jog_is_renewed_by_its_queries_but_not_by_late_ones_or_after_a_halt(de
     assert repeated.status == "running"
     desk.machine.sleep(1.0)
     assert x.velocity == pytest.approx(0.0, abs=0.1)
-    assert "over" in jog(12, 1, 1.0).error.fields["message"]
+    assert "has ended" in jog(12, 1, 1.0).error.fields["message"]
     assert jog(13, 2).status == "running"
     assert desk.do("halt", 1, client="ben").status == "done"
     assert jog(14, 2).status == "error"
     assert jog(15, 3).status == "running"
-    assert "over" in jog(16, 4, sent=desk.now - 1.0).error.fields["message"]
+    assert "has ended" in jog(16, 4, sent=desk.now - 1.0).error.fields["message"]
     for number in range(20, 30):
         assert jog(number, 5).status == "running"
     x.halt()  # by a program at the machine: while it brakes it still shows that it moves
