@@ -68,12 +68,12 @@ def test_the_watch_over_the_bus_sees_it_opened(axisbus, hard):
         (("x=10", "--home", "--acceleration", "-1"), 2, "acceleration -1 must be above 0"),
         (("x=10", "--home", "--timeout", "-1"), 2, "is not a valid time"),
         (("x=10", "--home", "--timeout", "nan"), 2, "is not a valid time"),
-        (("x=181", "--home"), 2, "allowed are -180 to 180"),
-        (("x=10", "y=91", "--home"), 2, "allowed are -90 to 90"),
+        (("x=181", "--home"), 2, "the allowed range is -180 to 180"),
+        (("x=10", "y=91", "--home"), 2, "the allowed range is -90 to 90"),
         (("x=nan", "--home"), 2, "is not a finite number"),
         (("z=1e300", "--home"), 2, "does not fit INTEGER32"),
         (("x=10",), 2, "the axis is not homed"),
-        (("x=181", "--home", "--relative"), 2, "allowed are -180 to 180"),  # homing by method 35 makes it 0
+        (("x=181", "--home", "--relative"), 2, "the allowed range is -180 to 180"),  # homing by method 35 makes it 0
         (("x=10", "w=1", "--home"), 1, "the cell has no axis 'w'"),
         (("x=10", "x=20", "--home"), 2, "axis x is named twice"),
         (("x=", "--home"), 2, "write AXIS=POSITION"),

@@ -421,7 +421,7 @@ def test_a_trajectory_that_would_leave_the_position_limits_is_braked_ahead_of_th
     error = handle.exception()
     assert isinstance(error, LimitError)
     assert "leaves the position limits" in error.message
-    assert "allowed are -10 to 10" in error.observed
+    assert "the allowed range is -10 to 10" in error.observed
     assert "deg/s, it would stop at" in error.observed
     assert failed == pytest.approx(braked_at, abs=2.5 * speed * PERIOD)
     r.until(lambda: r.core.ladder is None)

@@ -96,7 +96,7 @@ def test_the_position_that_is_preloaded_moves_nothing(word, demand, target):
 @pytest.mark.parametrize("word", [FAULT, 0x021F])
 def test_a_drive_in_fault_is_not_enabled(word):
     drive = Drive()
-    with pytest.raises(StateError, match="cannot be enabled, the drive is in state 'fault") as caught:
+    with pytest.raises(StateError, match="cannot be enabled while its drive is in state 'fault") as caught:
         enable(drive).step(*drive.cycle(statusword=word, mode=1, position=0))
     assert "reset first" in caught.value.remedy
 

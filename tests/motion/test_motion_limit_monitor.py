@@ -153,7 +153,7 @@ def test_without_a_command_the_acceleration_that_is_seen_counts():
     error = guard.danger(drive.image, FREE)
     assert isinstance(error, LimitError)
     assert float(error.observed.split("stop at ")[1].split(";")[0]) == pytest.approx(rest / 1000, abs=0.001)
-    assert "allowed are 0 to 100" in error.observed
+    assert "the allowed range is 0 to 100" in error.observed
 
 
 def test_a_demand_ahead_of_the_position_counts_if_it_belongs_to_this_motion():

@@ -146,7 +146,11 @@ def test_a_stream_that_is_fed_in_time_has_no_underrun(scenario):
 
 
 BAD = {
-    "too fast": ((9.0, 0.0, 0.0), LimitError, r"point \d+ takes x beyond its velocity.*\n.*allowed are 400"),
+    "too fast": (
+        (9.0, 0.0, 0.0),
+        LimitError,
+        r"point \d+ takes x beyond its velocity.*\n.*the allowed maximum is 400",
+    ),
     "too hard": ((0.0, 2.0, 0.0), LimitError, r"point \d+ takes y beyond its acceleration.*\n.*80%"),
     "too far": ((400.0, 0.0, 0.0), LimitError, r"x.push \(point \d+\): beyond the position limits"),
     "no number": ((math.nan, 0.0, 0.0), ArgumentError, "is invalid"),

@@ -273,7 +273,7 @@ def test_a_path_beyond_an_axis_limit_is_refused_with_the_axis_and_the_location(s
     _, xy = placed(scenario, Arm(), axis=AXIS + "\nposition_limits = [-60.0, 100.0]")
     with pytest.raises(LimitError, match=r"leaves the position limits of y near \(") as told:
         xy.move_linear((90.0, 60.0), velocity=200.0, acceleration=1000.0)
-    assert "allowed are -60 to 100" in told.value.observed
+    assert "the allowed range is -60 to 100" in told.value.observed
 
 
 def test_invalid_kinematics_and_an_invalid_accuracy_are_refused(scenario):

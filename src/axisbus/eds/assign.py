@@ -123,7 +123,7 @@ def check_limits(variable: Variable, value: Default, node_id: int | None) -> Non
 def _allowed(low: float | None, high: float | None) -> str:
     if low is None:
         return f"the highest allowed value is {high}"
-    return f"the lowest allowed value is {low}" if high is None else f"allowed are {low} to {high}"
+    return f"the lowest allowed value is {low}" if high is None else f"the allowed range is {low} to {high}"
 
 
 def _plain(value: Default | Limit, node_id: int | None) -> float | None:

@@ -112,7 +112,7 @@ class Coupling:
             return
         raise LimitError(
             f"{self._text}: the cam leaves the position limits of {self._slave.name}",
-            observed=f"its slave positions are from {low:g} to {high:g} {self._slave.unit}; allowed are {limits[0]:g} to "
+            observed=f"its slave positions are from {low:g} to {high:g} {self._slave.unit}; the allowed range is {limits[0]:g} to "
             f"{limits[1]:g}",
             remedy="scale it, begin it at the present position of the axis (relative = True), or change position_limits in "
             f"[axes.{self._slave.name}] of cell.toml",

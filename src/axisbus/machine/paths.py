@@ -196,7 +196,8 @@ class PathRequest:
             if allowed is not None and not allowed[0] <= low <= high <= allowed[1]:
                 raise LimitError(
                     f"{self._text}: the {what} leaves the position limits of {name}",
-                    observed=f"it reaches from {low:g} to {high:g} {axis.unit}; allowed are {allowed[0]:g} to {allowed[1]:g}",
+                    observed=f"it reaches from {low:g} to {high:g} {axis.unit}; "
+                    f"the allowed range is {allowed[0]:g} to {allowed[1]:g}",
                     remedy=f"choose another {what}, or change position_limits in [axes.{name}] of cell.toml",
                 )
 

@@ -150,7 +150,7 @@ class AxisCall:
         if limits is not None and not limits[0] <= position <= limits[1]:
             raise LimitError(
                 f"{self.text}: beyond the position limits",
-                observed=f"allowed are {limits[0]:g} to {limits[1]:g} {self._unit}",
+                observed=f"the allowed range is {limits[0]:g} to {limits[1]:g} {self._unit}",
                 remedy=f"give a position within them, or change position_limits in [axes.{self._parameters.name}] of cell.toml",
             )
         self._countable(position * scale.factor, DataType.INTEGER32, "607Ah")
@@ -463,7 +463,8 @@ class AxisCall:
             return
         raise LimitError(
             f"{self.text}: the trajectory leaves the position limits",
-            observed=f"it reaches from {span[0]:g} to {span[1]:g} {self._unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+            observed=f"it reaches from {span[0]:g} to {span[1]:g} {self._unit}; "
+            f"the allowed range is {limits[0]:g} to {limits[1]:g}",
             remedy=f"change the trajectory, or position_limits in [axes.{self._parameters.name}] of cell.toml",
         )
 

@@ -67,7 +67,7 @@ class PathLimitCheck:
         off = _ULPS * math.ulp(max(abs(before.position), abs(after.position))) / self.period
         if self.velocity is not None and speed > self.velocity * (1.0 + _COMPUTED) + off:
             return LimitExceeded(
-                "faster than max_velocity", f"{speed:g} {self.unit}/s, allowed are {self.velocity:g}"
+                "faster than max_velocity", f"{speed:g} {self.unit}/s, the limit is {self.velocity:g}"
             )
         if self.acceleration is None:
             return None
@@ -77,7 +77,7 @@ class PathLimitCheck:
         return LimitExceeded(
             f"harder than {self.key}",
             f"from {round(before.velocity, 6) + 0.0:g} to {after.velocity:g} {self.unit}/s within {self.period * 1000:g} ms "
-            f"is {rate:g} {self.unit}/s², allowed are {self.acceleration:g}",
+            f"is {rate:g} {self.unit}/s², the limit is {self.acceleration:g}",
         )
 
 

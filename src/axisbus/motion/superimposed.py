@@ -122,7 +122,7 @@ def admit(
         if left < _LEAST * limit:
             raise LimitError(
                 f"{name}: its present motion needs all of max_acceleration, so no distance can be superimposed",
-                observed=f"it needs {path.top_acceleration:g} {unit}/s², allowed are {limit:g}",
+                observed=f"it needs {path.top_acceleration:g} {unit}/s², the limit is {limit:g}",
                 remedy=f"give the present motion of {name} less acceleration, or raise max_acceleration in [axes.{name}] of "
                 "cell.toml",
             )
@@ -141,7 +141,7 @@ def admit(
                 if parameters.limits.position is None
                 else "the position limits"
             ),
-            observed=f"the present motion is from {low:g} to {high:g} {unit}, the sum reaches {reach:g}; allowed are "
+            observed=f"the present motion is from {low:g} to {high:g} {unit}, the sum reaches {reach:g}; the allowed range is "
             f"{limits[0]:g} to {limits[1]:g}",
             remedy=f"superimpose a shorter distance, or change position_limits in [axes.{name}] of cell.toml",
         )
@@ -167,9 +167,9 @@ def look_ahead(
         return None
     name, unit = parameters.name, parameters.units.position.unit
     return LimitError(
-        f"{name}: the superimposed distance would take it beyond its position limits",
-        observed=f"{addition.value:g} of {addition.distance:g} {unit} are done; it would stop at {rest:g} {unit}, allowed "
-        f"are {limits[0]:g} to {limits[1]:g}",
+        f"{name}: the superimposed distance would move the axis beyond its position limits",
+        observed=f"{addition.value:g} of {addition.distance:g} {unit} are done; it would stop at {rest:g} {unit}; the "
+        f"allowed range is {limits[0]:g} to {limits[1]:g}",
         remedy=f"superimpose a shorter distance, or change position_limits in [axes.{name}] of cell.toml; the superimposed "
         "motion was braked, and the motion under it continues",
     )

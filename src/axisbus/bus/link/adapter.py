@@ -92,7 +92,7 @@ def check_interface(interface: str) -> None:
     near = difflib.get_close_matches(interface.lower(), interfaces(), n=3, cutoff=0.5)
     raise AdapterError(
         f"CAN interface {interface!r} is not known to python-can",
-        observed=f"known are {', '.join(interfaces())}",
+        observed=f"the known interfaces are {', '.join(interfaces())}",
         remedy=f"did you mean {' or '.join(repr(name) for name in near)}?" if near else "choose one of these",
     )
 

@@ -71,7 +71,7 @@ def stuck(name: str, seconds: float) -> AdapterError:
     """Return the error for a send of another thread that has not returned."""
     return AdapterError(
         f"the CAN adapter {name} is stuck in its driver",
-        observed=f"it has not accepted a frame since {seconds:g} s",
+        observed=f"it has not accepted a frame for {seconds:g} s",
         remedy="pull the adapter out and plug it in again, update its driver, then open the machine again",
     )
 

@@ -331,7 +331,7 @@ def _unreadable(path: Path, error: Exception, skipped: SkippedLines) -> UserErro
         known = ", ".join(sorted(can.io.player.MESSAGE_READERS))
         return UserError(
             f"{path}: this recording format is not supported",
-            observed=f"supported are {known}, and candump's text",
+            observed=f"the supported formats are {known}, and candump's text",
         )
     where = f"after {counted(skipped.frames, 'frame')}" if skipped.frames else "at its beginning"
     where += f", in line {skipped.line}" if skipped.line else ""

@@ -259,10 +259,10 @@ class Clients:
 
     def _stopped(self, name: str, end: _End | None, until: float, quick: bool) -> StopResult:
         if end is None:
-            return StopResult(name, False, "NOT REACHED: its node has not booted in the machine that runs")
+            return StopResult(name, False, "NOT REACHED: its node has not booted in the running machine")
         reason = _unconfirmed(end, until)
         if reason:
-            return StopResult(name, False, f"NOT CONFIRMED as stopped by the machine that runs: {reason}")
+            return StopResult(name, False, f"NOT CONFIRMED as stopped by the running machine: {reason}")
         snapshot = self._seen(name, end.event_at)
         if quick:
             return StopResult(name, True, f"is at standstill, {snapshot.state.value}")

@@ -213,7 +213,7 @@ def sync_overflow(sheet: RuleContext) -> Iterator[Hit]:
     """C014."""
     value = sheet.number(_OVERFLOW)
     if value is not None and value != 0 and not 2 <= value <= 240:
-        yield sheet.at_start(_OVERFLOW, f"[1019] is {value}, allowed are 0 and 2 to 240")
+        yield sheet.at_start(_OVERFLOW, f"[1019] is {value}, the allowed values are 0 and 2 to 240")
 
 
 def no_store_format(sheet: RuleContext) -> Iterator[Hit]:

@@ -137,7 +137,7 @@ class UserKinematicsAdapter:
             raise ArgumentError(
                 f"{self.name}.forward and inverse do not agree at {listed(place)}",
                 observed=f"inverse returns {listed(joints)}, from which forward computes {listed(back)}: {off:.3g} away, "
-                f"allowed are {allowed:.3g}",
+                f"the limit is {allowed:.3g}",
                 remedy="correct them, or give accuracy = ... if the inverse is not exact; nothing has moved",
             )
 

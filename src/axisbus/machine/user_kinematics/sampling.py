@@ -208,7 +208,7 @@ class Sampling:
                 beyond = low if low < allowed[0] else high
                 raise LimitError(
                     f"the path leaves the position limits of {name} near {listed(place)}",
-                    observed=f"{name} must be at {beyond:.6g} {unit}; allowed are {allowed[0]:g} to {allowed[1]:g}",
+                    observed=f"{name} must be at {beyond:.6g} {unit}; the allowed range is {allowed[0]:g} to {allowed[1]:g}",
                     remedy=f"choose another path, or change position_limits in [axes.{name}] of cell.toml; nothing has moved",
                 )
 

@@ -264,7 +264,7 @@ def require_within_limits(
         return int(end)
     raise LimitError(
         f"{ticket.name}: would end beyond the position limits",
-        observed=f"at {units.to_units(position):g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+        observed=f"at {units.to_units(position):g} {units.unit}; the allowed range is {limits[0]:g} to {limits[1]:g}",
         remedy=f"move less far, or change position_limits in [axes.{parameters.name}] of cell.toml",
     )
 
@@ -335,7 +335,8 @@ def require_braking(core: AxisCore, down: float | None, ticket: CommandStatus, s
     assert limits is not None
     raise LimitError(
         f"{ticket.name}: the axis could not stop within the position limits with that deceleration",
-        observed=f"at its present speed it would stop at {stop:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+        observed=f"at its present speed it would stop at {stop:g} {units.unit}; "
+        f"the allowed range is {limits[0]:g} to {limits[1]:g}",
         remedy="give a higher deceleration, wait until the axis is slower, or halt it first; the previous command continues",
     )
 
@@ -372,7 +373,7 @@ def require_no_push_out(core: AxisCore, torque: int | None, ticket: CommandStatu
     at = units.to_units(position - core.image.origin)
     raise LimitError(
         f"{ticket.name}: {core.parameters.name} is beyond its position limits, and a torque has moved it there",
-        observed=f"at {at:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+        observed=f"at {at:g} {units.unit}; the allowed range is {limits[0]:g} to {limits[1]:g}",
         remedy="move it back by a move, a velocity or a jog, or by a torque in the other direction",
     )
 

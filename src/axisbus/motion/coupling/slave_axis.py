@@ -184,7 +184,7 @@ class Coupled(Follow):
             return self._leaves_count("the motion of its master", seen, "braked")
         return LimitError(
             f"{name}: the motion of its master would take it out of the position limits",
-            observed=f"{seen}; allowed are {limits[0]:g} to {limits[1]:g}",
+            observed=f"{seen}; the allowed range is {limits[0]:g} to {limits[1]:g}",
             remedy=f"check the motion of the master and how {name} is coupled to it, or change position_limits in "
             f"[axes.{name}] of cell.toml; the axis was braked, to stop within them",
         )

@@ -74,7 +74,7 @@ def require_joint(line: PathMotion, following: PathContinuation, name: str) -> N
         raise StateError(
             f"{name}: too many commands are blended into this motion already",
             observed=(
-                f"{counted(line.commands, 'command')}, segments of the path: {line.pieces}; allowed are {COMMANDS} and "
+                f"{counted(line.commands, 'command')}, segments of the path: {line.pieces}; the limits are {COMMANDS} and "
                 f"{MOST}"
             ),
             remedy="wait for some of their handles before you give more commands",

@@ -175,7 +175,7 @@ class JerkLimitedVelocity(PathHandover):
         raise LimitError(
             f"{self._parameters.name}: the axis could not stop within the position limits with that deceleration and that jerk",
             observed=f"from its present speed of {led.velocity:g} {unit.unit}/s it would stop at {stop:g} {unit.unit}; "
-            f"allowed are {limits[0]:g} to {limits[1]:g}",
+            f"the allowed range is {limits[0]:g} to {limits[1]:g}",
             remedy="give a higher deceleration or more jerk, or halt the axis first; the previous command continues",
         )
 
@@ -279,7 +279,7 @@ class JerkLimitedVelocity(PathHandover):
             return self._leaves_count("its velocity", seen, "braked")
         return LimitError(
             f"{name}: about to leave its position limits",
-            observed=f"{seen}; allowed are {limits[0]:g} to {limits[1]:g}",
+            observed=f"{seen}; the allowed range is {limits[0]:g} to {limits[1]:g}",
             remedy="move back into the limits; the axis was braked, to stop within them",
         )
 

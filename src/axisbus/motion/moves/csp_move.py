@@ -149,7 +149,7 @@ class CspMove(PathHandover):
         raise LimitError(
             f"{self._parameters.name}: the axis could not stop within the position limits with that deceleration",
             observed=f"from its present speed of {path.start.velocity:g} {unit.unit}/s it would move from {path.span[0]:g} "
-            f"to {path.span[1]:g} {unit.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+            f"to {path.span[1]:g} {unit.unit}; the allowed range is {limits[0]:g} to {limits[1]:g}",
             remedy="give a higher deceleration, or halt the axis first; the previous command continues",
         )
 

@@ -155,7 +155,7 @@ class EnableActivity(Activity):
     def _refuse(self, image: AxisImage) -> None:
         if image.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE):
             raise StateError(
-                f"{self._parameters.name}: the axis cannot be enabled, the drive is in state {image.state.value!r}",
+                f"{self._parameters.name}: the axis cannot be enabled while its drive is in state {image.state.value!r}",
                 observed=word_text(image),
                 remedy="reset first: axis.reset()",
             )

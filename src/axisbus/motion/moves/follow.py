@@ -653,7 +653,7 @@ class Follow(Activity):
             return self._leaves_count("the trajectory", seen, how)
         return LimitError(
             f"{name}: the trajectory leaves the position limits",
-            observed=f"{seen}; allowed are {self._edges[0]:g} to {self._edges[1]:g}",
+            observed=f"{seen}; the allowed range is {self._edges[0]:g} to {self._edges[1]:g}",
             remedy=f"change the trajectory, or position_limits in [axes.{name}] of cell.toml; the axis was {how}",
         )
 

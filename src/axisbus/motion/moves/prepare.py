@@ -86,7 +86,7 @@ def require_ramps(profile: MoveProfile, parameters: AxisParameters) -> MoveProfi
     name, per = parameters.name, parameters.units.acceleration.unit
     raise LimitError(
         f"{name}: the drive's own ramps are steeper than max_acceleration",
-        observed=f"6083h and 6084h were written, and the drive has {hardest:g} {per}; allowed are {limit:g}",
+        observed=f"6083h and 6084h were written, and the drive has {hardest:g} {per}; the limit is {limit:g}",
         remedy="make the drive accept these objects (its EDS or manual says when it does), or raise max_acceleration in "
         f"[axes.{name}] to the value of the drive",
     )

@@ -108,7 +108,8 @@ class Streamed:
         since = curve.times[BEHIND if curve.first else 0]
         if not since <= t <= until:
             raise CommandError(
-                f"position at {t:.3f} s is not known", observed=f"known are {since:.3f} to {until:.3f} s"
+                f"position at {t:.3f} s is not known",
+                observed=f"it is known from {since:.3f} to {until:.3f} s",
             )
         return curve.at(t)
 

@@ -272,11 +272,15 @@ class CurveFit(PointAccepted[Span]):
         limits: tuple[float, float],
         key: str,
     ) -> LimitError:
-        within = f"{limits[1]:g}" if limits[0] == -limits[1] else f"{limits[0]:g} to {limits[1]:g}"
+        within = (
+            f"maximum is {limits[1]:g}"
+            if limits[0] == -limits[1]
+            else f"range is {limits[0]:g} to {limits[1]:g}"
+        )
         return LimitError(
             f"{self._text}: point {self.count + 1} takes {name} beyond its {what}",
             observed=f"{what} {seen:.6g} {unit} between {span.begin.t:.3f} s and {span.end.t:.3f} s of the stream; "
-            f"allowed are {within} {unit} ({key})",
+            f"the allowed {within} {unit} ({key})",
             remedy="give points that are nearer to each other or further apart in time, or change the limit in "
             f"[axes.{name}] of cell.toml; this point was rejected",
         )

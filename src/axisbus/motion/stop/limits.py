@@ -271,7 +271,7 @@ class LimitMonitor:
             f"{self._parameters.name}: {'about to be ' if course.by_torque else ''}faster than max_velocity",
             observed=f"{abs(units.to_units(velocity)):g} {units.unit}/s"
             + (f", could be {speed:g} before a stop acts" if course.by_torque else "")
-            + f"; allowed are {limit:g}",
+            + f"; the limit is {limit:g}",
             remedy=f"lower the torque or velocity, or raise max_velocity in [axes.{self._parameters.name}] of cell.toml; if "
             "a lower velocity was commanded, the drive uses another unit of velocity: check velocity_scale; the axis "
             "was stopped",
@@ -302,7 +302,7 @@ class LimitMonitor:
         error = LimitError(
             f"{self._parameters.name}: about to leave its position limits",
             observed=f"at {units.to_units(image.position - image.origin):g} {units.unit}, moving at "
-            f"{units.to_units(velocity):g} {units.unit}/s, could stop at {stop:g}; allowed are {limits[0]:g} to "
+            f"{units.to_units(velocity):g} {units.unit}/s, could stop at {stop:g}; the allowed range is {limits[0]:g} to "
             f"{limits[1]:g}",
             remedy="move back into the limits; the axis was stopped",
         )

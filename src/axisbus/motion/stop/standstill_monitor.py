@@ -139,7 +139,7 @@ class StandstillMonitor:
         return UncommandedMotion(
             f"{name}: the axis is at standstill, but its drive pulls it to another position",
             axis=name,
-            observed=f"held at {units.to_units(position - image.origin):g} {units.unit}, its demand is "
+            observed=f"it is held at {units.to_units(position - image.origin):g} {units.unit}, and the demand of its drive is "
             f"{abs(units.to_units(pull)):g} {units.unit} away (6062h, or the last target)",
             remedy="KEEP CLEAR: when it comes free, it jumps; switch its power off, then find the obstacle",
         )
