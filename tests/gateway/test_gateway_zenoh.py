@@ -202,7 +202,7 @@ def test_a_jog_continues_from_query_to_query_and_ends_by_silence(client, machine
         time.sleep(0.05)
     assert turns(machine) == pytest.approx(20.0, abs=2.0)
     until(lambda: stands(machine), 2.0)
-    assert "over" in jog(1).error.fields["message"]
+    assert "has ended" in jog(1).error.fields["message"]
     assert stands(machine)
     assert jog(2).status == "running"
     until(lambda: not stands(machine))
