@@ -36,9 +36,7 @@ class CommandSender:
     def __init__(self, hearing: FleetSubscriptions, asking: ZenohClient, worker: EventLoopThread) -> None:
         self.client = uuid.uuid4().hex
         self.waiter = ThreadWaiter()
-        self.waiter.callback_thread = (
-            worker.thread
-        )  # a callback that waited in this thread would wait for itself
+        self.waiter.callback_thread = worker.thread  # a callback that waited there would wait for itself
         self._hearing, self._asking, self._worker = hearing, asking, worker
         self._ids = itertools.count(1)
         self._lock = threading.Lock()  # ids are sent in ascending order
