@@ -12,7 +12,7 @@ from axisbus.check.cycle_schedule import timetable
 from axisbus.check.ids.table import id_of
 from axisbus.check.run import check
 from axisbus.core.files import load_dictionaries
-from axisbus.drives.gim6010 import checks
+from axisbus.drives.gim6010 import check_ids, checks
 from kit.can_simple.mixed_cell import write
 
 SIM = 'interface = "sim"'
@@ -145,4 +145,4 @@ def test_each_check_of_a_module_has_an_id_and_each_of_its_ids_a_check():
     of_checks = [
         id_of(each) for each in checks.CHECKS if each is not checks.as_drives
     ]  # that one makes others
-    assert sorted(of_checks) == [row["rule"] for row in checks.rows()]
+    assert sorted(of_checks) == [row["rule"] for row in check_ids.rows()]

@@ -11,10 +11,11 @@ from axisbus.eds.rules.table import Rule, rows_of, table
 
 UNREADABLE = "C010"  # an EDS or DCF
 READER = "reader"  # findings of reading the file itself, which have their ids from the reader
-PART = "check_ids"  # of a drive plug-in: a function in the module of its checks, which returns the rows of their table
+PART = "check_ids"  # of a drive plug-in: a function that returns the rows of its table; a check is module.function in its package
 _PACKAGE = "axisbus.check."
 
 
+@cache
 def checks() -> Mapping[str, Rule]:
     """Return all checks by id, in the order of their numbers, with those of drive plug-ins. Blocks while plug-ins are imported."""
     rows = [*_rows(), *(row for part in registry.parts(PART) for row in part())]
@@ -31,8 +32,11 @@ def id_of(check: Check) -> str:
     """Return the id of a check; empty if the check only runs other checks, which have ids of their own."""
     if check.__module__.startswith(_PACKAGE):
         return ids().get(f"{check.__module__.removeprefix(_PACKAGE)}.{check.__name__}", "")
-    tables = (part() for part in registry.parts(PART) if part.__module__ == check.__module__)
-    return next((row["rule"] for rows in tables for row in rows if row["check"] == check.__name__), "")
+    name = f"{check.__module__}.{check.__name__}"
+    parts = ((part.__module__.rpartition(".")[0], part()) for part in registry.parts(PART))
+    return next(
+        (row["rule"] for package, rows in parts for row in rows if f"{package}.{row['check']}" == name), ""
+    )
 
 
 @cache

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache
 
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.cyclic_modes import feed_forward
@@ -31,19 +30,12 @@ from axisbus.drives.gim6010.cell.module import (
 from axisbus.drives.gim6010.cell.modules import drive_of, is_line, list_of, module_of, modules_of, settings_of
 from axisbus.drives.gim6010.modbus.registers import RATES
 from axisbus.eds.model import Eds
-from axisbus.eds.rules.table import rows_of
 from axisbus.errors import ArgumentError, LimitError
 
 _FOREIGN = Firmware(0, 6, 8)  # from here on another protocol was seen, with identifiers of 29 bits
 _SHOWN = 3
 _ON_LINE = range(1, 64)
 _HOMING = "hm"
-
-
-@cache
-def rows() -> list[dict[str, str]]:
-    """Return the table of the checks of this module."""
-    return rows_of(__package__, "checks.tsv")
 
 
 def _modules(case: CheckContext) -> Iterator[tuple[NodeConfig, ModuleConfig]]:
