@@ -258,7 +258,7 @@ def _held_lock() -> _thread.LockType:
 
 
 def _let_go(lock: _thread.LockType) -> None:
-    """Release a lock if it is held: it may be free because its last release has woken nobody."""
+    """Release a lock if it is held; it is still free if no thread has taken it since its last release."""
     if lock.locked():
         lock.release()
 
@@ -277,7 +277,8 @@ class VirtualClock:
         self._threads: dict[int, VirtualThread] = {}  # by their identifiers
         self._lead = threading.RLock()  # held by the thread that lets time pass
         # A thread of this clock runs while it is ``_running``. It takes itself out of ``_ready``, and clears ``_running`` when it
-        # waits again or ends. The locks only wake: a signal handler may raise between any two steps of the leading thread.
+        # waits again or ends. The locks only wake waiting threads: a signal handler may raise between any two steps of the leading
+        # thread.
         self._running: VirtualThread | None = None
         self._back = _held_lock()
         self._closed = False

@@ -297,7 +297,7 @@ class Machine:
             return
         for _ in range(2):  # the first cycle that ends may have begun before this call
             before = _newest(session)
-            with suppress(StateError):  # the scan's own thread cannot wait for a cycle
+            with suppress(StateError):  # a callback cannot wait for a cycle
                 session.waiter.wait(
                     lambda before=before: session.ended or _newest(session) > before,  # type: ignore[misc]
                     _NEXT_CYCLE,
