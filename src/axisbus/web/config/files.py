@@ -16,7 +16,7 @@ MOST = limits.FILE  # bytes of one file
 MOST_ENTRIES = 100_000  # several times the number of the largest device
 BROUGHT, MADE = "brought", "made"
 _LONGEST = 80  # characters of a file name
-_SHORT = 128 * 1024  # bytes of a file that is parsed in some hundredths of a second
+_SHORT = 64 * 1024  # bytes of a file that is parsed in some hundredths of a second, whatever it contains
 _UNFIT = re.compile(r"[^\w.() +-]")
 
 
