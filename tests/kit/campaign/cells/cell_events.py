@@ -27,6 +27,7 @@ _PLACES = frozenset(
     {"move_absolute", "move_led", "move_waiting"}
 )  # absolute moves reach their target from any motion
 _NUDGES = (1, 2, 3, 5, 20)  # increments
+_FARTHEST_COUNT = 2**31 - 1  # increments, of INTEGER32
 _SWAPPED = 2  # one of so many boot-ups is that of a new drive
 _NEW_SERIAL = 4711
 _MODULE_IS_WELL = 7  # every number that it divides is a fault of the module beside the axes
@@ -261,15 +262,18 @@ def _nudge(judge: Judge, event: Event) -> None:
         edges = args.recipe.edges
         if edges is None or facts.core[name].error is not None or facts.moves(name) or not is_healthy(facts):
             continue
+        edge = args.chance.choice(edges)
+        out = args.chance.choice(_NUDGES) * (1.0 if edge == edges[1] else -1.0)
+        away = edge - args.here + out / args.recipe.scale  # in units
+        push = round(away * cell.factor(name) * _sign(cell, name))
+        if abs(facts.place(name) + push) > _FARTHEST_COUNT:  # the drive's count would begin again
+            continue
         asked = GivenCommand("disable", name, cell[name].disable(), facts.now, kind="stop")
         judge.asked(asked)
         _wait(judge, [asked])
         if facts.stage(name) not in OFF or facts.core[name].error is not None:
             continue
-        edge = args.chance.choice(edges)
-        out = args.chance.choice(_NUDGES) * (1.0 if edge == edges[1] else -1.0)
-        away = edge - args.here + out / args.recipe.scale  # in units
-        judge.pushed(name, round(away * cell.factor(name) * _sign(cell, name)))
+        judge.pushed(name, push)
         judge.run(0.3)
         step = _step(judge, "enable", name)
         _wait(judge, [step] if step is not None else [])
