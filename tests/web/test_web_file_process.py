@@ -111,7 +111,7 @@ def test_a_job_that_is_cancelled_while_its_file_is_parsed_ends_at_once(monkeypat
 def filled(text: str) -> bytes:
     """Return the largest file of one repeated text that is parsed in the server; {} is a number."""
     data, number = bytearray(HEAD), 0
-    while len(data) < files._SHORT - 2 * len(text):
+    while len(data) < files._SHORT - 2 * len(text) and data.count(b"[") < files._FEW:
         data += text.format(number, index=f"{0x1000 + number % 0xE000:04X}").encode()
         number += 1
     return bytes(data)
@@ -152,3 +152,7 @@ def test_the_server_does_not_parse_a_small_file_that_defines_many_entries(encodi
     text = "[2000]\nObjectType=8\nDataType=7\nCompactSubobj=254\n"
     assert not Dcf("x.dcf", text.encode(encoding)).is_short
     assert Dcf("x.dcf", text.replace("Compact", "").encode(encoding)).is_short
+
+
+def test_the_server_does_not_parse_a_small_file_of_many_sections():
+    assert not Dcf("x.dcf", b"[1]\n" * (files._FEW + 1)).is_short

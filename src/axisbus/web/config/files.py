@@ -16,7 +16,8 @@ MOST = limits.FILE  # bytes of one file
 MOST_ENTRIES = 100_000  # several times the number of the largest device
 BROUGHT, MADE = "brought", "made"
 _LONGEST = 80  # characters of a file name
-_SHORT = 64 * 1024  # bytes of a file that is parsed in some hundredths of a second, whatever it contains
+_SHORT = 128 * 1024  # bytes of a file that is parsed in some hundredths of a second
+_FEW = 2500  # sections of such a file: each takes time, even an empty one
 _UNFIT = re.compile(r"[^\w.() +-]")
 
 
@@ -29,11 +30,11 @@ class Dcf:
 
     @property
     def is_short(self) -> bool:
-        """Whether it is parsed in so short a time that no page notices: it is small, and no line defines many entries."""
+        """Whether it is parsed so fast that no page notices: it is small, has few sections, and no line defines many entries."""
         compact = (
             b"compact" in self.data.replace(b"\0", b"").lower()
         )  # CompactSubObj, CompactPDO; \0: in UTF-16
-        return len(self.data) <= _SHORT and not compact
+        return len(self.data) <= _SHORT and self.data.count(b"[") <= _FEW and not compact
 
     def reading(self) -> EdsParseResult:
         """Parse the file; may take a second.
