@@ -221,7 +221,7 @@ def test_ctrl_c_leaves_a_note_and_the_next_run_continues(axisbus, drives, saved,
     code, out, _ = axisbus("replace", cell, "x", "--yes")
     assert code == 0
     assert "its replacement has begun before, and is unfinished" in out
-    assert "1. set its node-ID by LSS, and let it store that" in out
+    assert "1. set its node-ID, and let it store that" in out
     assert not note_of(cell).exists()
     assert "unfinished" not in axisbus("nameplate", cell, "--saved").err
 

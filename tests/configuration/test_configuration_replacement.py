@@ -13,7 +13,8 @@ from axisbus.sim.power import Effort
 from kit.replacement_bench import CONFIGURED, NEW, NODE, PRODUCT, VENDOR, Bench
 from kit.virtual_channel import Killed
 
-NMT, LSS, FAST_SCAN = 0, 0x7E5, 0x51
+NMT, SDO, LSS = 0, 0x600, 0x7E5
+CONFIGURE, STORE, FAST_SCAN = 0x11, 0x17, 0x51
 WAYS = {"same node-ID": {}, "another node-ID": {"node_id": 9}, "no node-ID": {"node_id": 255}}
 
 
@@ -151,6 +152,54 @@ def test_a_drive_elsewhere_with_power_keeps_its_node_id(bench: Bench):
     with pytest.raises(StateError, match="is energised"):
         bench.replace()
     assert (bench.device.node_id, bench.device.lss.pending, bench.downloads) == (9, 9, [])
+
+
+# -- a make whose drives have an object for the node-ID ----------------------------------------------------------------------
+
+
+def test_a_make_with_an_object_for_the_node_id_needs_no_lss(tmp_path: Path):
+    bench = Bench(tmp_path, own_node_id=True)
+    bench.swap(node_id=9)
+    _, outcome, sent = bench.replace()
+    assert not [data for can_id, data in sent if can_id == LSS and data[0] in (CONFIGURE, STORE)]
+    assert outcome.calibration == 1  # the node-ID in the file is not written
+    bench.assert_replaced()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_node_id_set_by_an_object_is_set_again_after_a_kill_at_any_frame(tmp_path: Path):
+    bench = Bench(tmp_path, own_node_id=True)
+    bench.swap(node_id=9)
+    sent = bench.replace()[2]
+    to_drive = [number for number, (can_id, _) in enumerate(sent) if can_id == SDO + 9]
+    assert len(to_drive) > 4
+    for frame in (*to_drive, to_drive[-1] + 1, to_drive[-1] + 2):
+        bench.swap(node_id=9)
+        with pytest.raises(Killed):
+            bench.replace(killed_at=frame)
+        bench.clock.sleep(5.0)
+        bench.replace()
+        bench.assert_replaced()
+
+
+def test_a_node_id_that_switches_set_is_named(tmp_path: Path):
+    bench = Bench(tmp_path, own_node_id=True)
+    bench.swap(node_id=9)
+    bench.device.lss.restart = lambda **_: 9  # type: ignore[method-assign]
+    with pytest.raises(NodeError, match="has not answered since it got its node-ID") as error:
+        bench.replace()
+    assert "its switches set the node-ID: set them" in error.value.remedy
+    assert set(bench.downloads) == {(0x2009, 0), (0x1010, 1)}
+    assert not bench.energised
+
+
+def test_a_drive_with_power_keeps_its_node_id(tmp_path: Path):
+    bench = Bench(tmp_path, own_node_id=True)
+    bench.swap(node_id=9)
+    enable(bench)
+    with pytest.raises(StateError, match="is energised"):
+        bench.replace()
+    assert (bench.device.node_id, bench.downloads) == (9, [])
 
 
 # -- drives that do not do everything ------------------------------------------------------------------------------------------

@@ -22,7 +22,7 @@ AT = FoundDrive(1, 0x123, 7, 0x10001, 4712, "servo", "A", "2.0")
 ELSEWHERE = replace(AT, node_id=9)
 BARE = FoundDrive(None, 0x123, 7, 0x10001, 4712)
 OTHER_PRODUCT = replace(BARE, product=8)
-NOTE = UnfinishedReplacement(1, 4712, by_lss=True)
+NOTE = UnfinishedReplacement(1, 4712, sets_node_id=True)
 
 _ALL = list(ReplacementStep)
 _AT_DEVICE = [step for step in _ALL if step is not ReplacementStep.BOOT]
@@ -146,7 +146,7 @@ def test_a_note_is_read_again():
     made = plan(NODE, [BARE])
     assert made.note == NOTE
     assert parse_note(made.note.as_json(), "file") == NOTE
-    assert not plan(NODE, [AT]).note.by_lss
+    assert not plan(NODE, [AT]).note.sets_node_id
 
 
 @pytest.mark.parametrize(

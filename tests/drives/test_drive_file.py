@@ -8,7 +8,15 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from axisbus.drives import Behaviour, DrivePlugin, FaultObject, FaultTexts, MeasuredObject, drive_file
+from axisbus.drives import (
+    Behaviour,
+    DrivePlugin,
+    FaultObject,
+    FaultTexts,
+    MeasuredObject,
+    NodeIdObject,
+    drive_file,
+)
 from axisbus.drives.drive_file_schema import ABOUT, schema_of_drive_files
 from axisbus.errors import ConfigError
 from axisbus.toml.problem import CellProblem
@@ -44,6 +52,10 @@ store_restarts = true
 [measured]
 voltage = { object = "2201h:01", factor = 0.1 }
 current = { object = "6078h", factor = 0.001, relative_to = "6075h" }
+
+[node_id]
+object = "2009h"
+store = "1010h:02"
 
 [[fault_objects]]
 object = "2320h"
@@ -105,6 +117,7 @@ def test_a_file_gives_every_fact_of_a_plug_in(tmp_path: Path) -> None:
             lists_modes=False,
             store_restarts=True,
         ),
+        node_id=NodeIdObject((0x2009, 0), (0x1010, 2)),
         notes=("home it after each start",),
         unread_watchdog="its watchdog cannot be read",
         sources=("ACME manual 2.1, section 4",),
@@ -116,6 +129,7 @@ def test_what_a_file_leaves_out_is_as_the_standard_says(tmp_path: Path) -> None:
     assert plugin.behaviour == Behaviour()
     assert plugin.explain(0x8611, {}) == []
     assert (plugin.product_codes, plugin.fault_objects, plugin.calibration_objects) == (None, (), ())
+    assert plugin.node_id is None
 
 
 def test_bits_and_numbers_of_a_fault_are_explained(tmp_path: Path) -> None:
@@ -192,7 +206,13 @@ def test_the_schema_refuses_what_is_wrong(more: str) -> None:
 
 
 def test_each_key_has_its_words_in_the_schema() -> None:
-    tables = (drive_file.TOP, drive_file.BEHAVIOUR, drive_file.MEASURED, drive_file.FAULT_OBJECT)
+    tables = (
+        drive_file.TOP,
+        drive_file.BEHAVIOUR,
+        drive_file.MEASURED,
+        drive_file.FAULT_OBJECT,
+        drive_file.NODE_ID,
+    )
     assert set(ABOUT) == {key for table in tables for key in table}
 
 

@@ -81,6 +81,8 @@ def test_the_files_of_a_make_have_its_identity_and_its_objects(make: DrivePlugin
     assert codes <= make.product_codes
     addresses = [(each.index, each.subindex) for each in make.measured.values()]
     addresses += [*make.fault_objects, *((index, sub or 0) for index, sub in make.calibration_objects)]
+    if make.node_id is not None:
+        addresses += [make.node_id.address, make.node_id.store]
     for index, subindex in addresses:
         having = [path.name for path, eds in files if eds.get(index, subindex) is not None]
         assert len(having) > len(files) / 2, f"{index:04X}h:{subindex:02X}"

@@ -138,7 +138,7 @@ def _compared_nameplates(path: Path) -> object:
 
 
 def _notes(_: Path) -> list[bytes]:
-    return [UnfinishedReplacement(1, 4712, by_lss=True).as_json().encode()]
+    return [UnfinishedReplacement(1, 4712, sets_node_id=True).as_json().encode()]
 
 
 def _note(path: Path) -> object:

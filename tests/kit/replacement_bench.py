@@ -18,6 +18,7 @@ from axisbus.configuration.replacement_plan import (
     UnfinishedReplacement,
     plan,
 )
+from axisbus.drives.plugin import DrivePlugin, NodeIdObject
 from axisbus.eds import dcf, loads, writer
 from axisbus.eds.io import reader
 from axisbus.sim.build import device_from_eds
@@ -33,6 +34,18 @@ VENDOR, PRODUCT, OLD, NEW = 0x123, 7, 4711, 4712
 # Objects of the old drive's configuration, with values that no drive has from the factory.
 CONFIGURED = {0x6081_00: 123_456, 0x6083_00: 7_654_321, 0x607D_01: -50_000, 0x607D_02: 50_000}
 SAVE = 0x6576_6173
+NODE_ID_OBJECT = """[ManufacturerObjects]
+SupportedObjects=1
+1=0x2009
+
+[2009]
+ParameterName=Node-ID
+ObjectType=0x7
+DataType=0x5
+AccessType=rw
+DefaultValue=1
+PDOMapping=0
+"""
 WAS = Nameplate(
     NODE, "generic", VENDOR, PRODUCT, 0, OLD, "axisbus generic CiA 402 drive", "", "", None, None, None, None
 )
@@ -42,14 +55,32 @@ Swap = Callable[[Device], None]
 class Bench:
     """The drives, the backup of the first one, and the note of its replacement, over several programs."""
 
-    def __init__(self, folder: Path, *guests: Guest) -> None:
-        """The old drive has been configured, stored and backed up; then it has no supply. ``guests`` are on the bus as well."""
-        self._eds = loads(with_identity(VENDOR, PRODUCT).encode(), "drive.eds")
+    def __init__(self, folder: Path, *guests: Guest, own_node_id: bool = False) -> None:
+        """The old drive has been configured, stored and backed up; then it has no supply. ``guests`` are on the bus as well.
+
+        ``own_node_id``: the drives have no LSS; 2009h is their node-ID after the next restart, if it was stored.
+        """
+        text = with_identity(VENDOR, PRODUCT)
+        self._makes: tuple[DrivePlugin, ...] = ()
+        if own_node_id:
+            self._makes = (DrivePlugin("own node-ID", VENDOR, node_id=NodeIdObject((0x2009, 0))),)
+            text = text.replace("[ManufacturerObjects]\nSupportedObjects=0\n", NODE_ID_OBJECT)
+        source = text.encode()
+        self._eds = loads(source, "drive.eds")
         self.clock = VirtualClock()
         self.device, self.other = (
             device_from_eds(self._eds, node_id, seed=node_id, serial=serial)
             for node_id, serial in ((NODE, OLD), (OTHER, 1))
         )
+        if own_node_id:
+            self.device.dials.lss.absent = True
+            restart = self.device.lss.restart
+
+            def by_object(*, whole: bool) -> int:
+                self.device.lss.stored = self.device._stored.get(0x2009_00, self.device.lss.stored)  # type: ignore[assignment]
+                return restart(whole=whole)
+
+            self.device.lss.restart = by_object  # type: ignore[method-assign]
         self.wire = VirtualWire(self.clock, [self.device, self.other], guests)
         self.file = folder / "old.dcf"
         self.note: UnfinishedReplacement | None = None
@@ -61,7 +92,7 @@ class Bench:
             self.device.write(key >> 8, key & 0xFF, value)
         self.device.write(0x1010, 1, SAVE)
         with self.program() as (_, node):
-            reading = reader.read(with_identity(VENDOR, PRODUCT).encode(), "drive.eds")
+            reading = reader.read(source, "drive.eds")
             made = backup(node.sdo, reading, dcf.Settings(NODE))
         self.file.write_bytes(writer.dumps(made.reading))
         self.factory = {key: self._eds.get(key >> 8, key & 0xFF).initial(NODE) for key in CONFIGURED}
@@ -114,7 +145,7 @@ class Bench:
         with self.program(killed_at) as (channel, node):
             made = plan(self.known(), find_drives(node, (NODE, OTHER, MASTER)))
             self.note = made.note
-            outcome = DriveReplacement(node, made.order, tell=tell).run()
+            outcome = DriveReplacement(node, made.order, self._makes, tell=tell).run()
             self.note = None
             return made, outcome, channel.sent
 

@@ -140,6 +140,8 @@ def _sections(plugin: DrivePlugin) -> Iterator[tuple[str, list[str]]]:
         [f"{name}: {_object(each.index, each.subindex)}" for name, each in plugin.measured.items()],
     )
     yield "protected objects", [_object(*each) for each in plugin.calibration_objects]
+    if plugin.node_id is not None:
+        yield "node-ID", [f"{_object(*plugin.node_id.address)}, stored by {_object(*plugin.node_id.store)}"]
     yield "EDS files", list(plugin.eds_files)
     yield "objects that describe a fault", [_object(*each) for each in plugin.fault_objects]
     texts = _texts(plugin)

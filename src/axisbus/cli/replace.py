@@ -277,7 +277,7 @@ def _carry_out(
     try:
         outcome = place.replace(made.order, tell)
     except UserError:
-        if not made.note.by_lss:
+        if not made.note.sets_node_id:
             record.end()
         raise
     except (AxisbusError, KeyboardInterrupt):

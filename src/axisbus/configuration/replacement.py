@@ -1,4 +1,4 @@
-"""Find the new drive of a node, and make it the drive of this node: node-ID by LSS, stored values, 1010h, restart, comparison.
+"""Find the new drive of a node, and make it the drive of this node: node-ID, stored values, 1010h, restart, comparison.
 
 LSS is used on a bus in operation only by the core of the running machine itself: it then changes nothing but the new drive.
 """
@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from axisbus.bus.lss import LssMaster
-from axisbus.bus.node import discover
+from axisbus.bus.node import discover, nmt
 from axisbus.bus.node.node import CanopenNode, NodeIdentity
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtCommand
@@ -27,7 +27,7 @@ from axisbus.configuration.replacement_order import (
 from axisbus.configuration.restore import Restore, RestoreReport, ValueEnd
 from axisbus.drives import registry
 from axisbus.drives.foreign_protocols import ForeignProtocols
-from axisbus.drives.plugin import DrivePlugin
+from axisbus.drives.plugin import DrivePlugin, NodeIdObject
 from axisbus.eds.io import reader
 from axisbus.errors import NodeError, NodeTimeout, StateError
 from axisbus.wording import counted
@@ -140,6 +140,11 @@ class DriveReplacement:
 
     def _set_node_id(self) -> None:
         drive, node_id = self._order.drive, self._order.node_id
+        own = registry.find(drive.vendor, drive.product, drive.revision, self._makes).node_id
+        if own is not None and drive.node_id is not None:
+            if drive.node_id != node_id:
+                self._write_node_id(drive.node_id, own)
+            return
         master = LssMaster(self._node.channel, beside_operation=self._in_operation)
         if drive.node_id == node_id:  # it got the node-ID before; whether it has stored it cannot be read
             master.store(drive.address)
@@ -149,6 +154,23 @@ class DriveReplacement:
                 preconditions.require_not_energised(before)
         master.set_node_id(drive.address, node_id, store=True, reset=True)
         self._await_answer("since it got its node-ID")
+
+    def _write_node_id(self, before: int, own: NodeIdObject) -> None:
+        """Set the node-ID by an object of the drive's make: unlike LSS, that concerns no other device."""
+        with CanopenNode(self._node.channel, before) as drive:
+            preconditions.require_not_energised(drive)
+            size = len(drive.sdo.upload(*own.address))
+            drive.sdo.download(*own.address, self._order.node_id.to_bytes(size, "little"))
+            drive.sdo.download(
+                *own.store, store_parameters.SAVE, timeout=store_parameters.WRITE_TIME, tries=1
+            )
+            # It restarts with another node-ID: its boot-up message comes with that.
+            nmt.send(self._node.channel, NmtCommand.RESET_NODE, before)
+        self._await_answer(
+            "since it got its node-ID",
+            f"if it has node-ID {before} again (axisbus scan), its switches set the node-ID: set them; otherwise switch it off "
+            "and on; then run the command again",
+        )
 
     def _configure(self) -> None:
         restore = self._restore = self._begin()
@@ -225,13 +247,15 @@ class DriveReplacement:
                 remedy="check that only one device has this node-ID (axisbus scan); then run the command again",
             )
 
-    def _await_answer(self, since: str) -> None:
+    def _await_answer(
+        self, since: str, remedy: str = "switch it off and on, and run the command again"
+    ) -> None:
         if not _answers_within(self._node, _BOOT_TIME):
             raise NodeTimeout(
                 f"node {self._node.node_id} has not answered {since}; the replacement is unfinished",
                 node=self._node.node_id,
                 observed=f"{_BOOT_TIME:.0f} s without an answer",
-                remedy="switch it off and on, and run the command again",
+                remedy=remedy,
             )
 
 

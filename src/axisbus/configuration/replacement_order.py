@@ -13,7 +13,7 @@ from axisbus.errors import StateError
 class ReplacementStep(Enum):
     """A step of a replacement, in the order of execution. Each looks at the device first, so that it may be repeated."""
 
-    NODE_ID = "set its node-ID by LSS, and let it store that"
+    NODE_ID = "set its node-ID, and let it store that"
     CONFIGURE = "write the stored values that differ, except those that calibrate the drive"
     STORE = "store its parameters (1010h)"
     RESTART = "restart it"

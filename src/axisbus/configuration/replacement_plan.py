@@ -4,7 +4,7 @@ Theory of operation
 -------------------
 The state of a replacement is in the device: node-ID, identity and values. So an interrupted replacement is planned again from what
 is found, and each step does what is still missing. Only one fact cannot be read from the device: whether it has stored the node-ID
-that it got by LSS. For this case a note beside the cell file says that LSS sets its node-ID.
+that it got by LSS. For this case a note beside the cell file says that its node-ID is set.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ _NOTHING = "nothing was written"
 
 @dataclass(frozen=True, slots=True)
 class UnfinishedReplacement:
-    """The note of a replacement that has begun: the serial number of the new drive, and whether LSS sets its node-ID."""
+    """The note of a replacement that has begun: the serial number of the new drive, and whether its node-ID is set."""
 
     node: int
     serial: int | None
-    by_lss: bool
+    sets_node_id: bool
 
     def as_json(self) -> str:
         """Return the contents of the note."""
@@ -56,7 +56,7 @@ def parse_note(text: str, source: str) -> UnfinishedReplacement:
     return UnfinishedReplacement(
         node if isinstance(node, int) else 0,
         serial if isinstance(serial, int) else None,
-        found.get("by_lss") is True,
+        found.get("sets_node_id") is True,
     )
 
 
@@ -227,7 +227,7 @@ def _require_another(node: NodeToReplace, at: FoundDrive) -> None:
 
 def _steps(node: NodeToReplace, drive: FoundDrive) -> tuple[ReplacementStep, ...]:
     note, restores = node.unfinished, node.configuration is not None
-    resumed = note is not None and note.serial == drive.serial and note.by_lss
+    resumed = note is not None and note.serial == drive.serial and note.sets_node_id
     wanted = {
         ReplacementStep.NODE_ID: drive.node_id != node.node_id or resumed,
         ReplacementStep.CONFIGURE: restores,

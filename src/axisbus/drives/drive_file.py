@@ -10,7 +10,15 @@ from typing import Any
 
 from axisbus.cia402.axes import FIRST_AXIS
 from axisbus.cia402.modes import FACTS
-from axisbus.drives.plugin import Behaviour, DrivePlugin, FaultObject, FaultTexts, MeasuredObject
+from axisbus.drives.plugin import (
+    STORE_ALL,
+    Behaviour,
+    DrivePlugin,
+    FaultObject,
+    FaultTexts,
+    MeasuredObject,
+    NodeIdObject,
+)
 from axisbus.errors import ConfigError
 from axisbus.toml import document as toml
 from axisbus.toml import value_readers as v
@@ -91,12 +99,17 @@ FAULT_OBJECT: Keys = {
     "from_bit": CellKey(v.integer(0, 31)),
     "width": CellKey(v.integer(1, 32)),
 }
+NODE_ID: Keys = {
+    "object": CellKey(address, 'object = "2009h"'),
+    "store": CellKey(address),
+}
 MEASURED_NAMES = ("temperature", "voltage", "current")
 TABLES: Mapping[str, Keys | None] = {
     "behaviour": BEHAVIOUR,
     "errors": None,
     "measured": None,
     "fault_objects": None,
+    "node_id": NODE_ID,
 }
 _OF_FAULT: Mapping[str, Keys | None] = {"bits": None, "values": None}
 
@@ -149,6 +162,7 @@ class _Reading(Tables):
         codes = self._numbered(("errors",), top.get("errors", {}), _code)
         objects = self._fault_objects(top.get("fault_objects", []))
         measured = self._measured(self._table(("measured",), top.get("measured", {})))
+        node_id = self._node_id(top)
         if self.problems:
             return None
         del fields["at"], behaviour["at"]
@@ -163,7 +177,16 @@ class _Reading(Tables):
             fault_objects=tuple(each.address for each in objects),
             explain=FaultTexts(codes, objects),
             measured=measured,
+            node_id=node_id,
         )
+
+    def _node_id(self, top: Fields) -> NodeIdObject | None:
+        if "node_id" not in top:
+            return None
+        fields = self._sub((), top, "node_id", NODE_ID)
+        if not fields["at"].sound(*NODE_ID):
+            return None
+        return NodeIdObject(fields["object"], fields.get("store", STORE_ALL))
 
     def _numbered(self, path: KeyPath, raw: Any, number: Callable[[str], int]) -> dict[int, str]:
         """Read a table whose keys are numbers and whose values are texts."""

@@ -34,6 +34,7 @@ ABOUT: Mapping[str, str] = {
     "store_restarts": "Whether storing the parameters (1010h) restarts the drive (default false).",
     "object": "Index and sub-index of the object.",
     "factor": "Value of one increment of the object, in °C, V or A.",
+    "store": 'Object that stores the node-ID (default "1010h:01").',
     "relative_to": "Object of the reference value, if the object is a part of it.",
     "from_bit": "Lowest bit of the number in the object (default 0).",
     "width": "How many bits the number has (default: all from from_bit on).",
@@ -62,6 +63,10 @@ def schema_of_drive_files() -> Json:
             behaviour={**_table(drive_file.BEHAVIOUR), "description": "Deviations from CiA 402."},
             errors={**_TEXTS, "description": "Texts of error codes (603Fh, EMCY): 8611h."},
             measured=measured,
+            node_id={
+                **_table(drive_file.NODE_ID),
+                "description": "How an SDO sets the node-ID after the next restart.",
+            },
             fault_objects={
                 "type": "array",
                 "items": fault_object,

@@ -57,6 +57,17 @@ class FaultObject:
             yield f"{self.values[number]} [{where} number {number}]"
 
 
+STORE_ALL = (0x1010, 1)  # Save all parameters (CiA 301 7.5.2.13)
+
+
+@dataclass(frozen=True, slots=True)
+class NodeIdObject:
+    """The object that holds the node-ID of a drive after its next restart, and the object that stores it by ``save``."""
+
+    address: tuple[int, int]
+    store: tuple[int, int] = STORE_ALL
+
+
 @dataclass(frozen=True, slots=True)
 class FaultTexts:
     """An ``Explain`` made of tables: texts by code (603Fh, EMCY), and by the objects that describe a fault."""
@@ -157,7 +168,8 @@ class DrivePlugin:
     paths of EDS files of the family, for ``axisbus init``. ``fault_objects`` are the objects to read when the drive is in fault, if
     it has them; ``explain(code, details)`` turns 603Fh and their values into sentences. ``calibration_objects`` are objects that
     belong to one specimen, or whose writing moves the motor for a calibration (sub-index None: the whole object); they are written
-    only if the user names them one by one. ``scale_proposal`` is a text for the user: the position scale is a setting, never taken
+    only if the user names them one by one. ``node_id``: how an SDO sets the node-ID, which is protected, too; None: only LSS or
+    switches do. ``scale_proposal`` is a text for the user: the position scale is a setting, never taken
     from here. ``measured`` maps *temperature* and the like to the manufacturer's objects. ``unread_watchdog`` is a sentence about a
     watchdog of the make that no object reads, for the report of boot-up. ``sources`` are the documents that the facts come from.
     ``extension``: its other protocols.
@@ -171,6 +183,7 @@ class DrivePlugin:
     fault_objects: tuple[tuple[int, int], ...] = ()
     explain: Explain = no_explanation
     calibration_objects: tuple[tuple[int, int | None], ...] = ()
+    node_id: NodeIdObject | None = None
     scale_proposal: str = ""
     measured: Mapping[str, MeasuredObject] = field(default_factory=dict)
     behaviour: Behaviour = Behaviour()
@@ -198,7 +211,9 @@ class DrivePlugin:
         return 2 * (self.revisions is not None) + (self.product_codes is not None)
 
     def calibrates(self, index: int, subindex: int) -> bool:
-        """Whether an object is one of ``calibration_objects``."""
+        """Whether an object is one of ``calibration_objects``, or sets the node-ID."""
+        if self.node_id is not None and (index, subindex) == self.node_id.address:
+            return True
         return (index, subindex) in self.calibration_objects or (index, None) in self.calibration_objects
 
 
