@@ -49,9 +49,13 @@ class Witness:
 
 
 @contextmanager
-def cell(folder: Path, more: str = "", **changes: str) -> Iterator[tuple[Simulation, Witness]]:
+def cell(
+    folder: Path, more: str = "", *, absolute: bool = False, **changes: str
+) -> Iterator[tuple[Simulation, Witness]]:
     """Simulate x and y in virtual time, both with a boot loader; x turns."""
     file = cell_file(folder, "xy", eds=loader_eds(folder), more=more, **changes)
+    if absolute:
+        file.write_text(file.read_text().replace("method = 35", "method = 35\nabsolute = true"))
     with suppress(DriveError), simulate(file) as simulation:
         witness = Witness(simulation)
         simulation.machine["x"].enable().wait(5)
@@ -133,6 +137,21 @@ def test_a_node_that_remains_operational_needs_a_boot_too(tmp_path):
         machine.sleep(1.0)
         assert not witness.energised
         assert_usable_after_a_boot(simulation)
+
+
+def test_an_axis_with_a_new_program_is_not_homed_even_if_its_drive_keeps_the_position(tmp_path):
+    with cell(tmp_path, absolute=True) as (simulation, _):
+        machine, y = simulation.machine, simulation.machine["y"]
+        y.enable().wait(5)
+        y.home().wait(5)
+        y.disable().wait(5)
+        assert machine.node(Y).boot().ok
+        assert y.homed
+        machine.node(Y).write_program(IMAGE)
+        assert machine.node(Y).boot().ok
+        assert not y.homed
+        y.reset().wait(5)
+        assert not y.homed
 
 
 def enabled(machine: Machine) -> None:

@@ -468,14 +468,9 @@ class Core:
         """
         node_id, outcomes = order.node_id, list[ReplacementOutcome]()
 
-        def forget_positions() -> None:
-            for axis in self.cell.axes_of(node_id):
-                if axis.name in self.scan.axes:
-                    self.scan.axes[axis.name].forget_position()
-
         def configure() -> None:
             # Now, because a later boot-up may see the same identity: not every drive has a serial number.
-            self._in_scan(forget_positions)
+            self._forget_positions(node_id)
             node, makes = self.runtime.nodes[node_id].node, self.cell.nodes[node_id].makes
             outcomes.append(DriveReplacement(node, order, makes, in_operation=True, tell=tell).run())
             tell(ReplacementStep.BOOT)
@@ -489,6 +484,16 @@ class Core:
                 )
             self._boot_again(node_id, prepare=configure)
         return outcomes[0]
+
+    def _forget_positions(self, node_id: int) -> None:
+        """Make the axes of a node not homed, even if its drives keep their positions without power."""
+
+        def forget() -> None:
+            for axis in self.cell.axes_of(node_id):
+                if axis.name in self.scan.axes:
+                    self.scan.axes[axis.name].forget_position()
+
+        self._in_scan(forget)
 
     def _rejoin(self, node_id: int) -> Booted:
         """Boot a node that has returned, as ``boot_node``, but no other device than the one that was booted last."""
@@ -544,6 +549,7 @@ class Core:
                 self._in_scan(lambda: self.scan.take_out(names, being_written(node_id)))
             except StateError as error:
                 raise not_written(node_id, error.observed or error.message, error.remedy) from None
+            self._forget_positions(node_id)  # another program may count otherwise
             end = program_not_written(node_id)
             try:
                 parts.node.worker.clear()
