@@ -63,7 +63,6 @@ REAL_TIME = {
     ),
     "computing must take time, or its processor time is measured": (
         "scenarios/test_scenario_boot_up.py::test_boot_prints_letter_step_object_expected_and_got",
-        "test_startup_time.py::test_help_starts_within_150_ms_of_a_bare_interpreter",
     ),
     "a program of its own, a kernel or a terminal is started, as users start it": (
         "cli/test_cli_check.py::test_monitor_keeps_one_table_on_a_terminal",
